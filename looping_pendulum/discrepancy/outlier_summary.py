@@ -22,9 +22,14 @@ def summarise_outliers(fits: Sequence[tuple[Fit, int, bool]]) -> tuple[Outliers,
             channels = [c for c in d.channels if c.name in names and d.is_outlier[d.slices[c.name]].any()]
             if not channels:
                 continue
-            parts = [d.slices[c.name] for c in channels]
-            index = np.flatnonzero(np.any([d.is_outlier[p] for p in parts], axis=0))
-            t = channels[0].t
+            # One coordinate of a point may be missing, or stand in another row
+            t = np.unique(np.concatenate([c.t for c in channels]))
+            is_outlier, distance = np.zeros(len(t), dtype=bool), np.zeros(len(t))
+            for c in channels:
+                at, part = np.searchsorted(t, c.t), d.slices[c.name]
+                is_outlier[at] |= d.is_outlier[part]
+                distance[at] = np.hypot(distance[at], residual[part])
+            index = np.flatnonzero(is_outlier)
             # Cut where an index is left out, so that each run is one interval of time
             runs = np.split(index, 1 + np.flatnonzero(np.diff(index) > 1))
             rows.append(
@@ -35,7 +40,7 @@ def summarise_outliers(fits: Sequence[tuple[Fit, int, bool]]) -> tuple[Outliers,
                     count=len(index),
                     of=len(t),
                     intervals=tuple((float(t[run[0]]), float(t[run[-1]])) for run in runs),
-                    largest_distance=float(np.max(np.linalg.norm([residual[p][index] for p in parts], axis=0))),
+                    largest_distance=float(np.max(distance[index])),
                     unit=channels[0].unit,
                 )
             )

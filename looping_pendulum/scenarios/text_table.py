@@ -10,8 +10,8 @@ MAX_LINE_LENGTH = 100_000
 
 A row of measured data has about a hundred, and the csv module refuses a cell of more than 131 072.
 """
-# Not str.splitlines, which also splits at form feeds and other characters at which editors do not
 _WORDS = re.compile(r'"([^"]*)"|([^\s"]+)')
+# Not str.splitlines, which also splits at form feeds and other characters at which editors do not
 _LINE_ENDS = re.compile(r"\r\n|\r|\n")
 
 
@@ -21,7 +21,8 @@ def lines(text: str) -> list[tuple[int, str]]:
 
 
 def cells(line: str, delimiter: str) -> tuple[str, ...]:
-    """Return the cells of a line without the spaces around them; the delimiter ' ' means any white space."""
+    """Return the cells of a line, at least one, without the spaces around them; the delimiter ' ' means any white space."""
     if delimiter == " ":
-        return tuple(quoted or bare for quoted, bare in _WORDS.findall(line)) if '"' in line else tuple(line.split())
+        words = (quoted or bare for quoted, bare in _WORDS.findall(line)) if '"' in line else line.split()
+        return tuple(words) or ("",)
     return tuple(cell.strip() for cell in next(csv.reader([line], delimiter=delimiter)))

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.data import step_durations
+from looping_pendulum.discrepancy.data import displaced_rows
 from looping_pendulum.discrepancy.data.clock import frame_grid
 from looping_pendulum.discrepancy.data.delimited import last_digits
 from looping_pendulum.discrepancy.data.observations import Channel, DataError, ReadingNotes
@@ -80,6 +80,46 @@ def test_rounded_times_with_missing_rows(table, rate):
     kept[0] = True
     observations = read(table([f"{v:.3f}" for v in t[kept]], motion(t[kept] * rate / 240)))
     assert observations.channels[0].t == pytest.approx(t[kept], abs=1e-6)
+
+
+@pytest.mark.parametrize("rate", [25, 30, 60, 120, 240])
+@pytest.mark.parametrize(("decimals", "first"), [(2, 0), (3, 0), (3, 1), (3, 100)])
+def test_times_that_are_cut_off_are_put_back_on_their_frames(table, rate, decimals, first):
+    """A film's first time is the one of a frame, so that times before it are no rounded ones."""
+    frame = first + np.arange(2 * rate)
+    # 1e-6: a whole number of milliseconds is no smaller one
+    printed = [f"{np.floor(k * 10**decimals / rate + 1e-6) / 10**decimals:.{decimals}f}" for k in frame]
+    observations = read(table(printed, motion(frame / rate / 2)), starts_at_release=False)
+    assert observations.channels[0].t == pytest.approx(frame / rate, abs=1e-4)
+
+
+@pytest.mark.parametrize(("rate", "decimals"), [(50, 2), (100, 2), (500, 3), (1000, 3)])
+@pytest.mark.parametrize("missing", [(0.2,), (0.2, 0.22), "a tenth"])
+def test_exact_times_of_few_digits_with_missing_rows(table, rate, decimals, missing):
+    """A missing row was taken for rounding: 100 frames a second for 98.98."""
+    t = np.arange(rate) / rate
+    rows = (
+        np.random.default_rng(6).random(rate) > 0.1
+        if missing == "a tenth"
+        else ~np.isin(np.arange(rate), rate * np.array(missing))
+    )
+    observations = read(table([f"{v:.{decimals}f}" for v in t[rows]], motion(t[rows])), starts_at_release=False)
+    assert observations.channels[0].t == pytest.approx(t[rows], abs=1e-9)
+
+
+@pytest.mark.parametrize(("rate", "decimals"), [(90, 2), (960, 3)])
+def test_rounded_times_are_no_exact_ones_with_missing_rows(table, rate, decimals):
+    """Of 90 frames a second, every ninth step is 0.02 s, as of 100 frames a second with missing rows."""
+    t = np.arange(rate) / rate
+    observations = read(table([f"{v:.{decimals}f}" for v in t], motion(t)))
+    assert observations.channels[0].t == pytest.approx(t, abs=1e-9)
+
+
+def test_two_rows_that_are_close(table):
+    """A tenth of 16 steps lay between the steps of 1 and 100 ms, near neither: the mean of none was not a number."""
+    t = 1e-3 * np.cumsum([0, 1, 1, *[100] * 14])
+    observations = read(table([f"{v:.4f}" for v in t], motion(t)))
+    assert observations.channels[0].t == pytest.approx(t, abs=1e-4)
 
 
 def test_slow_motion_by_rounded_times_has_the_rate_of_the_span(table):
@@ -161,12 +201,12 @@ def test_repeated_pictures_are_kept_once(pattern, noise):
     rng = np.random.default_rng(7)
     copied = [replace(c, value=c.value[shown] + noise * NOISE * rng.standard_normal(240)) for c in points(t)]
     notes = ReadingNotes()
-    kept = step_durations.without_copies(copied, notes)
+    kept = displaced_rows.without_copies(copied, notes)
     assert [len(c) for c in kept] == [240 // len(pattern)] * 4
     assert kept[0].t == pytest.approx(t[:: len(pattern)])
     said = f"every picture is stored {len(pattern)} times: one row of each is kept, {len(kept[0])} of 240"
     assert notes.assumptions == [said] or notes.unused["light_x: a copy of the point before"] == 240 - len(kept[0])
-    assert not step_durations.clock_faults(kept)
+    assert not displaced_rows.clock_faults(kept)
 
 
 @pytest.mark.parametrize(("taken", "shown"), [(24, 60), (25, 30), (24, 30)])
@@ -175,7 +215,7 @@ def test_a_film_that_is_shown_at_another_rate_than_it_was_taken_at(taken, shown)
     picture = rows * taken // shown
     whole = points(np.arange(3 * taken) / taken / 3, noise=2e-4)
     channels = [replace(c, t=rows / shown, value=c.value[picture]) for c in whole]
-    kept = step_durations.without_copies(channels, ReadingNotes())
+    kept = displaced_rows.without_copies(channels, ReadingNotes())
     assert len(kept[0]) == 3 * taken
     assert np.diff(kept[0].t) == pytest.approx(1 / taken)
 
@@ -187,7 +227,7 @@ def test_a_resting_mass_whose_points_a_codec_copies():
     rest = t < 0.1
     copied = [replace(c, value=np.where(rest, c.value[0], c.value)) for c in channels]
     notes = ReadingNotes()
-    kept = step_durations.without_copies(copied, notes)
+    kept = displaced_rows.without_copies(copied, notes)
     assert [len(c) for c in kept] == [240 - rest.sum() + 1] * 4
     assert notes.unused["light_x: a copy of the point before"] == rest.sum() - 1
 
@@ -195,39 +235,50 @@ def test_a_resting_mass_whose_points_a_codec_copies():
 def test_points_rounded_to_centimetres_are_no_copies():
     t = np.arange(240) / 240
     channels = [replace(c, value=np.round(c.value, 2), last_digit=1e-2) for c in points(t)]
-    assert [len(c) for c in step_durations.without_copies(channels, ReadingNotes())] == [240] * 4
-    assert not step_durations.clock_faults(channels)
+    assert [len(c) for c in displaced_rows.without_copies(channels, ReadingNotes())] == [240] * 4
+    assert not displaced_rows.clock_faults(channels)
 
 
 def test_equal_points_on_a_raster_are_no_copies():
     """A resting mass between two pixels of 2 mm has one place, again and again."""
     t = np.arange(240) / 240
     channels = [replace(c, value=np.round(c.value / 2e-3) * 2e-3, last_digit=1e-9) for c in points(t)]
-    assert [len(c) for c in step_durations.without_copies(channels, ReadingNotes())] == [240] * 4
+    assert [len(c) for c in displaced_rows.without_copies(channels, ReadingNotes())] == [240] * 4
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_an_even_film_has_no_fault(seed):
     rate = (30, 60, 120, 240)[seed % 4]
     channels = points(np.arange(rate) / rate, seed=seed)
-    assert not step_durations.clock_faults(channels)
-    assert [len(c) for c in step_durations.without_copies(channels, ReadingNotes())] == [rate] * 4
+    assert not displaced_rows.clock_faults(channels)
+    assert [len(c) for c in displaced_rows.without_copies(channels, ReadingNotes())] == [rate] * 4
 
 
 def test_lost_repeated_and_uneven_pictures_are_named():
     t = np.arange(240) / 240
     lost = np.delete(np.arange(240), 150)
     late = [replace(c, t=t[:-1], value=c.value[lost]) for c in points(t)]
-    [fault] = step_durations.clock_faults(late)
-    assert fault.startswith("after 0.6208 s the masses move as far as in ")  # 149 / 240
-    assert "pictures are lost there" in fault
+    [fault] = displaced_rows.clock_faults(late)
+    assert fault.startswith(
+        "from 0.625 s on the masses are where they should be 1 steps later, so that pictures are lost there"
+    )
     again = [replace(c, value=np.insert(c.value, 150, c.value[149])[:-1]) for c in points(t)]
-    [fault] = step_durations.clock_faults(again)
-    assert fault.startswith("after 0.6208 s the masses do not move")
+    [fault] = displaced_rows.clock_faults(again)
+    assert fault.startswith("from 0.625 s on the masses are where they were before, so that a picture is stored again there")
     in_turn = t + np.where(np.arange(240) % 2, 0.2, -0.2) / 240
     uneven = [replace(c, t=t) for c in points(in_turn)]
-    [fault] = step_durations.clock_faults(uneven)
+    [fault] = displaced_rows.clock_faults(uneven)
     assert "frames in turn last" in fault
+
+
+def test_pictures_that_are_taken_unevenly_give_each_time_an_error():
+    t = np.arange(240) / 240
+    unrest = np.random.default_rng(3).uniform(-0.45, 0.45, 240) / 240
+    notes = ReadingNotes()
+    uneven = displaced_rows.with_time_errors([replace(c, t=t) for c in points(t + unrest)], notes)
+    assert uneven[0].time_error == pytest.approx(0.45 / np.sqrt(3) / 240, rel=0.3)
+    assert len(notes.assumptions) == 1
+    assert displaced_rows.with_time_errors(points(t), ReadingNotes())[0].time_error == 0
 
 
 def test_a_grid_is_none_where_nothing_tells_it():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import time
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 
 from looping_pendulum.discrepancy.data.observations import Channel, merge, mirrored
 from looping_pendulum.discrepancy.data.readers import DataError, read
+from looping_pendulum.discrepancy.data.survey import survey
 from looping_pendulum.errors import HarnessError
 
 LIGHT = {"light": "mass A"}
@@ -98,6 +100,24 @@ FORMS = {
     "frame numbers": ("t,frame,light_x,light_y\n0,7,1.2,2.1\n.03,9,-1.4,.5\n", {"frame_rate": 200.0}),
     "frame numbers only": ("frame,light_x,light_y\n7,1.2,2.1\n9,-1.4,.5\n", {"frame_rate": 200.0}),
     "rate given, times right already": ("t,light_x,light_y\n0,1.2,2.1\n.01,-1.4,.5\n", {"frame_rate": 100.3}),
+    "numbers in names between tabs": (
+        "t\tX\tY\tX 2\tY 2\n0\t1.2\t2.1\t9\t9\n.01\t-1.4\t.5\t9\t9\n",
+        {"tracks": {"light": "1"}},
+    ),
+    "a line that names the tab": (
+        "sep=\t\nt\tX\tY\tX 2\tY 2\n0\t1.2\t2.1\t9\t9\n.01\t-1.4\t.5\t9\t9\n",
+        {"tracks": {"light": "1"}},
+    ),
+    "one of two runs of two objects": (
+        "run,particle,t,x,y\n1,a,0,9,9\n1,b,0,8,8\n2,a,0,7,7\n2,b,0,1.2,2.1\n1,a,.02,9,9\n1,b,.02,8,8\n2,a,.01,7,7\n2,b,.01,-1.4,.5\n",
+        {"tracks": {"light": "b"}, "run": "2"},
+    ),
+    "one of two runs of which one has no name": (
+        "t,x,y,t Run #2,x Run #2,y Run #2\n0,9,9,0,1.2,2.1\n.02,9,9,.01,-1.4,.5\n",
+        {"tracks": {"light": ""}, "run": "2"},
+    ),
+    "a line of a no-break space": ("t x y\n\u00a0\n0 1.2 2.1\n.01 -1.4 .5\n", {"tracks": LIGHT}),
+    "a lone quotation mark": ('t x y\n"\n0 1.2 2.1\n.01 -1.4 .5\n', {"tracks": LIGHT}),
     "comments and blank lines": ("# by hand\n\nt,light_x,light_y\n0,1.2,2.1\n\n# again\n.01,-1.4,.5\n", {}),
 }
 
@@ -296,6 +316,58 @@ BAD = {
         {},
         r"clip.csv:3: column t: found 0 after 0 \(line 2\), needed times that grow; export them with more decimals",
     ),
+    "values without times": (
+        "t,light_x,light_y\n,1,2\n0,,\n",
+        {},
+        r"clip.csv: column light_x: found no values at all, needed light_x\(t\); export that track again",
+    ),
+    "rates of which no row is complete": (
+        "t,gyroscope x,gyroscope y\n0,1,\n.1,,2\n",
+        {},
+        r"clip.csv: column gyroscope x: found no values at all, needed angle_rate; export",
+    ),
+    "rates of two objects": (
+        "t,particle,gyroscope x,gyroscope y\n" + "".join(f"{i // 2 / 10},{'ab'[i % 2]},{i},2\n" for i in range(7)),
+        {},
+        r"clip.csv: column gyroscope x \(b\): found angle_rate a second time, .*'tracks'",
+    ),
+    "rates of two groups": (
+        "t,a: gyroscope x,b: gyroscope x\n0,1,2\n.1,2,3\n",
+        {},
+        r"clip.csv: column b: gyroscope x: found angle_rate a second time",
+    ),
+    "rates about no axis": (
+        "t,omega,omega 2\n0,1,2\n.1,2,3\n",
+        {},
+        r"clip.csv: column omega 2: found angle_rate a second time",
+    ),
+    "a run without times": (
+        "t Run 1,x Run 1,y Run 1,x Run 2,y Run 2\n0,1,2,3,4\n.1,1,2,3,4\n",
+        {"tracks": LIGHT, "run": "2"},
+        r"clip.csv: column x Run 2: found no column of times among 'x Run 2', needed one; name it 't'",
+    ),
+    "two rows at minus zero": ("t,light_x\n-0.0,1\n-0.0,2\n", {}, r"clip.csv:3: column t: found 0 after 0 \(line 2\)"),
+    "times without a difference": (
+        "t,angle,omega\n" + "".join(f"{i}e-320,{i},{i}\n" for i in range(6)),
+        {"frame_rate": 30.0},
+        r"clip.csv:3: column t: found 0 after 0 \(line 2\)",
+    ),
+    "rates that are none": ("t,gyroscope x,gyroscope y\n0,1e90,1\n.1,1,2\n", {}, r"found .*e\+90 rad/s, needed at most 1000"),
+    "a number that is too large": (
+        "t,light_x\n0,1e301\n",
+        {},
+        r"clip.csv:2: column light_x: found '1e301', needed a finite number",
+    ),
+    "a run without a name": (
+        "t,x,y,t Run 2,x Run 2,y Run 2\n0,1,2,0,3,4\n",
+        {"tracks": LIGHT},
+        r"clip.csv: found the runs one without a name, 2, needed one trial; choose by 'run: 2'",
+    ),
+    "many tracks": (
+        "t,particle,x,y\n" + "".join(f"{i // 20 / 10},p{i % 20},{i % 7},2\n" for i in range(40)),
+        {},
+        r"clip.csv: found the tracks 'p0', 'p1', 'p2', 'p3', 'p4' and 15 more, needed to know which mass each is",
+    ),
     "event twice": (
         "quantity,index,value,sigma,unit\nstop,1,1,1,s\nstop,1,2,1,s\n",
         {},
@@ -320,6 +392,33 @@ def test_a_bad_file_gives_one_clear_line(clip, case):
     assert re.search(pattern, message), message
     assert "\n" not in message
     assert message.startswith("clip.csv")
+
+
+def test_two_columns_of_one_name_are_counted_both(clip):
+    observations = read(clip("t,x (A),x (A),light_x,light_y\n0,1,2,3,4\n.1,1,2,3,4\n"))
+    assert [(d.count, d.reason) for d in observations.unused] == [(4, "column 'x (A)': track not asked for")]
+
+
+def test_rows_that_are_all_the_same(clip):
+    assert survey(clip("t,light_x,light_y\n.1,1,2\n.1,1,2\n")).time_step == 0
+    observations = read(clip("t,light_x,light_y\n" + 30 * ".1,1,2\n"))
+    assert observations.channel("light_x").value.tolist() == [1]
+    assert {d.count for d in observations.unused} == {29}
+
+
+def test_one_step_and_one_gap_are_put_to_the_stated_rate(clip):
+    """The mean of no steps was not a number, so that the rate was ignored."""
+    observations = read(clip("t,light_x,light_y\n.02,1,2\n.04,1.1,2\n.12,1.2,2\n"), frame_rate=240.0)
+    assert observations.channel("light_x").t == pytest.approx(np.array([1, 2, 6]) / 240)
+    assert any("times made for 50 frames a second were put to 240" in said for said in observations.assumptions)
+
+
+def test_many_short_rows_take_no_time_for_each_pair_of_rows(clip):
+    """8000 rows with every third cut short took 4 s; the time grew with the square."""
+    rows = "".join(f"{i / 100},{i % 13},2\n" if i % 3 else f"{i / 100},1\n" for i in range(20_000))
+    start = time.perf_counter()
+    assert len(read(clip("t,light_x,light_y\n" + rows)).channel("light_x")) == 13_333
+    assert time.perf_counter() - start < 10
 
 
 def test_a_missing_file_says_so(tmp_path):
@@ -349,6 +448,24 @@ def test_a_rate_that_is_none_is_left_out_with_its_reason(clip):
     assert [c.name for c in observations.channels] == ["angle"]
     assert observations.unused[0].count == 40
     assert "not the rate of the angle" in observations.unused[0].reason
+
+
+@pytest.mark.parametrize(
+    ("values", "share"), [((0, 0), "(1.00, 0.00) that has 100 % of them"), ((3, 4), "(0.60, 0.80) that has 100 %")]
+)
+def test_rates_about_two_axes(clip, values, share):
+    x, y = values
+    observations = read(clip("t,gyroscope x,gyroscope y\n" + "".join(f"{i / 10},{x * i},{y * i}\n" for i in range(4))))
+    assert observations.channel("angle_rate").value == pytest.approx(math.hypot(x, y) * np.arange(4))
+    assert share in observations.assumptions[0]
+
+
+@pytest.mark.parametrize("name", ["a", "b"])
+def test_rates_of_one_of_two_objects(clip, name):
+    rows = "".join(f"{i // 2 / 10},{'ab'[i % 2]},{3 * i},{4 * i}\n" for i in range(7))
+    observations = read(clip("t,particle,gyroscope x,gyroscope y\n" + rows), tracks={"light": name})
+    assert observations.channel("angle_rate").value == pytest.approx(5 * np.arange(7)["ab".index(name) :: 2])
+    assert "track not asked for" in observations.summary()
 
 
 def test_tidy_events(clip):

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.data import step_durations, study_io
+from looping_pendulum.discrepancy.data import displaced_rows, study_io
 from looping_pendulum.discrepancy.data.observations import Channel, DataError
 from looping_pendulum.discrepancy.data.readers import read
 from looping_pendulum.discrepancy.first_look.check import take_first_look
@@ -109,20 +109,9 @@ TABLES = {
         t=even(240, 100), names=('"t"', '"light x"', '"light y"', '"heavy x"', '"heavy y"'), delimiter=" "
     ),
 }
-OPEN_TABLES = {
-    "a row is missing at 100 frames a second",
-    "the same with the rate stated",
-    "two rows are missing at 100 frames a second",
-    "two rows are missing at 50 frames a second",
-    "the same with a missing row",
-    "the same with three missing rows",
-    "times cut off after two decimals",
-    "numbers in names between tabs",
-    "a line that names the tab",
-}
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=[OPEN] * (n in OPEN_TABLES)) for n in TABLES])
+@pytest.mark.parametrize("name", TABLES)
 def test_the_points_of_a_table_are_read(tmp_path, name):
     table = TABLES[name]
     values = table.values if len(table.values) else motion(table.t)
@@ -163,7 +152,7 @@ def test_no_picture_is_lost_where_the_light_mass_whirls_about_the_rod():
     channels = [
         Channel(name=f"light_{axis}", t=t, value=values) for axis, values in zip("xy", np.array(AT_THE_ROD).T, strict=True)
     ]
-    assert not step_durations.clock_faults(channels)
+    assert not displaced_rows.clock_faults(channels)
 
 
 @pytest.fixture(scope="module")
@@ -187,16 +176,13 @@ EXCHANGED = {
 }
 
 
-@pytest.mark.parametrize(
-    "which", [pytest.param(w, marks=[OPEN] + [pytest.mark.accurate] * (i > 0)) for i, w in enumerate(EXCHANGED)]
-)
+@pytest.mark.parametrize("which", EXCHANGED)
 def test_exchanged_columns_of_one_mass_are_named(clean, tmp_path, which):
     """The points were 15 cm from the declared motion, which "no single usual mistake" explained."""
     check = take_first_look(study_io.load(rewritten(clean, tmp_path, row=EXCHANGED[which])))
     assert [m for m in check.mistakes if "exchanged" in m.text]
 
 
-@OPEN
 def test_seconds_that_are_called_milliseconds_are_named(clean, tmp_path):
     """Factors on the times were tried up to 2^7."""
     check = take_first_look(study_io.load(rewritten(clean, tmp_path, names="t [ms],x,y,x,y,")))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import itertools
 import re
 from pathlib import Path
 
@@ -137,6 +138,24 @@ def test_a_clock_with_faults_is_put_right_or_named_alike(both):
         "was taken as 0", "pictures are lost", "stored again there", "frames in turn last",
     ):  # fmt: skip
         assert sentence in said
+    for expected, found in outcomes:
+        assert_same(expected, found)
+
+
+def test_times_that_were_cut_off_or_have_gaps(both):
+    cases = []
+    for rate, decimals, gone in itertools.product(
+        (30, 50, 60, 90, 100, 240, 1000), (2, 3, 6), ((), (21,), (20, 21), (30, 31, 32))
+    ):
+        frame = np.delete(np.arange(100), gone)
+        values = motion(frame / 100) + 2e-4 * np.random.default_rng(SEED).standard_normal((len(frame), 4))
+        unrest = np.random.default_rng(rate).uniform(-0.3, 0.3, len(frame))
+        for number in (frame, frame + 7, frame + unrest):
+            times = (f"{np.floor(k * 10**decimals / rate + 1e-6) / 10**decimals:.6f}" for k in number)
+            rows = "".join(f"{t},{','.join(f'{v:.5f}' for v in row)}\n" for t, row in zip(times, values, strict=True))
+            cases.append(("t,light_x,light_y,heavy_x,heavy_y\n" + rows, {"frame_rate": float(rate)} if decimals == 3 else {}))
+    outcomes = list(both(cases))
+    assert sum("message" not in expected for expected, _ in outcomes) > 100
     for expected, found in outcomes:
         assert_same(expected, found)
 

@@ -2,7 +2,7 @@
 
 A film's frames follow each other at equal steps, so that its times are whole numbers of frames, perhaps rounded by the program
 that wrote them. Where they are, they are put back; where they are not, the rounding is an error of each time. What was done is
-said in a sentence. What the points themselves say of their times stands in `step_durations`.
+said in a sentence. What the points themselves say of their times stands in `displaced_rows`.
 """
 
 from __future__ import annotations
@@ -40,6 +40,10 @@ USUAL_SIGMAS = 3.0
 """Standard errors of an uneven clock's mean step within which a usual rate is taken."""
 MAX_UNEVEN = 2.5
 """Longest step from row to row, in mean steps, that may be the unrest of a recorder and not a missing row."""
+NEAR_STEP = 0.25
+"""Largest relative difference of a usual rate's step from the median one at which rows may be counted by that rate."""
+TINY = 1e-9
+"""Keeps comparisons of decimal times from their last bit [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,11 +112,13 @@ def timed_channels(
     for sheet, t, error in zip(sheets, times, errors, strict=True):
         for name, series in sheet.channels.items():
             kept = np.isfinite(series.value) & np.isfinite(t)
+            if not kept.any():
+                raise refuse(None, series.column, f"found no values at all, needed {name}(t); export that track again")
             digit = series.last_digit[kept]
             channels.append(
                 Channel(
                     name=name, t=t[kept], value=series.value[kept], column=series.column, time_error=error,
-                    last_digit=float(digit.max()) if len(digit) else 0.0,
+                    last_digit=float(digit.max()),
                 )
             )  # fmt: skip
     return channels
@@ -125,13 +131,12 @@ def _times_of_frames(sheets: Sequence[Sheet], frame_rate: float, refuse: Refusal
         assert s.frame is not None
         has_point = np.any([np.isfinite(c.value) for c in s.channels.values()], axis=0)
         frame = np.where(has_point, s.frame, np.nan)
-        for i in np.flatnonzero(has_point & ~np.isfinite(s.frame)):
-            raise refuse(int(s.lines[i]), "frame", "found nothing, needed frame numbers that grow; export them again")
-        at = np.flatnonzero(has_point)
-        for i, j in zip(at[:-1], at[1:], strict=True):
-            if frame[j] <= frame[i]:
-                text = f"found {frame[j]:g} after {frame[i]:g}"
-                raise refuse(int(s.lines[j]), "frame", f"{text}, needed frame numbers that grow; export them again")
+        before = -np.inf
+        for i in np.flatnonzero(has_point):
+            if not frame[i] > before:
+                found = "nothing" if np.isnan(frame[i]) else f"{frame[i]:g} after {before:g}"
+                raise refuse(int(s.lines[i]), "frame", f"found {found}, needed frame numbers that grow; export them again")
+            before = frame[i]
         frames.append(frame)
     first = min(float(np.nanmin(f)) for f in frames)
     return [(f - first) / frame_rate for f in frames]
@@ -180,7 +185,7 @@ def _times_of_clock(
     if grid and grid.largest_error > EXACT * step:
         # On the declared rate, if the rounded times do not tell the difference
         wanted = [r for r in stated if abs(r * step - 1) < RATE_TOLERANCE]
-        grid = grid.at_usual_rate(longest, wanted)
+        grid = grid.at_usual_rate(longest.time, longest.rounding, wanted) or grid
         on_grid = [grid.times(s) for s in sheets]
         if all(t is not None for t in on_grid):
             times = [t for t in on_grid if t is not None]
@@ -222,10 +227,13 @@ def _typical_step(time: Array) -> float:
     """Return the mean of the steps that are no gaps [s]; 0 with fewer than two rows."""
     steps = np.diff(time)
     steps = steps[steps > 0]
-    if not len(steps):
-        return 0.0
-    middle = float(np.median(steps))
-    return float(np.mean(steps[(steps > 0.5 * middle) & (steps < 1.5 * middle)]))
+    return _mean_near(steps, 50) if len(steps) else 0.0
+
+
+def _mean_near(steps: Array, percent: float) -> float:
+    """Return the mean of the steps that are about as long as the one that ``percent`` of all do not exceed [s]."""
+    usual = np.percentile(steps, percent, method="lower")
+    return float(np.mean(steps[(steps > 0.5 * usual) & (steps < 1.5 * usual)]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -240,6 +248,8 @@ class Grid:
     """Whole number of steps of each time, shape (n,)."""
     largest_error: float
     """Largest distance of a time from its step [s]."""
+    cut: float = 0.0
+    """What is added to times whose last digits were cut off so that they are as good as rounded ones [s]."""
 
     def times(self, sheet: Sheet) -> Array | None:
         """Return the times of a sheet's rows on this grid [s]; None: they are not on it."""
@@ -247,20 +257,24 @@ class Grid:
         own = frame_grid(sheet.time, sheet.rounding, [self.rate])
         if own is None:
             return None
-        number = np.round((own.start - self.start) * self.rate) + own.number * np.round(self.rate / own.rate)
+        number = np.round((own.start + self.cut - self.start) * self.rate) + own.number * np.round(self.rate / own.rate)
         t = self.start + number / self.rate
-        return t if np.all(np.abs(t - sheet.time) <= 2 * sheet.rounding + 1e-9) else None
+        return t if np.all(np.abs(t - self.cut - sheet.time) <= 2 * sheet.rounding + TINY) else None
 
-    def at_usual_rate(self, sheet: Sheet, wanted: Sequence[float]) -> Grid:
-        """Return the grid with one of the ``wanted`` rates, or the nearest usual one, if the rounded times allow it."""
-        assert sheet.time is not None
+    def at_usual_rate(self, time: Array, rounding: Array, wanted: Sequence[float], tolerance: float = TINY) -> Grid | None:
+        """Return the grid with a ``wanted`` rate, or the nearest usual one; None: the rounded times do not allow it."""
         for rate in (*wanted, min(USUAL_RATES, key=lambda r: abs(r - self.rate))):
-            low = float(np.max(sheet.time - sheet.rounding - self.number / rate))
-            high = float(np.min(sheet.time + sheet.rounding - self.number / rate))
-            if low <= high + 1e-9:
-                start = 0.0 if low - 1e-9 <= 0 <= high + 1e-9 else 0.5 * (low + high)
-                return replace(self, start=start, rate=rate)
-        return self
+            low = float(np.max(time - rounding - self.number / rate))
+            high = float(np.min(time + rounding - self.number / rate))
+            # A film's times count its frames, from one of them on; programs round them, or cut their last digits off
+            earliest = min(0.0, float(time[0])) - TINY
+            for cut, above in ((0.0, TINY), (float(rounding.max()), -TINY)):
+                for start in (0.0, float(np.round((0.5 * (low + high) + cut) * rate + TINY)) / rate):
+                    if max(low + cut - TINY, earliest) <= start <= high + cut + above:
+                        return replace(self, start=start, rate=rate, cut=cut)
+            if low <= high + tolerance:
+                return replace(self, start=0.5 * (low + high), rate=rate)
+        return None
 
 
 def frame_grid(time: Array, rounding: Array, rates: Sequence[float] = ()) -> Grid | None:
@@ -277,21 +291,34 @@ def frame_grid(time: Array, rounding: Array, rates: Sequence[float] = ()) -> Gri
     """
     if len(time) < 3 or time[-1] <= time[0]:
         return None
-    # Each row a frame; then, where rows may be missing, steps rounded to whole numbers of the smaller ones
-    numbers = [np.arange(len(time), dtype=float)]
     steps = np.diff(time)
-    small = float(np.percentile(steps, 10))
-    if small > 4 * float(rounding.max()):
-        one = float(np.mean(steps[(steps > 0.5 * small) & (steps < 1.5 * small)]))
-        numbers.append(np.concatenate([[0.0], np.cumsum(np.round(steps / one))]))
+    most = 1.5 * float(rounding.max())
+    last_bit = TINY * (1 + abs(float(time[-1])))
+    rows = _fitted_grid(time, np.arange(len(time), dtype=float), most + last_bit)
+    usual = float(np.percentile(steps, 50, method="lower"))
+    if any(abs(rate * usual - 1) < TINY for rate in (*rates, *USUAL_RATES)):
+        # Times that are whole numbers of a usual step are exact, unless no row is missing at another usual rate
+        exact = _fitted_grid(time, np.round((time - time[0]) / usual), last_bit)
+        if exact and not (rows and rows.at_usual_rate(time, rounding, rates, tolerance=-TINY)):
+            return exact
+    # Each row a frame; then, where rows may be missing, steps rounded to whole numbers of the smaller ones
+    numbers = []
+    if np.percentile(steps, 10, method="lower") > 4 * float(rounding.max()):
+        numbers.append(np.concatenate([[0.0], np.cumsum(np.round(steps / _mean_near(steps, 10)))]))
     numbers += [np.round((time - time[0]) * rate) for rate in rates]
-    for number in numbers:
-        if np.all(np.diff(number) > 0):
-            slope, start = np.polyfit(number, time, 1)
-            largest = float(np.max(np.abs(time - start - slope * number)))
-            if slope > 0 and largest <= 1.5 * float(rounding.max()) + 1e-9 * (1 + abs(float(time[-1]))):
-                return Grid(start=float(start), rate=float(1 / slope), number=number, largest_error=largest)
-    return None
+    grids = (_fitted_grid(time, number, most + last_bit) for number in numbers)
+    return rows or next(filter(None, grids), None)
+
+
+def _fitted_grid(time: Array, number: Array, largest_error: float) -> Grid | None:
+    """Return the equal steps nearest to times with these numbers; None: one is farther from its step than is allowed."""
+    if not np.all(np.diff(number) > 0):
+        return None
+    slope, start = np.polyfit(number, time, 1)
+    largest = float(np.max(np.abs(time - start - slope * number)))
+    if slope <= 0 or largest > largest_error:
+        return None
+    return Grid(start=float(start), rate=float(1 / slope), number=number, largest_error=largest)
 
 
 def _without_repeated_rows(sheet: Sheet, refuse: Refusal, notes: ReadingNotes) -> Array:
@@ -320,15 +347,18 @@ def _even_times(sheets: Sequence[Sheet], times: list[Array], stated: Sequence[fl
 
     A program that records a screen or shows a film in steps of its own writes times that are not the camera's.
     """
-    if len(sheets) > 1 or len(times[0]) < MIN_ROWS:
+    t = times[0]
+    if len(sheets) > 1 or len(t) < MIN_ROWS or not np.all(np.isfinite(t)):
         return times
-    t = times[0][np.isfinite(times[0])]
     steps = np.diff(t)
-    row = np.arange(len(t)) - 0.5 * (len(t) - 1)
-    mean = float(row @ t / (row @ row))
-    if len(t) < len(times[0]) or not EXACT * mean < steps.min() <= steps.max() <= MAX_UNEVEN * mean:
+    # Each row a frame, or, where rows are missing, whole numbers of a usual rate's frames
+    likely = [r for r in (*stated, *USUAL_RATES) if abs(r * float(np.median(steps)) - 1) < NEAR_STEP]
+    numbers = [np.arange(len(t), dtype=float), *(_frame_numbers(t, r) for r in likely)]
+    clocks = [clock for number in numbers if (clock := _even_clock(t, number))]
+    if not clocks:
         return times
-    unrest = float(np.std(t - t.mean() - mean * row)) / float(np.sqrt(row @ row))
+    unrest, mean, row = min(clocks, key=lambda clock: clock[0] / clock[1])
+    unrest /= float(np.sqrt(row @ row))
     rates = (r for r in (*stated, *USUAL_RATES) if abs(1 / r - mean) <= max(USUAL_SIGMAS * unrest, EXACT * mean))
     mean = 1 / min(rates, key=lambda r: abs(1 / r - mean), default=1 / mean)
     even = t.mean() + mean * row
@@ -340,6 +370,27 @@ def _even_times(sheets: Sequence[Sheet], times: list[Array], stated: Sequence[fl
         return times
     notes.assumptions.append(f"{frames}, but the masses move as in equal ones: taken as {1 / mean:.4g} frames a second")
     return [even]
+
+
+def _frame_numbers(t: Array, rate: float) -> Array:
+    """Return the whole numbers of frames nearest to uneven times."""
+    phase = float(np.angle(np.mean(np.exp(2j * np.pi * rate * t)))) / (2 * np.pi)
+    return np.asarray(np.round(rate * t - phase))
+
+
+def _even_clock(t: Array, number: Array) -> tuple[float, float, Array] | None:
+    """Return how uneven the times of numbered frames are [s], their mean step [s] and their numbers from the middle one on.
+
+    None: some steps are too long for the unrest of a recorder.
+    """
+    frames = np.diff(number)
+    if not np.all(frames > 0):
+        return None
+    row = number - number.mean()
+    mean = float(row @ t / (row @ row))
+    if not np.all((np.diff(t) > EXACT * mean * frames) & (np.diff(t) <= MAX_UNEVEN * mean * frames)):
+        return None
+    return float(np.std(t - t.mean() - mean * row)), mean, row
 
 
 def _scatter(sheet: Sheet, t: Array) -> float:

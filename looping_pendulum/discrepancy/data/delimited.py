@@ -24,10 +24,15 @@ DELIMITERS = ("\t", ";", "|", ",", " ")
 """Delimiters, the likelier first where several divide a table equally well; ' ' stands for any white space."""
 SAMPLE_LINES = 100
 """Number of lines at either end of a table by which its delimiter is told."""
+LARGEST_NUMBER = 1e100
+"""Largest number that is read, and of the smallest that is not zero the inverse: squares are finite in any unit."""
+MAX_LISTED = 5
+"""Largest number of names or lines that a sentence lists."""
 _DECIMAL_POINT = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?")
 _DECIMAL_COMMA = re.compile(r"[+-]?(?:[0-9]+(?:,[0-9]+)?|,[0-9]+)(?:[eE][+-]?[0-9]{1,4})?")
 _DIGITS = re.compile(r"[+-]?([0-9]*)[.,]?([0-9]*)(?:[eE]([+-]?[0-9]+))?")
-_SEPARATOR_LINE = re.compile(r'"?sep=(.)"?\s*', re.IGNORECASE)
+_SEPARATOR_LINE = re.compile(r'\s*"?sep=(.)"?\s*', re.IGNORECASE)
+_BLANK = re.compile(r"[\s\ufeff]*")
 _OTHER_FORMATS = {
     b"PK\x03\x04": "a zip archive (a spreadsheet?)",
     b"\xd0\xcf\x11\xe0": "an old spreadsheet",
@@ -44,6 +49,11 @@ class TableLine:
     """Number of the line in the file, from 1."""
     cells: tuple[str, ...]
 
+    @property
+    def filled(self) -> list[str]:
+        """Return the cells that are not empty."""
+        return [c for c in self.cells if c]
+
     def cell(self, index: int) -> str:
         """Return a cell, '' where the line has no such one."""
         return self.cells[index] if index < len(self.cells) else ""
@@ -57,17 +67,17 @@ class DelimitedText:
     delimiter: str
     """One of `DELIMITERS`."""
     decimal_comma: bool
-    comments: tuple[TableLine, ...]
+    comments: Sequence[TableLine]
     """Lines that began with "#", without it."""
-    lines: tuple[TableLine, ...]
+    lines: Sequence[TableLine]
     """All other lines that are not empty."""
 
     def error(self, line: int | None, column: str, message: str) -> DataError:
         """Return an error about a place in the file."""
         return data_error(self.file, line, column, message)
 
-    def number(self, row: TableLine, index: int, column: str) -> float | None:
-        """Return the value of a cell; None if it is empty or says that there is none.
+    def number(self, row: TableLine, index: int, column: str) -> float:
+        """Return the value of a cell; not a number if it is empty or says that there is none.
 
         Raises
         ------
@@ -76,18 +86,25 @@ class DelimitedText:
         """
         text = row.cell(index)
         if text.lower() in MISSING:
-            return None
+            return math.nan
+        needed = ""
         if self.decimal_comma and "." in text and (_DECIMAL_POINT.fullmatch(text) or "," in text):
             # The point could as well separate thousands
-            message = f"found {quote(text)} among numbers with a decimal comma, needed one kind; replace one by the other"
-            raise self.error(row.line, column, message)
-        if not is_number(text, self.decimal_comma):
-            message = f"found {quote(text)}, needed a number or an empty cell; correct the cell, or empty it"
-            raise self.error(row.line, column, message)
+            needed = " among numbers with a decimal comma, needed one kind; replace one by the other"
+        elif not is_number(text, self.decimal_comma):
+            needed = ", needed a number or an empty cell; correct the cell, or empty it"
+        elif abs(float(text.replace(",", "."))) > LARGEST_NUMBER:
+            needed = ", needed a finite number; correct the cell, or empty it"
+        if needed:
+            raise self.error(row.line, column, f"found {quote(text)}{needed}")
         value = float(text.replace(",", "."))
-        if not math.isfinite(value):
-            raise self.error(row.line, column, f"found {quote(text)}, needed a finite number; correct the cell, or empty it")
-        return value
+        return 0.0 if abs(value) * LARGEST_NUMBER < 1 else value
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names for a message: the first few, and how many more there are."""
+    more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
+    return ", ".join(names[:MAX_LISTED]) + more
 
 
 def data_error(file: str, line: int | None, column: str, message: str) -> DataError:
@@ -108,10 +125,9 @@ def read_bytes(path: str | Path, file: str, largest: int = LARGEST_FILE) -> byte
         with Path(path).open("rb") as stream:
             # One byte more than is allowed tells that a file is too large, however large it is
             raw = stream.read(largest + 1)
-    except OSError as error:
-        raise data_error(file, None, "", f"cannot be read: {error.strerror}") from None
-    except ValueError:
-        raise data_error(file, None, "", "cannot be read: this is not a valid file name") from None
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) else "this is not a valid file name"
+        raise data_error(file, None, "", f"cannot be read: {why}") from None
     if len(raw) > largest:
         size = f"{largest // 1024**2} MiB"
         raise data_error(file, None, "", f"found more than {size}, needed one trial; cut the file to the trial's frames")
@@ -126,27 +142,27 @@ def read_text(raw: bytes, file: str) -> DelimitedText:
     DataError
         If it is no text table.
     """
-    numbered = [(n, line.strip("\ufeff")) for n, line in text_table.lines(_decode(raw, file)) if line.strip("\ufeff \t\f\v")]
-    comments = [(n, line.lstrip().lstrip("#")) for n, line in numbered if line.lstrip().startswith("#")]
-    lines = [(n, line) for n, line in numbered if not line.lstrip().startswith("#")]
+    numbered = [(n, line.strip("\ufeff")) for n, line in text_table.lines(_decode(raw, file)) if not _BLANK.fullmatch(line)]
     for number, line in numbered:
         if len(line) > text_table.MAX_LINE_LENGTH:
             message = f"found a line of {len(line)} characters, needed rows of at most {text_table.MAX_LINE_LENGTH}"
             raise data_error(file, number, "", f"{message}; export the data again")
+    comments = [(n, line.lstrip().lstrip("#")) for n, line in numbered if line.lstrip().startswith("#")]
+    lines = [(n, line) for n, line in numbered if not line.lstrip().startswith("#")]
     # A line for spreadsheets that names the delimiter
-    separator = _SEPARATOR_LINE.fullmatch(lines[0][1].strip()) if lines else None
+    separator = _SEPARATOR_LINE.fullmatch(lines[0][1]) if lines else None
     if separator:
         lines = lines[1:]
     if not lines:
         raise data_error(file, None, "", "found no rows, needed a table of numbers; export the data again")
-    named = separator[1] if separator else ""
-    delimiter, decimal_comma = _dialect([line for _, line in lines], (named,) if named in DELIMITERS else DELIMITERS)
+    delimiters = [separator[1]] if separator and separator[1] in DELIMITERS else DELIMITERS
+    delimiter, decimal_comma = _dialect([line for _, line in lines], delimiters)
+
+    def split(numbered: list[tuple[int, str]]) -> list[TableLine]:
+        return [TableLine(line=n, cells=text_table.cells(line, delimiter)) for n, line in numbered]
+
     return DelimitedText(
-        file=file,
-        delimiter=delimiter,
-        decimal_comma=decimal_comma,
-        comments=tuple(TableLine(line=n, cells=text_table.cells(line, delimiter)) for n, line in comments),
-        lines=tuple(TableLine(line=n, cells=text_table.cells(line, delimiter)) for n, line in lines),
+        file=file, delimiter=delimiter, decimal_comma=decimal_comma, comments=split(comments), lines=split(lines)
     )
 
 
@@ -196,13 +212,17 @@ def _decode(raw: bytes, file: str) -> str:
 
 
 def _dialect(lines: Sequence[str], delimiters: Sequence[str]) -> tuple[str, bool]:
-    """Return the delimiter and whether numbers have a decimal comma: those with which most cells are numbers or empty."""
+    """Return the delimiter and whether numbers have a decimal comma: those with which rows have most numbers or empty cells."""
     sample = lines if len(lines) <= 2 * SAMPLE_LINES else [*lines[:SAMPLE_LINES], *lines[-SAMPLE_LINES:]]
     best, most = (delimiters[0], False), -1
     for delimiter in delimiters:
         rows = [text_table.cells(line, delimiter) for line in sample]
         for decimal_comma in (False, True):
-            count = sum(not c or is_number(c, decimal_comma) for cells in rows if len(cells) > 1 for c in cells)
+            counts = [
+                (sum(not c or is_number(c, decimal_comma) for c in cells), len(cells)) for cells in rows if len(cells) > 1
+            ]
+            # Of names such as "X 2" between tabs, white space would make more numbers
+            count = sum(numbers for numbers, width in counts if 2 * numbers > width)
             if count > most:
                 best, most = (delimiter, decimal_comma), count
     return best

@@ -70,7 +70,7 @@ def _event(text: DelimitedText, row: TableLine, head: tuple[str, ...]) -> EventO
         raise text.error(row.line, "index", f"found {quote(index)}, needed a whole number from 1")
     unit = _si_unit(text, row, unit_text)
     value, error = text.number(row, 2, head[2]), text.number(row, 3, head[3])
-    if value is None:
+    if math.isnan(value):
         return None
     if head == TIDY_COLUMNS:
         sigma, what = error, quote(error_text) if error_text else "nothing"
@@ -80,7 +80,7 @@ def _event(text: DelimitedText, row: TableLine, head: tuple[str, ...]) -> EventO
         sigma = _last_digit_unit(value_text)
         what = f"{quote(value_text)}, whose last digit is worth {sigma:g}"
         needed = "needed a number as a measurement prints it; write for example '0.351'"
-    if sigma is None or not 0 < sigma < math.inf:
+    if not 0 < sigma < math.inf:
         raise text.error(row.line, "sigma" if head == TIDY_COLUMNS else "measured", f"found {what}, {needed}")
     scale = to_si(f"1 {unit_text}", unit)
     if not math.isfinite(value * scale):

@@ -13,15 +13,7 @@ from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.geometry import Array
 
 UNITS = MappingProxyType(
-    {
-        "light_x": "m",
-        "light_y": "m",
-        "heavy_x": "m",
-        "heavy_y": "m",
-        "angle": "rad",
-        "angle_rate": "rad/s",
-        "height": "m",
-    }
+    {"light_x": "m", "light_y": "m", "heavy_x": "m", "heavy_y": "m", "angle": "rad", "angle_rate": "rad/s", "height": "m"}
 )
 """Channel -> SI unit.
 
@@ -29,15 +21,10 @@ Positions have x to the right and y up. "angle" is that of the string from the d
 loops, so it is the wrap angle less pi. "height" is that of the mass that falls, upward.
 """
 
-BODIES = MappingProxyType(
-    {
-        "light": ("light_x", "light_y"),
-        "heavy": ("heavy_x", "heavy_y"),
-        "angle": ("angle",),
-        "angle_rate": ("angle_rate",),
-        "height": ("height",),
-    }
-)
+BODIES = MappingProxyType({
+    "light": ("light_x", "light_y"), "heavy": ("heavy_x", "heavy_y"),
+    "angle": ("angle",), "angle_rate": ("angle_rate",), "height": ("height",),
+})  # fmt: skip
 """Moving body -> the channels that show its motion. They share one noise law.
 
 An "angle_rate" beside other channels was computed from them, so that only one that stands alone is fitted.
@@ -108,6 +95,37 @@ class Channel:
     def __len__(self) -> int:
         """Return the number of samples."""
         return len(self.t)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Track:
+    """Tracked points of one object, in the unit of the file."""
+
+    name: str
+    """Name in the file; '' if it has none."""
+    x: Array
+    """Horizontal positions, shape (n,)."""
+    y: Array
+    """Vertical positions, upward, shape (m,); n and m may differ by empty cells."""
+
+    @property
+    def width(self) -> float:
+        """Return the range of x without outliers."""
+        return value_range(self.x)
+
+    @property
+    def fall(self) -> float:
+        """Return how much lower the track ends than it begins."""
+        return float(self.y[0] - self.y[-1]) if len(self.y) else 0.0
+
+
+OUTLIER_SHARE = 5.0
+"""Percentage of the points at either end of a range that do not count, as an autotracker slips."""
+
+
+def value_range(values: Array) -> float:
+    """Return the range of values without outliers."""
+    return float(np.subtract(*np.percentile(values, [100 - OUTLIER_SHARE, OUTLIER_SHARE]))) if len(values) else 0.0
 
 
 @dataclass(kw_only=True)

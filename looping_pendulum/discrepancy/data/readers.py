@@ -10,18 +10,20 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from looping_pendulum.discrepancy.data import step_durations
+from looping_pendulum.discrepancy.data import displaced_rows
 from looping_pendulum.discrepancy.data.clock import Series, Sheet, timed_channels
-from looping_pendulum.discrepancy.data.columns import PIXELS, POSITION_ROLES, Column, read_columns
+from looping_pendulum.discrepancy.data.columns import PIXELS, Column, read_columns
 from looping_pendulum.discrepancy.data.delimited import (
     LARGEST_FILE,
     DelimitedText,
     data_error,
     last_digits,
+    listed,
     read_bytes,
     read_text,
 )
@@ -34,6 +36,7 @@ from looping_pendulum.discrepancy.data.observations import (
     ImplausibleLengthError,
     Observations,
     ReadingNotes,
+    Track,
     UnusedValues,
 )
 from looping_pendulum.discrepancy.data.tracker_project import LARGEST_ARCHIVE, is_named_project, is_project, read_project
@@ -58,6 +61,7 @@ A record whose masses are faster in its first two steps begins later.
 """
 MAX_START_SIGMAS = 4.0
 """The same by noise, in its standard deviations."""
+_NO_NAME = "one without a name"
 _DEFAULT_UNITS = {"length": "m", "time": "s", "angle": "rad"}
 _KIND_OF_UNIT = {"t": "time", "x": "length", "y": "length", "height": "length", "angle": "angle"}
 
@@ -111,31 +115,29 @@ def read(
             raise data_error(file, None, "", f"{key}: found {rate:g} Hz, needed a number above 0")
     notes = ReadingNotes()
     raw = read_content(path, file)
+    all_units = _DEFAULT_UNITS | dict(units or {})
     if is_named_project(file) or is_project(raw):
-        sheets = _project_sheets(raw, file, tracks, units or {}, notes)
+        sheets = _project_sheets(raw, file, tracks, all_units, notes)
     else:
         text = read_text(raw, file)
         if kind == "events" or (kind == "auto" and is_event_table(text)):
             return read_events(text, name)
         columns = _of_one_run(text, read_columns(text, kind, list((tracks or {}).values()), notes), run, notes)
-        sheets = _sheets(text, columns, tracks, _DEFAULT_UNITS | dict(units or {}), notes)
+        sheets = _sheets(text, columns, tracks, all_units, notes)
     for sheet in sheets:
         _refuse_implausible_values(file, sheet)
-
-    def refuse(line: int | None, column: str, message: str) -> DataError:
-        return data_error(file, line, column, message)
-
-    channels = timed_channels(sheets, frame_rate, clip_rate, refuse, notes)
+    channels = timed_channels(sheets, frame_rate, clip_rate, partial(data_error, file), notes)
     if starts_at_release:
         channels = _from_release(channels, notes)
-    channels = step_durations.without_copies(_without_inconsistent_rate(channels, notes), notes)
+    channels = displaced_rows.without_copies(_without_inconsistent_rate(channels, notes), notes)
+    channels = displaced_rows.with_time_errors(channels, notes)
     return Observations(
         name=name,
         file=file,
         channels=tuple(channels),
         unused=tuple(UnusedValues(count=count, reason=reason) for reason, count in notes.unused.items() if count),
         assumptions=tuple(dict.fromkeys(notes.assumptions)),
-        faults=tuple(step_durations.clock_faults(channels)),
+        faults=tuple(displaced_rows.clock_faults(channels)),
     )
 
 
@@ -146,23 +148,27 @@ def read_content(path: str | Path, file: str) -> bytes:
 
 def _of_one_run(text: DelimitedText, columns: list[Column], run: str | None, notes: ReadingNotes) -> list[Column]:
     """Return the columns of the chosen run, and those of no run, that are times or positions."""
-    runs = list(dict.fromkeys(c.run for c in columns if c.role in POSITION_ROLES))
-    shown = ", ".join(runs)
+    runs = list(dict.fromkeys(c.run for c in columns if c.is_position))
+    shown = listed([name or _NO_NAME for name in runs])
     if run is None and len(runs) > 1:
-        raise text.error(None, "", f"found the runs {shown}, needed one trial; choose by 'run: {runs[0]}'")
+        first = next(filter(None, runs))
+        raise text.error(None, "", f"found the runs {shown}, needed one trial; choose by 'run: {first}'")
     if run is not None and run not in runs:
-        found = f"found the runs {shown}" if any(runs) else "found a single run without a number"
-        raise text.error(
-            None, "", f"{found}, needed run {quote(run)}; {'choose one that is there' if any(runs) else 'leave it out'}"
-        )
-    columns = [c for c in columns if run is None or c.run in (run, "")]
-    rest = [c for c in columns if not c.role]
-    names = list(dict.fromkeys(f"{c.label!r}" for c in rest))
-    if names:
-        what = "not a time or a position" if len(names) == 1 else "not times or positions"
-        reason = f"column{'s' if len(names) > 1 else ''} {', '.join(names)}: {what}"
-        notes.unused[reason] += sum(bool(row.cell(c.index)) for c in rest for row in c.rows)
+        found, way_out = f"found the runs {shown}", "choose one that is there"
+        if not any(runs):
+            found, way_out = "found a single run without a number", "leave it out"
+        raise text.error(None, "", f"{found}, needed run {quote(run)}; {way_out}")
+    # Positions of no run are a run of their own, while all runs may share a column of times
+    columns = [c for c in columns if run is None or c.run == run or not (c.run or c.is_position)]
+    _leave_out([c for c in columns if not c.role], "not a time or a position", "not times or positions", notes)
     return [c for c in columns if c.role]
+
+
+def _leave_out(columns: Sequence[Column], why: str, why_several: str, notes: ReadingNotes) -> None:
+    """Count the cells of columns that are not used."""
+    names = list(dict.fromkeys(repr(c.label) for c in columns))
+    reason = f"columns {listed(names)}: {why_several}" if len(names) > 1 else f"column {''.join(names)}: {why}"
+    notes.unused[reason] += sum(map(bool, (cell for c in columns for cell in c.cells)))
 
 
 def _sheets(
@@ -174,75 +180,76 @@ def _sheets(
 ) -> list[Sheet]:
     """Return the channels of a table, by the columns of times or frames that belong to them."""
     masses = _mass_of_track(text.file, tracks_of(text, columns), tracks)
-    rates = [c for c in columns if c.role == "angle_rate"]
-    clocks = [c for c in columns if c.role == "t"] or [c for c in columns if c.role == "frame"]
-    frames = [c for c in columns if c.role == "frame"]
-    timed: dict[tuple[int, int], tuple[Column, Column | None, dict[str, Series]]] = {}
-    left_out: dict[str, int] = {}
-    for column in (c for c in columns if c.role in POSITION_ROLES and c not in rates[1:]):
-        channel = f"{masses.get(column.track, '')}_{column.role}" if column.role in ("x", "y") else column.role
-        if channel not in UNITS:
-            left_out[column.label] = sum(bool(row.cell(column.index)) for row in column.rows)
+    by_track = {"x", "y"} | {c.role for c in columns if c.track in masses}
+    left_out = [c for c in columns if c.is_position and c.role in by_track and c.track not in masses]
+    timed: dict[tuple[Column, Column | None], dict[str, Series]] = {}
+    for column in (c for c in columns if c.is_position and c not in left_out):
+        name = f"{masses[column.track]}_{column.role}" if column.role in ("x", "y") else column.role
+        beside = [c for c in columns if c.rows is column.rows]
+        # The rates of one body about several axes are one channel
+        axes = [c for c in beside if c.axis and c.track == column.track] if column.axis else [column]
+        if column is not axes[0] and len({c.axis for c in axes}) == len(axes):
             continue
-        if any(channel in channels for *_, channels in timed.values()):
-            message = f"found {channel} a second time, needed one column for it; say by 'tracks' which is meant"
-            raise text.error(None, column.label, message)
+        if any(name in channels for channels in timed.values()):
+            found = f"found {name} a second time"
+            raise text.error(None, column.label, f"{found}, needed one column for it; say by 'tracks' which is meant")
+        frames = [c for c in beside if c.role == "frame"]
+        clocks = [c for c in beside if c.role == "t"] or frames
+        if not clocks:
+            raise text.error(None, column.label, f"found no column of times among '{column.label}', needed one; name it 't'")
         # Tracker repeats the column of times for each track; the one that belongs to a column stands left of it
-        own = [c for c in clocks if c.rows is column.rows]
-        clock = next((c for c in reversed(own) if c.index < column.index), own[0])
-        own_frames = [f for f in frames if f.rows is column.rows]
-        frame = next((f for f in own_frames if f.track == column.track), own_frames[0] if own_frames else None)
-        parts = [_series(text, c, channel, units, notes) for c in (rates if column in rates else [column])]
-        timed.setdefault((id(clock), id(frame)), (clock, frame, {}))[2][channel] = (
-            _about_one_axis(parts, notes) if len(parts) > 1 else parts[0]
-        )
-    if left_out:
-        names = ", ".join(f"{label!r}" for label in left_out)
-        notes.unused[f"column{'s' if len(left_out) > 1 else ''} {names}: track not asked for"] += sum(left_out.values())
+        clock = next((c for c in reversed(clocks) if c.index < column.index), clocks[0])
+        frame = next((f for f in frames if f.track == column.track), frames[0] if frames else None)
+        parts = [_series(text, c, name, units, notes) for c in axes]
+        series = _about_one_axis(text, parts, notes) if len(parts) > 1 else parts[0]
+        timed.setdefault((clock, frame), {})[name] = series
+    _leave_out(left_out, "track not asked for", "track not asked for", notes)
     if not timed:
-        raise text.error(
-            None, "", "found no positions, angles or heights, needed one column of them; check 'tracks' and 'kind'"
-        )
-    sheets = []
-    for clock, frame, channels in timed.values():
-        time, rounding = (None, np.zeros(len(clock.rows))) if clock.role == "frame" else numbers(text, clock)
-        factor = _to_si(text, clock, "s", units) if time is not None else 1.0
-        number = None if frame is None else numbers(text, frame)[0]
-        if frame is not None and number is not None and np.any(np.nan_to_num(number) % 1):
-            line = clock.rows[int(np.argmax(np.nan_to_num(number) % 1 > 0))].line
-            raise text.error(
-                line, frame.label, "found no whole number, needed a frame's; if these are times, name the column 't'"
-            )
-        sheets.append(
-            Sheet(
-                clock=clock.label,
-                lines=np.array([row.line for row in clock.rows]),
-                time=None if time is None else time * factor,
-                rounding=0.5 * rounding * factor,
-                frame=number,
-                channels=channels,
-            )
-        )
-        for channel, series in channels.items():
-            has_time = np.isfinite(time) if time is not None else np.ones(len(clock.rows), dtype=bool)
-            notes.unused[f"{channel}: empty cell"] += int(np.sum(~np.isfinite(series.value) & has_time))
-            notes.unused[f"{channel}: a value without a time"] += int(np.sum(np.isfinite(series.value) & ~has_time))
-    return sheets
+        needed = "needed one column of them; check 'tracks' and 'kind'"
+        raise text.error(None, "", f"found no positions, angles or heights, {needed}")
+    return [_sheet(text, clock, frame, channels, units, notes) for (clock, frame), channels in timed.items()]
+
+
+def _sheet(
+    text: DelimitedText,
+    clock: Column,
+    frame: Column | None,
+    channels: Mapping[str, Series],
+    units: Mapping[str, str],
+    notes: ReadingNotes,
+) -> Sheet:
+    """Return the rows of a column of times or frames, with the channels that it times."""
+    time, rounding = None, np.zeros(len(clock.rows))
+    if clock.role == "t":
+        time, rounding = numbers(text, clock)
+        factor = _to_si(text, clock, "s", units)
+        time, rounding = factor * time, factor * rounding
+    number = None if frame is None else numbers(text, frame)[0]
+    if frame is not None and number is not None and np.any(np.nan_to_num(number) % 1):
+        line = clock.rows[int(np.argmax(np.nan_to_num(number) % 1 > 0))].line
+        needed = "needed a frame's; if these are times, name the column 't'"
+        raise text.error(line, frame.label, f"found no whole number, {needed}")
+    for name, series in channels.items():
+        has_value = np.isfinite(series.value)
+        has_time = np.isfinite(time) if time is not None else np.ones(len(has_value), dtype=bool)
+        notes.unused[f"{name}: empty cell"] += int(np.sum(~has_value & has_time))
+        notes.unused[f"{name}: a value without a time"] += int(np.sum(has_value & ~has_time))
+    lines = np.array([row.line for row in clock.rows])
+    return Sheet(clock=clock.label, lines=lines, time=time, rounding=0.5 * rounding, frame=number, channels=channels)
 
 
 def numbers(text: DelimitedText, column: Column) -> tuple[Array, Array]:
     """Return the values of a column, not a number where there is none, and what the last digit of each is worth."""
     values = [text.number(row, column.index, column.label) for row in column.rows]
-    digits = last_digits([row.cell(column.index) for row in column.rows])
-    return np.array([np.nan if v is None else v for v in values]), np.array(digits)
+    return np.array(values), np.array(last_digits(column.cells))
 
 
-def _series(text: DelimitedText, column: Column, channel: str, units: Mapping[str, str], notes: ReadingNotes) -> Series:
+def _series(text: DelimitedText, column: Column, name: str, units: Mapping[str, str], notes: ReadingNotes) -> Series:
     """Read one channel in SI units."""
-    factor = _to_si(text, column, UNITS[channel], units)
+    factor = _to_si(text, column, UNITS[name], units)
     value, digit = numbers(text, column)
     if not np.isfinite(value).any():
-        raise text.error(None, column.label, f"found no values at all, needed {channel}; export that track again")
+        raise text.error(None, column.label, f"found no values at all, needed {name}; export that track again")
     if not column.unit and _KIND_OF_UNIT.get(column.role) == "length":
         notes.assumptions.append(f"lengths without a unit taken in {units['length']}")
     return Series(column=column.label, value=value * factor, last_digit=digit * factor)
@@ -250,45 +257,51 @@ def _series(text: DelimitedText, column: Column, channel: str, units: Mapping[st
 
 def _to_si(text: DelimitedText, column: Column, si: str, units: Mapping[str, str]) -> float:
     """Return the factor from the column's unit to SI."""
-    unit_text = column.unit or units.get(_KIND_OF_UNIT.get(column.role, ""), si)
-    if unit_text.lower() in PIXELS and si == "m":
-        unit_text = units["length"]
-        if unit_text == _DEFAULT_UNITS["length"] or unit_text.lower() in PIXELS:
-            raise ImplausibleLengthError(str(text.error(None, column.label, _NO_PIXEL)))
+    unit = column.unit or units.get(_KIND_OF_UNIT.get(column.role, ""), si)
+    if unit.lower() in PIXELS and si == "m":
+        unit = _size_of_pixel(text.file, column.label, units)
     try:
-        # A unit may have a size of its own: "1.4 mm" for the pixels of a picture
-        return to_si(unit_text if unit_text[:1].isdigit() else f"1 {unit_text}", si)
+        return _factor(unit, si)
     except UnitError as error:
         line = min((row.line for row in column.rows), default=1) - 1 if column.unit else None
         detail = f" ({error})" if str(error) else ""
-        message = f"found the unit {quote(unit_text)}{detail}, needed one that converts to {si}; write for example '[{si}]'"
+        message = f"found the unit {quote(unit)}{detail}, needed one that converts to {si}; write for example '[{si}]'"
         raise text.error(line, column.label, message) from None
 
 
-_NO_PIXEL = "found lengths in pixels, needed the size of one; say so by 'units: {length: 1.4 mm}'"
+def _factor(unit: str, si: str) -> float:
+    """Return the factor from a unit to SI; it may have a size of its own: "1.4 mm" for the pixels of a picture."""
+    return to_si(unit if unit[:1].isdigit() else f"1 {unit}", si)
 
 
-def tracks_of(text: DelimitedText, columns: list[Column]) -> dict[str, tuple[Array, Array]]:
-    """Return name -> x and y of every track of a table of positions, in the file's units, without missing points."""
-    tracks: dict[str, tuple[Array, Array]] = {}
-    empty = np.empty(0)
-    for c in columns:
-        if c.role in ("x", "y"):
-            value = numbers(text, c)[0]
-            value = value[np.isfinite(value)]
-            x, y = tracks.get(c.track, (empty, empty))
-            tracks[c.track] = (value, y) if c.role == "x" else (x, value)
-    return tracks
+def _size_of_pixel(file: str, column: str, units: Mapping[str, str]) -> str:
+    """Return the stated length of a pixel."""
+    if units["length"] == _DEFAULT_UNITS["length"] or units["length"].lower() in PIXELS:
+        needed = "needed the size of one; say so by 'units: {length: 1.4 mm}'"
+        raise ImplausibleLengthError(str(data_error(file, None, column, f"found lengths in pixels, {needed}")))
+    return units["length"]
 
 
-def _about_one_axis(axes: Sequence[Series], notes: ReadingNotes) -> Series:
+def tracks_of(text: DelimitedText, columns: Sequence[Column]) -> list[Track]:
+    """Return every track of a table of positions, in the file's units, without missing points."""
+    places: dict[str, dict[str, Array]] = {}
+    for c in (c for c in columns if c.role in ("x", "y")):
+        value = numbers(text, c)[0]
+        places.setdefault(c.track, {"x": np.empty(0), "y": np.empty(0)})[c.role] = value[np.isfinite(value)]
+    return [Track(name=name, **axes) for name, axes in places.items()]
+
+
+def _about_one_axis(text: DelimitedText, axes: Sequence[Series], notes: ReadingNotes) -> Series:
     """Return the rate about the axis about which a body turns, of rates about three axes of its own."""
     values = np.stack([a.value for a in axes], axis=1)
     known = np.all(np.isfinite(values), axis=1)
+    if not known.any():
+        raise text.error(None, axes[0].column, "found no values at all, needed angle_rate; export that track again")
     axis = np.linalg.svd(values[known], full_matrices=False)[2][0]
     axis *= np.sign(axis[np.argmax(np.abs(axis))])
-    share = float(np.sum((values[known] @ axis) ** 2) / np.sum(values[known] ** 2))
-    named = ", ".join(f"{a:.2f}" for a in axis)
+    total = float(np.sum(values[known] ** 2))
+    share = float(np.sum((values[known] @ axis) ** 2)) / total if total else 1.0
+    named = ", ".join(f"{round(a, 2) + 0.0:.2f}" for a in axis)
     notes.assumptions.append(
         f"rates about {len(axes)} axes: taken about the one ({named}) that has {100 * share:.3g} % of them"
     )
@@ -302,63 +315,53 @@ def mass_in_name(track: str) -> str:
     return said[0] if len(said) == 1 else ""
 
 
-def propose_masses(tracks: Mapping[str, tuple[Array, Array]]) -> dict[str, str]:
+def propose_masses(tracks: Sequence[Track]) -> dict[str, str]:
     """Return mass -> name of its track: by the names of the tracks, or by their motion.
 
     The heavy mass falls along a vertical line, the light one swings: of two tracks, the narrower one is the heavy mass's. If
     neither is clearly narrower, as in a vertical release, it is the one that falls farther.
     """
-    named = {mass: name for name in tracks if (mass := mass_in_name(name))}
-    rest = [name for name in tracks if name not in named.values()]
+    named = {mass: t.name for t in tracks if (mass := mass_in_name(t.name))}
+    rest = [t for t in tracks if t.name not in named.values()]
     missing = [mass for mass in MASSES if mass not in named]
     if not rest or not missing:
         return named
-    by_width = sorted(rest, key=lambda name: value_range(tracks[name][0]))
+    by_width = sorted(rest, key=lambda t: t.width)
     narrow, wide = by_width[0], by_width[-1]
-    if len(rest) > 1 and 2 * value_range(tracks[narrow][0]) > value_range(tracks[wide][0]):
-        by_fall = sorted(rest, key=lambda name: fall(tracks[name][1]))
+    if len(rest) > 1 and 2 * narrow.width > wide.width:
+        by_fall = sorted(rest, key=lambda t: t.fall)
         narrow, wide = by_fall[-1], by_fall[0]
     if len(rest) == 1 and len(missing) > 1:
-        missing = ["heavy" if 2 * value_range(tracks[wide][0]) < fall(tracks[wide][1]) else "light"]
-    return named | {mass: {"light": wide, "heavy": narrow}[mass] for mass in missing}
+        missing = ["heavy" if 2 * wide.width < wide.fall else "light"]
+    return named | {mass: {"light": wide, "heavy": narrow}[mass].name for mass in missing}
 
 
-OUTLIER_SHARE = 5.0
-"""Percentage of the points at either end of a range that do not count, as an autotracker slips."""
-
-
-def value_range(values: Array) -> float:
-    """Return the range of values without outliers."""
-    return float(np.subtract(*np.percentile(values, [100 - OUTLIER_SHARE, OUTLIER_SHARE]))) if len(values) else 0.0
-
-
-def fall(y: Array) -> float:
-    """Return how much lower a track ends than it begins."""
-    return float(y[0] - y[-1]) if len(y) else 0.0
-
-
-def _mass_of_track(file: str, have: Mapping[str, tuple[Array, Array]], tracks: Mapping[str, str] | None) -> dict[str, str]:
+def _mass_of_track(file: str, have: Sequence[Track], tracks: Mapping[str, str] | None) -> dict[str, str]:
     """Return the mass of each track, as asked for or by the track's own name."""
-    shown = ", ".join(f"'{t}'" if t else "one without a name" for t in have)
+    names = [t.name for t in have]
+    shown = listed([f"'{name}'" if name else _NO_NAME for name in names])
     proposed = ", ".join(f"{mass}: {name or Path(file).stem}" for mass, name in propose_masses(have).items())
     way_out = f"by their motion, write 'tracks: {{{proposed}}}'"
+    message = ""
     if tracks:
         unknown = [m for m in tracks if m not in MASSES]
+        missing = [t for t in tracks.values() if t not in names]
         if unknown:
-            raise data_error(file, None, "", f"tracks: found {quote(unknown[0])}, needed 'light' or 'heavy'")
-        if len(set(tracks.values())) < len(tracks):
-            name = quote(next(iter(tracks.values())))
-            raise data_error(file, None, "", f"tracks: found {name} for both masses, needed one for each")
-        if len(have) == 1 and len(tracks) == 1 and "" in (*have, *tracks.values()):
-            return {next(iter(have)): next(iter(tracks))}
-        missing = [t for t in tracks.values() if t not in have]
-        if missing and have:
-            raise data_error(file, None, "", f"found the tracks {shown}, needed {quote(missing[0])}; {way_out}")
-        return {track: mass for mass, track in tracks.items()}
-    known = {t: m for t in have if (m := mass_in_name(t))}
-    if have and not known:
-        raise data_error(file, None, "", f"found the tracks {shown}, needed to know which mass each is; {way_out}")
-    return known
+            message = f"tracks: found {quote(unknown[0])}, needed 'light' or 'heavy'"
+        elif len(set(tracks.values())) < len(tracks):
+            message = f"tracks: found {quote(next(iter(tracks.values())))} for both masses, needed one for each"
+        elif len(names) == 1 and len(tracks) == 1 and "" in (*names, *tracks.values()):
+            return {names[0]: next(iter(tracks))}
+        elif missing and names:
+            message = f"found the tracks {shown}, needed {quote(missing[0])}; {way_out}"
+        masses = {track: mass for mass, track in tracks.items()}
+    else:
+        masses = {name: mass for name in names if (mass := mass_in_name(name))}
+        if names and not masses:
+            message = f"found the tracks {shown}, needed to know which mass each is; {way_out}"
+    if message:
+        raise data_error(file, None, "", message)
+    return masses
 
 
 def _project_sheets(
@@ -367,45 +370,40 @@ def _project_sheets(
     """Return the channels of a project of Tracker."""
     project = read_project(raw, file)
     notes.assumptions += project.notes
-    unit = project.length_unit
-    if unit in PIXELS:
-        if "length" not in units:
-            raise ImplausibleLengthError(str(data_error(file, None, "", _NO_PIXEL)))
-        unit = units["length"]
+    unit = _size_of_pixel(file, "", units) if project.length_unit in PIXELS else project.length_unit
     try:
-        factor = to_si(unit if unit[:1].isdigit() else f"1 {unit}", "m")
+        factor = _factor(unit, "m")
     except UnitError:
         raise data_error(file, None, "", f"found the unit of length {quote(unit)}, needed one such as m or cm") from None
-    masses = _mass_of_track(file, {t.name: (t.x, t.y) for t in project.tracks}, tracks)
-    sheets = []
-    for track in (t for t in project.tracks if t.name in masses):
-        none = np.zeros(len(track.frame))
-        mass = masses[track.name]
-        sheets.append(
-            Sheet(
-                clock="t",
-                lines=track.frame,
-                time=project.frame_time[track.frame],
-                rounding=none,
-                frame=track.frame.astype(float),
-                channels={
-                    f"{mass}_{axis}": Series(column=f"{axis} ({track.name})", value=value * factor, last_digit=none)
-                    for axis, value in (("x", track.x), ("y", track.y))
-                },
-            )
-        )
+    masses = _mass_of_track(file, project.tracks, tracks)
     left_out = [t for t in project.tracks if t.name not in masses]
     if left_out:
-        names = ", ".join(f"{t.name!r}" for t in left_out)
+        names = listed([repr(t.name) for t in left_out])
         notes.unused[f"track {names}: not asked for"] += 2 * sum(len(t.frame) for t in left_out)
-    return sheets
+    return [
+        Sheet(
+            clock="t",
+            lines=track.frame,
+            time=project.frame_time[track.frame],
+            rounding=np.zeros(len(track.frame)),
+            frame=track.frame.astype(float),
+            channels={
+                f"{masses[track.name]}_{axis}": Series(
+                    column=f"{axis} ({track.name})", value=value * factor, last_digit=np.zeros(len(value))
+                )
+                for axis, value in (("x", track.x), ("y", track.y))
+            },
+        )
+        for track in project.tracks
+        if track.name in masses
+    ]
 
 
 def _refuse_implausible_values(file: str, sheet: Sheet) -> None:
     """Refuse values that must be in another unit than was said."""
     for name, series in sheet.channels.items():
         unit = UNITS[name]
-        limit = MAX_VALUE.get(name.partition("_")[0], MAX_VALUE[unit]) if unit != "rad/s" else MAX_VALUE[unit]
+        limit = MAX_VALUE.get(name.partition("_")[0], MAX_VALUE[unit])
         worst = int(np.nanargmax(np.abs(series.value)))
         if abs(series.value[worst]) > limit:
             kind, other = ("angle", "deg") if unit.startswith("rad") else ("length", "cm")
@@ -437,10 +435,11 @@ def _without_inconsistent_rate(channels: list[Channel], notes: ReadingNotes) -> 
     if "angle_rate" not in named or "angle" not in named or len(named["angle"]) < 5:
         return channels
     angle, rate = named["angle"], named["angle_rate"]
-    slope: Array = np.interp(rate.t, angle.t, np.gradient(angle.value, angle.t))
+    _, at_angle, at_rate = np.intersect1d(angle.t, rate.t, return_indices=True)
+    slope, value = np.gradient(angle.value, angle.t)[at_angle], rate.value[at_rate]
     size = float(slope @ slope)
-    ratio = float(slope @ rate.value) / size if size else 0.0
-    correlation = abs(float(slope @ rate.value)) / (np.sqrt(size * float(rate.value @ rate.value)) or 1.0)
+    ratio = float(slope @ value) / size if size else 0.0
+    correlation = abs(float(slope @ value)) / (np.sqrt(size * float(value @ value)) or 1.0)
     if correlation > 0.9 and 0.8 < ratio < 1.25:
         return channels
     reason = f"column {rate.column!r}: not the rate of the angle (best multiple {ratio:.2g}, correlation {correlation:.2f})"

@@ -14,9 +14,9 @@ import numpy as np
 
 from looping_pendulum.discrepancy.data.angular_velocity import rates_from_release
 from looping_pendulum.discrepancy.data.camera import CAMERA
+from looping_pendulum.discrepancy.data.displaced_rows import clock_faults
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.data.observations import Observations, merge, mirrored, with_event_errors
-from looping_pendulum.discrepancy.data.step_durations import clock_faults
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Coefficient, Effect
 from looping_pendulum.reference_ode.effects.own import OwnEffect

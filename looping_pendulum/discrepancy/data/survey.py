@@ -13,19 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from looping_pendulum.discrepancy.data.clock import MAX_TIME_STEP
-from looping_pendulum.discrepancy.data.columns import PIXELS, POSITION_ROLES, read_columns
+from looping_pendulum.discrepancy.data.columns import PIXELS, read_columns
 from looping_pendulum.discrepancy.data.delimited import read_text
 from looping_pendulum.discrepancy.data.events import is_event_table
-from looping_pendulum.discrepancy.data.observations import DataError, ReadingNotes
-from looping_pendulum.discrepancy.data.readers import (
-    MASSES,
-    fall,
-    numbers,
-    propose_masses,
-    read_content,
-    tracks_of,
-    value_range,
-)
+from looping_pendulum.discrepancy.data.observations import DataError, ReadingNotes, Track, value_range
+from looping_pendulum.discrepancy.data.readers import MASSES, numbers, propose_masses, read_content, tracks_of
 from looping_pendulum.discrepancy.data.tracker_project import is_named_project, is_project, read_project
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -35,28 +27,6 @@ LENGTH_UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 """Units that a file without units may have, each in metres; the first with plausible positions is proposed."""
 PLAUSIBLE_SPAN = 5.0
 """Largest distance that tracked points plausibly span [m]: a string of 2.5 m to both sides."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Track:
-    """Tracked points of one object, in the unit of the file."""
-
-    name: str
-    """Name in the file; '' if it has none."""
-    x: Array
-    """Horizontal positions, shape (n,)."""
-    y: Array
-    """Vertical positions, shape (m,); n and m may differ by empty cells."""
-
-    @property
-    def width(self) -> float:
-        """Return the range of x without outliers."""
-        return value_range(self.x)
-
-    @property
-    def fall(self) -> float:
-        """Return how much lower the track ends than it begins."""
-        return fall(self.y)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,7 +62,7 @@ class FileSurvey:
 
     def proposed_masses(self) -> dict[str, str]:
         """Return mass -> name of its track: by the names of the tracks, or by their motion."""
-        return propose_masses({t.name: (t.x, t.y) for t in self.tracks})
+        return propose_masses(self.tracks)
 
     def starts_on_the_right(self, masses: Mapping[str, str]) -> bool:
         """Return whether the light mass's first point is to the right of the heavy mass's line: the picture is mirrored."""
@@ -118,7 +88,7 @@ def survey(path: str | Path) -> FileSurvey:
         return FileSurvey(
             file=file,
             kind="positions",
-            tracks=tuple(Track(name=t.name, x=t.x, y=t.y) for t in project.tracks),
+            tracks=project.tracks,
             time_step=_typical_step(np.concatenate([project.frame_time[t.frame] for t in project.tracks])),
             length_unit="" if project.length_unit in PIXELS else project.length_unit,
             time_unit="s",
@@ -139,15 +109,16 @@ def survey(path: str | Path) -> FileSurvey:
     return FileSurvey(
         file=file,
         kind="positions" if roles & {"x", "y"} else "drop" if "height" in roles else "angle",
-        tracks=tuple(Track(name=name, x=x, y=y) for name, (x, y) in tracks_of(text, columns).items()),
+        tracks=tuple(tracks_of(text, columns)),
         has_names=has_names,
         time_step=None if times is None else _typical_step(times[np.isfinite(times)]),
         length_unit=next((c.unit for c in columns if c.role in ("x", "y", "height") and c.unit), ""),
         time_unit=clock.unit if clock else "",
-        runs=tuple(dict.fromkeys(c.run for c in columns if c.role in POSITION_ROLES and c.run)),
+        runs=tuple(dict.fromkeys(c.run for c in columns if c.is_position and c.run)),
     )
 
 
 def _typical_step(times: Array) -> float:
     """Return the median step of times; 0 with fewer than two."""
-    return float(np.median(np.diff(np.unique(times)))) if len(times) > 1 else 0.0
+    steps = np.diff(np.unique(times))
+    return float(np.median(steps)) if len(steps) else 0.0

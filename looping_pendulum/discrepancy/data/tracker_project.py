@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.data.delimited import data_error
-from looping_pendulum.discrepancy.data.observations import DataError
+from looping_pendulum.discrepancy.data.observations import DataError, Track
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.document import quote
 
@@ -66,16 +66,11 @@ _OTHER_TRACKS = {
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ProjectTrack:
-    """One tracked point mass."""
+class ProjectTrack(Track):
+    """One tracked point mass, with positions in the project's axes [`TrackerProject.length_unit`]."""
 
-    name: str
     frame: NDArray[np.intp]
     """Numbers of the film's frames, from 0, ascending, shape (n,)."""
-    x: Array
-    """Positions in the project's axes [`TrackerProject.length_unit`], shape (n,)."""
-    y: Array
-    """The same for y, which points up unless the axes are rotated, shape (n,)."""
     mass: float | None
     """Mass [`TrackerProject.mass_unit`]; None if it is Tracker's default of 1, which nobody stated."""
 

@@ -11,15 +11,19 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterable, Sequence
+from functools import partial
 
-from looping_pendulum.discrepancy.data.observations import DataError, ImplausibleLengthError, Observations
+import numpy as np
+
+from looping_pendulum.discrepancy.data.displaced_rows import WrongTimes, clock_faults
+from looping_pendulum.discrepancy.data.observations import Channel, DataError, ImplausibleLengthError, Observations
 from looping_pendulum.discrepancy.data.study import Study, Trial, read_trial
-from looping_pendulum.discrepancy.first_look.clock_mistakes import CLEAR_SHIFT_RATIO, row_shift
-from looping_pendulum.discrepancy.first_look.declared_trial import declared_trial
-from looping_pendulum.discrepancy.first_look.misfit import FittedMisfit, measured_distance
+from looping_pendulum.discrepancy.first_look.declared_trial import DeclaredTrial, declared_trial
+from looping_pendulum.discrepancy.first_look.misfit import FittedMisfit, fitted_misfit, measured_distance
 from looping_pendulum.discrepancy.first_look.mistakes import LENGTHS, SAME_ROWS, is_left_open
 from looping_pendulum.discrepancy.first_look.plausible import implausible_values
 from looping_pendulum.discrepancy.first_look.result import DeclarationCheck, NamedMistake, TrialCheck
+from looping_pendulum.discrepancy.first_look.shifted_rows import CLEAR_SHIFT_RATIO, row_shift, with_rows_together
 from looping_pendulum.discrepancy.first_look.trial_search import (
     MAX_GOOD_MISFIT,
     MAX_RIVAL_DISTANCE,
@@ -118,7 +122,9 @@ def check_declaration(study: Study, observed: Iterable[tuple[Trial, Observations
             checks.append(
                 TrialCheck(trial=trial.name, reading=observations.assumptions, distance=None, reason=f"as {distance.reason}")
             )
-    mistakes = (*_clock_faults(observed), *_named(searches))
+    clock_faults_found = _clock_faults(observed, searches)
+    # With wrong times, other mistakes would be named for them
+    mistakes = (*clock_faults_found, *_named([s for s in searches if all(s.name not in m.trials for m in clock_faults_found)]))
     named = {trial for mistake in mistakes for trial in mistake.trials}
     far = (_far_text(s) for s in searches if s.name not in named and _is_far(s))
     return DeclarationCheck(
@@ -128,16 +134,43 @@ def check_declaration(study: Study, observed: Iterable[tuple[Trial, Observations
     )
 
 
-def _clock_faults(observed: Sequence[tuple[Trial, Observations]]) -> list[NamedMistake]:
+def _clock_faults(observed: Sequence[tuple[Trial, Observations]], searches: Sequence[TrialSearch]) -> list[NamedMistake]:
     """Return what the points say against their own times; what several trials share is named once."""
+    by_name = {search.name: search for search in searches}
     trials: dict[str, list[str]] = {}
     for trial, observations in observed:
-        for fault in observations.faults:
+        faults: Sequence[str] = observations.faults
+        if trial.name in by_name:
+            faults = clock_faults(observations.channels, partial(_agrees, by_name[trial.name]))
+        for fault in faults:
             trials.setdefault(fault, []).append(trial.name)
     return [
         NamedMistake(trials=tuple(names), names=("clock",), keys="", text=f"{_where(names)}: {fault}")
         for fault, names in trials.items()
     ]
+
+
+def _agrees(search: TrialSearch, wrong: Sequence[WrongTimes]) -> bool:
+    """Return whether the points come nearer to the model at the times at which they were filmed by their own account."""
+
+    def at_own_times(channel: Channel) -> Channel:
+        t = channel.t
+        # The last ones first, as their times are the file's
+        for each in reversed(wrong):
+            t = each.undone(t)
+        order = np.argsort(t)
+        apart = np.append(True, np.diff(t[order]) > 0)
+        return dataclasses.replace(channel, t=t[order][apart], value=channel.value[order][apart])
+
+    return _is_nearer(search, search.declared.with_channels(at_own_times))
+
+
+def _is_nearer(search: TrialSearch, corrected: DeclaredTrial) -> bool:
+    """Return whether a trial comes nearer to the model with other times: clearly so if it was far, or at all if it was near."""
+    before, after = search.as_declared, fitted_misfit(corrected, search.distance)
+    if before.largest > MAX_GOOD_MISFIT:
+        return after.largest <= MAX_MISFIT_RATIO * before.largest
+    return sum(after.misfits) <= sum(before.misfits)
 
 
 def _named(searches: Sequence[TrialSearch]) -> tuple[NamedMistake, ...]:
@@ -158,7 +191,8 @@ def _named(searches: Sequence[TrialSearch]) -> tuple[NamedMistake, ...]:
         mistakes.append(_origin_mistake(misplaced))
     for search in searches:
         shift = row_shift(search.declared, CLEAR_SHIFT_RATIO) if search.name not in mended else None
-        if shift:
+        together = with_rows_together(search.declared) if shift else None
+        if shift and together and _is_nearer(search, together):
             text = f"{_where([search.name])}: found {shift.text}; needed {SAME_ROWS}"
             mistakes.append(NamedMistake(trials=(search.name,), names=("rows shifted",), keys="", text=text))
     return tuple(mistakes)

@@ -177,6 +177,14 @@ def with_tracks_exchanged(declared: DeclaredTrial) -> DeclaredTrial | None:
     return declared.with_channels(exchange)
 
 
+def with_columns_exchanged(declared: DeclaredTrial, first: str, second: str) -> DeclaredTrial | None:
+    """Return the trial with the values of two channels exchanged; None: not both were tracked."""
+    other = {first: second, second: first}
+    if not other.keys() <= {c.name for c in declared.observations.channels}:
+        return None
+    return declared.with_channels(lambda c: dataclasses.replace(c, name=other.get(c.name, c.name)))
+
+
 def with_masses_exchanged(declared: DeclaredTrial) -> DeclaredTrial | None:
     """Return the trial with the declared masses exchanged; None: one of them is not declared."""
     light, heavy = declared.estimate("light_mass"), declared.estimate("heavy_mass")

@@ -15,22 +15,20 @@ import numpy as np
 from looping_pendulum.discrepancy.data.readers import mass_in_name
 from looping_pendulum.discrepancy.data.study import Trial
 from looping_pendulum.discrepancy.data.survey import survey
-from looping_pendulum.discrepancy.first_look.clock_mistakes import (
-    MAX_CLOCK_CANDIDATES,
-    clock_change_text,
-    row_shift,
-    with_one_clock,
-    with_rows_together,
-)
 from looping_pendulum.discrepancy.first_look.declared_trial import (
     MIN_UNIT_FACTOR,
     OTHER_MASS,
     DeclaredTrial,
     pictured_otherwise,
     released_where_first_seen,
+    with_columns_exchanged,
     with_masses_exchanged,
     with_times,
     with_tracks_exchanged,
+)
+from looping_pendulum.discrepancy.first_look.shifted_rows import (
+    row_shift,
+    with_rows_together,
 )
 from looping_pendulum.pages.numbers import number, quantity
 from looping_pendulum.reference_ode.parameters import Release
@@ -39,8 +37,10 @@ from looping_pendulum.scenarios.units import UnitError, to_si
 Undo = Callable[[DeclaredTrial], DeclaredTrial | None]
 """Function that returns a trial without a mistake; None: the trial cannot have that mistake."""
 
-TIME_FACTORS = tuple(f for f in (2.0 ** (np.arange(-28, 29) / 4)).tolist() if not 1 / MIN_UNIT_FACTOR < f < MIN_UNIT_FACTOR)
-"""Factors on the file's times that are tried: steps of 1/4 octave; a fit refines the best."""
+TIME_FACTORS = (
+    *(f for f in (2.0 ** (np.arange(-28, 29) / 4)).tolist() if not 1 / MIN_UNIT_FACTOR < f < MIN_UNIT_FACTOR), 1e-3, 1e3,
+)  # fmt: skip
+"""Factors on the file's times that are tried: steps of 1/4 octave, and milliseconds; a fit refines the best."""
 MAX_DECLARED_ERROR = 0.1
 """Largest standard error, or distance from 1, of a declared scale or clock ratio with which a trial is looked at.
 
@@ -280,20 +280,6 @@ PICTURES = tuple(
 )
 """All symmetries of the square, each by whether it is undone by a mirror image and by how many quarter turns of the tilt."""
 MIRRORED = PICTURES[0]
-ONE_CLOCK = (
-    "one clock for the whole film: share the film as the camera took it, without a part in slow motion, and mark it again, or "
-    "mark one part and state its 'frame_rate'"
-)
-CLOCK_CHANGES = tuple(
-    Mistake(
-        name="clock that changes",
-        undo=partial(with_one_clock, candidate=candidate),
-        found=lambda undone: f"a clock that changes: {clock_change_text(undone.declared, undone.corrected)}",
-        keys=lambda undone: "",
-        way_out=lambda undone: ONE_CLOCK,
-    )
-    for candidate in range(MAX_CLOCK_CANDIDATES)
-)
 SAME_ROWS = "each row to show both masses at one time; correct the rows of these columns"
 ROWS_SHIFTED = Mistake(
     name="rows shifted",
@@ -308,6 +294,17 @@ TRACKS_EXCHANGED = Mistake(
     found=lambda undone: "the heavy mass's motion in the light mass's track",
     keys=_tracks,
 )
+COLUMNS_EXCHANGED = tuple(
+    Mistake(
+        name="columns exchanged",
+        undo=partial(with_columns_exchanged, first=first, second=second),
+        found=lambda undone, first=first, second=second: f"the columns of {first} and {second} exchanged",  # type: ignore[misc]
+        keys=lambda undone: "",
+        way_out=lambda undone: "each column under its own name; correct the names in the file",
+    )
+    for first, second in (("light_x", "light_y"), ("heavy_x", "heavy_y"), ("light_y", "heavy_y"), ("light_x", "heavy_x"))
+)
+"""Those of one mass, and one of each: all of both are other mistakes."""
 MASSES_EXCHANGED = Mistake(
     name="masses exchanged",
     undo=with_masses_exchanged,
@@ -379,11 +376,11 @@ EXCHANGED = _joined(TRACKS_EXCHANGED, MASSES_EXCHANGED)
 MISTAKES = (
     *PICTURES,
     TRACKS_EXCHANGED,
+    *COLUMNS_EXCHANGED,
     MASSES_EXCHANGED,
     # After a vertical release, a mirrored picture looks as if both were exchanged
     dataclasses.replace(EXCHANGED, name="light and heavy exchanged", releases=(Release.LOOPING,), steps=1),
     ROWS_SHIFTED,
-    *CLOCK_CHANGES,
     LENGTHS,
     *(_joined(first, LENGTHS) for first in (*PICTURES, TRACKS_EXCHANGED)),
     *(mistake for factor in TIME_FACTORS for mistake in (_times(factor), _joined(MIRRORED, _times(factor)),

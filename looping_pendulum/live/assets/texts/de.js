@@ -365,6 +365,7 @@ export const de = {
   "assumed.start": "die erste Zeit, {start} s, als 0 genommen: die Massen ruhen dort",
   "assumed.copies": "jedes Bild ist {period} Mal gespeichert: je eine Zeile bleibt, {kept} von {all}",
   "assumed.pattern": "{period} Zeilen zeigen {pictures} Bilder: je eine Zeile bleibt, {kept} von {all}",
+  "assumed.unevenPictures": "nach der Bewegung der Massen sind die Bilder ungleichmäßig aufgenommen, {error} ms neben ihren Zeiten: als Fehler jeder Zeit genommen",
   "unused.notAskedFor": "Spalte {columns}: nicht gewählte Spur",
   "unused.severalNotAskedFor": "Spalten {columns}: nicht gewählte Spur",
   "unused.otherKind": "Spalte {columns}: weder Zeit noch Ort",
@@ -374,8 +375,8 @@ export const de = {
   "unused.repeated": "die Zeile davor wiederholt",
   "unused.copy": "eine Kopie des Punkts davor",
   "unused.notRate": "Spalte {column}: nicht die Winkelgeschwindigkeit zum Winkel (bestes Vielfaches {ratio}, Korrelation {correlation})",
-  "fault.lost": "nach {times} bewegen sich die Massen so weit wie in {steps} Schritten, dort fehlen also Bilder",
-  "fault.repeated": "nach {times} bewegen sich die Massen nicht, dort ist also ein Bild noch einmal gespeichert",
+  "fault.lost": "ab {times} sind die Massen dort, wo sie {steps} Schritte später sein sollten, dort fehlen also Bilder",
+  "fault.repeated": "ab {times} sind die Massen dort, wo sie davor waren, dort ist also ein Bild noch einmal gespeichert",
   "fault.uneven": "aufeinanderfolgende Bilder dauern nach der Bewegung der Massen im Wechsel das {means}-Fache ihres Mittels, anders als "
     + "nach ihren Zeiten",
   "fault.wayOut": "die Bildzeiten des Films selbst oder seine Bildnummern exportieren",

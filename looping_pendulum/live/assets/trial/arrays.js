@@ -34,12 +34,12 @@ export function rounded(x) {
   return rest < 0.5 || (rest === 0.5 && below % 2 === 0) ? below : below + 1;
 }
 
-/** @param {number[]} values @param {number} percent */
-export function percentile(values, percent) {
+/** The value that a percentage of all do not exceed; `between`: or one between the nearest two. @param {number[]} values @param {number} percent */
+export function percentile(values, percent, between = true) {
   const sorted = [...values].sort((a, b) => a - b);
   const place = (sorted.length - 1) * (percent / 100);
   const [low, high] = [sorted[Math.floor(place)], sorted[Math.ceil(place)]];
-  const part = place - Math.floor(place);
+  const part = between ? place - Math.floor(place) : 0;
   return part < 0.5 ? low + (high - low) * part : high - (high - low) * (1 - part);
 }
 

@@ -21,7 +21,10 @@ import { dot, mean, median, range, sumOfSquares } from "./statistics.js";
  * @typedef {{clock: string, lines: number[], time: number[] | null, rounding: number[], frame: number[] | null, channels: Series[]}} Sheet
  */
 /** @typedef {Sheet & {time: number[]}} TimedSheet */
-/** @typedef {{start: number, rate: number, number: number[], largestError: number}} Grid number of steps of each time */
+/**
+ * Number of steps of each time; `cut`: what is added to times whose last digits were cut off so that they are as good as rounded ones [s].
+ * @typedef {{start: number, rate: number, number: number[], largestError: number, cut: number}} Grid
+ */
 /** @typedef {{file: string, frameRate: number | null, clipRate: number | null, notes: Notes}} How */
 
 /** Relative difference of two frame rates that are the same. */
@@ -44,6 +47,8 @@ const USUAL_SIGMAS = 3;
 const MIN_ROWS = 24;
 /** Longest step, in mean steps, that may be the unrest of a recorder and not a missing row. */
 const MAX_UNEVEN = 2.5;
+/** Largest relative difference of a usual rate's step from the median one at which rows may be counted by that rate. */
+const NEAR_STEP = 0.25;
 /** Twice the largest acceleration of a mass after its release [m/s^2], and of an angle [rad/s^2]: a record that is faster begins later. */
 const [MAX_START_ACCELERATION, MAX_ANGULAR_ACCELERATION] = [9.81, 98.1];
 /** The same by noise, in its standard deviations. */
@@ -61,17 +66,18 @@ export function count(notes, channel, reason, more) {
 /** The channels with the times of their points. @param {Sheet[]} sheets @param {How} how @returns {Channel[]} */
 export function timedChannels(sheets, how) {
   const { file, frameRate } = how;
-  if (frameRate !== null && sheets.every(({ frame }) => frame)) return channelsOf(sheets, timesOfFrames(sheets, frameRate, file));
+  if (frameRate !== null && sheets.every(({ frame }) => frame)) return channelsOf(sheets, timesOfFrames(sheets, frameRate, file), file);
   if (sheets.some(({ time }) => !time)) throw dataError(file, null, "", text("file.needsRate"));
   const timed = sheets.map((sheet) => growing(/** @type {TimedSheet} */ (sheet), file));
-  return channelsOf(timed, timesOfClock(timed, how));
+  return channelsOf(timed, timesOfClock(timed, how), file);
 }
 
-/** @param {Sheet[]} sheets @param {number[][]} times of the rows of each @returns {Channel[]} */
-function channelsOf(sheets, times) {
+/** @param {Sheet[]} sheets @param {number[][]} times of the rows of each @param {string} file @returns {Channel[]} */
+function channelsOf(sheets, times, file) {
   return sheets.flatMap(({ channels }, i) => channels.map(({ name, column, value, digit }) => {
-    const kept = where(value, (one, k) => Number.isFinite(one) && Number.isFinite(times[i][k]));
-    return { name, column, t: at(times[i], kept), value: at(value, kept), lastDigit: Math.max(0, largest(at(digit, kept))) };
+    const kept = where(value, (one, k) => Number.isFinite(one + times[i][k]));
+    if (!kept.length) throw dataError(file, null, column, text("file.noValues", { name: `${name}(t)` }));
+    return { name, column, t: at(times[i], kept), value: at(value, kept), lastDigit: largest(at(digit, kept)) };
   }));
 }
 
@@ -84,15 +90,12 @@ function timesOfFrames(sheets, rate, file) {
   const numbers = sheets.map((sheet) => {
     const hasPoint = withPoint(sheet);
     const frame = (sheet.frame ?? []).map((number, i) => (hasPoint[i] ? number : NaN));
-    const points = where(hasPoint, (has) => has);
-    const absent = points.find((i) => !Number.isFinite(frame[i]));
-    if (absent !== undefined) throw dataError(file, sheet.lines[absent], "frame", text("file.noFrame"));
-    points.slice(1).forEach((i, k) => {
-      const [now, before] = [frame[i], frame[points[k]]];
-      if (now > before) return;
-      const found = { frame: inSentence(now), before: inSentence(before) };
-      throw dataError(file, sheet.lines[i], "frame", text("file.framesGrow", found));
-    });
+    let before = -Infinity;
+    for (const i of where(hasPoint, Boolean)) {
+      const found = { frame: inSentence(frame[i]), before: inSentence(before) };
+      if (!(frame[i] > before)) throw dataError(file, sheet.lines[i], "frame", text(Number.isNaN(frame[i]) ? "file.noFrame" : "file.framesGrow", found));
+      before = frame[i];
+    }
     return frame;
   });
   const first = smallest(numbers.flat().filter(Number.isFinite));
@@ -102,7 +105,7 @@ function timesOfFrames(sheets, rate, file) {
 /** The rows that have a time and a point. @param {TimedSheet} sheet @param {string} file @returns {TimedSheet} */
 function growing(sheet, file) {
   const hasPoint = withPoint(sheet);
-  const kept = where(sheet.time, (t, i) => Number.isFinite(t) && hasPoint[i]);
+  const kept = where(hasPoint, (has, i) => has && Number.isFinite(sheet.time[i]));
   const [time, lines] = [at(sheet.time, kept), at(sheet.lines, kept)];
   const back = steps(time).findIndex((step) => step < 0);
   if (back >= 0) {
@@ -124,16 +127,21 @@ function timesOfClock(sheets, { file, frameRate, clipRate, notes }) {
   const rounding = longest.time.length >= MIN_ROUNDED ? largest(longest.rounding) : 0;
   const stated = [clipRate, frameRate].filter((rate) => rate !== null);
   const grid = rounding ? frameGrid(longest.time, longest.rounding, stated) : null;
-  const step = grid ? 1 / grid.rate : typicalStep(longest.time);
-  if (frameRate === null && step > MAX_TIME_STEP) throw dataError(file, longest.lines[0], longest.clock, slowClock(step));
+  const grown = steps(longest.time).filter((one) => one > 0);
+  const step = grid ? 1 / grid.rate : grown.length ? meanNear(grown, 50) : 0;
+  if (frameRate === null && step > MAX_TIME_STEP) {
+    const slow = { step: inSentence(step), unit: step > 1000 ? "us" : "ms" };
+    throw dataError(file, longest.lines[0], longest.clock, text(Math.abs(step - 1) < TINY ? "file.slowFrames" : "file.slow", slow));
+  }
   let fileRate = step ? 1 / step : frameRate;
   /** @type {number[][] | null} */
   let times = null;
   if (grid && grid.largestError > EXACT * step) {
     // On the declared rate, if the rounded times do not tell the difference
-    const usual = atUsualRate(grid, longest, stated.filter((rate) => Math.abs(rate * step - 1) < RATE_TOLERANCE));
-    const onGrid = sheets.map((sheet) => timesOnGrid(usual, sheet)).filter((found) => found !== null);
-    if (onGrid.length === sheets.length) {
+    const wanted = stated.filter((rate) => Math.abs(rate * step - 1) < RATE_TOLERANCE);
+    const usual = atUsualRate(grid, longest.time, longest.rounding, wanted) ?? grid;
+    const onGrid = sheets.map((sheet) => timesOnGrid(usual, sheet));
+    if (onGrid.every((t) => t.length)) {
       times = onGrid;
       fileRate = usual.rate;
       const printed = { digit: inSentence(2 * rounding, 2), rate: inSentence(usual.rate, 4) };
@@ -152,45 +160,42 @@ function timesOfClock(sheets, { file, frameRate, clipRate, notes }) {
   return times.map((t) => t.map((one) => one * (madeFor / frameRate)));
 }
 
-/** What to say of times that are in no seconds. @param {number} step [s] */
-function slowClock(step) {
-  const found = { step: inSentence(step), unit: step > 1000 ? "us" : "ms" };
-  return text(Math.abs(step - 1) < TINY ? "file.slowFrames" : "file.slow", found);
+/** Mean of the steps that are about as long as the one that a percentage of all do not exceed. @param {number[]} all @param {number} percent */
+function meanNear(all, percent) {
+  const usual = percentile(all, percent, false);
+  return mean(all.filter((step) => step > 0.5 * usual && step < 1.5 * usual));
 }
 
-/** Mean of the steps that are no gaps [s]; 0 with fewer than two rows. @param {number[]} time */
-function typicalStep(time) {
-  const growing = steps(time).filter((step) => step > 0);
-  return growing.length ? meanNear(growing, median(growing)) : 0;
-}
-
-/** Mean of the steps that are about as long as one of them. @param {number[]} all @param {number} usual */
-const meanNear = (all, usual) => mean(all.filter((step) => step > 0.5 * usual && step < 1.5 * usual));
-
-/** The times of a sheet's rows on a grid [s]; null: they are not on it.
- * @param {Grid} grid @param {TimedSheet} sheet @returns {number[] | null} */
-function timesOnGrid({ start, rate }, { time, rounding }) {
+/** The times of a sheet's rows on a grid [s]; none: they are not on it. @param {Grid} grid @param {TimedSheet} sheet */
+function timesOnGrid({ start, rate, cut }, { time, rounding }) {
   const own = frameGrid(time, rounding, [rate]);
-  if (!own) return null;
-  const first = rounded((own.start - start) * rate);
+  if (!own) return [];
+  const first = rounded((own.start + cut - start) * rate);
   const t = own.number.map((number) => start + (first + number * rounded(rate / own.rate)) / rate);
-  return t.every((one, i) => Math.abs(one - time[i]) <= 2 * rounding[i] + TINY) ? t : null;
+  return t.every((one, i) => Math.abs(one - cut - time[i]) <= 2 * rounding[i] + TINY) ? t : [];
 }
 
 /** The first of the rates with the smallest distance; nothing if there are none. @param {number[]} rates
  * @param {(rate: number) => number} distance @returns {number | undefined} */
 const nearest = (rates, distance) => [...rates].sort((a, b) => distance(a) - distance(b))[0];
 
-/** The grid with one of the wanted rates, or the nearest usual one, if the rounded times allow it.
- * @param {Grid} grid @param {TimedSheet} sheet @param {number[]} wanted @returns {Grid} */
-function atUsualRate(grid, { time, rounding }, wanted) {
+/** The grid with one of the wanted rates, or the nearest usual one; null: the rounded times do not allow it.
+ * @param {Grid} grid @param {number[]} time @param {number[]} rounding @param {number[]} wanted @returns {Grid | null} */
+function atUsualRate(grid, time, rounding, wanted, tolerance = TINY) {
   const usual = nearest(USUAL_RATES, (rate) => Math.abs(rate - grid.rate)) ?? grid.rate;
   for (const rate of [...wanted, usual]) {
     const low = largest(time.map((t, i) => t - rounding[i] - grid.number[i] / rate));
     const high = smallest(time.map((t, i) => t + rounding[i] - grid.number[i] / rate));
-    if (low <= high + TINY) return { ...grid, rate, start: low - TINY <= 0 && 0 <= high + TINY ? 0 : 0.5 * (low + high) };
+    // A film's times count its frames, from one of them on; programs round them, or cut their last digits off
+    for (const [cut, above] of [[0, TINY], [largest(rounding), -TINY]]) {
+      const from = Math.max(low + cut, Math.min(0, time[0])) - TINY;
+      const likely = [0, rounded((0.5 * (low + high) + cut) * rate + TINY) / rate];
+      const start = likely.find((one) => from <= one && one <= high + cut + above);
+      if (start !== undefined) return { ...grid, rate, start, cut };
+    }
+    if (low <= high + tolerance) return { ...grid, rate, start: 0.5 * (low + high) };
   }
-  return grid;
+  return null;
 }
 
 /**
@@ -203,32 +208,41 @@ function atUsualRate(grid, { time, rounding }, wanted) {
 function frameGrid(time, rounding, rates) {
   const last = time[time.length - 1];
   if (time.length < 3 || last <= time[0]) return null;
-  // Each row a frame; then, where rows may be missing, steps rounded to whole numbers of the smaller ones
-  const numbers = [range(0, time.length)];
   const all = steps(time);
-  const small = percentile(all, 10);
   const most = largest(rounding);
-  if (small > 4 * most) {
-    const one = meanNear(all, small);
+  const lastBit = TINY * (1 + Math.abs(last));
+  // The equal steps nearest to times with some numbers; null: one is farther from its step than is allowed
+  const fitted = (/** @type {number[]} */ number, allowed = 1.5 * most + lastBit) => {
+    const { middle, row, slope, rest } = line(number, time);
+    const largestError = largest(rest.map(Math.abs));
+    if (steps(number).some((step) => step <= 0) || slope <= 0 || !(largestError <= allowed)) return null;
+    return { start: middle + slope * (row[0] - number[0]), rate: 1 / slope, number, largestError, cut: 0 };
+  };
+  const rows = fitted(range(0, time.length));
+  const usual = percentile(all, 50, false);
+  if ([...rates, ...USUAL_RATES].some((rate) => Math.abs(rate * usual - 1) < TINY)) {
+    // Times that are whole numbers of a usual step are exact, unless no row is missing at another usual rate
+    const exact = fitted(time.map((t) => rounded((t - time[0]) / usual)), lastBit);
+    if (exact && !(rows && atUsualRate(rows, time, rounding, rates, -TINY))) return exact;
+  }
+  if (rows) return rows;
+  // Where rows may be missing, steps rounded to whole numbers of the smaller ones
+  const numbers = rates.map((rate) => time.map((t) => rounded((t - time[0]) * rate)));
+  if (percentile(all, 10, false) > 4 * most) {
+    const one = meanNear(all, 10);
     let sum = 0;
-    numbers.push([0, ...all.map((step) => (sum += rounded(step / one)))]);
+    numbers.unshift([0, ...all.map((step) => (sum += rounded(step / one)))]);
   }
-  numbers.push(...rates.map((rate) => time.map((t) => rounded((t - time[0]) * rate))));
-  for (const number of numbers) {
-    if (!steps(number).every((step) => step > 0)) continue;
-    const { start, slope } = line(number, time);
-    const largestError = largest(time.map((t, i) => Math.abs(t - start - slope * number[i])));
-    if (slope > 0 && largestError <= 1.5 * most + TINY * (1 + Math.abs(last))) return { start, rate: 1 / slope, number, largestError };
-  }
-  return null;
+  return numbers.map((number) => fitted(number)).find(Boolean) ?? null;
 }
 
-/** The straight line of least squares. @param {number[]} x @param {number[]} y */
-function line(x, y) {
-  const [meanX, meanY] = [mean(x), mean(y)];
-  const centred = x.map((one) => one - meanX);
-  const slope = dot(centred, y.map((one) => one - meanY)) / dot(centred, centred);
-  return { slope, start: meanY - slope * meanX };
+/** The straight line of least squares through times, by their numbers from the middle one on, and what is left of the times.
+ * @param {number[]} number @param {number[]} time */
+function line(number, time) {
+  const [middle, middleNumber] = [mean(time), mean(number)];
+  const row = number.map((one) => one - middleNumber);
+  const slope = dot(row, time.map((t) => t - middle)) / sumOfSquares(row);
+  return { middle, row, slope, rest: time.map((t, i) => t - middle - slope * row[i]) };
 }
 
 /** The times of a sheet's rows [s], not a number for a row that repeats the one before whole.
@@ -238,7 +252,7 @@ function withoutRepeatedRows({ time, lines, clock, channels }, file, notes) {
     if (i === 0 || t !== time[i - 1]) return t;
     for (const { name, value } of channels) {
       count(notes, name, text("unused.repeated"), Number(Number.isFinite(value[i])));
-      if (Number.isFinite(value[i - 1]) && Number.isFinite(value[i]) && value[i] !== value[i - 1]) {
+      if (Math.abs(value[i] - value[i - 1]) > 0) {
         const found = { time: inSentence(t), before: inSentence(t), line: lines[i - 1] };
         throw dataError(file, lines[i], clock, text("file.sameTime", found));
       }
@@ -256,32 +270,47 @@ function evenTimes(sheets, times, stated, notes) {
   const [t] = times;
   if (sheets.length > 1 || t.length < MIN_ROWS || !t.every(Number.isFinite)) return times;
   const all = steps(t);
-  const row = range(0, t.length).map((i) => i - 0.5 * (t.length - 1));
-  const slope = dot(row, t) / sumOfSquares(row);
-  if (!(smallest(all) > EXACT * slope) || largest(all) > MAX_UNEVEN * slope) return times;
-  const middle = mean(t);
-  const unrest = Math.sqrt(sumOfSquares(t.map((one, i) => one - middle - slope * row[i])) / t.length / sumOfSquares(row));
+  const rates = [...stated, ...USUAL_RATES];
+  // Each row a frame, or, where rows are missing, whole numbers of a usual rate's frames
+  const near = rates.filter((rate) => Math.abs(rate * median(all) - 1) < NEAR_STEP);
+  const numbers = [range(0, t.length), ...near.map((rate) => frameNumbers(t, rate))];
+  const fits = numbers.flatMap((number) => {
+    const frames = steps(number);
+    const fit = line(number, t);
+    const shares = all.map((step, i) => step / (fit.slope * frames[i]));
+    const isLikely = frames.every((one) => one > 0) && shares.every((share) => EXACT < share && share <= MAX_UNEVEN);
+    return isLikely ? { ...fit, uneven: sumOfSquares(fit.rest) / fit.slope ** 2 } : [];
+  });
+  if (!fits.length) return times;
+  const { middle, row, slope, rest } = fits.reduce((best, fit) => (fit.uneven < best.uneven ? fit : best));
+  const unrest = Math.sqrt(sumOfSquares(rest) / t.length / sumOfSquares(row));
   const distance = (/** @type {number} */ rate) => Math.abs(1 / rate - slope);
-  const likely = [...stated, ...USUAL_RATES].filter((rate) => distance(rate) <= Math.max(USUAL_SIGMAS * unrest, EXACT * slope));
+  const likely = rates.filter((rate) => distance(rate) <= Math.max(USUAL_SIGMAS * unrest, EXACT * slope));
   const rate = nearest(likely, distance) ?? 1 / slope;
   const even = row.map((i) => middle + i / rate);
-  const total = (/** @type {number[]} */ clock) => channelsOf(sheets, [clock]).reduce((sum, channel) => sum + scatter(channel), 0);
+  const total = (/** @type {number[]} */ clock) => channelsOf(sheets, [clock], "").reduce((sum, channel) => sum + scatter(channel), 0);
   const [low, high] = [5, 95].map((percent) => inSentence(1e3 * percentile(all, percent), 3));
   const isEven = !(total(even) > MIN_EVEN_GAIN * total(t));
   notes.assumptions.push(text(isEven ? "assumed.evenTimes" : "assumed.unevenTimes", { low, high, rate: inSentence(rate, 4) }));
   return isEven ? [even] : times;
 }
 
+/** Whole numbers of frames nearest to uneven times. @param {number[]} t @param {number} rate */
+function frameNumbers(t, rate) {
+  const turns = t.map((one) => 2 * Math.PI * rate * one);
+  const phase = Math.atan2(mean(turns.map(Math.sin)), mean(turns.map(Math.cos)));
+  return turns.map((turn) => rounded((turn - phase) / (2 * Math.PI)));
+}
+
 /** Time at which a clock begins elsewhere while the masses are at rest [s]; 0: it does not. @param {Channel[]} channels */
 export function startOf(channels) {
   const start = smallest(channels.map(({ t }) => t[0]));
-  const usual = channels.map(({ t }) => (t.length > 1 ? median(steps(t)) : 0)).filter((step) => step > 0);
-  if (!usual.length || Math.abs(start) <= 3 * smallest(usual)) return 0;
-  const isMoving = channels.some((channel) => {
-    const { name, t, value } = channel;
-    if (t.length < 5 || name === "angle_rate") return true;
+  const step = smallest(channels.filter(({ t }) => t.length > 1).map(({ t }) => median(steps(t))));
+  if (Math.abs(start) <= 3 * step) return 0; // without a step, too
+  const isMoving = channels.some(({ name, t, value }) => {
     const acceleration = name === "angle" ? MAX_ANGULAR_ACCELERATION : MAX_START_ACCELERATION;
-    return Math.abs(value[2] - value[0]) > acceleration * (t[2] - t[0]) ** 2 + MAX_START_SIGMAS * scatter(channel);
+    const most = acceleration * (t[2] - t[0]) ** 2 + MAX_START_SIGMAS * scatter({ t, value });
+    return t.length < 5 || name === "angle_rate" || Math.abs(value[2] - value[0]) > most;
   });
   return isMoving ? 0 : start;
 }

@@ -2,25 +2,19 @@
 
 import { text } from "../texts.js";
 import { largest, steps, where } from "./arrays.js";
-import { general, quote } from "./messages.js";
-import { bare, closest, isPosition, parseName, UNITS, WHOLE_RUN } from "./names.js";
+import { general, listed, quote } from "./messages.js";
+import { bare, cellsOf, closest, columnOf, isPlace, isPosition, parseName, UNITS, WHOLE_RUN } from "./names.js";
 import { isNumber, lastDigits, numberIn } from "./table.js";
 
 /** @typedef {import("./table.js").Table} Table */
 /** @typedef {import("./table.js").Row} Row */
 /** @typedef {import("./clock.js").Notes} Notes */
-/**
- * `role`: "t", "frame", "object", "run", "setting", or a position, height, angle or rate; "" if it is none of these. `track`: the tracked
- * object, or the axis of an angular rate. `rows`: those that the column stands in.
- * @typedef {{index: number, label: string, role: string, track: string, unit: string, run: string, rows: Row[]}} Column
- */
+/** @typedef {import("./names.js").Column} Column */
 
 /** Largest share of rows with fewer cells than there are names: with more, the names do not belong to the rows. */
 const MAX_SHORT_SHARE = 0.5;
 /** Smallest number of values by which equal steps tell a time or a row's number from a position. */
 const MIN_COUNTED = 10;
-/** Largest number of lines that a sentence names. */
-const MAX_SHOWN = 5;
 /** Quantities of one kind; of several in a file, the first counts, from which a program computed the others. */
 const KINDS = [["x", "y"], ["angle", "angle_rate"], ["height"]];
 
@@ -50,30 +44,24 @@ export function readColumns(table, asked, notes) {
   });
   const kind = KINDS.find((roles) => columns.some(({ role }) => roles.includes(role))) ?? [];
   columns = columns.map((one) => (isPosition(one) && !kind.includes(one.role) ? { ...one, role: "" } : one));
-  const counter = columns.find((column) => ["x", "y"].includes(column.role) && counts(table, column));
-  if (counter) {
-    const [row] = counter.rows;
-    throw table.error(row.line, counter.label, text("file.counts", { value: row.cells[counter.index] ?? "" }));
-  }
-  return columns;
+  const counter = columns.find((column) => isPlace(column) && counts(table, column));
+  if (!counter) return columns;
+  throw table.error(counter.rows[0].line, counter.label, text("file.counts", { value: cellsOf(counter)[0] }));
 }
 
 /** The tables of a file, each as the lines above its numbers and the rows of numbers. @param {Table} table */
 function tablesOf(table) {
   /** @type {{head: Row[], rows: Row[]}[]} */
-  const tables = [];
-  let current = { head: /** @type {Row[]} */ ([]), rows: /** @type {Row[]} */ ([]) };
+  const tables = [{ head: [], rows: [] }];
   table.lines.forEach((line, i) => {
+    const { head, rows } = tables[tables.length - 1];
     // A text between rows of numbers is a damaged row, which is refused when it is read, unless names of columns follow
-    if (isRow(table, line, current.head.length > 0) || (current.rows.length && !beginsTable(table, i))) {
-      if (!current.rows.length) tables.push(current);
-      current.rows.push(line);
-      return;
-    }
-    if (current.rows.length) current = { head: [], rows: [] };
-    current.head.push(line);
+    if (isRow(table, line, head.length > 0) || (rows.length && !beginsTable(table, i))) rows.push(line);
+    else if (rows.length) tables.push({ head: [line], rows: [] });
+    else head.push(line);
   });
-  if (tables.length) return tables;
+  const whole = tables.filter(({ rows }) => rows.length);
+  if (whole.length) return whole;
   const last = table.lines[table.lines.length - 1];
   throw table.error(last.line, "", text("file.noNumbers", { row: quote(filled(last).join(" ")) }));
 }
@@ -101,10 +89,10 @@ function headerOf(table, head, rows) {
   const comment = table.comments.findLast((line) => namesTimes(line) && line.cells.length === width);
   const last = head.at(-1);
   if (comment || !last || filled(last).length < Math.max(width, 2)) return comment;
-  const isTrials = filled(last).some((cell) => ["a", "acceleration"].includes(parseName(cell).words));
-  const counter = last.cells.findIndex((cell, i) => cell && counts(table, unnamed(i, rows), 0.2));
-  const column = counter < 0 ? "" : quote(last.cells[counter]);
-  const wayOut = isTrials ? text("file.rowsAreTrials") : column ? text("file.nameCounted", { column }) : text("file.nameTimes");
+  const isTrials = filled(last).some((cell) => ["a", "acceleration"].includes(parseName(cell).label));
+  const column = last.cells.find((cell, index) => cell && counts(table, columnOf({ index, rows }), 0.2));
+  const key = isTrials ? "file.rowsAreTrials" : column ? "file.nameCounted" : "file.nameTimes";
+  const wayOut = text(key, { column: quote(column ?? "") });
   throw table.error(last.line, "", text("file.noTimes", { names: quote(filled(last).join(", ")), wayOut }));
 }
 
@@ -113,14 +101,13 @@ function headerOf(table, head, rows) {
 function byName(table, header, head, rows, notes) {
   let { cells } = header;
   // The rows may be numbered, and their numbers have no name
-  if (rows.every((row) => row.cells.length === cells.length + 1) && counts(table, unnamed(0, rows))) cells = ["", ...cells];
-  const width = cells.findLastIndex(Boolean) + 1;
-  const whole = wholeRows(table, width, rows, notes);
+  if (rows.every((row) => row.cells.length === cells.length + 1) && counts(table, columnOf({ rows }))) cells = ["", ...cells];
+  const whole = wholeRows(table, cells.findLastIndex(Boolean) + 1, rows, notes);
   const units = head.find((line) => line.line > header.line && filled(line).every((cell) => UNITS.has(bare(cell).toLowerCase())));
   // Tracker writes a name above the first column of its track; all columns up to the next name are that track's
-  let titles = new Map(head.filter(({ line }) => line < header.line).flatMap((line) =>
-    where(line.cells, Boolean).map((i) => /** @type {const} */ ([i, line.cells[i]]))));
-  if (titles.size === 1) titles = new Map([[0, [...titles.values()][0]]]); // one name stands anywhere above the only track
+  const above = head.filter(({ line }) => line < header.line).flatMap(({ cells }) => where(cells, Boolean).map((i) => ({ i, name: cells[i] })));
+  const titles = new Map(above.map(({ i, name }) => [i, name]));
+  if (titles.size === 1) titles.set(0, above[above.length - 1].name); // one name stands anywhere above the only track
   const names = cells.map(parseName);
   const hasGroups = new Set(names.filter(isPosition).map(({ group }) => group)).size !== 1;
   let title = "";
@@ -132,25 +119,24 @@ function byName(table, header, head, rows, notes) {
     const track = own || (runInTitle ? "" : title);
     const label = track && !own ? `${cells[index]} (${track})` : cells[index];
     const unit = name.unit || bare(units?.cells[index] ?? "");
-    return { index, label, role: name.role, track, unit, run: name.run || runInTitle, rows: whole };
+    return { ...name, index, label, track, unit, run: name.run || runInTitle, rows: whole };
   }));
-  for (const { label, index } of columns.filter(({ role }) => role === "setting")) {
-    const value = whole.find((row) => row.cells[index])?.cells[index];
-    if (value) notes.assumptions.push(text("assumed.setting", { name: label, value }));
-  }
-  const others = columns.filter(({ role }) => role !== "setting");
-  refuseNamesWithoutPositions(table, header, others);
-  return others;
+  const others = columns.filter((column) => {
+    const value = column.role === "setting" && cellsOf(column).find(Boolean);
+    if (value) notes.assumptions.push(text("assumed.setting", { name: column.label, value }));
+    return column.role !== "setting";
+  });
+  if (others.some(isPosition)) return others;
+  const meant = others.map(({ label }) => ({ known: closest(label.toLowerCase()), name: label })).find(({ known }) => known);
+  const wayOut = text(meant ? "file.didYouMean" : "file.rename", meant);
+  throw table.error(header.line, "", text("file.noCoordinates", { names: quote(others.map(({ label }) => label).join(", ")), wayOut }));
 }
-
-/** @param {number} index @param {Row[]} rows @returns {Column} */
-const unnamed = (index, rows) => ({ index, label: String(index + 1), role: "", track: "", unit: "", run: "", rows });
 
 /** Whether values begin near zero and grow by equal steps, as times and numbers of rows do; `unrest`: largest difference of a
  * step from their mean, as a share of it. @param {Table} table @param {Column} column */
-function counts({ decimalComma }, { index, rows }, unrest = 0) {
-  const cells = rows.map((row) => row.cells[index] ?? "").filter((cell) => isNumber(cell, decimalComma));
-  if (cells.length < Math.max(MIN_COUNTED, Math.floor(rows.length / 2))) return false;
+function counts({ decimalComma }, column, unrest = 0) {
+  const cells = cellsOf(column).filter((cell) => isNumber(cell, decimalComma));
+  if (cells.length < Math.max(MIN_COUNTED, Math.floor(column.rows.length / 2))) return false;
   const values = cells.map(numberIn);
   const step = (values[values.length - 1] - values[0]) / (values.length - 1);
   const rounding = Math.max(1.01 * largest(lastDigits(cells)), unrest * step);
@@ -163,53 +149,32 @@ function counts({ decimalComma }, { index, rows }, unrest = 0) {
  * @param {Table} table @param {number} width @param {Row[]} rows @param {Notes} notes
  */
 function wholeRows(table, width, rows, notes) {
+  const error = (/** @type {Row} */ { line, cells }, /** @type {"file.cells" | "file.cellsWithCommas"} */ key) =>
+    table.error(line, "", text(key, { count: cells.length, width }));
   const tooLong = rows.find(({ cells }) => cells.slice(width).some(Boolean));
-  if (tooLong) {
-    const found = { count: tooLong.cells.length, width };
-    throw table.error(tooLong.line, "", text(table.delimiter === "," ? "file.cellsWithCommas" : "file.cells", found));
-  }
+  if (tooLong) throw error(tooLong, table.delimiter === "," ? "file.cellsWithCommas" : "file.cells");
   const isShort = (/** @type {Row} */ { cells }) => cells.length < width;
   const last = rows.findLastIndex((row) => !isShort(row));
   // Editors trim tabs at the end of a line, so that short rows at the end of a table only lack the track that ended before
-  const short = rows.filter((row, i) => isShort(row) && !(table.delimiter === "\t" && last >= 0 && last < i));
-  if (short.length > MAX_SHORT_SHARE * rows.length) {
-    throw table.error(short[0].line, "", text("file.cells", { count: short[0].cells.length, width }));
+  const end = table.delimiter === "\t" && last >= 0 ? last : rows.length;
+  const short = rows.slice(0, end).filter(isShort);
+  if (short.length > MAX_SHORT_SHARE * rows.length) throw error(short[0], "file.cells");
+  if (short.length) {
+    const lines = listed(short.map(({ line }) => line));
+    notes.assumptions.push(text("assumed.shortRows", { count: short.length, all: rows.length, lines }));
   }
-  if (!short.length) return rows;
-  const shown = short.slice(0, MAX_SHOWN).map(({ line }) => line).join(", ");
-  const more = short.length - MAX_SHOWN;
-  const lines = more > 0 ? text("fault.more", { shown, count: more }) : shown;
-  notes.assumptions.push(text("assumed.shortRows", { count: short.length, all: rows.length, lines }));
-  const left = new Set(short);
-  return rows.filter((row) => !left.has(row));
+  return rows.filter((row, i) => i >= end || !isShort(row));
 }
 
 /** Give tracks without a name a number where there are several: columns "x, y, x, y", or "x, y, x 2, y 2". @param {Column[]} columns */
 function withNumberedTracks(columns) {
-  const isPlace = (/** @type {Column} */ { role }) => role === "x" || role === "y";
   const others = new Set(columns.filter((one) => isPlace(one) && one.track).map(({ track }) => track));
-  /** @type {Map<string, number>} */
-  const seen = new Map();
-  const numbered = columns.map((column) => {
-    if (!isPlace(column) || column.track) return column;
-    const key = `${column.role} ${column.run}`;
-    const count = (seen.get(key) ?? 0) + 1;
-    seen.set(key, count);
-    return count > 1 ? { ...column, track: String(count) } : column;
-  });
-  if (!others.size && ![...seen.values()].some((count) => count > 1)) return numbered;
-  const first = ["1", "0", "first"].find((name) => !others.has(name)) ?? "";
-  return numbered.map((column) => (isPlace(column) && !column.track ? { ...column, track: first } : column));
-}
-
-/** Refuse names of which none is a position, an angle or a height. @param {Table} table @param {Row} header @param {Column[]} columns */
-function refuseNamesWithoutPositions(table, header, columns) {
-  if (columns.some(isPosition)) return;
-  const names = quote(columns.map(({ label }) => label).join(", "));
-  const misspelt = columns.find(({ label }) => closest(label.toLowerCase()));
-  const meant = misspelt && { known: closest(misspelt.label.toLowerCase()), name: misspelt.label };
-  const wayOut = meant ? text("file.didYouMean", meant) : text("file.rename");
-  throw table.error(header.line, "", text("file.noCoordinates", { names, wayOut }));
+  /** @type {Record<string, number>} */
+  const seen = {};
+  const numbers = columns.map(({ role, run, track }) => (isPlace({ role }) && !track ? (seen[role + run] = (seen[role + run] ?? 0) + 1) : 0));
+  const hasSeveral = others.size > 0 || largest(numbers) > 1;
+  const first = (hasSeveral && ["1", "0", "first"].find((name) => !others.has(name))) || "";
+  return columns.map((column, i) => (numbers[i] ? { ...column, track: numbers[i] > 1 ? String(numbers[i]) : first } : column));
 }
 
 /**
@@ -220,52 +185,53 @@ function byPosition(table, asked, head, rows, notes) {
   const width = largest(rows.map((row) => filled(row).length));
   const whole = wholeRows(table, width, rows, notes);
   const titles = head.flatMap(filled);
-  /** @type {[string, string][]} */
-  let roles;
+  const place = (/** @type {string} */ role, track = "") => ({ role, track });
+  let places = ["t", "angle", "angle_rate"].slice(0, width).map((role) => place(role));
   if (!asked.length && !titles.length && table.delimiter === " " && (width === 2 || width === 3)) {
-    roles = /** @type {[string, string][]} */ ([["t", ""], ["angle", ""], ["angle_rate", ""]]).slice(0, width);
     notes.assumptions.push(text(width > 2 ? "assumed.anglesAndRates" : "assumed.angles"));
   } else if (width === 3 || (width === 5 && (asked.length === 2 || titles.length === 2))) {
     const tracks = [titles, asked].find((names) => names.length === Math.floor(width / 2)) ?? [stem(table.file)];
-    roles = [["t", ""], ...tracks.flatMap((track) => /** @type {[string, string][]} */ ([["x", track], ["y", track]]))];
-    if (!counts(table, unnamed(0, whole)) && counts(table, unnamed(width - 1, whole))) roles.push(...roles.splice(0, 1));
-    notes.assumptions.push(text("assumed.places", { roles: roles.map(([role]) => role).join(", ") }));
+    places = [place("t"), ...tracks.flatMap((track) => [place("x", track), place("y", track)])];
+    const [first, last] = [0, width - 1].map((index) => counts(table, columnOf({ index, rows: whole })));
+    if (!first && last) places.push(...places.splice(0, 1));
+    notes.assumptions.push(text("assumed.places", { roles: places.map(({ role }) => role).join(", ") }));
   } else {
     throw table.error(rows[0].line, "", text("file.needsNames", { width }));
   }
-  return roles.map(([role, track], index) => {
+  return places.map(({ role, track }, index) => {
     const label = track ? text("file.columnOf", { number: index + 1, role, track }) : `${index + 1} (${role})`;
-    return { index, label, role, track, unit: "", run: "", rows: whole };
+    return columnOf({ index, label, role, track, rows: whole });
   });
 }
 
-/** The columns of each object and run where a column says which one a row shows. @param {Table} table @param {Column[]} columns */
+/** The columns of each object and run where columns say which one a row shows. @param {Table} table @param {Column[]} columns */
 function splitByCells({ decimalComma }, columns) {
-  for (const role of ["object", "run"]) {
+  const [{ rows }] = columns;
+  /** @type {{object?: string[], run?: string[]}} */
+  const names = {};
+  for (const role of /** @type {const} */ (["object", "run"])) {
     const by = columns.find((column) => column.role === role);
     if (!by) continue;
-    const others = columns.filter((column) => column !== by);
-    columns = others;
-    /** @type {Map<string, Row[]>} */
-    const rowsOf = new Map();
-    for (const row of by.rows) {
-      const cell = row.cells[by.index] ?? "";
-      const name = isNumber(cell, decimalComma) ? general(numberIn(cell)) : cell; // "2" for "2.0"
-      const rows = rowsOf.get(name);
-      if (rows) rows.push(row);
-      else rowsOf.set(name, [row]);
-    }
-    if (2 * rowsOf.size > by.rows.length && rowsOf.size > 2) continue; // no names: each row has its own
-    columns = [...rowsOf].filter(([name]) => name).flatMap(([name, rows]) => others.map((column) => {
-      if (role === "run") return { ...column, run: name, rows };
-      return { ...column, track: name, label: isPosition(column) ? `${column.label} (${name})` : column.label, rows };
-    }));
+    columns = columns.filter((column) => column !== by);
+    const cells = cellsOf(by).map((cell) => (isNumber(cell, decimalComma) ? general(numberIn(cell)) : cell)); // "2" for "2.0"
+    // Not where each row has a name of its own
+    if (new Set(cells).size <= Math.max(2, rows.length / 2)) names[role] = cells;
   }
-  return columns;
+  /** @type {Map<string, Row[]>} */
+  const parts = new Map();
+  rows.forEach((row, i) => {
+    const [track, run] = [names.object?.[i], names.run?.[i]];
+    if (track === "" || run === "") return;
+    const key = JSON.stringify({ track, run }); // without what no column says
+    parts.set(key, parts.get(key) ?? []);
+    parts.get(key)?.push(row);
+  });
+  return [...parts].flatMap(([key, own]) => columns.map((column) => {
+    const said = JSON.parse(key);
+    const label = said.track && isPosition(column) ? `${column.label} (${said.track})` : column.label;
+    return { ...column, label, ...said, rows: own };
+  }));
 }
 
 /** Name of a file without its ending. @param {string} file */
-export function stem(file) {
-  const name = file.slice(Math.max(file.lastIndexOf("/"), file.lastIndexOf("\\")) + 1);
-  return name.lastIndexOf(".") > 0 ? name.slice(0, name.lastIndexOf(".")) : name;
-}
+export const stem = (file) => file.replace(/^.*[/\\]/s, "").replace(/(?<=.)\.[^.]*$/s, "");

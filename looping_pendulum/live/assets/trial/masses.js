@@ -3,7 +3,7 @@
 import { text } from "../texts.js";
 import { percentile } from "./arrays.js";
 import { stem } from "./columns.js";
-import { dataError, quote } from "./messages.js";
+import { dataError, listed, quote } from "./messages.js";
 
 /** @typedef {Map<string, {x: number[], y: number[]}>} Places of every track, in the file's units, without missing points */
 
@@ -17,24 +17,23 @@ const OUTLIER_SHARE = 5;
  * @returns {Record<string, string>}
  */
 export function massOfTrack(file, places, tracks) {
+  const error = (/** @type {string} */ message) => dataError(file, null, "", message);
   const names = [...places.keys()];
-  const have = names.map((track) => (track ? `'${track}'` : text("file.withoutName"))).join(", ");
+  const have = listed(names.map((track) => (track ? `'${track}'` : text("file.withoutName"))));
   const proposed = Object.entries(proposedMasses(places)).map(([mass, track]) => `${mass}: ${track || stem(file)}`).join(", ");
   const asked = Object.entries(tracks);
   if (asked.length) {
     const unknown = asked.find(([mass]) => !MASSES.includes(mass));
-    if (unknown) throw dataError(file, null, "", text("file.unknownMass", { name: quote(unknown[0]) }));
+    if (unknown) throw error(text("file.unknownMass", { name: quote(unknown[0]) }));
     const wanted = asked.map(([, track]) => track);
-    if (new Set(wanted).size < wanted.length) throw dataError(file, null, "", text("file.bothMasses", { name: quote(wanted[0]) }));
+    if (new Set(wanted).size < wanted.length) throw error(text("file.bothMasses", { name: quote(wanted[0]) }));
     if (names.length === 1 && asked.length === 1 && [names[0], wanted[0]].includes("")) return { [names[0]]: asked[0][0] };
     const missing = wanted.find((track) => !places.has(track));
-    if (missing !== undefined && names.length) {
-      throw dataError(file, null, "", text("file.missingTrack", { have, name: quote(missing), proposed }));
-    }
+    if (missing !== undefined && names.length) throw error(text("file.missingTrack", { have, name: quote(missing), proposed }));
     return Object.fromEntries(asked.map(([mass, track]) => [track, mass]));
   }
   const known = names.flatMap((track) => (massInName(track) ? [[track, massInName(track)]] : []));
-  if (names.length && !known.length) throw dataError(file, null, "", text("file.whichTrack", { have, proposed }));
+  if (names.length && !known.length) throw error(text("file.whichTrack", { have, proposed }));
   return Object.fromEntries(known);
 }
 
@@ -58,12 +57,9 @@ function proposedMasses(places) {
     .map(([track, { x, y }]) => ({ track, width: widthOf(x), fall: y.length ? y[0] - y[y.length - 1] : 0 }));
   let missing = MASSES.filter((mass) => !(mass in named));
   if (!rest.length || !missing.length) return named;
-  const byWidth = [...rest].sort((a, b) => a.width - b.width);
-  let [narrow, wide] = [byWidth[0], byWidth[byWidth.length - 1]];
-  if (rest.length > 1 && 2 * narrow.width > wide.width) {
-    const byFall = [...rest].sort((a, b) => a.fall - b.fall);
-    [narrow, wide] = [byFall[byFall.length - 1], byFall[0]];
-  }
+  const [byWidth, byFall] = [[...rest].sort((a, b) => a.width - b.width), [...rest].sort((a, b) => a.fall - b.fall)];
+  let [narrow, wide] = [byWidth[0], byWidth[rest.length - 1]];
+  if (rest.length > 1 && 2 * narrow.width > wide.width) [narrow, wide] = [byFall[rest.length - 1], byFall[0]];
   if (rest.length === 1 && missing.length > 1) missing = [2 * wide.width < wide.fall ? "heavy" : "light"];
   return { ...named, ...Object.fromEntries(missing.map((mass) => [mass, mass === "light" ? wide.track : narrow.track])) };
 }

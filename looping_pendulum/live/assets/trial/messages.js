@@ -30,6 +30,15 @@ export function quote(value) {
   return `'${characters.length <= MAX_QUOTED ? value : `${characters.slice(0, MAX_QUOTED - 3).join("")}...`}'`;
 }
 
+/** Largest number of names or lines that a sentence lists. */
+const MAX_LISTED = 5;
+
+/** Names for a message: the first few, and how many more there are. @param {(string | number)[]} names */
+export function listed(names) {
+  const shown = names.slice(0, MAX_LISTED).join(", ");
+  return names.length > MAX_LISTED ? text("fault.more", { shown, count: names.length - MAX_LISTED }) : shown;
+}
+
 /** A number in Python's format "g". @param {number} x @param {number} digits */
 export function general(x, digits = 6) {
   if (x === 0) return "0";

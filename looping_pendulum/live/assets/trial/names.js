@@ -1,5 +1,13 @@
 /** The grammar of the names that programs and people write above columns, as `identify` reads them (`discrepancy/data/columns.py`). */
 
+/**
+ * `role`: "t", "frame", "object", "run", "setting", or a position, height, angle or rate; "" if it is none of these. `track`: the tracked
+ * object. `axis`: that of an angular rate. `group`: what stands before a colon in its name, a program's name for its data, or an object.
+ * `rows`: those that the column stands in.
+ * @typedef {{index: number, label: string, role: string, track: string, axis: string, unit: string, run: string, group: string,
+ *   rows: import("./table.js").Row[]}} Column
+ */
+
 const POSITION_ROLES = ["x", "y", "height", "angle", "angle_rate"];
 /** @param {string} words */
 const setOf = (words) => new Set(words.split(", "));
@@ -22,10 +30,10 @@ const WHOLE_NAMES = byWord({
 });
 const RATE_WORDS = setOf("rate, velocity, speed, vitesse, geschwindigkeit, velocidad");
 /** Words of quantities that are computed from positions, or are none. */
-const DERIVED_WORDS = setOf(
-  "rate, velocity, speed, vitesse, geschwindigkeit, velocidad, vx, vy, ax, ay, acceleration, beschleunigung, accélération, force, kraft, "
-    + "energy, momentum, pixelx, pixely, error, err, sigma, uncertainty, std, origin, scale, absolute, step",
-);
+const DERIVED_WORDS = new Set([...RATE_WORDS, ...setOf(
+  "vx, vy, ax, ay, acceleration, beschleunigung, accélération, force, kraft, energy, momentum, pixelx, pixely, error, err, sigma, "
+    + "uncertainty, std, origin, scale, absolute, step",
+)]);
 /** Words that say nothing more beside a quantity. */
 const FILLING_WORDS = setOf("position, pos, coordinate, coord, center, centre, centroid, axis, video, elapsed");
 /** Units that are told from names without brackets. */
@@ -48,24 +56,33 @@ const UNIT_SUFFIX = /^(.*?)_(s|ms|m|cm|mm|rad|deg|m_per_s|rad_per_s)$/;
 const KNOWN_NAMES = ["x", "y", "light_x", "heavy_y", "angle", "height"];
 const CLOSE = 0.6;
 
+/** @param {Partial<Column>} parts @returns {Column} */
+export const columnOf = (parts) => ({
+  index: 0, label: "", role: "", track: "", axis: "", unit: "", run: "", group: "", rows: [], ...parts,
+});
+
+/** The cells of a column. @param {Column} column */
+export const cellsOf = ({ index, rows }) => rows.map(({ cells }) => cells[index] ?? "");
+
+/** @param {{role: string}} column */
+export const isPlace = ({ role }) => role === "x" || role === "y";
+
 /** @param {{role: string}} column */
 export const isPosition = ({ role }) => POSITION_ROLES.includes(role);
 
 /**
- * Split the name of a column: "Latest: light x [cm], Run #2" -> x of light in cm, run 2. `words`: what is left without unit, run and
- * program; `group`: what stands before a colon, a program's name for its data, or an object.
+ * Split the name of a column: "Latest: light x [cm], Run #2" -> x of light in cm, run 2; its label is what is left without unit, run and
+ * program.
  * @param {string} cell
  */
 export function parseName(cell) {
-  const name = { words: cell, role: "", track: "", unit: "", run: "", group: "" };
-  if (cell.length > MAX_NAME) return name;
-  name.run = RUN.exec(cell)?.[1] ?? "";
+  if (cell.length > MAX_NAME) return columnOf({ label: cell });
   const whole = cell.replace(EVERY_RUN, "");
   const colon = whole.lastIndexOf(":");
-  name.group = whole.slice(0, Math.max(colon, 0)).trim();
   const { words, unit } = splitUnit(whole.slice(colon + 1).trim());
-  [name.words, name.unit] = [words.toLowerCase(), unit];
-  const tokens = name.words.split(BETWEEN_WORDS).filter(Boolean);
+  const group = whole.slice(0, Math.max(colon, 0)).trim();
+  const name = columnOf({ label: words.toLowerCase(), unit, group, run: RUN.exec(cell)?.[1] ?? "" });
+  const tokens = name.label.split(BETWEEN_WORDS).filter(Boolean);
   const any = (/** @type {Set<string>} */ set) => tokens.some((token) => set.has(token));
   const special = WHOLE_NAMES.get(tokens.join(" "));
   if (special) return { ...name, role: special };
@@ -74,7 +91,7 @@ export function parseName(cell) {
   const roles = tokens.flatMap((token) => ROLES.get(token) ?? []);
   const isAngular = tokens.includes("angular") || roles.includes("angle");
   if (roles.includes("angle_rate") || (isAngular && any(RATE_WORDS)) || (axis && ["rad/s", "deg/s", "°/s"].includes(unit.toLowerCase()))) {
-    return { ...name, role: "angle_rate", track: axis };
+    return { ...name, role: "angle_rate", axis };
   }
   // "v x" is a velocity, "A x" the object A
   const isDerived = any(DERIVED_WORDS) || (tokens.length <= 2 && words.split(BETWEEN_WORDS).some((word) => word === "v" || word === "a"));
@@ -123,14 +140,11 @@ export function closest(word) {
 
 /** Number of letters in common, in order (Ratcliff and Obershelp). @param {string} a @param {string} b @returns {number} */
 function common(a, b) {
-  let [size, atA, atB] = [0, 0, 0];
-  for (let i = 0; i < a.length; i++) {
-    for (let j = 0; j < b.length; j++) {
-      let k = 0;
-      while (i + k < a.length && a[i + k] === b[j + k]) k += 1;
-      if (k > size) [size, atA, atB] = [k, i, j];
+  for (let size = a.length; size > 0; size--) {
+    for (let i = 0; i + size <= a.length; i++) {
+      const j = b.indexOf(a.slice(i, i + size));
+      if (j >= 0) return size + common(a.slice(0, i), b.slice(0, j)) + common(a.slice(i + size), b.slice(j + size));
     }
   }
-  if (!size) return 0;
-  return size + common(a.slice(0, atA), b.slice(0, atB)) + common(a.slice(atA + size), b.slice(atB + size));
+  return 0;
 }

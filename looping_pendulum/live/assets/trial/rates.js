@@ -4,7 +4,7 @@ import { shown, text } from "../texts.js";
 import { at, largest, steps, where } from "./arrays.js";
 import { count } from "./clock.js";
 import { inQuotes, inSentence } from "./messages.js";
-import { dot, normalMatrix, range, sumOfSquares } from "./statistics.js";
+import { dot, normalMatrix, sumOfSquares } from "./statistics.js";
 
 /** @typedef {import("./clock.js").Channel} Channel */
 /** @typedef {import("./clock.js").Notes} Notes */
@@ -15,25 +15,26 @@ const SQUARINGS = 40;
 /** Smallest number of points of an angle that tell its rate. */
 const MIN_POINTS = 5;
 
-/** The rate about the axis about which a body turns, of rates about axes of its own. @param {Series[]} axes @param {Notes} notes */
-export function aboutOneAxis(axes, notes) {
+/** The rate about the axis about which a body turns, of rates about axes of its own.
+ * @param {import("./table.js").Table} table @param {Series[]} axes @param {Notes} notes */
+export function aboutOneAxis(table, axes, notes) {
   const known = where(axes[0].value, (_, i) => axes.every(({ value }) => Number.isFinite(value[i])));
+  if (!known.length) throw table.error(null, axes[0].column, text("file.noValues", { name: axes[0].name }));
   const columns = axes.map(({ value }) => at(value, known));
-  const axis = mainAxis(normalMatrix(columns));
+  const total = columns.reduce((sum, column) => sum + sumOfSquares(column), 0);
+  const axis = total ? mainAxis(normalMatrix(columns)) : axes.map((_, k) => Number(k === 0)); // it does not turn
   const rates = axes[0].value.map((_, i) => dot(axes.map(({ value }) => value[i]), axis));
-  const share = sumOfSquares(at(rates, known)) / columns.reduce((sum, column) => sum + sumOfSquares(column), 0);
-  const named = axis.map((part) => shown(part.toFixed(2))).join(", ");
+  const share = total ? sumOfSquares(at(rates, known)) / total : 1;
+  const named = axis.map((part) => shown((Number(part.toFixed(2)) + 0).toFixed(2))).join(", ");
   notes.assumptions.push(text("assumed.axis", { count: axes.length, axis: named, share: inSentence(100 * share, 3) }));
   return { ...axes[0], column: axes[indexOfLargest(axis)].column, value: rates };
 }
 
 /** Direction of the largest values, whose largest part is positive. @param {number[][]} matrix products of all pairs of columns */
 function mainAxis(matrix) {
-  const traceOf = (/** @type {number[][]} */ one) => one.reduce((sum, row, k) => sum + row[k], 0);
-  if (traceOf(matrix) === 0) return matrix.map((_, k) => Number(k === 0)); // it does not turn
   let power = matrix;
   for (let i = 0; i < SQUARINGS; i++) {
-    const trace = traceOf(power);
+    const trace = power.reduce((sum, row, k) => sum + row[k], 0);
     power = normalMatrix(power.map((row) => row.map((one) => one / trace)));
   }
   const column = power[indexOfLargest(power.map((row, k) => row[k]))];
@@ -51,10 +52,12 @@ function indexOfLargest(parts) {
 export function withoutInconsistentRate(channels, notes) {
   const [angle, rate] = ["angle", "angle_rate"].map((name) => channels.find((channel) => channel.name === name));
   if (!angle || !rate || angle.t.length < MIN_POINTS) return channels;
-  const slope = interpolated(rate.t, angle.t, gradient(angle));
+  const slopes = new Map(gradient(angle).map((slope, i) => [angle.t[i], slope]));
+  const both = where(rate.t, (t) => slopes.has(t));
+  const [slope, value] = [at(rate.t, both).map((t) => slopes.get(t) ?? 0), at(rate.value, both)];
   const size = sumOfSquares(slope);
-  const ratio = size ? dot(slope, rate.value) / size : 0;
-  const correlation = Math.abs(dot(slope, rate.value)) / (Math.sqrt(size * sumOfSquares(rate.value)) || 1);
+  const ratio = size ? dot(slope, value) / size : 0;
+  const correlation = Math.abs(dot(slope, value)) / (Math.sqrt(size * sumOfSquares(value)) || 1);
   if (correlation > 0.9 && 0.8 < ratio && ratio < 1.25) return channels;
   const found = { column: inQuotes(rate.column), ratio: inSentence(ratio, 2), correlation: shown(correlation.toFixed(2)) };
   count(notes, "", text("unused.notRate", found), rate.t.length);
@@ -66,18 +69,8 @@ function gradient({ t, value }) {
   const dt = steps(t);
   const slopes = steps(value).map((step, i) => step / dt[i]);
   const last = t.length - 1;
-  return range(0, t.length).map((i) => {
+  return t.map((_, i) => {
     if (i === 0 || i === last) return slopes[i ? last - 1 : 0];
     return (dt[i] * slopes[i - 1] + dt[i - 1] * slopes[i]) / (dt[i - 1] + dt[i]);
-  });
-}
-
-/** Values at some ascending times, between the nearest two. @param {number[]} times @param {number[]} t @param {number[]} values */
-function interpolated(times, t, values) {
-  let i = 0;
-  return times.map((time) => {
-    while (i < t.length - 2 && t[i + 1] < time) i += 1;
-    const part = Math.min(Math.max((time - t[i]) / (t[i + 1] - t[i]), 0), 1);
-    return values[i] + part * (values[i + 1] - values[i]);
   });
 }

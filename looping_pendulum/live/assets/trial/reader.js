@@ -4,11 +4,11 @@ import { text } from "../texts.js";
 import { largest } from "./arrays.js";
 import { count, startOf, timedChannels } from "./clock.js";
 import { readColumns } from "./columns.js";
+import { clockFaults, withoutCopies } from "./displaced_rows.js";
 import { massOfTrack } from "./masses.js";
-import { DataError, dataError, inQuotes, inSentence, quote } from "./messages.js";
-import { isPosition } from "./names.js";
+import { DataError, dataError, inQuotes, inSentence, listed, quote } from "./messages.js";
+import { cellsOf, isPlace, isPosition } from "./names.js";
 import { aboutOneAxis, withoutInconsistentRate } from "./rates.js";
-import { clockFaults, withoutCopies } from "./step_durations.js";
 import { lastDigits, readTable } from "./table.js";
 import { isProject, readProject, sheetsOfProject } from "./tracker_project.js";
 import { factorTo, isPixel } from "./units.js";
@@ -17,7 +17,7 @@ import { factorTo, isPixel } from "./units.js";
 /** @typedef {import("./clock.js").Notes} Notes */
 /** @typedef {import("./clock.js").Series} Series */
 /** @typedef {import("./clock.js").Sheet} Sheet */
-/** @typedef {import("./columns.js").Column} Column */
+/** @typedef {import("./names.js").Column} Column */
 /** @typedef {import("./masses.js").Places} Places */
 /** @typedef {import("./table.js").Table} Table */
 /**
@@ -34,10 +34,8 @@ import { factorTo, isPixel } from "./units.js";
 
 export { DataError };
 
-/** Channel -> its SI unit. @type {Record<string, string>} */
-const UNITS = {
-  light_x: "m", light_y: "m", heavy_x: "m", heavy_y: "m", angle: "rad", angle_rate: "rad/s", height: "m",
-};
+/** SI unit of a channel. @param {string} name */
+const unitOf = (name) => (name === "angle" ? "rad" : name === "angle_rate" ? "rad/s" : "m");
 /** @type {Record<string, string>} */
 const DEFAULT_UNITS = { length: "m", time: "s", angle: "rad" };
 /** @type {Record<string, string>} */
@@ -50,9 +48,8 @@ const MAX_VALUE = { m: 1000, light: 20, heavy: 20, rad: 4 * Math.PI, "rad/s": 10
 export function readTrial(file, bytes, options = {}) {
   const { tracks = {}, run = null, frame_rate: frameRate = null, clip_rate: clipRate = null } = options;
   for (const [key, rate] of Object.entries({ frame_rate: frameRate, clip_rate: clipRate })) {
-    if (rate !== null && !(rate > 0 && rate < Infinity)) {
-      throw dataError(file, null, "", text("file.rate", { key, value: inSentence(rate) }));
-    }
+    const isRate = rate === null || (rate > 0 && rate < Infinity);
+    if (!isRate) throw dataError(file, null, "", text("file.rate", { key, value: inSentence(rate) }));
   }
   /** @type {Notes} */
   const notes = { unused: [], assumptions: [] };
@@ -83,19 +80,17 @@ function tableOfPoints(file, bytes) {
   return table;
 }
 
-/** @param {Column} column */
-const isPlace = ({ role }) => role === "x" || role === "y";
-
 /** The columns of the chosen run, and those of no run, that are times or positions.
  * @param {Table} table @param {Column[]} columns @param {string | null} run @param {Notes} notes */
 function ofOneRun(table, columns, run, notes) {
   const runs = [...new Set(columns.filter(isPosition).map((column) => column.run))];
-  const have = runs.join(", ");
-  if (run === null && runs.length > 1) throw table.error(null, "", text("file.severalRuns", { have, first: runs[0] }));
+  const have = listed(runs.map((name) => name || text("file.withoutName")));
+  if (run === null && runs.length > 1) throw table.error(null, "", text("file.severalRuns", { have, first: runs.filter(Boolean)[0] }));
   if (run !== null && !runs.includes(run)) {
     throw table.error(null, "", text(runs.some(Boolean) ? "file.otherRuns" : "file.oneRun", { have, wanted: quote(run) }));
   }
-  const chosen = columns.filter((column) => run === null || column.run === run || !column.run);
+  // Positions of no run are a run of their own, while all runs may share a column of times
+  const chosen = columns.filter((column) => run === null || column.run === run || !(column.run || isPosition(column)));
   leaveOut(chosen.filter(({ role }) => !role), "unused.otherKind", "unused.otherKinds", notes);
   return chosen.filter(({ role }) => role);
 }
@@ -104,8 +99,8 @@ function ofOneRun(table, columns, run, notes) {
  * @param {"unused.otherKinds" | "unused.severalNotAskedFor"} ofSeveral @param {Notes} notes */
 function leaveOut(columns, ofOne, ofSeveral, notes) {
   const names = [...new Set(columns.map(({ label }) => inQuotes(label)))];
-  const cells = columns.reduce((sum, { index, rows }) => sum + rows.filter((row) => row.cells[index]).length, 0);
-  count(notes, "", text(names.length > 1 ? ofSeveral : ofOne, { columns: names.join(", ") }), cells);
+  const cells = columns.flatMap(cellsOf).filter(Boolean).length;
+  count(notes, "", text(names.length > 1 ? ofSeveral : ofOne, { columns: listed(names) }), cells);
 }
 
 /**
@@ -115,55 +110,53 @@ function leaveOut(columns, ofOne, ofSeveral, notes) {
 function sheetsOfTable(table, { tracks, units, run, notes }) {
   const columns = ofOneRun(table, readColumns(table, Object.values(tracks), notes), run, notes);
   const masses = massOfTrack(table.file, placesOf(table, columns), tracks);
-  const rates = columns.filter(({ role }) => role === "angle_rate");
-  const frames = columns.filter(({ role }) => role === "frame");
-  const times = columns.filter(({ role }) => role === "t");
-  const clocks = times.length ? times : frames;
   /** @type {{clock: Column, frame: Column | undefined, channels: Series[]}[]} */
   const timed = [];
-  /** @type {Column[]} */
-  const leftOut = [];
-  for (const column of columns.filter((one) => isPosition(one) && !rates.slice(1).includes(one))) {
-    const { rows, label } = column;
-    const name = isPlace(column) ? `${masses[column.track] ?? ""}_${column.role}` : column.role;
-    if (!Object.hasOwn(UNITS, name)) {
-      leftOut.push(column);
-      continue;
-    }
+  const isOfMass = (/** @type {Column} */ { track }) => Object.hasOwn(masses, track);
+  const byTrack = new Set(["x", "y", ...columns.filter(isOfMass).map(({ role }) => role)]);
+  const leftOut = columns.filter((one) => isPosition(one) && byTrack.has(one.role) && !isOfMass(one));
+  for (const column of columns.filter((one) => isPosition(one) && !leftOut.includes(one))) {
+    const { label, track } = column;
+    const beside = columns.filter(({ rows }) => rows === column.rows);
+    const name = isPlace(column) ? `${masses[track]}_${column.role}` : column.role;
+    // The rates of one body about several axes are one channel
+    const axes = column.axis ? beside.filter((one) => one.axis && one.track === track) : [column];
+    if (column !== axes[0] && new Set(axes.map(({ axis }) => axis)).size === axes.length) continue;
     if (timed.some(({ channels }) => channels.some((one) => one.name === name))) {
       throw table.error(null, label, text("file.second", { name }));
     }
     // Tracker repeats the column of times for each track; the one that belongs to a column stands left of it
-    const own = clocks.filter((one) => one.rows === rows);
-    const clock = own.findLast(({ index }) => index < column.index) ?? own[0];
-    const ownFrames = frames.filter((one) => one.rows === rows);
-    const frame = ownFrames.find(({ track }) => track === column.track) ?? ownFrames[0];
-    const parts = (rates.includes(column) ? rates : [column]).map((one) => seriesOf(table, one, name, units, notes));
-    const series = parts.length > 1 ? aboutOneAxis(parts, notes) : parts[0];
+    const [frames, times] = ["frame", "t"].map((role) => beside.filter((one) => one.role === role));
+    const clocks = times.length ? times : frames;
+    if (!clocks.length) throw table.error(null, label, text("file.noTimes", { names: `'${label}'`, wayOut: text("file.nameTimes") }));
+    const clock = clocks.findLast(({ index }) => index < column.index) ?? clocks[0];
+    const frame = frames.find((one) => one.track === track) ?? frames[0];
+    const parts = axes.map((one) => seriesOf(table, one, name, units, notes));
+    const series = parts.length > 1 ? aboutOneAxis(table, parts, notes) : parts[0];
     const sheet = timed.find((one) => one.clock === clock && one.frame === frame);
     if (sheet) sheet.channels.push(series);
     else timed.push({ clock, frame, channels: [series] });
   }
   leaveOut(leftOut, "unused.notAskedFor", "unused.severalNotAskedFor", notes);
   if (!timed.length) throw table.error(null, "", text("file.nothing"));
-  return timed.map(({ clock, frame, channels }) => {
-    const hasTimes = clock.role === "t";
-    const time = hasTimes ? numbersOf(table, clock) : null;
-    const factor = hasTimes ? factorOf(table, clock, "s", units) : 1;
-    const numbers = frame ? numbersOf(table, frame) : null;
-    const part = numbers?.findIndex((number) => number % 1) ?? -1; // not a number, where there is none, is falsy
-    if (frame && part >= 0) throw table.error(clock.rows[part].line, frame.label, text("file.wholeFrames"));
+  return timed.map(({ clock, frame: counter, channels }) => {
+    const time = clock.role === "t" ? numbersOf(table, clock) : null;
+    const factor = time ? factorOf(table, clock, "s", units) : 1;
+    const frame = counter ? numbersOf(table, counter) : null;
+    const part = frame?.findIndex((number) => number % 1) ?? -1; // not a number, where there is none, is falsy
+    if (counter && part >= 0) throw table.error(clock.rows[part].line, counter.label, text("file.wholeFrames"));
     for (const { name, value } of channels) {
-      const isTimed = (/** @type {number} */ i) => !time || Number.isFinite(time[i]);
-      count(notes, name, text("unused.empty"), value.filter((one, i) => !Number.isFinite(one) && isTimed(i)).length);
-      count(notes, name, text("unused.withoutTime"), value.filter((one, i) => Number.isFinite(one) && !isTimed(i)).length);
+      value.forEach((one, i) => {
+        const [isThere, isTimed] = [Number.isFinite(one), !time || Number.isFinite(time[i])];
+        if (isThere !== isTimed) count(notes, name, text(isThere ? "unused.withoutTime" : "unused.empty"), 1);
+      });
     }
     return {
       clock: clock.label,
       lines: clock.rows.map(({ line }) => line),
       time: time && time.map((t) => t * factor),
-      rounding: digitsOf(clock).map((digit) => 0.5 * digit * factor),
-      frame: numbers,
+      rounding: lastDigits(cellsOf(clock)).map((digit) => 0.5 * digit * factor),
+      frame,
       channels,
     };
   });
@@ -171,9 +164,6 @@ function sheetsOfTable(table, { tracks, units, run, notes }) {
 
 /** Values of a column; not a number: none. @param {Table} table @param {Column} column */
 const numbersOf = (table, { rows, index, label }) => rows.map((row) => table.number(row, index, label));
-
-/** What the last digit of each value of a column is worth. @param {Column} column */
-const digitsOf = ({ rows, index }) => lastDigits(rows.map(({ cells }) => cells[index] ?? ""));
 
 /** @param {Table} table @param {Column[]} columns */
 function placesOf(table, columns) {
@@ -189,11 +179,11 @@ function placesOf(table, columns) {
 /** One channel in SI units. @param {Table} table @param {Column} column @param {string} name @param {Record<string, string>} units
  * @param {Notes} notes @returns {Series} */
 function seriesOf(table, column, name, units, notes) {
-  const factor = factorOf(table, column, UNITS[name], units);
+  const factor = factorOf(table, column, unitOf(name), units);
   const values = numbersOf(table, column);
   if (!values.some(Number.isFinite)) throw table.error(null, column.label, text("file.noValues", { name }));
   if (!column.unit && KIND_OF_UNIT[column.role] === "length") notes.assumptions.push(text("assumed.lengths", { unit: units.length }));
-  const digit = digitsOf(column).map((one) => one * factor);
+  const digit = lastDigits(cellsOf(column)).map((one) => one * factor);
   return { name, column: column.label, value: values.map((value) => value * factor), digit };
 }
 
@@ -206,21 +196,19 @@ function factorOf(table, column, si, units) {
   }
   const factor = factorTo(si, unit);
   if (factor !== null) return factor;
-  const line = column.unit && column.rows.length ? column.rows[0].line - 1 : null;
-  throw table.error(line, column.label, text("file.unit", { unit: quote(unit), si }));
+  throw table.error(column.unit ? column.rows[0].line - 1 : null, column.label, text("file.unit", { unit: quote(unit), si }));
 }
 
 /** Refuse values that must be in another unit than was said. @param {string} file @param {Sheet} sheet */
 function refuseImplausibleValues(file, { channels, lines }) {
   for (const { name, column, value } of channels) {
-    const unit = UNITS[name];
+    const unit = unitOf(name);
     const limit = MAX_VALUE[name.split("_")[0]] ?? MAX_VALUE[unit];
-    const sizes = value.map((one) => (Number.isFinite(one) ? Math.abs(one) : 0));
+    const sizes = value.map((one) => Math.abs(one) || 0);
     const worst = sizes.indexOf(largest(sizes));
-    if (sizes[worst] > limit) {
-      const [kind, other] = unit.startsWith("rad") ? ["angle", "deg"] : ["length", "cm"];
-      const found = { value: inSentence(value[worst]), unit, limit: inSentence(limit, 4), kind, other };
-      throw dataError(file, lines[worst], column, text("file.tooLarge", found));
-    }
+    if (sizes[worst] <= limit) continue;
+    const [kind, other] = unit.startsWith("rad") ? ["angle", "deg"] : ["length", "cm"];
+    const found = { value: inSentence(value[worst]), unit, limit: inSentence(limit, 4), kind, other };
+    throw dataError(file, lines[worst], column, text("file.tooLarge", found));
   }
 }

@@ -8,6 +8,8 @@ import { dataError, quote } from "./messages.js";
 /** @typedef {{line: number, cells: string[]}} Row with its number in the file, from 1 */
 
 const LARGEST_FILE = 20 * 1024 * 1024;
+/** Largest number that is read, and of the smallest that is not zero the inverse: squares are finite in any unit. */
+const LARGEST_NUMBER = 1e100;
 const MAX_LINE_LENGTH = 100_000;
 const MISSING = new Set(["", "-", "--", "nan", "na", "n/a", "#n/a", "null", "none", "1.#qnan", "-1.#ind"]);
 /** The likelier first, where several divide a table equally well; " " stands for any white space. */
@@ -18,7 +20,9 @@ const DECIMAL_POINT = /^[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1
 const DECIMAL_COMMA = /^[+-]?(?:[0-9]+(?:,[0-9]+)?|,[0-9]+)(?:[eE][+-]?[0-9]{1,4})?$/;
 const DIGITS = /^[+-]?([0-9]*)[.,]?([0-9]*)(?:[eE]([+-]?[0-9]+))?$/;
 const WORDS = /"([^"]*)"|([^\s"]+)/g;
-const SEPARATOR_LINE = /^"?sep=(.)"?\s*$/i;
+/** Delimiter -> a cell with quotation marks as spreadsheets write them, the rest of the cell and its end. */
+const CELLS = Object.fromEntries(DELIMITERS.map((d) => [d, new RegExp(`(?:"((?:[^"]|"")*)(?:"|$))?([^${d}]*)([${d}]?)`, "g")]));
+const SEPARATOR_LINE = /^\s*"?sep=(.)"?\s*$/i;
 /** First bytes -> what the file is. @type {[number[], import("../texts.js").TextKey][]} */
 const OTHER_FORMATS = [
   [[0x50, 0x4b, 3, 4], "file.zip"],
@@ -33,67 +37,44 @@ export const isNumber = (cell, decimalComma) => (decimalComma ? DECIMAL_COMMA : 
 /** The number in a cell that is one. @param {string} cell */
 export const numberIn = (cell) => Number(cell.replace(",", "."));
 
-/** Lines of cells of a text table. */
-export class Table {
-  /**
-   * @param {{file: string, delimiter: string, decimalComma: boolean, comments: Row[], lines: Row[]}} parts `comments`: lines that
-   *   began with "#", without it; `lines`: all others that are not empty
-   */
-  constructor({ file, delimiter, decimalComma, comments, lines }) {
-    this.file = file;
-    this.delimiter = delimiter;
-    this.decimalComma = decimalComma;
-    this.comments = comments;
-    this.lines = lines;
-  }
+/**
+ * Lines of cells of a text table. `comments`: lines that began with "#", without it; `lines`: all others that are not empty.
+ * @typedef {ReturnType<typeof readTable>} Table
+ */
 
-  /** @param {number | null} line @param {string} column @param {string} message */
-  error(line, column, message) {
-    return dataError(this.file, line, column, message);
-  }
-
-  /** Value of a cell; not a number if it is empty or says that there is none.
-   * @param {Row} row @param {number} index @param {string} column its name, for messages */
-  number({ line, cells }, index, column) {
-    const cell = cells[index] ?? "";
-    if (MISSING.has(cell.toLowerCase())) return NaN;
-    const found = { cell: quote(cell) };
-    if (this.decimalComma && cell.includes(".") && (DECIMAL_POINT.test(cell) || cell.includes(","))) {
-      throw this.error(line, column, text("file.mixedDecimals", found)); // the point could as well separate thousands
-    }
-    if (!isNumber(cell, this.decimalComma)) throw this.error(line, column, text("file.number", found));
-    const value = numberIn(cell);
-    if (!Number.isFinite(value)) throw this.error(line, column, text("file.finite", found));
-    return value;
-  }
-}
-
-/** @param {string} file its name @param {Uint8Array} bytes @returns {Table} */
+/** @param {string} file its name @param {Uint8Array} bytes */
 export function readTable(file, bytes) {
   const numbered = decoded(file, bytes).split(/\r\n|\r|\n/)
     .map((line, i) => ({ line: line.replace(/^\ufeff+|\ufeff+$/g, ""), number: i + 1 }))
-    .filter(({ line }) => /[^\ufeff \t\f\v]/.test(line));
-  for (const { line, number } of numbered) {
-    if (line.length > MAX_LINE_LENGTH) {
-      throw dataError(file, number, "", text("file.longLine", { length: line.length, limit: MAX_LINE_LENGTH }));
-    }
-  }
+    .filter(({ line }) => line.trim());
+  const long = numbered.find(({ line }) => line.length > MAX_LINE_LENGTH);
+  if (long) throw dataError(file, long.number, "", text("file.longLine", { length: long.line.length, limit: MAX_LINE_LENGTH }));
   const isComment = (/** @type {{line: string}} */ { line }) => line.trimStart().startsWith("#");
   let lines = numbered.filter((one) => !isComment(one));
   // A line for spreadsheets that names the delimiter
-  const separator = lines.length ? SEPARATOR_LINE.exec(lines[0].line.trim()) : null;
+  const [, separator] = SEPARATOR_LINE.exec(lines[0]?.line ?? "") ?? [];
   if (separator) lines = lines.slice(1);
   if (!lines.length) throw dataError(file, null, "", text("file.noRows"));
-  const named = separator && DELIMITERS.includes(separator[1]) ? [separator[1]] : DELIMITERS;
-  const { delimiter, decimalComma } = dialect(lines.map(({ line }) => line), named);
-  const rowOf = (/** @type {string} */ line, /** @type {number} */ number) => ({ line: number, cells: cellsOf(line, delimiter) });
-  return new Table({
-    file,
-    delimiter,
-    decimalComma,
-    comments: numbered.filter(isComment).map(({ line, number }) => rowOf(line.trimStart().replace(/^#+/, ""), number)),
-    lines: lines.map(({ line, number }) => rowOf(line, number)),
-  });
+  const { delimiter, decimalComma } = dialect(lines.map(({ line }) => line), DELIMITERS.includes(separator) ? [separator] : DELIMITERS);
+  const row = (/** @type {{line: string, number: number}} */ { line, number }) => ({ line: number, cells: cellsOf(line, delimiter) });
+  const comments = numbered.filter(isComment).map(({ line, number }) => row({ line: line.trimStart().replace(/^#+/, ""), number }));
+  /** @param {number | null} line @param {string} column @param {string} message */
+  const error = (line, column, message) => dataError(file, line, column, message);
+
+  /** Value of a cell; not a number if it is empty or says that there is none.
+   * @param {Row} row @param {number} index @param {string} column its name, for messages */
+  function number({ line, cells }, index, column) {
+    const cell = cells[index] ?? "";
+    if (MISSING.has(cell.toLowerCase())) return NaN;
+    // The point could as well separate thousands
+    const isMixed = decimalComma && cell.includes(".") && (DECIMAL_POINT.test(cell) || cell.includes(","));
+    const isLarge = Math.abs(numberIn(cell)) > LARGEST_NUMBER;
+    const key = isMixed ? "file.mixedDecimals" : !isNumber(cell, decimalComma) ? "file.number" : isLarge ? "file.finite" : null;
+    if (key) throw error(line, column, text(key, { cell: quote(cell) }));
+    return Math.abs(numberIn(cell)) * LARGEST_NUMBER < 1 ? 0 : numberIn(cell);
+  }
+
+  return { file, delimiter, decimalComma, comments, lines: lines.map(row), error, number };
 }
 
 /** @param {string} file @param {Uint8Array} bytes */
@@ -108,41 +89,27 @@ function decoded(file, bytes) {
 }
 
 /**
- * Cells of a line without the spaces around them; quotation marks as spreadsheets write them.
+ * Cells of a line, at least one, without the spaces around them; quotation marks as spreadsheets write them.
  * @param {string} line
  * @param {string} delimiter " " means any white space
  */
 function cellsOf(line, delimiter) {
-  if (delimiter === " ") return Array.from(line.matchAll(WORDS), ([, quoted, bare]) => quoted || bare || "");
-  if (!line.includes('"')) return line.split(delimiter).map((cell) => cell.trim());
-  const cells = [];
-  let [cell, quoted, start] = ["", false, true];
-  for (let i = 0; i < line.length; i++) {
-    const sign = line[i];
-    if (quoted && sign === '"' && line[i + 1] === '"') {
-      cell += sign;
-      i += 1;
-    } else if (quoted && sign === '"') quoted = false;
-    else if (start && sign === '"') [quoted, start] = [true, false];
-    else if (!quoted && sign === delimiter) {
-      cells.push(cell.trim());
-      [cell, start] = ["", true];
-    } else {
-      cell += sign;
-      start = false;
-    }
-  }
-  return [...cells, cell.trim()];
+  if (delimiter === " ") return Array.from(line.match(WORDS) ? line.matchAll(WORDS) : [[""]], ([, quoted, bare]) => quoted || bare || "");
+  const cells = Array.from(line.matchAll(CELLS[delimiter]));
+  const last = cells.findIndex(([, , , end]) => !end);
+  return cells.slice(0, last + 1).map(([, quoted = "", bare]) => (quoted.replaceAll('""', '"') + bare).trim());
 }
 
-/** The delimiter and the decimal sign with which most cells are numbers or empty. @param {string[]} lines @param {string[]} delimiters */
+/** The delimiter and the decimal sign with which rows have most numbers or empty cells. @param {string[]} lines @param {string[]} delimiters */
 function dialect(lines, delimiters) {
   const sample = lines.length <= 2 * SAMPLE_LINES ? lines : [...lines.slice(0, SAMPLE_LINES), ...lines.slice(-SAMPLE_LINES)];
   let [best, most] = [{ delimiter: delimiters[0], decimalComma: false }, -1];
   for (const delimiter of delimiters) {
-    const cells = sample.map((line) => cellsOf(line, delimiter)).filter((row) => row.length > 1).flat();
+    const rows = sample.map((line) => cellsOf(line, delimiter)).filter((row) => row.length > 1);
     for (const decimalComma of [false, true]) {
-      const count = cells.filter((cell) => !cell || isNumber(cell, decimalComma)).length;
+      const counts = rows.map((row) => row.filter((cell) => !cell || isNumber(cell, decimalComma)).length);
+      // Of names such as "X 2" between tabs, white space would make more numbers
+      const count = counts.reduce((sum, numbers, i) => (2 * numbers > rows[i].length ? sum + numbers : sum), 0);
       if (count > most) [best, most] = [{ delimiter, decimalComma }, count];
     }
   }

@@ -5,7 +5,7 @@ import { largest, rounded, steps } from "./arrays.js";
 import { count } from "./clock.js";
 import { isArchive, textOf } from "./encoding.js";
 import { massOfTrack } from "./masses.js";
-import { dataError, inQuotes, inSentence, quote } from "./messages.js";
+import { dataError, inQuotes, inSentence, listed, quote } from "./messages.js";
 import { range } from "./statistics.js";
 import { factorTo, isPixel } from "./units.js";
 
@@ -53,7 +53,7 @@ export function sheetsOfProject(file, bytes, { tracks: asked, units, notes }) {
   if (factor === null) throw dataError(file, null, "", text("project.unit", { unit: quote(unit) }));
   const masses = massOfTrack(file, new Map(tracks.map((track) => [track.name, track])), asked);
   const left = tracks.filter(({ name }) => !Object.hasOwn(masses, name));
-  const names = left.map(({ name }) => inQuotes(name)).join(", ");
+  const names = listed(left.map(({ name }) => inQuotes(name)));
   count(notes, "", text("project.notAskedFor", { names }), left.reduce((sum, { frame }) => sum + 2 * frame.length, 0));
   return tracks.filter((track) => !left.includes(track)).map(({ name, frame, ...places }) => ({
     clock: "t",

@@ -1,0 +1,590 @@
+"""Rows of a film that are displaced in time, by the points themselves: repeated, lost and uneven pictures.
+
+Over a short while the masses' motion is a polynomial of the time. Points whose pictures were taken earlier or later than their
+times say lie beside it along the velocity, those of all masses by one and the same time. That time is fitted; no model of the
+motion is needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from looping_pendulum.discrepancy.data.noise import scatter
+from looping_pendulum.discrepancy.data.observations import BODIES, Channel, ReadingNotes
+from looping_pendulum.reference_ode.geometry import Array
+
+HALF_WINDOWS = ((3, 0.0125), (6, 0.025), (6, 0.05))
+"""Rows, and time [s], on each side over which the motion is taken for a polynomial, whichever is longer.
+
+Of those windows that fit, the longest one counts.
+"""
+PATTERN_HALF_WINDOWS = (6, 3)
+"""The same for patterns; the longer one holds all of them whole, but with few frames a second the masses turn in it."""
+DEGREE = 3
+"""Degree of the polynomial."""
+MAX_MISFIT_RATIO = 1.25
+"""Largest mean square of a longer window's residuals, in that of a shorter one or in the noise's, with which it is taken."""
+MAX_MISFIT = 2.5
+"""The same with which a displacement is told at all: beyond it the motion is no polynomial, as where a string jerks."""
+REFITS = 3
+"""Number of fits, each with the velocity of the one before: rows that are displaced change it."""
+MAX_DISPLACEMENT = 6.0
+"""Largest displacement that is fitted [steps]."""
+MIN_SIGMAS = 6.0
+"""Standard errors by which a row must be displaced. Of 312 blind trials with right times, the largest is 5.4."""
+MAX_ACROSS, MAX_SLOPE = 4.0, 0.1
+"""Largest displacement otherwise than along the velocities, in standard errors and in the one along them.
+
+A tracker that slips goes another way than the mass, and with one mass alone.
+"""
+COPIED = (-1.5, -0.6)
+"""Displacement of a row, or of all from it on, in which the picture before is stored again [steps]."""
+MIN_LOST = 0.6
+"""The same of all rows after lost pictures."""
+RATE_FACTORS = (2.0, 4.0, 8.0, 1 / 2, 1 / 4, 1 / 8)
+"""Factors by which the duration of a row may change in a film: those of a phone's slow motion."""
+RATE_HALF_WINDOWS = (3, 4, 6, 10)
+"""Rows on each side of one from which on they last longer or shorter."""
+MIN_GAIN, MIN_OWN_GAIN = 30.0, 40.0
+"""Smallest fall of the residuals' sum of squares [variances of the noise] by a change of the clock, and without a model.
+
+In films with one clock, that a string lies on itself or a tracker slips gives 30 to 130, without the conditions below.
+"""
+MIN_GAIN_RATIO, MIN_MISFIT_FALL = 1.5, 3.0
+"""Without a model: the same in that by leaving out one row, and smallest factor by which the misfit falls."""
+MAX_CHANGES = 4
+"""Largest number of changes of the clock, the clearest ones."""
+MAX_PERIOD = 6
+"""Longest pattern of repeated or uneven frames [frames]."""
+MIN_PATTERN_SIGMAS = 5.0
+"""Standard errors by which durations at the places of a pattern must differ."""
+MIN_ROWS = 12
+"""Smallest number of rows from which anything is told."""
+MIN_MISFIT_RATIO = 0.8
+"""Misfit of a longer pattern, in that of a shorter one, below which it is the longer one."""
+COPY = 0.35
+"""Duration of a step below which a picture is stored again [steps]."""
+MIN_UNEVEN = 0.08
+"""Smallest difference of the durations of frames in turn that is named: at 240 a second, a third of a millisecond."""
+MAX_ROW_ERROR = 0.3
+"""Largest error of a row's displacement by the noise with which it tells of uneven times [steps]."""
+MAX_SIGMAS = 8.0
+"""Largest displacement of a row that counts [standard errors]."""
+MIN_UNEVEN_RATIO = 2.2
+"""Smallest ratio of the points' mean squares along and across their ways at which times are uneven.
+
+Where the noise grows with the speed, the ratio is up to 1.9, of 38 films with even times.
+"""
+MIN_EVEN_RATIO = 0.8
+"""Scatter of points at even times, in that at the file's, below which the pictures were taken at even ones."""
+MAX_CHANCE_DIGIT = 0.2
+"""Last digit, in standard deviations of the noise, up to which equal points are no chance but copies."""
+MIN_COPIES = 3
+"""Smallest number of points that are equal to the one before of which any is taken for a copy."""
+MIN_NOISE = 5e-5
+"""Smallest noise, as a part of the range of the values, in which a copy tells anything: made-up data have none."""
+MAX_SHOWN = 3
+"""Largest number of rows that a sentence names."""
+OWN_TIMES = "export the film's own frame times, or its frame numbers"
+"""Way out where pictures are lost, repeated or uneven."""
+ONE_CLOCK = (
+    "share the film as the camera took it, without a part in slow motion, and mark it again, or mark one part and state its "
+    "'frame_rate'"
+)
+"""Way out where the clock changes."""
+
+
+def without_copies(channels: Sequence[Channel], notes: ReadingNotes) -> list[Channel]:
+    """Return the channels without pictures that are stored again: every picture as often, or single ones with equal points.
+
+    A copy has no noise of its own, so that it would count twice in a fit.
+    """
+    film = _Film.of(channels)
+    pattern = None if film is None else _pattern_of_copies(film)
+    if film is None or pattern is None:
+        return [c for body in _by_body(channels) for c in _without_equal_points(body, notes)]
+    period, new = len(pattern), int(pattern.sum())
+    first = int(np.argmax(pattern))
+    by_file, even = [], []
+    for c in channels:
+        number = film.number_of(c.t)
+        kept = pattern[number % period]
+        rank = (np.cumsum(pattern)[number % period] - 1 + new * (number // period))[kept]
+        by_file.append(replace(c, t=c.t[kept], value=c.value[kept]))
+        # A camera's pictures are even in time, which a film shows twice and three times in turn
+        even.append(replace(by_file[-1], t=film.t[0] + (first + rank * period / new) * film.step))
+    scatter_even, scatter_by_file = (sum(map(scatter, those)) for those in (even, by_file))
+    chosen = even if scatter_even < MIN_EVEN_RATIO * scatter_by_file else by_file
+    every = f"every picture is stored {period} times" if new == 1 else f"{period} rows show {new} pictures"
+    rows = f"{len(max(chosen, key=len))} of {len(max(channels, key=len))}"
+    notes.assumptions.append(f"{every}: one row of each is kept, {rows}")
+    return chosen
+
+
+def with_time_errors(channels: Sequence[Channel], notes: ReadingNotes) -> list[Channel]:
+    """Return the channels with an error of each time, if points lie farther from a smooth motion along their ways than across.
+
+    So it is where pictures are taken unevenly, but their times are even.
+    """
+    film = _Film.of(channels)
+    if film is None:
+        return list(channels)
+    rows = film.best_displacements(onward=False)
+    told = np.flatnonzero((rows.misfit < MAX_MISFIT) & (rows.error < MAX_ROW_ERROR))
+    others = len(film.values) - 1
+    if len(told) < MIN_ROWS or not others:
+        return list(channels)
+    # By the noise alone; a point that is far out in either direction is an outlier
+    widening = np.sqrt(np.maximum(rows.misfit[told], 1.0))
+    error = rows.error[told] / widening
+    along, across = (
+        np.minimum(np.abs(each), MAX_SIGMAS) ** 2 for each in (rows.value[told] / error, rows.across[told] * widening)
+    )
+    noise = max(float(np.mean(across)) / others, 1.0)
+    if np.mean(along) < noise * max(MIN_UNEVEN_RATIO, 1 + MIN_SIGMAS * np.sqrt(2 / len(told))):
+        return list(channels)
+    variance = float(np.average((along - noise) * error**2, weights=1 / (error**2 + MIN_UNEVEN**2) ** 2))
+    time_error = film.step * float(np.sqrt(max(variance, 0.0)))
+    if time_error < 2 * max(c.time_error for c in channels):  # what rounding explains
+        return list(channels)
+    notes.assumptions.append(
+        f"by the masses' motion, pictures were taken unevenly, {1e3 * time_error:.2g} ms beside their times: taken as an error "
+        "of each time"
+    )
+    return [replace(c, time_error=time_error) for c in channels]
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrongTimes:
+    """What is wrong with the times of a row, or of all from it on."""
+
+    t: float
+    """Time of the first row by the file [s]."""
+    shift: float = 0.0
+    """By how much later the pictures were taken [s]."""
+    steps: float = 0.0
+    """The same in steps from row to row."""
+    factor: float = 1.0
+    """How long a row lasts, in what it lasted before."""
+    onward: bool = True
+    """Whether all later rows are concerned, too."""
+
+    def undone(self, t: Array) -> Array:
+        """Return the times at which the pictures of some rows were taken [s]."""
+        concerned = t > self.t - 1e-9 if self.onward else np.isclose(t, self.t)
+        return np.asarray(np.where(concerned, self.t + self.factor * (t - self.t) + self.shift, t))
+
+
+Agreement = Callable[[Sequence[WrongTimes]], bool]
+"""Function that says whether all that is known of the motion agrees with other times."""
+
+
+def clock_faults(channels: Sequence[Channel], agrees: Agreement | None = None) -> list[str]:
+    """Return what the points say against the times: clocks that change, lost, repeated and uneven pictures.
+
+    None of these can be put right.
+
+    Parameters
+    ----------
+    agrees
+        What is asked about rows from which on all times are wrong. Where a tracker slips along the mass's way, or the string
+        jerks, the points alone look the same; without this, only the clearest are named.
+    """
+    film = _Film.of(channels)
+    if film is None:
+        return []
+    changes = _rate_changes(film, is_clear=agrees is None)
+    if changes and (agrees is None or _agrees_by_either_clock(film, changes, agrees)):
+        return [_changes_text(changes)]
+    displaced = _single_displacements(film)
+    onward = [rows for rows in displaced if rows.onward]
+    if onward and agrees and not agrees(onward):
+        displaced = [rows for rows in displaced if not rows.onward]
+    faults = []
+    for is_lost, what in (
+        (True, "the masses are where they should be {} steps later, so that pictures are lost there"),
+        (False, "the masses are where they were before, so that a picture is stored again there"),
+    ):
+        named = [rows for rows in displaced if (rows.steps > 0) == is_lost]
+        if named:
+            shown = ", ".join(f"{rows.t:.4g} s" for rows in named[:MAX_SHOWN])
+            more = f" and {len(named) - MAX_SHOWN} more" if len(named) > MAX_SHOWN else ""
+            faults.append(f"from {shown}{more} on {what.format(f'{named[0].steps:.2g}')}; {OWN_TIMES}")
+    uneven = _uneven_pattern(film)
+    if uneven is not None:
+        means = " and ".join(f"{m:.2g}" for m in uneven)
+        faults.append(f"frames in turn last {means} of their mean, by the masses' motion, unlike their times; {OWN_TIMES}")
+    return faults
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Film:
+    """All channels at the times of all rows."""
+
+    t: Array
+    """Times of the rows [s], shape (n,)."""
+    values: Array
+    """Values in standard deviations of their noise, shape (channels, n); not a number where one is missing."""
+    step: float
+    """Time from row to row by the file [s]."""
+
+    @classmethod
+    def of(cls, channels: Sequence[Channel]) -> _Film | None:
+        """Return the film of some channels; None: there are too few rows."""
+        moving = [c for c in channels if c.name != "angle_rate" and len(c) >= 2 * MIN_ROWS]
+        if not moving:
+            return None
+        t = np.unique(np.concatenate([c.t for c in moving]))
+        values = np.full((len(moving), len(t)), np.nan)
+        for i, c in enumerate(moving):
+            values[i, np.searchsorted(t, c.t)] = c.value / max(scatter(c), c.last_digit)
+        return cls(t=t, values=values, step=float(np.median(np.diff(t))))
+
+    def number_of(self, t: Array) -> NDArray[np.intp]:
+        """Return the number of the frame at each time, from the first row."""
+        return np.asarray(np.round((t - self.t[0]) / self.step), dtype=np.intp)
+
+    def displacements(self, half: int, *, onward: bool) -> _Displacements:
+        """Return by how much each row is displaced in time: a positive one was filmed later than its time says.
+
+        Parameters
+        ----------
+        half
+            Number of rows on each side of it.
+        onward
+            Whether all rows after it are displaced with it.
+        """
+        length = 2 * half + (not onward)
+        if len(self.t) < length:
+            empty = np.full(len(self.t), np.inf)
+            return _Displacements(half=np.full(len(self.t), half), value=0 * self.t, error=empty, misfit=empty, across=empty)
+        windows = _Windows(self, half, length)
+        place = np.arange(windows.length)
+        fit = windows.fit((place >= half if onward else place == half)[None, None])
+        return _Displacements(
+            half=np.full(len(self.t), half),
+            value=self._by_row(half, fit.value[:, 0], 0.0),
+            error=self._by_row(half, np.sqrt(fit.covariance[:, 0, 0]), np.inf),
+            misfit=self._by_row(half, fit.misfit, np.inf),
+            across=self._by_row(half, fit.across, np.inf),
+        )
+
+    def _by_row(self, half: int, values: Array, other: float) -> Array:
+        """Return values of windows at the rows in their middle, and another one where no window is."""
+        all_rows = np.full(len(self.t), other)
+        all_rows[half : half + len(values)] = values
+        return all_rows
+
+    def best_displacements(self, *, onward: bool) -> _Displacements:
+        """Return displacements by the longest window of each row in which the motion is a polynomial."""
+        halves = {max(rows, round(duration / self.step)) for rows, duration in HALF_WINDOWS}
+        best, *longer = (self.displacements(half, onward=onward) for half in sorted(halves))
+        for other in longer:
+            best = best.replaced(other, other.misfit < MAX_MISFIT_RATIO * np.maximum(best.misfit, 1.0))
+        return best
+
+    def patterns(self, half: int) -> list[_Pattern]:
+        """Return how long pictures in turn last by the points, by the length of the pattern; empty: there are too few rows."""
+        if len(self.t) < max(2 * half + MIN_ROWS, 4 * MAX_PERIOD):
+            return []
+        windows = _Windows(self, half, 2 * half + 1)
+        found = []
+        for period in range(2, MAX_PERIOD + 1):
+            place = sliding_window_view(self.number_of(self.t) % period, windows.length)
+            # The others are displaced from the last place
+            fit = windows.fit(place == np.arange(period - 1)[:, None, None], pooled=True)
+            to_next = (np.roll(np.eye(period), 1, axis=1) - np.eye(period))[:, : period - 1]
+            found.append(
+                _Pattern(
+                    durations=1 + to_next @ fit.value[0],
+                    error=np.sqrt(np.einsum("pi,ij,pj->p", to_next, fit.covariance[0], to_next)),
+                    misfit=float(np.median(fit.misfit)),
+                )
+            )
+        return found
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Pattern:
+    """How long pictures in turn last."""
+
+    durations: Array
+    """Time from the picture at each place of the pattern to the next one [steps], shape (period,)."""
+    error: Array
+    """Standard errors of the durations [steps]."""
+    misfit: float
+    """Median over windows of the residuals' mean square, in variances of the noise."""
+
+    @property
+    def new(self) -> NDArray[np.bool_] | None:
+        """Return which rows of a period show a new picture; None: none is clearly stored again, or some are neither."""
+        # A row shows the picture before again if that one lasts no time
+        last, error = np.roll(self.durations, 1), np.roll(self.error, 1)
+        copy = last < COPY
+        clear = np.where(copy, 1 - last, last - COPY) > MIN_PATTERN_SIGMAS * error
+        return np.asarray(~copy) if copy.any() and np.all(clear) else None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Displacements:
+    """By how much each row is displaced in time, shape (n,) each."""
+
+    half: NDArray[np.intp]
+    """Rows on each side of it that were taken."""
+    value: Array
+    """Displacement [steps]; positive: filmed later than its time says."""
+    error: Array
+    """Standard error [steps]; infinite where there are too few rows."""
+    misfit: Array
+    """Mean square of the residuals, in variances of the noise."""
+    across: Array
+    """Displacement otherwise than along the velocities [standard errors]."""
+
+    def replaced(self, other: _Displacements, where: NDArray[np.bool_]) -> _Displacements:
+        """Return these with some of the others in their places."""
+        return _Displacements(
+            half=np.where(where, other.half, self.half),
+            value=np.where(where, other.value, self.value),
+            error=np.where(where, other.error, self.error),
+            misfit=np.where(where, other.misfit, self.misfit),
+            across=np.where(where, other.across, self.across),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Fit:
+    """Displacements that windows share, or each window's own."""
+
+    value: Array
+    """Displacements [steps], shape (windows or 1, displacements)."""
+    covariance: Array
+    """Their covariance, shape (windows or 1, displacements, displacements)."""
+    misfit: Array
+    """Mean square of each window's residuals, in variances of the noise."""
+    across: Array
+    """What the same rows are displaced by otherwise than along the velocities, in standard errors, of each window."""
+
+
+class _Windows:
+    """All runs of so many rows, in each of which the motion is a polynomial of the time."""
+
+    def __init__(self, film: _Film, half: int, length: int, factor: float = 1.0) -> None:
+        """Take the values of a film; the polynomials' variable is 0 at row `half` of each window.
+
+        Parameters
+        ----------
+        factor
+            How long a row lasts from that one on, in what it lasted before.
+        """
+        self.half, self.length = half, length
+        t = sliding_window_view(film.t, length)
+        x = (t - t[:, half, None]) / (half * film.step * max(factor, 1.0))
+        x = np.where(x > 0, factor * x, x)
+        values = sliding_window_view(film.values, length, axis=1)
+        self.known = np.isfinite(values)
+        self.y = np.where(self.known, values, 0.0)
+        self.basis, self.slopes = _polynomials(x, self.known)
+        self.rest = self._without_polynomials(self.y)
+
+    def fit(self, moved: NDArray[np.bool_], *, pooled: bool = False) -> _Fit:
+        """Return by how much rows are displaced in time.
+
+        Parameters
+        ----------
+        moved
+            Which rows of each window share a displacement, shape (displacements, windows or 1, rows).
+        pooled
+            Whether all windows have the same ones.
+        """
+        freedom = np.maximum(self.freedom - len(moved), 1)
+        misfit = np.ones(self.y.shape[1])
+        velocity, late = np.zeros_like(self.y), np.zeros(self.y.shape[1:])
+        for _ in range(REFITS):
+            coefficients = np.einsum("jcnk,cnk->jcn", self.basis, self.y - velocity * late)
+            velocity = np.where(self.known, np.einsum("jcnk,jcn->cnk", self.slopes, coefficients) / self.half, 0.0)
+            free = [self._without_polynomials(velocity * rows) for rows in moved]
+            normal = np.array([[np.einsum("cnk,cnk->n", one, other) for other in free] for one in free])
+            right = np.array([np.einsum("cnk,cnk->n", one, self.rest) for one in free])
+            if pooled:
+                weight = 1 / np.maximum(misfit, 1.0)
+                normal, right = (np.sum(weight * each, axis=-1, keepdims=True) for each in (normal, right))
+            normal = np.moveaxis(normal, -1, 0)
+            size = np.trace(normal, axis1=1, axis2=2)[:, None, None]
+            normal = normal + (1e-9 * size + 1e-12) * np.eye(len(moved))
+            value = np.clip(np.linalg.solve(normal, right.T[..., None])[..., 0], -MAX_DISPLACEMENT, MAX_DISPLACEMENT)
+            late = sum(each[:, None] * rows for each, rows in zip(value.T, moved, strict=True))
+            left = self.rest - sum(each[:, None] * rows for each, rows in zip(value.T, free, strict=True))
+            misfit = np.einsum("cnk,cnk->n", left, left) / freedom
+        # Windows overlap, so that each row counts in as many as they are long
+        scale = np.array([self.length * np.average(misfit, weights=weight)]) if pooled else np.maximum(misfit, 1.0)
+        steps = [self._without_polynomials(self.known * rows) for rows in moved]
+        across = [
+            np.einsum("cnk,cnk->cn", step, left) ** 2 / np.maximum(np.einsum("cnk,cnk->cn", step, step), 1e-12)
+            for step in steps
+        ]
+        return _Fit(
+            value=value,
+            covariance=scale[:, None, None] * np.linalg.inv(normal),
+            misfit=misfit,
+            across=np.sqrt(np.sum(across, axis=(0, 1)) / np.maximum(misfit, 1.0)),
+        )
+
+    @property
+    def freedom(self) -> Array:
+        """Return the number of values of each window beyond the polynomials' coefficients."""
+        return np.asarray(np.maximum(np.maximum(self.known.sum(axis=2) - DEGREE - 1, 0).sum(axis=0), 1))
+
+    @property
+    def squares(self) -> Array:
+        """Return the sum of squares of each window's residuals, in variances of the noise."""
+        return np.asarray(np.einsum("cnk,cnk->n", self.rest, self.rest))
+
+    @property
+    def largest_by_one_row(self) -> Array:
+        """Return by how much each window's sum of squares falls without the row that fits worst."""
+        own = np.maximum(1 - np.sum(self.basis**2, axis=0), 0.05)
+        return np.asarray(np.max(np.sum(self.rest**2 / own, axis=0), axis=1))
+
+    def _without_polynomials(self, y: Array) -> Array:
+        """Return what of y, shape (channels, windows, rows), no polynomial describes."""
+        return np.asarray(y - np.einsum("jcnk,jcn->cnk", self.basis, np.einsum("jcnk,cnk->jcn", self.basis, y)))
+
+
+def _polynomials(x: Array, known: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Return polynomials of x that are orthonormal over the known rows of each window, and their derivatives.
+
+    Both have shape (degree + 1, channels, windows, rows). A polynomial that the rows do not determine is zero.
+    """
+    basis, slopes = np.zeros((2, DEGREE + 1, *known.shape))
+    for j in range(DEGREE + 1):
+        polynomial, slope = x**j * known, np.broadcast_to(j * x ** max(j - 1, 0), known.shape)
+        for i in range(j):
+            shared = np.einsum("cnk,cnk->cn", basis[i], polynomial)[..., None]
+            polynomial, slope = polynomial - shared * basis[i], slope - shared * slopes[i]
+        size = np.linalg.norm(polynomial, axis=2, keepdims=True)
+        scale = np.where(size > 1e-6, 1 / np.maximum(size, 1e-6), 0.0)
+        basis[j], slopes[j] = scale * polynomial, scale * slope
+    return basis, slopes
+
+
+def _rate_changes(film: _Film, *, is_clear: bool) -> list[WrongTimes]:
+    """Return rows from which on they last longer or shorter, if the motion is a polynomial of other times only.
+
+    Parameters
+    ----------
+    is_clear
+        Whether only the clearest are returned.
+    """
+    best: dict[int, tuple[float, int, float]] = {}
+    for half in RATE_HALF_WINDOWS:
+        if len(film.t) < 2 * half + 1:
+            break
+        even = _Windows(film, half, 2 * half + 1)
+        for factor in RATE_FACTORS:
+            changed = _Windows(film, half, 2 * half + 1, factor)
+            gain = even.squares - changed.squares
+            told = (gain > MIN_GAIN) & (changed.squares < MAX_MISFIT * changed.freedom)
+            if is_clear:
+                told &= (gain > MIN_OWN_GAIN) & (gain > MIN_GAIN_RATIO * even.largest_by_one_row)
+                told &= even.squares > MIN_MISFIT_FALL * changed.squares
+            for k in np.flatnonzero(told):
+                best[int(k) + half] = max(best.get(int(k) + half, (0.0, 0, 1.0)), (float(gain[k]), half, factor))
+    chosen: dict[int, float] = {}
+    for row, (_, half, factor) in sorted(best.items(), key=lambda item: item[1], reverse=True):
+        if len(chosen) < MAX_CHANGES and all(abs(row - other) > half for other in chosen):
+            chosen[row] = factor
+    return [WrongTimes(t=float(film.t[row]), factor=chosen[row]) for row in sorted(chosen)]
+
+
+def _agrees_by_either_clock(film: _Film, changes: Sequence[WrongTimes], agrees: Agreement) -> bool:
+    """Return whether all that is known agrees with one clock for the film: that before the first change or that after it."""
+    by_later = WrongTimes(t=float(film.t[0]), factor=1 / changes[0].factor)
+    return agrees(changes) or agrees([by_later, *changes])
+
+
+def _changes_text(changes: Sequence[WrongTimes]) -> str:
+    """Return when the clock changes and how, in words."""
+    ratios = (f"{c.factor:.3g} times" if c.factor > 1 else f"1/{1 / c.factor:.3g}" for c in changes)
+    found = " and ".join(f"from {c.t:.3g} s on a row lasts {words} as long" for c, words in zip(changes, ratios, strict=True))
+    return f"by the masses' motion, the clock changes: {found}; {ONE_CLOCK}"
+
+
+def _single_displacements(film: _Film) -> list[WrongTimes]:
+    """Return rows before which pictures are lost, and those that show the picture before."""
+    found = []
+    for onward in (True, False):
+        rows = film.best_displacements(onward=onward)
+        sigmas = np.abs(rows.value) / rows.error
+        usual = (rows.value > COPIED[0]) & (rows.value < COPIED[1]) | onward & (rows.value > MIN_LOST)
+        usual &= rows.across < np.maximum(MAX_ACROSS, MAX_SLOPE * sigmas)
+        for k in np.flatnonzero(usual & (sigmas > MIN_SIGMAS) & (rows.misfit < MAX_MISFIT)):
+            steps = float(rows.value[k])
+            here = WrongTimes(t=float(film.t[k]), steps=steps, shift=steps * film.step, onward=onward)
+            found.append((float(sigmas[k]), int(k), int(rows.half[k]), here))
+    # A single row that is displaced displaces those around it a little, and the other way round: the clearest one counts
+    chosen: dict[int, WrongTimes] = {}
+    for _, row, half, here in sorted(found, key=lambda each: -each[0]):
+        if all(abs(row - other) > half for other in chosen):
+            chosen[row] = here
+    return [chosen[row] for row in sorted(chosen)]
+
+
+def _by_body(channels: Sequence[Channel]) -> list[list[Channel]]:
+    """Return the channels in their order, by body; those of no body each alone."""
+    bodies = {name: body for body, names in BODIES.items() for name in names}
+    grouped: dict[str, list[Channel]] = {}
+    for c in channels:
+        grouped.setdefault(bodies.get(c.name, c.name), []).append(c)
+    return list(grouped.values())
+
+
+def _without_equal_points(body: list[Channel], notes: ReadingNotes) -> list[Channel]:
+    """Return a body's channels without points that repeat the one before in every digit."""
+    if any(not np.array_equal(c.t, body[0].t) for c in body) or len(body[0]) < MIN_ROWS:
+        return body
+    values = np.stack([c.value for c in body], axis=1)
+    fresh = np.append(True, np.any(values[1:] != values[:-1], axis=1))
+    if fresh.all() or fresh.sum() < MIN_ROWS:
+        return body
+    left = [replace(c, t=c.t[fresh], value=c.value[fresh]) for c in body]
+    # Of rounded points, or of those on a raster such as a picture's pixels, many that are no neighbours are equal, too
+    by_chance = max(len(c) - len(np.unique(c.value)) for c in left)
+    if (~fresh).sum() < max(MIN_COPIES, by_chance) or not all(map(_has_fine_digits, left)):
+        return body
+    for c in body:
+        notes.unused[f"{c.name}: a copy of the point before"] += int(np.sum(~fresh))
+    return left
+
+
+def _has_fine_digits(channel: Channel) -> bool:
+    """Return whether a channel has noise, and digits so far below it that no two points are equal by chance."""
+    noise = scatter(channel)
+    return noise > max(MIN_NOISE * float(np.ptp(channel.value)), channel.last_digit / MAX_CHANCE_DIGIT)
+
+
+def _pattern_of_copies(film: _Film) -> NDArray[np.bool_] | None:
+    """Return which rows of a period show a new picture; None: there is no such pattern."""
+    for half in PATTERN_HALF_WINDOWS:
+        best = None
+        for pattern in film.patterns(half):
+            # Of pictures stored four times, every second one is stored twice, too
+            if pattern.new is not None and (best is None or pattern.misfit < MIN_MISFIT_RATIO * best.misfit):
+                best = pattern
+        if best is not None:
+            return best.new
+    return None
+
+
+def _uneven_pattern(film: _Film) -> Array | None:
+    """Return the mean durations of frames in turn; None: they are even."""
+    for half in PATTERN_HALF_WINDOWS:
+        for pattern in film.patterns(half):
+            least = max(MIN_UNEVEN, MIN_PATTERN_SIGMAS * np.sqrt(2) * float(pattern.error.max()))
+            if np.ptp(pattern.durations) > least:
+                return pattern.durations
+    return None
