@@ -16,6 +16,7 @@ _NAMES_OF_OTHERS = re.compile(r"^export \{([^}]*)\};\n", re.MULTILINE)
 _OTHER_FORM = re.compile(r"^(?:import|export)\b.*", re.MULTILINE)
 _COMMENTS = re.compile(r"^[ ]*(?:/\*\*(?:(?!\*/).)*\*/|//[^\n]*)\n", re.MULTILINE | re.DOTALL)
 """Comments on lines of their own: a fifth of a page that is to stay small."""
+_INDENT = re.compile(r"(?<=\n) +")
 
 
 def bundle(entry: str) -> str:
@@ -62,8 +63,12 @@ def _resolved(path: str, imported: str) -> str:
 
 
 def _wrapped(path: str, source: str) -> str:
-    """Return a module, without its comments, as a function whose result has what it exports."""
-    source = _COMMENTS.sub("", source)
+    """Return a module, without comments and indentation, as a function whose result has what it exports."""
+    # Between backticks, as in the study file that the page writes, spaces at the beginning of a line count
+    parts = _COMMENTS.sub("", source).split("`")
+    if len(parts) % 2 == 0:
+        raise ValueError(f"{path}: found {len(parts) - 1} backticks, needed an even number")
+    source = "`".join(part if i % 2 else _INDENT.sub("", part) for i, part in enumerate(parts))
     exported = [*_NAME.findall(source), *(name for names in _NAMES_OF_OTHERS.findall(source) for name in _names(names))]
     body = _IMPORT.sub(lambda m: f"const {{ {', '.join(_names(m[1]))} }} = {_variable(_resolved(path, m[2]))};\n", source)
     body = _EXPORT.sub("", _NAMES_OF_OTHERS.sub("", body))

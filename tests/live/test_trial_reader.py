@@ -142,6 +142,40 @@ def test_a_clock_with_faults_is_put_right_or_named_alike(both):
         assert_same(expected, found)
 
 
+ROWS = np.arange(240)
+FILMS = {
+    "a lost picture at 480 a second": (480, np.arange(480) + (np.arange(480) >= 200), "pictures are lost there"),
+    "three lost pictures": (240, ROWS + 3 * (ROWS >= 150), "should be 3 steps later"),
+    "lost pictures in four places": (120, ROWS + 2 * np.searchsorted([50, 100, 150, 200], ROWS, "right"), " s and 1 more on the"),
+    "a picture that is stored again": (240, ROWS - (ROWS >= 150), "stored again there"),
+    "a picture that is stored instead of the next one": (240, ROWS - (ROWS == 150), "stored again there"),
+    "every picture four times": (240, ROWS // 4 * 4, "every picture is stored 4 times"),
+    "24 pictures a second in a film of 60": (60, ROWS * 24 // 60 * 2.5, "5 rows show 2 pictures"),
+    "frames in turn": (240, ROWS + np.where(ROWS % 2, 0.2, -0.2), "frames in turn last"),
+    "uneven frames": (60, ROWS + np.random.default_rng(SEED).uniform(-0.4, 0.4, 240), "pictures were taken unevenly"),
+    "a part in slow motion": (240, np.minimum(ROWS, 120 + (ROWS - 120) / 4), "a row lasts 1/4 as long"),
+    "a part that is faster": (120, np.maximum(ROWS, 120 + (ROWS - 120) * 2), "a row lasts 2 times as long"),
+    "right times": (240, ROWS, ""),
+}
+"""Name -> rows a second, number of the picture that each row shows, and a part of what is said."""
+
+
+@pytest.mark.parametrize("has_gaps", [False, True])
+def test_films_whose_rows_are_displaced_are_judged_alike(both, has_gaps):
+    """With gaps, rows are missing, and in others the heavy mass."""
+    rng = np.random.default_rng(SEED)
+    cases = []
+    for rate, taken, _ in FILMS.values():
+        values = motion(taken / len(taken)) + 3e-4 * rng.standard_normal((len(taken), 4))
+        lines = [[f"{row / rate:.6f}", *(f"{v:.6f}" for v in points)] for row, points in enumerate(values)]
+        if has_gaps:
+            lines = [[*line[:3], "", ""] if rng.random() < 0.2 else line for line in lines if rng.random() > 0.05]
+        cases.append(("t,light_x,light_y,heavy_x,heavy_y\n" + "".join(",".join(line) + "\n" for line in lines), {}))
+    for (name, (*_, said)), (expected, found) in zip(FILMS.items(), both(cases), strict=True):
+        assert has_gaps or said in " ".join((*expected["assumptions"], *expected["faults"])), name
+        assert_same(expected, found)
+
+
 def test_times_that_were_cut_off_or_have_gaps(both):
     cases = []
     for rate, decimals, gone in itertools.product(

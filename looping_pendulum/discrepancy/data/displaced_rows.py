@@ -31,6 +31,8 @@ MAX_MISFIT_RATIO = 1.25
 """Largest mean square of a longer window's residuals, in that of a shorter one or in the noise's, with which it is taken."""
 MAX_MISFIT = 2.5
 """The same with which a displacement is told at all: beyond it the motion is no polynomial, as where a string jerks."""
+MAX_MISFIT_AGREED = 6.0
+"""The same where a model agrees."""
 REFITS = 3
 """Number of fits, each with the velocity of the one before: rows that are displaced change it."""
 MAX_DISPLACEMENT = 6.0
@@ -80,8 +82,6 @@ MIN_UNEVEN_RATIO = 2.2
 
 Where the noise grows with the speed, the ratio is up to 1.9, of 38 films with even times.
 """
-MIN_EVEN_RATIO = 0.8
-"""Scatter of points at even times, in that at the file's, below which the pictures were taken at even ones."""
 MAX_CHANCE_DIGIT = 0.2
 """Last digit, in standard deviations of the noise, up to which equal points are no chance but copies."""
 MIN_COPIES = 3
@@ -118,8 +118,8 @@ def without_copies(channels: Sequence[Channel], notes: ReadingNotes) -> list[Cha
         by_file.append(replace(c, t=c.t[kept], value=c.value[kept]))
         # A camera's pictures are even in time, which a film shows twice and three times in turn
         even.append(replace(by_file[-1], t=film.t[0] + (first + rank * period / new) * film.step))
-    scatter_even, scatter_by_file = (sum(map(scatter, those)) for those in (even, by_file))
-    chosen = even if scatter_even < MIN_EVEN_RATIO * scatter_by_file else by_file
+    noise = [scatter(c) for c in by_file]
+    chosen = min((by_file, even), key=lambda those: _roughness(those, noise))
     every = f"every picture is stored {period} times" if new == 1 else f"{period} rows show {new} pictures"
     rows = f"{len(max(chosen, key=len))} of {len(max(channels, key=len))}"
     notes.assumptions.append(f"{every}: one row of each is kept, {rows}")
@@ -180,8 +180,8 @@ class WrongTimes:
         return np.asarray(np.where(concerned, self.t + self.factor * (t - self.t) + self.shift, t))
 
 
-Agreement = Callable[[Sequence[WrongTimes]], bool]
-"""Function that says whether all that is known of the motion agrees with other times."""
+Agreement = Callable[[Sequence[WrongTimes]], bool | None]
+"""Function that says whether all that is known of the motion agrees with other times; None: it does not tell."""
 
 
 def clock_faults(channels: Sequence[Channel], agrees: Agreement | None = None) -> list[str]:
@@ -198,12 +198,15 @@ def clock_faults(channels: Sequence[Channel], agrees: Agreement | None = None) -
     film = _Film.of(channels)
     if film is None:
         return []
-    changes = _rate_changes(film, is_clear=agrees is None)
-    if changes and (agrees is None or _agrees_by_either_clock(film, changes, agrees)):
+    changes = _rate_changes(film, is_clear=False) if agrees else []
+    agreed = _agrees_by_either_clock(film, changes, agrees) if agrees and changes else None
+    if agreed is None:
+        changes = _rate_changes(film, is_clear=True)
+    if changes and agreed is not False:
         return [_changes_text(changes)]
-    displaced = _single_displacements(film)
+    displaced = _single_displacements(film, MAX_MISFIT_AGREED if agrees else MAX_MISFIT)
     onward = [rows for rows in displaced if rows.onward]
-    if onward and agrees and not agrees(onward):
+    if onward and agrees and agrees(onward) is False:
         displaced = [rows for rows in displaced if not rows.onward]
     faults = []
     for is_lost, what in (
@@ -234,15 +237,22 @@ class _Film:
     """Time from row to row by the file [s]."""
 
     @classmethod
-    def of(cls, channels: Sequence[Channel]) -> _Film | None:
-        """Return the film of some channels; None: there are too few rows."""
-        moving = [c for c in channels if c.name != "angle_rate" and len(c) >= 2 * MIN_ROWS]
+    def of(cls, channels: Sequence[Channel], noise: Sequence[float] = ()) -> _Film | None:
+        """Return the film of some channels; None: there are too few rows.
+
+        Parameters
+        ----------
+        noise
+            Standard deviation of each channel's noise; by default as its points show it.
+        """
+        known = noise or [max(scatter(c), c.last_digit) for c in channels]
+        moving = [(c, n) for c, n in zip(channels, known, strict=True) if c.name != "angle_rate" and len(c) >= 2 * MIN_ROWS]
         if not moving:
             return None
-        t = np.unique(np.concatenate([c.t for c in moving]))
+        t = np.unique(np.concatenate([c.t for c, _ in moving]))
         values = np.full((len(moving), len(t)), np.nan)
-        for i, c in enumerate(moving):
-            values[i, np.searchsorted(t, c.t)] = c.value / max(scatter(c), c.last_digit)
+        for i, (c, sigma) in enumerate(moving):
+            values[i, np.searchsorted(t, c.t)] = c.value / sigma
         return cls(t=t, values=values, step=float(np.median(np.diff(t))))
 
     def number_of(self, t: Array) -> NDArray[np.intp]:
@@ -501,10 +511,11 @@ def _rate_changes(film: _Film, *, is_clear: bool) -> list[WrongTimes]:
     return [WrongTimes(t=float(film.t[row]), factor=chosen[row]) for row in sorted(chosen)]
 
 
-def _agrees_by_either_clock(film: _Film, changes: Sequence[WrongTimes], agrees: Agreement) -> bool:
+def _agrees_by_either_clock(film: _Film, changes: Sequence[WrongTimes], agrees: Agreement) -> bool | None:
     """Return whether all that is known agrees with one clock for the film: that before the first change or that after it."""
     by_later = WrongTimes(t=float(film.t[0]), factor=1 / changes[0].factor)
-    return agrees(changes) or agrees([by_later, *changes])
+    by_earlier = agrees(changes)
+    return by_earlier or agrees([by_later, *changes]) or by_earlier
 
 
 def _changes_text(changes: Sequence[WrongTimes]) -> str:
@@ -514,7 +525,7 @@ def _changes_text(changes: Sequence[WrongTimes]) -> str:
     return f"by the masses' motion, the clock changes: {found}; {ONE_CLOCK}"
 
 
-def _single_displacements(film: _Film) -> list[WrongTimes]:
+def _single_displacements(film: _Film, largest_misfit: float = MAX_MISFIT) -> list[WrongTimes]:
     """Return rows before which pictures are lost, and those that show the picture before."""
     found = []
     for onward in (True, False):
@@ -522,7 +533,7 @@ def _single_displacements(film: _Film) -> list[WrongTimes]:
         sigmas = np.abs(rows.value) / rows.error
         usual = (rows.value > COPIED[0]) & (rows.value < COPIED[1]) | onward & (rows.value > MIN_LOST)
         usual &= rows.across < np.maximum(MAX_ACROSS, MAX_SLOPE * sigmas)
-        for k in np.flatnonzero(usual & (sigmas > MIN_SIGMAS) & (rows.misfit < MAX_MISFIT)):
+        for k in np.flatnonzero(usual & (sigmas > MIN_SIGMAS) & (rows.misfit < largest_misfit)):
             steps = float(rows.value[k])
             here = WrongTimes(t=float(film.t[k]), steps=steps, shift=steps * film.step, onward=onward)
             found.append((float(sigmas[k]), int(k), int(rows.half[k]), here))
@@ -565,6 +576,12 @@ def _has_fine_digits(channel: Channel) -> bool:
     """Return whether a channel has noise, and digits so far below it that no two points are equal by chance."""
     noise = scatter(channel)
     return noise > max(MIN_NOISE * float(np.ptp(channel.value)), channel.last_digit / MAX_CHANCE_DIGIT)
+
+
+def _roughness(channels: Sequence[Channel], noise: Sequence[float]) -> float:
+    """Return how far points are from polynomials of their times [variances of the noise]."""
+    film, half = _Film.of(channels, noise), PATTERN_HALF_WINDOWS[1]
+    return 0.0 if film is None else float(np.sum(_Windows(film, half, 2 * half + 1).squares))
 
 
 def _pattern_of_copies(film: _Film) -> NDArray[np.bool_] | None:

@@ -45,6 +45,8 @@ MAX_MENDED_MISFIT = 2.5
 """Largest misfit without a mistake at which it is named: that of trials in which a hidden effect moves the mass by 50 mm."""
 MAX_OWN_RATIO = 0.8
 """The same in a single trial, of a mistake of the apparatus that all trials together must show."""
+MIN_CHANGE = 0.01
+"""Smallest change of a near trial's misfits by other times that tells anything."""
 SHORT_UNIT = "0.001 mm"
 """Unit in which lengths are read that are too large in the study's own: shorter than any that a tracker writes."""
 STEPS = (1, 2)
@@ -150,7 +152,7 @@ def _clock_faults(observed: Sequence[tuple[Trial, Observations]], searches: Sequ
     ]
 
 
-def _agrees(search: TrialSearch, wrong: Sequence[WrongTimes]) -> bool:
+def _agrees(search: TrialSearch, wrong: Sequence[WrongTimes]) -> bool | None:
     """Return whether the points come nearer to the model at the times at which they were filmed by their own account."""
 
     def at_own_times(channel: Channel) -> Channel:
@@ -165,12 +167,16 @@ def _agrees(search: TrialSearch, wrong: Sequence[WrongTimes]) -> bool:
     return _is_nearer(search, search.declared.with_channels(at_own_times))
 
 
-def _is_nearer(search: TrialSearch, corrected: DeclaredTrial) -> bool:
-    """Return whether a trial comes nearer to the model with other times: clearly so if it was far, or at all if it was near."""
+def _is_nearer(search: TrialSearch, corrected: DeclaredTrial) -> bool | None:
+    """Return whether a trial comes nearer to the model with other times: clearly so if it was far, or at all if it was near.
+
+    None: what is compared of it is the same.
+    """
     before, after = search.as_declared, fitted_misfit(corrected, search.distance)
     if before.largest > MAX_GOOD_MISFIT:
         return after.largest <= MAX_MISFIT_RATIO * before.largest
-    return sum(after.misfits) <= sum(before.misfits)
+    gain = sum(before.misfits) - sum(after.misfits)
+    return None if abs(gain) < MIN_CHANGE else gain > 0
 
 
 def _named(searches: Sequence[TrialSearch]) -> tuple[NamedMistake, ...]:

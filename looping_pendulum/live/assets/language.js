@@ -71,7 +71,7 @@ function wordsOf(element, name) {
 /** Write words into an element; what stands between backticks is typed or read by a program. @param {HTMLElement} element
  * @param {string} words */
 export function write(element, words) {
-  element.replaceChildren(...words.split("`").map((part, i) => {
+  element.replaceChildren(...words.split("\x60").map((part, i) => {
     return i % 2 ? Object.assign(document.createElement("code"), { textContent: part }) : document.createTextNode(part);
   }));
 }

@@ -365,7 +365,8 @@ export const de = {
   "assumed.start": "die erste Zeit, {start} s, als 0 genommen: die Massen ruhen dort",
   "assumed.copies": "jedes Bild ist {period} Mal gespeichert: je eine Zeile bleibt, {kept} von {all}",
   "assumed.pattern": "{period} Zeilen zeigen {pictures} Bilder: je eine Zeile bleibt, {kept} von {all}",
-  "assumed.unevenPictures": "nach der Bewegung der Massen sind die Bilder ungleichmäßig aufgenommen, {error} ms neben ihren Zeiten: als Fehler jeder Zeit genommen",
+  "assumed.unevenPictures": "nach der Bewegung der Massen sind die Bilder ungleichmäßig aufgenommen, {error} ms neben ihren Zeiten: als Fehler "
+    + "jeder Zeit genommen",
   "unused.notAskedFor": "Spalte {columns}: nicht gewählte Spur",
   "unused.severalNotAskedFor": "Spalten {columns}: nicht gewählte Spur",
   "unused.otherKind": "Spalte {columns}: weder Zeit noch Ort",
@@ -379,6 +380,10 @@ export const de = {
   "fault.repeated": "ab {times} sind die Massen dort, wo sie davor waren, dort ist also ein Bild noch einmal gespeichert",
   "fault.uneven": "aufeinanderfolgende Bilder dauern nach der Bewegung der Massen im Wechsel das {means}-Fache ihres Mittels, anders als "
     + "nach ihren Zeiten",
+  "fault.changes": "nach der Bewegung der Massen ändert sich die Uhr: {changes}; den Film so weitergeben, wie die Kamera ihn aufnahm, "
+    + "ohne einen Teil in Zeitlupe, und neu markieren, oder einen Teil markieren und seine 'frame_rate' angeben",
+  "fault.longer": "ab {time} s dauert eine Zeile {factor} Mal so lang",
+  "fault.shorter": "ab {time} s dauert eine Zeile 1/{factor} so lang",
   "fault.wayOut": "die Bildzeiten des Films selbst oder seine Bildnummern exportieren",
   "fault.more": "{shown} und {count} weitere",
   "fault.and": "und",

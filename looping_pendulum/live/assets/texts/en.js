@@ -357,7 +357,8 @@ export const en = {
   "assumed.start": "the first time, {start} s, was taken as 0: the masses rest there",
   "assumed.copies": "every picture is stored {period} times: one row of each is kept, {kept} of {all}",
   "assumed.pattern": "{period} rows show {pictures} pictures: one row of each is kept, {kept} of {all}",
-  "assumed.unevenPictures": "by the masses' motion, pictures were taken unevenly, {error} ms beside their times: taken as an error of each time",
+  "assumed.unevenPictures": "by the masses' motion, pictures were taken unevenly, {error} ms beside their times: taken as an error of each "
+    + "time",
   "unused.notAskedFor": "column {columns}: track not asked for",
   "unused.severalNotAskedFor": "columns {columns}: track not asked for",
   "unused.otherKind": "column {columns}: not a time or a position",
@@ -370,6 +371,10 @@ export const en = {
   "fault.lost": "from {times} on the masses are where they should be {steps} steps later, so that pictures are lost there",
   "fault.repeated": "from {times} on the masses are where they were before, so that a picture is stored again there",
   "fault.uneven": "frames in turn last {means} of their mean, by the masses' motion, unlike their times",
+  "fault.changes": "by the masses' motion, the clock changes: {changes}; share the film as the camera took it, without a part in slow "
+    + "motion, and mark it again, or mark one part and state its 'frame_rate'",
+  "fault.longer": "from {time} s on a row lasts {factor} times as long",
+  "fault.shorter": "from {time} s on a row lasts 1/{factor} as long",
   "fault.wayOut": "export the film's own frame times, or its frame numbers",
   "fault.more": "{shown} and {count} more",
   "fault.and": "and",

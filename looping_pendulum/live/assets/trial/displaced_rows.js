@@ -24,14 +24,19 @@ import { dot, inverse, mean, median, range } from "./statistics.js";
  * By how much a row is displaced [steps] (positive: filmed later than its time says), the standard error of that, the mean square
  * of the residuals in variances of the noise, and the displacement otherwise than along the velocities [standard errors], with so
  * many rows on each side.
- * @typedef {{half: number, value: number, error: number, misfit: number, across: number}} Displacement
+ * @typedef {{half: number, value: number, error: number, misfit: number, across: () => number}} Displacement
  */
 /**
- * Normal equations of displacements in each window, one after the other. `places`: which of the `size` displacements each row has
- * (`size`: none), by the row of the film or of the window; `squares`: of what no polynomial describes; `freedom`: number of values
- * beyond all that is fitted to them; `misfit`: mean square of the residuals.
- * @typedef {{places: number[], ofFilm: boolean, size: number, squares: Float64Array, freedom: Float64Array, value: Float64Array,
- *   right: Float64Array, normal: Float64Array, misfit: Float64Array}} Equations
+ * Runs of `length` rows that begin at some rows, with the sum of squares of what no polynomial describes in each, and the number of its
+ * values beyond the coefficients.
+ * @typedef {{starts: number[], length: number, curves: Curves[], squares: Float64Array, freedom: Float64Array}} Windows
+ */
+/**
+ * Displacements in windows. `places`: which of the `size` ones of its window a row of the film, or of the window, has (`size`: none);
+ * `value`: all of them [steps], window by window; `squares`, `right`: for each, the sums over its rows of the squared velocity, and of
+ * the velocity times what no polynomial describes; `misfit`: mean square of each window's residuals.
+ * @typedef {{places: number[], ofFilm: boolean, size: number, value: Float64Array, squares: Float64Array, right: Float64Array,
+ *   misfit: Float64Array}} Shifts
  */
 /**
  * Time from the picture at each place of a pattern to the next one [steps], its standard errors, and the median over windows of the
@@ -46,6 +51,8 @@ const PATTERN_HALF_WINDOWS = [6, 3];
 /** Degree of the polynomial. */
 const DEGREE = 3;
 const SIZE = DEGREE + 1;
+/** Part of the normal equations' trace that keeps displacements finite that nothing determines. */
+const RIDGE = 1e-9;
 /** Largest mean square of a longer window's residuals, in that of a shorter one or in the noise's, with which it is taken. */
 const MAX_MISFIT_RATIO = 1.25;
 /** The same with which a displacement is told at all: beyond it the motion is no polynomial, as where a string jerks. */
@@ -80,8 +87,16 @@ const MAX_ROW_ERROR = 0.3;
 const MAX_SIGMAS = 8;
 /** Smallest ratio of the points' mean squares along and across their ways at which times are uneven. */
 const MIN_UNEVEN_RATIO = 2.2;
-/** Scatter of points at even times, in that at the file's, below which the pictures were taken at even ones. */
-const MIN_EVEN_RATIO = 0.8;
+/** Factors by which the duration of a row may change in a film: those of a phone's slow motion. */
+const RATE_FACTORS = [2, 4, 8, 1 / 2, 1 / 4, 1 / 8];
+/** Rows on each side of one from which on they last longer or shorter. */
+const RATE_HALF_WINDOWS = [3, 4, 6, 10];
+/** Smallest fall of the residuals' sum of squares [variances of the noise] by a change of the clock. */
+const MIN_OWN_GAIN = 40;
+/** The same in that by leaving out one row, and smallest factor by which the misfit falls. */
+const [MIN_GAIN_RATIO, MIN_MISFIT_FALL] = [1.5, 3];
+/** Largest number of changes of the clock, the clearest ones. */
+const MAX_CHANGES = 4;
 /** Last digit, in standard deviations of the noise, up to which equal points are no chance but copies. */
 const MAX_CHANCE_DIGIT = 0.2;
 /** Smallest number of points that are equal to the one before of which any is taken for a copy. */
@@ -116,11 +131,18 @@ function withoutPattern(channels, film, pattern, notes) {
     return { byFile, even: { ...byFile, t: rank.map((k) => film.t[0] + (first + (k * period) / pictures) * film.step) } };
   });
   const [byFile, even] = [both.map((one) => one.byFile), both.map((one) => one.even)];
-  const total = (/** @type {Channel[]} */ those) => sumOf(those.map(scatter));
-  const chosen = total(even) < MIN_EVEN_RATIO * total(byFile) ? even : byFile;
+  const noise = byFile.map(scatter);
+  const chosen = roughness(even, noise) < roughness(byFile, noise) ? even : byFile;
   const [kept, all] = [chosen, channels].map((those) => largest(those.map(({ t }) => t.length)));
   notes.assumptions.push(text(pictures === 1 ? "assumed.copies" : "assumed.pattern", { period, pictures, kept, all }));
   return chosen;
+}
+
+/** How far points are from polynomials of their times [variances of the noise]. @param {Channel[]} channels @param {number[]} noise */
+function roughness(channels, noise) {
+  const film = filmOf(channels, noise);
+  const half = PATTERN_HALF_WINDOWS[1];
+  return film ? sumOf([...windowsOf(film, half, 2 * half + 1).squares]) : 0;
 }
 
 /** The channels with an error of each time, if points lie farther from a smooth motion along their ways than across, as where
@@ -128,16 +150,16 @@ function withoutPattern(channels, film, pattern, notes) {
 export function withTimeErrors(channels, notes) {
   const film = filmOf(channels);
   if (!film) return channels;
-  const rows = bestDisplacements(film, false).filter((one) => one && one.misfit < MAX_MISFIT && one.error < MAX_ROW_ERROR);
-  const others = film.values.length - 1;
-  if (rows.length < MIN_ROWS || !others) return channels;
-  // By the noise alone; a point that is far out in either direction is an outlier
-  const told = rows.filter((one) => one !== null).map(({ value, error, misfit, across }) => {
-    const widening = Math.sqrt(Math.max(misfit, 1));
-    const byNoise = error / widening;
-    const [along, beside] = [Math.abs(value) / byNoise, across * widening].map((one) => Math.min(one, MAX_SIGMAS) ** 2);
-    return { error: byNoise, along, beside };
+  const told = bestDisplacements(film, false).flatMap((row) => {
+    if (!row || !(row.misfit < MAX_MISFIT && row.error < MAX_ROW_ERROR)) return [];
+    // By the noise alone; a point that is far out in either direction is an outlier
+    const widening = Math.sqrt(Math.max(row.misfit, 1));
+    const error = row.error / widening;
+    const [along, beside] = [Math.abs(row.value) / error, row.across() * widening].map((one) => Math.min(one, MAX_SIGMAS) ** 2);
+    return [{ error, along, beside }];
   });
+  const others = film.values.length - 1;
+  if (told.length < MIN_ROWS || !others) return channels;
   const noise = Math.max(mean(told.map(({ beside }) => beside)) / others, 1);
   const ratio = mean(told.map(({ along }) => along)) / noise;
   if (ratio < Math.max(MIN_UNEVEN_RATIO, 1 + MIN_SIGMAS * Math.sqrt(2 / told.length))) return channels;
@@ -153,6 +175,11 @@ export function withTimeErrors(channels, notes) {
 export function clockFaults(channels) {
   const film = filmOf(channels);
   if (!film) return [];
+  const changes = rateChanges(film).map(({ t, factor }) => {
+    const found = { time: inSentence(t, 3), factor: inSentence(factor > 1 ? factor : 1 / factor, 3) };
+    return text(factor > 1 ? "fault.longer" : "fault.shorter", found);
+  });
+  if (changes.length) return [text("fault.changes", { changes: changes.join(` ${text("fault.and")} `) })];
   const faults = [];
   const displaced = singleDisplacements(film);
   for (const [key, isLost] of /** @type {const} */ ([["fault.lost", true], ["fault.repeated", false]])) {
@@ -167,14 +194,14 @@ export function clockFaults(channels) {
   return faults.map((fault) => `${fault}; ${text("fault.wayOut")}`);
 }
 
-/** The film of some channels; null: there are too few rows. @param {Channel[]} channels @returns {Film | null} */
-function filmOf(channels) {
-  const moving = channels.filter((channel) => channel.name !== "angle_rate" && channel.t.length >= 2 * MIN_ROWS);
+/** The film of some channels; null: there are too few rows.
+ * @param {Channel[]} channels @param {number[]} [noise] of each; by default, as its points show it @returns {Film | null} */
+function filmOf(channels, noise = channels.map((channel) => Math.max(scatter(channel), channel.lastDigit))) {
+  const moving = where(channels, ({ name, t }) => name !== "angle_rate" && t.length >= 2 * MIN_ROWS);
   if (!moving.length) return null;
-  const t = [...new Set(moving.flatMap((channel) => channel.t))].sort((a, b) => a - b);
-  const values = moving.map((channel) => {
-    const noise = Math.max(scatter(channel), channel.lastDigit);
-    const known = new Map(channel.t.map((time, i) => [time, channel.value[i] / noise]));
+  const t = [...new Set(moving.flatMap((c) => channels[c].t))].sort((a, b) => a - b);
+  const values = moving.map((c) => {
+    const known = new Map(channels[c].t.map((time, i) => [time, channels[c].value[i] / noise[c]]));
     return t.map((time) => known.get(time) ?? NaN);
   });
   const same = values.map((own) => values.findIndex((other) => other.every((value, i) => Number.isNaN(value) === Number.isNaN(own[i]))));
@@ -203,58 +230,68 @@ function bestDisplacements(film, onward) {
 
 /** Rows before which pictures are lost, and those that show the picture before. @param {Film} film */
 function singleDisplacements(film) {
-  const found = [true, false].flatMap((onward) => bestDisplacements(film, onward).flatMap((best, row) => {
+  // A single row that is displaced displaces those around it a little, and the other way round
+  return clearest([true, false].flatMap((onward) => bestDisplacements(film, onward).flatMap((best, row) => {
     if (!best) return [];
     const { half, value, error, misfit, across } = best;
     const sigmas = Math.abs(value) / error;
     const isUsual = (value > COPIED[0] && value < COPIED[1]) || (onward && value > MIN_LOST);
-    const isAlong = across < Math.max(MAX_ACROSS, MAX_SLOPE * sigmas);
-    return isUsual && isAlong && sigmas > MIN_SIGMAS && misfit < MAX_MISFIT ? [{ row, t: film.t[row], half, value, sigmas }] : [];
-  }));
-  // A single row that is displaced displaces those around it a little, and the other way round: the clearest one counts
-  /** @type {typeof found} */
+    if (!isUsual || !(sigmas > MIN_SIGMAS && misfit < MAX_MISFIT)) return [];
+    return across() < Math.max(MAX_ACROSS, MAX_SLOPE * sigmas) ? [{ row, half, strength: sigmas, t: film.t[row], value }] : [];
+  })));
+}
+
+/** Those rows of which none that is clearer is within half a window. @template {{row: number, half: number, strength: number}} T
+ * @param {T[]} found @param {number} most largest number of them */
+function clearest(found, most = Infinity) {
+  /** @type {T[]} */
   const chosen = [];
-  for (const here of found.sort((a, b) => b.sigmas - a.sigmas)) {
-    if (chosen.every(({ row }) => Math.abs(here.row - row) > here.half)) chosen.push(here);
+  for (const here of [...found].sort((a, b) => b.strength - a.strength)) {
+    if (chosen.length < most && chosen.every(({ row }) => Math.abs(here.row - row) > here.half)) chosen.push(here);
   }
   return chosen.sort((a, b) => a.row - b.row);
 }
 
-/** All windows of so many rows, in each of which a channel is a polynomial of the time, beside which some rows lie along the velocity. */
+/** A channel in windows of rows, in each of which it is a polynomial of the time, beside which some rows lie along the velocity. */
 class Curves {
-  /** @param {Film} film @param {number} channel @param {number} half rows before the one for which the polynomials' variable is 0
-   * @param {number} length @param {Curves[]} others of the channels before */
-  constructor({ t, values, same, step }, channel, half, length, others) {
-    this.half = half;
+  /** @param {number[]} values @param {number[]} starts of the windows @param {number} length @param {number} half rows before the one at
+   * which the polynomials' variable is 0 @param {Curves} [other] a channel with the same polynomials */
+  constructor(values, starts, length, half, other) {
+    this.starts = starts;
     this.length = length;
-    /** Number of windows. */
-    this.count = Math.max(t.length - length + 1, 0);
+    this.half = half;
     /** Which rows are known. */
-    this.known = Uint8Array.from(values[channel], (value) => Number(Number.isFinite(value)));
+    this.known = Uint8Array.from(values, (value) => Number(Number.isFinite(value)));
     /** Polynomials that are orthonormal over the known rows, and their derivatives: window by window, degree by degree, row by row. */
-    this.basis = others[same[channel]]?.basis ?? new Float64Array(this.count * SIZE * length);
-    this.slopes = others[same[channel]]?.slopes ?? new Float64Array(this.count * SIZE * length);
-    if (same[channel] === channel) this.#orthonormalise(t, half * step);
-    /** What no polynomial describes, the coefficients of the nearest one, and the velocity by it [1 / row]. */
-    this.rest = new Float64Array(this.count * length);
-    this.coefficients = new Float64Array(this.count * SIZE);
-    this.velocity = new Float64Array(this.count * length);
-    /** What a polynomial describes of rows that move with the velocity: its coefficients for each displacement of a window. */
-    this.described = new Float64Array(this.count * (MAX_PERIOD - 1) * SIZE);
-    this.#fitPolynomials(values[channel]);
+    this.basis = other?.basis ?? new Float64Array(starts.length * SIZE * length);
+    this.slopes = other?.slopes ?? new Float64Array(starts.length * SIZE * length);
+    /** What no polynomial describes. */
+    this.rest = new Float64Array(starts.length * length);
+    this.velocity = new Float64Array(starts.length * length);
+    /** Coefficients of the nearest polynomial, of that beneath displaced rows, and of that nearest to each displacement's velocities. */
+    this.nearest = new Float64Array(starts.length * SIZE);
+    this.beneath = new Float64Array(starts.length * SIZE);
+    this.described = new Float64Array(starts.length * (MAX_PERIOD - 1) * SIZE);
   }
 
-  /** @param {number[]} t @param {number} unit of the polynomials' variable [s] */
-  #orthonormalise(t, unit) {
-    const { length, known, basis, slopes } = this;
-    for (let n = 0; n < this.count; n++) {
+  /** Make the polynomials. @param {number[]} t @param {number} unit of their variable [s] @param {number} factor how long a row lasts from
+   * 0 on, in what it lasted before */
+  orthonormalise(t, unit, factor) {
+    const { starts, length, half, known, basis, slopes } = this;
+    for (let n = 0; n < starts.length; n++) {
       const first = n * SIZE * length;
       for (let j = 0; j < SIZE; j++) {
         const at = first + j * length;
         for (let k = 0; k < length; k++) {
-          const x = (t[n + k] - t[n + this.half]) / unit;
-          basis[at + k] = known[n + k] * x ** j;
-          slopes[at + k] = j ? j * x ** (j - 1) : 0;
+          const x = ((t[starts[n] + k] - t[starts[n] + half]) / unit) * (k > half ? factor : 1);
+          let power = known[starts[n] + k];
+          let slope = 0;
+          for (let i = 0; i < j; i++) {
+            slope = slope * x + power;
+            power *= x;
+          }
+          basis[at + k] = power;
+          slopes[at + k] = slope;
         }
         for (let before = first; before < at; before += length) {
           let shared = 0;
@@ -276,63 +313,77 @@ class Curves {
     }
   }
 
-  /** @param {number[]} values */
-  #fitPolynomials(values) {
-    const { length, known, basis, rest, coefficients } = this;
-    for (let n = 0; n < this.count; n++) {
+  /** Fit the polynomials alone, and add the squares of what they leave. @param {number[]} values @param {Float64Array} squares */
+  fitPolynomials(values, squares) {
+    const { starts, length, known, basis, rest, nearest } = this;
+    for (let n = 0; n < starts.length; n++) {
       const here = n * length;
-      for (let k = 0; k < length; k++) rest[here + k] = known[n + k] ? values[n + k] : 0;
+      for (let k = 0; k < length; k++) rest[here + k] = known[starts[n] + k] ? values[starts[n] + k] : 0;
       for (let j = 0; j < SIZE; j++) {
         const at = (n * SIZE + j) * length;
         let part = 0;
         for (let k = 0; k < length; k++) part += basis[at + k] * rest[here + k];
         for (let k = 0; k < length; k++) rest[here + k] -= part * basis[at + k];
-        coefficients[n * SIZE + j] = part;
+        nearest[n * SIZE + j] = part;
+      }
+      for (let k = 0; k < length; k++) squares[n] += rest[here + k] * rest[here + k];
+    }
+    this.beneath.set(nearest);
+  }
+
+  /** Take the velocities of the displaced rows by the polynomials beneath, and add them to the sums. @param {Shifts} shifts */
+  addVelocities({ places, ofFilm, size, squares, right }) {
+    const { starts, length, half, known, basis, slopes, rest, velocity, beneath, described } = this;
+    described.fill(0, 0, starts.length * size * SIZE);
+    for (let n = 0; n < starts.length; n++) {
+      for (let k = 0; k < length; k++) {
+        const place = places[ofFilm ? starts[n] + k : k];
+        if (place === size || !known[starts[n] + k]) continue;
+        const own = n * size + place;
+        let v = 0;
+        for (let j = 1; j < SIZE; j++) v += beneath[n * SIZE + j] * slopes[(n * SIZE + j) * length + k];
+        v /= half;
+        velocity[n * length + k] = v;
+        for (let j = 0; j < SIZE; j++) described[own * SIZE + j] += v * basis[(n * SIZE + j) * length + k];
+        squares[own] += v * v;
+        right[own] += v * rest[n * length + k];
       }
     }
   }
 
-  /** Add the normal equations of displacements along the velocity, which the fit before has changed. @param {Equations} equations */
-  addEquations({ places, ofFilm, size, value, normal, right }) {
-    const { length, half, known, basis, slopes, rest, velocity, described } = this;
-    const moved = new Float64Array(SIZE);
-    for (let n = 0; n < this.count; n++) {
-      const first = n * size;
-      const mine = first * SIZE;
+  /** Weighted sum over windows of the products of what polynomials describe of two displacements' velocities.
+   * @param {Float64Array} weight @param {number} size @param {number} p @param {number} q */
+  shared(weight, size, p, q) {
+    const { described } = this;
+    let sum = 0;
+    for (let n = 0; n < weight.length; n++) {
+      const [one, other] = [(n * size + p) * SIZE, (n * size + q) * SIZE];
+      for (let j = 0; j < SIZE; j++) sum += weight[n] * described[one + j] * described[other + j];
+    }
+    return sum;
+  }
+
+  /** Take the polynomials beneath the displaced rows, and subtract what they describe. @param {Shifts} shifts */
+  displace({ size, value, misfit }) {
+    const { nearest, beneath, described } = this;
+    for (let n = 0; n < misfit.length; n++) {
       for (let j = 0; j < SIZE; j++) {
-        moved[j] = this.coefficients[n * SIZE + j];
-        for (let p = 0; p < size; p++) moved[j] -= value[first + p] * described[mine + p * SIZE + j];
-      }
-      described.fill(0, mine, mine + size * SIZE);
-      for (let k = 0; k < length; k++) {
-        const place = places[ofFilm ? n + k : k];
-        if (place === size || !known[n + k]) continue;
-        let v = 0;
-        for (let j = 1; j < SIZE; j++) v += moved[j] * slopes[(n * SIZE + j) * length + k];
-        v /= half;
-        velocity[n * length + k] = v;
-        for (let j = 0; j < SIZE; j++) described[mine + place * SIZE + j] += v * basis[(n * SIZE + j) * length + k];
-        normal[(first + place) * size + place] += v * v;
-        right[first + place] += v * rest[n * length + k];
-      }
-      for (let p = 0; p < size; p++) {
-        for (let q = 0; q < size; q++) {
-          let shared = 0;
-          for (let j = 0; j < SIZE; j++) shared += described[mine + p * SIZE + j] * described[mine + q * SIZE + j];
-          normal[(first + p) * size + q] -= shared;
-        }
+        let part = 0;
+        for (let p = n * size; p < (n + 1) * size; p++) part += value[p] * described[p * SIZE + j];
+        beneath[n * SIZE + j] = nearest[n * SIZE + j] - part;
+        misfit[n] -= part * part;
       }
     }
   }
 
   /** Square of what the rows of place 0 of a window are displaced by otherwise than along the velocity, in residuals.
-   * @param {number} n number of the window @param {Equations} equations of one displacement */
+   * @param {number} n @param {Shifts} shifts one of each window */
   across(n, { places, value }) {
-    const { length, known, basis, rest, velocity, described } = this;
+    const { starts, length, known, basis, rest, velocity, described } = this;
     const parts = new Array(SIZE).fill(0);
     let [left, squares] = [0, 0];
     for (let k = 0; k < length; k++) {
-      if (places[k] || !known[n + k]) continue;
+      if (places[k] || !known[starts[n] + k]) continue;
       left += rest[n * length + k] - value[n] * velocity[n * length + k];
       squares += 1;
       for (let j = 0; j < SIZE; j++) parts[j] += basis[(n * SIZE + j) * length + k];
@@ -345,72 +396,70 @@ class Curves {
   }
 }
 
-/** @param {Film} film @param {number} half @param {number} length @returns {Curves[]} */
-function curvesOf(film, half, length) {
+/** @param {Film} film @param {number} half @param {number} length @param {number[]} [starts] by default, all @param {number} [factor] how
+ * long a row lasts from the one after `half` others on, in what it lasted before @returns {Windows} */
+function windowsOf({ t, values, same, step }, half, length, starts = range(0, t.length - length + 1), factor = 1) {
+  const squares = new Float64Array(starts.length);
   /** @type {Curves[]} */
   const curves = [];
-  film.values.forEach((_, channel) => curves.push(new Curves(film, channel, half, length, curves)));
-  return curves;
+  values.forEach((all, c) => {
+    const own = new Curves(all, starts, length, half, curves[same[c]]);
+    if (same[c] === c) own.orthonormalise(t, half * step * Math.max(factor, 1), factor);
+    own.fitPolynomials(all, squares);
+    curves.push(own);
+  });
+  const freedom = Float64Array.from(starts, (start) => sumOf(curves.map(({ known }) => {
+    return Math.max(known.subarray(start, start + length).reduce((sum, one) => sum + one, 0) - SIZE, 0);
+  })));
+  return { starts, length, curves, squares, freedom };
 }
 
-/** The equations of all windows, with the displacements and the misfit of the fit before.
- * @param {Curves[]} curves @param {number[]} places @param {boolean} ofFilm @param {number} size @returns {Equations} */
-function equationsOf(curves, places, ofFilm, size) {
-  const [{ count, length }] = curves;
-  const [squares, freedom, misfit] = [0, 0, 1].map((start) => new Float64Array(count).fill(start));
-  for (let n = 0; n < count; n++) {
-    freedom[n] = -size;
-    for (const { rest, known } of curves) {
-      let rows = -SIZE;
-      for (let k = 0; k < length; k++) {
-        squares[n] += rest[n * length + k] ** 2;
-        rows += known[n + k];
-      }
-      freedom[n] += Math.max(rows, 0);
+/** Fit displacements along the velocity. @param {Windows} windows @param {number[]} places @param {boolean} ofFilm @param {number} size
+ * @param {(shifts: Shifts) => void} solve takes the displacements that fit @returns {Shifts} */
+function fitShifts({ starts, curves, squares, freedom }, places, ofFilm, size, solve) {
+  const [value, squaredVelocities, right] = [0, 0, 0].map(() => new Float64Array(starts.length * size));
+  const misfit = new Float64Array(starts.length).fill(1);
+  const shifts = { places, ofFilm, size, value, squares: squaredVelocities, right, misfit };
+  for (const { beneath, nearest } of curves) beneath.set(nearest);
+  for (let refit = 0; refit < REFITS; refit++) {
+    squaredVelocities.fill(0);
+    right.fill(0);
+    for (const curve of curves) curve.addVelocities(shifts);
+    solve(shifts);
+    misfit.set(squares);
+    for (let n = 0; n < misfit.length; n++) {
+      for (let p = n * size; p < (n + 1) * size; p++) misfit[n] += value[p] * (value[p] * squaredVelocities[p] - 2 * right[p]);
     }
+    for (const curve of curves) curve.displace(shifts);
+    for (let n = 0; n < misfit.length; n++) misfit[n] /= Math.max(freedom[n] - size, 1);
   }
-  const [value, right, normal] = [count * size, count * size, count * size * size].map((all) => new Float64Array(all));
-  return { places, ofFilm, size, squares, freedom, value, right, normal, misfit };
-}
-
-/** The equations by the velocities of the fit before. @param {Curves[]} curves @param {Equations} equations */
-function renew(curves, equations) {
-  equations.normal.fill(0);
-  equations.right.fill(0);
-  for (const curve of curves) curve.addEquations(equations);
-}
-
-/** Take the misfit that is left by the displacements. @param {Equations} equations */
-function takeMisfit({ size, squares, freedom, value, right, normal, misfit }) {
-  for (let n = 0; n < misfit.length; n++) {
-    let left = squares[n];
-    for (let p = n * size; p < (n + 1) * size; p++) {
-      left -= 2 * value[p] * right[p];
-      for (let q = 0; q < size; q++) left += value[p] * normal[p * size + q] * value[n * size + q];
-    }
-    misfit[n] = left / Math.max(freedom[n], 1);
-  }
+  return shifts;
 }
 
 /** @param {number} value */
 const clipped = (value) => Math.max(-MAX_DISPLACEMENT, Math.min(MAX_DISPLACEMENT, value));
 
-/** Displacement of the row after so many, or of all from it on, in each window.
+/** Displacement of the row after `half` others, or of all from it on, in each window.
  * @param {Film} film @param {number} half @param {boolean} onward @returns {Displacement[]} */
 function displacements(film, half, onward) {
   const places = range(0, 2 * half + (onward ? 0 : 1)).map((k) => Number(onward ? k < half : k !== half));
-  const curves = curvesOf(film, half, places.length);
-  const equations = equationsOf(curves, places, false, 1);
-  const { value, right, normal, misfit } = equations;
-  for (let refit = 0; refit < REFITS; refit++) {
-    renew(curves, equations);
-    for (let n = 0; n < value.length; n++) value[n] = clipped(right[n] / (Math.max(normal[n], 0) + TINY));
-  }
-  takeMisfit(equations);
-  return Array.from(value, (here, n) => {
-    const scale = Math.max(misfit[n], 1);
-    const across = Math.sqrt(sumOf(curves.map((curve) => curve.across(n, equations))) / scale);
-    return { half, value: here, error: Math.sqrt(scale / (Math.max(normal[n], 0) + TINY)), misfit: misfit[n], across };
+  const windows = windowsOf(film, half, places.length);
+  const normal = new Float64Array(windows.starts.length);
+  const shifts = fitShifts(windows, places, false, 1, ({ value, squares, right }) => {
+    for (let n = 0; n < value.length; n++) {
+      let own = squares[n];
+      for (const { described } of windows.curves) {
+        for (let j = n * SIZE; j < (n + 1) * SIZE; j++) own -= described[j] * described[j];
+      }
+      normal[n] = (1 + RIDGE) * Math.max(own, 0) + TINY;
+      value[n] = clipped(right[n] / normal[n]);
+    }
+  });
+  return Array.from(shifts.value, (value, n) => {
+    const misfit = shifts.misfit[n];
+    const scale = Math.max(misfit, 1);
+    const across = () => Math.sqrt(sumOf(windows.curves.map((curve) => curve.across(n, shifts))) / scale);
+    return { half, value, error: Math.sqrt(scale / normal[n]), misfit, across };
   });
 }
 
@@ -418,41 +467,79 @@ function displacements(film, half, onward) {
  * @param {Film} film @param {number} half @returns {Pattern[]} */
 function patterns(film, half) {
   if (film.t.length < Math.max(2 * half + MIN_ROWS, 4 * MAX_PERIOD)) return [];
-  const curves = curvesOf(film, half, 2 * half + 1);
+  const windows = windowsOf(film, half, 2 * half + 1);
   const numbers = numbersOf(film, film.t);
-  return range(2, MAX_PERIOD + 1).map((period) => patternOf(curves, numbers.map((number) => number % period), period));
+  return range(2, MAX_PERIOD + 1).map((period) => patternOf(windows, numbers.map((number) => number % period), period));
 }
 
-/** How long pictures in turn last. @param {Curves[]} curves @param {number[]} places of the rows @param {number} period @returns {Pattern} */
-function patternOf(curves, places, period) {
+/** How long pictures in turn last. @param {Windows} windows @param {number[]} places of the rows @param {number} period @returns {Pattern} */
+function patternOf(windows, places, period) {
   // The others are displaced from the last place
   const size = period - 1;
-  const equations = equationsOf(curves, places, true, size);
-  const { value, right, normal, misfit } = equations;
+  let weight = new Float64Array();
   let covariance = [[0]];
-  for (let refit = 0; refit < REFITS; refit++) {
-    renew(curves, equations);
-    const weight = misfit.map((one) => 1 / Math.max(one, 1));
-    const total = range(0, size).map((p) => range(0, size).map((q) => {
-      return weight.reduce((sum, w, n) => sum + w * normal[(n * size + p) * size + q], p === q ? TINY : 0);
-    }));
-    const sums = range(0, size).map((p) => weight.reduce((sum, w, n) => sum + w * right[n * size + p], 0));
-    covariance = inverse(total);
-    const shared = covariance.map((row) => clipped(dot(row, sums)));
-    for (let i = 0; i < value.length; i++) value[i] = shared[i % size];
-    takeMisfit(equations);
-    // Windows overlap, so that each row counts in as many as they are long
-    const scale = (curves[0].length * dot(weight, misfit)) / sumOf([...weight]);
-    covariance = covariance.map((row) => row.map((one) => scale * one));
-  }
+  const { value, misfit } = fitShifts(windows, places, true, size, (shifts) => {
+    weight = shifts.misfit.map((one) => 1 / Math.max(one, 1));
+    const normal = range(0, size).map(() => new Array(size).fill(0));
+    const right = new Array(size).fill(0);
+    for (let p = 0; p < size; p++) {
+      for (let n = 0; n < weight.length; n++) {
+        right[p] += weight[n] * shifts.right[n * size + p];
+        normal[p][p] += weight[n] * shifts.squares[n * size + p];
+      }
+      for (let q = 0; q <= p; q++) {
+        for (const curve of windows.curves) normal[p][q] -= curve.shared(weight, size, p, q);
+        normal[q][p] = normal[p][q];
+      }
+    }
+    const ridge = RIDGE * sumOf(normal.map((row, p) => row[p])) + TINY;
+    normal.forEach((row, p) => { row[p] += ridge; });
+    covariance = inverse(normal);
+    const shared = covariance.map((row) => clipped(dot(row, right)));
+    for (let p = 0; p < shifts.value.length; p++) shifts.value[p] = shared[p % size];
+  });
+  // Windows overlap, so that each row counts in as many as they are long
+  const scale = (windows.length * dot(weight, misfit)) / sumOf([...weight]);
   const next = (/** @type {number} */ p) => (p + 1) % period;
   const late = (/** @type {number} */ p) => (p < size ? value[p] : 0);
-  const variance = (/** @type {number} */ p, /** @type {number} */ q) => covariance[p]?.[q] ?? 0;
+  const variance = (/** @type {number} */ p, /** @type {number} */ q) => scale * (covariance[p]?.[q] ?? 0);
   return {
     durations: range(0, period).map((p) => 1 + late(next(p)) - late(p)),
     error: range(0, period).map((p) => Math.sqrt(variance(p, p) + variance(next(p), next(p)) - 2 * variance(p, next(p)))),
     misfit: median(misfit),
   };
+}
+
+/** Rows from which on they last longer or shorter, if the motion is clearly a polynomial of other times only. @param {Film} film */
+function rateChanges(film) {
+  /** @type {Map<number, {row: number, half: number, strength: number, factor: number}>} */
+  const best = new Map();
+  for (const half of RATE_HALF_WINDOWS) {
+    if (film.t.length < 2 * half + 1) break;
+    const even = windowsOf(film, half, 2 * half + 1);
+    const starts = even.starts.filter((start) => even.squares[start] > MIN_OWN_GAIN);
+    for (const factor of RATE_FACTORS) {
+      const changed = windowsOf(film, half, 2 * half + 1, starts, factor);
+      starts.forEach((start, n) => {
+        const [before, after] = [even.squares[start], changed.squares[n]];
+        const row = start + half;
+        const gain = before - after;
+        if (!(gain > Math.max(MIN_OWN_GAIN, best.get(row)?.strength ?? 0) && after < MAX_MISFIT * changed.freedom[n])) return;
+        if (before > MIN_MISFIT_FALL * after && gain > MIN_GAIN_RATIO * largestByOneRow(even, start)) {
+          best.set(row, { row, half, strength: gain, factor });
+        }
+      });
+    }
+  }
+  return clearest([...best.values()], MAX_CHANGES).map(({ row, factor }) => ({ t: film.t[row], factor }));
+}
+
+/** By how much a window's sum of squares falls without the row that fits worst. @param {Windows} windows @param {number} n */
+function largestByOneRow({ curves, length }, n) {
+  return largest(range(0, length).map((k) => sumOf(curves.map(({ basis, rest }) => {
+    const described = sumOf(range(0, SIZE).map((j) => basis[(n * SIZE + j) * length + k] ** 2));
+    return rest[n * length + k] ** 2 / Math.max(1 - described, 0.05);
+  }))));
 }
 
 /** @param {number[]} values */
