@@ -42,6 +42,8 @@ class Faulty:
     """What was done, with its numbers."""
     words: str = "$^"
     """Regular expression of what a message must say that names the fault; by default nothing is right."""
+    said: str = "$^"
+    """The same of what is said of a fault that becomes an error of each time."""
     clock_offset: float = 0.0
     """Largest constant error of the times that nothing in the file tells [s]."""
     entry: Tree = dataclasses.field(default_factory=dict)
@@ -241,7 +243,7 @@ def uneven_at_random(rng: np.random.Generator, study: CleanStudy) -> Faulty:
         taken = row + np.where(row > 0, rng.uniform(-unrest, unrest, len(row)), 0.0)
         films.append(_retaken(film, taken / film.rate, row / film.rate, rng))
     return Faulty(
-        films=tuple(films), form=plain_form(rng), words="frames .*last|uneven|lost|stored again",
+        films=tuple(films), form=plain_form(rng), words="frames .*last|uneven|lost|stored again", said="taken unevenly",
         detail=f"at {study.films[0].rate:g}/s frames off by up to {unrest:.2f} of a frame, times even",
     )  # fmt: skip
 
@@ -253,7 +255,7 @@ def times_of_a_recorder(rng: np.random.Generator, study: CleanStudy) -> Faulty:
         jitter = np.where(film.t > 0, rng.uniform(-unrest, unrest, len(film.t)), 0.0) / film.rate
         films.append(dataclasses.replace(film, t=film.t + jitter))
     return Faulty(
-        films=tuple(films), form=plain_form(rng), words="frames .*last|uneven", clock_offset=0.1 / study.films[0].rate,
+        films=tuple(films), form=plain_form(rng), words="frames .*last|uneven", said="taken unevenly", clock_offset=0.1 / study.films[0].rate,
         detail=f"at {study.films[0].rate:g}/s even frames, times off by up to {unrest:.2f} of a frame",
     )  # fmt: skip
 

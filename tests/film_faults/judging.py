@@ -186,7 +186,7 @@ def _judge(
         result |= {"outcome": was, "message": (refusals or ["; ".join(t for t in said if USUAL_ASSUMPTION not in t)])[-1]}
     elif moved <= RIGHT_WITHIN:
         return result | {"outcome": Outcome.LEFT_OUT, "message": f"{asked}{read}; {'; '.join(said)}"}
-    elif any(re.search(faulty.words, text) for text in said):
+    elif any(re.search(faulty.said, text) for text in said):
         result |= {"outcome": Outcome.NAMED, "message": "; ".join(said)}
     elif moved <= MOVED_BY:
         result |= {"outcome": Outcome.HARMLESS, "message": read}

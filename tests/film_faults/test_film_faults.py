@@ -12,7 +12,6 @@ from tests.film_faults.films import CHANNELS, clean_study
 from tests.film_faults.forms import Form
 from tests.film_faults.judging import Outcome, judge, make, write
 
-OPEN = pytest.mark.xfail(strict=True, reason="found on 25 November, and not corrected yet")
 SAMPLE = (
     (60, NONE),
     (240, "rounded times"),
@@ -37,12 +36,12 @@ SAMPLE = (
 IDENTIFIED = ((60, "rounded times"), (240, "every picture repeated"), (240, "form: long table"))
 FOUND = (
     # Of the four rows that show a picture, two were left
-    pytest.param(440, "every picture repeated", marks=OPEN),
-    pytest.param(720, "slow in the middle", marks=[OPEN, pytest.mark.accurate]),
-    pytest.param(60, "pictures lost", marks=OPEN),
-    pytest.param(720, "pictures lost", marks=OPEN),
+    (440, "every picture repeated"),
+    pytest.param(720, "slow in the middle", marks=pytest.mark.accurate),
+    (60, "pictures lost"),
+    (720, "pictures lost"),
 )
-"""Studies of the same apparatus in which a fault was neither put right nor named."""
+"""Studies of the same apparatus in which a fault was once neither put right nor named."""
 
 
 @pytest.mark.parametrize(("number", "kind"), [*SAMPLE, *FOUND])

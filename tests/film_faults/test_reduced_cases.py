@@ -20,7 +20,6 @@ from tests.film_faults.faults import TRACKER, Faulty
 from tests.film_faults.films import CHANNELS, Array, clean_study
 from tests.film_faults.judging import write
 
-OPEN = pytest.mark.xfail(strict=True, reason="found on 25 November, and not corrected yet")
 NOISE = 1e-3
 
 

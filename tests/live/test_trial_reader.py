@@ -146,7 +146,11 @@ ROWS = np.arange(240)
 FILMS = {
     "a lost picture at 480 a second": (480, np.arange(480) + (np.arange(480) >= 200), "pictures are lost there"),
     "three lost pictures": (240, ROWS + 3 * (ROWS >= 150), "should be 3 steps later"),
-    "lost pictures in four places": (120, ROWS + 2 * np.searchsorted([50, 100, 150, 200], ROWS, "right"), " s and 1 more on the"),
+    "lost pictures in four places": (
+        120,
+        ROWS + 2 * np.searchsorted([50, 100, 150, 200], ROWS, "right"),
+        " s and 1 more on the",
+    ),
     "a picture that is stored again": (240, ROWS - (ROWS >= 150), "stored again there"),
     "a picture that is stored instead of the next one": (240, ROWS - (ROWS == 150), "stored again there"),
     "every picture four times": (240, ROWS // 4 * 4, "every picture is stored 4 times"),
