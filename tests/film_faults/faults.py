@@ -255,7 +255,8 @@ def times_of_a_recorder(rng: np.random.Generator, study: CleanStudy) -> Faulty:
         jitter = np.where(film.t > 0, rng.uniform(-unrest, unrest, len(film.t)), 0.0) / film.rate
         films.append(dataclasses.replace(film, t=film.t + jitter))
     return Faulty(
-        films=tuple(films), form=plain_form(rng), words="frames .*last|uneven", said="taken unevenly", clock_offset=0.1 / study.films[0].rate,
+        films=tuple(films), form=plain_form(rng), words="frames .*last|uneven", said="taken unevenly",
+        clock_offset=0.1 / study.films[0].rate,
         detail=f"at {study.films[0].rate:g}/s even frames, times off by up to {unrest:.2f} of a frame",
     )  # fmt: skip
 
