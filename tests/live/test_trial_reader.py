@@ -145,7 +145,7 @@ def test_a_clock_with_faults_is_put_right_or_named_alike(both):
 ROWS = np.arange(240)
 FILMS = {
     "a lost picture at 480 a second": (480, np.arange(480) + (np.arange(480) >= 200), "pictures are lost there"),
-    "three lost pictures": (240, ROWS + 3 * (ROWS >= 150), "should be 3 steps later"),
+    "three lost pictures": (240, ROWS + 3 * (ROWS >= 150), "3.1 steps later"),
     "lost pictures in four places": (
         120,
         ROWS + 2 * np.searchsorted([50, 100, 150, 200], ROWS, "right"),
@@ -176,7 +176,7 @@ def test_films_whose_rows_are_displaced_are_judged_alike(both, has_gaps):
             lines = [[*line[:3], "", ""] if rng.random() < 0.2 else line for line in lines if rng.random() > 0.05]
         cases.append(("t,light_x,light_y,heavy_x,heavy_y\n" + "".join(",".join(line) + "\n" for line in lines), {}))
     for (name, (*_, said)), (expected, found) in zip(FILMS.items(), both(cases), strict=True):
-        assert has_gaps or said in " ".join((*expected["assumptions"], *expected["faults"])), name
+        assert said in " ".join((*expected["assumptions"], *expected["faults"])), name
         assert_same(expected, found)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -46,6 +47,9 @@ A tracker that slips goes another way than the mass, and with one mass alone.
 """
 COPIED = (-1.5, -0.6)
 """Displacement of a row, or of all from it on, in which the picture before is stored again [steps]."""
+MAX_STOP, MIN_WAY, MIN_COSINE = 0.2, 8.0, 0.5
+"""The same told by three steps in a row: largest way of the middle one in those of the others, smallest way of these [standard
+deviations of the noise], and smallest cosine of the angle between them."""
 MIN_LOST = 0.6
 """The same of all rows after lost pictures."""
 RATE_FACTORS = (2.0, 4.0, 8.0, 1 / 2, 1 / 4, 1 / 8)
@@ -57,6 +61,8 @@ MIN_GAIN, MIN_OWN_GAIN = 30.0, 40.0
 
 In films with one clock, that a string lies on itself or a tracker slips gives 30 to 130, without the conditions below.
 """
+MIN_NOISE_LEFT = 0.3
+"""Smallest part of the noise's sum of squares that remains, so that windows with less to lose need not be tried."""
 MIN_GAIN_RATIO, MIN_MISFIT_FALL = 1.5, 3.0
 """Without a model: the same in that by leaving out one row, and smallest factor by which the misfit falls."""
 MAX_CHANGES = 4
@@ -104,7 +110,7 @@ def without_copies(channels: Sequence[Channel], notes: ReadingNotes) -> list[Cha
 
     A copy has no noise of its own, so that it would count twice in a fit.
     """
-    film = _Film.of(channels)
+    film = _film(tuple(channels))
     pattern = None if film is None else _pattern_of_copies(film)
     if film is None or pattern is None:
         return [c for body in _by_body(channels) for c in _without_equal_points(body, notes)]
@@ -131,7 +137,7 @@ def with_time_errors(channels: Sequence[Channel], notes: ReadingNotes) -> list[C
 
     So it is where pictures are taken unevenly, but their times are even.
     """
-    film = _Film.of(channels)
+    film = _film(tuple(channels))
     if film is None:
         return list(channels)
     rows = film.best_displacements(onward=False)
@@ -195,7 +201,7 @@ def clock_faults(channels: Sequence[Channel], agrees: Agreement | None = None) -
         What is asked about rows from which on all times are wrong. Where a tracker slips along the mass's way, or the string
         jerks, the points alone look the same; without this, only the clearest are named.
     """
-    film = _Film.of(channels)
+    film = _film(tuple(channels))
     if film is None:
         return []
     changes = _rate_changes(film, is_clear=False) if agrees else []
@@ -290,6 +296,7 @@ class _Film:
         all_rows[half : half + len(values)] = values
         return all_rows
 
+    @lru_cache(maxsize=32)  # noqa: B019, as films are few
     def best_displacements(self, *, onward: bool) -> _Displacements:
         """Return displacements by the longest window of each row in which the motion is a polynomial."""
         halves = {max(rows, round(duration / self.step)) for rows, duration in HALF_WINDOWS}
@@ -298,6 +305,17 @@ class _Film:
             best = best.replaced(other, other.misfit < MAX_MISFIT_RATIO * np.maximum(best.misfit, 1.0))
         return best
 
+    def stops(self) -> NDArray[np.intp]:
+        """Return rows in which the masses are where they were before, though they move far, and on, before and after."""
+        ways = np.diff(self.values, axis=1)
+        size = np.linalg.norm(ways, axis=0)
+        before, own, after = size[:-2], size[1:-1], size[2:]
+        along = np.sum(ways[:, :-2] * ways[:, 2:], axis=0)
+        # With few rows a second no polynomial describes the motion; not a number where a point is missing
+        moves = (np.minimum(before, after) > MIN_WAY) & (along > MIN_COSINE * before * after)
+        return np.flatnonzero(moves & (own < MAX_STOP * np.minimum(before, after))) + 2
+
+    @lru_cache(maxsize=32)  # noqa: B019
     def patterns(self, half: int) -> list[_Pattern]:
         """Return how long pictures in turn last by the points, by the length of the pattern; empty: there are too few rows."""
         if len(self.t) < max(2 * half + MIN_ROWS, 4 * MAX_PERIOD):
@@ -383,19 +401,23 @@ class _Fit:
 class _Windows:
     """All runs of so many rows, in each of which the motion is a polynomial of the time."""
 
-    def __init__(self, film: _Film, half: int, length: int, factor: float = 1.0) -> None:
+    def __init__(
+        self, film: _Film, half: int, length: int, *, factor: float = 1.0, which: NDArray[np.intp] | slice = slice(None)
+    ) -> None:
         """Take the values of a film; the polynomials' variable is 0 at row `half` of each window.
 
         Parameters
         ----------
         factor
             How long a row lasts from that one on, in what it lasted before.
+        which
+            Only these windows.
         """
         self.half, self.length = half, length
-        t = sliding_window_view(film.t, length)
+        t = sliding_window_view(film.t, length)[which]
         x = (t - t[:, half, None]) / (half * film.step * max(factor, 1.0))
         x = np.where(x > 0, factor * x, x)
-        values = sliding_window_view(film.values, length, axis=1)
+        values = sliding_window_view(film.values, length, axis=1)[:, which]
         self.known = np.isfinite(values)
         self.y = np.where(self.known, values, 0.0)
         self.basis, self.slopes = _polynomials(x, self.known)
@@ -495,15 +517,19 @@ def _rate_changes(film: _Film, *, is_clear: bool) -> list[WrongTimes]:
         if len(film.t) < 2 * half + 1:
             break
         even = _Windows(film, half, 2 * half + 1)
-        for factor in RATE_FACTORS:
-            changed = _Windows(film, half, 2 * half + 1, factor)
-            gain = even.squares - changed.squares
+        # The others' sums are too small to fall that far
+        which = np.flatnonzero(even.squares > MIN_GAIN + MIN_NOISE_LEFT * even.freedom)
+        squares, by_one_row = even.squares[which], even.largest_by_one_row[which]
+        for factor in RATE_FACTORS if len(which) else ():
+            changed = _Windows(film, half, 2 * half + 1, factor=factor, which=which)
+            gain = squares - changed.squares
             told = (gain > MIN_GAIN) & (changed.squares < MAX_MISFIT * changed.freedom)
             if is_clear:
-                told &= (gain > MIN_OWN_GAIN) & (gain > MIN_GAIN_RATIO * even.largest_by_one_row)
-                told &= even.squares > MIN_MISFIT_FALL * changed.squares
+                told &= (gain > MIN_OWN_GAIN) & (gain > MIN_GAIN_RATIO * by_one_row)
+                told &= squares > MIN_MISFIT_FALL * changed.squares
             for k in np.flatnonzero(told):
-                best[int(k) + half] = max(best.get(int(k) + half, (0.0, 0, 1.0)), (float(gain[k]), half, factor))
+                row = int(which[k]) + half
+                best[row] = max(best.get(row, (0.0, 0, 1.0)), (float(gain[k]), half, factor))
     chosen: dict[int, float] = {}
     for row, (_, half, factor) in sorted(best.items(), key=lambda item: item[1], reverse=True):
         if len(chosen) < MAX_CHANGES and all(abs(row - other) > half for other in chosen):
@@ -542,6 +568,9 @@ def _single_displacements(film: _Film, largest_misfit: float = MAX_MISFIT) -> li
     for _, row, half, here in sorted(found, key=lambda each: -each[0]):
         if all(abs(row - other) > half for other in chosen):
             chosen[row] = here
+    for row in map(int, film.stops()):
+        if all(abs(row - other) > 1 for other in chosen):
+            chosen[row] = WrongTimes(t=float(film.t[row]), steps=-1.0, shift=-film.step, onward=False)
     return [chosen[row] for row in sorted(chosen)]
 
 
@@ -576,6 +605,12 @@ def _has_fine_digits(channel: Channel) -> bool:
     """Return whether a channel has noise, and digits so far below it that no two points are equal by chance."""
     noise = scatter(channel)
     return noise > max(MIN_NOISE * float(np.ptp(channel.value)), channel.last_digit / MAX_CHANCE_DIGIT)
+
+
+@lru_cache(maxsize=16)
+def _film(channels: tuple[Channel, ...]) -> _Film | None:
+    """Return the film of some channels: what is found of it is asked for by the reader and by the first look."""
+    return _Film.of(channels)
 
 
 def _roughness(channels: Sequence[Channel], noise: Sequence[float]) -> float:

@@ -78,6 +78,8 @@ def row_shift(declared: DeclaredTrial, least_ratio: float = 1.0) -> RowShift | N
     best, least = None, math.inf
     limit = min(MAX_SHIFT, len(channels["light_x"]) // MIN_ROWS_A_SHIFT)
     for columns, usual_ratio in MIN_SHIFT_RATIOS.items():
+        if before <= max(usual_ratio, least_ratio):
+            continue
         shifts = [RowShift(columns=columns, rows=n) for n in range(-limit, limit + 1)]
         misfits = [before if not s.rows else _string_misfit(_shifted(declared, s), noise) for s in shifts]
         at = int(np.argmin(misfits))
