@@ -153,6 +153,7 @@ FILMS = {
     ),
     "a picture that is stored again": (240, ROWS - (ROWS >= 150), "stored again there"),
     "a picture that is stored instead of the next one": (240, ROWS - (ROWS == 150), "stored again there"),
+    "the same at 20 a second": (20, ROWS[:40] - (ROWS[:40] == 25), "stored again there"),
     "every picture four times": (240, ROWS // 4 * 4, "every picture is stored 4 times"),
     "24 pictures a second in a film of 60": (60, ROWS * 24 // 60 * 2.5, "5 rows show 2 pictures"),
     "frames in turn": (240, ROWS + np.where(ROWS % 2, 0.2, -0.2), "frames in turn last"),
@@ -176,7 +177,7 @@ def test_films_whose_rows_are_displaced_are_judged_alike(both, has_gaps):
             lines = [[*line[:3], "", ""] if rng.random() < 0.2 else line for line in lines if rng.random() > 0.05]
         cases.append(("t,light_x,light_y,heavy_x,heavy_y\n" + "".join(",".join(line) + "\n" for line in lines), {}))
     for (name, (*_, said)), (expected, found) in zip(FILMS.items(), both(cases), strict=True):
-        assert said in " ".join((*expected["assumptions"], *expected["faults"])), name
+        assert has_gaps or said in " ".join((*expected["assumptions"], *expected["faults"])), name
         assert_same(expected, found)
 
 

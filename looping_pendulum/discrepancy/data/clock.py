@@ -292,7 +292,8 @@ def frame_grid(time: Array, rounding: Array, rates: Sequence[float] = ()) -> Gri
     if len(time) < 3 or time[-1] <= time[0]:
         return None
     steps = np.diff(time)
-    most = 1.5 * float(rounding.max())
+    # A quarter of a step where a row has more digits than others, as what is fitted has the others' error
+    most = 1.5 * np.minimum(np.maximum(rounding, float(np.median(steps)) / 6), float(rounding.max()))
     last_bit = TINY * (1 + abs(float(time[-1])))
     rows = _fitted_grid(time, np.arange(len(time), dtype=float), most + last_bit)
     usual = float(np.percentile(steps, 50, method="lower"))
@@ -310,15 +311,15 @@ def frame_grid(time: Array, rounding: Array, rates: Sequence[float] = ()) -> Gri
     return rows or next(filter(None, grids), None)
 
 
-def _fitted_grid(time: Array, number: Array, largest_error: float) -> Grid | None:
+def _fitted_grid(time: Array, number: Array, largest_error: Array | float) -> Grid | None:
     """Return the equal steps nearest to times with these numbers; None: one is farther from its step than is allowed."""
     if not np.all(np.diff(number) > 0):
         return None
     slope, start = np.polyfit(number, time, 1)
-    largest = float(np.max(np.abs(time - start - slope * number)))
-    if slope <= 0 or largest > largest_error:
+    errors = np.abs(time - start - slope * number)
+    if slope <= 0 or np.any(errors > largest_error):
         return None
-    return Grid(start=float(start), rate=float(1 / slope), number=number, largest_error=largest)
+    return Grid(start=float(start), rate=float(1 / slope), number=number, largest_error=float(errors.max()))
 
 
 def _without_repeated_rows(sheet: Sheet, refuse: Refusal, notes: ReadingNotes) -> Array:

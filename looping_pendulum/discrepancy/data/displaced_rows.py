@@ -24,6 +24,8 @@ HALF_WINDOWS = ((3, 0.0125), (6, 0.025), (6, 0.05))
 
 Of those windows that fit, the longest one counts.
 """
+MAX_HALF = 24
+"""Largest number of rows on each side, at many frames a second."""
 PATTERN_HALF_WINDOWS = (6, 3)
 """The same for patterns; the longer one holds all of them whole, but with few frames a second the masses turn in it."""
 DEGREE = 3
@@ -47,9 +49,9 @@ A tracker that slips goes another way than the mass, and with one mass alone.
 """
 COPIED = (-1.5, -0.6)
 """Displacement of a row, or of all from it on, in which the picture before is stored again [steps]."""
-MAX_STOP, MIN_WAY, MIN_COSINE = 0.2, 8.0, 0.5
-"""The same told by three steps in a row: largest way of the middle one in those of the others, smallest way of these [standard
-deviations of the noise], and smallest cosine of the angle between them."""
+MAX_STOP, MIN_WAY, MIN_COSINE = 0.2, 20.0, 0.5
+"""The same told by three steps in a row: largest speed of the middle one in that of the others, smallest way that it should be
+[standard deviations of the noise], and smallest cosine of the angle between the others."""
 MIN_LOST = 0.6
 """The same of all rows after lost pictures."""
 RATE_FACTORS = (2.0, 4.0, 8.0, 1 / 2, 1 / 4, 1 / 8)
@@ -65,6 +67,8 @@ MIN_NOISE_LEFT = 0.3
 """Smallest part of the noise's sum of squares that remains, so that windows with less to lose need not be tried."""
 MIN_GAIN_RATIO, MIN_MISFIT_FALL = 1.5, 3.0
 """Without a model: the same in that by leaving out one row, and smallest factor by which the misfit falls."""
+MIN_OWN_HALF = 6
+"""Without a model: smallest number of rows on each side, as in short windows few numbers describe any motion."""
 MAX_CHANGES = 4
 """Largest number of changes of the clock, the clearest ones."""
 MAX_PERIOD = 6
@@ -73,6 +77,8 @@ MIN_PATTERN_SIGMAS = 5.0
 """Standard errors by which durations at the places of a pattern must differ."""
 MIN_ROWS = 12
 """Smallest number of rows from which anything is told."""
+MAX_ROWS = 4000
+"""Largest number of rows that are looked at, the first ones: a minute at 60 frames a second."""
 MIN_MISFIT_RATIO = 0.8
 """Misfit of a longer pattern, in that of a shorter one, below which it is the longer one."""
 COPY = 0.35
@@ -252,13 +258,14 @@ class _Film:
             Standard deviation of each channel's noise; by default as its points show it.
         """
         known = noise or [max(scatter(c), c.last_digit) for c in channels]
-        moving = [(c, n) for c, n in zip(channels, known, strict=True) if c.name != "angle_rate" and len(c) >= 2 * MIN_ROWS]
+        moving = [(c, n) for c, n in zip(channels, known, strict=True) if c.name != "angle_rate" and len(c) >= MIN_ROWS]
         if not moving:
             return None
         t = np.unique(np.concatenate([c.t for c, _ in moving]))
         values = np.full((len(moving), len(t)), np.nan)
         for i, (c, sigma) in enumerate(moving):
             values[i, np.searchsorted(t, c.t)] = c.value / sigma
+        t, values = t[:MAX_ROWS], values[:, :MAX_ROWS]
         return cls(t=t, values=values, step=float(np.median(np.diff(t))))
 
     def number_of(self, t: Array) -> NDArray[np.intp]:
@@ -299,7 +306,7 @@ class _Film:
     @lru_cache(maxsize=32)  # noqa: B019, as films are few
     def best_displacements(self, *, onward: bool) -> _Displacements:
         """Return displacements by the longest window of each row in which the motion is a polynomial."""
-        halves = {max(rows, round(duration / self.step)) for rows, duration in HALF_WINDOWS}
+        halves = {min(max(rows, round(duration / self.step)), MAX_HALF) for rows, duration in HALF_WINDOWS}
         best, *longer = (self.displacements(half, onward=onward) for half in sorted(halves))
         for other in longer:
             best = best.replaced(other, other.misfit < MAX_MISFIT_RATIO * np.maximum(best.misfit, 1.0))
@@ -307,13 +314,14 @@ class _Film:
 
     def stops(self) -> NDArray[np.intp]:
         """Return rows in which the masses are where they were before, though they move far, and on, before and after."""
+        time = np.diff(self.t)
         ways = np.diff(self.values, axis=1)
-        size = np.linalg.norm(ways, axis=0)
-        before, own, after = size[:-2], size[1:-1], size[2:]
-        along = np.sum(ways[:, :-2] * ways[:, 2:], axis=0)
+        speed = np.linalg.norm(ways, axis=0) / time
+        along = np.sum(ways[:, :-2] * ways[:, 2:], axis=0) / (time[:-2] * time[2:])
+        slower = np.minimum(speed[:-2], speed[2:])
         # With few rows a second no polynomial describes the motion; not a number where a point is missing
-        moves = (np.minimum(before, after) > MIN_WAY) & (along > MIN_COSINE * before * after)
-        return np.flatnonzero(moves & (own < MAX_STOP * np.minimum(before, after))) + 2
+        moves = (slower * time[1:-1] > MIN_WAY) & (along > MIN_COSINE * speed[:-2] * speed[2:])
+        return np.flatnonzero(moves & (speed[1:-1] < MAX_STOP * slower)) + 2
 
     @lru_cache(maxsize=32)  # noqa: B019
     def patterns(self, half: int) -> list[_Pattern]:
@@ -514,8 +522,8 @@ def _rate_changes(film: _Film, *, is_clear: bool) -> list[WrongTimes]:
     """
     best: dict[int, tuple[float, int, float]] = {}
     for half in RATE_HALF_WINDOWS:
-        if len(film.t) < 2 * half + 1:
-            break
+        if len(film.t) < 2 * half + 1 or (is_clear and half < MIN_OWN_HALF):
+            continue
         even = _Windows(film, half, 2 * half + 1)
         # The others' sums are too small to fall that far
         which = np.flatnonzero(even.squares > MIN_GAIN + MIN_NOISE_LEFT * even.freedom)

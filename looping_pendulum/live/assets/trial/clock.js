@@ -12,7 +12,10 @@ import { dot, mean, median, range, sumOfSquares } from "./statistics.js";
  * Values of one channel [SI], one for each row, and what the last digit of each is worth; not a number: none.
  * @typedef {{name: string, column: string, value: number[], digit: number[]}} Series
  */
-/** @typedef {{name: string, column: string, t: number[], value: number[], lastDigit: number}} Channel SI, without missing samples */
+/**
+ * SI, without missing samples; `timeError`: standard error of each time [s].
+ * @typedef {{name: string, column: string, t: number[], value: number[], lastDigit: number, timeError: number}} Channel
+ */
 /** @typedef {{channel: string, reason: string, count: number}} Unused values of a channel, or of a column that is none */
 /** @typedef {{unused: Unused[], assumptions: string[]}} Notes */
 /**
@@ -66,18 +69,19 @@ export function count(notes, channel, reason, more) {
 /** The channels with the times of their points. @param {Sheet[]} sheets @param {How} how @returns {Channel[]} */
 export function timedChannels(sheets, how) {
   const { file, frameRate } = how;
-  if (frameRate !== null && sheets.every(({ frame }) => frame)) return channelsOf(sheets, timesOfFrames(sheets, frameRate, file), file);
+  if (frameRate !== null && sheets.every(({ frame }) => frame)) return channelsOf(sheets, timesOfFrames(sheets, frameRate, file), 0, file);
   if (sheets.some(({ time }) => !time)) throw dataError(file, null, "", text("file.needsRate"));
   const timed = sheets.map((sheet) => growing(/** @type {TimedSheet} */ (sheet), file));
-  return channelsOf(timed, timesOfClock(timed, how), file);
+  const { times, error } = timesOfClock(timed, how);
+  return channelsOf(timed, times, error, file);
 }
 
-/** @param {Sheet[]} sheets @param {number[][]} times of the rows of each @param {string} file @returns {Channel[]} */
-function channelsOf(sheets, times, file) {
+/** @param {Sheet[]} sheets @param {number[][]} times of the rows of each @param {number} timeError @param {string} file @returns {Channel[]} */
+function channelsOf(sheets, times, timeError, file) {
   return sheets.flatMap(({ channels }, i) => channels.map(({ name, column, value, digit }) => {
     const kept = where(value, (one, k) => Number.isFinite(one + times[i][k]));
     if (!kept.length) throw dataError(file, null, column, text("file.noValues", { name: `${name}(t)` }));
-    return { name, column, t: at(times[i], kept), value: at(value, kept), lastDigit: largest(at(digit, kept)) };
+    return { name, column, t: at(times[i], kept), value: at(value, kept), lastDigit: largest(at(digit, kept)), timeError };
   }));
 }
 
@@ -121,7 +125,8 @@ function growing(sheet, file) {
   };
 }
 
-/** The times of the rows of each sheet [s]; not a number: none. @param {TimedSheet[]} sheets @param {How} how @returns {number[][]} */
+/** The times of the rows of each sheet [s] (not a number: none), and how far rounding may have changed them, as a standard error [s].
+ * @param {TimedSheet[]} sheets @param {How} how */
 function timesOfClock(sheets, { file, frameRate, clipRate, notes }) {
   const longest = sheets.reduce((most, sheet) => (sheet.lines.length > most.lines.length ? sheet : most));
   const rounding = longest.time.length >= MIN_ROUNDED ? largest(longest.rounding) : 0;
@@ -136,6 +141,7 @@ function timesOfClock(sheets, { file, frameRate, clipRate, notes }) {
   let fileRate = step ? 1 / step : frameRate;
   /** @type {number[][] | null} */
   let times = null;
+  let error = 0;
   if (grid && grid.largestError > EXACT * step) {
     // On the declared rate, if the rounded times do not tell the difference
     const wanted = stated.filter((rate) => Math.abs(rate * step - 1) < RATE_TOLERANCE);
@@ -151,13 +157,17 @@ function timesOfClock(sheets, { file, frameRate, clipRate, notes }) {
   if (!times) {
     const unique = sheets.map((sheet) => withoutRepeatedRows(sheet, file, notes));
     times = grid ? unique : evenTimes(sheets, unique, stated, notes);
-    if (!grid && rounding > EXACT * step) notes.assumptions.push(text("assumed.timeErrors", { digit: inSentence(2 * rounding, 2) }));
+    if (!grid && rounding > EXACT * step) {
+      error = rounding / Math.sqrt(3);
+      notes.assumptions.push(text("assumed.timeErrors", { digit: inSentence(2 * rounding, 2) }));
+    }
   }
   const madeFor = clipRate ?? fileRate;
-  if (frameRate === null || madeFor === null || !(Math.abs(madeFor / frameRate - 1) >= RATE_TOLERANCE)) return times;
+  if (frameRate === null || madeFor === null || !(Math.abs(madeFor / frameRate - 1) >= RATE_TOLERANCE)) return { times, error };
   const rates = { from: inSentence(madeFor, 4), to: inSentence(frameRate, 4) };
   notes.assumptions.push(text(clipRate ? "assumed.rate" : "assumed.rateByRows", rates));
-  return times.map((t) => t.map((one) => one * (madeFor / frameRate)));
+  const factor = madeFor / frameRate;
+  return { times: times.map((t) => t.map((one) => one * factor)), error: error * factor };
 }
 
 /** Mean of the steps that are about as long as the one that a percentage of all do not exceed. @param {number[]} all @param {number} percent */
@@ -211,18 +221,21 @@ function frameGrid(time, rounding, rates) {
   const all = steps(time);
   const most = largest(rounding);
   const lastBit = TINY * (1 + Math.abs(last));
+  // A quarter of a step where a row has more digits than others, as what is fitted has the others' error
+  const least = median(all) / 6;
+  const byDigits = rounding.map((digit) => 1.5 * Math.min(Math.max(digit, least), most) + lastBit);
   // The equal steps nearest to times with some numbers; null: one is farther from its step than is allowed
-  const fitted = (/** @type {number[]} */ number, allowed = 1.5 * most + lastBit) => {
+  const fitted = (/** @type {number[]} */ number, allowed = byDigits) => {
     const { middle, row, slope, rest } = line(number, time);
     const largestError = largest(rest.map(Math.abs));
-    if (steps(number).some((step) => step <= 0) || slope <= 0 || !(largestError <= allowed)) return null;
+    if (steps(number).some((step) => step <= 0) || slope <= 0 || !rest.every((one, i) => Math.abs(one) <= allowed[i])) return null;
     return { start: middle + slope * (row[0] - number[0]), rate: 1 / slope, number, largestError, cut: 0 };
   };
   const rows = fitted(range(0, time.length));
   const usual = percentile(all, 50, false);
   if ([...rates, ...USUAL_RATES].some((rate) => Math.abs(rate * usual - 1) < TINY)) {
     // Times that are whole numbers of a usual step are exact, unless no row is missing at another usual rate
-    const exact = fitted(time.map((t) => rounded((t - time[0]) / usual)), lastBit);
+    const exact = fitted(time.map((t) => rounded((t - time[0]) / usual)), time.map(() => lastBit));
     if (exact && !(rows && atUsualRate(rows, time, rounding, rates, -TINY))) return exact;
   }
   if (rows) return rows;
@@ -288,7 +301,7 @@ function evenTimes(sheets, times, stated, notes) {
   const likely = rates.filter((rate) => distance(rate) <= Math.max(USUAL_SIGMAS * unrest, EXACT * slope));
   const rate = nearest(likely, distance) ?? 1 / slope;
   const even = row.map((i) => middle + i / rate);
-  const total = (/** @type {number[]} */ clock) => channelsOf(sheets, [clock], "").reduce((sum, channel) => sum + scatter(channel), 0);
+  const total = (/** @type {number[]} */ clock) => channelsOf(sheets, [clock], 0, "").reduce((sum, channel) => sum + scatter(channel), 0);
   const [low, high] = [5, 95].map((percent) => inSentence(1e3 * percentile(all, percent), 3));
   const isEven = !(total(even) > MIN_EVEN_GAIN * total(t));
   notes.assumptions.push(text(isEven ? "assumed.evenTimes" : "assumed.unevenTimes", { low, high, rate: inSentence(rate, 4) }));

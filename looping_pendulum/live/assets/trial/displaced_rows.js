@@ -13,12 +13,13 @@ import { count } from "./clock.js";
 import { inSentence } from "./messages.js";
 import { dot, inverse, mean, median, range } from "./statistics.js";
 
-/** @typedef {import("./clock.js").Channel & {timeError?: number}} Channel standard error of each time by rounding [s] */
+/** @typedef {import("./clock.js").Channel} Channel */
 /** @typedef {import("./clock.js").Notes} Notes */
 /**
  * All channels at the times of all rows [s], in standard deviations of their noise (not a number: missing), for each the first one with
- * the same missing rows, and the time from row to row [s].
- * @typedef {{t: number[], values: number[][], same: number[], step: number}} Film
+ * the same missing rows, and the time from row to row [s]. `patterns` and `displacements`: what was found of it, by `half` and `onward`.
+ * @typedef {{t: number[], values: number[][], same: number[], step: number, patterns: Map<number, Pattern[]>,
+ *   displacements: Map<boolean, (Displacement | null)[]>}} Film
  */
 /**
  * By how much a row is displaced [steps] (positive: filmed later than its time says), the standard error of that, the mean square
@@ -67,6 +68,9 @@ const MIN_SIGMAS = 6;
 const [MAX_ACROSS, MAX_SLOPE] = [4, 0.1];
 /** Displacement of a row, or of all from it on, in which the picture before is stored again [steps]. */
 const COPIED = [-1.5, -0.6];
+/** The same told by three steps in a row: largest way of the middle one in those of the others, smallest way of these [standard deviations
+ * of the noise], and smallest cosine of the angle between them. */
+const [MAX_STOP, MIN_WAY, MIN_COSINE] = [0.2, 20, 0.5];
 /** The same of all rows after lost pictures. */
 const MIN_LOST = 0.6;
 /** Longest pattern of repeated or uneven frames [frames]. */
@@ -75,6 +79,10 @@ const MAX_PERIOD = 6;
 const MIN_PATTERN_SIGMAS = 5;
 /** Smallest number of rows from which anything is told. */
 const MIN_ROWS = 12;
+/** Largest number of rows on each side, at many frames a second. */
+const MAX_HALF = 24;
+/** Largest number of rows that are looked at, the first ones: a minute at 60 frames a second. */
+const MAX_ROWS = 4000;
 /** Misfit of a longer pattern, in that of a shorter one, below which it is the longer one. */
 const MIN_MISFIT_RATIO = 0.8;
 /** Duration of a step below which a picture is stored again [steps]. */
@@ -91,10 +99,14 @@ const MIN_UNEVEN_RATIO = 2.2;
 const RATE_FACTORS = [2, 4, 8, 1 / 2, 1 / 4, 1 / 8];
 /** Rows on each side of one from which on they last longer or shorter. */
 const RATE_HALF_WINDOWS = [3, 4, 6, 10];
-/** Smallest fall of the residuals' sum of squares [variances of the noise] by a change of the clock. */
-const MIN_OWN_GAIN = 40;
+/** Smallest fall of the residuals' sum of squares [variances of the noise] by a change of the clock, and without a model. */
+const [MIN_GAIN, MIN_OWN_GAIN] = [30, 40];
+/** Smallest part of the noise's sum of squares that remains, so that windows with less to lose need not be tried. */
+const MIN_NOISE_LEFT = 0.3;
 /** The same in that by leaving out one row, and smallest factor by which the misfit falls. */
 const [MIN_GAIN_RATIO, MIN_MISFIT_FALL] = [1.5, 3];
+/** Smallest number of rows on each side, as in short windows few numbers describe any motion. */
+const MIN_OWN_HALF = 6;
 /** Largest number of changes of the clock, the clearest ones. */
 const MAX_CHANGES = 4;
 /** Last digit, in standard deviations of the noise, up to which equal points are no chance but copies. */
@@ -140,7 +152,7 @@ function withoutPattern(channels, film, pattern, notes) {
 
 /** How far points are from polynomials of their times [variances of the noise]. @param {Channel[]} channels @param {number[]} noise */
 function roughness(channels, noise) {
-  const film = filmOf(channels, noise);
+  const film = newFilm(channels, noise);
   const half = PATTERN_HALF_WINDOWS[1];
   return film ? sumOf([...windowsOf(film, half, 2 * half + 1).squares]) : 0;
 }
@@ -166,7 +178,7 @@ export function withTimeErrors(channels, notes) {
   const weights = told.map(({ error }) => 1 / (error ** 2 + MIN_UNEVEN ** 2) ** 2);
   const variance = dot(weights, told.map(({ along, error }) => (along - noise) * error ** 2)) / sumOf(weights);
   const timeError = film.step * Math.sqrt(Math.max(variance, 0));
-  if (timeError < 2 * largest(channels.map((channel) => channel.timeError ?? 0))) return channels; // what rounding explains
+  if (timeError < 2 * largest(channels.map((channel) => channel.timeError))) return channels; // what rounding explains
   notes.assumptions.push(text("assumed.unevenPictures", { error: inSentence(1e3 * timeError, 2) }));
   return channels.map((channel) => ({ ...channel, timeError }));
 }
@@ -185,7 +197,7 @@ export function clockFaults(channels) {
   for (const [key, isLost] of /** @type {const} */ ([["fault.lost", true], ["fault.repeated", false]])) {
     const named = displaced.filter(({ value }) => value > 0 === isLost);
     if (!named.length) continue;
-    const shown = named.slice(0, MAX_SHOWN).map(({ t }) => `${inSentence(t, 4)} s`).join(", ");
+    const shown = named.slice(0, MAX_SHOWN).map(({ row }) => `${inSentence(film.t[row], 4)} s`).join(", ");
     const times = named.length > MAX_SHOWN ? text("fault.more", { shown, count: named.length - MAX_SHOWN }) : shown;
     faults.push(text(key, { times, steps: inSentence(named[0].value, 2) }));
   }
@@ -194,18 +206,28 @@ export function clockFaults(channels) {
   return faults.map((fault) => `${fault}; ${text("fault.wayOut")}`);
 }
 
-/** The film of some channels; null: there are too few rows.
- * @param {Channel[]} channels @param {number[]} [noise] of each; by default, as its points show it @returns {Film | null} */
-function filmOf(channels, noise = channels.map((channel) => Math.max(scatter(channel), channel.lastDigit))) {
-  const moving = where(channels, ({ name, t }) => name !== "angle_rate" && t.length >= 2 * MIN_ROWS);
+/** The film that was asked for last: of one file's channels, all three exported functions ask for it.
+ * @type {{channels: Channel[], film: Film | null}} */
+let last = { channels: [], film: null };
+
+/** The film of some channels; null: there are too few rows. @param {Channel[]} channels */
+function filmOf(channels) {
+  const isLast = channels.length === last.channels.length && channels.every((channel, i) => channel === last.channels[i]);
+  if (!isLast) last = { channels: [...channels], film: newFilm(channels) };
+  return last.film;
+}
+
+/** @param {Channel[]} channels @param {number[]} [noise] of each; by default, as its points show it @returns {Film | null} */
+function newFilm(channels, noise = channels.map((channel) => Math.max(scatter(channel), channel.lastDigit))) {
+  const moving = where(channels, ({ name, t }) => name !== "angle_rate" && t.length >= MIN_ROWS);
   if (!moving.length) return null;
-  const t = [...new Set(moving.flatMap((c) => channels[c].t))].sort((a, b) => a - b);
+  const t = [...new Set(moving.flatMap((c) => channels[c].t))].sort((a, b) => a - b).slice(0, MAX_ROWS);
   const values = moving.map((c) => {
     const known = new Map(channels[c].t.map((time, i) => [time, channels[c].value[i] / noise[c]]));
     return t.map((time) => known.get(time) ?? NaN);
   });
   const same = values.map((own) => values.findIndex((other) => other.every((value, i) => Number.isNaN(value) === Number.isNaN(own[i]))));
-  return { t, values, same, step: median(steps(t)) };
+  return { t, values, same, step: median(steps(t)), patterns: new Map(), displacements: new Map() };
 }
 
 /** Numbers of the frames at some times, from the first row. @param {Film} film @param {number[]} times */
@@ -217,28 +239,50 @@ const placeOf = (number, period) => ((number % period) + period) % period;
 /** Displacements of each row, or of all from it on, by the longest window of those in which the motion is a polynomial; null: no
  * window fits. @param {Film} film @param {boolean} onward @returns {(Displacement | null)[]} */
 function bestDisplacements(film, onward) {
+  const known = film.displacements.get(onward);
+  if (known) return known;
   /** @type {(Displacement | null)[]} */
   const best = film.t.map(() => null);
-  const halves = HALF_WINDOWS.map(([rows, duration]) => Math.max(rows, rounded(duration / film.step)));
+  const halves = HALF_WINDOWS.map(([rows, duration]) => Math.min(Math.max(rows, rounded(duration / film.step)), MAX_HALF));
   for (const half of [...new Set(halves)].sort((a, b) => a - b)) {
     displacements(film, half, onward).forEach((here, n) => {
       if (here.misfit < MAX_MISFIT_RATIO * Math.max(best[half + n]?.misfit ?? Infinity, 1)) best[half + n] = here;
     });
   }
+  film.displacements.set(onward, best);
   return best;
 }
 
 /** Rows before which pictures are lost, and those that show the picture before. @param {Film} film */
 function singleDisplacements(film) {
   // A single row that is displaced displaces those around it a little, and the other way round
-  return clearest([true, false].flatMap((onward) => bestDisplacements(film, onward).flatMap((best, row) => {
+  const chosen = clearest([true, false].flatMap((onward) => bestDisplacements(film, onward).flatMap((best, row) => {
     if (!best) return [];
     const { half, value, error, misfit, across } = best;
     const sigmas = Math.abs(value) / error;
     const isUsual = (value > COPIED[0] && value < COPIED[1]) || (onward && value > MIN_LOST);
     if (!isUsual || !(sigmas > MIN_SIGMAS && misfit < MAX_MISFIT)) return [];
-    return across() < Math.max(MAX_ACROSS, MAX_SLOPE * sigmas) ? [{ row, half, strength: sigmas, t: film.t[row], value }] : [];
-  })));
+    return across() < Math.max(MAX_ACROSS, MAX_SLOPE * sigmas) ? [{ row, half, strength: sigmas, value }] : [];
+  }))).map(({ row, value }) => ({ row, value }));
+  for (const row of stops(film)) {
+    if (chosen.every((other) => Math.abs(row - other.row) > 1)) chosen.push({ row, value: -1 });
+  }
+  return chosen.sort((a, b) => a.row - b.row);
+}
+
+/** Rows in which the masses are where they were before, though they move far, and on, before and after. With few rows a second no
+ * polynomial describes the motion. @param {Film} film */
+function stops({ t, values }) {
+  const time = steps(t);
+  const ways = values.map(steps);
+  /** @param {number} i @param {number} k */
+  const product = (i, k) => sumOf(ways.map((way) => way[i] * way[k])) / (time[i] * time[k]);
+  return range(2, t.length - 1).filter((row) => {
+    const [before, own, after] = [row - 2, row - 1, row].map((i) => Math.sqrt(product(i, i)));
+    const slower = Math.min(before, after);
+    const isMoving = slower * time[row - 1] > MIN_WAY && product(row - 2, row) > MIN_COSINE * before * after;
+    return isMoving && own < MAX_STOP * slower;
+  });
 }
 
 /** Those rows of which none that is clearer is within half a window. @template {{row: number, half: number, strength: number}} T
@@ -328,7 +372,6 @@ class Curves {
       }
       for (let k = 0; k < length; k++) squares[n] += rest[here + k] * rest[here + k];
     }
-    this.beneath.set(nearest);
   }
 
   /** Take the velocities of the displaced rows by the polynomials beneath, and add them to the sums. @param {Shifts} shifts */
@@ -465,11 +508,14 @@ function displacements(film, half, onward) {
 
 /** How long pictures in turn last by the points, by the length of the pattern; empty: there are too few rows.
  * @param {Film} film @param {number} half @returns {Pattern[]} */
-function patterns(film, half) {
-  if (film.t.length < Math.max(2 * half + MIN_ROWS, 4 * MAX_PERIOD)) return [];
+function patternsOf(film, half) {
+  const known = film.patterns.get(half);
+  if (known || film.t.length < Math.max(2 * half + MIN_ROWS, 4 * MAX_PERIOD)) return known ?? [];
   const windows = windowsOf(film, half, 2 * half + 1);
   const numbers = numbersOf(film, film.t);
-  return range(2, MAX_PERIOD + 1).map((period) => patternOf(windows, numbers.map((number) => number % period), period));
+  const found = range(2, MAX_PERIOD + 1).map((period) => patternOf(windows, numbers.map((number) => number % period), period));
+  film.patterns.set(half, found);
+  return found;
 }
 
 /** How long pictures in turn last. @param {Windows} windows @param {number[]} places of the rows @param {number} period @returns {Pattern} */
@@ -515,9 +561,10 @@ function rateChanges(film) {
   /** @type {Map<number, {row: number, half: number, strength: number, factor: number}>} */
   const best = new Map();
   for (const half of RATE_HALF_WINDOWS) {
-    if (film.t.length < 2 * half + 1) break;
+    if (film.t.length < 2 * half + 1 || half < MIN_OWN_HALF) continue;
     const even = windowsOf(film, half, 2 * half + 1);
-    const starts = even.starts.filter((start) => even.squares[start] > MIN_OWN_GAIN);
+    // The others' sums are too small to fall that far
+    const starts = even.starts.filter((start) => even.squares[start] > MIN_GAIN + MIN_NOISE_LEFT * even.freedom[start]);
     for (const factor of RATE_FACTORS) {
       const changed = windowsOf(film, half, 2 * half + 1, starts, factor);
       starts.forEach((start, n) => {
@@ -592,7 +639,7 @@ function newRows({ durations, error }) {
 function patternOfCopies(film) {
   for (const half of PATTERN_HALF_WINDOWS) {
     let best = null;
-    for (const pattern of patterns(film, half)) {
+    for (const pattern of patternsOf(film, half)) {
       const isNew = newRows(pattern);
       // Of pictures stored four times, every second one is stored twice, too
       if (isNew && (!best || pattern.misfit < MIN_MISFIT_RATIO * best.misfit)) best = { isNew, misfit: pattern.misfit };
@@ -605,7 +652,7 @@ function patternOfCopies(film) {
 /** Mean durations of frames in turn; null: they are even. @param {Film} film */
 function unevenPattern(film) {
   for (const half of PATTERN_HALF_WINDOWS) {
-    for (const { durations, error } of patterns(film, half)) {
+    for (const { durations, error } of patternsOf(film, half)) {
       if (spanOf(durations) > Math.max(MIN_UNEVEN, MIN_PATTERN_SIGMAS * Math.SQRT2 * largest(error))) return durations;
     }
   }
