@@ -24,7 +24,7 @@ from tests.discrepancy.test_readers import BAD, FORMS, LIGHT
 FILE = "clip.csv"
 ROUNDING = 1e-12
 DAMAGED = 300
-CLOCKS = 120
+CLOCKS = 80
 SEED = 20261123
 PATTERNS = ("10", "100", "1000", "10010", "110")
 """Which rows of a film show a new picture, of a camera that is slower than the film."""
@@ -183,9 +183,7 @@ def test_films_whose_rows_are_displaced_are_judged_alike(both, has_gaps):
 
 def test_times_that_were_cut_off_or_have_gaps(both):
     cases = []
-    for rate, decimals, gone in itertools.product(
-        (30, 50, 60, 90, 100, 240, 1000), (2, 3, 6), ((), (21,), (20, 21), (30, 31, 32))
-    ):
+    for rate, decimals, gone in itertools.product((30, 50, 90, 240, 1000), (2, 3, 6), ((), (21,), (30, 31, 32))):
         frame = np.delete(np.arange(100), gone)
         values = motion(frame / 100) + 2e-4 * np.random.default_rng(SEED).standard_normal((len(frame), 4))
         unrest = np.random.default_rng(rate).uniform(-0.3, 0.3, len(frame))

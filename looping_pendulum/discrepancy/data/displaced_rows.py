@@ -403,7 +403,7 @@ class _Fit:
     misfit: Array
     """Mean square of each window's residuals, in variances of the noise."""
     across: Array
-    """What the same rows are displaced by otherwise than along the velocities, in standard errors, of each window."""
+    """What the same rows are displaced by otherwise than along the velocities [standard errors], of each window; 0 if pooled."""
 
 
 class _Windows:
@@ -462,7 +462,7 @@ class _Windows:
             misfit = np.einsum("cnk,cnk->n", left, left) / freedom
         # Windows overlap, so that each row counts in as many as they are long
         scale = np.array([self.length * np.average(misfit, weights=weight)]) if pooled else np.maximum(misfit, 1.0)
-        steps = [self._without_polynomials(self.known * rows) for rows in moved]
+        steps = [self._without_polynomials(self.known * rows) for rows in (() if pooled else moved)]
         across = [
             np.einsum("cnk,cnk->cn", step, left) ** 2 / np.maximum(np.einsum("cnk,cnk->cn", step, step), 1e-12)
             for step in steps
@@ -471,7 +471,7 @@ class _Windows:
             value=value,
             covariance=scale[:, None, None] * np.linalg.inv(normal),
             misfit=misfit,
-            across=np.sqrt(np.sum(across, axis=(0, 1)) / np.maximum(misfit, 1.0)),
+            across=np.sqrt(sum(np.sum(each, axis=0) for each in across) / np.maximum(misfit, 1.0)),
         )
 
     @property
