@@ -403,7 +403,7 @@ class _Fit:
     misfit: Array
     """Mean square of each window's residuals, in variances of the noise."""
     across: Array
-    """What the same rows are displaced by otherwise than along the velocities [standard errors], of each window; 0 if pooled."""
+    """What rows are displaced by otherwise than along the velocities [standard errors], of each window; 0 if pooled."""
 
 
 class _Windows:
