@@ -216,7 +216,12 @@ def clock_faults(channels: Sequence[Channel], agrees: Agreement | None = None) -
         changes = _rate_changes(film, is_clear=True)
     if changes and agreed is not False:
         return [_changes_text(changes)]
-    displaced = _single_displacements(film, MAX_MISFIT_AGREED if agrees else MAX_MISFIT)
+    uneven = _uneven_pattern(film)
+    if uneven is not None:
+        means = " and ".join(f"{m:.2g}" for m in uneven)
+        return [f"frames in turn last {means} of their mean, by the masses' motion, unlike their times; {OWN_TIMES}"]
+    unrest = max(c.time_error for c in channels) / film.step
+    displaced = _single_displacements(film, unrest, MAX_MISFIT_AGREED if agrees else MAX_MISFIT)
     onward = [rows for rows in displaced if rows.onward]
     if onward and agrees and agrees(onward) is False:
         displaced = [rows for rows in displaced if not rows.onward]
@@ -230,10 +235,6 @@ def clock_faults(channels: Sequence[Channel], agrees: Agreement | None = None) -
             shown = ", ".join(f"{rows.t:.4g} s" for rows in named[:MAX_SHOWN])
             more = f" and {len(named) - MAX_SHOWN} more" if len(named) > MAX_SHOWN else ""
             faults.append(f"from {shown}{more} on {what.format(f'{named[0].steps:.2g}')}; {OWN_TIMES}")
-    uneven = _uneven_pattern(film)
-    if uneven is not None:
-        means = " and ".join(f"{m:.2g}" for m in uneven)
-        faults.append(f"frames in turn last {means} of their mean, by the masses' motion, unlike their times; {OWN_TIMES}")
     return faults
 
 
@@ -559,12 +560,20 @@ def _changes_text(changes: Sequence[WrongTimes]) -> str:
     return f"by the masses' motion, the clock changes: {found}; {ONE_CLOCK}"
 
 
-def _single_displacements(film: _Film, largest_misfit: float = MAX_MISFIT) -> list[WrongTimes]:
-    """Return rows before which pictures are lost, and those that show the picture before."""
+def _single_displacements(film: _Film, unrest: float, largest_misfit: float) -> list[WrongTimes]:
+    """Return rows before which pictures are lost, and those that show the picture before.
+
+    Parameters
+    ----------
+    unrest
+        Standard error of each time [steps].
+    largest_misfit
+        Largest mean square of the residuals, in variances of the noise, with which a displacement is told.
+    """
     found = []
     for onward in (True, False):
         rows = film.best_displacements(onward=onward)
-        sigmas = np.abs(rows.value) / rows.error
+        sigmas = np.abs(rows.value) / np.hypot(rows.error, unrest)
         usual = (rows.value > COPIED[0]) & (rows.value < COPIED[1]) | onward & (rows.value > MIN_LOST)
         usual &= rows.across < np.maximum(MAX_ACROSS, MAX_SLOPE * sigmas)
         for k in np.flatnonzero(usual & (sigmas > MIN_SIGMAS) & (rows.misfit < largest_misfit)):
@@ -576,7 +585,7 @@ def _single_displacements(film: _Film, largest_misfit: float = MAX_MISFIT) -> li
     for _, row, half, here in sorted(found, key=lambda each: -each[0]):
         if all(abs(row - other) > half for other in chosen):
             chosen[row] = here
-    for row in map(int, film.stops()):
+    for row in map(int, film.stops() if unrest < MAX_STOP else ()):
         if all(abs(row - other) > 1 for other in chosen):
             chosen[row] = WrongTimes(t=float(film.t[row]), steps=-1.0, shift=-film.step, onward=False)
     return [chosen[row] for row in sorted(chosen)]

@@ -192,8 +192,13 @@ export function clockFaults(channels) {
     return text(factor > 1 ? "fault.longer" : "fault.shorter", found);
   });
   if (changes.length) return [text("fault.changes", { changes: changes.join(` ${text("fault.and")} `) })];
+  const uneven = unevenPattern(film);
+  if (uneven) {
+    const means = uneven.map((m) => inSentence(m, 2)).join(` ${text("fault.and")} `);
+    return [`${text("fault.uneven", { means })}; ${text("fault.wayOut")}`];
+  }
   const faults = [];
-  const displaced = singleDisplacements(film);
+  const displaced = singleDisplacements(film, largest(channels.map(({ timeError }) => timeError)) / film.step);
   for (const [key, isLost] of /** @type {const} */ ([["fault.lost", true], ["fault.repeated", false]])) {
     const named = displaced.filter(({ value }) => value > 0 === isLost);
     if (!named.length) continue;
@@ -201,8 +206,6 @@ export function clockFaults(channels) {
     const times = named.length > MAX_SHOWN ? text("fault.more", { shown, count: named.length - MAX_SHOWN }) : shown;
     faults.push(text(key, { times, steps: inSentence(named[0].value, 2) }));
   }
-  const uneven = unevenPattern(film);
-  if (uneven) faults.push(text("fault.uneven", { means: uneven.map((m) => inSentence(m, 2)).join(` ${text("fault.and")} `) }));
   return faults.map((fault) => `${fault}; ${text("fault.wayOut")}`);
 }
 
@@ -253,18 +256,19 @@ function bestDisplacements(film, onward) {
   return best;
 }
 
-/** Rows before which pictures are lost, and those that show the picture before. @param {Film} film */
-function singleDisplacements(film) {
+/** Rows before which pictures are lost, and those that show the picture before. @param {Film} film
+ * @param {number} unrest standard error of each time [steps] */
+function singleDisplacements(film, unrest) {
   // A single row that is displaced displaces those around it a little, and the other way round
   const chosen = clearest([true, false].flatMap((onward) => bestDisplacements(film, onward).flatMap((best, row) => {
     if (!best) return [];
     const { half, value, error, misfit, across } = best;
-    const sigmas = Math.abs(value) / error;
+    const sigmas = Math.abs(value) / Math.hypot(error, unrest);
     const isUsual = (value > COPIED[0] && value < COPIED[1]) || (onward && value > MIN_LOST);
     if (!isUsual || !(sigmas > MIN_SIGMAS && misfit < MAX_MISFIT)) return [];
     return across() < Math.max(MAX_ACROSS, MAX_SLOPE * sigmas) ? [{ row, half, strength: sigmas, value }] : [];
   }))).map(({ row, value }) => ({ row, value }));
-  for (const row of stops(film)) {
+  for (const row of unrest < MAX_STOP ? stops(film) : []) {
     if (chosen.every((other) => Math.abs(row - other.row) > 1)) chosen.push({ row, value: -1 });
   }
   return chosen.sort((a, b) => a.row - b.row);
