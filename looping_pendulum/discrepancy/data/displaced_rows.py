@@ -7,9 +7,10 @@ motion is needed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
+from typing import TypeVar
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -18,6 +19,8 @@ from numpy.typing import NDArray
 from looping_pendulum.discrepancy.data.noise import scatter
 from looping_pendulum.discrepancy.data.observations import BODIES, Channel, ReadingNotes
 from looping_pendulum.reference_ode.geometry import Array
+
+T = TypeVar("T")
 
 HALF_WINDOWS = ((3, 0.0125), (6, 0.025), (6, 0.05))
 """Rows, and time [s], on each side over which the motion is taken for a polynomial, whichever is longer.
@@ -33,7 +36,7 @@ DEGREE = 3
 MAX_MISFIT_RATIO = 1.25
 """Largest mean square of a longer window's residuals, in that of a shorter one or in the noise's, with which it is taken."""
 MAX_MISFIT = 2.5
-"""The same with which a displacement is told at all: beyond it the motion is no polynomial, as where a string jerks."""
+"""The same with which a displacement is named at all: beyond it the motion is no polynomial, as where a string jerks."""
 MAX_MISFIT_AGREED = 6.0
 """The same where a model agrees."""
 REFITS = 3
@@ -50,7 +53,7 @@ A tracker that slips goes another way than the mass, and with one mass alone.
 COPIED = (-1.5, -0.6)
 """Displacement of a row, or of all from it on, in which the picture before is stored again [steps]."""
 MAX_STOP, MIN_WAY, MIN_COSINE = 0.2, 20.0, 0.5
-"""The same told by three steps in a row: largest speed of the middle one in that of the others, smallest way that it should be
+"""The same by three steps in a row: largest speed of the middle one in that of the others, smallest way that it should be
 [standard deviations of the noise], and smallest cosine of the angle between the others."""
 MIN_LOST = 0.6
 """The same of all rows after lost pictures."""
@@ -76,7 +79,7 @@ MAX_PERIOD = 6
 MIN_PATTERN_SIGMAS = 5.0
 """Standard errors by which durations at the places of a pattern must differ."""
 MIN_ROWS = 12
-"""Smallest number of rows from which anything is told."""
+"""Smallest number of rows that show anything."""
 MAX_ROWS = 4000
 """Largest number of rows that are looked at, the first ones: a minute at 60 frames a second."""
 MIN_MISFIT_RATIO = 0.8
@@ -147,18 +150,18 @@ def with_time_errors(channels: Sequence[Channel], notes: ReadingNotes) -> list[C
     if film is None:
         return list(channels)
     rows = film.best_displacements(onward=False)
-    told = np.flatnonzero((rows.misfit < MAX_MISFIT) & (rows.error < MAX_ROW_ERROR))
+    precise = np.flatnonzero((rows.misfit < MAX_MISFIT) & (rows.error < MAX_ROW_ERROR))
     others = len(film.values) - 1
-    if len(told) < MIN_ROWS or not others:
+    if len(precise) < MIN_ROWS or not others:
         return list(channels)
     # By the noise alone; a point that is far out in either direction is an outlier
-    widening = np.sqrt(np.maximum(rows.misfit[told], 1.0))
-    error = rows.error[told] / widening
+    widening = np.sqrt(np.maximum(rows.misfit[precise], 1.0))
+    error = rows.error[precise] / widening
     along, across = (
-        np.minimum(np.abs(each), MAX_SIGMAS) ** 2 for each in (rows.value[told] / error, rows.across[told] * widening)
+        np.minimum(np.abs(each), MAX_SIGMAS) ** 2 for each in (rows.value[precise] / error, rows.across[precise] * widening)
     )
     noise = max(float(np.mean(across)) / others, 1.0)
-    if np.mean(along) < noise * max(MIN_UNEVEN_RATIO, 1 + MIN_SIGMAS * np.sqrt(2 / len(told))):
+    if np.mean(along) < noise * max(MIN_UNEVEN_RATIO, 1 + MIN_SIGMAS * np.sqrt(2 / len(precise))):
         return list(channels)
     variance = float(np.average((along - noise) * error**2, weights=1 / (error**2 + MIN_UNEVEN**2) ** 2))
     time_error = film.step * float(np.sqrt(max(variance, 0.0)))
@@ -179,8 +182,6 @@ class WrongTimes:
     """Time of the first row by the file [s]."""
     shift: float = 0.0
     """By how much later the pictures were taken [s]."""
-    steps: float = 0.0
-    """The same in steps from row to row."""
     factor: float = 1.0
     """How long a row lasts, in what it lasted before."""
     onward: bool = True
@@ -230,11 +231,11 @@ def clock_faults(channels: Sequence[Channel], agrees: Agreement | None = None) -
         (True, "the masses are where they should be {} steps later, so that pictures are lost there"),
         (False, "the masses are where they were before, so that a picture is stored again there"),
     ):
-        named = [rows for rows in displaced if (rows.steps > 0) == is_lost]
+        named = [rows for rows in displaced if (rows.shift > 0) == is_lost]
         if named:
             shown = ", ".join(f"{rows.t:.4g} s" for rows in named[:MAX_SHOWN])
             more = f" and {len(named) - MAX_SHOWN} more" if len(named) > MAX_SHOWN else ""
-            faults.append(f"from {shown}{more} on {what.format(f'{named[0].steps:.2g}')}; {OWN_TIMES}")
+            faults.append(f"from {shown}{more} on {what.format(f'{named[0].shift / film.step:.2g}')}; {OWN_TIMES}")
     return faults
 
 
@@ -385,11 +386,7 @@ class _Displacements:
     def replaced(self, other: _Displacements, where: NDArray[np.bool_]) -> _Displacements:
         """Return these with some of the others in their places."""
         return _Displacements(
-            half=np.where(where, other.half, self.half),
-            value=np.where(where, other.value, self.value),
-            error=np.where(where, other.error, self.error),
-            misfit=np.where(where, other.misfit, self.misfit),
-            across=np.where(where, other.across, self.across),
+            **{f.name: np.where(where, getattr(other, f.name), getattr(self, f.name)) for f in fields(_Displacements)}
         )
 
 
@@ -513,6 +510,7 @@ def _polynomials(x: Array, known: NDArray[np.bool_]) -> tuple[Array, Array]:
     return basis, slopes
 
 
+@lru_cache(maxsize=32)
 def _rate_changes(film: _Film, *, is_clear: bool) -> list[WrongTimes]:
     """Return rows from which on they last longer or shorter, if the motion is a polynomial of other times only.
 
@@ -532,18 +530,15 @@ def _rate_changes(film: _Film, *, is_clear: bool) -> list[WrongTimes]:
         for factor in RATE_FACTORS if len(which) else ():
             changed = _Windows(film, half, 2 * half + 1, factor=factor, which=which)
             gain = squares - changed.squares
-            told = (gain > MIN_GAIN) & (changed.squares < MAX_MISFIT * changed.freedom)
+            is_change = (gain > MIN_GAIN) & (changed.squares < MAX_MISFIT * changed.freedom)
             if is_clear:
-                told &= (gain > MIN_OWN_GAIN) & (gain > MIN_GAIN_RATIO * by_one_row)
-                told &= squares > MIN_MISFIT_FALL * changed.squares
-            for k in np.flatnonzero(told):
+                is_change &= (gain > MIN_OWN_GAIN) & (gain > MIN_GAIN_RATIO * by_one_row)
+                is_change &= squares > MIN_MISFIT_FALL * changed.squares
+            for k in np.flatnonzero(is_change):
                 row = int(which[k]) + half
                 best[row] = max(best.get(row, (0.0, 0, 1.0)), (float(gain[k]), half, factor))
-    chosen: dict[int, float] = {}
-    for row, (_, half, factor) in sorted(best.items(), key=lambda item: item[1], reverse=True):
-        if len(chosen) < MAX_CHANGES and all(abs(row - other) > half for other in chosen):
-            chosen[row] = factor
-    return [WrongTimes(t=float(film.t[row]), factor=chosen[row]) for row in sorted(chosen)]
+    chosen = _clearest((gain, row, half, factor) for row, (gain, half, factor) in best.items())
+    return [WrongTimes(t=float(film.t[row]), factor=chosen[row]) for row in sorted(list(chosen)[:MAX_CHANGES])]
 
 
 def _agrees_by_either_clock(film: _Film, changes: Sequence[WrongTimes], agrees: Agreement) -> bool | None:
@@ -568,7 +563,7 @@ def _single_displacements(film: _Film, unrest: float, largest_misfit: float) -> 
     unrest
         Standard error of each time [steps].
     largest_misfit
-        Largest mean square of the residuals, in variances of the noise, with which a displacement is told.
+        Largest mean square of the residuals, in variances of the noise, with which a displacement is named.
     """
     found = []
     for onward in (True, False):
@@ -577,18 +572,29 @@ def _single_displacements(film: _Film, unrest: float, largest_misfit: float) -> 
         usual = (rows.value > COPIED[0]) & (rows.value < COPIED[1]) | onward & (rows.value > MIN_LOST)
         usual &= rows.across < np.maximum(MAX_ACROSS, MAX_SLOPE * sigmas)
         for k in np.flatnonzero(usual & (sigmas > MIN_SIGMAS) & (rows.misfit < largest_misfit)):
-            steps = float(rows.value[k])
-            here = WrongTimes(t=float(film.t[k]), steps=steps, shift=steps * film.step, onward=onward)
+            here = WrongTimes(t=float(film.t[k]), shift=float(rows.value[k]) * film.step, onward=onward)
             found.append((float(sigmas[k]), int(k), int(rows.half[k]), here))
-    # A single row that is displaced displaces those around it a little, and the other way round: the clearest one counts
-    chosen: dict[int, WrongTimes] = {}
-    for _, row, half, here in sorted(found, key=lambda each: -each[0]):
-        if all(abs(row - other) > half for other in chosen):
-            chosen[row] = here
+    # A single row that is displaced displaces those around it a little, and the other way round
+    chosen = _clearest(found)
     for row in map(int, film.stops() if unrest < MAX_STOP else ()):
         if all(abs(row - other) > 1 for other in chosen):
-            chosen[row] = WrongTimes(t=float(film.t[row]), steps=-1.0, shift=-film.step, onward=False)
+            chosen[row] = WrongTimes(t=float(film.t[row]), shift=-film.step, onward=False)
     return [chosen[row] for row in sorted(chosen)]
+
+
+def _clearest(found: Iterable[tuple[float, int, int, T]]) -> dict[int, T]:
+    """Return row -> what was found there, the clearest first, without what has clearer ones within its window.
+
+    Parameters
+    ----------
+    found
+        How clear each is, its row, the number of rows on each side that were taken, and what was found.
+    """
+    chosen: dict[int, T] = {}
+    for _, row, half, here in sorted(found, key=lambda each: each[:3], reverse=True):
+        if all(abs(row - other) > half for other in chosen):
+            chosen[row] = here
+    return chosen
 
 
 def _by_body(channels: Sequence[Channel]) -> list[list[Channel]]:

@@ -23,7 +23,7 @@ from looping_pendulum.discrepancy.first_look.misfit import FittedMisfit, fitted_
 from looping_pendulum.discrepancy.first_look.mistakes import LENGTHS, SAME_ROWS, is_left_open
 from looping_pendulum.discrepancy.first_look.plausible import implausible_values
 from looping_pendulum.discrepancy.first_look.result import DeclarationCheck, NamedMistake, TrialCheck
-from looping_pendulum.discrepancy.first_look.shifted_rows import CLEAR_SHIFT_RATIO, row_shift, with_rows_together
+from looping_pendulum.discrepancy.first_look.shifted_rows import CLEAR_SHIFT_RATIO, row_shift, without_shift
 from looping_pendulum.discrepancy.first_look.trial_search import (
     MAX_GOOD_MISFIT,
     MAX_RIVAL_DISTANCE,
@@ -197,8 +197,7 @@ def _named(searches: Sequence[TrialSearch]) -> tuple[NamedMistake, ...]:
         mistakes.append(_origin_mistake(misplaced))
     for search in searches:
         shift = row_shift(search.declared, CLEAR_SHIFT_RATIO) if search.name not in mended else None
-        together = with_rows_together(search.declared) if shift else None
-        if shift and together and _is_nearer(search, together):
+        if shift and _is_nearer(search, without_shift(search.declared, shift)):
             text = f"{_where([search.name])}: found {shift.text}; needed {SAME_ROWS}"
             mistakes.append(NamedMistake(trials=(search.name,), names=("rows shifted",), keys="", text=text))
     return tuple(mistakes)

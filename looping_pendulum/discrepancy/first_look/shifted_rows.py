@@ -14,6 +14,7 @@ from looping_pendulum.discrepancy.data.noise import scatter
 from looping_pendulum.discrepancy.data.observations import Channel
 from looping_pendulum.discrepancy.first_look.declared_trial import DeclaredTrial
 from looping_pendulum.reference_ode.geometry import string_coordinates
+from looping_pendulum.reference_ode.parameters import Parameters
 
 MIN_ROWS = 12
 """Smallest number of rows in which the string's two ends are compared."""
@@ -56,7 +57,17 @@ class RowShift:
 def with_rows_together(declared: DeclaredTrial) -> DeclaredTrial | None:
     """Return the trial with all columns in the same rows, if the string's length says that they are not."""
     shift = row_shift(declared)
-    return None if shift is None else _shifted(declared.upright(), shift)
+    return None if shift is None else without_shift(declared, shift)
+
+
+def without_shift(declared: DeclaredTrial, shift: RowShift) -> DeclaredTrial:
+    """Return the trial, with y up, with columns earlier by so many rows."""
+
+    def earlier(channel: Channel) -> Channel:
+        is_shifted = channel.name.startswith(shift.columns)
+        return dataclasses.replace(channel, t=channel.t - shift.rows * channel.time_step) if is_shifted else channel
+
+    return declared.upright().with_channels(earlier)
 
 
 def row_shift(declared: DeclaredTrial, least_ratio: float = 1.0) -> RowShift | None:
@@ -73,15 +84,15 @@ def row_shift(declared: DeclaredTrial, least_ratio: float = 1.0) -> RowShift | N
     channels = {c.name: c for c in declared.observations.channels}
     if not {"light_x", "light_y", "heavy_y"} <= channels.keys() or min(map(len, channels.values())) < MIN_ROWS:
         return None
-    noise = _string_noise(channels)
-    before = _string_misfit(declared, noise)
+    noise, parameters = _string_noise(channels), declared.study.parameters({}, declared.trial)
+    before = _string_misfit(declared, parameters, noise)
     best, least = None, math.inf
     limit = min(MAX_SHIFT, len(channels["light_x"]) // MIN_ROWS_A_SHIFT)
     for columns, usual_ratio in MIN_SHIFT_RATIOS.items():
         if before <= max(usual_ratio, least_ratio):
             continue
         shifts = [RowShift(columns=columns, rows=n) for n in range(-limit, limit + 1)]
-        misfits = [before if not s.rows else _string_misfit(_shifted(declared, s), noise) for s in shifts]
+        misfits = [before if not s.rows else _string_misfit(without_shift(declared, s), parameters, noise) for s in shifts]
         at = int(np.argmin(misfits))
         # Far shifts leave few rows, which the terms of the picture fit better than their noise allows
         clear = before > max(usual_ratio, least_ratio) * max(misfits[at], 1.0)
@@ -90,23 +101,13 @@ def row_shift(declared: DeclaredTrial, least_ratio: float = 1.0) -> RowShift | N
     return best
 
 
-def _shifted(declared: DeclaredTrial, shift: RowShift) -> DeclaredTrial:
-    """Return the trial with columns earlier by so many rows."""
-
-    def earlier(channel: Channel) -> Channel:
-        is_shifted = channel.name.startswith(shift.columns)
-        return dataclasses.replace(channel, t=channel.t - shift.rows * channel.time_step) if is_shifted else channel
-
-    return declared.with_channels(earlier)
-
-
 def _string_noise(channels: Mapping[str, Channel]) -> float:
     """Return the mean square by which noise alone makes the string's two ends differ [m^2]."""
     x, y, heavy = (scatter(channels[name]) ** 2 for name in ("light_x", "light_y", "heavy_y"))
     return (x + y) / 2 + heavy
 
 
-def _string_misfit(declared: DeclaredTrial, noise: float) -> float:
+def _string_misfit(declared: DeclaredTrial, parameters: Parameters, noise: float) -> float:
     """Return the mean square of what the string's two ends differ by, in that of the noise.
 
     What scale, turn and place of the picture change is fitted. Large differences count as `MAX_STRING_SIGMAS`: it matters in
@@ -115,7 +116,6 @@ def _string_misfit(declared: DeclaredTrial, noise: float) -> float:
     channels = {c.name: c for c in declared.observations.channels}
     x, y, heavy = (channels[name] for name in ("light_x", "light_y", "heavy_y"))
     camera = Camera(**{name: known.value for name, known in declared.trial.camera.items()})
-    parameters = declared.study.parameters({}, declared.trial)
     inside = (x.t >= max(y.t[0], heavy.t[0])) & (x.t <= min(y.t[-1], heavy.t[-1]))
     t = x.t[inside]
     if len(t) < MIN_ROWS:

@@ -56,7 +56,7 @@ const SIZE = DEGREE + 1;
 const RIDGE = 1e-9;
 /** Largest mean square of a longer window's residuals, in that of a shorter one or in the noise's, with which it is taken. */
 const MAX_MISFIT_RATIO = 1.25;
-/** The same with which a displacement is told at all: beyond it the motion is no polynomial, as where a string jerks. */
+/** The same with which a displacement is named at all: beyond it the motion is no polynomial, as where a string jerks. */
 const MAX_MISFIT = 2.5;
 /** Number of fits, each with the velocity of the one before: rows that are displaced change it. */
 const REFITS = 3;
@@ -68,7 +68,7 @@ const MIN_SIGMAS = 6;
 const [MAX_ACROSS, MAX_SLOPE] = [4, 0.1];
 /** Displacement of a row, or of all from it on, in which the picture before is stored again [steps]. */
 const COPIED = [-1.5, -0.6];
-/** The same told by three steps in a row: largest way of the middle one in those of the others, smallest way of these [standard deviations
+/** The same by three steps in a row: largest way of the middle one in those of the others, smallest way of these [standard deviations
  * of the noise], and smallest cosine of the angle between them. */
 const [MAX_STOP, MIN_WAY, MIN_COSINE] = [0.2, 20, 0.5];
 /** The same of all rows after lost pictures. */
@@ -77,7 +77,7 @@ const MIN_LOST = 0.6;
 const MAX_PERIOD = 6;
 /** Standard errors by which durations at the places of a pattern must differ. */
 const MIN_PATTERN_SIGMAS = 5;
-/** Smallest number of rows from which anything is told. */
+/** Smallest number of rows that show anything. */
 const MIN_ROWS = 12;
 /** Largest number of rows on each side, at many frames a second. */
 const MAX_HALF = 24;
@@ -162,7 +162,7 @@ function roughness(channels, noise) {
 export function withTimeErrors(channels, notes) {
   const film = filmOf(channels);
   if (!film) return channels;
-  const told = bestDisplacements(film, false).flatMap((row) => {
+  const precise = bestDisplacements(film, false).flatMap((row) => {
     if (!row || !(row.misfit < MAX_MISFIT && row.error < MAX_ROW_ERROR)) return [];
     // By the noise alone; a point that is far out in either direction is an outlier
     const widening = Math.sqrt(Math.max(row.misfit, 1));
@@ -171,12 +171,12 @@ export function withTimeErrors(channels, notes) {
     return [{ error, along, beside }];
   });
   const others = film.values.length - 1;
-  if (told.length < MIN_ROWS || !others) return channels;
-  const noise = Math.max(mean(told.map(({ beside }) => beside)) / others, 1);
-  const ratio = mean(told.map(({ along }) => along)) / noise;
-  if (ratio < Math.max(MIN_UNEVEN_RATIO, 1 + MIN_SIGMAS * Math.sqrt(2 / told.length))) return channels;
-  const weights = told.map(({ error }) => 1 / (error ** 2 + MIN_UNEVEN ** 2) ** 2);
-  const variance = dot(weights, told.map(({ along, error }) => (along - noise) * error ** 2)) / sumOf(weights);
+  if (precise.length < MIN_ROWS || !others) return channels;
+  const noise = Math.max(mean(precise.map(({ beside }) => beside)) / others, 1);
+  const ratio = mean(precise.map(({ along }) => along)) / noise;
+  if (ratio < Math.max(MIN_UNEVEN_RATIO, 1 + MIN_SIGMAS * Math.sqrt(2 / precise.length))) return channels;
+  const weights = precise.map(({ error }) => 1 / (error ** 2 + MIN_UNEVEN ** 2) ** 2);
+  const variance = dot(weights, precise.map(({ along, error }) => (along - noise) * error ** 2)) / sumOf(weights);
   const timeError = film.step * Math.sqrt(Math.max(variance, 0));
   if (timeError < 2 * largest(channels.map((channel) => channel.timeError))) return channels; // what rounding explains
   notes.assumptions.push(text("assumed.unevenPictures", { error: inSentence(1e3 * timeError, 2) }));
