@@ -10,16 +10,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Sequence
-from functools import partial
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from looping_pendulum.discrepancy.data.displaced_rows import WrongTimes, clock_faults
+from looping_pendulum.discrepancy.data.displaced_rows import MIN_CHANGE, WrongTimes, clock_faults
 from looping_pendulum.discrepancy.data.observations import Channel, DataError, ImplausibleLengthError, Observations
 from looping_pendulum.discrepancy.data.study import Study, Trial, read_trial
 from looping_pendulum.discrepancy.first_look.declared_trial import DeclaredTrial, declared_trial
-from looping_pendulum.discrepancy.first_look.misfit import FittedMisfit, fitted_misfit, measured_distance
+from looping_pendulum.discrepancy.first_look.misfit import FittedMisfit, measured_distance
 from looping_pendulum.discrepancy.first_look.mistakes import LENGTHS, SAME_ROWS, is_left_open
 from looping_pendulum.discrepancy.first_look.plausible import implausible_values
 from looping_pendulum.discrepancy.first_look.result import DeclarationCheck, NamedMistake, TrialCheck
@@ -34,6 +33,7 @@ from looping_pendulum.discrepancy.first_look.trial_search import (
 from looping_pendulum.discrepancy.fit.event_prediction import check_event_rows
 from looping_pendulum.discrepancy.workers import one_blas_thread
 from looping_pendulum.pages.numbers import quantity
+from looping_pendulum.reference_ode.geometry import Array
 
 MAX_MISFIT_RATIO = 0.7
 """Largest misfit without a mistake, as a share of that with it, at which the mistake is named.
@@ -45,8 +45,6 @@ MAX_MENDED_MISFIT = 2.5
 """Largest misfit without a mistake at which it is named: that of trials in which a hidden effect moves the mass by 50 mm."""
 MAX_OWN_RATIO = 0.8
 """The same in a single trial, of a mistake of the apparatus that all trials together must show."""
-MIN_CHANGE = 0.01
-"""Smallest change of a near trial's misfits by other times that tells anything."""
 SHORT_UNIT = "0.001 mm"
 """Unit in which lengths are read that are too large in the study's own: shorter than any that a tracker writes."""
 STEPS = (1, 2)
@@ -143,7 +141,8 @@ def _clock_faults(observed: Sequence[tuple[Trial, Observations]], searches: Sequ
     for trial, observations in observed:
         faults: Sequence[str] = observations.faults
         if trial.name in by_name:
-            faults = clock_faults(observations.channels, partial(_agrees, by_name[trial.name]))
+            search = by_name[trial.name]
+            faults = clock_faults(search.declared.upright().observations.channels, _Model(search))
         for fault in faults:
             trials.setdefault(fault, []).append(trial.name)
     return [
@@ -152,31 +151,59 @@ def _clock_faults(observed: Sequence[tuple[Trial, Observations]], searches: Sequ
     ]
 
 
-def _agrees(search: TrialSearch, wrong: Sequence[WrongTimes]) -> bool | None:
-    """Return whether the points come nearer to the model at the times at which they were filmed by their own account."""
+class _Model:
+    """The declared model, fitted to one trial's points at the times at which they were filmed by their own account."""
 
-    def at_own_times(channel: Channel) -> Channel:
-        t = channel.t
-        # The last ones first, as their times are the file's
-        for each in reversed(wrong):
-            t = each.undone(t)
-        order = np.argsort(t)
-        apart = np.append(True, np.diff(t[order]) > 0)
-        return dataclasses.replace(channel, t=t[order][apart], value=channel.value[order][apart])
+    def __init__(self, search: TrialSearch) -> None:
+        self._at: dict[tuple[WrongTimes, ...], TrialSearch] = {(): search}
 
-    return _is_nearer(search, search.declared.with_channels(at_own_times))
+    def agrees(self, wrong: tuple[WrongTimes, ...]) -> bool | None:
+        return _is_nearer(self._at[()], self._at_other_times(wrong))
+
+    def gain(self, wrong: tuple[WrongTimes, ...], known: tuple[WrongTimes, ...]) -> float:
+        return _gain(self._at_other_times(known), self._at_other_times(wrong))
+
+    def motion(self, t: Array, known: tuple[WrongTimes, ...]) -> Mapping[str, Array]:
+        fit = self._at_other_times(known).quickly_fitted
+        # With an effect that stops the mass otherwise, what is left of the motion is no polynomial
+        return fit.motion(t) if fit.largest <= MAX_MENDED_MISFIT else {}
+
+    def _at_other_times(self, wrong: tuple[WrongTimes, ...]) -> TrialSearch:
+        if wrong not in self._at:
+            search = self._at[()]
+
+            def at_own_times(channel: Channel) -> Channel:
+                t = channel.t
+                # The last ones first, as their times are the file's
+                for each in sorted(wrong, key=lambda w: w.t, reverse=True):
+                    t = each.undone(t)
+                order = np.argsort(t)
+                apart = np.append(True, np.diff(t[order]) > 0)
+                return dataclasses.replace(channel, t=t[order][apart], value=channel.value[order][apart])
+
+            self._at[wrong] = _otherwise(search, search.declared.with_channels(at_own_times))
+        return self._at[wrong]
 
 
-def _is_nearer(search: TrialSearch, corrected: DeclaredTrial) -> bool | None:
+def _otherwise(search: TrialSearch, declared: DeclaredTrial) -> TrialSearch:
+    """Return the search with other points, the fit of which begins at the same shifts."""
+    return TrialSearch(declared=declared, distance=search.distance)
+
+
+def _is_nearer(search: TrialSearch, corrected: TrialSearch) -> bool | None:
     """Return whether a trial comes nearer to the model with other times: clearly so if it was far, or at all if it was near.
 
     None: what is compared of it is the same.
     """
-    before, after = search.as_declared, fitted_misfit(corrected, search.distance)
-    if before.largest > MAX_GOOD_MISFIT:
-        return after.largest <= MAX_MISFIT_RATIO * before.largest
-    gain = sum(before.misfits) - sum(after.misfits)
+    if search.as_declared.largest > MAX_GOOD_MISFIT:
+        return corrected.as_declared.largest <= MAX_MISFIT_RATIO * search.as_declared.largest
+    gain = _gain(search, corrected)
     return None if abs(gain) < MIN_CHANGE else gain > 0
+
+
+def _gain(search: TrialSearch, corrected: TrialSearch) -> float:
+    """Return by how much the misfits fall with other times."""
+    return sum(search.as_declared.misfits) - sum(corrected.as_declared.misfits)
 
 
 def _named(searches: Sequence[TrialSearch]) -> tuple[NamedMistake, ...]:
@@ -197,7 +224,7 @@ def _named(searches: Sequence[TrialSearch]) -> tuple[NamedMistake, ...]:
         mistakes.append(_origin_mistake(misplaced))
     for search in searches:
         shift = row_shift(search.declared, CLEAR_SHIFT_RATIO) if search.name not in mended else None
-        if shift and _is_nearer(search, without_shift(search.declared, shift)):
+        if shift and _is_nearer(search, _otherwise(search, without_shift(search.declared, shift))):
             text = f"{_where([search.name])}: found {shift.text}; needed {SAME_ROWS}"
             mistakes.append(NamedMistake(trials=(search.name,), names=("rows shifted",), keys="", text=text))
     return tuple(mistakes)

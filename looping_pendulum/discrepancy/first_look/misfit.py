@@ -94,13 +94,34 @@ class FittedMisfit:
 
     misfits: tuple[float, ...]
     """Root of twice the robust cost per value in each window: near 1 where only noise and small effects remain."""
-    values: dict[str, float]
-    """Parameter -> fitted value [SI]."""
+    problem: Problem | None = None
+    """What was fitted, of one trial; None: the model could not run."""
+    x: Array = field(default_factory=lambda: np.zeros(0))
+    """The fitted numbers."""
 
     @property
     def largest(self) -> float:
         """Return the misfit of the window that fits worst."""
         return max(self.misfits)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Return parameter -> fitted value [SI]."""
+        free = self.problem.free_parameters if self.problem else ()
+        return {n.parameter: n.init_value + n.scale * float(v) for n, v in zip(free, self.x, strict=True)}
+
+    def motion(self, t: Array) -> dict[str, Array]:
+        """Return channel -> what the fitted model shows at some times [s], shape (n,); empty where it cannot run."""
+        if self.problem is None:
+            return {}
+        data = self.problem.data[0]
+        channels = tuple(dataclasses.replace(c, t=t, value=np.zeros_like(t)) for c in data.channels)
+        there = TrialData(trial=data.trial, channels=channels, sigma=np.ones(len(t) * len(channels)))
+        try:
+            values = self.problem.with_data([there]).predict(self.x, 0)
+        except CANNOT_RUN:
+            return {}
+        return {c.name: each for c, each in zip(channels, np.split(values, len(channels)), strict=True)}
 
 
 def measured_distance(declared: DeclaredTrial, *, with_length_factor: bool = False) -> Distance:
@@ -246,7 +267,7 @@ def fitted_misfit(
     good_enough
         Misfit at which the fit of a window ends, though a smaller one may exist.
     """
-    failed = FittedMisfit(misfits=(FAILED,), values={})
+    failed = FittedMisfit(misfits=(FAILED,))
     try:
         declared = _with_start(declared)
         data = trial_data(declared.trial, declared.observations)
@@ -368,7 +389,4 @@ def _fit_windows(problem: Problem, data: TrialData, parameters: Parameters, good
             break
     if not misfits:
         misfits = [FAILED]
-    return FittedMisfit(
-        misfits=tuple(misfits),
-        values={n.parameter: n.init_value + n.scale * float(v) for n, v in zip(free, x, strict=True)},
-    )
+    return FittedMisfit(misfits=tuple(misfits), problem=problem, x=x)
