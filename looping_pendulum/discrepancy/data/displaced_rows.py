@@ -661,7 +661,7 @@ def _single_displacements(
         usual = (rows.value > COPIED[0]) & (rows.value < COPIED[1]) | onward & (rows.value > MIN_LOST)
         usual &= rows.across < np.maximum(MAX_ACROSS, MAX_SLOPE * sigmas)
         for k in np.flatnonzero(usual & (sigmas > MIN_SIGMAS) & (rows.misfit < (MAX_MISFIT_AGREED if motion else MAX_MISFIT))):
-            here = WrongTimes(t=float(film.t_by_file[k]), shift=float(rows.value[k]) * film.step, onward=onward)
+            here = WrongTimes(t=float(film.t_by_file[k]), shift=round(float(rows.value[k])) * film.step, onward=onward)
             found.append((float(sigmas[k]), int(k), int(rows.half[k]), here))
     # A single row that is displaced displaces those around it a little, and the other way round
     chosen = _clearest(found)
