@@ -143,7 +143,7 @@ def every_picture_repeated(rng: np.random.Generator, study: CleanStudy) -> Fault
         row = np.arange(_frames(film)[-1] + 1)
         films.append(_showing(film, times * (row // times), row / film.rate, jitter, rng))
     return Faulty(
-        films=tuple(films), form=plain_form(rng), words="stored again|stored .* times|repeated|copy",
+        films=tuple(films), form=plain_form(rng), words="stored again|stored .* times|repeated|copy|frames in turn last|beside their times",
         detail=f"every picture stored {times} times at {study.films[0].rate:g}/s, tracked again to {jitter:g} of the noise",
     )  # fmt: skip
 
@@ -157,7 +157,7 @@ def pulled_down(rng: np.random.Generator, study: CleanStudy) -> Faulty:
         row = np.arange((_frames(film)[-1] + 1) * shown // new)
         films.append(_showing(film, row * new // shown, row * new / shown / film.rate, jitter, rng))
     return Faulty(
-        films=tuple(films), form=plain_form(rng), words="stored again|stored .* times|show|repeated|copy|frames in turn last",
+        films=tuple(films), form=plain_form(rng), words="stored again|stored .* times|show|repeated|copy|frames in turn last|beside their times",
         detail=f"{new} pictures of {study.films[0].rate:g}/s in {shown} rows, tracked again to {jitter:g} of the noise",
     )  # fmt: skip
 
@@ -174,7 +174,7 @@ def pictures_repeated_once(rng: np.random.Generator, study: CleanStudy) -> Fault
         places.append(", ".join(f"{k / film.rate:.3f}" for k in at))
         films.append(_showing(film, picture, row / film.rate, jitter, rng))
     return Faulty(
-        films=tuple(films), form=plain_form(rng), words="stored again|repeated|copy|lost",
+        films=tuple(films), form=plain_form(rng), words="stored again|repeated|copy|lost|beside their times",
         detail=f"at {study.films[0].rate:g}/s the picture before again at {'; '.join(places)} s, {jitter:g} of the noise",
     )  # fmt: skip
 
@@ -230,7 +230,7 @@ def uneven_in_turn(rng: np.random.Generator, study: CleanStudy) -> Faulty:
         shift = np.where(row % period == 1, uneven, 0.0)
         films.append(_retaken(film, (row + shift) / film.rate, row / film.rate, rng))
     return Faulty(
-        films=tuple(films), form=plain_form(rng), words="frames in turn last|uneven",
+        films=tuple(films), form=plain_form(rng), words="frames in turn last|uneven|beside their times",
         detail=f"at {study.films[0].rate:g}/s every frame of {period} late by {uneven:.2f} of a frame, times even",
     )  # fmt: skip
 
@@ -243,7 +243,7 @@ def uneven_at_random(rng: np.random.Generator, study: CleanStudy) -> Faulty:
         taken = row + np.where(row > 0, rng.uniform(-unrest, unrest, len(row)), 0.0)
         films.append(_retaken(film, taken / film.rate, row / film.rate, rng))
     return Faulty(
-        films=tuple(films), form=plain_form(rng), words="frames .*last|uneven|lost|stored again", said="taken unevenly",
+        films=tuple(films), form=plain_form(rng), words="frames .*last|uneven|lost|stored again|beside their times", said="taken unevenly",
         detail=f"at {study.films[0].rate:g}/s frames off by up to {unrest:.2f} of a frame, times even",
     )  # fmt: skip
 
@@ -255,7 +255,7 @@ def times_of_a_recorder(rng: np.random.Generator, study: CleanStudy) -> Faulty:
         jitter = np.where(film.t > 0, rng.uniform(-unrest, unrest, len(film.t)), 0.0) / film.rate
         films.append(dataclasses.replace(film, t=film.t + jitter))
     return Faulty(
-        films=tuple(films), form=plain_form(rng), words="frames .*last|uneven", said="taken unevenly",
+        films=tuple(films), form=plain_form(rng), words="frames .*last|uneven|beside their times", said="taken unevenly",
         clock_offset=0.1 / study.films[0].rate,
         detail=f"at {study.films[0].rate:g}/s even frames, times off by up to {unrest:.2f} of a frame",
     )  # fmt: skip

@@ -7,9 +7,9 @@ motion is needed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -29,12 +29,10 @@ Of those windows that fit, the longest one counts.
 """
 MAX_HALF = 24
 """Largest number of rows on each side, at many frames a second."""
-HALF_WINDOWS_BY_MODEL, MAX_HALF_BY_MODEL = ((3, 0.025), (6, 0.05)), 24
-"""The same where a model shows most of the motion, so that only its error need be a polynomial."""
 PATTERN_HALF_WINDOWS = (6, 3)
 """The same for patterns; the longer one holds all of them whole, but with few frames a second the masses turn in it."""
-DEGREE, DEGREE_BY_MODEL = 3, 2
-"""Degree of the polynomial: of the motion itself, and of what a model leaves of it."""
+DEGREE = 3
+"""Degree of the polynomial."""
 MAX_MISFIT_RATIO = 1.25
 """Largest mean square of a longer window's residuals, in that of a shorter one or in the noise's, with which it is taken."""
 MAX_MISFIT = 2.5
@@ -43,8 +41,6 @@ MAX_MISFIT_AGREED = 6.0
 """The same where a model agrees."""
 REFITS = 3
 """Number of fits, each with the velocity of the one before: rows that are displaced change it."""
-SUBSTEPS = 16
-"""Times at which a model's motion is known, for each step."""
 MAX_DISPLACEMENT = 6.0
 """Largest displacement that is fitted [steps]."""
 MIN_SIGMAS = 6.0
@@ -213,9 +209,6 @@ class Model(Protocol):
     def gain(self, wrong: tuple[WrongTimes, ...], known: tuple[WrongTimes, ...]) -> float:
         """Return by how much nearer to it the points are with other times than with others that are known already."""
 
-    def motion(self, t: Array, known: tuple[WrongTimes, ...]) -> Mapping[str, Array]:
-        """Return channel -> what it shows at some times [s], shape (n,), fitted to the points at known times; may be empty."""
-
 
 def clock_faults(channels: Sequence[Channel], model: Model | None = None) -> list[str]:
     """Return what the points say against the times: clocks that change, lost, repeated and uneven pictures.
@@ -236,24 +229,49 @@ def clock_faults(channels: Sequence[Channel], model: Model | None = None) -> lis
     if agreed is None:
         changes = _rate_changes(film, is_clear=True)
     if changes and agreed is not False:
-        return [_changes_text(changes)]
+        return sentences(changes, film.step)
     uneven = _uneven_pattern(film)
     if uneven is not None:
         means = " and ".join(f"{m:.2g}" for m in uneven)
         return [f"frames in turn last {means} of their mean, by the masses' motion, unlike their times; {OWN_TIMES}"]
     unrest = max(c.time_error for c in channels) / film.step
-    displaced = _displaced_rows(film, model, unrest)
-    faults = []
-    for is_lost, what in (
-        (True, "the masses are where they should be {} steps later, so that pictures are lost there"),
-        (False, "the masses are where they were before, so that a picture is stored again there"),
+    return sentences(_displaced_rows(film, model, unrest), film.step)
+
+
+def sentences(wrong: Sequence[WrongTimes], step: float) -> list[str]:
+    """Return in words which rows' times are wrong, and how; ``step`` is the time from row to row by the file [s]."""
+    changes = [rows for rows in wrong if rows.factor != 1]
+    said = []
+    if changes:
+        ratios = (f"{c.factor:.3g} times" if c.factor > 1 else f"1/{1 / c.factor:.3g}" for c in changes)
+        found = " and ".join(
+            f"from {c.t:.3g} s on a row lasts {words} as long" for c, words in zip(changes, ratios, strict=True)
+        )
+        said.append(f"by the masses' motion, the clock changes: {found}; {ONE_CLOCK}")
+
+    def is_copy(rows: WrongTimes) -> bool:
+        return COPIED[0] < rows.shift / step < COPIED[1]
+
+    for named, what in (
+        (
+            [rows for rows in wrong if rows.onward and rows.shift > 0],
+            "on the masses are where they should be {steps:.2g} steps later, so that pictures are lost there",
+        ),
+        (
+            [rows for rows in wrong if is_copy(rows)],
+            "on the masses are where they were before, so that a picture is stored again there",
+        ),
+        (
+            [rows for rows in wrong if rows.shift and not rows.onward and not is_copy(rows)],
+            "on pictures were taken up to {most:.2g} ms beside their times, by the masses' way",
+        ),
     ):
-        named = [rows for rows in displaced if (rows.shift > 0) == is_lost]
         if named:
             shown = ", ".join(f"{rows.t:.4g} s" for rows in named[:MAX_SHOWN])
             more = f" and {len(named) - MAX_SHOWN} more" if len(named) > MAX_SHOWN else ""
-            faults.append(f"from {shown}{more} on {what.format(f'{named[0].shift / film.step:.2g}')}; {OWN_TIMES}")
-    return faults
+            most = 1e3 * max(abs(rows.shift) for rows in named)
+            said.append(f"from {shown}{more} {what.format(steps=named[0].shift / step, most=most)}; {OWN_TIMES}")
+    return said
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -268,10 +286,6 @@ class _Film:
     """Values in standard deviations of their noise, shape (channels, n); not a number where one is missing."""
     step: float
     """Time from row to row by the file [s]."""
-    sigma: Mapping[str, float]
-    """Channel -> standard deviation of its noise, in the order of the values."""
-    motion: tuple[Array, Array] | None = None
-    """Times [s] and values of all channels by a model, close enough to be joined by lines; None: nothing is known."""
 
     @classmethod
     def of(cls, channels: Sequence[Channel], noise: Sequence[float] = ()) -> _Film | None:
@@ -291,26 +305,13 @@ class _Film:
         for i, (c, sigma) in enumerate(moving):
             values[i, np.searchsorted(t, c.t)] = c.value / sigma
         t, values = t[:MAX_ROWS], values[:, :MAX_ROWS]
-        sigmas = {c.name: sigma for c, sigma in moving}
-        return cls(t=t, t_by_file=t, values=values, step=float(np.median(np.diff(t))), sigma=sigmas)
-
-    @property
-    def degree(self) -> int:
-        """Return the degree of the polynomials that describe the values over a window."""
-        return DEGREE if self.motion is None else DEGREE_BY_MODEL
+        return cls(t=t, t_by_file=t, values=values, step=float(np.median(np.diff(t))))
 
     def at_other_times(self, wrong: WrongTimes) -> _Film:
-        """Return the film with some times corrected."""
-        return replace(self, t=self.t + np.where(wrong.concerns(self.t_by_file), wrong.shift, 0.0))
-
-    def with_motion(self, motion: Callable[[Array], Mapping[str, Array]]) -> _Film | None:
-        """Return the film with what a model shows; None: it does not show all channels."""
-        beyond = MAX_DISPLACEMENT * self.step
-        t = np.arange(self.t[0] - beyond, self.t[-1] + beyond, self.step / SUBSTEPS)
-        shown = motion(t)
-        if not self.sigma.keys() <= shown.keys():
-            return None
-        return replace(self, motion=(t, np.stack([shown[name] / sigma for name, sigma in self.sigma.items()])))
+        """Return the film with some times corrected, without rows that then show a time again."""
+        t = self.t + np.where(wrong.concerns(self.t_by_file), wrong.shift, 0.0)
+        later = np.append(True, np.diff(t) > self.step / 2)
+        return replace(self, t=t[later], t_by_file=self.t_by_file[later], values=self.values[:, later])
 
     def number_of(self, t: Array) -> NDArray[np.intp]:
         """Return the number of the frame at each time, from the first row."""
@@ -350,8 +351,7 @@ class _Film:
     @lru_cache(maxsize=32)  # noqa: B019, as films are few
     def best_displacements(self, *, onward: bool) -> _Displacements:
         """Return displacements by the longest window of each row in which the motion is a polynomial."""
-        windows, largest = (HALF_WINDOWS_BY_MODEL, MAX_HALF_BY_MODEL) if self.motion else (HALF_WINDOWS, MAX_HALF)
-        halves = {min(max(rows, round(duration / self.step)), largest) for rows, duration in windows}
+        halves = {min(max(rows, round(duration / self.step)), MAX_HALF) for rows, duration in HALF_WINDOWS}
         best, *longer = (self.displacements(half, onward=onward) for half in sorted(halves))
         for other in longer:
             best = best.replaced(other, other.misfit < MAX_MISFIT_RATIO * np.maximum(best.misfit, 1.0))
@@ -366,6 +366,8 @@ class _Film:
         slower = np.minimum(speed[:-2], speed[2:])
         # With few rows a second no polynomial describes the motion; not a number where a point is missing
         moves = (slower * time[1:-1] > MIN_WAY) & (along > MIN_COSINE * speed[:-2] * speed[2:])
+        # Beside rows that are missing the speed is a mean of too long a time
+        moves &= np.maximum(time[:-2], time[2:]) < 1.5 * self.step
         return np.flatnonzero(moves & (speed[1:-1] < MAX_STOP * slower)) + 2
 
     @lru_cache(maxsize=32)  # noqa: B019
@@ -468,10 +470,9 @@ class _Windows:
         x = np.where(x > 0, factor * x, x)
         values = sliding_window_view(film.values, length, axis=1)[:, which]
         self.known = np.isfinite(values)
-        self.film, self.t = film, t
-        self.values = np.where(self.known, values, 0.0)
-        self.basis, self.slopes = _polynomials(x, self.known, film.degree)
-        self.rest = self._without_polynomials(self._beside_model(np.zeros_like(t))[0])
+        self.y = np.where(self.known, values, 0.0)
+        self.basis, self.slopes = _polynomials(x, self.known)
+        self.rest = self._without_polynomials(self.y)
 
     def fit(self, moved: NDArray[np.bool_], *, pooled: bool = False) -> _Fit:
         """Return by how much rows are displaced in time.
@@ -484,18 +485,14 @@ class _Windows:
             Whether all windows have the same ones.
         """
         freedom = np.maximum(self.freedom - len(moved), 1)
-        misfit = np.ones(self.values.shape[1])
-        slope, late = np.zeros_like(self.values), np.zeros(self.values.shape[1:])
-        rest = self.rest
+        misfit = np.ones(self.y.shape[1])
+        velocity, late = np.zeros_like(self.y), np.zeros(self.y.shape[1:])
         for _ in range(REFITS):
-            beside, by_model = self._beside_model(late)
-            coefficients = np.einsum("jcnk,cnk->jcn", self.basis, beside - slope * late)
-            slope = np.where(self.known, np.einsum("jcnk,jcn->cnk", self.slopes, coefficients) / self.half, 0.0)
-            velocity = slope + by_model
-            rest = self._without_polynomials(beside + by_model * late)
+            coefficients = np.einsum("jcnk,cnk->jcn", self.basis, self.y - velocity * late)
+            velocity = np.where(self.known, np.einsum("jcnk,jcn->cnk", self.slopes, coefficients) / self.half, 0.0)
             free = [self._without_polynomials(velocity * rows) for rows in moved]
             normal = np.array([[np.einsum("cnk,cnk->n", one, other) for other in free] for one in free])
-            right = np.array([np.einsum("cnk,cnk->n", one, rest) for one in free])
+            right = np.array([np.einsum("cnk,cnk->n", one, self.rest) for one in free])
             if pooled:
                 weight = 1 / np.maximum(misfit, 1.0)
                 normal, right = (np.sum(weight * each, axis=-1, keepdims=True) for each in (normal, right))
@@ -504,7 +501,7 @@ class _Windows:
             normal = normal + (1e-9 * size + 1e-12) * np.eye(len(moved))
             value = np.clip(np.linalg.solve(normal, right.T[..., None])[..., 0], -MAX_DISPLACEMENT, MAX_DISPLACEMENT)
             late = sum(each[:, None] * rows for each, rows in zip(value.T, moved, strict=True))
-            left = rest - sum(each[:, None] * rows for each, rows in zip(value.T, free, strict=True))
+            left = self.rest - sum(each[:, None] * rows for each, rows in zip(value.T, free, strict=True))
             misfit = np.einsum("cnk,cnk->n", left, left) / freedom
         # Windows overlap, so that each row counts in as many as they are long
         scale = np.array([self.length * np.average(misfit, weights=weight)]) if pooled else np.maximum(misfit, 1.0)
@@ -523,7 +520,7 @@ class _Windows:
     @property
     def freedom(self) -> Array:
         """Return the number of values of each window beyond the polynomials' coefficients."""
-        return np.asarray(np.maximum(np.maximum(self.known.sum(axis=2) - self.film.degree - 1, 0).sum(axis=0), 1))
+        return np.asarray(np.maximum(np.maximum(self.known.sum(axis=2) - DEGREE - 1, 0).sum(axis=0), 1))
 
     @property
     def squares(self) -> Array:
@@ -536,28 +533,18 @@ class _Windows:
         own = np.maximum(1 - np.sum(self.basis**2, axis=0), 0.05)
         return np.asarray(np.max(np.sum(self.rest**2 / own, axis=0), axis=1))
 
-    def _beside_model(self, late: Array) -> tuple[Array, Array]:
-        """Return the values beside the model's, and its velocities [1/step], for rows filmed so much later [steps]."""
-        if self.film.motion is None:
-            return self.values, np.zeros_like(self.values)
-        t, shown = self.film.motion
-        at = self.t + late * self.film.step
-        velocity = np.gradient(shown, axis=1) * SUBSTEPS
-        beside, speeds = (np.stack([np.interp(at, t, each) for each in those]) for those in (shown, velocity))
-        return np.where(self.known, self.values - beside, 0.0), np.where(self.known, speeds, 0.0)
-
     def _without_polynomials(self, y: Array) -> Array:
         """Return what of y, shape (channels, windows, rows), no polynomial describes."""
         return np.asarray(y - np.einsum("jcnk,jcn->cnk", self.basis, np.einsum("jcnk,cnk->jcn", self.basis, y)))
 
 
-def _polynomials(x: Array, known: NDArray[np.bool_], degree: int) -> tuple[Array, Array]:
+def _polynomials(x: Array, known: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Return polynomials of x that are orthonormal over the known rows of each window, and their derivatives.
 
     Both have shape (degree + 1, channels, windows, rows). A polynomial that the rows do not determine is zero.
     """
-    basis, slopes = np.zeros((2, degree + 1, *known.shape))
-    for j in range(degree + 1):
+    basis, slopes = np.zeros((2, DEGREE + 1, *known.shape))
+    for j in range(DEGREE + 1):
         polynomial, slope = x**j * known, np.broadcast_to(j * x ** max(j - 1, 0), known.shape)
         for i in range(j):
             shared = np.einsum("cnk,cnk->cn", basis[i], polynomial)[..., None]
@@ -606,13 +593,6 @@ def _agrees_by_either_clock(film: _Film, changes: Sequence[WrongTimes], model: M
     return by_earlier or model.agrees((by_later, *changes)) or by_earlier
 
 
-def _changes_text(changes: Sequence[WrongTimes]) -> str:
-    """Return when the clock changes and how, in words."""
-    ratios = (f"{c.factor:.3g} times" if c.factor > 1 else f"1/{1 / c.factor:.3g}" for c in changes)
-    found = " and ".join(f"from {c.t:.3g} s on a row lasts {words} as long" for c, words in zip(changes, ratios, strict=True))
-    return f"by the masses' motion, the clock changes: {found}; {ONE_CLOCK}"
-
-
 def _displaced_rows(film: _Film, model: Model | None, unrest: float) -> list[WrongTimes]:
     """Return rows before which pictures are lost, and those that show the picture before.
 
@@ -621,46 +601,38 @@ def _displaced_rows(film: _Film, model: Model | None, unrest: float) -> list[Wro
     unrest
         Standard error of each time [steps].
     """
+    largest_misfit = MAX_MISFIT_AGREED if model else MAX_MISFIT
     known: tuple[WrongTimes, ...] = ()
-    singles: list[WrongTimes] = []
-    at_known_times = film
-    for _ in range(MAX_LOST):
+    while True:
         # One after the other, as each one spoils the model's fit, and the windows around it
-        found = _single_displacements(at_known_times, partial(model.motion, known=known) if model else None, unrest)
-        singles = [each for each in found if not each.onward]
+        found = _single_displacements(film, unrest, largest_misfit)
         onward = next((each for each in found if each.onward), None)
-        if onward is None or (model and model.gain((*known, onward), known) < -MIN_CHANGE):
+        is_agreed = onward and (not model or model.gain((*known, onward), known) > -MIN_CHANGE)
+        if not onward or not is_agreed or len(known) == MAX_LOST:
             break
         known = (*known, onward)
-        at_known_times = at_known_times.at_other_times(onward)
+        film = film.at_other_times(onward)
     if known and model and model.agrees(known) is False:
         known = ()
-    return sorted((*known, *singles), key=lambda each: each.t)
+    return sorted((*known, *(each for each in found if not each.onward)), key=lambda each: each.t)
 
 
-def _single_displacements(
-    film: _Film, motion: Callable[[Array], Mapping[str, Array]] | None, unrest: float
-) -> list[WrongTimes]:
+def _single_displacements(film: _Film, unrest: float, largest_misfit: float) -> list[WrongTimes]:
     """Return rows that are displaced by themselves, or with all that follow, the clearest first.
 
     Parameters
     ----------
-    motion
-        What a model shows at some times, if there is one.
+    largest_misfit
+        Largest mean square of the residuals, in variances of the noise, with which one of the latter is named.
     """
     found = []
-    by_model = film.with_motion(motion) if motion else None
     for onward in (True, False):
         rows = film.best_displacements(onward=onward)
-        if by_model and onward:
-            # A lost picture concerns many rows, so that longer windows show it better; a copy does not
-            other = by_model.best_displacements(onward=True)
-            is_better = other.misfit < MAX_MISFIT_RATIO * np.maximum(rows.misfit, 1.0)
-            rows = rows.replaced(other, is_better & (other.misfit < MAX_MISFIT))
         sigmas = np.abs(rows.value) / np.hypot(rows.error, unrest)
         usual = (rows.value > COPIED[0]) & (rows.value < COPIED[1]) | onward & (rows.value > MIN_LOST)
         usual &= rows.across < np.maximum(MAX_ACROSS, MAX_SLOPE * sigmas)
-        for k in np.flatnonzero(usual & (sigmas > MIN_SIGMAS) & (rows.misfit < (MAX_MISFIT_AGREED if motion else MAX_MISFIT))):
+        most = largest_misfit if onward else MAX_MISFIT
+        for k in np.flatnonzero(usual & (sigmas > MIN_SIGMAS) & (rows.misfit < most)):
             here = WrongTimes(t=float(film.t_by_file[k]), shift=round(float(rows.value[k])) * film.step, onward=onward)
             found.append((float(sigmas[k]), int(k), int(rows.half[k]), here))
     # A single row that is displaced displaces those around it a little, and the other way round

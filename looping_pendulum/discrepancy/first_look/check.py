@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from looping_pendulum.discrepancy.data.displaced_rows import MIN_CHANGE, WrongTimes, clock_faults
+from looping_pendulum.discrepancy.data.displaced_rows import MIN_CHANGE, WrongTimes, clock_faults, sentences
 from looping_pendulum.discrepancy.data.observations import Channel, DataError, ImplausibleLengthError, Observations
 from looping_pendulum.discrepancy.data.study import Study, Trial, read_trial
 from looping_pendulum.discrepancy.first_look.declared_trial import DeclaredTrial, declared_trial
@@ -22,6 +22,7 @@ from looping_pendulum.discrepancy.first_look.misfit import FittedMisfit, measure
 from looping_pendulum.discrepancy.first_look.mistakes import LENGTHS, SAME_ROWS, is_left_open
 from looping_pendulum.discrepancy.first_look.plausible import implausible_values
 from looping_pendulum.discrepancy.first_look.result import DeclarationCheck, NamedMistake, TrialCheck
+from looping_pendulum.discrepancy.first_look.row_times import wrong_times
 from looping_pendulum.discrepancy.first_look.shifted_rows import CLEAR_SHIFT_RATIO, row_shift, without_shift
 from looping_pendulum.discrepancy.first_look.trial_search import (
     MAX_GOOD_MISFIT,
@@ -33,7 +34,6 @@ from looping_pendulum.discrepancy.first_look.trial_search import (
 from looping_pendulum.discrepancy.fit.event_prediction import check_event_rows
 from looping_pendulum.discrepancy.workers import one_blas_thread
 from looping_pendulum.pages.numbers import quantity
-from looping_pendulum.reference_ode.geometry import Array
 
 MAX_MISFIT_RATIO = 0.7
 """Largest misfit without a mistake, as a share of that with it, at which the mistake is named.
@@ -123,8 +123,8 @@ def check_declaration(study: Study, observed: Iterable[tuple[Trial, Observations
                 TrialCheck(trial=trial.name, reading=observations.assumptions, distance=None, reason=f"as {distance.reason}")
             )
     clock_faults_found = _clock_faults(observed, searches)
-    # With wrong times, other mistakes would be named for them
-    mistakes = (*clock_faults_found, *_named([s for s in searches if all(s.name not in m.trials for m in clock_faults_found)]))
+    # With wrong times other mistakes would be named for them, and all trials were filmed alike
+    mistakes = tuple(clock_faults_found or _named(searches))
     named = {trial for mistake in mistakes for trial in mistake.trials}
     far = (_far_text(s) for s in searches if s.name not in named and _is_far(s))
     return DeclarationCheck(
@@ -141,14 +141,26 @@ def _clock_faults(observed: Sequence[tuple[Trial, Observations]], searches: Sequ
     for trial, observations in observed:
         faults: Sequence[str] = observations.faults
         if trial.name in by_name:
-            search = by_name[trial.name]
-            faults = clock_faults(search.declared.upright().observations.channels, _Model(search))
+            faults = _by_points_or_model(observations.channels, by_name[trial.name])
         for fault in faults:
             trials.setdefault(fault, []).append(trial.name)
     return [
         NamedMistake(trials=tuple(names), names=("clock",), keys="", text=f"{_where(names)}: {fault}")
         for fault, names in trials.items()
     ]
+
+
+def _by_points_or_model(channels: Sequence[Channel], search: TrialSearch) -> list[str]:
+    """Return what is wrong with the times of a trial's rows, by the points themselves or else by the model's way."""
+    model = _Model(search)
+    faults, problem = clock_faults(channels, model), search.quickly_fitted.problem
+    if faults or problem is None:
+        return faults
+    for wrong in wrong_times(problem, (problem.prior_mean, search.quickly_fitted.x)):
+        onward = tuple(rows for rows in wrong if rows.onward)
+        if wrong and not (onward and model.agrees(onward) is False):
+            return sentences(wrong, float(np.median(np.diff(channels[0].t))))
+    return []
 
 
 class _Model:
@@ -162,11 +174,6 @@ class _Model:
 
     def gain(self, wrong: tuple[WrongTimes, ...], known: tuple[WrongTimes, ...]) -> float:
         return _gain(self._at_other_times(known), self._at_other_times(wrong))
-
-    def motion(self, t: Array, known: tuple[WrongTimes, ...]) -> Mapping[str, Array]:
-        fit = self._at_other_times(known).quickly_fitted
-        # With an effect that stops the mass otherwise, what is left of the motion is no polynomial
-        return fit.motion(t) if fit.largest <= MAX_MENDED_MISFIT else {}
 
     def _at_other_times(self, wrong: tuple[WrongTimes, ...]) -> TrialSearch:
         if wrong not in self._at:

@@ -110,19 +110,6 @@ class FittedMisfit:
         free = self.problem.free_parameters if self.problem else ()
         return {n.parameter: n.init_value + n.scale * float(v) for n, v in zip(free, self.x, strict=True)}
 
-    def motion(self, t: Array) -> dict[str, Array]:
-        """Return channel -> what the fitted model shows at some times [s], shape (n,); empty where it cannot run."""
-        if self.problem is None:
-            return {}
-        data = self.problem.data[0]
-        channels = tuple(dataclasses.replace(c, t=t, value=np.zeros_like(t)) for c in data.channels)
-        there = TrialData(trial=data.trial, channels=channels, sigma=np.ones(len(t) * len(channels)))
-        try:
-            values = self.problem.with_data([there]).predict(self.x, 0)
-        except CANNOT_RUN:
-            return {}
-        return {c.name: each for c, each in zip(channels, np.split(values, len(channels)), strict=True)}
-
 
 def measured_distance(declared: DeclaredTrial, *, with_length_factor: bool = False) -> Distance:
     """Return the distance of the points from the motion as declared.
