@@ -143,7 +143,8 @@ def every_picture_repeated(rng: np.random.Generator, study: CleanStudy) -> Fault
         row = np.arange(_frames(film)[-1] + 1)
         films.append(_showing(film, times * (row // times), row / film.rate, jitter, rng))
     return Faulty(
-        films=tuple(films), form=plain_form(rng), words="stored again|stored .* times|repeated|copy|frames in turn last|beside their times",
+        films=tuple(films), form=plain_form(rng),
+        words="stored again|stored .* times|repeated|copy|frames in turn last|beside their times",
         detail=f"every picture stored {times} times at {study.films[0].rate:g}/s, tracked again to {jitter:g} of the noise",
     )  # fmt: skip
 
@@ -157,7 +158,8 @@ def pulled_down(rng: np.random.Generator, study: CleanStudy) -> Faulty:
         row = np.arange((_frames(film)[-1] + 1) * shown // new)
         films.append(_showing(film, row * new // shown, row * new / shown / film.rate, jitter, rng))
     return Faulty(
-        films=tuple(films), form=plain_form(rng), words="stored again|stored .* times|show|repeated|copy|frames in turn last|beside their times",
+        films=tuple(films), form=plain_form(rng),
+        words="stored again|stored .* times|show|repeated|copy|frames in turn last|beside their times",
         detail=f"{new} pictures of {study.films[0].rate:g}/s in {shown} rows, tracked again to {jitter:g} of the noise",
     )  # fmt: skip
 
@@ -243,7 +245,8 @@ def uneven_at_random(rng: np.random.Generator, study: CleanStudy) -> Faulty:
         taken = row + np.where(row > 0, rng.uniform(-unrest, unrest, len(row)), 0.0)
         films.append(_retaken(film, taken / film.rate, row / film.rate, rng))
     return Faulty(
-        films=tuple(films), form=plain_form(rng), words="frames .*last|uneven|lost|stored again|beside their times", said="taken unevenly",
+        films=tuple(films), form=plain_form(rng),
+        words="frames .*last|uneven|lost|stored again|beside their times", said="taken unevenly",
         detail=f"at {study.films[0].rate:g}/s frames off by up to {unrest:.2f} of a frame, times even",
     )  # fmt: skip
 

@@ -366,8 +366,8 @@ class _Film:
         slower = np.minimum(speed[:-2], speed[2:])
         # With few rows a second no polynomial describes the motion; not a number where a point is missing
         moves = (slower * time[1:-1] > MIN_WAY) & (along > MIN_COSINE * speed[:-2] * speed[2:])
-        # Beside rows that are missing the speed is a mean of too long a time
-        moves &= np.maximum(time[:-2], time[2:]) < 1.5 * self.step
+        # Where rows are missing the speed is a mean of too long a time
+        moves &= np.maximum(np.maximum(time[:-2], time[2:]), time[1:-1]) < 1.5 * self.step
         return np.flatnonzero(moves & (speed[1:-1] < MAX_STOP * slower)) + 2
 
     @lru_cache(maxsize=32)  # noqa: B019
@@ -601,17 +601,16 @@ def _displaced_rows(film: _Film, model: Model | None, unrest: float) -> list[Wro
     unrest
         Standard error of each time [steps].
     """
-    largest_misfit = MAX_MISFIT_AGREED if model else MAX_MISFIT
-    known: tuple[WrongTimes, ...] = ()
-    while True:
+    found = _single_displacements(film, unrest, MAX_MISFIT_AGREED if model else MAX_MISFIT)
+    known: tuple[WrongTimes, ...] = tuple(each for each in found if each.onward and not model)
+    while model and len(known) < MAX_LOST:
         # One after the other, as each one spoils the model's fit, and the windows around it
-        found = _single_displacements(film, unrest, largest_misfit)
         onward = next((each for each in found if each.onward), None)
-        is_agreed = onward and (not model or model.gain((*known, onward), known) > -MIN_CHANGE)
-        if not onward or not is_agreed or len(known) == MAX_LOST:
+        if not onward or model.gain((*known, onward), known) < -MIN_CHANGE:
             break
         known = (*known, onward)
         film = film.at_other_times(onward)
+        found = _single_displacements(film, unrest, MAX_MISFIT_AGREED)
     if known and model and model.agrees(known) is False:
         known = ()
     return sorted((*known, *(each for each in found if not each.onward)), key=lambda each: each.t)

@@ -204,7 +204,7 @@ export function clockFaults(channels) {
     if (!named.length) continue;
     const shown = named.slice(0, MAX_SHOWN).map(({ row }) => `${inSentence(film.t[row], 4)} s`).join(", ");
     const times = named.length > MAX_SHOWN ? text("fault.more", { shown, count: named.length - MAX_SHOWN }) : shown;
-    faults.push(text(key, { times, steps: inSentence(named[0].value, 2) }));
+    faults.push(text(key, { times, steps: inSentence(rounded(named[0].value), 2) }));
   }
   return faults.map((fault) => `${fault}; ${text("fault.wayOut")}`);
 }
@@ -276,7 +276,7 @@ function singleDisplacements(film, unrest) {
 
 /** Rows in which the masses are where they were before, though they move far, and on, before and after. With few rows a second no
  * polynomial describes the motion. @param {Film} film */
-function stops({ t, values }) {
+function stops({ t, values, step }) {
   const time = steps(t);
   const ways = values.map(steps);
   /** @param {number} i @param {number} k */
@@ -285,7 +285,8 @@ function stops({ t, values }) {
     const [before, own, after] = [row - 2, row - 1, row].map((i) => Math.sqrt(product(i, i)));
     const slower = Math.min(before, after);
     const isMoving = slower * time[row - 1] > MIN_WAY && product(row - 2, row) > MIN_COSINE * before * after;
-    return isMoving && own < MAX_STOP * slower;
+    // Where rows are missing the speed is a mean of too long a time
+    return isMoving && own < MAX_STOP * slower && Math.max(...time.slice(row - 2, row + 1)) < 1.5 * step;
   });
 }
 
