@@ -164,7 +164,7 @@ def _judge(
     asked = f"after the answer to: {refusals[-1]}; " if refusals else ""
     with _timed("look", seconds):
         check = take_first_look(study_io.load(path))
-    faults = [*(m.text for m in check.mistakes), *(f for r in readings for f in r.observations.faults)]
+    faults = [m.text for m in check.mistakes]
     said = [*check.warnings, *(a for r in readings for a in r.observations.assumptions)]
     strange = next((text for text in faults if not re.search(faulty.words, text)), None)
     read = f"points up to {moved:.3g} sigma from where they should be, {share:.0%} read"

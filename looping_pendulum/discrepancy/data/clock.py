@@ -361,7 +361,7 @@ def _even_times(sheets: Sequence[Sheet], times: list[Array], stated: Sequence[fl
     unrest, mean, row = min(clocks, key=lambda clock: clock[0] / clock[1])
     unrest /= float(np.sqrt(row @ row))
     rates = (r for r in (*stated, *USUAL_RATES) if abs(1 / r - mean) <= max(USUAL_SIGMAS * unrest, EXACT * mean))
-    mean = 1 / min(rates, key=lambda r: abs(1 / r - mean), default=1 / mean)
+    fitted, mean = mean, 1 / min(rates, key=lambda r: abs(1 / r - mean), default=1 / mean)
     even = t.mean() + mean * row
     by_file, by_rows = (_scatter(sheets[0], clock) for clock in (t, even))
     low, high = (f"{1e3 * s:.3g}" for s in np.percentile(steps, [5, 95]))
@@ -370,6 +370,9 @@ def _even_times(sheets: Sequence[Sheet], times: list[Array], stated: Sequence[fl
         notes.assumptions.append(f"{frames}, as the file has them")
         return times
     notes.assumptions.append(f"{frames}, but the masses move as in equal ones: taken as {1 / mean:.4g} frames a second")
+    notes.camera_errors["clock_offset"] = unrest * float(np.sqrt(row @ row / len(row)))
+    if 1 / mean not in stated:
+        notes.camera_errors["clock_ratio"] = unrest / fitted
     return [even]
 
 

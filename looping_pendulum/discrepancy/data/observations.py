@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -136,6 +137,8 @@ class ReadingNotes:
     """Reason -> number of values that were left out for it."""
     assumptions: list[str] = field(default_factory=list)
     """What was assumed, put right or left out, one after the other."""
+    camera_errors: dict[str, float] = field(default_factory=dict)
+    """Parameter of the camera -> standard error that it has by what was put right [SI]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,6 +172,8 @@ class Observations:
     """What the reader assumed because the file does not say it, and what it put right."""
     faults: tuple[str, ...] = ()
     """What the points say against their own times, which nothing but another export puts right."""
+    camera_errors: Mapping[str, float] = field(default_factory=dict)
+    """Parameter of the camera -> standard error that it has by what was put right in reading [SI]."""
 
     @property
     def used(self) -> int:
@@ -227,6 +232,7 @@ def merge(name: str, parts: tuple[Observations, ...]) -> Observations:
         unused=tuple(u for p in parts for u in p.unused),
         assumptions=tuple(dict.fromkeys(a for p in parts for a in p.assumptions)),
         faults=tuple(dict.fromkeys(f for p in parts for f in p.faults)),
+        camera_errors={name: sigma for p in parts for name, sigma in p.camera_errors.items()},
     )
 
 

@@ -138,6 +138,7 @@ def read(
         unused=tuple(UnusedValues(count=count, reason=reason) for reason, count in notes.unused.items() if count),
         assumptions=tuple(dict.fromkeys(notes.assumptions)),
         faults=tuple(displaced_rows.clock_faults(channels)),
+        camera_errors=notes.camera_errors,
     )
 
 

@@ -292,7 +292,8 @@ class Study:
             priors["origin_y"] = Estimate(
                 value=float(height[0]), sigma=max(float(np.ptp(height)) / 50, CAMERA["origin_y"].error)
             )
-        return priors | {n: e for n, e in trial.camera.items() if n in priors}
+        by_reading = {n: Estimate(value=CAMERA[n].null, sigma=sigma) for n, sigma in observations.camera_errors.items()}
+        return priors | by_reading | {n: e for n, e in trial.camera.items() if n in priors}
 
 
 def influences_motion(parameter: str, release: Release) -> bool:

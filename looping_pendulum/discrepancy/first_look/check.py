@@ -14,11 +14,17 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from looping_pendulum.discrepancy.data.displaced_rows import MIN_CHANGE, WrongTimes, clock_faults, sentences
+from looping_pendulum.discrepancy.data.displaced_rows import (
+    MIN_CHANGE,
+    WrongTimes,
+    agrees_by_either_clock,
+    clock_faults,
+    sentences,
+)
 from looping_pendulum.discrepancy.data.observations import Channel, DataError, ImplausibleLengthError, Observations
 from looping_pendulum.discrepancy.data.study import Study, Trial, read_trial
 from looping_pendulum.discrepancy.first_look.declared_trial import DeclaredTrial, declared_trial
-from looping_pendulum.discrepancy.first_look.misfit import FittedMisfit, measured_distance
+from looping_pendulum.discrepancy.first_look.misfit import FittedMisfit, measured_distance, problem_of_trial
 from looping_pendulum.discrepancy.first_look.mistakes import LENGTHS, SAME_ROWS, is_left_open
 from looping_pendulum.discrepancy.first_look.plausible import implausible_values
 from looping_pendulum.discrepancy.first_look.result import DeclarationCheck, NamedMistake, TrialCheck
@@ -153,12 +159,13 @@ def _clock_faults(observed: Sequence[tuple[Trial, Observations]], searches: Sequ
 def _by_points_or_model(channels: Sequence[Channel], search: TrialSearch) -> list[str]:
     """Return what is wrong with the times of a trial's rows, by the points themselves or else by the model's way."""
     model = _Model(search)
-    faults, problem = clock_faults(channels, model), search.quickly_fitted.problem
-    if faults or problem is None:
+    faults, fit = clock_faults(channels, model), search.quickly_fitted
+    if faults or fit.problem is None:
         return faults
-    for wrong in wrong_times(problem, (problem.prior_mean, search.quickly_fitted.x)):
-        onward = tuple(rows for rows in wrong if rows.onward)
-        if wrong and not (onward and model.agrees(onward) is False):
+    as_declared = problem_of_trial(search.declared)
+    for wrong in wrong_times([(as_declared, as_declared.prior_mean), (fit.problem, fit.x)]):
+        onward = [rows for rows in wrong if rows.onward]
+        if wrong and not (onward and agrees_by_either_clock(onward, model) is False):
             return sentences(wrong, float(np.median(np.diff(channels[0].t))))
     return []
 
@@ -203,7 +210,7 @@ def _is_nearer(search: TrialSearch, corrected: TrialSearch) -> bool | None:
     None: what is compared of it is the same.
     """
     if search.as_declared.largest > MAX_GOOD_MISFIT:
-        return corrected.as_declared.largest <= MAX_MISFIT_RATIO * search.as_declared.largest
+        return corrected.as_declared.largest <= min(MAX_MISFIT_RATIO * search.as_declared.largest, MAX_MENDED_MISFIT)
     gain = _gain(search, corrected)
     return None if abs(gain) < MIN_CHANGE else gain > 0
 

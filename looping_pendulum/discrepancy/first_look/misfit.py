@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from types import MappingProxyType
 
 import numpy as np
 
@@ -254,16 +255,29 @@ def fitted_misfit(
     good_enough
         Misfit at which the fit of a window ends, though a smaller one may exist.
     """
-    failed = FittedMisfit(misfits=(FAILED,))
     try:
-        declared = _with_start(declared)
-        data = trial_data(declared.trial, declared.observations)
-        free = _free_parameters(declared, distance.shifts, also_fit)
-        problem = Problem(declared.study, [data], free)
-        parameters = declared.study.parameters({}, declared.trial)
-        return _fit_windows(problem, data, parameters, good_enough)
+        problem = problem_of_trial(declared, distance.shifts, also_fit)
+        parameters = declared.study.parameters({}, problem.data[0].trial)
+        return _fit_windows(problem, problem.data[0], parameters, good_enough)
     except CANNOT_RUN:
-        return failed
+        return FittedMisfit(misfits=(FAILED,))
+
+
+def problem_of_trial(
+    declared: DeclaredTrial, shifts: Mapping[str, float] = MappingProxyType({}), also_fit: Sequence[str] = ()
+) -> Problem:
+    """Return the problem of fitting the study's uncertain values to one trial, with y up.
+
+    Parameters
+    ----------
+    shifts
+        Channel -> shift of its points, from which the fit begins, as from `measured_distance`.
+    also_fit
+        Further parameters of the camera to be fitted.
+    """
+    declared = _with_start(declared)
+    data = trial_data(declared.trial, declared.observations)
+    return Problem(declared.study, [data], _free_parameters(declared, shifts, also_fit))
 
 
 def _free_parameters(declared: DeclaredTrial, shifts: Mapping[str, float], also_fit: Sequence[str]) -> list[FreeParameter]:

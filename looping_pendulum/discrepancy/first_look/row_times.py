@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,11 +32,12 @@ REACH = 4
 """Largest difference between the displacements of two rows in turn [steps]."""
 STAYS = 0.1
 """Cost of such a difference [variances of the noise for one step], so that rows in which nothing moves stay where they are."""
-ROUNDS = 3
-"""Number of times that the rows' times and the model's values are found, one after the other."""
+ROUNDS, MIN_FALL = 6, 0.05
+"""Largest number of times that the rows' times and the model's values are found, one after the other, and smallest fall of the
+distance from the way, in itself, with which they are found again."""
 MAX_OFF = 2.0
 """Largest mean square distance from the model's way, in variances of the noise, at which its times count."""
-MIN_ERROR = 0.05
+MIN_ERROR = 0.02
 """Smallest error of a row's displacement that counts, as the model is not exact [steps]."""
 HALVES, HALF_TIMES = (2, 4), (0.025, 0.05)
 """Rows, and times [s], on each side of one from which on the others are displaced."""
@@ -60,25 +61,23 @@ MAX_FOUND = 12
 """Largest number of places that are looked for."""
 
 
-def wrong_times(problem: Problem, starts: Iterable[Array]) -> list[list[WrongTimes]]:
+def wrong_times(starts: Sequence[tuple[Problem, Array]]) -> list[list[WrongTimes]]:
     """Return from where on rows were taken at other times than they say, by the way of the masses; the likeliest account first.
 
     Parameters
     ----------
-    problem
-        That of one trial.
     starts
-        Numbers of the model's free parameters with which to begin; each leads to an account of its own.
+        Problems of one trial and numbers of their free parameters with which to begin; each leads to an account of its own.
     """
-    data = problem.data[0]
+    data = starts[0][0].data[0]
     rows = np.unique(np.concatenate([np.zeros(0), *(c.t for c in data.channels)]))
     in_space = len(data.channels) >= MIN_COORDINATES and all(c.unit == "m" for c in data.channels)
     if not in_space or len(rows) < MIN_ROWS or np.median(np.diff(rows)) < MIN_STEP:
         return []
     by_start = []
-    for start in starts:
+    for problem, x in starts:
         with contextlib.suppress(*CANNOT_RUN):
-            by_start.append(_late_rows(problem, rows, start))
+            by_start.append(_late_rows(problem, rows, x))
     time_error = max(c.time_error for c in data.channels)
     return [_breaks(rows, late, time_error) for late in sorted(by_start, key=lambda late: late.off) if late.off <= MAX_OFF]
 
@@ -104,7 +103,11 @@ def _late_rows(problem: Problem, rows: Array, x: Array) -> _LateRows:
     """Return by how much later rows were taken, by the model whose values are fitted to the way alone."""
     data = problem.data[0]
     late = _displaced_along(problem, rows, x, np.zeros_like(rows))
+    before = math.inf
     for _ in range(ROUNDS):
+        if late.off > (1 - MIN_FALL) * before:
+            break
+        before = late.off
         # In the order of the file, as a fit needs it
         t = np.maximum.accumulate(rows + late.value) + 1e-9 * np.arange(len(rows))
         channels = tuple(dataclasses.replace(c, t=t[np.searchsorted(rows, c.t)]) for c in data.channels)
@@ -178,7 +181,9 @@ def _breaks(rows: Array, late: _LateRows, time_error: float) -> list[WrongTimes]
             break
         found.append(WrongTimes(t=float(rows[k]), shift=round(size) * step))
         value = value - round(size) * (np.arange(len(rows)) >= k)
-    return sorted([*found, *_single_rows(rows, late, value, error)], key=lambda each: each.t)
+    # Beside a clock that changes, the first and last rows of a part in slow motion are no single ones
+    singles = [] if any(each.factor != 1 for each in found) else _single_rows(rows, late, value, error)
+    return sorted([*found, *singles], key=lambda each: each.t)
 
 
 def _single_rows(rows: Array, late: _LateRows, value: Array, error: Array) -> list[WrongTimes]:

@@ -135,7 +135,8 @@ def free_parameters_of(study: Study, trials: Sequence[tuple[Trial, Any]]) -> tup
     parameters = list(study.free_parameters(tuple(t for t, _ in trials)))
     for trial, observations in trials:
         for name, known in study.camera_priors(trial, observations).items():
-            if name in ("origin_x", "origin_y", "rate_offset") or (name in trial.camera and known.uncertain):
+            is_stated = name in trial.camera and known.uncertain
+            if name in ("origin_x", "origin_y", "rate_offset", *observations.camera_errors) or is_stated:
                 parameters.append(_camera_parameter(name, trial, known.value, known.sigma))
     return tuple(parameters)
 

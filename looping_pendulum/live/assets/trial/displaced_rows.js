@@ -76,7 +76,7 @@ const MIN_LOST = 0.6;
 /** Longest pattern of repeated or uneven frames [frames]. */
 const MAX_PERIOD = 6;
 /** Standard errors by which durations at the places of a pattern must differ. */
-const MIN_PATTERN_SIGMAS = 5;
+const MIN_PATTERN_SIGMAS = 6;
 /** Smallest number of rows that show anything. */
 const MIN_ROWS = 12;
 /** Largest number of rows on each side, at many frames a second. */
