@@ -260,7 +260,7 @@ def test_lost_repeated_and_uneven_pictures_are_named():
     late = [replace(c, t=t[:-1], value=c.value[lost]) for c in points(t)]
     [fault] = displaced_rows.clock_faults(late)
     assert fault.startswith(
-        "from 0.625 s on the masses are where they should be 1 steps later, so that pictures are lost there"
+        "from 0.625 s on the masses are ahead of their times, as where pictures are lost (at the first place 1)"
     )
     again = [replace(c, value=np.insert(c.value, 150, c.value[149])[:-1]) for c in points(t)]
     [fault] = displaced_rows.clock_faults(again)

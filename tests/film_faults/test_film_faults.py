@@ -33,13 +33,20 @@ SAMPLE = (
     (440, "form: many at once"),
 )
 """Number and kind of studies of one apparatus, most of them of one trial, whose motion is simulated once."""
-IDENTIFIED = ((60, "rounded times"), (240, "every picture repeated"), (240, "form: long table"))
+IDENTIFIED = ((8_400_082, "times of a recorder"), (60, "rounded times"), (240, "every picture repeated"), (240, "form: long table"))
 FOUND = (
     # Of the four rows that show a picture, two were left
     (440, "every picture repeated"),
     pytest.param(720, "slow in the middle", marks=pytest.mark.accurate),
     (60, "pictures lost"),
     (720, "pictures lost"),
+    # With few rows a second the points alone do not tell
+    (8_100_186, "pictures lost"),
+    (8_100_048, "slow in the middle"),
+    (8_400_152, "uneven in turn"),
+    (7_100_057, "times of a recorder"),
+    # Rows that are missing were taken for a stop
+    (3_100_091, "rows missing"),
 )
 """Studies of the same apparatus in which a fault was once neither put right nor named."""
 

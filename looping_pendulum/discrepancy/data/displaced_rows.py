@@ -265,7 +265,7 @@ def sentences(wrong: Sequence[WrongTimes], step: float) -> list[str]:
     for named, what in (
         (
             [rows for rows in wrong if rows.onward and rows.shift > 0],
-            "on the masses are where they should be {steps:.2g} steps later, so that pictures are lost there",
+            "on the masses are ahead of their times, as where pictures are lost (at the first place {steps:.2g})",
         ),
         (
             [rows for rows in wrong if is_copy(rows)],

@@ -376,7 +376,7 @@ export const de = {
   "unused.repeated": "die Zeile davor wiederholt",
   "unused.copy": "eine Kopie des Punkts davor",
   "unused.notRate": "Spalte {column}: nicht die Winkelgeschwindigkeit zum Winkel (bestes Vielfaches {ratio}, Korrelation {correlation})",
-  "fault.lost": "ab {times} sind die Massen dort, wo sie {steps} Schritte später sein sollten, dort fehlen also Bilder",
+  "fault.lost": "ab {times} sind die Massen ihren Zeiten voraus, wie wo Bilder fehlen (an der ersten Stelle {steps})",
   "fault.repeated": "ab {times} sind die Massen dort, wo sie davor waren, dort ist also ein Bild noch einmal gespeichert",
   "fault.uneven": "aufeinanderfolgende Bilder dauern nach der Bewegung der Massen im Wechsel das {means}-Fache ihres Mittels, anders als "
     + "nach ihren Zeiten",

@@ -368,7 +368,7 @@ export const en = {
   "unused.repeated": "the row before repeated",
   "unused.copy": "a copy of the point before",
   "unused.notRate": "column {column}: not the rate of the angle (best multiple {ratio}, correlation {correlation})",
-  "fault.lost": "from {times} on the masses are where they should be {steps} steps later, so that pictures are lost there",
+  "fault.lost": "from {times} on the masses are ahead of their times, as where pictures are lost (at the first place {steps})",
   "fault.repeated": "from {times} on the masses are where they were before, so that a picture is stored again there",
   "fault.uneven": "frames in turn last {means} of their mean, by the masses' motion, unlike their times",
   "fault.changes": "by the masses' motion, the clock changes: {changes}; share the film as the camera took it, without a part in slow "
