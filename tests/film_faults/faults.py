@@ -301,7 +301,9 @@ def slow_in_the_middle(rng: np.random.Generator, study: CleanStudy) -> Faulty:
 
 def late_rows(rng: np.random.Generator, study: CleanStudy) -> Faulty:
     which = pick(rng, ("heavy", "heavy", "light", "light", "light_x", "light_y", "heavy_y"))
-    shift = int(rng.integers(1, 21)) * int(pick(rng, (-1, 1)))
+    # With more, too few rows are left in which both masses were marked
+    most = min(20, min(len(film.t) for film in study.films) // 5)
+    shift = int(rng.integers(1, most + 1)) * int(pick(rng, (-1, 1)))
     columns = {"light": [0, 1], "heavy": [2, 3], "light_x": [0], "light_y": [1], "heavy_y": [3]}[which]
     films = []
     for film in study.films:

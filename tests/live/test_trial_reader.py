@@ -144,7 +144,7 @@ def test_a_clock_with_faults_is_put_right_or_named_alike(both):
 
 ROWS = np.arange(240)
 FILMS = {
-    "a lost picture at 480 a second": (480, np.arange(480) + (np.arange(480) >= 200), "pictures are lost there"),
+    "a lost picture at 480 a second": (480, np.arange(480) + (np.arange(480) >= 200), "as where pictures are lost"),
     "three lost pictures": (240, ROWS + 3 * (ROWS >= 150), "(at the first place 3)"),
     "lost pictures in four places": (
         120,

@@ -112,7 +112,7 @@ def test_pixels_runs_and_faults_of_the_clock_are_told_and_put_right_by_fields(op
     assert page.evaluate("live.trial.points('light')[0]") == pytest.approx([0, *points[0]], abs=1e-4)
     assert "the first time, 5 s, was taken as 0" in page.inner_text("#trial-message")
     assert page.inner_text("#trial-faults").startswith(
-        "This file's times are not those of its points: from 0.25 s on the masses are where they should be "
+        "This file's times are not those of its points: from 0.25 s on the masses are ahead of their times"
     )
     study = page.evaluate("live.fit.study()")
     assert "units: {length: 10 mm, time: s}" in study

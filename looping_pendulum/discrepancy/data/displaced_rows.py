@@ -225,7 +225,10 @@ def clock_faults(channels: Sequence[Channel], model: Model | None = None) -> lis
     if film is None:
         return []
     changes = _rate_changes(film, is_clear=False) if model else []
-    agreed = agrees_by_either_clock(changes, model) if model and changes else None
+    agreed = None
+    if model and changes:
+        by_earlier, by_later = map(model.agrees, by_either_clock(changes))
+        agreed = by_earlier or by_later or by_earlier
     if agreed is None:
         changes = _rate_changes(film, is_clear=True)
     unrest = max(c.time_error for c in channels) / film.step
@@ -241,11 +244,9 @@ def clock_faults(channels: Sequence[Channel], model: Model | None = None) -> lis
     return sentences(_displaced_rows(film, model, unrest), film.step)
 
 
-def agrees_by_either_clock(changes: Sequence[WrongTimes], model: Model) -> bool | None:
-    """Return whether a model agrees with one clock for the film: that before the first change or that after it."""
-    by_later = WrongTimes(t=0.0, factor=1 / changes[0].factor)
-    by_earlier = model.agrees((*changes,))
-    return by_earlier or model.agrees((by_later, *changes)) or by_earlier
+def by_either_clock(wrong: Sequence[WrongTimes]) -> tuple[tuple[WrongTimes, ...], tuple[WrongTimes, ...]]:
+    """Return the same times by the film's clock before a first change, and by that after it."""
+    return (*wrong,), (WrongTimes(t=0.0, factor=1 / wrong[0].factor), *wrong)
 
 
 def sentences(wrong: Sequence[WrongTimes], step: float) -> list[str]:
@@ -605,18 +606,23 @@ def _displaced_rows(film: _Film, model: Model | None, unrest: float) -> list[Wro
         Standard error of each time [steps].
     """
     found = _single_displacements(film, unrest, MAX_MISFIT_AGREED if model else MAX_MISFIT)
-    known: tuple[WrongTimes, ...] = tuple(each for each in found if each.onward and not model)
-    while model and len(known) < MAX_LOST:
-        # One after the other, as each one spoils the model's fit, and the windows around it
+    singles = [each for each in found if not each.onward]
+    known = tuple(each for each in found if each.onward)
+    if model is None or (known and model.agrees(known)):
+        return sorted(found, key=lambda each: each.t)
+    # One after the other, as each one spoils the model's fit, and the windows around it
+    known = ()
+    while len(known) < MAX_LOST:
         onward = next((each for each in found if each.onward), None)
         if not onward or model.gain((*known, onward), known) < -MIN_CHANGE:
             break
         known = (*known, onward)
         film = film.at_other_times(onward)
         found = _single_displacements(film, unrest, MAX_MISFIT_AGREED)
-    if known and model and model.agrees(known) is False:
+        singles = [each for each in found if not each.onward]
+    if known and model.agrees(known) is False:
         known = ()
-    return sorted((*known, *(each for each in found if not each.onward)), key=lambda each: each.t)
+    return sorted((*known, *singles), key=lambda each: each.t)
 
 
 def _single_displacements(film: _Film, unrest: float, largest_misfit: float) -> list[WrongTimes]:

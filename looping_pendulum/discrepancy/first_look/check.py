@@ -17,7 +17,7 @@ import numpy as np
 from looping_pendulum.discrepancy.data.displaced_rows import (
     MIN_CHANGE,
     WrongTimes,
-    agrees_by_either_clock,
+    by_either_clock,
     clock_faults,
     sentences,
 )
@@ -29,7 +29,7 @@ from looping_pendulum.discrepancy.first_look.mistakes import LENGTHS, SAME_ROWS,
 from looping_pendulum.discrepancy.first_look.plausible import implausible_values
 from looping_pendulum.discrepancy.first_look.result import DeclarationCheck, NamedMistake, TrialCheck
 from looping_pendulum.discrepancy.first_look.row_times import wrong_times
-from looping_pendulum.discrepancy.first_look.shifted_rows import CLEAR_SHIFT_RATIO, row_shift, without_shift
+from looping_pendulum.discrepancy.first_look.shifted_rows import CLEAR_SHIFT_RATIO, row_shift, shift_by_motion, without_shift
 from looping_pendulum.discrepancy.first_look.trial_search import (
     MAX_GOOD_MISFIT,
     MAX_RIVAL_DISTANCE,
@@ -60,6 +60,8 @@ FAR = 4.0
 
 In 37 blind studies an effect that moves the light mass by 50 mm leaves 2.5 and less.
 """
+MAX_CLEAR_DISTANCE_RATIO = 0.25
+"""Largest distance from the declared motion by another shift of rows, in that by the file, that needs no fit."""
 MIN_ORIGIN_SHIFT = 0.1
 """Smallest distance of the origin from where it was declared, in free lengths, that is no error of measurement."""
 MIN_ORIGIN_SIGMAS = 10.0
@@ -164,8 +166,9 @@ def _by_points_or_model(channels: Sequence[Channel], search: TrialSearch) -> lis
         return faults
     as_declared = problem_of_trial(search.declared)
     for wrong in wrong_times([(as_declared, as_declared.prior_mean), (fit.problem, fit.x)]):
-        onward = [rows for rows in wrong if rows.onward]
-        if wrong and not (onward and agrees_by_either_clock(onward, model) is False):
+        onward = tuple(rows for rows in wrong if rows.onward)
+        # The way says it clearly, so that it need only not be contradicted
+        if wrong and not (onward and max(model.gain(each, ()) for each in by_either_clock(onward)) < -MIN_CHANGE):
             return sentences(wrong, float(np.median(np.diff(channels[0].t))))
     return []
 
@@ -209,9 +212,9 @@ def _is_nearer(search: TrialSearch, corrected: TrialSearch) -> bool | None:
 
     None: what is compared of it is the same.
     """
-    if search.as_declared.largest > MAX_GOOD_MISFIT:
-        return corrected.as_declared.largest <= min(MAX_MISFIT_RATIO * search.as_declared.largest, MAX_MENDED_MISFIT)
-    gain = _gain(search, corrected)
+    before, after, gain = search.as_declared.largest, corrected.as_declared.largest, _gain(search, corrected)
+    if before > MAX_GOOD_MISFIT:
+        return gain > 0 and after <= max(MAX_GOOD_MISFIT, min(MAX_MISFIT_RATIO * before, MAX_MENDED_MISFIT))
     return None if abs(gain) < MIN_CHANGE else gain > 0
 
 
@@ -236,11 +239,20 @@ def _named(searches: Sequence[TrialSearch]) -> tuple[NamedMistake, ...]:
     misplaced = [s for s in searches if s.name not in mended and _origin_is_wrong(s)]
     if misplaced:
         mistakes.append(_origin_mistake(misplaced))
-    for search in searches:
-        shift = row_shift(search.declared, CLEAR_SHIFT_RATIO) if search.name not in mended else None
-        if shift and _is_nearer(search, _otherwise(search, without_shift(search.declared, shift))):
+    for search in (s for s in searches if s.name not in mended):
+        possible = [row_shift(search.declared, CLEAR_SHIFT_RATIO)]
+        if math.isfinite(search.distance.rms) and not search.is_near:
+            possible.append(shift_by_motion(search.declared))
+        for shift in filter(None, possible):
+            declared = without_shift(search.declared, shift)
+            corrected = TrialSearch(declared=declared, distance=measured_distance(declared))
+            is_clear = corrected.distance.relative <= MAX_CLEAR_DISTANCE_RATIO * search.distance.relative
+            is_good = shift is possible[0] or corrected.as_declared.largest <= MAX_GOOD_MISFIT
+            if not is_clear and not (is_good and _is_nearer(search, corrected)):
+                continue
             text = f"{_where([search.name])}: found {shift.text}; needed {SAME_ROWS}"
             mistakes.append(NamedMistake(trials=(search.name,), names=("rows shifted",), keys="", text=text))
+            break
     return tuple(mistakes)
 
 

@@ -181,9 +181,8 @@ def _breaks(rows: Array, late: _LateRows, time_error: float) -> list[WrongTimes]
             break
         found.append(WrongTimes(t=float(rows[k]), shift=round(size) * step))
         value = value - round(size) * (np.arange(len(rows)) >= k)
-    # Beside a clock that changes, the first and last rows of a part in slow motion are no single ones
-    singles = [] if any(each.factor != 1 for each in found) else _single_rows(rows, late, value, error)
-    return sorted([*found, *singles], key=lambda each: each.t)
+    # Rows beside such a place, which is known to a row or two, are no single ones
+    return sorted(found, key=lambda each: each.t) or _single_rows(rows, late, value, error)
 
 
 def _single_rows(rows: Array, late: _LateRows, value: Array, error: Array) -> list[WrongTimes]:

@@ -13,6 +13,7 @@ from looping_pendulum.discrepancy.data.camera import Camera
 from looping_pendulum.discrepancy.data.noise import scatter
 from looping_pendulum.discrepancy.data.observations import Channel
 from looping_pendulum.discrepancy.first_look.declared_trial import DeclaredTrial
+from looping_pendulum.discrepancy.first_look.misfit import measured_distance
 from looping_pendulum.reference_ode.geometry import string_coordinates
 from looping_pendulum.reference_ode.parameters import Parameters
 
@@ -42,14 +43,15 @@ class RowShift:
     """Columns of a table that stand in other rows than the rest."""
 
     columns: str
-    """Which: a channel, or "heavy" for all of the heavy mass's."""
+    """Which: a channel, or "heavy" or "light" for all of a mass's."""
     rows: int
     """By how many rows their points are late; negative: early."""
 
     @property
     def text(self) -> str:
         """Return what is shifted, and by how much, in words."""
-        what = "the heavy mass's points" if self.columns == "heavy" else f"{self.columns[-1]} of the light mass"
+        body, _, axis = self.columns.partition("_")
+        what = f"{axis} of the {body} mass" if axis else f"the {body} mass's points"
         plural = "s" if abs(self.rows) > 1 else ""
         return f"{what} {abs(self.rows)} row{plural} {'later' if self.rows > 0 else 'earlier'} than the other columns"
 
@@ -99,6 +101,17 @@ def row_shift(declared: DeclaredTrial, least_ratio: float = 1.0) -> RowShift | N
         if shifts[at].rows and 0 < at < len(shifts) - 1 and clear and misfits[at] < least:
             best, least = shifts[at], misfits[at]
     return best
+
+
+def shift_by_motion(declared: DeclaredTrial) -> RowShift | None:
+    """Return with which columns in other rows the points are nearest to the declared motion; None: as they are.
+
+    Where columns are shifted far, few rows are left in which the string's two ends can be compared.
+    """
+    limit = min(MAX_SHIFT, max((len(c) for c in declared.observations.channels), default=0) // MIN_ROWS_A_SHIFT)
+    shifts = [RowShift(columns=c, rows=n) for c in ("heavy", "light", *MIN_SHIFT_RATIOS) for n in range(-limit, limit + 1)]
+    nearest = min(shifts, key=lambda shift: measured_distance(without_shift(declared, shift)).relative)
+    return nearest if nearest.rows else None
 
 
 def _string_noise(channels: Mapping[str, Channel]) -> float:
