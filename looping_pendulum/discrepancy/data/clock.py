@@ -190,6 +190,7 @@ def _times_of_clock(
         if all(t is not None for t in on_grid):
             times = [t for t in on_grid if t is not None]
             file_rate = grid.rate
+            notes.camera_errors["clock_offset"] = rounding
             coarse = ", which is coarse" if rounding > 0.1 * step else ""
             notes.assumptions.append(
                 f"times printed to {2 * rounding:.2g} s{coarse}: put back on {grid.rate:.4g} frames a second; an export with "

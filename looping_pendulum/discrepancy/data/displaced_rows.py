@@ -57,7 +57,7 @@ MAX_STOP, MIN_WAY, MIN_COSINE = 0.2, 20.0, 0.5
 [standard deviations of the noise], and smallest cosine of the angle between the others."""
 MAX_LOST = 12
 """Largest number of places at which pictures are lost that are looked for."""
-MIN_CHANGE = 0.01
+MIN_CHANGE = 0.05
 """Smallest change of the misfits from a model by other times that tells anything."""
 MIN_LOST = 0.6
 """The same of all rows after lost pictures."""

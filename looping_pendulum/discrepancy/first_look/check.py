@@ -131,8 +131,13 @@ def check_declaration(study: Study, observed: Iterable[tuple[Trial, Observations
                 TrialCheck(trial=trial.name, reading=observations.assumptions, distance=None, reason=f"as {distance.reason}")
             )
     clock_faults_found = _clock_faults(observed, searches)
-    # With wrong times other mistakes would be named for them, and all trials were filmed alike
-    mistakes = tuple(clock_faults_found or _named(searches))
+    mistakes: tuple[NamedMistake, ...] = tuple(clock_faults_found)
+    # With wrong times other mistakes would be named for them, and all trials were filmed alike; but one that explains a trial
+    # to its noise without other times is no chance, as where columns are exchanged
+    named = {name for mistake in mistakes for name in mistake.trials}
+    others = [e for s in searches if s.name in named and not s.is_near for e in _best(s, searches)]
+    if not mistakes or any(e.fit.largest <= MAX_GOOD_MISFIT and "times" not in e.undone.factors for e in others):
+        mistakes = _named(searches)
     named = {trial for mistake in mistakes for trial in mistake.trials}
     far = (_far_text(s) for s in searches if s.name not in named and _is_far(s))
     return DeclarationCheck(
