@@ -20,9 +20,9 @@ from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import load
 from looping_pendulum.teaching.new_study import keys_of_fault
 from looping_pendulum.teaching.questions import AnswerError
-from scripts.make_example_trials import trials
+from scripts.make_example_trials import FOLDER
 
-FIRST = trials()["first"]
+FIRST = (FOLDER / "first.csv").read_text(encoding="utf-8")
 """Tracker's export of a synthetic trial: tracks light and heavy, 240 rows a second, metres, the light mass on the left."""
 POINTS = [[float(cell or "nan") for cell in row.split(",")[:5]] for row in FIRST.splitlines()[3:]]
 LIKE_IT = "\n".join(["", "", "112 deg +/- 0.5 deg", "58 cm +/- 1 mm", "5 cm +/- 1 mm", ""])
