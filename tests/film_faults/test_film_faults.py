@@ -33,7 +33,12 @@ SAMPLE = (
     (440, "form: many at once"),
 )
 """Number and kind of studies of one apparatus, most of them of one trial, whose motion is simulated once."""
-IDENTIFIED = ((8_400_082, "times of a recorder"), (60, "rounded times"), (240, "every picture repeated"), (240, "form: long table"))
+IDENTIFIED = (
+    (8_400_082, "times of a recorder"),
+    (60, "rounded times"),
+    (240, "every picture repeated"),
+    (240, "form: long table"),
+)
 FOUND = (
     # Of the four rows that show a picture, two were left
     (440, "every picture repeated"),
