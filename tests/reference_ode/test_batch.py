@@ -18,10 +18,11 @@ from looping_pendulum.reference_ode.batch import (
     sharing,
     solve_batch,
 )
+from looping_pendulum.reference_ode.batch.numbers import parameters_of_run
 from looping_pendulum.reference_ode.batch.result import BYTES_PER_RUN, summary
 from looping_pendulum.reference_ode.batch.steps import UNSURE_EVENT, Stepper
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, available_integrators, solve
+from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, available_integrators, solve, solve_at
 from looping_pendulum.reference_ode.transitions import Mode
 
 pytestmark = pytest.mark.skipif(
@@ -268,7 +269,7 @@ def test_a_run_with_too_many_steps_is_left_to_the_single_integrator(monkeypatch)
     expected = solve_batch(BASE, columns)
     monkeypatch.setattr(schedule, "MAX_STEPS", 20)
     singly = []
-    monkeypatch.setattr(sharing, "solve_without_warning", lambda *a, **k: singly.append(solve(*a, **k)) or singly[-1])
+    monkeypatch.setattr(sharing, "solve_at_without_warning", lambda *a, **k: singly.append(solve_at(*a, **k)) or singly[-1])
     assert_equal(solve_batch(BASE, columns), expected, bound=1e-9)
     assert len(singly) == 5
 
@@ -283,12 +284,35 @@ def test_processes_see_each_others_results():
         assert getattr(other, name).tolist() == [i, i + 1, i + 2]
 
 
-def test_trajectories_on_request():
-    columns = random_columns(4, seed=1)
-    (samples,) = sample_batch(BASE, columns, [2], np.array([0.0, 0.05]))
-    result = solve_batch(BASE, columns)
-    assert samples.run.end_time == pytest.approx(result.end_time[2], abs=1e-9)
-    assert samples.state.wrap_angle[0] == columns["release_angle"][2]
+def test_samples_are_those_of_single_runs_at_each_runs_own_times():
+    columns = random_columns(40, seed=1)
+    times = [np.linspace(0, 1.5, 60) * (1 + 0.01 * i) for i in range(40)]
+    samples = sample_batch(BASE, columns, times, duration=3.0)
+    for i, t in enumerate(times):
+        alone = solve_at(parameters_of_run(BASE, columns, i), t, duration=3.0)
+        assert samples.count[i] == len(alone.t)
+        state = samples.state[:, samples.part(i)]
+        exact = np.array(alone.and_end().state)[: len(state), np.minimum(np.arange(len(t)), len(alone.t))]
+        # A free length of a micrometre at the end turns once in a microsecond
+        assert np.abs(state[0] - exact[0]).max() < 1e-9
+        assert np.abs(exact[0] * (state[1] - exact[1])).max() < 1e-9
+
+
+def test_samples_do_not_depend_on_the_other_runs():
+    columns = random_columns(9, seed=2)
+    times = [np.linspace(0, 1, 30)] * 9
+    together = sample_batch(BASE, columns, times)
+    alone = sample_batch(BASE, {name: values[4:5] for name, values in columns.items()}, times[:1])
+    assert np.array_equal(together.state[:, together.part(4)], alone.state)
+
+
+def test_runs_that_a_batch_cannot_step_are_sampled_one_by_one():
+    base = BASE.replace(heavy_swing=0.1)
+    columns = {"heavy_mass": np.array([0.1, -1.0])}
+    samples = sample_batch(base, columns, [np.array([0.0, 0.1])] * 2)
+    assert samples.count[0] == 2
+    assert np.isfinite(samples.state[:, samples.part(0)]).all()
+    assert np.isnan(samples.state[:, samples.part(1)]).all()
 
 
 @pytest.mark.parametrize(

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable
+from collections.abc import Sequence
 from contextlib import nullcontext
 
 import numpy as np
 
 from looping_pendulum.errors import IntegratorFallbackWarning, ParameterError
 from looping_pendulum.processes import safe_spawning
-from looping_pendulum.reference_ode.batch.numbers import Columns, column_names, parameters_of_run
+from looping_pendulum.reference_ode.batch.numbers import Columns, column_names
 from looping_pendulum.reference_ode.batch.result import ENDS, FAILED, BatchResult, sequence_hash
+from looping_pendulum.reference_ode.batch.samples import BatchSamples
 from looping_pendulum.reference_ode.batch.sharing import BatchRuns, Progress, SharedBatch, work, work_together
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
-from looping_pendulum.reference_ode.solution import Samples
-from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, solve_at
+from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE
 
-__all__ = ["ENDS", "FAILED", "BatchResult", "Progress", "sample_batch", "sequence_hash", "solve_batch"]
+__all__ = ["ENDS", "FAILED", "BatchResult", "BatchSamples", "Progress", "sample_batch", "sequence_hash", "solve_batch"]
 
 
 def solve_batch(
@@ -79,23 +79,24 @@ def solve_batch(
 def sample_batch(
     base: Parameters,
     columns: Columns,
-    runs: Iterable[int],
-    t: Array,
+    times: Sequence[Array],
     *,
     duration: float = DURATION,
     tolerance: float = TOLERANCE,
-) -> list[Samples]:
-    """Return samples of the runs with these indices at times ``t`` [s], ascending.
-
-    Each run is solved again by itself. Times after a run's end are left out.
+) -> BatchSamples:
+    """Return samples of the runs of `solve_batch`, each at ascending times of its own [s], from the steps that the batch takes.
 
     Raises
     ------
-    IntegrationError, ParameterError
-        If one of these runs fails.
+    ParameterError
+        As `solve_batch` does, or if there are not as many times as runs.
     """
-    _checked_length(base, columns)
-    return [solve_at(parameters_of_run(base, columns, i), t, duration=duration, tolerance=tolerance) for i in runs]
+    n = _checked_length(base, columns)
+    if len(times) != n:
+        raise ParameterError(f"times: found those of {len(times)} runs, needed {n}")
+    samples = BatchSamples.at([np.asarray(t, dtype=float) for t in times])
+    work(BatchRuns(SharedBatch.of(base, columns, n, duration, tolerance, 1)), samples)
+    return samples
 
 
 def _checked_length(base: Parameters, columns: Columns) -> int:

@@ -19,10 +19,12 @@ from looping_pendulum.reference_ode.batch import system
 from looping_pendulum.reference_ode.batch.block import BOOKKEEPING, Block
 from looping_pendulum.reference_ode.batch.compiled import LEADING, batch_model, drop
 from looping_pendulum.reference_ode.batch.result import ENDS, HASH_START, BatchResult, update_hash
+from looping_pendulum.reference_ode.batch.samples import BatchSamples
 from looping_pendulum.reference_ode.batch.steps import NO_EVENT, UNSURE_EVENT, stepper
 from looping_pendulum.reference_ode.driver import MAX_EVENTS
 from looping_pendulum.reference_ode.parameters import Release
-from looping_pendulum.reference_ode.state import Effects
+from looping_pendulum.reference_ode.rules import REST_SERIES_DURATION
+from looping_pendulum.reference_ode.state import Effects, State
 from looping_pendulum.reference_ode.transitions import END_EVENTS, PHASE_EVENTS, PHASE_ZERO, Event, Mode
 
 MAX_CONCURRENT_RUNS = 8192
@@ -84,10 +86,20 @@ class Schedule:
     """Integrates the runs of a source, and fills in their results."""
 
     def __init__(
-        self, source: RunSource, result: BatchResult, effects: Effects, release: Release, duration: float, tolerance: float
+        self,
+        source: RunSource,
+        result: BatchResult,
+        effects: Effects,
+        release: Release,
+        duration: float,
+        tolerance: float,
+        samples: BatchSamples | None = None,
     ) -> None:
-        """Prepare; ``result`` has an entry for every run of the batch, of which those that are taken here are filled in."""
-        self._source, self._result = source, result
+        """Prepare; ``result`` has an entry for every run of the batch, of which those that are taken here are filled in.
+
+        So have ``samples``, if any are wanted.
+        """
+        self._source, self._result, self._samples = source, result, samples
         self._model = batch_model(effects, source.parameter_values(np.arange(0)))
         self._duration, self._tolerance = duration, tolerance
         self._kind = release
@@ -138,7 +150,11 @@ class Schedule:
         block["run"], block["duration"] = runs.astype(float), self._duration
         block["free_length"], block["wrap_angle"] = values["free_length"], values["release_angle"]
         along, across = (np.broadcast_to(values[name], len(runs)) for name in ("push_along", "push_across"))
+        released = State(block["free_length"].copy(), block["wrap_angle"].copy(), along, across, 0.0, 0.0)
         system.release(self._model, self._kind, block, along, across)
+        if self._samples is not None:
+            # Within the first step from rest, a microsecond, nothing moves by a picometre
+            self._samples.begin(block, released, REST_SERIES_DURATION)
         result = self._result
         result.stops[runs] = result.slip_count[runs] = result.slack_intervals[runs] = 0
         result.sequence[runs] = HASH_START
@@ -153,9 +169,17 @@ class Schedule:
         block, max_waiting = Block.joined(blocks, pad_to_vectors=True), max(MIN_PENDING_EVENTS, n // 10)
         inputs = block.inputs
         while True:
-            out = step.step.evaluate_padded(inputs)
-            # No event can lie in a step in which the lower bound of all event functions is positive
-            clear = (out[-1] > 0) & (block["steps"] < MAX_STEPS)
+            if self._samples is None:
+                out = step.step.evaluate_padded(inputs)
+                clear = (out[-1] > 0) & (block["steps"] < MAX_STEPS)
+            else:
+                terms = step.series.evaluate_padded(inputs)
+                # No event can lie in a step in which the lower bound of all event functions is positive
+                clear = (terms[-1] > 0) & (block["steps"] < MAX_STEPS)
+                series = terms[:-1].reshape(len(step.rows), step.order + 1, -1)
+                out = series.sum(axis=1)
+                due = clear & (np.arange(len(clear)) < n)
+                self._samples.advance(block, step, series, np.where(due, out[-1], -np.inf))
             # Not strict: the last row of ``out`` is the lower bound
             for row, new in zip(step.rows, out, strict=False):
                 np.copyto(inputs[row], new, where=clear)
@@ -176,6 +200,9 @@ class Schedule:
         if unsure.any():
             self._enqueue(BatchTaskKind.SEARCH, task.mode, block.take(np.flatnonzero(unsure)))
             block, moved, event = block.take(np.flatnonzero(~unsure)), moved[:, ~unsure], event[~unsure]
+        if self._samples is not None:
+            terms = step.series(block.inputs)[:-1].reshape(len(step.rows), step.order + 1, -1)
+            self._samples.advance(block, step, terms, np.where(np.isfinite(moved).all(axis=0), moved[-1], -np.inf))
         block.inputs[step.rows] = moved
         if (
             task.mode is Mode.SLIDING_DOWN
@@ -228,6 +255,8 @@ class Schedule:
         result.end_time[runs] = self._duration if event is Event.TIME_UP else block["time"]
         result.wrap_angle[runs], result.free_length[runs] = block["wrap_angle"], block["free_length"]
         (result.drop[runs],) = drop(self._model)(block.inputs)
+        if self._samples is not None:
+            self._samples.end(block, runs)
         result.end[runs] = ENDS.index(event)
         result.sequence[runs] = update_hash(result.sequence[runs], np.uint64(Mode.ENDED))
         if event is not Event.LIGHT_REACHES_ROD or mode is not Mode.STICKING:

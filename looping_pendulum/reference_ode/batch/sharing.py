@@ -15,11 +15,12 @@ from looping_pendulum.errors import HarnessError
 from looping_pendulum.processes import process_pool
 from looping_pendulum.reference_ode.batch.numbers import Columns, equation_parameters, parameters_of_run, valid_runs
 from looping_pendulum.reference_ode.batch.result import BYTES_PER_RUN, FAILED, BatchResult, summary
+from looping_pendulum.reference_ode.batch.samples import BatchSamples
 from looping_pendulum.reference_ode.batch.schedule import Index, Schedule
 from looping_pendulum.reference_ode.batch.steps import supports_batch
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
-from looping_pendulum.reference_ode.solve import available_integrators, solve_without_warning
+from looping_pendulum.reference_ode.solve import available_integrators, solve_at_without_warning
 
 _SPAWN = multiprocessing.get_context("spawn")
 """Source of shared memory for a `process_pool`, whose processes are spawned."""
@@ -140,26 +141,29 @@ class BatchRuns:
             self._progress(ended, self.run_count)
 
 
-def work(runs: BatchRuns) -> None:
-    """Take runs until none are left, and fill in their results."""
+def work(runs: BatchRuns, samples: BatchSamples | None = None) -> None:
+    """Take runs until none are left, and fill in their results, and their samples if any are wanted."""
     job, result = runs.job, runs.job.result()
     effects = job.base.effects_with([name for name in job.names if name in job.base.coefficients])
     if "heyoka" in available_integrators() and supports_batch(effects):
-        Schedule(runs, result, effects, job.base.release, job.duration, job.tolerance).run()
+        Schedule(runs, result, effects, job.base.release, job.duration, job.tolerance, samples).run()
         taken = runs.taken_here()
         # A run that failed here is solved once more by itself, where SciPy may take over from heyoka
         remaining = iter(taken[result.end[taken] == FAILED].tolist())
     else:
         remaining = runs.take_single()
     for i in remaining:
+        times = np.zeros(0) if samples is None else samples.t[samples.part(i)]
         try:
-            run = solve_without_warning(
-                parameters_of_run(job.base, runs.columns, i), duration=job.duration, tolerance=job.tolerance
+            sampled = solve_at_without_warning(
+                parameters_of_run(job.base, runs.columns, i), times, duration=job.duration, tolerance=job.tolerance
             )
         except (HarnessError, ArithmeticError):
             pass  # the run stays marked as failed
         else:
-            for name, value in summary(run).items():
+            if samples is not None:
+                samples.put(i, sampled)
+            for name, value in summary(sampled.run).items():
                 getattr(result, name)[i] = value
         runs.report_ended(1)
 

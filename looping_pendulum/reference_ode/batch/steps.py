@@ -55,6 +55,7 @@ class Stepper:
     def __init__(self, model: BatchModel, mode: Mode, tolerance: float) -> None:
         hy = load_heyoka()
 
+        self.mode = mode
         # One order above that of Jorba and Zou (2005), ceil(1 - ln(tolerance) / 2)
         self.order = order = math.ceil(2.0 - 0.5 * math.log(tolerance))
         moving = (*variables(mode, model.effects), "time")
@@ -71,13 +72,23 @@ class Stepper:
         )
         # On [0, 1] no power of the fraction exceeds 1, so a polynomial is at least its constant plus its negative terms
         lower_bounds = [hy.sum([terms[0], *(_smaller(hy, term, 0.0) for term in terms[1:])]) for terms in event_terms]
-        self.step = CompiledFunction([*(hy.sum(terms) for terms in motion_terms), _smallest(hy, lower_bounds)], symbols.inputs)
-        """Outputs: `rows` at the end of the step, then a lower bound of all event functions within it."""
+        self._motion_terms, self._least = motion_terms, _smallest(hy, lower_bounds)
         fraction, event = _first_event(hy, event_terms, lower_bounds)
         self._advance_to_event = CompiledFunction(
             [*(horner(terms, fraction) for terms in motion_terms), event], symbols.inputs, rarely_called=True
         )
         self._terms, self._inputs = [term for terms in motion_terms + event_terms for term in terms], symbols.inputs
+
+    @cached_property
+    def step(self) -> CompiledFunction:
+        """Compile the step; outputs: `rows` at its end, then a lower bound of all event functions within it."""
+        hy = load_heyoka()
+        return CompiledFunction([*(hy.sum(terms) for terms in self._motion_terms), self._least], self._inputs)
+
+    @cached_property
+    def series(self) -> CompiledFunction:
+        """Compile the step as series; outputs: for each of `rows` the terms of its powers, then that lower bound."""
+        return CompiledFunction([*(term for terms in self._motion_terms for term in terms), self._least], self._inputs)
 
     def advance_to_event(self, data: Array) -> tuple[Array, NDArray[np.int64]]:
         """Return `rows` at the first event of the step, or at its end if there is none, and the event's index, or `NO_EVENT`.
