@@ -331,8 +331,10 @@ def _whole_rows(text: DelimitedText, width: int, rows: list[TableLine], notes: R
             has_commas = text.delimiter == ","
             raise cells(row, "if these are decimal commas, export with semicolons" if has_commas else COMPLETE_ROW)
     last = max((i for i, row in enumerate(rows) if len(row.cells) >= width), default=-1)
-    # Editors trim tabs at the end of a line, so that short rows at the end of a table only lack the track that ended before
-    end = last if text.delimiter == "\t" and last >= 0 else len(rows)
+    # Editors trim tabs at the end of a line, so that short rows at the end of a table only lack the track that ended before;
+    # where others are short, too, any cell may be missing
+    only_at_end = all(len(row.cells) >= width for row in rows[: last + 1])
+    end = last + 1 if text.delimiter == "\t" and last >= 0 and only_at_end else len(rows)
     short = [row for row in rows[:end] if len(row.cells) < width]
     if len(short) > MAX_SHORT_SHARE * len(rows):
         raise cells(short[0], COMPLETE_ROW)

@@ -84,6 +84,8 @@ MIN_PATTERN_SIGMAS = 6.0
 """Standard errors by which durations at the places of a pattern must differ."""
 MIN_ROWS = 12
 """Smallest number of rows that show anything."""
+MIN_FRESH = 6
+"""Smallest number of points that are left without copies."""
 MAX_ROWS = 4000
 """Largest number of rows that are looked at, the first ones: a minute at 60 frames a second."""
 MIN_MISFIT_RATIO = 0.8
@@ -681,7 +683,7 @@ def _without_equal_points(body: list[Channel], notes: ReadingNotes) -> list[Chan
         return body
     values = np.stack([c.value for c in body], axis=1)
     fresh = np.append(True, np.any(values[1:] != values[:-1], axis=1))
-    if fresh.all() or fresh.sum() < MIN_ROWS:
+    if fresh.all() or fresh.sum() < MIN_FRESH:
         return body
     left = [replace(c, t=c.t[fresh], value=c.value[fresh]) for c in body]
     # Of rounded points, or of those on a raster such as a picture's pixels, many that are no neighbours are equal, too

@@ -155,8 +155,10 @@ function wholeRows(table, width, rows, notes) {
   if (tooLong) throw error(tooLong, table.delimiter === "," ? "file.cellsWithCommas" : "file.cells");
   const isShort = (/** @type {Row} */ { cells }) => cells.length < width;
   const last = rows.findLastIndex((row) => !isShort(row));
-  // Editors trim tabs at the end of a line, so that short rows at the end of a table only lack the track that ended before
-  const end = table.delimiter === "\t" && last >= 0 ? last : rows.length;
+  // Editors trim tabs at the end of a line, so that short rows at the end of a table only lack the track that ended before; where
+  // others are short, too, any cell may be missing
+  const onlyAtEnd = !rows.slice(0, last + 1).some(isShort);
+  const end = table.delimiter === "\t" && last >= 0 && onlyAtEnd ? last + 1 : rows.length;
   const short = rows.slice(0, end).filter(isShort);
   if (short.length > MAX_SHORT_SHARE * rows.length) throw error(short[0], "file.cells");
   if (short.length) {

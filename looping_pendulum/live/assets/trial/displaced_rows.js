@@ -79,6 +79,8 @@ const MAX_PERIOD = 6;
 const MIN_PATTERN_SIGMAS = 6;
 /** Smallest number of rows that show anything. */
 const MIN_ROWS = 12;
+/** Smallest number of points that are left without copies. */
+const MIN_FRESH = 6;
 /** Largest number of rows on each side, at many frames a second. */
 const MAX_HALF = 24;
 /** Largest number of rows that are looked at, the first ones: a minute at 60 frames a second. */
@@ -615,7 +617,7 @@ function withoutEqualPoints(body, notes) {
   if (t.length < MIN_ROWS || body.some((c) => c.t.length !== t.length || c.t.some((one, i) => one !== t[i]))) return body;
   const fresh = where(t, (_, i) => i === 0 || body.some(({ value }) => value[i] !== value[i - 1]));
   const copies = t.length - fresh.length;
-  if (!copies || fresh.length < MIN_ROWS) return body;
+  if (!copies || fresh.length < MIN_FRESH) return body;
   const left = body.map((channel) => ({ ...channel, t: at(t, fresh), value: at(channel.value, fresh) }));
   // Of rounded points, or of those on a raster such as a picture's pixels, many that are no neighbours are equal, too
   const byChance = largest(left.map(({ value }) => value.length - new Set(value).size));
