@@ -29,7 +29,7 @@ from looping_pendulum.discrepancy.first_look.mistakes import LENGTHS, SAME_ROWS,
 from looping_pendulum.discrepancy.first_look.plausible import implausible_values
 from looping_pendulum.discrepancy.first_look.result import DeclarationCheck, NamedMistake, TrialCheck
 from looping_pendulum.discrepancy.first_look.row_times import wrong_times
-from looping_pendulum.discrepancy.first_look.shifted_rows import CLEAR_SHIFT_RATIO, row_shift, shift_by_motion, without_shift
+from looping_pendulum.discrepancy.first_look.shifted_rows import CLEAR_SHIFT_RATIO, row_shift, shifts_by_motion, without_shift
 from looping_pendulum.discrepancy.first_look.trial_search import (
     MAX_GOOD_MISFIT,
     MAX_RIVAL_DISTANCE,
@@ -245,14 +245,15 @@ def _named(searches: Sequence[TrialSearch]) -> tuple[NamedMistake, ...]:
     if misplaced:
         mistakes.append(_origin_mistake(misplaced))
     for search in (s for s in searches if s.name not in mended):
-        possible = [row_shift(search.declared, CLEAR_SHIFT_RATIO)]
-        if math.isfinite(search.distance.rms) and not search.is_near:
-            possible.append(shift_by_motion(search.declared))
-        for shift in filter(None, possible):
+        by_string = row_shift(search.declared, CLEAR_SHIFT_RATIO)
+        possible = [by_string] if by_string else []
+        if math.isfinite(search.distance.rms) and not search.is_near and search.as_declared.largest > MAX_MENDED_MISFIT:
+            possible += shifts_by_motion(search.declared)
+        for shift in possible:
             declared = without_shift(search.declared, shift)
             corrected = TrialSearch(declared=declared, distance=measured_distance(declared))
             is_clear = corrected.distance.relative <= MAX_CLEAR_DISTANCE_RATIO * search.distance.relative
-            is_good = shift is possible[0] or corrected.as_declared.largest <= MAX_GOOD_MISFIT
+            is_good = shift is by_string or corrected.as_declared.largest <= MAX_GOOD_MISFIT
             if not is_clear and not (is_good and _is_nearer(search, corrected)):
                 continue
             text = f"{_where([search.name])}: found {shift.text}; needed {SAME_ROWS}"

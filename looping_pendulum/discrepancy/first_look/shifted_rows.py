@@ -103,15 +103,17 @@ def row_shift(declared: DeclaredTrial, least_ratio: float = 1.0) -> RowShift | N
     return best
 
 
-def shift_by_motion(declared: DeclaredTrial) -> RowShift | None:
-    """Return with which columns in other rows the points are nearest to the declared motion; None: as they are.
+def shifts_by_motion(declared: DeclaredTrial) -> list[RowShift]:
+    """Return with which columns in other rows the points are nearest to the declared motion, and those by a row more and less.
 
     Where columns are shifted far, few rows are left in which the string's two ends can be compared.
     """
     limit = min(MAX_SHIFT, max((len(c) for c in declared.observations.channels), default=0) // MIN_ROWS_A_SHIFT)
     shifts = [RowShift(columns=c, rows=n) for c in ("heavy", "light", *MIN_SHIFT_RATIOS) for n in range(-limit, limit + 1)]
     nearest = min(shifts, key=lambda shift: measured_distance(without_shift(declared, shift)).relative)
-    return nearest if nearest.rows else None
+    # Before anything is fitted, one row more or less may be nearer
+    rows = (nearest.rows + more for more in (0, 1, -1))
+    return [dataclasses.replace(nearest, rows=n) for n in rows if n] if nearest.rows else []
 
 
 def _string_noise(channels: Mapping[str, Channel]) -> float:
