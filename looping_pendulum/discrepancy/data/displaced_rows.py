@@ -616,7 +616,11 @@ def _displaced_rows(film: _Film, model: Model | None, unrest: float) -> list[Wro
     known = ()
     while len(known) < MAX_LOST:
         onward = next((each for each in found if each.onward), None)
-        if not onward or model.gain((*known, onward), known) < -MIN_CHANGE:
+        if onward is None:
+            break
+        gain = model.gain((*known, onward), known)
+        # What the model does not see must be as clear as without it
+        if gain < MIN_CHANGE and (gain < -MIN_CHANGE or onward not in _single_displacements(film, unrest, MAX_MISFIT)):
             break
         known = (*known, onward)
         film = film.at_other_times(onward)

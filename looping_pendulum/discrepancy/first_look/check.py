@@ -60,6 +60,8 @@ FAR = 4.0
 
 In 37 blind studies an effect that moves the light mass by 50 mm leaves 2.5 and less.
 """
+MAX_LOSS = 0.3
+"""Largest rise of the misfits by other times at which the way of the masses is believed."""
 MAX_CLEAR_DISTANCE_RATIO = 0.25
 """Largest distance from the declared motion by another shift of rows, in that by the file, that needs no fit."""
 MIN_ORIGIN_SHIFT = 0.1
@@ -164,18 +166,18 @@ def _clock_faults(observed: Sequence[tuple[Trial, Observations]], searches: Sequ
 
 
 def _by_points_or_model(channels: Sequence[Channel], search: TrialSearch) -> list[str]:
-    """Return what is wrong with the times of a trial's rows, by the points themselves or else by the model's way."""
-    model = _Model(search)
-    faults, fit = clock_faults(channels, model), search.quickly_fitted
-    if faults or fit.problem is None:
-        return faults
+    """Return what is wrong with the times of a trial's rows, by the model's way or, where that does not tell, by the points."""
+    model, fit = _Model(search), search.quickly_fitted
+    if fit.problem is None:
+        return clock_faults(channels, model)
     as_declared = problem_of_trial(search.declared)
-    for wrong in wrong_times([(as_declared, as_declared.prior_mean), (fit.problem, fit.x)]):
+    accounts = wrong_times([(as_declared, as_declared.prior_mean), (fit.problem, fit.x)])
+    for wrong in accounts:
         onward = tuple(rows for rows in wrong if rows.onward)
-        # The way says it clearly, so that it need only not be contradicted
-        if wrong and not (onward and max(model.gain(each, ()) for each in by_either_clock(onward)) < -MIN_CHANGE):
+        # The way says it clearly, so that the first part of the motion need only not contradict it
+        if wrong and not (onward and max(model.gain(each, ()) for each in by_either_clock(onward)) < -MAX_LOSS):
             return sentences(wrong, float(np.median(np.diff(channels[0].t))))
-    return []
+    return [] if accounts else clock_faults(channels, model)
 
 
 class _Model:
