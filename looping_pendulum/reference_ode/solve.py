@@ -75,18 +75,11 @@ def solve_at(
 
     Times after the run's end are left out, so the samples may be fewer than the times.
     """
-    samples = solve_at_without_warning(parameters, t, duration=duration, tolerance=tolerance, integrator=integrator)
-    _warn_if_handed_over(samples.run)
-    return samples
-
-
-def solve_at_without_warning(
-    parameters: Parameters, t: Array, *, duration: float, tolerance: float, integrator: str = "auto"
-) -> Samples:
-    """Do the same as `solve_at` without a warning if SciPy takes over."""
     times = np.asarray(t, dtype=float)
     record, parts = _run_driver(parameters, duration, tolerance, integrator, lambda driver: driver.run_sampled(times))
-    return join_samples(Run(**record), parts)
+    run = Run(**record)
+    _warn_if_handed_over(run)
+    return join_samples(run, parts)
 
 
 def _run_driver(

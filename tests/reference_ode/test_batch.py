@@ -269,7 +269,7 @@ def test_a_run_with_too_many_steps_is_left_to_the_single_integrator(monkeypatch)
     expected = solve_batch(BASE, columns)
     monkeypatch.setattr(schedule, "MAX_STEPS", 20)
     singly = []
-    monkeypatch.setattr(sharing, "solve_at_without_warning", lambda *a, **k: singly.append(solve_at(*a, **k)) or singly[-1])
+    monkeypatch.setattr(sharing, "solve_without_warning", lambda *a, **k: singly.append(solve(*a, **k)) or singly[-1])
     assert_equal(solve_batch(BASE, columns), expected, bound=1e-9)
     assert len(singly) == 5
 

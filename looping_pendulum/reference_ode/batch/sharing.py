@@ -20,7 +20,7 @@ from looping_pendulum.reference_ode.batch.schedule import Index, Schedule
 from looping_pendulum.reference_ode.batch.steps import supports_batch
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
-from looping_pendulum.reference_ode.solve import available_integrators, solve_at_without_warning
+from looping_pendulum.reference_ode.solve import available_integrators, solve_without_warning
 
 _SPAWN = multiprocessing.get_context("spawn")
 """Source of shared memory for a `process_pool`, whose processes are spawned."""
@@ -153,17 +153,17 @@ def work(runs: BatchRuns, samples: BatchSamples | None = None) -> None:
     else:
         remaining = runs.take_single()
     for i in remaining:
-        times = np.zeros(0) if samples is None else samples.t[samples.part(i)]
         try:
-            sampled = solve_at_without_warning(
-                parameters_of_run(job.base, runs.columns, i), times, duration=job.duration, tolerance=job.tolerance
+            run = solve_without_warning(
+                parameters_of_run(job.base, runs.columns, i), duration=job.duration, tolerance=job.tolerance
             )
         except (HarnessError, ArithmeticError):
             pass  # the run stays marked as failed
         else:
             if samples is not None:
-                samples.put(i, sampled)
-            for name, value in summary(sampled.run).items():
+                times = samples.t[samples.part(i)]
+                samples.put(i, run.sample(times[times <= run.end_time]))
+            for name, value in summary(run).items():
                 getattr(result, name)[i] = value
         runs.report_ended(1)
 
