@@ -35,7 +35,7 @@ STAYS = 0.1
 ROUNDS, MIN_FALL = 6, 0.05
 """Largest number of times that the rows' times and the model's values are found, one after the other, and smallest fall of the
 distance from the way, in itself, with which they are found again."""
-MAX_OFF = 2.0
+MAX_OFF = 3.0
 """Largest mean square distance from the model's way, in variances of the noise, at which its times count."""
 MIN_ERROR = 0.02
 """Smallest error of a row's displacement that counts, as the model is not exact [steps]."""
