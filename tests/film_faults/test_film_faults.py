@@ -65,7 +65,7 @@ def test_a_fault_is_put_right_or_named(tmp_path, number, kind):
 @pytest.mark.parametrize(("number", "kind"), IDENTIFIED)
 def test_nothing_is_added(tmp_path, number, kind):
     judgement = judge(number, kind, tmp_path)
-    assert not judgement.outcome.is_failure, judgement
+    assert judgement.outcome is not Outcome.ADDED, judgement
     assert judgement.verdict in ("no_missing_effect", "unexplained")
 
 

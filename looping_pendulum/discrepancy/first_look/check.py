@@ -171,14 +171,13 @@ def _by_points_or_model(channels: Sequence[Channel], search: TrialSearch) -> lis
     if fit.problem is None:
         return clock_faults(channels, model)
     as_declared = problem_of_trial(search.declared)
-    accounts = wrong_times([(as_declared, as_declared.prior_mean), (fit.problem, fit.x)])
-    for wrong in accounts:
+    for wrong in wrong_times([(as_declared, as_declared.prior_mean), (fit.problem, fit.x)]):
         onward = tuple(rows for rows in wrong if rows.onward)
         # The way says it clearly, so that the first part of the motion need only not contradict it. Where the likeliest account
         # has no wrong times, there are none
         if not (onward and max(model.gain(each, ()) for each in by_either_clock(onward)) < -MAX_LOSS):
             return sentences(wrong, float(np.median(np.diff(channels[0].t))))
-    return [] if accounts else clock_faults(channels, model)
+    return clock_faults(channels, model)
 
 
 class _Model:
