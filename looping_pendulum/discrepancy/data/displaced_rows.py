@@ -229,8 +229,9 @@ def clock_faults(channels: Sequence[Channel], model: Model | None = None) -> lis
     changes = _rate_changes(film, is_clear=False) if model else []
     agreed = None
     if model and changes:
-        by_earlier, by_later = map(model.agrees, by_either_clock(changes))
-        agreed = by_earlier or by_later or by_earlier
+        by_earlier, by_later = by_either_clock(changes)
+        agreed = model.agrees(by_earlier)
+        agreed = agreed or model.agrees(by_later) or agreed
     if agreed is None:
         changes = _rate_changes(film, is_clear=True)
     unrest = max(c.time_error for c in channels) / film.step

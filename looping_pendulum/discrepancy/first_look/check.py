@@ -175,7 +175,7 @@ def _by_points_or_model(channels: Sequence[Channel], search: TrialSearch) -> lis
         onward = tuple(rows for rows in wrong if rows.onward)
         # The way says it clearly, so that the first part of the motion need only not contradict it. Where the likeliest account
         # has no wrong times, there are none
-        if not (onward and max(model.gain(each, ()) for each in by_either_clock(onward)) < -MAX_LOSS):
+        if not (onward and all(model.gain(each, ()) < -MAX_LOSS for each in by_either_clock(onward))):
             return sentences(wrong, float(np.median(np.diff(channels[0].t))))
     return clock_faults(channels, model)
 
@@ -242,11 +242,11 @@ def _named(searches: Sequence[TrialSearch]) -> tuple[NamedMistake, ...]:
         if best:
             by_names.setdefault(tuple(e.mistake.name for e in best), []).append((search, best))
     mistakes = [_mistake(names, members) for names, members in by_names.items()]
-    mended = {s.name for members in by_names.values() for s, _ in members}
-    misplaced = [s for s in searches if s.name not in mended and _origin_is_wrong(s)]
+    explained = {s.name for members in by_names.values() for s, _ in members}
+    misplaced = [s for s in searches if s.name not in explained and _origin_is_wrong(s)]
     if misplaced:
         mistakes.append(_origin_mistake(misplaced))
-    for search in (s for s in searches if s.name not in mended):
+    for search in (s for s in searches if s.name not in explained):
         by_string = row_shift(search.declared, CLEAR_SHIFT_RATIO)
         possible = [by_string] if by_string else []
         if math.isfinite(search.distance.rms) and not search.is_near and search.as_declared.largest > MAX_MENDED_MISFIT:
@@ -255,8 +255,10 @@ def _named(searches: Sequence[TrialSearch]) -> tuple[NamedMistake, ...]:
             declared = without_shift(search.declared, shift)
             corrected = TrialSearch(declared=declared, distance=measured_distance(declared))
             is_clear = corrected.distance.relative <= MAX_CLEAR_DISTANCE_RATIO * search.distance.relative
-            is_good = shift is by_string or corrected.as_declared.largest <= MAX_GOOD_MISFIT
-            if not is_clear and not (is_good and _is_nearer(search, corrected)):
+            # A fit costs a hundred times the distance
+            if not is_clear and shift is not by_string and corrected.as_declared.largest > MAX_GOOD_MISFIT:
+                continue
+            if not is_clear and not _is_nearer(search, corrected):
                 continue
             text = f"{_where([search.name])}: found {shift.text}; needed {SAME_ROWS}"
             mistakes.append(NamedMistake(trials=(search.name,), names=("rows shifted",), keys="", text=text))

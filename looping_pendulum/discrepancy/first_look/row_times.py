@@ -42,8 +42,10 @@ MIN_ERROR = 0.02
 HALVES, HALF_TIMES = (2, 4), (0.025, 0.05)
 """Rows, and times [s], on each side of one from which on the others are displaced."""
 MIN_JUMP, MIN_JUMP_SIGMAS = 0.6, 6.0
-"""Smallest displacement by lost pictures [steps], and in standard errors. In 156 blind trials with right times it is up to 3.7
-standard errors."""
+"""Smallest displacement by lost pictures [steps], and in standard errors.
+
+Of 312 blind trials with right times, at 30 and 80 rows a second and most of them with an effect, none is named.
+"""
 MIN_BESIDE, MAX_BESIDE = 0.15, 1.5
 """Smallest and largest displacement of a single row [steps]."""
 MAX_REST = 4.0
@@ -54,7 +56,7 @@ MAX_SIGMAS, MIN_UNEVEN_RATIO = 4.0, 2.2
 BEND_HALF = 8
 """Rows on each side of one from which on a row lasts longer or shorter."""
 MIN_BEND, MIN_BEND_SIGMAS = 0.3, 15.0
-"""Smallest change of a row's duration [steps], and in standard errors; as above it is up to 8."""
+"""Smallest change of a row's duration [steps], and in standard errors."""
 MAX_FACTOR_ERROR = 0.2
 """Largest difference between the ratio of two durations and one of `RATE_FACTORS`, in the latter."""
 MAX_FOUND = 12

@@ -84,9 +84,7 @@ class BatchSamples:
         """Fill in the samples past the ends of runs with their states there."""
         done = block["sample"].astype(np.int64)
         self.count[runs] = done - self.start[runs]
-        left = self.start[runs + 1] - done
-        columns = np.repeat(np.arange(len(runs)), left)
-        index = np.repeat(done, left) + np.arange(len(columns)) - np.repeat(np.cumsum(left) - left, left)
+        columns, index = _each(done, self.start[runs + 1] - done)
         self.state[:, index] = block.inputs[: len(STATE)].take(columns, axis=1)
 
     def _due(self, block: Block, until: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -102,10 +100,13 @@ class BatchSamples:
             if not (more == AHEAD).any():
                 break
         block["sample"] = last.astype(float)
-        count = last - first
-        columns = np.repeat(np.arange(len(first)), count)
-        index = np.repeat(first, count) + np.arange(len(columns)) - np.repeat(np.cumsum(count) - count, count)
-        return columns, index
+        return _each(first, last - first)
+
+
+def _each(first: NDArray[np.int64], count: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return columns and indices of so many samples of each column, from its first one on."""
+    columns = np.repeat(np.arange(len(first)), count)
+    return columns, np.arange(len(columns)) + np.repeat(first - np.cumsum(count) + count, count)
 
 
 @lru_cache(maxsize=64)

@@ -170,18 +170,17 @@ class Schedule:
         inputs = block.inputs
         while True:
             if self._samples is None:
-                out = step.step.evaluate_padded(inputs)
-                clear = (out[-1] > 0) & (block["steps"] < MAX_STEPS)
+                *moved, lower_bound = step.step.evaluate_padded(inputs)
             else:
-                terms = step.series.evaluate_padded(inputs)
-                # No event can lie in a step in which the lower bound of all event functions is positive
-                clear = (terms[-1] > 0) & (block["steps"] < MAX_STEPS)
-                series = terms[:-1].reshape(len(step.rows), step.order + 1, -1)
-                out = series.sum(axis=1)
+                *terms, lower_bound = step.series.evaluate_padded(inputs)
+                series = np.reshape(terms, (len(step.rows), step.order + 1, -1))
+                moved = list(series.sum(axis=1))
+            # No event can lie in a step in which the lower bound of all event functions is positive
+            clear = (lower_bound > 0) & (block["steps"] < MAX_STEPS)
+            if self._samples is not None:
                 due = clear & (np.arange(len(clear)) < n)
-                self._samples.advance(block, step, series, np.where(due, out[-1], -np.inf))
-            # Not strict: the last row of ``out`` is the lower bound
-            for row, new in zip(step.rows, out, strict=False):
+                self._samples.advance(block, step, series, np.where(due, moved[-1], -np.inf))
+            for row, new in zip(step.rows, moved, strict=True):
                 np.copyto(inputs[row], new, where=clear)
             block["steps"] += clear
             moving_count = np.count_nonzero(clear)
