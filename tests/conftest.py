@@ -6,14 +6,14 @@ import gc
 import os
 import shutil
 from collections.abc import Iterator
-from functools import cache, partial
+from functools import cache
 from typing import Any
 
 import pytest
 
 from looping_pendulum.discrepancy import workers
 from looping_pendulum.reference_ode import heyoka_backend, sensitivity
-from looping_pendulum.reference_ode.heyoka_library import load_heyoka
+from looping_pendulum.reference_ode.heyoka_library import COMPILER_OPTIONS
 from looping_pendulum.reference_ode.solve import available_integrators
 from tests import rotation
 from tests.backends import BACKENDS, DEFAULT, current
@@ -23,8 +23,6 @@ BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-c
 LONGEST = "tests/test_tolerances.py"
 SHARE = "LOOPING_PENDULUM_TEST_SHARE"
 """Environment variable that holds the share of the long tests, for all processes of a run."""
-COMPILERS = ("taylor_adaptive", "cfunc")
-"""Functions of heyoka that compile."""
 
 
 def pytest_addoption(parser):
@@ -91,19 +89,14 @@ def _no_optimisation_in_this_process():
 
 
 def leave_code_unoptimised(patch):
-    """Have both of heyoka's compilers that the package calls optimise nothing, until ``patch`` is undone."""
-    hy = load_heyoka()
-    for compiler in COMPILERS:
-        patch.setattr(hy, compiler, partial(getattr(hy, compiler), opt_level=0))
+    """Have heyoka's compilers optimise nothing, until ``patch`` is undone."""
+    patch.setitem(COMPILER_OPTIONS, "opt_level", 0)
 
 
 @pytest.fixture
 def optimised(monkeypatch):
     """Compile in this process as in those that it starts, for a test that compares the results of both in every bit."""
-    hy = load_heyoka()
-    for compiler in COMPILERS:
-        function = getattr(hy, compiler)
-        monkeypatch.setattr(hy, compiler, function.func if isinstance(function, partial) else function)
+    monkeypatch.delitem(COMPILER_OPTIONS, "opt_level", raising=False)
     keep_compiled_apart(monkeypatch)
 
 

@@ -19,7 +19,7 @@ from looping_pendulum.reference_ode.driver import Driver
 from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_backend import MAX_STEPS, HeyokaIntegrator, ModeEquations
-from looping_pendulum.reference_ode.heyoka_library import load_heyoka
+from looping_pendulum.reference_ode.heyoka_library import COMPILER_OPTIONS, load_heyoka
 from looping_pendulum.reference_ode.hybrid_system import SingleRunSystem
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solution import Run, SegmentSamples
@@ -134,6 +134,7 @@ class _ExtendedIntegratorOfMode:
             fp_type=number_type,
             # Compiles faster and runs slower, which suits these few runs
             compact_mode=True,
+            **COMPILER_OPTIONS,
         )
         self.time_limit = hy.taylor_outcome.time_limit
 

@@ -15,7 +15,7 @@ from looping_pendulum.errors import IntegratorGaveUpError
 from looping_pendulum.reference_ode.effects import EFFECTS, EffectKind
 from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.reference_ode.heyoka_library import load_heyoka
+from looping_pendulum.reference_ode.heyoka_library import COMPILER_OPTIONS, compiled, load_heyoka
 from looping_pendulum.reference_ode.solution import Segment, SegmentSamples
 from looping_pendulum.reference_ode.state import (
     TINY_SPEED,
@@ -79,36 +79,26 @@ class _IntegratorOfMode:
     def __init__(self, mode: Mode, effects: Effects, tolerance: float, parameter_names: tuple[str, ...]) -> None:
         hy = load_heyoka()
 
-        mode_equations = ModeEquations(mode, effects, parameter_names)
-        self.mode, self.names, self.rows = mode, mode_equations.names, mode_equations.rows
-        self.events = tuple(mode_equations.event_functions)
+        self.mode, self.names = mode, variables(mode, effects)
+        self.rows = np.array([State._fields.index(name) for name in self.names])
         self.across = self.names.index("across_speed")
-        # Every event function falls through zero; without a direction heyoka would also report where it rises
-        falling = hy.event_direction.negative
         self.turns: list[list[float]] | None = None
         """Time, variables and sign just after each turning point of the light mass that was passed; None: stop at the next."""
         self.sign_after_turn: SignAfterTurn | None = None
         """Sign of the speed after a turning point; None: the opposite one, whatever the state."""
-        # A function: heyoka would copy a bound method, and the object with it
-        callback = {Event.ACROSS_REVERSES: {"callback": lambda *_: self._on_turn()}} if mode is Mode.CLAMPED else {}
-        self.integrator = hy.taylor_adaptive(
-            mode_equations.system,
-            # Any state will do: `HeyokaIntegrator._start` sets it for every run
-            [1.0] * len(self.names),
-            tol=tolerance,
-            t_events=[
-                hy.t_event(function, direction=falling, **callback.get(event, {}))
-                for event, function in mode_equations.event_functions.items()
-            ],
+        self.integrator, self.events = compiled(
+            ("integrator", mode.name, tolerance, parameter_names),
+            effects,
+            lambda: _integrator(mode, effects, tolerance, parameter_names),
         )
-        # Views, kept since heyoka makes a new one at each access, which `_on_turn` would notice
+        # Views, kept since heyoka makes a new one at each access, which `pass_turn` would notice
         self.state, self.pars = self.integrator.state, self.integrator.pars
         self.success, self.time_limit = hy.taylor_outcome.success, hy.taylor_outcome.time_limit
         self.powers = np.arange(self.integrator.order + 1)
         self.variables_of = itemgetter(*self.rows.tolist())
         """Returns the variables of the mode from a whole state."""
 
-    def _on_turn(self) -> bool:
+    def pass_turn(self) -> bool:
         """Return whether the integrator goes on past a turning point; heyoka calls this at each, hundreds of times a swing."""
         if self.turns is None or len(self.turns) >= MAX_STEPS:
             return False
@@ -122,6 +112,37 @@ class _IntegratorOfMode:
     def whole_state(self) -> State:
         """Return the state at which the integrator stands."""
         return full_state(self.mode, **dict(zip(self.names, self.state.tolist(), strict=True)))
+
+
+def _integrator(mode: Mode, effects: Effects, tolerance: float, parameter_names: tuple[str, ...]) -> tuple[Any, tuple[Event, ...]]:
+    """Compile the integrator of a mode; return it and its events in their order."""
+    hy = load_heyoka()
+
+    equations = ModeEquations(mode, effects, parameter_names)
+    # Every event function falls through zero; without a direction heyoka would also report where it rises
+    falling = hy.event_direction.negative
+    callback = {Event.ACROSS_REVERSES: {"callback": _on_turn}} if mode is Mode.CLAMPED else {}
+    integrator = hy.taylor_adaptive(
+        equations.system,
+        # Any state will do: `HeyokaIntegrator._start` sets it for every run
+        [1.0] * len(equations.names),
+        tol=tolerance,
+        t_events=[
+            hy.t_event(function, direction=falling, **callback.get(event, {}))
+            for event, function in equations.event_functions.items()
+        ],
+        **COMPILER_OPTIONS,
+    )
+    return integrator, tuple(equations.event_functions)
+
+
+_swinging: _IntegratorOfMode | None = None
+"""Integrator that passes turning points now."""
+
+
+def _on_turn(*_: Any) -> bool:
+    # A function of the module, which is pickled by its name; heyoka would copy a bound method, and the object with it
+    return _swinging is not None and _swinging.pass_turn()
 
 
 @lru_cache(maxsize=64)
@@ -204,13 +225,14 @@ class HeyokaIntegrator:
         sign_after_turn
             Called with the time and the state at each turning point; None: the light mass always turns back.
         """
+        global _swinging
         run = self._start(Mode.CLAMPED, t, y, signs)
-        run.turns, run.sign_after_turn = [], sign_after_turn
+        run.turns, run.sign_after_turn, _swinging = [], sign_after_turn, run
         try:
             event, end, final, values = self._propagate(run, t, signs, until, times)
             rows = np.array(run.turns).reshape(-1, len(run.names) + 2).T
         finally:
-            run.turns = run.sign_after_turn = None
+            run.turns = run.sign_after_turn = _swinging = None
         turns = Turns(rows[0], _full(run, rows[1:-1]), rows[-1])
         times = times[: values.shape[1]]
         # A sample at the very time of a turning point belongs to the part before it, as in `Driver.run_sampled`

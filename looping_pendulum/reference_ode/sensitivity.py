@@ -30,7 +30,7 @@ from looping_pendulum.reference_ode.effects.types import Effect
 from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_backend import MAX_STEPS, HeyokaIntegrator, ModeEquations
-from looping_pendulum.reference_ode.heyoka_library import load_heyoka
+from looping_pendulum.reference_ode.heyoka_library import COMPILER_OPTIONS, compiled, load_heyoka
 from looping_pendulum.reference_ode.hybrid_system import SingleRunSystem
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solution import (
@@ -320,13 +320,15 @@ class _Variational:
         self.columns = np.array([i for i, p in enumerate(parameters) if p in occurring], dtype=int)
         system = hy.var_ode_sys(mode_equations.system, [*variables, *(parameters[i] for i in self.columns)])
         # compact_mode: a variational system is large, and its code without loops takes long to compile
-        self.taylor = hy.taylor_adaptive(system, [1.0] * len(variables), tol=tolerance, compact_mode=True)
+        self.taylor = hy.taylor_adaptive(system, [1.0] * len(variables), tol=tolerance, compact_mode=True, **COMPILER_OPTIONS)
         clock = hy.make_vars("clock")  # heyoka differentiates by variables and parameters only
         arguments = [*variables, clock, *parameters]
         outputs = [rate for _, rate in mode_equations.system]
         for function in mode_equations.event_functions.values():
             outputs += [hy.diff(hy.subs(hy.expression(0.0) + function, {hy.time: clock}), x) for x in arguments]
-        self._rates_and_gradients = hy.cfunc(hy.subs(outputs, {hy.time: clock}), vars=[*variables, clock], compact_mode=True)
+        self._rates_and_gradients = hy.cfunc(
+            hy.subs(outputs, {hy.time: clock}), vars=[*variables, clock], compact_mode=True, **COMPILER_OPTIONS
+        )
         self._events_shape = (len(self.events), len(arguments))
 
     def variables(self, y: State) -> list[Any]:
@@ -365,4 +367,8 @@ class _Variational:
 def _variational(
     mode: Mode, effects: Effects, tolerance: float, names: tuple[str, ...], differentiated: tuple[str, ...]
 ) -> _Variational:
-    return _Variational(mode, effects, tolerance, names, differentiated)
+    return compiled(
+        ("variational", mode.name, tolerance, names, differentiated),
+        effects,
+        lambda: _Variational(mode, effects, tolerance, names, differentiated),
+    )

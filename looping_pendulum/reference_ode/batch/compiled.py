@@ -5,7 +5,7 @@ The inputs of a run are a column: `LEADING`, then the parameters of its apparatu
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, lru_cache
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -16,7 +16,7 @@ from looping_pendulum.reference_ode.batch.series import Series, SeriesAlgebra
 from looping_pendulum.reference_ode.effects import EFFECTS, EffectKind
 from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.reference_ode.heyoka_library import load_heyoka
+from looping_pendulum.reference_ode.heyoka_library import COMPILER_OPTIONS, compiled, load_heyoka
 from looping_pendulum.reference_ode.state import Effects, Signs, State, heavy_drop
 from looping_pendulum.reference_ode.transitions import Mode
 
@@ -55,8 +55,8 @@ class CompiledFunction:
         """Compile a function; one that is rarely called is not optimised, which takes a quarter of the time to compile."""
         hy = load_heyoka()
 
-        level = {"opt_level": 0} if rarely_called else {}
-        self._function = hy.cfunc([expression(output) for output in outputs], list(inputs), **level)
+        options = ({"opt_level": 0} if rarely_called else {}) | COMPILER_OPTIONS
+        self._function = hy.cfunc([expression(output) for output in outputs], list(inputs), **options)
 
     def __call__(self, data: Array) -> Array:
         """Return the outputs, shape (number of outputs, n), of columns of inputs, shape (number of inputs, n).
@@ -130,36 +130,43 @@ class Symbols:
 @lru_cache(maxsize=64)
 def holding_margins(model: BatchModel) -> CompiledFunction:
     """Compile `Equations.holding_margins`; outputs: margins (down, up) [N]."""
-    symbols = Symbols(model)
-    return CompiledFunction(symbols.equations.holding_margins(Mode.STICKING, *symbols.arguments()), symbols.inputs)
+    return _compiled(model, "margins", (), lambda s: s.equations.holding_margins(Mode.STICKING, *s.arguments()))
 
 
 @lru_cache(maxsize=64)
 def light_tension(model: BatchModel, mode: Mode) -> CompiledFunction:
     """Compile the first of `Equations.tensions`; output: tension of the free string [N]."""
-    symbols = Symbols(model)
-    return CompiledFunction(symbols.equations.tensions(mode, *symbols.arguments())[:1], symbols.inputs)
+    return _compiled(model, "tension", mode.name, lambda s: s.equations.tensions(mode, *s.arguments())[:1])
 
 
 @lru_cache(maxsize=64)
 def rates(model: BatchModel, mode: Mode) -> CompiledFunction:
     """Compile `Equations.rates`; outputs: derivatives of `STATE`."""
-    symbols = Symbols(model)
-    rate = symbols.equations.rates(mode, *symbols.arguments())
-    return CompiledFunction([getattr(rate, name) for name in STATE], symbols.inputs)
+    return _compiled(model, "rates", mode.name, lambda s: s.equations.rates(mode, *s.arguments())[: len(STATE)])
 
 
 @lru_cache(maxsize=64)
 def impact(model: BatchModel, slide: float) -> CompiledFunction:
     """Compile `Equations.impact`; outputs: `STATE` just after it, and the speed at which the string then slides [m/s]."""
-    symbols = Symbols(model)
-    after = symbols.equations.impact(slide, *symbols.arguments())
-    return CompiledFunction([*(getattr(after.state, name) for name in STATE), after.sliding], symbols.inputs)
+
+    def outputs(s: Symbols) -> list[Any]:
+        after = s.equations.impact(slide, *s.arguments())
+        return [*after.state[: len(STATE)], after.sliding]
+
+    return _compiled(model, "impact", slide, outputs)
 
 
 @lru_cache(maxsize=64)
 def drop(model: BatchModel) -> CompiledFunction:
     """Compile `state.heavy_drop` [m]; the overlap is 0, as no effect that a batch supports reads it."""
-    symbols = Symbols(model)
-    _, y, _ = symbols.arguments()
-    return CompiledFunction([heavy_drop(symbols.algebra, y, 0.0, symbols.p, model.effects)], symbols.inputs)
+    return _compiled(model, "drop", (), lambda s: [heavy_drop(s.algebra, s.arguments()[1], 0.0, s.p, model.effects)])
+
+
+def _compiled(model: BatchModel, name: str, case: object, outputs: Callable[[Symbols], Sequence[Any]]) -> CompiledFunction:
+    """Return a function of the equations, from disk if it was compiled before."""
+
+    def make() -> CompiledFunction:
+        symbols = Symbols(model)
+        return CompiledFunction(outputs(symbols), symbols.inputs)
+
+    return compiled(("batch", name, case, model.names), model.effects, make)

@@ -14,7 +14,7 @@ from looping_pendulum.reference_ode.batch.compiled import STATE, CompiledFunctio
 from looping_pendulum.reference_ode.batch.roots import horner
 from looping_pendulum.reference_ode.batch.steps import Stepper
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.reference_ode.heyoka_library import load_heyoka
+from looping_pendulum.reference_ode.heyoka_library import compiled, load_heyoka
 from looping_pendulum.reference_ode.solution import Samples
 from looping_pendulum.reference_ode.state import State
 from looping_pendulum.reference_ode.transitions import Mode
@@ -112,7 +112,12 @@ def _each(first: NDArray[np.int64], count: NDArray[np.int64]) -> tuple[NDArray[n
 @lru_cache(maxsize=64)
 def _sampler(row_count: int, order: int) -> CompiledFunction:
     """Compile the variables of a step at a time within it; inputs: the terms of each one and of the time, and that time."""
+    return compiled(("sampler", row_count, order), (), lambda: _make_sampler(row_count, order))
+
+
+def _make_sampler(row_count: int, order: int) -> CompiledFunction:
     hy = load_heyoka()
+
     terms = [[hy.expression(f"c{i}_{k}") for k in range(order + 1)] for i in range(row_count)]
     target = hy.expression("target")
     *motion, time = terms

@@ -8,8 +8,10 @@ but not in s.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import cached_property, lru_cache, reduce
-from typing import Any
+from itertools import chain
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +27,7 @@ from looping_pendulum.reference_ode.batch.compiled import (
 from looping_pendulum.reference_ode.batch.roots import ROOT_TOLERANCE, first_falling_roots, horner, root_expressions
 from looping_pendulum.reference_ode.batch.series import Series
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.reference_ode.heyoka_library import load_heyoka
+from looping_pendulum.reference_ode.heyoka_library import compiled, load_heyoka
 from looping_pendulum.reference_ode.state import Effects, full_state, variables
 from looping_pendulum.reference_ode.transitions import Event, Mode
 
@@ -37,6 +39,7 @@ LAST_TERM_TOLERANCE = 0.05
 MAX_STEP_LENGTH = 100.0
 """Longest step in s [s/m]."""
 
+T = TypeVar("T")
 NO_EVENT, UNSURE_EVENT = -1, -2
 """Values in place of an event's index: no event within the step; only `Stepper.search_event` can tell."""
 
@@ -53,49 +56,32 @@ class Stepper:
     """The compiled step of a mode; its functions take a table of runs (`Block.inputs`), one column per run."""
 
     def __init__(self, model: BatchModel, mode: Mode, tolerance: float) -> None:
-        hy = load_heyoka()
-
-        self.mode = mode
+        self.mode, self._model, self._tolerance = mode, model, tolerance
         # One order above that of Jorba and Zou (2005), ceil(1 - ln(tolerance) / 2)
-        self.order = order = math.ceil(2.0 - 0.5 * math.log(tolerance))
+        self.order = math.ceil(2.0 - 0.5 * math.log(tolerance))
         moving = (*variables(mode, model.effects), "time")
         self.rows = np.array([LEADING.index(name) for name in moving])
         """Rows of the inputs that a step changes."""
-        symbols = Symbols(model)
-        motion_series, event_series = _series(symbols, mode, model.effects)
-        self.events = tuple(event_series)
-        length = _step_length(hy, [motion_series[name] for name in moving[:-1]], list(event_series.values()), order, tolerance)
-        powers = [length**k for k in range(order + 1)]
-        motion_terms, event_terms = (
-            [[expression(series[k]) * powers[k] for k in range(order + 1)] for series in part.values()]
-            for part in (motion_series, event_series)
-        )
-        # On [0, 1] no power of the fraction exceeds 1, so a polynomial is at least its constant plus its negative terms
-        lower_bounds = [hy.sum([terms[0], *(_smaller(hy, term, 0.0) for term in terms[1:])]) for terms in event_terms]
-        self._motion_terms, self._least = motion_terms, _smallest(hy, lower_bounds)
-        fraction, event = _first_event(hy, event_terms, lower_bounds)
-        self._advance_to_event = CompiledFunction(
-            [*(horner(terms, fraction) for terms in motion_terms), event], symbols.inputs, rarely_called=True
-        )
-        self._terms, self._inputs = [term for terms in motion_terms + event_terms for term in terms], symbols.inputs
+        self.events: tuple[Event, ...] = self._compiled("events", lambda: self._terms.events)
 
     @cached_property
     def step(self) -> CompiledFunction:
         """Compile the step; outputs: `rows` at its end, then a lower bound of all event functions within it."""
         hy = load_heyoka()
-        return CompiledFunction([*(hy.sum(terms) for terms in self._motion_terms), self._least], self._inputs)
+        return self._function("step", lambda t: [*(hy.sum(terms) for terms in t.motion), _smallest(hy, t.lower_bounds)])
 
     @cached_property
     def series(self) -> CompiledFunction:
         """Compile the step as series; outputs: for each of `rows` the terms of its powers, then that lower bound."""
-        return CompiledFunction([*(term for terms in self._motion_terms for term in terms), self._least], self._inputs)
+        hy = load_heyoka()
+        return self._function("series", lambda t: [*chain(*t.motion), _smallest(hy, t.lower_bounds)])
 
     def advance_to_event(self, data: Array) -> tuple[Array, NDArray[np.int64]]:
         """Return `rows` at the first event of the step, or at its end if there is none, and the event's index, or `NO_EVENT`.
 
         The index is `UNSURE_EVENT` where only `search_event` finds it. Values are not finite where a run breaks down.
         """
-        out = self._advance_to_event(data)
+        out = self._to_event(data)
         return out[:-1], out[-1].astype(np.int64)
 
     def search_event(self, data: Array) -> tuple[Array, NDArray[np.int64]]:
@@ -108,9 +94,62 @@ class Stepper:
         return horner(motion, np.where(finite, np.minimum(first, 1.0), np.nan)), event
 
     @cached_property
+    def _to_event(self) -> CompiledFunction:
+        """Compile `advance_to_event`."""
+        hy = load_heyoka()
+
+        def outputs(t: _Terms) -> list[Any]:
+            fraction, event = _first_event(hy, t.event_functions, t.lower_bounds)
+            return [*(horner(terms, fraction) for terms in t.motion), event]
+
+        return self._function("to event", outputs, rarely_called=True)
+
+    @cached_property
     def _expand(self) -> CompiledFunction:
         """Compile the coefficients of `rows`, then of the event functions, in ascending powers of the fraction of the step."""
-        return CompiledFunction(self._terms, self._inputs, rarely_called=True)
+        return self._function("expand", lambda t: [*chain(*t.motion, *t.event_functions)], rarely_called=True)
+
+    def _function(self, name: str, outputs: Callable[[_Terms], list[Any]], *, rarely_called: bool = False) -> CompiledFunction:
+        return self._compiled(
+            name, lambda: CompiledFunction(outputs(self._terms), self._terms.inputs, rarely_called=rarely_called)
+        )
+
+    def _compiled(self, name: str, make: Callable[[], T]) -> T:
+        what = ("step", name, self.mode.name, self._tolerance, self._model.names)
+        return compiled(what, self._model.effects, make)
+
+    @cached_property
+    def _terms(self) -> _Terms:
+        """Make the expressions, which is needed only for what was not compiled before."""
+        return _terms(self._model, self.mode, self._tolerance, self.order)
+
+
+class _Terms(NamedTuple):
+    """Terms of the step's series as expressions: of each series the coefficients of the powers of the fraction of the step."""
+
+    motion: list[list[Any]]
+    event_functions: list[list[Any]]
+    lower_bounds: list[Any]
+    """Below each event function within the step."""
+    events: tuple[Event, ...]
+    inputs: list[Any]
+
+
+def _terms(model: BatchModel, mode: Mode, tolerance: float, order: int) -> _Terms:
+    hy = load_heyoka()
+
+    symbols = Symbols(model)
+    motion_series, event_series = _series(symbols, mode, model.effects)
+    *moving, _ = motion_series.values()  # without the time
+    length = _step_length(hy, moving, list(event_series.values()), order, tolerance)
+    powers = [length**k for k in range(order + 1)]
+    motion, event_functions = (
+        [[expression(series[k]) * powers[k] for k in range(order + 1)] for series in part.values()]
+        for part in (motion_series, event_series)
+    )
+    # On [0, 1] no power of the fraction exceeds 1, so a polynomial is at least its constant plus its negative terms
+    lower_bounds = [hy.sum([terms[0], *(_smaller(hy, term, 0.0) for term in terms[1:])]) for terms in event_functions]
+    return _Terms(motion, event_functions, lower_bounds, tuple(event_series), symbols.inputs)
 
 
 def _series(symbols: Symbols, mode: Mode, effects: Effects) -> tuple[dict[str, Series], dict[Event, Series]]:
