@@ -11,8 +11,8 @@ from looping_pendulum.reference_ode.batch.compiled import LEADING, padding_colum
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.transitions import Mode
 
-BOOKKEEPING = ("run", "mode", "steps", "events", "sample")
-"""Rows that the equations do not read: index of the run, its mode, its numbers of steps and events, and its next sample."""
+BOOKKEEPING = ("run", "mode", "steps", "events")
+"""Rows that the equations do not read: index of the run, its mode, and its numbers of steps and events."""
 _ROW = {name: row for row, name in enumerate((*BOOKKEEPING, *LEADING))}
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +23,11 @@ from looping_pendulum.reference_ode.transitions import Mode
 
 NEWTON_STEPS = 6
 """Newton steps from the chord to the fraction of a step at which a sample lies."""
+TOGETHER = 4
+"""Number of samples that are taken at once of one step: so many lie in a step of a film on average."""
+LOG_LIMIT = 4 * 10**6
+"""Number of coefficients after which the samples of the steps until then are taken, which bounds the memory (32 MB)."""
 _RETREAT_SPEED, _HEAVY_SPEED = STATE.index("retreat_speed"), STATE.index("heavy_speed")
-AHEAD = 12
-"""Number of a run's next samples of which is asked at a time whether they are due."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,49 +62,118 @@ class BatchSamples:
             row[here] = np.broadcast_to(getattr(ended.state, name), len(ended.t))[index]
         self.count[run] = len(samples.t)
 
-    def begin(self, block: Block, released: State, until: float) -> None:
-        """Fill in the first samples, up to ``until`` [s], with the state at release, and set the runs' next ones."""
-        block["sample"] = self.start[block.runs].astype(float)
-        columns, index = self._due(block, np.full(len(block), until))
-        for row, values in zip(self.state, released, strict=False):
-            row[index] = np.broadcast_to(values, len(block))[columns]
 
-    def advance(self, block: Block, step: Stepper, series: Array, until: Array) -> None:
-        """Fill in samples up to the times ``until`` [s], shape (n,), by the series of a step.
+class _Entry(NamedTuple):
+    """A step of some runs."""
 
-        The block's runs are still at its beginning.
-        """
-        columns, index = self._due(block, until)
-        if not len(index):
-            return
-        taken = np.concatenate([series.reshape(-1, series.shape[2]).take(columns, axis=1), self.t[index][None]])
-        state = block.inputs[: len(STATE)].take(columns, axis=1)
-        state[step.rows[:-1]] = _sampler(len(step.rows), step.order)(taken)
-        if step.mode is Mode.SLIDING_DOWN:  # and SLIDING_UP, as in `schedule`
-            state[_HEAVY_SPEED] = state[_RETREAT_SPEED]
-        self.state[:, index] = state
+    step: Stepper
+    series: Array
+    """Outputs of `Stepper.series` but for the last one, shape (outputs - 1, n)."""
+    runs: NDArray[np.int64]
+    until: Array
+    """Time up to which the runs were advanced [s]; -inf: not at all."""
+
+
+class SampleLog:
+    """Keeps the steps of runs, and takes the samples of many steps at once."""
+
+    def __init__(self, samples: BatchSamples) -> None:
+        self._samples = samples
+        self._next = samples.start[:-1].copy()
+        """Each run's next sample."""
+        self._at_end = np.full((len(STATE), len(self._next)), np.nan)
+        self._entries: list[_Entry] = []
+        self._size = 0
+
+    def begin(self, runs: NDArray[np.int64], released: State, until: float) -> None:
+        """Fill in the first samples of runs, up to ``until`` [s], with their states at release."""
+        earlier = np.concatenate([[0], np.cumsum(self._samples.t <= until)])
+        first, end = self._next[runs], self._samples.start[runs + 1]
+        count = earlier[end] - earlier[first]
+        column, index = _each(first, count)
+        for row, values in zip(self._samples.state, released, strict=False):
+            row[index] = np.broadcast_to(values, len(runs))[column]
+        self._next[runs] += count
+
+    def add(self, step: Stepper, series: Array, runs: NDArray[np.int64], until: Array) -> None:
+        """Add a step of some runs; arguments as in `_Entry`."""
+        self._entries.append(_Entry(step, series, runs, until))
+        self._size += series.size
+        if self._size > LOG_LIMIT:
+            self._take()
 
     def end(self, block: Block, runs: NDArray[np.int64]) -> None:
-        """Fill in the samples past the ends of runs with their states there."""
-        done = block["sample"].astype(np.int64)
-        self.count[runs] = done - self.start[runs]
-        columns, index = _each(done, self.start[runs + 1] - done)
-        self.state[:, index] = block.inputs[: len(STATE)].take(columns, axis=1)
+        """Keep the states of runs at their ends."""
+        self._at_end[:, runs] = block.inputs[: len(STATE)]
 
-    def _due(self, block: Block, until: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return columns of the block and indices of their samples up to some times, which are then no longer the next ones."""
-        first = block["sample"].astype(np.int64)
-        last, end = first.copy(), self.start[block.runs + 1]
-        ahead = np.arange(AHEAD)
-        while True:
-            index = last[:, None] + ahead
-            due = (self.t[np.minimum(index, len(self.t) - 1)] <= until[:, None]) & (index < end[:, None])
-            more = due.sum(axis=1)
-            last += more
-            if not (more == AHEAD).any():
-                break
-        block["sample"] = last.astype(float)
-        return _each(first, last - first)
+    def finish(self) -> None:
+        """Take all samples that are left; those past a run's end are its end."""
+        self._take()
+        samples = self._samples
+        column, index = _each(self._next, samples.start[1:] - self._next)
+        samples.state[:, index] = self._at_end[:, column]
+        samples.count[:] = self._next - samples.start[:-1]
+        for run in np.flatnonzero(np.isnan(self._at_end).any(axis=0)).tolist():
+            samples.state[:, samples.part(run)], samples.count[run] = np.nan, 0
+
+    def _take(self) -> None:
+        """Take the samples of the steps of the log, and empty it."""
+        entries, self._entries, self._size = self._entries, [], 0
+        if not entries:
+            return
+        runs, until = (np.concatenate([getattr(entry, name) for entry in entries]) for name in ("runs", "until"))
+        first, count = self._due(runs, until)
+        edges = np.cumsum([0, *(len(entry.runs) for entry in entries)]).tolist()
+        by_step: dict[int, list[int]] = {}
+        for i, entry in enumerate(entries):
+            by_step.setdefault(id(entry.step), []).append(i)
+        for chosen in by_step.values():
+            columns = np.concatenate([np.arange(edges[i], edges[i + 1]) for i in chosen])
+            self._take_of_step([entries[i] for i in chosen], first[columns], count[columns])
+
+    def _due(self, runs: NDArray[np.int64], until: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the first sample and the number of samples of each step of the log, and set the runs' next ones."""
+        samples, count = self._samples, np.zeros(len(runs), dtype=np.int64)
+        moved = np.flatnonzero(until > -np.inf)
+        moved = moved[np.argsort(runs[moved], kind="stable")]  # the steps of one run after another, each in the order of time
+        of_runs = runs[moved]
+        edges = np.flatnonzero(np.diff(of_runs, prepend=-1, append=-1)).tolist()
+        last = np.empty(len(moved), dtype=np.int64)
+        first = np.zeros(len(runs), dtype=np.int64)
+        for a, b in pairwise(edges):
+            part = samples.part(of_runs[a])
+            last[a:b] = part.start + samples.t[part].searchsorted(until[moved[a:b]], side="right")
+        before = np.empty_like(last)
+        before[1:] = last[:-1]
+        before[edges[:-1]] = self._next[of_runs[edges[:-1]]]
+        self._next[of_runs[edges[:-1]]] = last[np.array(edges[1:], dtype=np.int64) - 1]
+        first[moved], count[moved] = before, last - before
+        return first, count
+
+    def _take_of_step(self, entries: list[_Entry], first: NDArray[np.int64], count: NDArray[np.int64]) -> None:
+        """Take the samples of some uses of one compiled step, shape (n,) over all its runs."""
+        step, samples = entries[0].step, self._samples
+        groups = -(-count // TOGETHER)  # rounded up
+        column, group = _each(np.zeros_like(groups), groups)
+        index = first[column] + TOGETHER * group + np.arange(TOGETHER)[:, None]
+        index = np.minimum(index, (first + count - 1)[column])  # the last group repeats its last sample
+        terms = len(step.rows) * (step.order + 1)
+        table = np.empty((terms + len(step.resting), len(column)))
+        a, begin = 0, 0
+        for entry in entries:
+            end = begin + len(entry.runs)
+            b = int(column.searchsorted(end))
+            if b > a:
+                # "clip": no column is out of bounds, and NumPy then writes to the table without a copy
+                entry.series.take(column[a:b] - begin, axis=1, out=table[:, a:b], mode="clip")
+            a, begin = b, end
+        sampled = _sampler(len(step.rows), step.order)(np.concatenate([table[:terms], samples.t[index]]))
+        for row, values in zip(step.rows[:-1], sampled.reshape(-1, TOGETHER, len(column)), strict=True):
+            samples.state[row][index] = values
+        for row, values in zip(step.resting, table[terms:], strict=True):
+            samples.state[row][index] = values
+        if step.mode is Mode.SLIDING_DOWN:  # and SLIDING_UP, as in `schedule`
+            samples.state[_HEAVY_SPEED][index] = samples.state[_RETREAT_SPEED][index]
 
 
 def _each(first: NDArray[np.int64], count: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -111,20 +184,24 @@ def _each(first: NDArray[np.int64], count: NDArray[np.int64]) -> tuple[NDArray[n
 
 @lru_cache(maxsize=64)
 def _sampler(row_count: int, order: int) -> CompiledFunction:
-    """Compile the variables of a step at a time within it; inputs: the terms of each one and of the time, and that time."""
-    return compiled(("sampler", row_count, order), (), lambda: _make_sampler(row_count, order))
+    """Compile the variables of a step at times within it; inputs: the terms of each one and of the time, and the times."""
+    return compiled(("sampler", row_count, order, TOGETHER, NEWTON_STEPS), (), lambda: _make_sampler(row_count, order))
 
 
 def _make_sampler(row_count: int, order: int) -> CompiledFunction:
     hy = load_heyoka()
 
     terms = [[hy.expression(f"c{i}_{k}") for k in range(order + 1)] for i in range(row_count)]
-    target = hy.expression("target")
     *motion, time = terms
-    x = (target - time[0]) / hy.sum(time[1:])
-    for _ in range(NEWTON_STEPS):
-        value, slope = time[-1] * x + time[-2], time[-1]
-        for coefficient in time[-3::-1]:
-            value, slope = value * x + coefficient, slope * x + value
-        x = x - (value - target) / slope
-    return CompiledFunction([horner(each, x) for each in motion], [*(term for each in terms for term in each), target])
+    targets = [hy.expression(f"target_{i}") for i in range(TOGETHER)]
+    fractions = []
+    for target in targets:
+        x = (target - time[0]) / hy.sum(time[1:])
+        for _ in range(NEWTON_STEPS):
+            value, slope = time[-1] * x + time[-2], time[-1]
+            for coefficient in time[-3::-1]:
+                value, slope = value * x + coefficient, slope * x + value
+            x = x - (value - target) / slope
+        fractions.append(x)
+    outputs = [horner(each, x) for each in motion for x in fractions]
+    return CompiledFunction(outputs, [*(term for each in terms for term in each), *targets])

@@ -19,7 +19,7 @@ from looping_pendulum.reference_ode.batch import system
 from looping_pendulum.reference_ode.batch.block import BOOKKEEPING, Block
 from looping_pendulum.reference_ode.batch.compiled import LEADING, batch_model, drop
 from looping_pendulum.reference_ode.batch.result import ENDS, HASH_START, BatchResult, update_hash
-from looping_pendulum.reference_ode.batch.samples import BatchSamples
+from looping_pendulum.reference_ode.batch.samples import BatchSamples, SampleLog
 from looping_pendulum.reference_ode.batch.steps import NO_EVENT, UNSURE_EVENT, stepper
 from looping_pendulum.reference_ode.driver import MAX_EVENTS
 from looping_pendulum.reference_ode.parameters import Release
@@ -99,7 +99,8 @@ class Schedule:
 
         So have ``samples``, if any are wanted.
         """
-        self._source, self._result, self._samples = source, result, samples
+        self._source, self._result = source, result
+        self._log = None if samples is None else SampleLog(samples)
         self._model = batch_model(effects, source.parameter_values(np.arange(0)))
         self._duration, self._tolerance = duration, tolerance
         self._kind = release
@@ -123,6 +124,8 @@ class Schedule:
                     self._step(task.mode, self._queues.pop(task))
                 else:
                     self._advance_to_event(task, Block.joined(self._queues.pop(task)))
+            if self._log is not None:
+                self._log.finish()
 
     def _enqueue(self, kind: BatchTaskKind, mode: Mode, block: Block) -> None:
         """Put runs into the queue of a task."""
@@ -152,9 +155,9 @@ class Schedule:
         along, across = (np.broadcast_to(values[name], len(runs)) for name in ("push_along", "push_across"))
         released = State(block["free_length"].copy(), block["wrap_angle"].copy(), along, across, 0.0, 0.0)
         system.release(self._model, self._kind, block, along, across)
-        if self._samples is not None:
+        if self._log is not None:
             # Within the first step from rest, a microsecond, nothing moves by a picometre
-            self._samples.begin(block, released, REST_SERIES_DURATION)
+            self._log.begin(runs, released, REST_SERIES_DURATION)
         result = self._result
         result.stops[runs] = result.slip_count[runs] = result.slack_intervals[runs] = 0
         result.sequence[runs] = HASH_START
@@ -167,19 +170,19 @@ class Schedule:
         step = stepper(self._model, mode, self._tolerance)
         n = sum(map(len, blocks))
         block, max_waiting = Block.joined(blocks, pad_to_vectors=True), max(MIN_PENDING_EVENTS, n // 10)
-        inputs = block.inputs
+        inputs, runs = block.inputs, block.runs[:n]
         while True:
-            if self._samples is None:
-                *moved, lower_bound = step.step.evaluate_padded(inputs)
+            if self._log is None:
+                out = step.step.evaluate_padded(inputs)
+                moved = out[:-1]
             else:
-                *terms, lower_bound = step.series.evaluate_padded(inputs)
-                series = np.reshape(terms, (len(step.rows), step.order + 1, -1))
-                moved = list(series.sum(axis=1))
+                out = step.series.evaluate_padded(inputs)
+                terms = out[: len(step.rows) * (step.order + 1)]
+                moved = terms.reshape(len(step.rows), step.order + 1, -1).sum(axis=1)
             # No event can lie in a step in which the lower bound of all event functions is positive
-            clear = (lower_bound > 0) & (block["steps"] < MAX_STEPS)
-            if self._samples is not None:
-                due = clear & (np.arange(len(clear)) < n)
-                self._samples.advance(block, step, series, np.where(due, moved[-1], -np.inf))
+            clear = (out[-1] > 0) & (block["steps"] < MAX_STEPS)
+            if self._log is not None:
+                self._log.add(step, out[:-1], runs, np.where(clear, moved[-1], -np.inf)[:n])
             for row, new in zip(step.rows, moved, strict=True):
                 np.copyto(inputs[row], new, where=clear)
             block["steps"] += clear
@@ -199,9 +202,9 @@ class Schedule:
         if unsure.any():
             self._enqueue(BatchTaskKind.SEARCH, task.mode, block.take(np.flatnonzero(unsure)))
             block, moved, event = block.take(np.flatnonzero(~unsure)), moved[:, ~unsure], event[~unsure]
-        if self._samples is not None:
-            terms = step.series(block.inputs)[:-1].reshape(len(step.rows), step.order + 1, -1)
-            self._samples.advance(block, step, terms, np.where(np.isfinite(moved).all(axis=0), moved[-1], -np.inf))
+        if self._log is not None:
+            until = np.where(np.isfinite(moved).all(axis=0), moved[-1], -np.inf)
+            self._log.add(step, step.series(block.inputs)[:-1], block.runs, until)
         block.inputs[step.rows] = moved
         if (
             task.mode is Mode.SLIDING_DOWN
@@ -254,8 +257,8 @@ class Schedule:
         result.end_time[runs] = self._duration if event is Event.TIME_UP else block["time"]
         result.wrap_angle[runs], result.free_length[runs] = block["wrap_angle"], block["free_length"]
         (result.drop[runs],) = drop(self._model)(block.inputs)
-        if self._samples is not None:
-            self._samples.end(block, runs)
+        if self._log is not None:
+            self._log.end(block, runs)
         result.end[runs] = ENDS.index(event)
         result.sequence[runs] = update_hash(result.sequence[runs], np.uint64(Mode.ENDED))
         if event is not Event.LIGHT_REACHES_ROD or mode is not Mode.STICKING:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from looping_pendulum.reference_ode.batch.compiled import (
     LEADING,
+    STATE,
     BatchModel,
     CompiledFunction,
     Symbols,
@@ -62,6 +63,8 @@ class Stepper:
         moving = (*variables(mode, model.effects), "time")
         self.rows = np.array([LEADING.index(name) for name in moving])
         """Rows of the inputs that a step changes."""
+        self.resting = [row for row in range(len(STATE)) if row not in self.rows]
+        """Rows of the state that it does not change."""
         self.events: tuple[Event, ...] = self._compiled("events", lambda: self._terms.events)
 
     @cached_property
@@ -72,9 +75,12 @@ class Stepper:
 
     @cached_property
     def series(self) -> CompiledFunction:
-        """Compile the step as series; outputs: for each of `rows` the terms of its powers, then that lower bound."""
+        """Compile the step as series; outputs: for each of `rows` the terms of its powers, then `resting`, then that bound."""
         hy = load_heyoka()
-        return self._function("series", lambda t: [*chain(*t.motion), _smallest(hy, t.lower_bounds)])
+        return self._function(
+            "series",
+            lambda t: [*chain(*t.motion), *(t.inputs[row] for row in self.resting), _smallest(hy, t.lower_bounds)],
+        )
 
     def advance_to_event(self, data: Array) -> tuple[Array, NDArray[np.int64]]:
         """Return `rows` at the first event of the step, or at its end if there is none, and the event's index, or `NO_EVENT`.
