@@ -124,7 +124,7 @@ def gains(study: BlindStudy, planted: Mapping[str, float], explanations: Sequenc
     declared = refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
     try:
         # The noise is that of the right model: the declared one's would count what it lacks as noise
-        best = with_noise_of_residuals(_best_fit(declared, right), central=True)
+        best = with_noise_of_residuals(_best_fit(declared, right))
         known = declared.problem.with_data(best.problem.data)
         base = minimise(known, declared.x)
         without = {name: _best_fit(base, {c: v for c, v in right.items() if c.name != name}) for name in planted}

@@ -91,7 +91,7 @@ class Revisions(Rounds):
             fit = self.fit_without(model, dropped)
             if delta_bic_of(dropped, fit, model.fit) < MIN_DELTA_BIC:
                 others = tuple(c for c in model.added if c is not dropped)
-                found = self.judge(with_noise_of_residuals(fit, central=True), others)
+                found = self.judge(with_noise_of_residuals(fit), others)
                 if not found.failed_tests:
                     simpler.append(found)
         return simpler

@@ -189,7 +189,7 @@ class Rounds:
         judged = {}
         for r in refits:
             self.report_progress(f"testing {r.candidate.name}", share)
-            fit = r.fit if self.correlated_base else with_noise_of_residuals(r.fit, central=True)
+            fit = r.fit if self.correlated_base else with_noise_of_residuals(r.fit)
             wander_tests: tuple[ModelTest, ...] = ()
             if without and not self.correlated_base and r.delta_bic < MAX_WEAK_DELTA_BIC:
                 wander_tests = (wander_test(delta_bic_beside_wander(current.fit, fit, r.candidate)),)

@@ -117,6 +117,17 @@ class Workers:
         """
         return self.finish(Batch(function, shared, items, labels or [""] * len(items)), report_progress)
 
+    def map_together(self, function: Callable[[Any, Sequence[Any]], list[Any]], shared: Any, items: Sequence[Any]) -> list[Any]:
+        """Return what ``function(shared, items)`` returns for each item, of which every process takes an equal share at once.
+
+        The result for an item may not depend on the others of its share.
+        """
+        count = max(1, min(1 + len(self._threads), len(items)))
+        found: list[Any] = [None] * len(items)
+        for i, results in enumerate(self.map(function, shared, [items[i::count] for i in range(count)])):
+            found[i::count] = results
+        return found
+
     def finish(self, batch: Batch, report_progress: ProgressCallback = lambda label: None) -> list[Any]:
         """Return what `map` returns, of a batch that may have been begun."""
         with self._condition:

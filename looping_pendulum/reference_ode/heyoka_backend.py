@@ -114,7 +114,9 @@ class _IntegratorOfMode:
         return full_state(self.mode, **dict(zip(self.names, self.state.tolist(), strict=True)))
 
 
-def _integrator(mode: Mode, effects: Effects, tolerance: float, parameter_names: tuple[str, ...]) -> tuple[Any, tuple[Event, ...]]:
+def _integrator(
+    mode: Mode, effects: Effects, tolerance: float, parameter_names: tuple[str, ...]
+) -> tuple[Any, tuple[Event, ...]]:
     """Compile the integrator of a mode; return it and its events in their order."""
     hy = load_heyoka()
 

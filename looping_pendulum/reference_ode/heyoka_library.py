@@ -112,10 +112,10 @@ def _keep(path: Path, content: bytes) -> None:
         file.write(content)
     os.replace(unfinished, path)
     total = 0
-    for file in sorted(path.parent.glob("*.pickle"), key=lambda file: -file.stat().st_mtime):
-        total += file.stat().st_size
+    for kept in sorted(path.parent.glob("*.pickle"), key=lambda kept: -kept.stat().st_mtime):
+        total += kept.stat().st_size
         if total > DISK_LIMIT:
-            file.unlink(missing_ok=True)
+            kept.unlink(missing_ok=True)
 
 
 def cache_folder() -> Path:

@@ -18,10 +18,13 @@ An angular velocity is measured per second of the file's clock, plus rate_offset
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.data.observations import DataError
 from looping_pendulum.reference_ode.effects import Coefficient
@@ -107,7 +110,10 @@ NEWTON_STEPS = 8
 
 @dataclass(frozen=True, kw_only=True)
 class Camera:
-    """Camera of one trial; the default is a perfect one. `CAMERA` has the meaning and the unit of each value."""
+    """Camera of one trial; the default is a perfect one. `CAMERA` has the meaning and the unit of each value.
+
+    Values may be arrays, with as many dimensions as positions have before their last one: many cameras at once (`of_many`).
+    """
 
     origin_x: float = CAMERA["origin_x"].null
     origin_y: float = CAMERA["origin_y"].null
@@ -131,19 +137,44 @@ class Camera:
             if not low <= values[name] <= high:
                 raise DataError(f"camera {name}: found {values[name]:g}, needed between {low:g} and {high:g}")
 
+    @classmethod
+    def of_many(cls, values: Mapping[str, Array], n: int) -> tuple[Camera, NDArray[np.bool_]]:
+        """Return many cameras as one, and which of them have values within their bounds, shape (n,).
+
+        Parameters
+        ----------
+        values
+            Name -> one value for each camera, shape (n,). The cameras' values have shape (n, 1), for positions (n, times, 2).
+        """
+        valid = np.ones(n, dtype=bool)
+        columns = {}
+        for name, given in values.items():
+            low, high = CAMERA[name].bounds
+            within = (given >= low) & (given <= high)
+            valid &= within
+            columns[name] = np.broadcast_to(np.where(within, given, CAMERA[name].null), n)[:, None]
+        many = object.__new__(cls)  # without the check, which refuses all for one
+        many.__dict__.update({name: c.null for name, c in CAMERA.items()} | columns)
+        return many, valid
+
     def true_time(self, t: Array) -> Array:
         """Return the times since release [s] of the file's times ``t`` [s]."""
         return self.clock_offset + self.clock_ratio * t
 
     def project(self, position: Array) -> Array:
-        """Return measured positions [m] of true ones [m], shape (n, 2).
+        """Return measured positions [m] of true ones [m], shape (..., 2).
+
+        Of many cameras those behind which a position lies have no number there (nan).
 
         Raises
         ------
         DataError
-            If a position lies behind the camera.
+            If a position lies behind the only camera.
         """
-        return np.asarray(self._scaled_and_turned(self._image(position)) + [self.origin_x, self.origin_y])
+        turned = self._scaled_and_turned(self._image(position))
+        turned[..., 0] += self.origin_x
+        turned[..., 1] += self.origin_y
+        return turned
 
     def true_position(self, measured: Array) -> Array:
         """Return the true positions [m] that `project` maps to measured ones [m], shape (n, 2)."""
@@ -171,51 +202,60 @@ class Camera:
         return self._scaled_and_turned(self._image_of_displacement(position, displacement))
 
     def _scaled_and_turned(self, v: Array) -> Array:
-        cosine, sine = math.cos(self.tilt), math.sin(self.tilt)
-        # Positions are rows, so the matrix stands on the right and is transposed
-        return np.asarray(self.scale * (v @ np.array([[cosine, sine], [-sine, cosine]])))
+        cosine, sine = np.cos(self.tilt), np.sin(self.tilt)
+        x, y = v[..., 0], v[..., 1]
+        return _pairs(self.scale * (cosine * x - sine * y), self.scale * (sine * x + cosine * y))
 
     @property
     def _looks_straight(self) -> bool:
         """Return whether lengths are in proportion all over the picture, as mostly in a fit."""
-        return self.foreshortening == 1.0 and self.shear == self.perspective_x == self.perspective_y == self.distortion == 0.0
+        bent = (self.shear, self.perspective_x, self.perspective_y, self.distortion)
+        return bool(np.all(self.foreshortening == 1.0)) and not any(np.any(value) for value in bent)
+
+    def _stretched(self, v: Array) -> Array:
+        """Return what a camera far away makes of positions or displacements, shape (..., 2)."""
+        return _pairs(self.foreshortening * v[..., 0], self.shear * v[..., 0] + v[..., 1])
 
     @property
-    def _stretch(self) -> Array:
-        """Return the matrix that does to positions what a camera far away does; they are rows, so it stands on the right."""
-        return np.array([[self.foreshortening, self.shear], [0.0, 1.0]])
+    def _centre(self) -> Array:
+        """Return the picture's centre, shape (2,), or (..., 2) of many cameras."""
+        return np.stack(np.broadcast_arrays(self.centre_x, self.centre_y), axis=-1)
 
     def _image(self, position: Array) -> Array:
         """Return the image v of true positions [m], shape (n, 2), before scale and tilt."""
         if self._looks_straight:
             return position
-        u = position @ self._stretch / self._relative_depth(position)
-        centre = np.array([self.centre_x, self.centre_y])
+        u = self._stretched(position) / self._relative_depth(position)
+        centre = self._centre
         d = u - centre
-        return np.asarray(u + self.distortion * (_square(d) * d + _square(centre) * centre))
+        return np.asarray(u + _column(self.distortion) * (_square(d) * d + _square(centre) * centre))
 
     def _image_of_displacement(self, position: Array, displacement: Array) -> Array:
         """Return the derivative of `_image` in the direction of ``displacement``."""
         if self._looks_straight:
             return displacement
-        stretch = self._stretch
         depth = self._relative_depth(position)
-        u = position @ stretch / depth
-        depth_change = displacement @ np.array([[self.perspective_x], [self.perspective_y]])
-        du = (displacement @ stretch - u * depth_change) / depth
-        d = u - [self.centre_x, self.centre_y]
+        u = self._stretched(position) / depth
+        du = (self._stretched(displacement) - u * (self._depth(displacement))) / depth
+        d = u - self._centre
         along = np.sum(d * du, axis=-1, keepdims=True)
-        return np.asarray(du + self.distortion * (_square(d) * du + 2 * along * d))
+        return np.asarray(du + _column(self.distortion) * (_square(d) * du + 2 * along * d))
 
     def _relative_depth(self, position: Array) -> Array:
         """Return the distance of true positions [m] from the camera, along its axis, over that of the rod, shape (..., 1)."""
-        depth = 1 + position @ np.array([[self.perspective_x], [self.perspective_y]])
-        if not np.all(depth > 0):
-            raise DataError(
-                f"camera perspective: found {self.perspective_x:g} 1/m and {self.perspective_y:g} 1/m, with which a mass is "
-                "behind the camera; needed smaller ones"
-            )
-        return np.asarray(depth)
+        depth = 1 + self._depth(position)
+        if np.all(depth > 0):
+            return depth
+        if np.ndim(self.perspective_x) or np.ndim(self.perspective_y):  # many cameras
+            return np.where(depth > 0, depth, np.nan)
+        raise DataError(
+            f"camera perspective: found {self.perspective_x:g} 1/m and {self.perspective_y:g} 1/m, with which a mass is "
+            "behind the camera; needed smaller ones"
+        )
+
+    def _depth(self, v: Array) -> Array:
+        """Return how much farther than the rod positions or displacements are, relatively, shape (..., 1)."""
+        return np.asarray(self.perspective_x * v[..., 0] + self.perspective_y * v[..., 1])[..., np.newaxis]
 
 
 _BOUNDS = tuple((c.name, c.bounds) for c in CAMERA.values())
@@ -224,3 +264,15 @@ _BOUNDS = tuple((c.name, c.bounds) for c in CAMERA.values())
 def _square(v: Array) -> Array:
     """Return the squared length of vectors, shape (..., 2), as shape (..., 1)."""
     return np.asarray(np.sum(v * v, axis=-1, keepdims=True))
+
+
+def _pairs(x: Array, y: Array) -> Array:
+    """Return coordinates as pairs, shape (..., 2); this is several times faster than `numpy.stack`."""
+    pairs = np.empty((*np.shape(x), 2))
+    pairs[..., 0], pairs[..., 1] = x, y
+    return pairs
+
+
+def _column(value: Any) -> Any:
+    """Return a number as it is, or values of many cameras with one more axis, as for vectors."""
+    return value if np.ndim(value) == 0 else value[..., np.newaxis]

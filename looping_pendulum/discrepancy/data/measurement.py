@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +17,11 @@ from numpy.typing import NDArray
 from looping_pendulum.discrepancy.data.camera import Camera
 from looping_pendulum.discrepancy.data.noise import Noise, estimate_noise, speed_at
 from looping_pendulum.discrepancy.data.observations import Channel, DataError
-from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters
-from looping_pendulum.reference_ode.sensitivity import Sensitivities
 from looping_pendulum.reference_ode.solution import Samples
 from looping_pendulum.reference_ode.solve import solve_at
+from looping_pendulum.reference_ode.state import State, heavy_drop
 
 __all__ = [
     "Noise",
@@ -75,16 +76,16 @@ def predict(sample: SampleFunction, camera: Camera, channels: Sequence[Channel],
     DataError
         If a channel has points, but none of them during the run.
     """
-    sample_times = _sample_times(camera.clock_offset, camera.clock_ratio, tuple(channels))
-    samples = sample(sample_times.times)
+    times = sample_times(camera.clock_offset, camera.clock_ratio, tuple(channels))
+    samples = sample(times.times)
     known = len(samples.t)
-    ends_early = known < len(sample_times.times)
+    ends_early = known < len(times.times)
     if ends_early:
         # Not the last sample: within a frame of its end the light mass moves by centimetres
         samples = samples.and_end()
-    series = _series(samples, camera, dropped, set(sample_times.index))
+    series = _series(samples, camera, dropped, set(times.index))
     values, after = {}, {}
-    for name, index in sample_times.index.items():
+    for name, index in times.index.items():
         # np.take is several times faster than indexing with an array
         values[name] = np.take(series[name], np.minimum(index, known) if ends_early else index)
         after[name] = int(np.count_nonzero(index >= known)) if ends_early else 0
@@ -92,52 +93,78 @@ def predict(sample: SampleFunction, camera: Camera, channels: Sequence[Channel],
             raise DataError("found no point during the run, needed some; check the times and the clock offset")
         if name == "angle_rate":
             # before its release the mass is at rest, but the run's first sample may have the speed of a push
-            values[name][: sample_times.before_release[name]] = camera.rate_offset
-    return Prediction(values=values, after_end=after, before_release=sample_times.before_release)
+            values[name][: times.before_release[name]] = camera.rate_offset
+    return Prediction(values=values, after_end=after, before_release=times.before_release)
 
 
-DIFFERENTIABLE_CHANNELS = frozenset({"light_x", "light_y", "heavy_x", "heavy_y", "angle", "angle_rate"})
-"""Channels whose derivatives `predicted_derivatives` returns."""
-
-
-def predicted_derivatives(
-    solved: Callable[[Array], Sensitivities], camera: Camera, channels: Sequence[Channel]
-) -> Mapping[str, Array]:
-    """Return derivatives of the values that ``camera`` measures in each channel, by m parameters of the run, shape (n, m).
+def predict_many(
+    samples: SampledRuns, run: NDArray[np.intp], camera: Camera, channels: Sequence[Channel], times: SampleTimes, dropped: str
+) -> Array:
+    """Predict the same for many cameras by one clock, as one vector: shape (m, n), the channels end to end.
 
     Parameters
     ----------
-    solved
-        Function that returns the run's derivatives at given times, as from `solve_sensitivities`. Past its end everything is
-        at rest where it ended.
-    channels
-        Channels of `DIFFERENTIABLE_CHANNELS`.
+    samples
+        Runs at ``times``; past a run's end its end.
+    run
+        Run that each camera films, shape (m,).
+    camera
+        Many cameras, as `Camera.of_many` makes them.
+
+    Where `predict` would raise, a row is nan.
     """
-    sample_times = _sample_times(camera.clock_offset, camera.clock_ratio, tuple(channels))
-    s = solved(sample_times.times)
-    known = len(s.samples.t)
-    if known < len(sample_times.times):
-        s = s.and_end()
-    series: dict[str, Array] = {}
-    for mass, derivatives in (("light", s.light_position), ("heavy", s.heavy_position)):
-        if f"{mass}_x" in sample_times.index or f"{mass}_y" in sample_times.index:
-            position = getattr(s.samples, f"{mass}_position")[:, np.newaxis]
-            measured = camera.project_displacement(position, derivatives.transpose(0, 2, 1))
-            series[f"{mass}_x"], series[f"{mass}_y"] = measured[..., 0], measured[..., 1]
-    if "angle" in sample_times.index:
-        series["angle"] = s.state.wrap_angle.T
-    if "angle_rate" in sample_times.index:
-        run = s.samples.state
-        change = s.state.across_speed - run.across_speed / run.free_length * s.state.free_length
-        series["angle_rate"] = (change / run.free_length).T * camera.clock_ratio
-    found = {name: series[name][np.minimum(index, known)] for name, index in sample_times.index.items()}
-    if "angle_rate" in found:
-        found["angle_rate"][: sample_times.before_release["angle_rate"]] = 0.0  # as in `predict`
-    return found
+    shown = samples.take(run)
+    series = _series(shown, camera, dropped, set(times.index))
+    parts = []
+    for channel in channels:
+        index = times.index[channel.name]
+        values = np.broadcast_to(series[channel.name], (len(run), len(times.times))).take(index, axis=1)
+        if len(index):
+            values[shown.known <= index.min()] = np.nan  # no point during the run
+        if channel.name == "angle_rate":
+            values[:, : times.before_release[channel.name]] = camera.rate_offset
+        parts.append(values)
+    return np.concatenate(parts, axis=1)
+
+
+class SampledRuns:
+    """Runs of one model at the same times: what `Samples` is of one run, for n of them."""
+
+    def __init__(self, state: Array, known: NDArray[np.int64], parameters: SimpleNamespace) -> None:
+        """Keep the samples.
+
+        Parameters
+        ----------
+        state
+            Entries of the batch's state, shape (entries, n, times).
+        known
+            How many of the times lie within each run, shape (n,).
+        parameters
+            Parameters that the equations read, numbers or arrays of shape (n, 1).
+        """
+        self._values, self.known, self._p = state, known, parameters
+        self.state = State(*state)
+
+    def take(self, run: NDArray[np.intp]) -> SampledRuns:
+        """Return some runs, each as often as it is named."""
+        values = {name: v[run] if np.ndim(v) else v for name, v in vars(self._p).items()}
+        return SampledRuns(self._values[:, run], self.known[run], SimpleNamespace(**values))
+
+    @cached_property
+    def light_position(self) -> Array:
+        """Position of the light mass [m], shape (n, times, 2)."""
+        return np.stack(light_position(np, self.state.free_length, self.state.wrap_angle, self._p.rod_radius), axis=-1)
+
+    @cached_property
+    def heavy_position(self) -> Array:
+        """Position of the heavy mass [m], shape (n, times, 2)."""
+        # No effect that a batch supports reads the overlap or lets the heavy mass swing
+        height = -self._p.hanging_length - heavy_drop(np, self.state, 0.0, self._p, ())
+        return np.stack(np.broadcast_arrays(self._p.rod_radius, height), axis=-1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _SampleTimes:
+class SampleTimes:
     """Times at which a run is sampled for the points of all channels."""
 
     times: Array
@@ -150,24 +177,26 @@ class _SampleTimes:
 
 # A fit predicts the same channels thousands of times, mostly by the same clock
 @lru_cache(maxsize=64)
-def _sample_times(clock_offset: float, clock_ratio: float, channels: tuple[Channel, ...]) -> _SampleTimes:
+def sample_times(clock_offset: float, clock_ratio: float, channels: tuple[Channel, ...]) -> SampleTimes:
+    """Return the times at which a run is sampled for the points of channels by a clock."""
     camera = Camera(clock_offset=clock_offset, clock_ratio=clock_ratio)
     channel_times = {c.name: camera.true_time(c.t) for c in channels}
     # With 0, because heights are measured from the release
     times = np.unique(np.concatenate([np.maximum(t, 0.0) for t in channel_times.values()] + [np.zeros(1)]))
-    return _SampleTimes(
+    return SampleTimes(
         times=times,
         index={name: np.searchsorted(times, np.maximum(t, 0.0)) for name, t in channel_times.items()},
         before_release={name: int(np.sum(t < 0)) for name, t in channel_times.items()},
     )
 
 
-def _series(samples: Samples, camera: Camera, dropped: str, names: set[str]) -> dict[str, Array]:
+def _series(samples: Samples | SampledRuns, camera: Camera, dropped: str, names: set[str]) -> dict[str, Array]:
     """Return measured values of each channel at the sampled times."""
     series: dict[str, Array] = {}
     for mass, position in (("light", "light_position"), ("heavy", "heavy_position")):
         if f"{mass}_x" in names or f"{mass}_y" in names:
-            series[f"{mass}_x"], series[f"{mass}_y"] = camera.project(getattr(samples, position)).T
+            shown = camera.project(getattr(samples, position))
+            series[f"{mass}_x"], series[f"{mass}_y"] = shown[..., 0], shown[..., 1]
     if "angle" in names:
         series["angle"] = samples.state.wrap_angle - math.pi + camera.tilt
     if "angle_rate" in names:
@@ -176,5 +205,5 @@ def _series(samples: Samples, camera: Camera, dropped: str, names: set[str]) -> 
         series["angle_rate"] = angle_rate * camera.clock_ratio + camera.rate_offset
     if "height" in names:
         path = samples.heavy_position if dropped == "heavy" else samples.light_position
-        series["height"] = camera.scale * (path[:, 1] - path[0, 1]) + camera.origin_y
+        series["height"] = camera.scale * (path[..., 1] - path[..., :1, 1]) + camera.origin_y
     return series

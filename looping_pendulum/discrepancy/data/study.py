@@ -230,6 +230,10 @@ class Study:
             return known.uncertain
         return parameter in self.fit
 
+    def changes_of_model(self, changes: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the parameters of the model, numbers or arrays, that a fit changes by these changes of its parameters."""
+        return changes
+
     def parameters(self, values: Mapping[str, float], trial: Trial) -> Parameters:
         """Return the reference's parameters for a trial.
 

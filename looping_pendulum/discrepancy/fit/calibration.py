@@ -10,10 +10,12 @@ import dataclasses
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from looping_pendulum.discrepancy.fit.predictions import Steps, alone
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.geometry import Array
@@ -50,7 +52,7 @@ class Fit:
     iterations: int
     """Number of Jacobians that were computed."""
     final_jacobian: Array | None = None
-    """Jacobian of the last iteration, perhaps by one-sided differences, which is good enough for standard errors.
+    """Jacobian of the last iteration.
 
     None: the last one was not computed so near to ``x``.
     """
@@ -67,18 +69,13 @@ class Fit:
 
     @cached_property
     def jacobian(self) -> Array:
-        """Return the Jacobian at the minimum by central differences, shape (n + p, p)."""
-        return self.problem.jacobian(self.x, central=True)
-
-    @property
-    def known_jacobian(self) -> Array:
-        """Return `final_jacobian`, or `jacobian` where there is none, shape (n + p, p)."""
-        return self.jacobian if self.final_jacobian is None else self.final_jacobian
+        """Return the Jacobian at the minimum, shape (n + p, p): `final_jacobian`, or one that is computed now."""
+        return self.problem.jacobian(self.x) if self.final_jacobian is None else self.final_jacobian
 
     @cached_property
     def covariance(self) -> Array:
         """Return the covariance matrix of ``x``, shape (p, p)."""
-        jacobian = self.known_jacobian
+        jacobian = self.jacobian
         # The pseudoinverse also exists where the data do not tell parameters apart
         return np.asarray(np.linalg.pinv(jacobian.T @ jacobian, hermitian=True))
 
@@ -118,18 +115,22 @@ class FitError(HarnessError, RuntimeError):
     """Raised if no fit can be made."""
 
 
-def minimise(
+def minimise(problem: Problem, x: Array, **options: Any) -> Fit:
+    """Minimise the cost within the bounds; arguments, result and errors as of `minimise_steps`."""
+    return alone(minimise_steps(problem, x, **options))
+
+
+def minimise_steps(
     problem: Problem,
     x: Array,
     *,
     cost_tolerance: float = COST_TOLERANCE,
     max_iterations: int = 30,
     confirm: bool = True,
-    central: bool = False,
     initial_jacobian: Array | None = None,
     known_columns: Array | None = None,
-) -> Fit:
-    """Minimise the cost within the bounds by the Levenberg-Marquardt method.
+) -> Steps[Fit]:
+    """Minimise the cost within the bounds by the Levenberg-Marquardt method, in steps that ask for predictions.
 
     The Jacobian follows from one step to the next by Broyden's update. It is recomputed if a step with an updated one fails or
     decreases the cost by much less than predicted.
@@ -148,9 +149,6 @@ def minimise(
         Largest number of Jacobians that are computed.
     confirm
         Whether convergence must be confirmed with a newly computed Jacobian.
-    central
-        Whether that one has the best derivatives there are (`Problem.jacobian`). Where the model is far from linear, as in
-        friction, one-sided differences end some tenths of a standard error from the minimum.
     initial_jacobian
         Jacobian at ``x``, or as near to it as two iterations are when a fit ends; None: not known.
     known_columns
@@ -162,23 +160,22 @@ def minimise(
         If the model cannot run at ``x``.
     """
     x = np.clip(x, problem.low, problem.high)
-    r = problem.residuals(x)
+    r = yield from _residuals(problem, x)
     if r is None:
         raise FitError("the model cannot run at the start of the fit; check the study's values")
     cost, damping, iterations = float(r @ r), 1e-3, 0
-    is_near = False  # the minimum that a fit without central differences finds
     # The age is the number of updates since the Jacobian was computed; at its largest value a new one is due
     if initial_jacobian is not None:
         jacobian, age = initial_jacobian, 0
     elif known_columns is not None:
-        jacobian, age = problem.jacobian(x, known_columns=known_columns), 1  # one that may be wrong, like an updated one
+        jacobian, age = (yield from _jacobian(problem, x, known_columns)), 1  # one that may be wrong, like an updated one
     else:
         jacobian, age = np.zeros((0, 0)), MAX_BROYDEN_UPDATES
     while True:
         if age >= MAX_BROYDEN_UPDATES:
             if iterations == max_iterations:
                 break
-            jacobian, age = problem.jacobian(x, central=is_near), 0
+            jacobian, age = (yield from _jacobian(problem, x)), 0
             iterations += 1
         # The Jacobian is that of the prediction, minus that of the residuals, so the cost falls along +J^T r.
         gradient, normal = jacobian.T @ r, jacobian.T @ jacobian
@@ -188,7 +185,7 @@ def minimise(
         for _ in range(1 if age else 8):
             whole_step = _step(normal, gradient, free, damping, problem.low - x, problem.high - x)
             trial_x = np.clip(x + whole_step, problem.low, problem.high)  # a bound is met exactly, whatever the rounding
-            new = problem.residuals(trial_x)
+            new = yield from _residuals(problem, trial_x)
             if new is not None and float(new @ new) < cost:
                 step, change = trial_x - x, new - r
                 predicted_decrease = float(2 * step @ gradient - step @ normal @ step)
@@ -199,9 +196,9 @@ def minimise(
                 damping *= 10
         if not decrease or decrease < cost_tolerance * cost:
             # A newly computed Jacobian leaves no better step. An updated one may be wrong, and is replaced before the fit ends
-            if is_near >= central and (not age or (decrease and not confirm)):
+            if not age or (decrease and not confirm):
                 break
-            age, is_near, damping = MAX_BROYDEN_UPDATES, central, min(damping, 1e-3)
+            age, damping = MAX_BROYDEN_UPDATES, min(damping, 1e-3)
         elif decrease < MIN_DECREASE_RATIO * predicted_decrease:
             age = MAX_BROYDEN_UPDATES
         else:
@@ -210,6 +207,16 @@ def minimise(
             age += 1
         damping = max(damping / 10, 1e-9)
     return Fit(problem=problem, x=x, residuals=r, iterations=iterations, final_jacobian=None if age else jacobian)
+
+
+def _residuals(problem: Problem, x: Array) -> Steps[Array | None]:
+    (predicted,) = yield problem, x[None]
+    return problem.residuals_of(x, predicted)
+
+
+def _jacobian(problem: Problem, x: Array, known_columns: Array | None = None) -> Steps[Array]:
+    rows = problem.rows_of_jacobian(x, 0 if known_columns is None else known_columns.shape[1])
+    return problem.jacobian_of(x, rows, (yield problem, rows), known_columns)
 
 
 def _step(normal: Array, gradient: Array, free: NDArray[np.bool_], damping: float, below: Array, above: Array) -> Array:
@@ -252,12 +259,17 @@ def _window_shares(problem: Problem) -> tuple[float, ...]:
 
 def calibrate(problem: Problem, start: Array | None = None, *, max_iterations: int = 30) -> Fit:
     """Fit in growing windows of time, by default from the prior's mean, with at most ``max_iterations`` in each window."""
+    return alone(calibrate_steps(problem, start, max_iterations=max_iterations))
+
+
+def calibrate_steps(problem: Problem, start: Array | None = None, *, max_iterations: int = 30) -> Steps[Fit]:
+    """Do the same as `calibrate` in steps that ask for predictions."""
     x = problem.prior_mean.copy() if start is None else start
     total = 0
     for share in _window_shares(problem):
-        fit = minimise(
+        fit = yield from minimise_steps(
             problem.until(share), x, cost_tolerance=WINDOW_COST_TOLERANCE, max_iterations=max_iterations, confirm=False
         )
         x, total = fit.x, total + fit.iterations
-    fit = minimise(problem, x, max_iterations=max_iterations)
+    fit = yield from minimise_steps(problem, x, max_iterations=max_iterations)
     return dataclasses.replace(fit, iterations=fit.iterations + total)

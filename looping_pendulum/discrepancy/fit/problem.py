@@ -17,12 +17,7 @@ from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.data.camera import CAMERA, Camera
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
-from looping_pendulum.discrepancy.data.measurement import (
-    DIFFERENTIABLE_CHANNELS,
-    FIT_TOLERANCE,
-    predict,
-    predicted_derivatives,
-)
+from looping_pendulum.discrepancy.data.measurement import FIT_TOLERANCE, predict
 from looping_pendulum.discrepancy.data.observations import Channel, EventObservation
 from looping_pendulum.discrepancy.data.study import Study, Trial
 from looping_pendulum.discrepancy.fit.correlated_noise import CorrelatedNoise, Whitening
@@ -30,7 +25,6 @@ from looping_pendulum.discrepancy.fit.event_prediction import EventRun, event_ti
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-from looping_pendulum.reference_ode.sensitivity import solve_sensitivities
 from looping_pendulum.reference_ode.solution import Samples
 from looping_pendulum.reference_ode.solve import available_integrators, solve_at
 
@@ -39,9 +33,6 @@ DIFFERENCE_STEP = 1e-3
 
 Derivatives are good to about 2e-4 as long as the sequence of events stays the same.
 """
-RELEASES_WITH_FEW_EVENTS = (Release.LOOPING, Release.VERTICAL)
-"""Releases whose runs have few events, so that variational equations cost half of what finite differences do."""
-
 _TIMES, _CAMERA = ParameterRole.TIMES, ParameterRole.CAMERA  # for an inner loop
 
 
@@ -174,14 +165,9 @@ class Problem:
         self.prior_mean: Array = prior[0] if prior else np.zeros(len(free_parameters))
         self.prior_weights: Array = prior[1] if prior else weights
         self.low, self.high = np.array([n.limits for n in self.free_parameters]).reshape(-1, 2).T
-        # Camera parameters come first: they need no new run, so the cached one is used before others replace it.
-        self.order = sorted(
-            range(len(self.free_parameters)), key=lambda i: self.free_parameters[i].role is not ParameterRole.CAMERA
-        )
         self._acting_in_trial = [[i for i, n in enumerate(self.free_parameters) if d.trial.name in n.trials] for d in self.data]
         # Made once, and only changed for each run: making and checking all parameters takes longer
-        self._base = [study.parameters({}, d.trial) for d in self.data]
-        self._study_parameters = {n.name for n in study.free_parameters(study.trials)}
+        self.base = [study.parameters({}, d.trial) for d in self.data]
         self._camera = [{n: e.value for n, e in d.trial.camera.items()} for d in self.data]
         self._cached_run: list[tuple[Parameters, Array, Samples] | None] = [None] * len(self.data)
         self._cached_event_run: list[EventRun | None] = [None] * len(self.data)
@@ -222,15 +208,21 @@ class Problem:
 
     def parameters_and_camera(self, x: Array, k: int) -> tuple[Parameters, Camera]:
         """Return the model's parameters and the camera of trial ``k``."""
-        changes: dict[str, float] = {}
-        camera: dict[str, float] = dict(self._camera[k])
+        changes, camera = self.changes(x.tolist(), k)  # arithmetic of Python's floats is faster than that of NumPy's
+        return self.base[k].replace(**changes), Camera(**camera)
+
+    def changes(self, x: Sequence[Any], k: int) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the parameters of the model that ``x`` changes in trial ``k``, and the values of its camera.
+
+        Both are numbers if ``x`` has p numbers, and have the shape (m,) if it has p arrays of that shape.
+        """
+        changes: dict[str, Any] = {}
+        camera: dict[str, Any] = dict(self._camera[k])
         factors = []
-        base = self._base[k]
-        x_list = x.tolist()  # arithmetic of Python floats is faster than that of NumPy's, and gives the same
+        base = self.base[k]
         for i in self._acting_in_trial[k]:
             n = self.free_parameters[i]
-            low, high = n.bounds
-            value = min(max(n.init_value + n.scale * x_list[i], low), high)
+            value = _between(n.init_value + n.scale * x[i], *n.bounds)
             if n.role is _CAMERA:
                 # A parameter of all cameras alike is an error beside what each trial states of its own
                 stated = self._camera[k].get(n.parameter) if n.shared else None
@@ -244,12 +236,12 @@ class Problem:
             # static friction is a ratio to the kinetic one, every other factor is on the parameter's own value
             unscaled = kinetic if parameter == "static_friction" else changes.get(parameter, getattr(base, parameter, math.nan))
             changes[parameter] = factor * unscaled
-        if base.coefficients["static_friction"] != base.coefficients["kinetic_friction"]:
+        if not base.static_equals_kinetic:
             changes.setdefault("static_friction", base.coefficients["static_friction"])
         if "static_friction" in changes:
             # Both may be free, and a step of the fit may take the kinetic one above it
-            changes["static_friction"] = max(changes["static_friction"], kinetic)
-        return base.replace(**changes), Camera(**camera)
+            changes["static_friction"] = _between(changes["static_friction"], kinetic, math.inf)
+        return dict(self.study.changes_of_model(changes)), camera
 
     def run(self, x: Array, k: int) -> Samples:
         """Return the run of trial ``k`` at the true times of its points, or every millisecond if it has only events."""
@@ -312,80 +304,66 @@ class Problem:
     def residuals(self, x: Array) -> Array | None:
         """Return standardised residuals, then those of the prior, shape (n + p,); None if the model cannot run."""
         try:
-            parts = [d.standardise(d.value - self.predict(x, k)) for k, d in enumerate(self.data)]
+            predicted = np.concatenate([self.predict(x, k) for k in range(len(self.data))])
         except (HarnessError, ValueError, ArithmeticError):
             return None
+        return self.residuals_of(x, predicted)
+
+    def residuals_of(self, x: Array, predicted: Array) -> Array | None:
+        """Return the residuals at ``x`` from what is predicted there of all trials, shape (n,)."""
+        ends = np.cumsum([len(d.value) for d in self.data])[:-1]
+        parts = [d.standardise(d.value - part) for d, part in zip(self.data, np.split(predicted, ends), strict=True)]
         r = np.concatenate([*parts, -self.prior_weights @ (x - self.prior_mean)])
         return r if np.all(np.isfinite(r)) else None
 
-    def jacobian(self, x: Array, *, central: bool = False, known_columns: Array | None = None) -> Array:
-        """Return minus the derivative of `residuals`, shape (n + p, p).
+    def jacobian(self, x: Array, *, known_columns: Array | None = None) -> Array:
+        """Return minus the derivative of `residuals`, shape (n + p, p), by central differences where the bounds allow it.
 
         Parameters
         ----------
-        central
-            Whether to use the best derivatives there are: variational equations for the study's own parameters if the model is
-            the base one, and central differences for all others. Otherwise variational equations are only used for releases
-            with few events, and all other derivatives are one-sided differences.
         known_columns
             Jacobian of the same problem without its last parameters, which is taken over; only the others are computed.
         """
+        from looping_pendulum.discrepancy.fit.predictions import predict
+
+        rows = self.rows_of_jacobian(x, 0 if known_columns is None else known_columns.shape[1])
+        return self.jacobian_of(x, rows, predict([(self, rows)])[0], known_columns)
+
+    def rows_of_jacobian(self, x: Array, known: int = 0) -> Array:
+        """Return parameters at which predictions make the Jacobian: ``x``, then two for each parameter beyond ``known``."""
+        # Beyond a bound the value would be cut off, and the difference zero
+        down = x - DIFFERENCE_STEP >= self.low
+        up = (x + DIFFERENCE_STEP <= self.high) | ~down
+        steps = DIFFERENCE_STEP * np.stack([np.diag(up * 1.0), np.diag(down * -1.0)], axis=1)
+        return x + np.vstack([np.zeros(len(x)), steps[known:].reshape(-1, len(x))])
+
+    def jacobian_of(self, x: Array, rows: Array, predicted: Array, known_columns: Array | None = None) -> Array:
+        """Return the Jacobian at ``x`` from what is predicted at `rows_of_jacobian`, shape (rows, n).
+
+        Where the model of a trial cannot run at one of a parameter's two places, the difference is that to ``x``; where it
+        cannot at either, it is 0.
+        """
         known = 0 if known_columns is None else known_columns.shape[1]
-        edges = np.cumsum([0] + [len(d.t) for d in self.data])
-        jacobian = np.zeros((edges[-1] + len(x), len(x)))
-        jacobian[edges[-1] :] = self.prior_weights
-        for k, d in enumerate(self.data):
-            here = self.predict(x, k)
-            rows = slice(edges[k], edges[k + 1])
-            precise = central or d.trial.release in RELEASES_WITH_FEW_EVENTS
-            exact = self._variational_derivatives(x, k) if precise and not known else {}
-            derivatives = np.zeros((len(here), len(x)))
-            for i in (i for i in self.order if i >= known and i in self._acting_in_trial[k]):
-                derivatives[:, i] = exact[i] if i in exact else self._difference_quotient(x, k, i, here, central)
-            # A value that no derivative is known for must not spoil those after it, which a correlation ties to it
-            jacobian[rows] = d.standardise(np.nan_to_num(derivatives, nan=0.0, posinf=0.0, neginf=0.0))
+        ends = np.cumsum([0] + [len(d.value) for d in self.data])
+        jacobian = np.zeros((ends[-1] + len(x), len(x)))
+        jacobian[ends[-1] :] = self.prior_weights
         if known_columns is not None:
-            jacobian[: edges[-1], :known] = known_columns[: edges[-1]]
+            jacobian[: ends[-1], :known] = known_columns[: ends[-1]]
+        i = np.arange(known, len(x))
+        step = (rows[1:] - x)[np.arange(2 * len(i)), np.repeat(i, 2)]
+        failed = np.isnan(predicted[1:])
+        change = np.where(failed, 0.0, predicted[1:] - predicted[0])
+        steps = np.where(failed, 0.0, step[:, None])
+        with np.errstate(invalid="ignore"):
+            derivatives = ((change[::2] - change[1::2]) / (steps[::2] - steps[1::2])).T
+        # A value that no derivative is known for must not spoil those after it, which a correlation ties to it
+        derivatives = np.nan_to_num(derivatives, nan=0.0, posinf=0.0, neginf=0.0)
+        for k, d in enumerate(self.data):
+            part = slice(ends[k], ends[k + 1])
+            jacobian[part, known:] = d.standardise(derivatives[part])
         return jacobian
 
-    def _variational_derivatives(self, x: Array, k: int) -> dict[int, Array]:
-        """Return the derivatives of trial ``k`` by the study's own parameters, by variational equations.
 
-        The result is empty if these equations do not hold or do not pay: an added effect would need equations of its own, whose
-        compilation costs more than differences.
-        """
-        d = self.data[k]
-        parameters, camera = self.parameters_and_camera(x, k)
-        moved = [i for i in self._acting_in_trial[k] if self.free_parameters[i].name in self._study_parameters]
-        base_only = all(e.in_base_model for e in parameters.effects) and "heyoka" in available_integrators()
-        measured = {c.name for c in d.channels}
-        if d.events or not measured or not moved or not base_only or not measured <= DIFFERENTIABLE_CHANNELS:
-            return {}
-        wrt = tuple(self.free_parameters[i].parameter for i in moved)
-        try:
-            derivatives = predicted_derivatives(
-                lambda t: solve_sensitivities(parameters, t, wrt, duration=float(t[-1]) + 1e-3, tolerance=FIT_TOLERANCE),
-                camera,
-                d.channels,
-            )
-        except (HarnessError, ValueError, ArithmeticError):  # a grazing event has no derivative
-            return {}
-        columns = np.concatenate([derivatives[c.name] for c in d.channels])
-        return {i: self.free_parameters[i].scale * columns[:, j] for j, i in enumerate(moved)}
-
-    def _difference_quotient(self, x: Array, k: int, i: int, here: Array, central: bool) -> Array:
-        """Return finite differences of trial ``k`` for parameter ``i``; zeros if the model cannot run there."""
-        # Backward at the upper bound: beyond it the value would be cut off, and the difference zero
-        ahead = DIFFERENCE_STEP if x[i] + DIFFERENCE_STEP <= self.high[i] else -DIFFERENCE_STEP
-        try:
-            forward = self._predict_shifted(x, k, i, ahead)
-            if not central or x[i] - ahead < self.low[i] or x[i] - ahead > self.high[i]:
-                return (forward - here) / ahead
-            return (forward - self._predict_shifted(x, k, i, -ahead)) / (2 * ahead)
-        except (HarnessError, ValueError, ArithmeticError):
-            return np.zeros_like(here)
-
-    def _predict_shifted(self, x: Array, k: int, i: int, by: float) -> Array:
-        moved = x.copy()
-        moved[i] += by
-        return self.predict(moved, k)
+def _between(value: Any, low: Any, high: Any) -> Any:
+    """Return a number, or an array, cut off at bounds."""
+    return min(max(value, low), high) if isinstance(value, float) else np.clip(value, low, high)

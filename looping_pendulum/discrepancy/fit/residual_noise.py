@@ -5,14 +5,16 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.data.noise import GAUSSIAN_MAD
 from looping_pendulum.discrepancy.data.observations import BODIES
-from looping_pendulum.discrepancy.fit.calibration import COST_TOLERANCE, Fit, calibrate, minimise
+from looping_pendulum.discrepancy.fit.calibration import COST_TOLERANCE, Fit, calibrate, minimise_steps
 from looping_pendulum.discrepancy.fit.outliers import find_outliers
+from looping_pendulum.discrepancy.fit.predictions import Steps, alone
 from looping_pendulum.discrepancy.fit.problem import TrialData
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -26,21 +28,23 @@ MAX_DIFFERENCE_SIGMAS = 4.0
 """Standardised size at which differences are clipped."""
 
 
-def with_noise_of_residuals(
-    fit: Fit, *, cost_tolerance: float = COST_TOLERANCE, max_iterations: int = 30, central: bool = False
-) -> Fit:
+def with_noise_of_residuals(fit: Fit, **options: Any) -> Fit:
+    """Do the same as `with_noise_of_residuals_steps`."""
+    return alone(with_noise_of_residuals_steps(fit, **options))
+
+
+def with_noise_of_residuals_steps(fit: Fit, *, cost_tolerance: float = COST_TOLERANCE, max_iterations: int = 30) -> Steps[Fit]:
     """Estimate each trial's noise from differences of neighbouring residuals, leave out outliers, and refit.
 
     Such differences do not see slow misfits. With them, chi2 scatters by 1/sqrt(n); with second differences 1.5 times as much;
     with the points' own differences of fourth order, which need no model, twice as much.
     """
     data = [data_with_noise_of_residuals(fit, k) for k in range(len(fit.problem.data))]
-    return minimise(
+    return minimise_steps(
         fit.problem.with_data(data),
         fit.x,
         cost_tolerance=cost_tolerance,
         max_iterations=max_iterations,
-        central=central,
         initial_jacobian=_rescaled_jacobian(fit, data),
     )
 
@@ -51,7 +55,7 @@ def refit_with_estimated_noise(fit: Fit) -> Fit:
     if any(d.is_outlier.any() for d in first.problem.data):
         # Outliers may have led the fit astray, so that it begins anew without them
         first = min((first, calibrate(first.problem)), key=lambda f: f.cost)
-    return with_noise_of_residuals(first, central=True)
+    return with_noise_of_residuals(first)
 
 
 def _rescaled_jacobian(fit: Fit, data: Sequence[TrialData]) -> Array | None:

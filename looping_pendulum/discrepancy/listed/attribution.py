@@ -11,13 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate, minimise
+from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate_steps, minimise, minimise_steps
 from looping_pendulum.discrepancy.fit.correlated_noise_fit import (
     data_with_possible_wander,
     noises_of,
     with_correlated_noise,
 )
 from looping_pendulum.discrepancy.fit.likelihood import refit_with_fixed_value
+from looping_pendulum.discrepancy.fit.predictions import Steps, alone, together
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.listed.screening import ScreenedCandidate
@@ -109,7 +110,12 @@ class Refit:
 
 
 def refit(base: Fit, screened: ScreenedCandidate, delta_bic_to_beat: float = 0.0) -> Refit | None:
-    """Fit the model with a candidate, from the value that screening found; None if it cannot run.
+    """Fit the model with a candidate; arguments and result as of `refit_steps`."""
+    return alone(refit_steps(base, screened, delta_bic_to_beat))
+
+
+def refit_steps(base: Fit, screened: ScreenedCandidate, delta_bic_to_beat: float = 0.0) -> Steps[Refit | None]:
+    """Fit the model with a candidate, from the value that screening found, in steps; None if it cannot run.
 
     Parameters
     ----------
@@ -122,20 +128,20 @@ def refit(base: Fit, screened: ScreenedCandidate, delta_bic_to_beat: float = 0.0
     predicted_decrease = screened.score**2
     at_base = screened.candidate.where_it_acts(base.problem.free_parameters, base.x)
     known_columns = base.jacobian if np.array_equal(at_base, base.x) else None
-    from_base = functools.partial(minimise, problem, max_iterations=MAX_ITERATIONS, known_columns=known_columns)
+    from_base = functools.partial(minimise_steps, problem, max_iterations=MAX_ITERATIONS, known_columns=known_columns)
     # From the base fit's values it takes half the time of growing windows, but may end in a minimum that these have been bent
     # to: with a static friction that was missing, at a cost of 2450 where the windows reach 1805. The windows may end early,
     # too, so that a candidate that comes near to the best gets both.
-    starts: list[tuple[Callable[[Array], Fit], Array, float]] = [
+    starts: list[tuple[Callable[[Array], Steps[Fit]], Array, float]] = [
         (from_base, at_base, amplitude),
-        (functools.partial(calibrate, problem, max_iterations=MAX_ITERATIONS), base.problem.prior_mean, amplitude),
+        (functools.partial(calibrate_steps, problem, max_iterations=MAX_ITERATIONS), base.problem.prior_mean, amplitude),
     ]
     if base.problem.is_swing:
         # The amplitude alone, before the other parameters follow it, would put a long swing out of phase
-        starts = [(functools.partial(minimise, problem, max_iterations=MAX_SWING_ITERATIONS), base.x, 0.0), starts[0]]
+        starts = [(functools.partial(minimise_steps, problem, max_iterations=MAX_SWING_ITERATIONS), base.x, 0.0), starts[0]]
     for fit_from, start, value in starts:
         try:
-            fits.append(fit_from(np.concatenate([start, [value], np.zeros(len(screened.companions))])))
+            fits.append((yield from fit_from(np.concatenate([start, [value], np.zeros(len(screened.companions))]))))
         except FitError:
             continue
         decrease = base.cost - fits[-1].cost
@@ -152,11 +158,12 @@ def refit(base: Fit, screened: ScreenedCandidate, delta_bic_to_beat: float = 0.0
     if best.cost > base.cost:
         null = np.concatenate([base.x, np.zeros(1 + len(screened.companions))])
         with contextlib.suppress(FitError):
-            best = min(best, minimise(problem, null, max_iterations=MAX_ITERATIONS), key=lambda f: f.cost)
+            there = yield from minimise_steps(problem, null, max_iterations=MAX_ITERATIONS)
+            best = min(best, there, key=lambda f: f.cost)
     is_rival = delta_bic_of(screened.candidate, base, best) > max(delta_bic_to_beat - RESTART_MARGIN, 0.0)
     if is_rival:
-        best = min([best, *_restart(best, screened)], key=lambda f: f.cost)
-        screened, best = _without_pull_of_prior(base, screened, best)
+        best = min([best, *(yield from _restart(best, screened))], key=lambda f: f.cost)
+        screened, best = yield from _without_pull_of_prior(base, screened, best)
     result = Refit(screened=screened, fit=best, delta_bic=delta_bic_of(screened.candidate, base, best))
     return with_own_noise(base, result) if noises_of(base) else result
 
@@ -224,8 +231,9 @@ def refits(
     for part in (chosen[:FIRST_REFITS], chosen[FIRST_REFITS:]):
         to_beat = max([delta_bic_to_beat, *(r.delta_bic for r in refit_of.values() if r)])
         new = [s for s in part if s.candidate.name not in known]
-        names = [s.candidate.name for s in new]
-        results = workers.map(_refit_one, base, [(s, to_beat) for s in new], names, report_progress)
+        for s in new:
+            report_progress(s.candidate.name)
+        results = workers.map_together(_refit_together, base, [(s, to_beat) for s in new])
         refit_of |= {s.candidate.name: r and _with_local_objects(base, s, r) for s, r in zip(new, results, strict=True)}
     chosen_refits = (refit_of[s.candidate.name] for s in chosen)
     return sorted((r for r in chosen_refits if r), key=lambda r: -r.delta_bic)
@@ -237,9 +245,9 @@ def with_own_noises(base: Fit, known: Sequence[Refit], workers: Workers = SERIAL
     return [dataclasses.replace(r, screened=before.screened) for r, before in zip(results, known, strict=True)]
 
 
-def _refit_one(base: Fit, task: tuple[ScreenedCandidate, float]) -> Refit | None:
-    """Call `refit` in a worker."""
-    return refit(base, *task)
+def _refit_together(base: Fit, tasks: Sequence[tuple[ScreenedCandidate, float]]) -> list[Refit | None]:
+    """Call `refit` for many candidates, in step."""
+    return together([refit_steps(base, *task) for task in tasks])
 
 
 def _with_local_objects(base: Fit, screened: ScreenedCandidate, result: Refit) -> Refit:
@@ -256,7 +264,7 @@ def _with_candidate(base: Fit, screened: ScreenedCandidate) -> Problem:
     return base.problem.with_parameters(screened.candidate.free_parameter(screened.scale), *screened.companions)
 
 
-def _without_pull_of_prior(base: Fit, screened: ScreenedCandidate, fit: Fit) -> tuple[ScreenedCandidate, Fit]:
+def _without_pull_of_prior(base: Fit, screened: ScreenedCandidate, fit: Fit) -> Steps[tuple[ScreenedCandidate, Fit]]:
     """Fit again with a larger scale, and so a wider prior, where the candidate's own prior has shifted its value.
 
     Return the screening with that scale, and the fit.
@@ -273,14 +281,14 @@ def _without_pull_of_prior(base: Fit, screened: ScreenedCandidate, fit: Fit) -> 
         x = fit.x.copy()
         x[i] /= size
         try:
-            fit = minimise(_with_candidate(base, wider), x, max_iterations=MAX_ITERATIONS)
+            fit = yield from minimise_steps(_with_candidate(base, wider), x, max_iterations=MAX_ITERATIONS)
         except FitError:
             break
         screened = wider
     return screened, fit
 
 
-def _restart(fit: Fit, screened: ScreenedCandidate) -> list[Fit]:
+def _restart(fit: Fit, screened: ScreenedCandidate) -> Steps[list[Fit]]:
     """Fit again from smaller values of a candidate that saturates, and from other values of its companions."""
     name, companions = screened.candidate.name, screened.companions
     own = fit.problem.free_parameters[len(fit.x) - len(companions) - 1]
@@ -293,8 +301,9 @@ def _restart(fit: Fit, screened: ScreenedCandidate) -> list[Fit]:
         x = fit.x.copy()
         x[fit.problem.names.index(parameter.name)] = (value - parameter.init_value) / parameter.scale
         with contextlib.suppress(FitError):
-            fits.append(minimise(fit.problem, x, max_iterations=MAX_ITERATIONS))
+            fits.append((yield from minimise_steps(fit.problem, x, max_iterations=MAX_ITERATIONS)))
     if fit.errors[name] > abs(change):
         held = refit_with_fixed_value(fit, fit, name, own.init_value + HOLDING_FACTOR * change)
-        fits += [minimise(fit.problem, held.x, max_iterations=MAX_ITERATIONS)] if held else []
+        if held:
+            fits.append((yield from minimise_steps(fit.problem, held.x, max_iterations=MAX_ITERATIONS)))
     return fits

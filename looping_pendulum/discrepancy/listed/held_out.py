@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
-from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise
+from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise_steps
 from looping_pendulum.discrepancy.fit.correlated_noise_fit import noises_of, with_noises
 from looping_pendulum.discrepancy.fit.event_tests import max_held_out_chi2
 from looping_pendulum.discrepancy.fit.model_test import ModelTest
+from looping_pendulum.discrepancy.fit.predictions import Steps, together
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual import CHI2_SCATTER_SIGMAS
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
@@ -129,7 +130,7 @@ def check_held_out(
 
 def _log_shrinking_of_errors(fit: Fit) -> float:
     """Return the logarithm of the determinant of the prior's covariance over that of the fit's."""
-    jacobian, weights = fit.known_jacobian, fit.problem.prior_weights
+    jacobian, weights = fit.jacobian, fit.problem.prior_weights
     return float(np.linalg.slogdet(jacobian.T @ jacobian)[1] - 2 * np.linalg.slogdet(weights)[1])
 
 
@@ -184,7 +185,7 @@ def _fit_held_out_trial(fit: Fit, data: TrialData, own: Sequence[FreeParameter])
 
 def _check_held_out_blocks(fit: Fit, max_iterations: int, workers: Workers) -> HeldOutTest:
     """Leave out two of `BLOCK_COUNT` blocks of time at once, refit, and test their prediction by its covariance."""
-    results = workers.map(_check_two_blocks, (fit, max_iterations), range(BLOCK_COUNT // 2))
+    results = workers.map_together(_check_blocks_together, (fit, max_iterations), range(BLOCK_COUNT // 2))
     blocks = [block for block in results if block]
     rms_of_blocks = [block.rms for block in blocks if block.rms is not None]
     return HeldOutTest(
@@ -209,17 +210,23 @@ class _Blocks(NamedTuple):
     """Root mean square residual [SI]; None: there are only events."""
 
 
-def _check_two_blocks(shared: tuple[Fit, int], first: int) -> _Blocks | None:
+def _check_blocks_together(shared: tuple[Fit, int], firsts: Sequence[int]) -> list[_Blocks | None]:
+    """Call `_check_two_blocks` for each pair of blocks, in step."""
+    return together([_check_two_blocks(*shared, first) for first in firsts])
+
+
+def _check_two_blocks(fit: Fit, max_iterations: int, first: int) -> Steps[_Blocks | None]:
     """Fit without two blocks that lie half the time apart, which halves the number of fits; None: they hold nothing.
 
     Parameters
     ----------
-    shared
-        The fit to all blocks, and the largest number of Jacobians.
+    fit
+        The fit to all blocks.
+    max_iterations
+        Largest number of Jacobians.
     first
         Number of the first of the two.
     """
-    fit, max_iterations = shared
     problem, half = fit.problem, BLOCK_COUNT // 2
     out = [(_block_number(d) % half) == first for d in problem.data]
     rows = np.concatenate(out)
@@ -227,11 +234,12 @@ def _check_two_blocks(shared: tuple[Fit, int], first: int) -> _Blocks | None:
         return None
     # An infinite standard error leaves values out without changing the shape of the problem
     masked = [dataclasses.replace(d, sigma=np.where(o, np.inf, d.sigma)) for d, o in zip(problem.data, out, strict=True)]
-    partial = minimise(
+    partial = yield from minimise_steps(
         problem.with_data(masked), fit.x, max_iterations=max_iterations, initial_jacobian=_without_rows(fit, rows)
     )
-    jacobian = problem.jacobian(partial.x)
-    r = problem.residuals(partial.x)
+    at = problem.rows_of_jacobian(partial.x)
+    predicted = yield problem, at
+    jacobian, r = problem.jacobian_of(partial.x, at, predicted), problem.residuals_of(partial.x, predicted[0])
     assert r is not None
     # Noise of the values, and uncertainty of the fitted parameters
     square = _square_of_prediction(r[: len(rows)][rows], jacobian[: len(rows)][rows], partial.covariance)
@@ -239,7 +247,7 @@ def _check_two_blocks(shared: tuple[Fit, int], first: int) -> _Blocks | None:
     is_point = np.concatenate([np.arange(len(d.t)) < d.event_slice.start for d in problem.data])[rows]
     # What is left out of fits, as an outlier, is no part of their error
     is_point &= np.isfinite(np.concatenate([d.sigma for d in problem.data])[rows])
-    off = np.concatenate([d.value - problem.predict(partial.x, k) for k, d in enumerate(problem.data)])[rows]
+    off = (np.concatenate([d.value for d in problem.data]) - predicted[0])[rows]
     return _Blocks(
         name=f"blocks {first + 1} and {first + 1 + half} of {BLOCK_COUNT}",
         chi2=square / count,

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.discrepancy.fit.calibration import Fit
+from looping_pendulum.discrepancy.fit.predictions import Steps, predict, together
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
@@ -44,8 +45,10 @@ MIN_ALIGNMENT = 0.99
 """Cosine between the linear change and the first finite one above which no larger change is tried."""
 MAX_NULL_SCORE = 4.0
 """Largest score |z| that noise alone may give; 99 % of clean studies stay below it (docs/data/calibration.json)."""
-MAX_TRIES, MAX_FAILURES = 12, 2
-"""Largest number of values that are tried for a change of a given size, and how many of these may be impossible."""
+FIRST_FACTORS = (1.0, 10.0, 40.0)
+"""Factors on the change of the value that is tried first: they are those of the sizes, where it was known from another fit."""
+MAX_TRIES, MAX_FAILURES = 10, 2
+"""Largest number of steps in which changes of given sizes are looked for, and how many values may be impossible."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -106,15 +109,14 @@ def screen(
     jacobian = fit.jacobian
     if without:  # all sensitivities must be taken at one point, or their difference looks like an effect
         null = np.where(np.isin(fit.problem.names, without), 0.0, fit.x)
-        jacobian = fit.problem.jacobian(null, central=True)
+        jacobian = fit.problem.jacobian(null)
     basis, _ = np.linalg.qr(jacobian)
     # What the fitted parameters could explain is no evidence for a candidate
     residual = _orthogonal_part(basis, fit.residuals)
     reduced = Problem(fit.problem.study, fit.problem.data, [fit.problem.free_parameters[i] for i in kept])
     derivatives = {c.name: d for c in chosen if (d := _derivative_by_fitted(fit, jacobian, c)) is not None}
     shared = _ScreeningInput(reduced, fit.x[kept], basis, residual, dict(known_changes), derivatives)
-    chosen = slowest_first(chosen)
-    results = workers.map(_screen_one, shared, chosen, labels=[c.name for c in chosen])
+    results = workers.map_together(_screen_together, shared, chosen)
     # a worker process returns copies of the candidates; put this process's own in their place
     screened = [dataclasses.replace(s, candidate=c) for c, s in zip(chosen, results, strict=True) if s]
     return sorted(screened, key=lambda s: -abs(s.score))
@@ -131,7 +133,7 @@ def compile_for(problem: Problem, candidate: Candidate | None) -> None:
     companions = candidate.companion_parameters(candidate.companion_grid()[0])
     delta = math.copysign(_first_change(candidate), candidate.bounds[1] - candidate.null or -1.0)
     x = np.concatenate([problem.prior_mean, [delta], np.zeros(len(companions))])
-    problem.with_parameters(candidate.free_parameter(1.0), *companions).residuals(x)
+    predict([(problem.with_parameters(candidate.free_parameter(1.0), *companions), x[None])])
 
 
 def _first_change(candidate: Candidate) -> float:
@@ -172,9 +174,17 @@ def _derivative_by_fitted(fit: Fit, jacobian: Array, candidate: Candidate) -> Ar
     return np.asarray(derivative)
 
 
-def _screen_one(shared: _ScreeningInput, candidate: Candidate) -> ScreenedCandidate | None:
-    """Score a candidate with each of its companions' initial values; return the best, or None if nothing changes."""
-    screened = [_screen_with_companions(shared, candidate, values) for values in candidate.companion_grid()]
+def _screen_together(shared: _ScreeningInput, chosen: Sequence[Candidate]) -> list[ScreenedCandidate | None]:
+    """Score candidates, all in step, each with each of its companions' initial values."""
+    cases = [(c, values) for c in chosen for values in c.companion_grid()]
+    results = iter(together([_screen_with_companions(shared, *case) for case in cases]))
+    return [_best_of(shared, c, [next(results) for _ in c.companion_grid()]) for c in chosen]
+
+
+def _best_of(
+    shared: _ScreeningInput, candidate: Candidate, screened: Sequence[ScreenedCandidate | None]
+) -> ScreenedCandidate | None:
+    """Return the best of what a candidate has with its companions' initial values, or None if nothing changes."""
     results = [s for s in screened if s]
     if not results:
         return None
@@ -200,49 +210,45 @@ def _orthogonal_part(basis: Array, v: Array) -> Array:
     return np.asarray(v - basis @ (basis.T @ v))
 
 
-def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, values: Sequence[float]) -> ScreenedCandidate | None:
+def _screen_with_companions(
+    shared: _ScreeningInput, candidate: Candidate, values: Sequence[float]
+) -> Steps[ScreenedCandidate | None]:
     """Score a candidate whose companions have these ``values`` [SI]."""
     reduced, x, basis, residual, known_changes, derivatives = shared
     companions = candidate.companion_parameters(values)
     x = candidate.where_it_acts(reduced.free_parameters, x)
     problem = reduced.with_parameters(candidate.free_parameter(1.0), *companions)
-    here = reduced.residuals(x)
-    if here is None:
-        return None
-    measured = sum(len(d.t) for d in reduced.data)
-    events_that_happen = reduced.events_that_happen(x)
-    v = np.zeros(len(residual))  # the rows of the prior stay zero: a candidate has none
-
-    # The search for a size may ask for one value again, and each is a run of every trial
-    @cache
-    def change(delta: float) -> Array | None:
-        """Return how ``delta`` [SI] changes the standardised prediction; None if the model cannot run or loses an event."""
-        there = np.concatenate([x, [delta], np.zeros(len(companions))])
-        moved = problem.residuals(there)
-        if moved is None or np.any(events_that_happen & ~problem.events_that_happen(there)):
-            return None
-        v[:measured] = (here - moved[: len(here)])[:measured]
-        return v.copy()
-
+    changes = _Changes(problem, x, len(companions), len(residual))
     best, beyond, scale, linear_error, finite_error = (0.0, 0.0), 0.0, 0.0, math.inf, math.inf
-    first = known_changes.get(candidate.name) or _first_change(candidate)
     both_sides = candidate.bounds[0] < candidate.null < candidate.bounds[1] and not candidate.even
     templates: tuple[float, ...] = FINITE_SIZES
     is_square = candidate.even  # a push out of the plane, say, does the same to either side
-    for side in (1.0, -1.0):
-        reach = (candidate.bounds[1] if side > 0 else candidate.bounds[0]) - candidate.null
-        if side * reach <= 0 or (is_square and side < 0):
+    reaches = [(candidate.bounds[1] if side > 0 else candidate.bounds[0]) - candidate.null for side in (1.0, -1.0)]
+    reaches = [reach for reach, side in zip(reaches, (1.0, -1.0), strict=True) if side * reach > 0]
+    # A run of a long swing costs ten times that of a loop, so that finite changes are made where they are needed
+    sizes = (LINEAR_SIZE,) if reduced.is_swing else (LINEAR_SIZE, *FINITE_SIZES)
+    first, smallest = known_changes.get(candidate.name) or _first_change(candidate), _first_change(candidate)
+    found = yield from changes.find(reaches, sizes, first, smallest)
+    if changes.cannot_run:
+        return None
+    linear_changes = [delta for (_, size), delta in found.items() if size == LINEAR_SIZE and delta is not None]
+    finer = [share * delta for delta in linear_changes for share in (-1.0, FINER, -FINER)] if both_sides else []
+    yield from changes.compute(finer or [FINER * delta for delta in linear_changes])
+    for reach in reaches:
+        if is_square and reach < 0:
             continue
-        delta = side * first
         linear: Array | None = None
         for size in (LINEAR_SIZE, *FINITE_SIZES):
-            delta, template = _find_template(change, delta, reach, size, _first_change(candidate))
-            if template is None:  # below the integrator's errors, or without effect: try the next size from a larger value
-                delta = 0.01 * reach
+            if (reach, size) not in found:
+                found |= yield from changes.find([reach], [size], first, smallest)
+            delta = found[reach, size]
+            if delta is None:  # below the integrator's errors, or without effect
                 continue
+            template = changes.known[delta]
+            assert template is not None
             if size == LINEAR_SIZE:
-                first = abs(delta)  # a good first try on the other side, too
-                opposite = change(-delta) if both_sides else None
+                first = abs(delta)
+                opposite = changes.known[-delta] if both_sides else None
                 if opposite is not None:
                     # The central difference: what both sides have in common is curvature, not the linear effect
                     central = 0.5 * (template - opposite)
@@ -252,7 +258,7 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
                 if candidate.name in derivatives:
                     template = derivatives[candidate.name] * delta
                 elif not is_square and _independent_share(basis, template) < MIN_SHARE_OF_LINEAR:
-                    template = _finer(change, delta, opposite is not None, template)
+                    template = _finer(changes.known, delta, opposite is not None, template)
                 # In a swing, finite changes in one direction, too, only show their own curvature: they shift its phase
                 if (opposite is not None or reduced.is_swing) and not is_square:
                     templates = FINITE_SIZES if _independent_share(basis, template) > MIN_SHARE_FOR_FINITE else ()
@@ -278,15 +284,13 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
             if size == FINITE_SIZES[-1]:
                 scale = max(scale, abs(delta))
             elif reduced.is_swing and not templates:
-                # Finite changes would show the scale alone, and a run of a long swing costs ten times that of a loop
+                # Finite changes would show the scale alone
                 scale = max(scale, min(abs(delta) * FINITE_SIZES[-1] / size, abs(reach)))
                 break
             elif size == FINITE_SIZES[0] and not (templates and _alignment(basis, linear, template) < MIN_ALIGNMENT):
                 # A still larger change would say the same again
                 scale = max(scale, min(abs(delta) * FINITE_SIZES[-1] / FINITE_SIZES[0], abs(reach)))
                 break
-            else:
-                delta *= FINITE_SIZES[0] / LINEAR_SIZE if size == LINEAR_SIZE else FINITE_SIZES[-1] / FINITE_SIZES[0]
     if not scale:
         return None
     scale *= SCALE_SIZE / FINITE_SIZES[-1]
@@ -310,10 +314,119 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
     )
 
 
-def _finer(change: Callable[[float], Array | None], delta: float, central: bool, template: Array) -> Array:
+class _Changes:
+    """What values of a candidate do to the standardised prediction, each computed once."""
+
+    def __init__(self, problem: Problem, x: Array, companion_count: int, rows: int) -> None:
+        """Prepare; ``x``: parameters without the candidate and its companions; ``rows``: length of a change."""
+        self._problem, self._null = problem, np.concatenate([x, np.zeros(1 + companion_count)])
+        self._rows = rows
+        self._place = len(x)
+        self._here: Array | None = None
+        self._events: NDArray[np.bool_] = np.zeros(0, dtype=bool)
+        self.known: dict[float, Array | None] = {}
+        """Change of the value [SI] -> that of the prediction; None: the model cannot run there, or loses an event."""
+        self.cannot_run = False
+        """Whether the model cannot run without the candidate."""
+
+    def compute(self, deltas: Iterable[float]) -> Steps[None]:
+        """Compute what these changes of the value do [SI], all at once."""
+        new = [delta for delta in dict.fromkeys(deltas) if delta not in self.known]
+        if not new or self.cannot_run:
+            return
+        at = np.tile(self._null, (len(new) + (self._here is None), 1))
+        at[-len(new) :, self._place] = new
+        predicted = yield self._problem, at
+        residuals = [self._problem.residuals_of(x, row) for x, row in zip(at, predicted, strict=True)]
+        if self._here is None:
+            self._here = residuals[0]
+            if self._here is None:
+                self.cannot_run = True
+                return
+            self._events = self._problem.events_that_happen(self._null)
+        for x, delta, moved in zip(at[-len(new) :], new, residuals[-len(new) :], strict=True):
+            change = None
+            if moved is not None and not (len(self._events) and self._loses_event(x)):
+                change = np.zeros(self._rows)  # the rows of the prior stay zero: a candidate has none
+                change[: self._problem.measured_rows] = (self._here - moved)[: self._problem.measured_rows]
+            self.known[delta] = change
+
+    def _loses_event(self, x: Array) -> bool:
+        return bool(np.any(self._events & ~self._problem.events_that_happen(x)))
+
+    def find(
+        self, reaches: Sequence[float], sizes: Sequence[float], first: float, smallest: float
+    ) -> Steps[dict[tuple[float, float], float | None]]:
+        """Find changes of the value up to each reach [SI] that change the prediction by about these sizes.
+
+        Where a change of ``smallest`` [SI] cannot run, no smaller one is tried; ``first`` is tried first.
+
+        Returns (reach, size) -> change of the value; None if the reach comes first and hardly anything changes.
+        """
+        sides = {reach: math.copysign(1.0, reach) for reach in reaches}
+        tries = [side * min(first * factor, abs(reach)) for reach, side in sides.items() for factor in FIRST_FACTORS]
+        for _ in range(MAX_TRIES):
+            yield from self.compute(tries)
+            tries = []
+            for reach, side in sides.items():
+                guesses = [_next_try(self._tried(side), abs(reach), size, smallest) for size in sizes]
+                tries += [side * guess for guess in guesses if guess is not None]
+            if not tries or self.cannot_run:
+                break
+        return {(r, size): _chosen(self._tried(side), side, abs(r), size) for r, side in sides.items() for size in sizes}
+
+    def _tried(self, side: float) -> list[tuple[float, float]]:
+        """Return sizes of the changes of the value to a side, and of those of the prediction: infinite where it cannot run."""
+        return sorted((abs(d), math.inf if v is None else _rms(v)) for d, v in self.known.items() if d * side > 0)
+
+
+def _next_try(tried: Sequence[tuple[float, float]], reach: float, size: float, smallest: float) -> float | None:
+    """Return a change of the value to try for a change of the prediction by about ``size``; None: what was tried suffices.
+
+    Steps are in proportion to the change that is missing. Between a change that is too small and one that is too large, they
+    follow a power law through both, since what an effect does may grow with the square of its value.
+    """
+    # About the size is enough, since a score does not depend on it as long as the change is linear
+    if any(_is_about(rms, size) for _, rms in tried) or sum(math.isinf(rms) for _, rms in tried) > MAX_FAILURES:
+        return None
+    low = max([t for t in tried if t[1] < size], default=(0.0, 0.0))
+    high = min([t for t in tried if t[0] > low[0]], default=(math.inf, math.inf))
+    if math.isinf(high[1]) and math.isfinite(high[0]):
+        # A string that stretches too little for the integrator's steps: what runs at a larger value does not at any smaller one
+        if high[0] <= smallest or any(math.isfinite(rms) for delta, rms in tried if delta > high[0]):
+            return None
+    elif math.isinf(high[0]) and low[0] >= reach:
+        return None
+    if low[1] > 0 and math.isfinite(high[1]):
+        share = math.log(size / low[1]) / math.log(high[1] / low[1])
+        guess = low[0] * (high[0] / low[0]) ** share
+    else:
+        # At most two decades, since far from there the change is hardly proportional
+        known = low if low[0] else high
+        guess = known[0] * min(max(size / max(known[1], 1e-30), 1e-2), 1e2)
+    if not low[0] < guess < high[0]:
+        guess = math.sqrt(max(low[0], high[0] / 100) * high[0]) if math.isfinite(high[0]) else 10 * low[0]
+    return min(guess, reach)
+
+
+def _chosen(tried: Sequence[tuple[float, float]], side: float, reach: float, size: float) -> float | None:
+    """Return the change of the value that changes the prediction by about ``size``, or hardly at all up to the reach: None."""
+    runs = [t for t in tried if math.isfinite(t[1]) and t[1] > 0]
+    if not runs:
+        return None
+    delta, rms = min(runs, key=lambda t: abs(math.log(t[1] / size)))
+    at_reach = delta >= reach and rms < size and rms > 0.1 * LINEAR_SIZE
+    return side * delta if _is_about(rms, size) or at_reach else None
+
+
+def _is_about(rms: float, size: float) -> bool:
+    return 0.5 < rms / size < 2
+
+
+def _finer(known: Mapping[float, Array | None], delta: float, central: bool, template: Array) -> Array:
     """Return the change by ``delta`` [SI] as far as it is linear, from a smaller one; ``template`` where that cannot run."""
-    ahead = change(FINER * delta)
-    behind = change(-FINER * delta) if central else None
+    ahead = known[FINER * delta]
+    behind = known[-FINER * delta] if central else None
     if ahead is None or (central and behind is None):
         return template
     return (ahead if behind is None else 0.5 * (ahead - behind)) / FINER
@@ -343,47 +456,3 @@ def _score(basis: Array, residual: Array, v: Array, delta: float) -> tuple[float
     template = _orthogonal_part(basis, v)
     norm = float(np.linalg.norm(template))
     return float(template @ residual) / norm, delta * float(template @ residual) / norm**2, abs(delta) / norm
-
-
-def _find_template(
-    change: Callable[[float], Array | None], delta: float, reach: float, size: float, smallest: float
-) -> tuple[float, Array | None]:
-    """Find a change of the value [SI] that changes the prediction by about ``size``.
-
-    Where a change of ``smallest`` [SI] cannot run, no smaller one is tried.
-
-    Steps are in proportion to the change that is missing. Between a change that is too small and one that is too large, they
-    follow a power law through both, since what an effect does may grow with the square of its value.
-
-    Returns the change of the value and that of the prediction; None if the bound comes first and hardly anything changes.
-    """
-    low, high, failures = (0.0, 0.0), (math.inf, math.inf), 0
-    tried, v = delta, None
-    for _ in range(MAX_TRIES):
-        tried = delta = math.copysign(min(abs(delta), abs(reach)), reach)
-        v = change(delta)
-        failures += v is None
-        # A string that stretches too little for the integrator's steps: what runs at a larger value does not at any smaller one
-        too_small = v is None and (math.isfinite(high[1]) or abs(delta) <= smallest)
-        if too_small or failures > MAX_FAILURES:
-            return delta, None
-        rms = math.inf if v is None else _rms(v)
-        # About the size is enough, since a score does not depend on it as long as the change is linear
-        if 0.5 < rms / size < 2:
-            return delta, v
-        if rms < size:
-            if abs(delta) >= abs(reach):
-                return delta, v if rms > 0.1 * LINEAR_SIZE else None
-            low = abs(delta), rms
-        else:
-            high = abs(delta), rms
-        if low[1] > 0 and math.isfinite(high[1]):
-            share = math.log(size / low[1]) / math.log(high[1] / low[1])
-            guess = low[0] * (high[0] / low[0]) ** share
-        else:
-            # At most two decades, since far from there the change is hardly proportional
-            guess = abs(delta) * min(max(size / max(rms, 1e-30), 1e-2), 1e2)
-        if not low[0] < guess < high[0]:
-            guess = math.sqrt(max(low[0], high[0] / 100) * high[0])
-        delta = math.copysign(guess, reach)
-    return tried, v

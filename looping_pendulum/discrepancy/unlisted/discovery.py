@@ -18,9 +18,10 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
-from looping_pendulum.discrepancy.fit.calibration import WINDOW_COST_TOLERANCE, Fit, FitError, minimise
+from looping_pendulum.discrepancy.fit.calibration import WINDOW_COST_TOLERANCE, Fit, FitError, minimise, minimise_steps
+from looping_pendulum.discrepancy.fit.predictions import Steps, together
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
-from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
+from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals_steps
 from looping_pendulum.discrepancy.listed.held_out import HeldOutTest, check_held_out
 from looping_pendulum.discrepancy.unlisted.closures import STRING, Closure, complexity_cost
 from looping_pendulum.discrepancy.unlisted.screening import (
@@ -149,10 +150,9 @@ def discover(
     def refit(chosen: Sequence[ScreenedClosure]) -> list[RefittedClosure]:
         """Refit closures, each once; without those with which the model cannot run."""
         new = [s for s in chosen if s.closure not in known]
-        names = [f"{s.closure.target} by {s.closure.coordinate}" for s in new]
-        results = workers.map(
-            _refit, (base, runs), new, names, lambda what: report_step(f"fitting an unknown law of the {what}")
-        )
+        if new:
+            report_step("fitting unknown laws, such as one of the " + f"{new[0].closure.target} by {new[0].closure.coordinate}")
+        results = workers.map_together(_refit_together, (base, runs), new)
         known.update(zip((s.closure for s in new), results, strict=True))
         return [r for s in chosen if (r := known[s.closure])]
 
@@ -307,16 +307,20 @@ BODIES = (LIGHT_MASS, "heavy mass", STRING)
 """Beginnings of the names of targets."""
 
 
-def _refit(shared: tuple[Fit, Motions], screened: ScreenedClosure) -> RefittedClosure | None:
+def _refit_together(shared: tuple[Fit, Motions], screened: Sequence[ScreenedClosure]) -> list[RefittedClosure | None]:
+    """Refit closures, in step."""
+    return together([_refit(*shared, one) for one in screened])
+
+
+def _refit(base: Fit, runs: Motions, screened: ScreenedClosure) -> Steps[RefittedClosure | None]:
     """Refit a closure to the trajectories with the ridge that maximises the evidence; None if the model cannot run."""
-    base, runs = shared
     closure = screened.closure
     problem = _problem(base.problem, closure, screened.ridge, 1.0)
     # The ridge is the scale of the weights in this problem, so that their prior has unit variance
     start = np.concatenate([base.x, np.zeros(len(closure.point_coefficients)), screened.weights / screened.ridge])
     try:
-        refitted = minimise(problem, start, cost_tolerance=WINDOW_COST_TOLERANCE, max_iterations=12)
-        fit = with_noise_of_residuals(refitted)
+        refitted = yield from minimise_steps(problem, start, cost_tolerance=WINDOW_COST_TOLERANCE, max_iterations=12)
+        fit = yield from with_noise_of_residuals_steps(refitted)
     except FitError:
         return None
     if closure.point is not None:
@@ -352,5 +356,5 @@ def _evidence_of_refit(base: Fit, refitted: Fit, closure: Closure) -> float:
     """
     points = set(closure.point_coefficients)
     kept = [i for i, name in enumerate(refitted.problem.names) if name not in points]
-    volumes = [float(np.linalg.slogdet(j.T @ j)[1]) for j in (refitted.known_jacobian[:, kept], base.jacobian)]
+    volumes = [float(np.linalg.slogdet(j.T @ j)[1]) for j in (refitted.jacobian[:, kept], base.jacobian)]
     return base.cost - refitted.cost - (volumes[0] - volumes[1]) - len(points) * math.log(base.problem.count)

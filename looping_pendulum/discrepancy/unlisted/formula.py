@@ -11,13 +11,14 @@ import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.data.study import Study, Trial
-from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, minimise
+from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, minimise_steps
+from looping_pendulum.discrepancy.fit.predictions import Steps, together
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
 from looping_pendulum.discrepancy.listed.held_out import HeldOutTest, check_held_out
@@ -103,13 +104,8 @@ def refit(
     Of those within `BIC_MARGIN` of the best, the first that is accepted on held-out data goes to the front.
     """
     predictions = predict_formulas(force, np.concatenate([d.sigma for d in base.problem.data]))[:MAX_REFITS]
-    results = workers.map(
-        _refit,
-        base,
-        predictions,
-        [p.form.name for p in predictions],
-        lambda what: report_step(f"fitting a formula of the unknown law, {what}"),
-    )
+    report_step("fitting formulas of the unknown law")
+    results = workers.map_together(_refit_together, base, predictions)
     formulas = sorted((f for f in results if f), key=lambda f: -f.delta_bic)
     for i, formula in enumerate(formulas):
         if formula.delta_bic < formulas[0].delta_bic - BIC_MARGIN:
@@ -136,7 +132,12 @@ def _delta_bic_of_profile(base: Fit, force: RecoveredForce) -> float:
     return base.cost - float(without_ridge @ without_ridge) - effective * math.log(base.problem.count)
 
 
-def _refit(base: Fit, prediction: PredictedFormula) -> FittedFormula | None:
+def _refit_together(base: Fit, predictions: Sequence[PredictedFormula]) -> list[FittedFormula | None]:
+    """Refit formulas to the trajectories, in step."""
+    return together([_refit(base, prediction) for prediction in predictions])
+
+
+def _refit(base: Fit, prediction: PredictedFormula) -> Steps[FittedFormula | None]:
     """Refit one formula to the trajectories from its predicted values; None if the model cannot run."""
     problem = _problem(base, prediction)
     n_declared = len(base.problem.free_parameters)
@@ -144,7 +145,7 @@ def _refit(base: Fit, prediction: PredictedFormula) -> FittedFormula | None:
     # The declared model's parameters start where the fit with radial basis functions left them.
     start = np.concatenate([prediction.force.fit.x[:n_declared], np.zeros(n_added)])
     try:
-        fit = minimise(problem, start, max_iterations=MAX_ITERATIONS)
+        fit = yield from minimise_steps(problem, start, max_iterations=MAX_ITERATIONS)
     except FitError:
         return None
     delta_bic = base.cost - fit.cost - n_added * math.log(base.problem.count)
@@ -218,23 +219,15 @@ class FormulaStudy(Study):
     """Values of the formula's parameters before a fit changes them [SI]."""
 
     def parameters(self, values: Mapping[str, float], trial: Trial) -> Parameters:
-        """Return the reference's parameters of a trial, whose `replace` takes the formula's parameters, too."""
-        plain = super().parameters(values, trial)
-        return cast(Parameters, _FormulaParameters(plain.replace(**self.closure_coefficients(self.start_values)), self))
+        """Return the reference's parameters of a trial."""
+        return super().parameters(values, trial).replace(**self.closure_coefficients(self.start_values))
 
-
-class _FormulaParameters:
-    """Parameters of the reference whose `replace` takes a formula's parameters, too; all else is theirs."""
-
-    def __init__(self, plain: Parameters, study: FormulaStudy) -> None:
-        self._plain = plain
-        self._study = study
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._plain, name)
-
-    def replace(self, **changes: object) -> Parameters:
-        starts = zip(self._study.formula_parameters, self._study.start_values, strict=True)
-        values = [cast(float, changes.pop(name, start)) for name, start in starts]
+    def changes_of_model(self, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the same with the coefficients of the closure in place of the formula's parameters."""
+        values = [changes.get(name, v) for name, v in zip(self.formula_parameters, self.start_values, strict=True)]
+        rest = {name: value for name, value in changes.items() if name not in self.formula_parameters}
         # A point among the changes is that of the fit, and not the one at which the formula was fitted first
-        return self._plain.replace(**{**self._study.closure_coefficients(values), **changes})
+        if not any(np.ndim(v) for v in values):
+            return {**self.closure_coefficients(values), **rest}
+        rows = [self.closure_coefficients(row) for row in zip(*np.broadcast_arrays(*values), strict=True)]
+        return {**{name: np.array([row[name] for row in rows]) for name in rows[0]}, **rest}

@@ -21,6 +21,7 @@ from scipy.linalg import qr
 
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.fit.calibration import Fit
+from looping_pendulum.discrepancy.fit.predictions import predict
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.unlisted.closures import COORDINATES_OF, TARGETS, Closure, factors_of
 from looping_pendulum.discrepancy.workers import SERIAL, Batch, Workers
@@ -281,14 +282,14 @@ def _respond(shared: tuple[Problem, Array, float], batch: tuple[str, int]) -> Ar
     mean, root = np.zeros(len(parameters)), np.eye(len(parameters))
     rows = len(x) + problem.measured_rows
     pulsed = Problem(closure.added_to(problem.study), problem.data, parameters, (mean, root))
-    start = np.append(x, np.zeros(len(added)))
-    residuals = pulsed.residuals(start)
+    at = np.append(x, np.zeros(len(added))) + np.vstack([np.zeros(len(parameters)), np.eye(len(parameters))[len(x) :]])
+    (predicted,) = predict([(pulsed, at)])
+    residuals = pulsed.residuals_of(at[0], predicted[0])
     assert residuals is not None
     columns = np.zeros((rows, len(added)))
     for i in range(len(added)):
-        moved = start.copy()
-        moved[len(x) + i] = 1.0  # in units of the weight's scale
-        changed = pulsed.residuals(moved)
+        # in units of the weight's scale
+        changed = pulsed.residuals_of(at[1 + i], predicted[1 + i])
         # the sign: a residual is measured less predicted; the rows of the priors do not change
         if changed is not None:
             columns[: problem.measured_rows, i] = ((residuals - changed) / PULSE_SIZE)[: problem.measured_rows]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import nullcontext
 
 import numpy as np
@@ -14,11 +14,23 @@ from looping_pendulum.reference_ode.batch.numbers import Columns, column_names
 from looping_pendulum.reference_ode.batch.result import ENDS, FAILED, BatchResult, sequence_hash
 from looping_pendulum.reference_ode.batch.samples import BatchSamples
 from looping_pendulum.reference_ode.batch.sharing import BatchRuns, Progress, SharedBatch, work, work_together
+from looping_pendulum.reference_ode.batch.steps import supports_batch
+from looping_pendulum.reference_ode.effects import EFFECTS, Effect, EffectKind
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.reference_ode.parameters import Parameters
-from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE
+from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, available_integrators
 
-__all__ = ["ENDS", "FAILED", "BatchResult", "BatchSamples", "Progress", "sample_batch", "sequence_hash", "solve_batch"]
+__all__ = [
+    "ENDS",
+    "FAILED",
+    "BatchResult",
+    "BatchSamples",
+    "Progress",
+    "sample_batch",
+    "sequence_hash",
+    "solve_batch",
+    "supports",
+]
 
 
 def solve_batch(
@@ -81,10 +93,18 @@ def sample_batch(
     columns: Columns,
     times: Sequence[Array],
     *,
-    duration: float = DURATION,
+    duration: float | Array = DURATION,
     tolerance: float = TOLERANCE,
 ) -> BatchSamples:
     """Return samples of the runs of `solve_batch`, each at ascending times of its own [s], from the steps that the batch takes.
+
+    If an effect acts beyond those of the paper's model, so do all others that a batch supports, at their null values: one
+    compiled model then serves all of them, which takes seconds to compile.
+
+    Parameters
+    ----------
+    duration
+        Limit on the simulated time [s], for all runs or for each, shape (n,).
 
     Raises
     ------
@@ -95,8 +115,30 @@ def sample_batch(
     if len(times) != n:
         raise ParameterError(f"times: found those of {len(times)} runs, needed {n}")
     samples = BatchSamples.at([np.asarray(t, dtype=float) for t in times])
-    work(BatchRuns(SharedBatch.of(base, columns, n, duration, tolerance, 1)), samples)
+    acting = _compiled_together(base, columns)
+    work(BatchRuns(SharedBatch.of(base, columns, n, duration, tolerance, 1, acting)), samples)
     return samples
+
+
+def supports(base: Parameters, names: Collection[str]) -> bool:
+    """Return whether runs with these coefficients, beside those of ``base``, are stepped together, not one after another."""
+    return "heyoka" in available_integrators() and supports_batch(base.effects_with(names))
+
+
+def _compiled_together(base: Parameters, columns: Columns) -> frozenset[str]:
+    """Return coefficients whose effects are compiled in, whether they act or not."""
+    effects = base.effects_with([name for name in columns if name in base.coefficients])
+    if not supports_batch(effects) or not any(_is_common(effect) and not effect.in_base_model for effect in effects):
+        return frozenset()
+    # At rest the speed of air that does not move has no derivative, and a swing comes to rest again and again
+    left_out = {"wind"} if base.release is Release.HELD else set()
+    common = [effect for effect in EFFECTS.values() if _is_common(effect) and effect.name not in left_out]
+    return frozenset(c.name for effect in common for c in effect.coefficients)
+
+
+def _is_common(effect: Effect) -> bool:
+    """Return whether an effect is compiled in beside any other. One from elsewhere is not, nor a closure, which is large."""
+    return not effect.package and effect.kind not in (EffectKind.CLOSURE, EffectKind.RELEASE) and supports_batch((effect,))
 
 
 def _checked_length(base: Parameters, columns: Columns) -> int:

@@ -155,6 +155,8 @@ class SampleLog:
         step, samples = entries[0].step, self._samples
         groups = -(-count // TOGETHER)  # rounded up
         column, group = _each(np.zeros_like(groups), groups)
+        if not len(column):
+            return
         index = first[column] + TOGETHER * group + np.arange(TOGETHER)[:, None]
         index = np.minimum(index, (first + count - 1)[column])  # the last group repeats its last sample
         terms = len(step.rows) * (step.order + 1)

@@ -22,6 +22,7 @@ from looping_pendulum.reference_ode.batch.result import ENDS, HASH_START, BatchR
 from looping_pendulum.reference_ode.batch.samples import BatchSamples, SampleLog
 from looping_pendulum.reference_ode.batch.steps import NO_EVENT, UNSURE_EVENT, stepper
 from looping_pendulum.reference_ode.driver import MAX_EVENTS
+from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.rules import REST_SERIES_DURATION
 from looping_pendulum.reference_ode.state import Effects, State
@@ -91,7 +92,7 @@ class Schedule:
         result: BatchResult,
         effects: Effects,
         release: Release,
-        duration: float,
+        durations: Array,
         tolerance: float,
         samples: BatchSamples | None = None,
     ) -> None:
@@ -102,7 +103,7 @@ class Schedule:
         self._source, self._result = source, result
         self._log = None if samples is None else SampleLog(samples)
         self._model = batch_model(effects, source.parameter_values(np.arange(0)))
-        self._duration, self._tolerance = duration, tolerance
+        self._durations, self._tolerance = durations, tolerance
         self._kind = release
         self._queues: dict[BatchTask, list[Block]] = defaultdict(list)
         self._running_count = 0
@@ -150,7 +151,7 @@ class Schedule:
         block = Block(np.zeros((len(BOOKKEEPING) + len(LEADING) + len(self._model.names), len(runs))))
         for row, name in enumerate(self._model.names, start=len(LEADING)):
             block.inputs[row] = values[name]
-        block["run"], block["duration"] = runs.astype(float), self._duration
+        block["run"], block["duration"] = runs.astype(float), self._durations[runs]
         block["free_length"], block["wrap_angle"] = values["free_length"], values["release_angle"]
         along, across = (np.broadcast_to(values[name], len(runs)) for name in ("push_along", "push_across"))
         released = State(block["free_length"].copy(), block["wrap_angle"].copy(), along, across, 0.0, 0.0)
@@ -183,10 +184,13 @@ class Schedule:
             clear = (out[-1] > 0) & (block["steps"] < MAX_STEPS)
             if self._log is not None:
                 self._log.add(step, out[:-1], runs, np.where(clear, moved[-1], -np.inf)[:n])
-            for row, new in zip(step.rows, moved, strict=True):
-                np.copyto(inputs[row], new, where=clear)
-            block["steps"] += clear
             moving_count = np.count_nonzero(clear)
+            if moving_count == len(clear):
+                inputs[step.rows] = moved
+            else:
+                for row, new in zip(step.rows, moved, strict=True):
+                    np.copyto(inputs[row], new, where=clear)
+            block["steps"] += clear
             if not moving_count or len(clear) - moving_count > max_waiting:
                 break
         # [:n]: without the columns that only fill the last vector
@@ -254,7 +258,7 @@ class Schedule:
     def _record_end(self, block: Block, runs: Index, mode: Mode, event: Event) -> None:
         """Record how the runs ended; halts only where the light mass reached the rod while the string was sticking."""
         result = self._result
-        result.end_time[runs] = self._duration if event is Event.TIME_UP else block["time"]
+        result.end_time[runs] = block["duration"] if event is Event.TIME_UP else block["time"]
         result.wrap_angle[runs], result.free_length[runs] = block["wrap_angle"], block["free_length"]
         (result.drop[runs],) = drop(self._model)(block.inputs)
         if self._log is not None:

@@ -47,9 +47,11 @@ class SharedBatch:
     """Names of the columns."""
     n: int
     """Number of runs."""
-    duration: float
-    """Limit on the simulated time [s]."""
+    durations: Array
+    """Limit on the simulated time of each run [s], shape (n,)."""
     tolerance: float
+    acting: frozenset[str]
+    """Coefficients whose effects are compiled in even at their null values."""
     processes: int
     column_buffer: Any
     """Values of the columns, one column after another."""
@@ -61,7 +63,16 @@ class SharedBatch:
     """Number of runs that have ended."""
 
     @classmethod
-    def of(cls, base: Parameters, columns: Columns, n: int, duration: float, tolerance: float, processes: int) -> SharedBatch:
+    def of(
+        cls,
+        base: Parameters,
+        columns: Columns,
+        n: int,
+        duration: float | Array,
+        tolerance: float,
+        processes: int,
+        acting: frozenset[str] = frozenset(),
+    ) -> SharedBatch:
         """Return a batch of which no run has been taken yet."""
         value_count, result_bytes = n * len(columns), n * BYTES_PER_RUN
         alone = processes == 1
@@ -69,8 +80,9 @@ class SharedBatch:
             base=base,
             names=tuple(columns),
             n=n,
-            duration=duration,
+            durations=np.broadcast_to(np.asarray(duration, dtype=float), n),
             tolerance=tolerance,
+            acting=acting,
             processes=processes,
             column_buffer=np.empty(value_count) if alone else _SPAWN.RawArray("d", value_count),
             result_buffer=bytearray(result_bytes) if alone else _SPAWN.RawArray("b", result_bytes),
@@ -144,9 +156,9 @@ class BatchRuns:
 def work(runs: BatchRuns, samples: BatchSamples | None = None) -> None:
     """Take runs until none are left, and fill in their results, and their samples if any are wanted."""
     job, result = runs.job, runs.job.result()
-    effects = job.base.effects_with([name for name in job.names if name in job.base.coefficients])
+    effects = job.base.effects_with(job.acting.union(name for name in job.names if name in job.base.coefficients))
     if "heyoka" in available_integrators() and supports_batch(effects):
-        Schedule(runs, result, effects, job.base.release, job.duration, job.tolerance, samples).run()
+        Schedule(runs, result, effects, job.base.release, job.durations, job.tolerance, samples).run()
         taken = runs.taken_here()
         # A run that failed here is solved once more by itself, where SciPy may take over from heyoka
         remaining = iter(taken[result.end[taken] == FAILED].tolist())
@@ -155,7 +167,7 @@ def work(runs: BatchRuns, samples: BatchSamples | None = None) -> None:
     for i in remaining:
         try:
             run = solve_without_warning(
-                parameters_of_run(job.base, runs.columns, i), duration=job.duration, tolerance=job.tolerance
+                parameters_of_run(job.base, runs.columns, i), duration=float(job.durations[i]), tolerance=job.tolerance
             )
         except (HarnessError, ArithmeticError):
             pass  # the run stays marked as failed
@@ -189,7 +201,9 @@ def _rerun_unfinished(job: SharedBatch) -> None:
     # A run that failed by itself looks like one that was never solved; it fails again
     unfinished = np.flatnonzero(result.end == FAILED)
     columns = {name: values[unfinished] for name, values in job.columns().items()}
-    rest = SharedBatch.of(job.base, columns, len(unfinished), job.duration, job.tolerance, processes=1)
+    rest = SharedBatch.of(
+        job.base, columns, len(unfinished), job.durations[unfinished], job.tolerance, processes=1, acting=job.acting
+    )
     work(BatchRuns(rest))
     result.put(unfinished, rest.result())
 

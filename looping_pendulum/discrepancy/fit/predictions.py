@@ -1,0 +1,218 @@
+"""Predict what is measured at many parameters of many problems at once, their runs in a batch; and steps of fits in step."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from looping_pendulum.discrepancy.data.camera import CAMERA, Camera
+from looping_pendulum.discrepancy.data.measurement import FIT_TOLERANCE, SampledRuns, predict_many, sample_times
+from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.errors import HarnessError
+from looping_pendulum.reference_ode.batch import sample_batch, supports
+from looping_pendulum.reference_ode.effects import EffectKind
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.parameters import NUMBERS, Parameters, Release
+
+T = TypeVar("T")
+Request = tuple[Problem, Array]
+"""A problem and parameters of it, shape (m, p)."""
+Steps = Generator[Request, Array, T]
+"""Asks for predictions, is sent each, shape (m, n), and returns a result at last."""
+MIN_BATCH = 8
+"""Number of runs from which on they are made in a batch: what one costs beside its runs is as much as so many single ones."""
+
+PLACES = ("rod_radius", "free_length", "release_angle", "hanging_length")
+"""Parameters that say, beside the state, where the masses are."""
+
+
+def predict(requests: Sequence[Request]) -> list[Array]:
+    """Return what is predicted of all trials of each problem at its parameters, shape (m, n); nan: a trial's model cannot run.
+
+    Single runs are made where they are few, for swings of a held pendulum, which heyoka alone passes through turning points at
+    once, for tables of events, which a batch does not keep, and for effects that add variables to the state: to compile these
+    for a batch takes longer than all their runs in a search. All others are one batch for the declared model's effects and one
+    for further ones.
+    """
+    found = [np.full((len(x), problem.measured_rows), np.nan) for problem, x in requests]
+    groups: dict[tuple[Any, ...], list[_Part]] = {}
+    for into, (problem, x) in zip(found, requests, strict=True):
+        end = 0
+        for k, d in enumerate(problem.data):
+            begin, end = end, end + len(d.value)
+            part = _Part.of(problem, x, k, into[:, begin:end])
+            if part is None:
+                _predict_singly(problem, x, k, into[:, begin:end])
+            else:
+                groups.setdefault(part.model, []).append(part)
+    for parts in groups.values():
+        if sum(len(part.first) for part in parts) >= MIN_BATCH:
+            _predict_together(parts)
+        else:
+            for part in parts:
+                _predict_singly(part.problem, part.x, part.k, part.into)
+    return found
+
+
+def together(steps: Sequence[Steps[T]]) -> list[T]:
+    """Take the steps of many fits in step, each step of all one call of `predict`; return their results.
+
+    Raises
+    ------
+    HarnessError
+        That of the first fit, in their order, that has one.
+    """
+    found = _run(steps)
+    for error in (r for r in found if isinstance(r, HarnessError)):
+        raise error
+    return [r for r in found if not isinstance(r, HarnessError)]
+
+
+def alone(steps: Steps[T]) -> T:
+    """Take the steps of one fit; return its result, or raise its error."""
+    (result,) = _run([steps])
+    if isinstance(result, HarnessError):
+        raise result
+    return result
+
+
+def _run(steps: Sequence[Steps[T]]) -> list[T | HarnessError]:
+    results: dict[int, T | HarnessError] = {}
+    waiting = list(enumerate(steps))
+    answers: list[Any] = [None] * len(waiting)
+    while waiting:
+        asking, requests = [], []
+        for (i, one), answer in zip(waiting, answers, strict=True):
+            try:
+                requests.append(one.send(answer))
+                asking.append((i, one))
+            except StopIteration as end:
+                results[i] = end.value
+            except HarnessError as error:
+                results[i] = error
+        waiting, answers = asking, predict(requests)
+    return [results[i] for i in range(len(steps))]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Part:
+    """A trial at many parameters, whose runs are made in a batch."""
+
+    problem: Problem
+    x: Array
+    k: int
+    columns: Mapping[str, Array]
+    """Parameters of the model that differ between the rows, shape (m,) each."""
+    camera: Mapping[str, Array]
+    into: Array
+    """Where the predictions are wanted, shape (m, n)."""
+    first: NDArray[np.intp]
+    """A row of each run that is made."""
+    run: NDArray[np.intp]
+    """Run of each row, an index into ``first``."""
+
+    @classmethod
+    def of(cls, problem: Problem, x: Array, k: int, into: Array) -> _Part | None:
+        """Return a trial as a part of a batch; None if its runs are made one by one."""
+        d, base = problem.data[k], problem.base[k]
+        if d.events or not d.channels or base.release is Release.HELD:
+            return None
+        changes, camera = problem.changes(list(x.T), k)
+        names = [name for name in changes if name in base.coefficients]
+        if not supports(base, names):
+            return None
+        columns = {name: np.broadcast_to(values, len(x)) for name, values in base.with_static_friction(changes).items()}
+        camera = {name: np.broadcast_to(np.asarray(values, dtype=float), len(x)) for name, values in camera.items()}
+        clock = [camera[name] for name in ("clock_offset", "clock_ratio") if name in camera]
+        # Rows that differ by the camera alone show the same run
+        keys = np.column_stack([*columns.values(), *clock, np.zeros(len(x))])
+        seen: dict[bytes, int] = {}
+        run = np.array([seen.setdefault(row.tobytes(), len(seen)) for row in keys], dtype=np.intp)
+        first = np.array([int(np.flatnonzero(run == i)[0]) for i in range(len(seen))], dtype=np.intp)
+        return cls(problem=problem, x=x, k=k, columns=columns, camera=camera, into=into, first=first, run=run)
+
+    @property
+    def base(self) -> Parameters:
+        """Parameters that do not differ between the rows."""
+        return self.problem.base[self.k]
+
+    @property
+    def model(self) -> tuple[Any, ...]:
+        """What the runs of one batch have in common."""
+        names = [name for name in self.columns if name in self.base.coefficients]
+        further = [effect for effect in self.base.effects_with(names) if not effect.in_base_model]
+        has_closure = any(effect.kind is EffectKind.CLOSURE for effect in further)
+        return self.base.release, self.base.own_effects, bool(further), has_closure
+
+    def value(self, name: str) -> Array:
+        """Return a parameter of all runs, shape (runs,)."""
+        if name in self.columns:
+            return self.columns[name][self.first]
+        base = self.base
+        given = base.coefficients[name] if name in base.coefficients else getattr(base, name)
+        return np.full(len(self.first), given)
+
+    def clocks(self) -> dict[tuple[float, float], NDArray[np.intp]]:
+        """Return (offset, ratio) of a clock -> the runs that are sampled by it."""
+        found: dict[tuple[float, float], list[int]] = {}
+        offset, ratio = (
+            self.camera.get(name, np.full(len(self.run), CAMERA[name].null))[self.first]
+            for name in ("clock_offset", "clock_ratio")
+        )
+        for i, clock in enumerate(zip(offset.tolist(), ratio.tolist(), strict=True)):
+            found.setdefault(clock, []).append(i)
+        return {clock: np.array(runs, dtype=np.intp) for clock, runs in found.items()}
+
+    def times(self, clocks: Mapping[tuple[float, float], NDArray[np.intp]]) -> list[Array]:
+        """Return the times at which each run is sampled [s]."""
+        found = [np.zeros(0)] * len(self.first)
+        for clock, runs in clocks.items():
+            wanted = sample_times(*clock, self.problem.data[self.k].channels).times
+            for run in runs:
+                found[run] = wanted
+        return found
+
+
+def _predict_together(parts: Sequence[_Part]) -> None:
+    """Make the runs of all parts as one batch, and fill in what they predict."""
+    base = parts[0].base
+    bases = {id(part.base): vars(part.base.values()) for part in parts}.values()
+    differing = {name for part in parts for name in part.columns} | {"gravity"}  # at least one column
+    differing |= {n for n in (*NUMBERS, *base.coefficients) if any(values[n] != vars(base.values())[n] for values in bases)}
+    columns = {name: np.concatenate([part.value(name) for part in parts]) for name in sorted(differing)}
+    clocks = [part.clocks() for part in parts]
+    times = [t for part, by_clock in zip(parts, clocks, strict=True) for t in part.times(by_clock)]
+    # A millisecond longer, so that a run does not end just before the last point
+    duration = np.array([t[-1] + 1e-3 for t in times])
+    samples = sample_batch(base, columns, times, duration=duration, tolerance=FIT_TOLERANCE)
+    begin = 0
+    for part, by_clock in zip(parts, clocks, strict=True):
+        d = part.problem.data[part.k]
+        for clock, runs in by_clock.items():
+            wanted = sample_times(*clock, d.channels)
+            index = begin + runs
+            at = samples.start[index][:, None] + np.arange(len(wanted.times))
+            places = SimpleNamespace(**{n: part.value(n)[runs][:, None] for n in PLACES})
+            sampled = SampledRuns(samples.state[:, at], samples.count[index], places)
+            place = np.full(len(part.first), -1, dtype=np.intp)
+            place[runs] = np.arange(len(runs))
+            rows = np.flatnonzero(place[part.run] >= 0)
+            camera, valid = Camera.of_many({n: v[rows] for n, v in part.camera.items()}, len(rows))
+            values = predict_many(sampled, place[part.run[rows]], camera, d.channels, wanted, d.trial.dropped)
+            values[~valid] = np.nan
+            part.into[rows] = values
+        begin += len(part.first)
+
+
+def _predict_singly(problem: Problem, x: Array, k: int, into: Array) -> None:
+    """Fill in what a trial's runs predict, made one by one."""
+    for row, one in zip(into, x, strict=True):
+        try:
+            row[:] = problem.predict(one, k)
+        except (HarnessError, ValueError, ArithmeticError):
+            row[:] = np.nan
