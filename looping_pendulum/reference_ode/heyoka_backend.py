@@ -33,6 +33,8 @@ NAME = "heyoka"
 # Far above need: the longest mode of the shipped scenarios (`static_friction`) takes 148 steps at 1e-12
 MAX_STEPS = 20_000
 """Number of steps in one mode after which heyoka gives up."""
+MAX_SAMPLED_STEPS = 5_000
+"""The same for samples, but of a swing: fits ask for stiff strings, of which those that matter take up to 3 000 steps."""
 _ACROSS_SIGN = Signs._fields.index("across")
 SignAfterTurn = Callable[[float, State], float]
 """(time [s], state) at a turning point of the light mass -> sign of its speed across the string just after it."""
@@ -212,7 +214,8 @@ class HeyokaIntegrator:
 
         This is half the work of a segment.
         """
-        event, end, final, values = self._propagate(self._start(mode, t, y, signs), t, signs, until, times)
+        run, max_steps = self._start(mode, t, y, signs), MAX_STEPS if mode is Mode.CLAMPED else MAX_SAMPLED_STEPS
+        event, end, final, values = self._propagate(run, t, signs, until, times, max_steps)
         return event, end, final, SegmentSamples(mode=mode, signs=signs, t=times[: values.shape[1]], values=values)
 
     def advance_past_turns(
@@ -231,7 +234,7 @@ class HeyokaIntegrator:
         run = self._start(Mode.CLAMPED, t, y, signs)
         run.turns, run.sign_after_turn, _swinging = [], sign_after_turn, run
         try:
-            event, end, final, values = self._propagate(run, t, signs, until, times)
+            event, end, final, values = self._propagate(run, t, signs, until, times, MAX_STEPS)
             rows = np.array(run.turns).reshape(-1, len(run.names) + 2).T
         finally:
             run.turns = run.sign_after_turn = _swinging = None
@@ -244,14 +247,14 @@ class HeyokaIntegrator:
         return event, end, final, part, turns
 
     def _propagate(
-        self, run: _IntegratorOfMode, t: float, signs: Signs, until: float, times: Array
+        self, run: _IntegratorOfMode, t: float, signs: Signs, until: float, times: Array, max_steps: int
     ) -> tuple[Event, float, State, Array]:
         """Advance to an event, or to ``until`` [s]; return it, its time and state, and those at ``times`` [s] in columns."""
         taylor = run.integrator
-        outcome, *_, rows = taylor.propagate_grid(np.concatenate([[t], times]), max_steps=MAX_STEPS)
+        outcome, *_, rows = taylor.propagate_grid(np.concatenate([[t], times]), max_steps=max_steps)
         if outcome == run.time_limit and taylor.time < until:
             # The samples end before the time limit, and the mode goes on
-            outcome = taylor.propagate_until(until, max_steps=MAX_STEPS)[0]
+            outcome = taylor.propagate_until(until, max_steps=max_steps)[0]
         event = Event.TIME_UP if outcome == run.time_limit else self._event(run, outcome, signs)
         return event, taylor.time, run.whole_state(), _full(run, rows[1:].T)  # the first row is the start itself
 

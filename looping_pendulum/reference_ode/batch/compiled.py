@@ -51,12 +51,10 @@ def batch_model(effects: Effects, parameters: Mapping[str, Any]) -> BatchModel:
 class CompiledFunction:
     """A compiled function, evaluated on the columns of a table."""
 
-    def __init__(self, outputs: Sequence[Any], inputs: Sequence[Any], *, rarely_called: bool = False) -> None:
-        """Compile a function; one that is rarely called is optimised less, which takes less time and makes it hardly slower."""
+    def __init__(self, outputs: Sequence[Any], inputs: Sequence[Any]) -> None:
         hy = load_heyoka()
 
-        options = ({"opt_level": 1} if rarely_called else {}) | COMPILER_OPTIONS
-        self._function = hy.cfunc([expression(output) for output in outputs], list(inputs), **options)
+        self._function = hy.cfunc([expression(output) for output in outputs], list(inputs), **COMPILER_OPTIONS)
 
     def __call__(self, data: Array) -> Array:
         """Return the outputs, shape (number of outputs, n), of columns of inputs, shape (number of inputs, n).

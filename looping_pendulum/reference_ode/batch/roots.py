@@ -11,7 +11,7 @@ import numpy as np
 
 from looping_pendulum.reference_ode.batch.compiled import CompiledFunction, absolute_value
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.reference_ode.heyoka_library import load_heyoka
+from looping_pendulum.reference_ode.heyoka_library import compiled, load_heyoka
 
 # An interval is then 2^-50 of the step, four roundings of 1
 MAX_BISECTIONS = 50
@@ -133,19 +133,25 @@ def root_expressions(c: list[Any]) -> RootExpressions:
 @lru_cache(maxsize=8)
 def _compiled_root_expressions(degree: int) -> CompiledFunction:
     """Compile `root_expressions`; inputs: coefficients of ascending powers; outputs: the fields of `RootExpressions`."""
-    hy = load_heyoka()
 
-    c = [hy.expression(f"c{k}") for k in range(degree + 1)]
-    expressions = root_expressions(c)
-    return CompiledFunction([*expressions.bernstein, expressions.root, expressions.last_step], c)
+    def make() -> CompiledFunction:
+        hy = load_heyoka()
+        c = [hy.expression(f"c{k}") for k in range(degree + 1)]
+        expressions = root_expressions(c)
+        return CompiledFunction([*expressions.bernstein, expressions.root, expressions.last_step], c)
+
+    return compiled(("roots", degree), (), make)
 
 
 @lru_cache(maxsize=8)
 def _compiled_halves(degree: int) -> CompiledFunction:
     """Compile de Casteljau's subdivision: Bernstein coefficients on an interval -> on its left half, then on its right half."""
-    hy = load_heyoka()
 
-    b = [hy.expression(f"b{k}") for k in range(degree + 1)]
-    left = [hy.sum([comb(k, j) / 2.0**k * b[j] for j in range(k + 1)]) for k in range(degree + 1)]
-    right = [hy.sum([comb(k, j) / 2.0**k * b[degree - j] for j in range(k + 1)]) for k in range(degree + 1)]
-    return CompiledFunction([*left, *right[::-1]], b)
+    def make() -> CompiledFunction:
+        hy = load_heyoka()
+        b = [hy.expression(f"b{k}") for k in range(degree + 1)]
+        left = [hy.sum([comb(k, j) / 2.0**k * b[j] for j in range(k + 1)]) for k in range(degree + 1)]
+        right = [hy.sum([comb(k, j) / 2.0**k * b[degree - j] for j in range(k + 1)]) for k in range(degree + 1)]
+        return CompiledFunction([*left, *right[::-1]], b)
+
+    return compiled(("halves", degree), (), make)

@@ -68,7 +68,7 @@ class _Entry(NamedTuple):
 
     step: Stepper
     series: Array
-    """Outputs of `Stepper.series` but for the last one, shape (outputs - 1, n)."""
+    """`Stepper.sampled` of the outputs of `Stepper.series`, shape (outputs, n)."""
     runs: NDArray[np.int64]
     until: Array
     """Time up to which the runs were advanced [s]; -inf: not at all."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping
-from enum import Enum
 from itertools import pairwise
 from typing import Any, NamedTuple, Protocol
 
@@ -20,7 +19,7 @@ from looping_pendulum.reference_ode.batch.block import BOOKKEEPING, Block
 from looping_pendulum.reference_ode.batch.compiled import LEADING, batch_model, drop
 from looping_pendulum.reference_ode.batch.result import ENDS, HASH_START, BatchResult, update_hash
 from looping_pendulum.reference_ode.batch.samples import BatchSamples, SampleLog
-from looping_pendulum.reference_ode.batch.steps import NO_EVENT, UNSURE_EVENT, stepper
+from looping_pendulum.reference_ode.batch.steps import NO_EVENT, stepper
 from looping_pendulum.reference_ode.driver import MAX_EVENTS
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release
@@ -42,23 +41,11 @@ _BROKEN_DOWN = -2
 """Value in place of a combination of mode, event and phase: the run breaks down."""
 
 
-class BatchTaskKind(Enum):
-    """What the next task of a run does."""
-
-    STEPS = "take steps until the next one may hold an event"
-    EVENT = "advance to that event, or to the end of the step if there is none"
-    SEARCH = "the same, by the search that is never unsure"
-
-
-URGENCY = {BatchTaskKind.STEPS: 1, BatchTaskKind.EVENT: 1, BatchTaskKind.SEARCH: 16}
-"""Weight of one run in the length of a queue. Searches are rare; at weight 1 a run that needs one could wait until the others
-have ended, and then go on alone."""
-
-
 class BatchTask(NamedTuple):
-    """A task and the mode for which it is done; the key of a queue."""
+    """What the next task of a run does, and the mode for which it is done; the key of a queue."""
 
-    kind: BatchTaskKind
+    to_event: bool
+    """Whether it advances to the event that may lie in the next step; else it takes steps until one may hold an event."""
     mode: Mode
     """Mode whose compiled step is used (`_SHARED_STEP_MODES`)."""
 
@@ -116,22 +103,22 @@ class Schedule:
                 # Releasing new runs competes with the queues: its length is the number of places that are free
                 task, longest = None, MAX_CONCURRENT_RUNS - self._running_count if more else 0
                 for candidate, blocks in self._queues.items():
-                    length = URGENCY[candidate.kind] * sum(map(len, blocks))
+                    length = sum(map(len, blocks))
                     if length > longest:
                         task, longest = candidate, length
                 if task is None:
                     more = self._release(longest)
-                elif task.kind is BatchTaskKind.STEPS:
-                    self._step(task.mode, self._queues.pop(task))
+                elif task.to_event:
+                    self._advance_to_event(task.mode, Block.joined(self._queues.pop(task)))
                 else:
-                    self._advance_to_event(task, Block.joined(self._queues.pop(task)))
+                    self._step(task.mode, self._queues.pop(task))
             if self._log is not None:
                 self._log.finish()
 
-    def _enqueue(self, kind: BatchTaskKind, mode: Mode, block: Block) -> None:
+    def _enqueue(self, task: BatchTask, block: Block) -> None:
         """Put runs into the queue of a task."""
         if len(block):
-            self._queues[BatchTask(kind, mode)].append(block)
+            self._queues[task].append(block)
 
     def _enqueue_by_mode(self, block: Block) -> None:
         """Put runs into the queues of their modes; those that have ended leave."""
@@ -140,7 +127,7 @@ class Schedule:
             if mode is Mode.ENDED:
                 self._running_count -= len(columns)
             else:
-                self._enqueue(BatchTaskKind.STEPS, _SHARED_STEP_MODES.get(mode, mode), block.take(columns))
+                self._enqueue(BatchTask(False, _SHARED_STEP_MODES.get(mode, mode)), block.take(columns))
 
     def _release(self, most: int) -> bool:
         """Release the next runs; return whether there were any."""
@@ -178,12 +165,11 @@ class Schedule:
                 moved = out[:-1]
             else:
                 out = step.series.evaluate_padded(inputs)
-                terms = out[: len(step.rows) * (step.order + 1)]
-                moved = terms.reshape(len(step.rows), step.order + 1, -1).sum(axis=1)
+                moved = step.end(out)
             # No event can lie in a step in which the lower bound of all event functions is positive
             clear = (out[-1] > 0) & (block["steps"] < MAX_STEPS)
             if self._log is not None:
-                self._log.add(step, out[:-1], runs, np.where(clear, moved[-1], -np.inf)[:n])
+                self._log.add(step, out[step.sampled], runs, np.where(clear, moved[-1], -np.inf)[:n])
             moving_count = np.count_nonzero(clear)
             if moving_count == len(clear):
                 inputs[step.rows] = moved
@@ -194,25 +180,19 @@ class Schedule:
             if not moving_count or len(clear) - moving_count > max_waiting:
                 break
         # [:n]: without the columns that only fill the last vector
-        self._enqueue(BatchTaskKind.STEPS, mode, block.take(np.flatnonzero(clear[:n])))
-        self._enqueue(BatchTaskKind.EVENT, mode, block.take(np.flatnonzero(~clear[:n])))
+        self._enqueue(BatchTask(False, mode), block.take(np.flatnonzero(clear[:n])))
+        self._enqueue(BatchTask(True, mode), block.take(np.flatnonzero(~clear[:n])))
 
-    def _advance_to_event(self, task: BatchTask, block: Block) -> None:
+    def _advance_to_event(self, mode: Mode, block: Block) -> None:
         """Advance to the first event within the next step and apply it, or to the end of the step if there is none."""
-        step = stepper(self._model, task.mode, self._tolerance)
-        find_event = step.search_event if task.kind is BatchTaskKind.SEARCH else step.advance_to_event
-        moved, event = find_event(block.inputs)
-        unsure = event == UNSURE_EVENT
-        if unsure.any():
-            self._enqueue(BatchTaskKind.SEARCH, task.mode, block.take(np.flatnonzero(unsure)))
-            block, moved, event = block.take(np.flatnonzero(~unsure)), moved[:, ~unsure], event[~unsure]
+        step = stepper(self._model, mode, self._tolerance)
+        series = step.series(block.inputs)
+        moved, event = step.first_event(series)
         if self._log is not None:
             until = np.where(np.isfinite(moved).all(axis=0), moved[-1], -np.inf)
-            self._log.add(step, step.series(block.inputs)[:-1], block.runs, until)
+            self._log.add(step, series[step.sampled], block.runs, until)
         block.inputs[step.rows] = moved
-        if (
-            task.mode is Mode.SLIDING_DOWN
-        ):  # and SLIDING_UP: the taut string gives the heavy mass the speed u (`state.full_state`)
+        if mode is Mode.SLIDING_DOWN:  # and SLIDING_UP: the taut string gives the heavy mass the speed u (`state.full_state`)
             block["heavy_speed"] = block["retreat_speed"]
         block["events"] += event >= 0
         broken_down = (block["steps"] >= MAX_STEPS) | (block["events"] > MAX_EVENTS) | ~np.isfinite(moved).all(axis=0)

@@ -25,7 +25,7 @@ from looping_pendulum.reference_ode.batch.compiled import (
     absolute_value,
     expression,
 )
-from looping_pendulum.reference_ode.batch.roots import ROOT_TOLERANCE, first_falling_roots, horner, root_expressions
+from looping_pendulum.reference_ode.batch.roots import first_falling_roots, horner
 from looping_pendulum.reference_ode.batch.series import Series
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_library import compiled, load_heyoka
@@ -41,8 +41,8 @@ MAX_STEP_LENGTH = 100.0
 """Longest step in s [s/m]."""
 
 T = TypeVar("T")
-NO_EVENT, UNSURE_EVENT = -1, -2
-"""Values in place of an event's index: no event within the step; only `Stepper.search_event` can tell."""
+NO_EVENT = -1
+"""Value in place of an event's index: no event within the step."""
 
 
 def supports_batch(effects: Effects) -> bool:
@@ -75,50 +75,47 @@ class Stepper:
 
     @cached_property
     def series(self) -> CompiledFunction:
-        """Compile the step as series; outputs: for each of `rows` the terms of its powers, then `resting`, then that bound."""
-        hy = load_heyoka()
-        return self._function(
-            "series",
-            lambda t: [*chain(*t.motion), *(t.inputs[row] for row in self.resting), _smallest(hy, t.lower_bounds)],
-        )
+        """Compile the step as series; outputs: for each of `rows` its terms, `resting`, the terms of the event functions, and
+        the lower bound of `step`.
 
-    def advance_to_event(self, data: Array) -> tuple[Array, NDArray[np.int64]]:
-        """Return `rows` at the first event of the step, or at its end if there is none, and the event's index, or `NO_EVENT`.
-
-        The index is `UNSURE_EVENT` where only `search_event` finds it. Values are not finite where a run breaks down.
+        The terms of a series are the coefficients of the powers of the fraction of the step, in ascending order.
         """
-        out = self._to_event(data)
-        return out[:-1], out[-1].astype(np.int64)
-
-    def search_event(self, data: Array) -> tuple[Array, NDArray[np.int64]]:
-        """Return the same as `advance_to_event`, by a search that is slower but never unsure."""
-        coefficients = self._expand(data).reshape(-1, self.order + 1, data.shape[1]).swapaxes(0, 1)
-        motion, event_functions = coefficients[:, : len(self.rows)], coefficients[:, len(self.rows) :]
-        falls = first_falling_roots(event_functions.reshape(len(event_functions), -1)).reshape(event_functions.shape[1:])
-        first, event = falls.min(axis=0), np.where(np.isfinite(falls).any(axis=0), falls.argmin(axis=0), NO_EVENT)
-        finite = np.isfinite(coefficients).all(axis=(0, 1))
-        return horner(motion, np.where(finite, np.minimum(first, 1.0), np.nan)), event
-
-    @cached_property
-    def _to_event(self) -> CompiledFunction:
-        """Compile `advance_to_event`."""
         hy = load_heyoka()
 
         def outputs(t: _Terms) -> list[Any]:
-            fraction, event = _first_event(hy, t.event_functions, t.lower_bounds)
-            return [*(horner(terms, fraction) for terms in t.motion), event]
+            resting = [t.inputs[row] for row in self.resting]
+            return [*chain(*t.motion), *resting, *chain(*t.event_functions), _smallest(hy, t.lower_bounds)]
 
-        return self._function("to event", outputs, rarely_called=True)
+        return self._function("series", outputs)
 
-    @cached_property
-    def _expand(self) -> CompiledFunction:
-        """Compile the coefficients of `rows`, then of the event functions, in ascending powers of the fraction of the step."""
-        return self._function("expand", lambda t: [*chain(*t.motion, *t.event_functions)], rarely_called=True)
+    @property
+    def sampled(self) -> slice:
+        """Outputs of `series` that samples are made of: the terms of `rows`, then `resting`."""
+        return slice(0, len(self.rows) * (self.order + 1) + len(self.resting))
 
-    def _function(self, name: str, outputs: Callable[[_Terms], list[Any]], *, rarely_called: bool = False) -> CompiledFunction:
-        return self._compiled(
-            name, lambda: CompiledFunction(outputs(self._terms), self._terms.inputs, rarely_called=rarely_called)
-        )
+    def end(self, series: Array) -> Array:
+        """Return `rows` at the end of a step from the outputs of `series`."""
+        moved: Array = self._terms_of_rows(series).sum(axis=1)
+        return moved
+
+    def first_event(self, series: Array) -> tuple[Array, NDArray[np.int64]]:
+        """Return `rows` at the first event of a step, or at its end if there is none, and the event's index, or `NO_EVENT`.
+
+        Values are not finite where a run breaks down.
+        """
+        n = series.shape[1]
+        functions = series[self.sampled.stop : -1].reshape(len(self.events), self.order + 1, n).swapaxes(0, 1)
+        falls = first_falling_roots(functions.reshape(self.order + 1, -1)).reshape(len(self.events), n)
+        first, event = falls.min(axis=0), np.where(np.isfinite(falls).any(axis=0), falls.argmin(axis=0), NO_EVENT)
+        finite = np.isfinite(series).all(axis=0)
+        at = np.where(finite, np.minimum(first, 1.0), np.nan)
+        return horner(self._terms_of_rows(series).swapaxes(0, 1), at), event
+
+    def _terms_of_rows(self, series: Array) -> Array:
+        return series[: len(self.rows) * (self.order + 1)].reshape(len(self.rows), self.order + 1, -1)
+
+    def _function(self, name: str, outputs: Callable[[_Terms], list[Any]]) -> CompiledFunction:
+        return self._compiled(name, lambda: CompiledFunction(outputs(self._terms), self._terms.inputs))
 
     def _compiled(self, name: str, make: Callable[[], T]) -> T:
         what = ("step", name, self.mode.name, self._tolerance, self._model.names)
@@ -174,29 +171,6 @@ def _series(symbols: Symbols, mode: Mode, effects: Effects) -> tuple[dict[str, S
     event_series |= {event: y.free_length * function for event, function in event_series.items() if event in FORCE_EVENTS}
     event_series[Event.TIME_UP] = algebra.series(inputs["duration"]) - t
     return motion_series, {event: algebra.series(function) for event, function in event_series.items()}
-
-
-def _first_event(hy: Any, event_terms: list[list[Any]], lower_bounds: list[Any]) -> tuple[Any, Any]:
-    """Return expressions of the first event: the fraction of the step at which it happens, 1 without one, and its index.
-
-    The index is `UNSURE_EVENT` where Descartes' rule allows more than one root, Newton's method fails, or terms are not finite.
-    heyoka's expressions have no branches, so that every case is computed and `select` picks one.
-    """
-    first, event, sure = (hy.expression(value) for value in (math.inf, float(NO_EVENT), 1.0))
-    for i, (terms, lower_bound) in enumerate(zip(event_terms, lower_bounds, strict=True)):
-        bernstein, root, last_step = root_expressions(terms)
-        above = [hy.select(hy.gt(coefficient, 0.0), hy.expression(1.0), hy.expression(0.0)) for coefficient in bernstein]
-        sign_changes = hy.sum([(a - b) * (a - b) for a, b in zip(above, above[1:], strict=False)])
-        converged = hy.logical_and([hy.gte(root, 0.0), hy.lte(root, 1.0), hy.lt(last_step, ROOT_TOLERANCE)])
-        falls = hy.logical_and([hy.eq(sign_changes, 1.0), hy.gt(above[0], 0.0)])
-        rises = hy.logical_and([hy.eq(sign_changes, 1.0), hy.eq(above[0], 0.0)])
-        no_root = [hy.gt(lower_bound, 0.0), hy.eq(sign_changes, 0.0)]
-        clear = hy.logical_or([*no_root, rises, hy.logical_and([falls, converged])])
-        finite = hy.lt(hy.sum([absolute_value(term) for term in terms]), math.inf)
-        sure = hy.select(hy.logical_and([clear, finite]), sure, 0.0)
-        earlier = hy.logical_and([hy.lte(lower_bound, 0.0), falls, converged, hy.lt(root, first)])
-        first, event = hy.select(earlier, root, first), hy.select(earlier, hy.expression(float(i)), event)
-    return _smaller(hy, first, 1.0), hy.select(hy.gt(sure, 0.0), event, float(UNSURE_EVENT))
 
 
 def _step_length(hy: Any, moving: list[Series], event_series: list[Series], order: int, tolerance: float) -> Any:
