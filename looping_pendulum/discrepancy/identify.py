@@ -13,7 +13,7 @@ from looping_pendulum.discrepancy.conclusion import conclude
 from looping_pendulum.discrepancy.data.study import Study
 from looping_pendulum.discrepancy.first_look.check import take_first_look
 from looping_pendulum.discrepancy.identification import Conclusion, identification
-from looping_pendulum.discrepancy.inputs import read_inputs
+from looping_pendulum.discrepancy.inputs import Inputs, read_inputs
 from looping_pendulum.discrepancy.next_experiment import best_experiments
 from looping_pendulum.discrepancy.result import Experiment, Identification, Verdict
 from looping_pendulum.discrepancy.rounds import FractionCallback
@@ -89,7 +89,8 @@ def identify(
             first_look = take_first_look(study)
             if not anyway:
                 first_look.refuse_mistakes()
-            result = _identify(study, seed, progress_within_limit, team)
+            inputs = read_inputs(study, first_look.observations)
+            result = _identify(inputs, seed, progress_within_limit, team)
     except _OutOfTime:
         message = (
             f"--time-limit: found no fit of the declared model within {time_limit:g} s; check the study's units and values"
@@ -104,9 +105,8 @@ def _pool(workers: int | Workers | None) -> contextlib.AbstractContextManager[Wo
     return Workers(default_process_count() if workers is None else workers)
 
 
-def _identify(study: Study, seed: int, progress: FractionCallback, workers: Workers) -> Identification:
+def _identify(inputs: Inputs, seed: int, progress: FractionCallback, workers: Workers) -> Identification:
     """Identify; an interrupt after the calibration ends the search, one before it is raised."""
-    inputs = read_inputs(study)
     search = Search(inputs, seed, progress, workers)
     interrupted = False
     try:

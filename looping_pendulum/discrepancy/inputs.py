@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.data.observations import DataError, Observations
@@ -37,15 +39,20 @@ class Inputs:
         return any(d.channels for d in self.training)
 
 
-def read_inputs(study: Study) -> Inputs:
+def read_inputs(study: Study, known: Mapping[str, Observations] = MappingProxyType({})) -> Inputs:
     """Read every trial of a study.
+
+    Parameters
+    ----------
+    known
+        Trial -> its observations, where they have been read already.
 
     Raises
     ------
     DataError
         If a file cannot be used.
     """
-    observed = tuple((t, read_trial(study, t)) for t in study.trials)
+    observed = tuple((t, known.get(t.name) or read_trial(study, t)) for t in study.trials)
     for _, o in observed:
         if not o.used:
             raise DataError(f"{o.file}: found no measured value, needed at least one; leave this trial out")

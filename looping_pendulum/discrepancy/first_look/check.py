@@ -99,7 +99,7 @@ def take_first_look(study: Study) -> DeclarationCheck:
     for name, message in unreadable.items():
         if not any(name in m.trials and any(LENGTHS.name in n for n in m.names) for m in check.mistakes):
             raise ImplausibleLengthError(message)
-    return check
+    return dataclasses.replace(check, observations={t.name: o for t, o in observed if t.name not in unreadable})
 
 
 def check_declaration(study: Study, observed: Iterable[tuple[Trial, Observations]]) -> DeclarationCheck:

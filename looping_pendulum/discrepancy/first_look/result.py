@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from looping_pendulum.discrepancy.data.observations import DataError
+from looping_pendulum.discrepancy.data.observations import DataError, Observations
 from looping_pendulum.discrepancy.first_look.misfit import Distance
 from looping_pendulum.pages.numbers import quantity
 
@@ -65,6 +65,8 @@ class DeclarationCheck:
     """What looks wrong."""
     warnings: tuple[str, ...] = ()
     """Declared values of unusual size, in one line each; they do not contradict the points."""
+    observations: Mapping[str, Observations] = field(default_factory=dict, repr=False, compare=False)
+    """Trial -> what its files hold, read as they are declared."""
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -177,7 +177,8 @@ def responses_of(base: Fit, runs: Motions, workers: Workers = SERIAL, begun: Bat
     # the sensitivities to the weights are projected on the orthogonal complement of the Jacobian.
     fitted_basis, _ = np.linalg.qr(base.jacobian)
     unexplained = base.residuals - fitted_basis @ (fitted_basis.T @ base.residuals)
-    columns = workers.finish(begun or begin_responses(base, runs, workers))
+    shares = workers.finish(begun or begin_responses(base, runs, workers))
+    columns = [share[i] for i in range(max(map(len, shares))) for share in shares if i < len(share)]
     return Responses(base, runs, fitted_basis, unexplained, columns)
 
 
@@ -198,7 +199,8 @@ def screen(responses: Responses) -> list[ScreenedClosure]:
 def begin_responses(base: Fit, runs: Motions, workers: Workers) -> Batch:
     """Begin to compute the changes of the standardised prediction by pulses, for `screen`."""
     sides = [(side, i) for side in runs.pulsed_sides for i in range(0, N_PULSES, N_BASIS_FUNCTIONS)]
-    return workers.begin(_respond, (base.problem, base.x, runs.pulse_spacing), sides)
+    # Two shares, each a batch of runs
+    return workers.begin(_respond, (base.problem, base.x, runs.pulse_spacing), [sides[::2], sides[1::2]])
 
 
 class Responses:
@@ -270,29 +272,37 @@ class Responses:
         return ScreenedClosure(closure=closure, twice_log_bayes_factor=twice_log_bayes_factor, ridge=ridge, weights=weights)
 
 
-def _respond(shared: tuple[Problem, Array, float], batch: tuple[str, int]) -> Array:
-    """Return the change of the standardised prediction per unit of each pulse, from the first of a batch on."""
+def _respond(shared: tuple[Problem, Array, float], batches: Sequence[tuple[str, int]]) -> list[Array]:
+    """Return the changes of the standardised prediction per unit of each pulse, of batches of pulses by side and first one."""
     problem, x, spacing = shared
-    side, first = batch
-    closure = Closure(coordinate="time", factor="constant", target="", first_centre=first * spacing, spacing=spacing)
-    trials = tuple(t.name for t in problem.study.trials)
-    names = [weight_name(side, i) for i in range(N_BASIS_FUNCTIONS)]
-    added = [FreeParameter(name=n, parameter=n, trials=trials, init_value=0.0, scale=PULSE_SIZE, prior=1.0) for n in names]
-    parameters = (*problem.free_parameters, *added)
-    mean, root = np.zeros(len(parameters)), np.eye(len(parameters))
-    rows = len(x) + problem.measured_rows
-    pulsed = Problem(closure.added_to(problem.study), problem.data, parameters, (mean, root))
-    at = np.append(x, np.zeros(len(added))) + np.vstack([np.zeros(len(parameters)), np.eye(len(parameters))[len(x) :]])
-    (predicted,) = predict([(pulsed, at)])
+    requests = []
+    for side, first in batches:
+        closure = Closure(coordinate="time", factor="constant", target="", first_centre=first * spacing, spacing=spacing)
+        trials = tuple(t.name for t in problem.study.trials)
+        names = [weight_name(side, i) for i in range(N_BASIS_FUNCTIONS)]
+        added = [FreeParameter(name=n, parameter=n, trials=trials, init_value=0.0, scale=PULSE_SIZE, prior=1.0) for n in names]
+        parameters = (*problem.free_parameters, *added)
+        pulsed = Problem(
+            closure.added_to(problem.study), problem.data, parameters, (np.zeros(len(parameters)), np.eye(len(parameters)))
+        )
+        # The first without a pulse, the others with one each, in units of the weight's scale
+        at = np.tile(np.append(x, np.zeros(len(added))), (1 + len(added), 1))
+        at[1:, len(x) :] = np.eye(len(added))
+        requests.append((pulsed, at))
+    return [_columns(problem, *request, predicted) for request, predicted in zip(requests, predict(requests), strict=True)]
+
+
+def _columns(problem: Problem, pulsed: Problem, at: Array, predicted: Array) -> Array:
+    """Return the changes by the pulses of one batch, shape (rows of the problem, pulses)."""
+    measured = problem.measured_rows
     residuals = pulsed.residuals_of(at[0], predicted[0])
     assert residuals is not None
-    columns = np.zeros((rows, len(added)))
-    for i in range(len(added)):
-        # in units of the weight's scale
-        changed = pulsed.residuals_of(at[1 + i], predicted[1 + i])
+    columns = np.zeros((measured + len(problem.free_parameters), len(at) - 1))
+    for column, x, row in zip(columns.T, at[1:], predicted[1:], strict=True):
+        changed = pulsed.residuals_of(x, row)
         # the sign: a residual is measured less predicted; the rows of the priors do not change
         if changed is not None:
-            columns[: problem.measured_rows, i] = ((residuals - changed) / PULSE_SIZE)[: problem.measured_rows]
+            column[:measured] = ((residuals - changed) / PULSE_SIZE)[:measured]
     return columns
 
 
