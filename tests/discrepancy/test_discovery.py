@@ -11,6 +11,7 @@ from scipy.optimize import curve_fit
 
 from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit.calibration import calibrate
+from looping_pendulum.discrepancy.fit.predictions import alone
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.identify import identify
@@ -123,7 +124,7 @@ def test_no_force_is_recovered_from_clean_data(tmp_path):
     best = screen(responses_of(base, runs))[0]
     assert best.twice_log_bayes_factor < DECISIVE
     # Of so small a force the linear model of the screening has the evidence of the refit
-    refitted = _refit((base, runs), best)
+    refitted = alone(_refit(base, runs, best))
     assert refitted.twice_log_bayes_factor == pytest.approx(best.twice_log_bayes_factor, abs=0.3)
 
 
@@ -135,7 +136,7 @@ def test_no_formula_is_accepted_on_clean_data(tmp_path):
     runs = motions(base)
     best = screen(responses_of(base, runs))[0]
     assert best.twice_log_bayes_factor < DECISIVE
-    force = _tested(inputs.held_out, _refit((base, runs), best))
+    force = _tested(inputs.held_out, alone(_refit(base, runs, best)))
     fitted = formula.refit(base, force, inputs.held_out, lambda what: None)
     assert fitted
     assert all(w.delta_bic < DECISIVE for w in fitted)
@@ -155,7 +156,7 @@ def test_the_screening_names_what_a_law_acts_on_and_depends_on(tmp_path, thrust_
     assert (best.closure.target, best.closure.coordinate) == PLANTED_LAWS[name]
     assert best.twice_log_bayes_factor > 10 * DECISIVE
     if name == "thrust":  # which moves the light mass so far that the linear model has a third of the evidence
-        refitted = _refit((base, motions(base)), best)
+        refitted = alone(_refit(base, motions(base), best))
         left = refitted.fit.problem.with_data(base.problem.data).residuals(refitted.fit.x)
         assert 2 * best.twice_log_bayes_factor < refitted.twice_log_bayes_factor < base.cost - left @ left
     if best.closure.point is not None:

@@ -9,11 +9,10 @@ import pytest
 
 from looping_pendulum.discrepancy.data import noise
 from looping_pendulum.discrepancy.data.camera import Camera
-from looping_pendulum.discrepancy.data.measurement import estimate_noise, predict, predicted_derivatives, sampler, speed_at
+from looping_pendulum.discrepancy.data.measurement import estimate_noise, predict, sampler, speed_at
 from looping_pendulum.discrepancy.data.observations import Channel, DataError
 from looping_pendulum.reference_ode.parameters import Release
-from looping_pendulum.reference_ode.sensitivity import solve_sensitivities
-from looping_pendulum.reference_ode.solve import available_integrators, solve
+from looping_pendulum.reference_ode.solve import solve
 from tests.apparatus import TEN_TO_ONE, WITHOUT_LOSSES
 
 FRAME = 1 / 240
@@ -54,26 +53,6 @@ def test_a_camera_with_all_errors_measures_the_transformed_positions_at_the_true
     assert np.stack([prediction.values["light_x"], prediction.values["light_y"]], axis=1) == pytest.approx(
         CAMERA_WITH_ERRORS.project(reference), abs=1e-9
     )
-
-
-@pytest.mark.skipif("heyoka" not in available_integrators(), reason="heyoka is not installed")
-def test_derivatives_of_the_picture_are_those_of_the_prediction():
-    t = np.arange(0.02, 0.7, 10 * FRAME)
-    names = ("light_x", "light_y", "heavy_x", "heavy_y")
-    points = [Channel(name=name, t=t, value=t) for name in names]
-
-    def predicted(by):
-        changed = TEN_TO_ONE.replace(free_length=TEN_TO_ONE.free_length + by)
-        return predict(sampler(changed), CAMERA_WITH_ERRORS, points).values
-
-    exact = predicted_derivatives(
-        lambda times: solve_sensitivities(TEN_TO_ONE, times, ("free_length",), duration=1.0), CAMERA_WITH_ERRORS, points
-    )
-    step = 1e-5
-    ahead, behind = predicted(step), predicted(-step)
-    for name in names:
-        # A central difference of second order: 1e-10 of a third derivative of 1e3, and integrations to 1e-12 over 2e-5
-        assert exact[name][:, 0] == pytest.approx((ahead[name] - behind[name]) / (2 * step), abs=1e-5), name
 
 
 def test_before_the_release_and_after_the_end(run):

@@ -10,7 +10,7 @@ import pytest
 
 from looping_pendulum.discrepancy.data.angular_velocity import rates_from_release
 from looping_pendulum.discrepancy.data.camera import Camera
-from looping_pendulum.discrepancy.data.measurement import predict, predicted_derivatives, sampler
+from looping_pendulum.discrepancy.data.measurement import predict, sampler
 from looping_pendulum.discrepancy.data.observations import Channel, Observations
 from looping_pendulum.discrepancy.data.study import Trial
 from looping_pendulum.discrepancy.data.study_io import load
@@ -20,7 +20,6 @@ from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report import markdown
 from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-from looping_pendulum.reference_ode.sensitivity import solve_sensitivities
 from tests.blind.pendulum import Pendulum, motion, write_gyroscope
 from tests.discrepancy.blind_study import only_candidates
 from tests.discrepancy.held_study import write_held_study
@@ -148,12 +147,3 @@ def test_predicted_rates_and_their_derivatives():
     )[1]
     # The blind pendulum's own tolerance is 1e-10
     assert predicted(pushed) == pytest.approx(np.where(before, OFFSET, OFFSET - camera.clock_ratio * exact), abs=1e-6)
-    wrt = ("release_angle", "push_across", "light_drag", "free_length")
-    derivatives = predicted_derivatives(
-        lambda t: solve_sensitivities(pushed, t, wrt, duration=float(t[-1]) + 1e-3), camera, [channel]
-    )["angle_rate"]
-    for column, (name, step) in zip(derivatives.T, zip(wrt, (1e-4, 1e-4, 1e-5, 1e-5), strict=True), strict=True):
-        value = getattr(pushed, name, None) or pushed.coefficients[name]
-        difference = (predicted(pushed.replace(**{name: value + step})) - predicted(pushed.replace(**{name: value - step}))) / 2
-        assert column == pytest.approx(difference / step, abs=1e-4 * np.abs(column).max())
-    assert not derivatives[before].any()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -10,38 +12,42 @@ from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit.calibration import calibrate
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE, _find_template, _finer, screen
+from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE, _chosen, _finer, _next_try, screen
 from tests.blind.cases import CASES
 from tests.discrepancy.blind_study import write_study
 
 
+def found(change, first, reach, sizes, smallest):
+    """Look for changes of these sizes as a screening does; return them, and every value that was tried."""
+    rms, tries, steps = {}, [first], 0
+    while tries and steps < 12:
+        rms |= {value: change(value) for value in tries}
+        known = sorted(rms.items())
+        tries = [value for size in sizes if (value := _next_try(known, reach, size, smallest)) is not None]
+        steps += 1
+    return [_chosen(sorted(rms.items()), 1.0, reach, size) for size in sizes], rms, steps
+
+
 @pytest.mark.parametrize("power", [0.5, 1.0, 2.0, 3.0])
 @pytest.mark.parametrize("first", [1e-6, 4.0])
-def test_a_size_is_met_in_few_steps_and_the_value_is_that_of_the_change(power, first):
-    tried = []
-
-    def change(delta):
-        tried.append(delta)
-        return np.full(5, 40.0 * abs(delta) ** power)
-
-    delta, template = _find_template(change, first, 5.0, 0.3, 0.0)
-    assert 0.15 < template[0] < 0.6
-    assert template[0] == pytest.approx(40.0 * delta**power)
-    assert len(tried) <= 8
+def test_sizes_are_met_in_few_steps(power, first):
+    values, rms, steps = found(lambda value: 40.0 * value**power, first, 5.0, [0.3, 3.0, 12.0], 0.0)
+    for value, size in zip(values, [0.3, 3.0, 12.0], strict=True):
+        assert 0.5 < rms[value] / size < 2
+    assert steps <= 8
 
 
 @pytest.mark.parametrize("first", [1e-6, 1e-3])
 def test_below_a_value_that_cannot_run_nothing_is_tried(first):
     """A string that stretches too little takes more steps than the integrator has: no smaller value would run."""
-    tried = []
+    (value,), rms, _ = found(lambda value: 1e5 * value if value > 5e-5 else math.inf, first, 0.1, [0.3], 1e-6)
+    assert value is None
+    assert len(rms) <= 2
 
-    def change(delta):
-        tried.append(delta)
-        return np.full(5, 1e5 * delta) if delta > 5e-5 else None
 
-    _, template = _find_template(change, first, 0.1, 0.3, 1e-6)
-    assert template is None
-    assert len(tried) <= 2
+def test_the_reach_is_taken_if_something_changes_there():
+    assert found(lambda value: 0.2 * value, 1e-3, 0.5, [0.3], 0.0)[0] == [0.5]
+    assert found(lambda value: 0.01 * value, 1e-3, 0.5, [0.3], 0.0)[0] == [None]
 
 
 def test_a_push_out_of_the_plane_counts_by_its_square(tmp_path):
@@ -98,6 +104,6 @@ def test_a_change_that_fitted_parameters_nearly_undo_is_taken_where_it_is_linear
     def change(delta):
         return linear * delta + curved * delta * abs(delta)
 
-    template = change(2.0)
-    assert _finer(change, 2.0, central, template) == pytest.approx([2.0, 0.2])  # a tenth of the curvature
-    assert _finer(lambda delta: None, 2.0, central, template) is template
+    known = {2.0 * share: change(2.0 * share) for share in (1.0, 0.1, -0.1)}
+    assert _finer(known, 2.0, central, known[2.0]) == pytest.approx([2.0, 0.2])  # a tenth of the curvature
+    assert _finer(dict.fromkeys(known), 2.0, central, known[2.0]) is known[2.0]

@@ -184,8 +184,9 @@ def test_a_step_is_as_long_as_its_last_terms_allow():
     block["mode"], block["duration"], block["phase"] = float(Mode.SLIDING_DOWN), 5.0, 1.0
     model = batch_model(every[0].effects, equation_parameters(every[0], {}))
     step = stepper(model, Mode.SLIDING_DOWN, TOLERANCE)
-    terms = step._expand(block.inputs).reshape(-1, step.order + 1, 16)
-    moving, watched = terms[: len(step.rows) - 1], terms[len(step.rows) :]
+    series = step.series(block.inputs)
+    moving = series[: (len(step.rows) - 1) * (step.order + 1)].reshape(-1, step.order + 1, 16)
+    watched = series[step.sampled.stop : -1].reshape(-1, step.order + 1, 16)
     scale = np.maximum(np.abs(moving[:, 0]).max(axis=0), 1.0)
     last = [np.abs(moving[:, n]) / scale for n in (-2, -1)] + [
         np.abs(watched[:, n]) / np.maximum(np.abs(watched[:, 0]), 1.0) for n in (-2, -1)
@@ -227,6 +228,7 @@ def test_only_events_count_as_events(monkeypatch):
 ])  # fmt: skip
 def test_a_fallback_warning_points_at_the_caller(monkeypatch, call):
     monkeypatch.setattr(heyoka_backend, "MAX_STEPS", 1)
+    monkeypatch.setattr(heyoka_backend, "MAX_SAMPLED_STEPS", 1)
     monkeypatch.setattr(schedule, "MAX_STEPS", 1)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

@@ -53,6 +53,7 @@ def test_the_run_at_which_heyoka_gives_up_is_solved_and_says_so():
 @pytest.fixture
 def short_of_steps(monkeypatch):
     monkeypatch.setattr(heyoka_backend, "MAX_STEPS", 1)
+    monkeypatch.setattr(heyoka_backend, "MAX_SAMPLED_STEPS", 1)
     monkeypatch.setattr(schedule, "MAX_STEPS", 1)
 
 

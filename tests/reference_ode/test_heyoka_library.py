@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 
 import looping_pendulum
+from looping_pendulum.reference_ode import heyoka_library
+from looping_pendulum.reference_ode.effects.own import OwnEffect, effect_of
 from looping_pendulum.reference_ode.heyoka_library import DISK_LIMIT
 
 pytest.importorskip("heyoka", reason="this is about heyoka's own files")
@@ -89,3 +91,73 @@ def test_two_processes_that_fill_one_folder_keep_to_the_limit(tmp_path):
     assert [printed(process) for process in processes] == [[], []]
     kept = (tmp_path / "looping-pendulum" / "heyoka" / "cache.db").stat().st_size
     assert limit / 2 < kept < 2 * limit  # the file's own pages and index stand beside what the limit counts
+
+
+RUN = """
+import sys
+import numpy as np
+from looping_pendulum.reference_ode import batch, heyoka_backend
+from looping_pendulum.reference_ode.batch import compiled, steps
+from looping_pendulum.reference_ode.heyoka_library import COMPILER_OPTIONS
+from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.reference_ode.solve import solve_at
+{before}
+made = []
+for module, name in ((heyoka_backend, "_integrator"), (steps, "_terms"), (compiled, "Symbols")):
+    def counted(*a, _made=getattr(module, name), **k):
+        made.append(1)
+        return _made(*a, **k)
+    setattr(module, name, counted)
+p = Parameters(light_mass=0.01, heavy_mass=0.1, rod_radius=0.006, free_length=0.5, release_angle=1.5)
+held = p.replace(release="held", release_angle=2.5)
+t = np.linspace(0.0, 1.0, 9)
+states = [solve_at(one, t, tolerance=1e-6).state.wrap_angle for one in (p, held)]
+states.append(batch.sample_batch(p, {{"heavy_mass": np.array([0.1, 0.11])}}, [t, t], tolerance=1e-6).state[1])
+print(len(made) > 0, *np.concatenate(states).tolist())
+"""
+
+
+def kept(cache: Path) -> list[Path]:
+    return sorted((cache / "looping-pendulum" / "heyoka").glob("*.pickle"))
+
+
+def test_what_was_compiled_is_read_and_not_made_again(tmp_path):
+    """Oracle: the same bits as from what was just compiled, a swing past its turning points included."""
+    made, *first = printed(start(RUN.format(before=""), tmp_path))
+    again, *second = printed(start(RUN.format(before=""), tmp_path))
+    assert (made, again) == ("True", "False")
+    assert first == second
+
+
+def test_damaged_files_and_other_options_cost_time_alone(tmp_path):
+    _, *first = printed(start(RUN.format(before=""), tmp_path))
+    files = kept(tmp_path)
+    for file in files:
+        file.write_bytes(file.read_bytes()[:100])
+    made, *second = printed(start(RUN.format(before=""), tmp_path))
+    assert (made, second) == ("True", first)
+    made, *_ = printed(start(RUN.format(before="COMPILER_OPTIONS['opt_level'] = 0"), tmp_path))
+    assert made == "True"
+    assert len(kept(tmp_path)) > len(files)
+
+
+def test_the_least_recently_used_files_go_beyond_the_limit(tmp_path, monkeypatch):
+    monkeypatch.setattr(heyoka_library, "DISK_LIMIT", 250)
+    monkeypatch.setenv("HEYOKA_CACHE_DIR", str(tmp_path))
+    for i, name in enumerate("abc"):
+        heyoka_library._keep(tmp_path / f"{name}.pickle", b"x" * 100)
+        os.utime(tmp_path / f"{name}.pickle", (i, i))
+    heyoka_library._keep(tmp_path / "d.pickle", b"x" * 100)
+    assert {path.stem for path in tmp_path.glob("*.pickle")} == {"c", "d"}
+
+
+def test_an_effect_from_elsewhere_is_made_anew(tmp_path, monkeypatch):
+    """Its name does not say what it is."""
+    monkeypatch.setenv("HEYOKA_CACHE_DIR", str(tmp_path))
+    own = effect_of(OwnEffect(name="magnet", unit="N", bounds=(-1.0, 1.0), force=(("light_vertical", "magnet"),)))
+    made = []
+    for _ in range(2):
+        heyoka_library.compiled(("x",), (own,), lambda: made.append(1))
+        heyoka_library.compiled(("x",), (), lambda: made.append(2))
+    assert made == [1, 2, 1]
+    assert len(list(tmp_path.glob("*.pickle"))) == 1

@@ -139,7 +139,7 @@ class Camera:
 
     @classmethod
     def of_many(cls, values: Mapping[str, Array], n: int) -> tuple[Camera, NDArray[np.bool_]]:
-        """Return many cameras as one, and which of them have values within their bounds, shape (n,).
+        """Return many cameras as one, and which of them have values within their bounds, shape (n,); others get null values.
 
         Parameters
         ----------
@@ -153,9 +153,17 @@ class Camera:
             within = (given >= low) & (given <= high)
             valid &= within
             columns[name] = np.broadcast_to(np.where(within, given, CAMERA[name].null), n)[:, None]
+        return cls._unchecked({name: c.null for name, c in CAMERA.items()} | columns), valid
+
+    @classmethod
+    def _unchecked(cls, values: Mapping[str, Any]) -> Camera:
         many = object.__new__(cls)  # without the check, which refuses all for one
-        many.__dict__.update({name: c.null for name, c in CAMERA.items()} | columns)
-        return many, valid
+        many.__dict__.update(values)
+        return many
+
+    def take(self, cameras: NDArray[np.intp]) -> Camera:
+        """Return some of many cameras."""
+        return self._unchecked({name: v[cameras] if np.ndim(v) else v for name, v in self.__dict__.items()})
 
     def true_time(self, t: Array) -> Array:
         """Return the times since release [s] of the file's times ``t`` [s]."""

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.discrepancy.data.camera import CAMERA, Camera
+from looping_pendulum.discrepancy.data.camera import Camera
 from looping_pendulum.discrepancy.data.measurement import FIT_TOLERANCE, SampledRuns, predict_many, sample_times
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.errors import HarnessError
@@ -108,7 +108,10 @@ class _Part:
     k: int
     columns: Mapping[str, Array]
     """Parameters of the model that differ between the rows, shape (m,) each."""
-    camera: Mapping[str, Array]
+    camera: Camera
+    """Of all rows."""
+    valid: NDArray[np.bool_]
+    """Which rows have possible cameras, shape (m,)."""
     into: Array
     """Where the predictions are wanted, shape (m, n)."""
     first: NDArray[np.intp]
@@ -127,14 +130,14 @@ class _Part:
         if not supports(base, names):
             return None
         columns = {name: np.broadcast_to(values, len(x)) for name, values in base.with_static_friction(changes).items()}
-        camera = {name: np.broadcast_to(np.asarray(values, dtype=float), len(x)) for name, values in camera.items()}
-        clock = [camera[name] for name in ("clock_offset", "clock_ratio") if name in camera]
+        many, valid = Camera.of_many(camera, len(x))
+        clock = [np.ravel(v) for v in (many.clock_offset, many.clock_ratio) if np.ndim(v)]
         # Rows that differ by the camera alone show the same run
         keys = np.column_stack([*columns.values(), *clock, np.zeros(len(x))])
         seen: dict[bytes, int] = {}
         run = np.array([seen.setdefault(row.tobytes(), len(seen)) for row in keys], dtype=np.intp)
         first = np.array([int(np.flatnonzero(run == i)[0]) for i in range(len(seen))], dtype=np.intp)
-        return cls(problem=problem, x=x, k=k, columns=columns, camera=camera, into=into, first=first, run=run)
+        return cls(problem=problem, x=x, k=k, columns=columns, camera=many, valid=valid, into=into, first=first, run=run)
 
     @property
     def base(self) -> Parameters:
@@ -161,8 +164,7 @@ class _Part:
         """Return (offset, ratio) of a clock -> the runs that are sampled by it."""
         found: dict[tuple[float, float], list[int]] = {}
         offset, ratio = (
-            self.camera.get(name, np.full(len(self.run), CAMERA[name].null))[self.first]
-            for name in ("clock_offset", "clock_ratio")
+            np.broadcast_to(np.ravel(v), len(self.run))[self.first] for v in (self.camera.clock_offset, self.camera.clock_ratio)
         )
         for i, clock in enumerate(zip(offset.tolist(), ratio.tolist(), strict=True)):
             found.setdefault(clock, []).append(i)
@@ -202,9 +204,8 @@ def _predict_together(parts: Sequence[_Part]) -> None:
             place = np.full(len(part.first), -1, dtype=np.intp)
             place[runs] = np.arange(len(runs))
             rows = np.flatnonzero(place[part.run] >= 0)
-            camera, valid = Camera.of_many({n: v[rows] for n, v in part.camera.items()}, len(rows))
-            values = predict_many(sampled, place[part.run[rows]], camera, d.channels, wanted, d.trial.dropped)
-            values[~valid] = np.nan
+            values = predict_many(sampled, place[part.run[rows]], part.camera.take(rows), d.channels, wanted, d.trial.dropped)
+            values[~part.valid[rows]] = np.nan
             part.into[rows] = values
         begin += len(part.first)
 

@@ -399,7 +399,7 @@ def _next_try(tried: Sequence[tuple[float, float]], reach: float, size: float, s
         return None
     if low[1] > 0 and math.isfinite(high[1]):
         share = math.log(size / low[1]) / math.log(high[1] / low[1])
-        guess = low[0] * (high[0] / low[0]) ** share
+        guess: float = low[0] * (high[0] / low[0]) ** share
     else:
         # At most two decades, since far from there the change is hardly proportional
         known = low if low[0] else high
@@ -416,11 +416,11 @@ def _chosen(tried: Sequence[tuple[float, float]], side: float, reach: float, siz
         return None
     delta, rms = min(runs, key=lambda t: abs(math.log(t[1] / size)))
     at_reach = delta >= reach and rms < size and rms > 0.1 * LINEAR_SIZE
-    return side * delta if _is_about(rms, size) or at_reach else None
+    return float(side * delta) if _is_about(rms, size) or at_reach else None
 
 
 def _is_about(rms: float, size: float) -> bool:
-    return 0.5 < rms / size < 2
+    return bool(0.5 < rms / size < 2)
 
 
 def _finer(known: Mapping[float, Array | None], delta: float, central: bool, template: Array) -> Array:

@@ -1,0 +1,112 @@
+"""Many predictions at once are those of single runs: of candidates, cameras, clocks, several trials, impossible values."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from looping_pendulum.discrepancy.data.camera import CAMERA
+from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
+from looping_pendulum.discrepancy.data.study_io import load
+from looping_pendulum.discrepancy.fit import predictions
+from looping_pendulum.discrepancy.fit.calibration import calibrate_steps
+from looping_pendulum.discrepancy.fit.predictions import MIN_BATCH, alone, predict, together
+from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.discrepancy.inputs import read_inputs
+from looping_pendulum.reference_ode.batch import supports
+from looping_pendulum.reference_ode.solve import available_integrators
+from tests.blind.cases import CASES
+from tests.discrepancy.blind_study import write_study
+
+pytestmark = pytest.mark.skipif(
+    "heyoka" not in available_integrators(), reason="without heyoka every prediction is a single run"
+)
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("study")
+    return read_inputs(load(write_study(folder, CASES["clean_varied"], 3, trials=["ten_a", "six"])))
+
+
+@pytest.fixture(scope="module")
+def problem(inputs):
+    return Problem(inputs.study, inputs.training, inputs.free_parameters)
+
+
+def singly(problem, rows):
+    """Predict by single runs."""
+    found = np.full((len(rows), problem.measured_rows), np.nan)
+    ends = np.cumsum([0, *(len(d.value) for d in problem.data)])
+    for row, x in zip(found, rows, strict=True):
+        for k, (a, b) in enumerate(zip(ends, ends[1:], strict=False)):
+            predictions._predict_singly(problem, x[None], k, row[None, a:b])
+    return found
+
+
+def test_of_every_candidate_and_of_all_trials_at_once(inputs, problem):
+    """Oracle: single runs, with only those effects compiled in that act."""
+    rng = np.random.default_rng(5)
+    requests = []
+    for c in inputs.library:
+        names = [name for name in (c.parameter,) if name in problem.base[0].coefficients]
+        if not supports(problem.base[0], names) or c.companions:
+            continue
+        reach = min(c.bounds[1] - c.null, 0.02 * (abs(c.null) or 1.0)) or -0.02
+        extended = problem.with_parameters(dataclasses.replace(c.free_parameter(1.0), scale=abs(reach)))
+        rows = rng.normal(0, 0.3, (2, len(extended.names)))
+        rows[:, -1] = np.sign(reach) * np.array([0.5, 1.0])
+        requests.append((extended, rows))
+    assert len(requests) > 15
+    for (extended, rows), found in zip(requests, predict(requests), strict=True):
+        np.testing.assert_allclose(found, singly(extended, rows), atol=2e-9, rtol=0, err_msg=extended.names[-1])
+
+
+def error_of_camera(name, trials, scale):
+    role, c = ParameterRole.CAMERA, CAMERA[name]
+    return FreeParameter(name=name, parameter=name, role=role, trials=trials, init_value=c.null, scale=scale)
+
+
+def test_of_every_error_of_the_camera(problem):
+    rng = np.random.default_rng(6)
+    trials = tuple(d.trial.name for d in problem.data)
+    names = set(CAMERA) - {"origin_x", "origin_y", "rate_offset"}
+    extended = problem.with_parameters(*(error_of_camera(name, trials, CAMERA[name].error) for name in sorted(names)))
+    rows = rng.normal(0, 0.5, (MIN_BATCH, len(extended.names)))
+    (found,) = predict([(extended, rows)])
+    np.testing.assert_allclose(found, singly(extended, rows), atol=2e-9, rtol=0)
+
+
+def test_where_the_model_or_the_camera_cannot_be_there_is_no_number(problem):
+    trials = tuple(d.trial.name for d in problem.data)
+    own = [
+        FreeParameter(name="rod_radius", parameter="rod_radius", trials=trials, init_value=0.006, scale=1.0),
+        error_of_camera("perspective_x", trials, 1.0),
+        error_of_camera("clock_offset", trials, 1.0),
+    ]
+    extended = Problem(problem.study, problem.data, own)
+    rows = np.array([[0, 0, 0], [-1, 0, 0], [9, 0, 0], [0, 5, 0], [0, 0, 50], [0, 0, 90], [0, 0.1, 0.01], [1e-3, 0, 0.0]])
+    (found,) = predict([(extended, rows)])
+    expected = singly(extended, rows)
+    assert np.isnan(found).all(axis=1).tolist() == [False, True, True, True, True, True, False, False]
+    np.testing.assert_allclose(found, expected, atol=2e-9, rtol=0)
+
+
+def test_a_prediction_depends_on_no_other_in_any_bit(problem):
+    rows = np.random.default_rng(7).normal(0, 0.5, (40, len(problem.names)))
+    (whole,) = predict([(problem, rows)])
+    (part,) = predict([(problem, rows[11:23])])
+    assert np.array_equal(whole[11:23], part)
+    first, second = predict([(problem, rows[:20]), (problem, rows[20:])])
+    assert np.array_equal(whole, np.vstack([first, second]))
+
+
+def test_fits_in_step_end_where_they_end_alone(problem):
+    """Oracle: each by itself, some of its steps by single runs."""
+    rng = np.random.default_rng(8)
+    starts = [np.clip(rng.normal(0, 0.5, len(problem.names)), problem.low, problem.high) for _ in range(3)]
+    in_step = together([calibrate_steps(problem, start) for start in starts])
+    for start, fit in zip(starts, in_step, strict=True):
+        assert fit.cost == pytest.approx(alone(calibrate_steps(problem, start)).cost, rel=1e-4)
