@@ -42,7 +42,7 @@ def singly(problem, rows):
     ends = np.cumsum([0, *(len(d.value) for d in problem.data)])
     for row, x in zip(found, rows, strict=True):
         for k, (a, b) in enumerate(zip(ends, ends[1:], strict=False)):
-            predictions._predict_singly(problem, x[None], k, row[None, a:b])
+            predictions._predict_singly(predictions._Part.of(problem, x[None], k, row[None, a:b]))
     return found
 
 

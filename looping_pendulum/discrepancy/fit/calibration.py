@@ -34,10 +34,10 @@ MAX_STEP = 3.0
 """Largest change of one parameter in one iteration, in units of its scale."""
 COST_TOLERANCE, WINDOW_COST_TOLERANCE = 1e-6, 3e-4
 """Relative decrease of the cost below which a fit has converged, in the last window and in those before it."""
-MIN_DECREASE_RATIO = 0.5
-"""Smallest ratio of actual to predicted decrease of the cost after which the Jacobian is updated, not recomputed."""
-MAX_BROYDEN_UPDATES = 6
-"""Number of Broyden updates after which the Jacobian is recomputed."""
+FIRST_DAMPING, MIN_DAMPING = 1e-3, 1e-9
+"""Damping of the first step, in units of the diagonal of the normal matrix, and its least; it falls tenfold each step."""
+MAX_DAMPINGS = 8
+"""Number of larger dampings, each ten times the one before, that are tried where a step does not decrease the cost."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,10 +52,7 @@ class Fit:
     iterations: int
     """Number of Jacobians that were computed."""
     final_jacobian: Array | None = None
-    """Jacobian of the last iteration.
-
-    None: the last one was not computed so near to ``x``.
-    """
+    """Jacobian there, or where it began if it did not move; None: not known."""
 
     @property
     def cost(self) -> float:
@@ -126,18 +123,11 @@ def minimise_steps(
     *,
     cost_tolerance: float = COST_TOLERANCE,
     max_iterations: int = 30,
-    confirm: bool = True,
     initial_jacobian: Array | None = None,
-    known_columns: Array | None = None,
 ) -> Steps[Fit]:
     """Minimise the cost within the bounds by the Levenberg-Marquardt method, in steps that ask for predictions.
 
-    The Jacobian follows from one step to the next by Broyden's update. It is recomputed if a step with an updated one fails or
-    decreases the cost by much less than predicted.
-
-    `scipy.optimize.least_squares` with the same Jacobian finds the same minima, but computes it at every step: of five blind
-    studies a calibration from the study's values took 0.7 times as long, and a whole identification, most of whose fits begin
-    near their minimum, 1.6 to 2.4 times (measured on 2026-11-22).
+    Each step asks for the residuals and the Jacobian at the next point at once, as a batch of runs costs little more than one.
 
     Parameters
     ----------
@@ -147,12 +137,8 @@ def minimise_steps(
         Relative decrease of the cost below which the fit has converged.
     max_iterations
         Largest number of Jacobians that are computed.
-    confirm
-        Whether convergence must be confirmed with a newly computed Jacobian.
     initial_jacobian
         Jacobian at ``x``, or as near to it as two iterations are when a fit ends; None: not known.
-    known_columns
-        Jacobian near ``x`` of the same problem without its last parameters, with which the first step is made.
 
     Raises
     ------
@@ -160,63 +146,64 @@ def minimise_steps(
         If the model cannot run at ``x``.
     """
     x = np.clip(x, problem.low, problem.high)
-    r = yield from _residuals(problem, x)
+    if initial_jacobian is None:
+        r, jacobian = yield from _residuals_and_jacobian(problem, x)
+    else:
+        (predicted,) = yield problem, x[None]
+        r, jacobian = problem.residuals_of(x, predicted), initial_jacobian
     if r is None:
         raise FitError("the model cannot run at the start of the fit; check the study's values")
-    cost, damping, iterations = float(r @ r), 1e-3, 0
-    # The age is the number of updates since the Jacobian was computed; at its largest value a new one is due
-    if initial_jacobian is not None:
-        jacobian, age = initial_jacobian, 0
-    elif known_columns is not None:
-        jacobian, age = (yield from _jacobian(problem, x, known_columns)), 1  # one that may be wrong, like an updated one
-    else:
-        jacobian, age = np.zeros((0, 0)), MAX_BROYDEN_UPDATES
-    while True:
-        if age >= MAX_BROYDEN_UPDATES:
-            if iterations == max_iterations:
-                break
-            jacobian, age = (yield from _jacobian(problem, x)), 0
-            iterations += 1
-        # The Jacobian is that of the prediction, minus that of the residuals, so the cost falls along +J^T r.
+    cost, damping, iterations = float(r @ r), FIRST_DAMPING, int(initial_jacobian is None)
+    while iterations < max_iterations:
+        # The Jacobian is that of the prediction, minus that of the residuals, so the cost falls along +J^T r
         gradient, normal = jacobian.T @ r, jacobian.T @ jacobian
         free = ~(((x <= problem.low) & (gradient < 0)) | ((x >= problem.high) & (gradient > 0)))
-        decrease = 0.0
-        # An updated Jacobian gets one try: if its step fails, it is not the damping that is wrong.
-        for _ in range(1 if age else 8):
-            whole_step = _step(normal, gradient, free, damping, problem.low - x, problem.high - x)
-            trial_x = np.clip(x + whole_step, problem.low, problem.high)  # a bound is met exactly, whatever the rounding
-            new = yield from _residuals(problem, trial_x)
-            if new is not None and float(new @ new) < cost:
-                step, change = trial_x - x, new - r
-                predicted_decrease = float(2 * step @ gradient - step @ normal @ step)
-                x, r, decrease = trial_x, new, cost - float(new @ new)
-                cost -= decrease
+
+        def damped(damping: float, x: Array = x, normal: Array = normal, gradient: Array = gradient, free: Any = free) -> Array:
+            step = _step(normal, gradient, free, damping, problem.low - x, problem.high - x)
+            return np.clip(x + step, problem.low, problem.high)  # a bound is met exactly, whatever the rounding
+
+        there = damped(damping)
+        predicted_decrease = float(2 * (there - x) @ gradient - (there - x) @ normal @ (there - x))
+        # Negative where a component was clipped, which says nothing
+        if 0 <= predicted_decrease < cost_tolerance * cost:
+            break
+        new, new_jacobian = yield from _residuals_and_jacobian(problem, there, cost)
+        iterations += 1
+        if new is None or float(new @ new) >= cost:
+            # Far from linear: the longest of some shorter steps that decreases the cost
+            factors = damping * 10.0 ** np.arange(1, MAX_DAMPINGS + 1)
+            shorter = np.array([damped(factor) for factor in factors])
+            predicted = yield problem, shorter
+            for factor, there, row in zip(factors.tolist(), shorter, predicted, strict=True):
+                new = problem.residuals_of(there, row)
+                if new is not None and float(new @ new) < cost:
+                    damping = factor
+                    break
+            else:
                 break
-            if not age:
-                damping *= 10
-        if not decrease or decrease < cost_tolerance * cost:
-            # A newly computed Jacobian leaves no better step. An updated one may be wrong, and is replaced before the fit ends
-            if not age or (decrease and not confirm):
+            new, new_jacobian = yield from _residuals_and_jacobian(problem, there)
+            iterations += 1
+            if new is None or float(new @ new) >= cost:  # single runs and those of a batch differ in their last digits
                 break
-            age, damping = MAX_BROYDEN_UPDATES, min(damping, 1e-3)
-        elif decrease < MIN_DECREASE_RATIO * predicted_decrease:
-            age = MAX_BROYDEN_UPDATES
-        else:
-            # Broyden's update: the smallest change with which the Jacobian predicts what this step did to the residuals
-            jacobian = jacobian - np.outer(change + jacobian @ step, step / float(step @ step))
-            age += 1
-        damping = max(damping / 10, 1e-9)
-    return Fit(problem=problem, x=x, residuals=r, iterations=iterations, final_jacobian=None if age else jacobian)
+        decrease = cost - float(new @ new)
+        x, r, jacobian, cost = there, new, new_jacobian, float(new @ new)
+        if decrease < cost_tolerance * cost:
+            break
+        damping = max(damping / 10, MIN_DAMPING)
+    return Fit(problem=problem, x=x, residuals=r, iterations=iterations, final_jacobian=jacobian)
 
 
-def _residuals(problem: Problem, x: Array) -> Steps[Array | None]:
-    (predicted,) = yield problem, x[None]
-    return problem.residuals_of(x, predicted)
-
-
-def _jacobian(problem: Problem, x: Array, known_columns: Array | None = None) -> Steps[Array]:
-    rows = problem.rows_of_jacobian(x, 0 if known_columns is None else known_columns.shape[1])
-    return problem.jacobian_of(x, rows, (yield problem, rows), known_columns)
+def _residuals_and_jacobian(problem: Problem, x: Array, cost: float = math.inf) -> Steps[tuple[Array | None, Array]]:
+    if problem.is_swing and math.isfinite(cost):
+        # Its runs are made one by one, so that those of a Jacobian are made where the cost has decreased alone
+        (predicted,) = yield problem, x[None]
+        r = problem.residuals_of(x, predicted)
+        if r is None or float(r @ r) >= cost:
+            return r, np.zeros((0, 0))
+    rows = problem.rows_of_jacobian(x)
+    predicted = yield problem, rows
+    return problem.residuals_of(x, predicted[0]), problem.jacobian_of(x, rows, predicted)
 
 
 def _step(normal: Array, gradient: Array, free: NDArray[np.bool_], damping: float, below: Array, above: Array) -> Array:
@@ -268,7 +255,7 @@ def calibrate_steps(problem: Problem, start: Array | None = None, *, max_iterati
     total = 0
     for share in _window_shares(problem):
         fit = yield from minimise_steps(
-            problem.until(share), x, cost_tolerance=WINDOW_COST_TOLERANCE, max_iterations=max_iterations, confirm=False
+            problem.until(share), x, cost_tolerance=WINDOW_COST_TOLERANCE, max_iterations=max_iterations
         )
         x, total = fit.x, total + fit.iterations
     fit = yield from minimise_steps(problem, x, max_iterations=max_iterations)

@@ -46,16 +46,13 @@ def predict(requests: Sequence[Request]) -> list[Array]:
         for k, d in enumerate(problem.data):
             begin, end = end, end + len(d.value)
             part = _Part.of(problem, x, k, into[:, begin:end])
-            if part is None:
-                _predict_singly(problem, x, k, into[:, begin:end])
-            else:
-                groups.setdefault(part.model, []).append(part)
-    for parts in groups.values():
-        if sum(len(part.first) for part in parts) >= MIN_BATCH:
+            groups.setdefault(part.model, []).append(part)
+    for model, parts in groups.items():
+        if model and sum(len(part.first) for part in parts) >= MIN_BATCH:
             _predict_together(parts)
         else:
             for part in parts:
-                _predict_singly(part.problem, part.x, part.k, part.into)
+                _predict_singly(part)
     return found
 
 
@@ -101,7 +98,7 @@ def _run(steps: Sequence[Steps[T]]) -> list[T | HarnessError]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Part:
-    """A trial at many parameters, whose runs are made in a batch."""
+    """A trial at many parameters."""
 
     problem: Problem
     x: Array
@@ -120,15 +117,10 @@ class _Part:
     """Run of each row, an index into ``first``."""
 
     @classmethod
-    def of(cls, problem: Problem, x: Array, k: int, into: Array) -> _Part | None:
-        """Return a trial as a part of a batch; None if its runs are made one by one."""
-        d, base = problem.data[k], problem.base[k]
-        if d.events or not d.channels or base.release is Release.HELD:
-            return None
+    def of(cls, problem: Problem, x: Array, k: int, into: Array) -> _Part:
+        """Return a trial as a part; arguments as the fields."""
+        base = problem.base[k]
         changes, camera = problem.changes(list(x.T), k)
-        names = [name for name in changes if name in base.coefficients]
-        if not supports(base, names):
-            return None
         columns = {name: np.broadcast_to(values, len(x)) for name, values in base.with_static_friction(changes).items()}
         many, valid = Camera.of_many(camera, len(x))
         clock = [np.ravel(v) for v in (many.clock_offset, many.clock_ratio) if np.ndim(v)]
@@ -146,8 +138,10 @@ class _Part:
 
     @property
     def model(self) -> tuple[Any, ...]:
-        """What the runs of one batch have in common."""
-        names = [name for name in self.columns if name in self.base.coefficients]
+        """What the runs of one batch have in common; empty: these runs are made one by one."""
+        d, names = self.problem.data[self.k], [name for name in self.columns if name in self.base.coefficients]
+        if d.events or not d.channels or self.base.release is Release.HELD or not supports(self.base, names):
+            return ()
         further = [effect for effect in self.base.effects_with(names) if not effect.in_base_model]
         has_closure = any(effect.kind is EffectKind.CLOSURE for effect in further)
         return self.base.release, self.base.own_effects, bool(further), has_closure
@@ -210,10 +204,10 @@ def _predict_together(parts: Sequence[_Part]) -> None:
         begin += len(part.first)
 
 
-def _predict_singly(problem: Problem, x: Array, k: int, into: Array) -> None:
-    """Fill in what a trial's runs predict, made one by one."""
-    for row, one in zip(into, x, strict=True):
+def _predict_singly(part: _Part) -> None:
+    """Fill in what a trial's runs predict, made one by one; a problem keeps the last run for rows that show the same."""
+    for row in np.argsort(part.run, kind="stable"):
         try:
-            row[:] = problem.predict(one, k)
+            part.into[row] = part.problem.predict(part.x[row], part.k)
         except (HarnessError, ValueError, ArithmeticError):
-            row[:] = np.nan
+            part.into[row] = np.nan

@@ -316,40 +316,35 @@ class Problem:
         r = np.concatenate([*parts, -self.prior_weights @ (x - self.prior_mean)])
         return r if np.all(np.isfinite(r)) else None
 
-    def jacobian(self, x: Array, *, known_columns: Array | None = None) -> Array:
-        """Return minus the derivative of `residuals`, shape (n + p, p), by central differences where the bounds allow it.
-
-        Parameters
-        ----------
-        known_columns
-            Jacobian of the same problem without its last parameters, which is taken over; only the others are computed.
-        """
+    def jacobian(self, x: Array) -> Array:
+        """Return minus the derivative of `residuals`, shape (n + p, p), by central differences where the bounds allow it."""
         from looping_pendulum.discrepancy.fit.predictions import predict
 
-        rows = self.rows_of_jacobian(x, 0 if known_columns is None else known_columns.shape[1])
-        return self.jacobian_of(x, rows, predict([(self, rows)])[0], known_columns)
+        rows = self.rows_of_jacobian(x)
+        return self.jacobian_of(x, rows, predict([(self, rows)])[0])
 
-    def rows_of_jacobian(self, x: Array, known: int = 0) -> Array:
-        """Return parameters at which predictions make the Jacobian: ``x``, then two for each parameter beyond ``known``."""
+    def rows_of_jacobian(self, x: Array) -> Array:
+        """Return parameters at which predictions make the Jacobian: ``x``, then two for each parameter.
+
+        Of swings, whose runs are made one by one, one of the two is ``x`` again.
+        """
         # Beyond a bound the value would be cut off, and the difference zero
         down = x - DIFFERENCE_STEP >= self.low
         up = (x + DIFFERENCE_STEP <= self.high) | ~down
+        down &= ~up | (not self.is_swing)
         steps = DIFFERENCE_STEP * np.stack([np.diag(up * 1.0), np.diag(down * -1.0)], axis=1)
-        return x + np.vstack([np.zeros(len(x)), steps[known:].reshape(-1, len(x))])
+        return x + np.vstack([np.zeros(len(x)), steps.reshape(-1, len(x))])
 
-    def jacobian_of(self, x: Array, rows: Array, predicted: Array, known_columns: Array | None = None) -> Array:
+    def jacobian_of(self, x: Array, rows: Array, predicted: Array) -> Array:
         """Return the Jacobian at ``x`` from what is predicted at `rows_of_jacobian`, shape (rows, n).
 
         Where the model of a trial cannot run at one of a parameter's two places, the difference is that to ``x``; where it
         cannot at either, it is 0.
         """
-        known = 0 if known_columns is None else known_columns.shape[1]
         ends = np.cumsum([0] + [len(d.value) for d in self.data])
         jacobian = np.zeros((ends[-1] + len(x), len(x)))
         jacobian[ends[-1] :] = self.prior_weights
-        if known_columns is not None:
-            jacobian[: ends[-1], :known] = known_columns[: ends[-1]]
-        i = np.arange(known, len(x))
+        i = np.arange(len(x))
         step = (rows[1:] - x)[np.arange(2 * len(i)), np.repeat(i, 2)]
         failed = np.isnan(predicted[1:])
         change = np.where(failed, 0.0, predicted[1:] - predicted[0])
@@ -360,7 +355,7 @@ class Problem:
         derivatives = np.nan_to_num(derivatives, nan=0.0, posinf=0.0, neginf=0.0)
         for k, d in enumerate(self.data):
             part = slice(ends[k], ends[k + 1])
-            jacobian[part, known:] = d.standardise(derivatives[part])
+            jacobian[part] = d.standardise(derivatives[part])
         return jacobian
 
 

@@ -127,8 +127,7 @@ def refit_steps(base: Fit, screened: ScreenedCandidate, delta_bic_to_beat: float
     fits: list[Fit] = []
     predicted_decrease = screened.score**2
     at_base = screened.candidate.where_it_acts(base.problem.free_parameters, base.x)
-    known_columns = base.jacobian if np.array_equal(at_base, base.x) else None
-    from_base = functools.partial(minimise_steps, problem, max_iterations=MAX_ITERATIONS, known_columns=known_columns)
+    from_base = functools.partial(minimise_steps, problem, max_iterations=MAX_ITERATIONS)
     # From the base fit's values it takes half the time of growing windows, but may end in a minimum that these have been bent
     # to: with a static friction that was missing, at a cost of 2450 where the windows reach 1805. The windows may end early,
     # too, so that a candidate that comes near to the best gets both.
