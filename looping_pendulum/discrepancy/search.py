@@ -25,7 +25,7 @@ from looping_pendulum.discrepancy.listed.candidate_model import CandidateModel
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.listed.held_out import HeldOutTest, loss_test, predicts_better, square_ratio
 from looping_pendulum.discrepancy.listed.round_record import record_round
-from looping_pendulum.discrepancy.listed.screening import compile_for, slowest_first
+from looping_pendulum.discrepancy.listed.screening import compile_for, slowest_first, steps_together
 from looping_pendulum.discrepancy.revisions import Revisions
 from looping_pendulum.discrepancy.rounds import MAX_CHANCE_DELTA_BIC, FractionCallback
 from looping_pendulum.discrepancy.unlisted.discovery import (
@@ -94,6 +94,8 @@ class Search(Revisions):
         self.report_progress("calibrating", 0.02)
         problem = Problem(self.inputs.study, self.inputs.training, self.inputs.free_parameters)
         compiled = slowest_first(c for c in self.inputs.library if c.needs_compilation)
+        of_batch = [c for c in compiled if steps_together(problem, c)]
+        compiled = [*of_batch[:1], *(c for c in compiled if c not in of_batch)]
         # Compiling the reference for some effects takes seconds, so an idle process begins with it now.
         self.workers.prepare(compile_for, problem, [None, *compiled], ["", *(c.name for c in compiled)])
         first = refit_with_estimated_noise(calibrate(problem))

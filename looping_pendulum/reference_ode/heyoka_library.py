@@ -13,7 +13,7 @@ import pickle
 import platform
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -83,14 +83,37 @@ def compiled(what: tuple[object, ...], effects: tuple[Effect, ...], make: Callab
         path = cache_folder() / f"{hashlib.sha256(name.encode()).hexdigest()[:32]}.pickle"
     except RuntimeError:  # no home
         return make()
-    with contextlib.suppress(Exception):  # unpickling raises whatever damaged bytes lead to; missing ones are an OSError
-        found = cast("T", pickle.loads(path.read_bytes()))
-        os.utime(path)  # it was used now
-        return found
-    made = make()
-    with contextlib.suppress(OSError):
-        _keep(path, pickle.dumps(made, protocol=pickle.HIGHEST_PROTOCOL))
+    with contextlib.suppress(Exception):
+        return cast("T", _kept(path))
+    with _alone(path):
+        with contextlib.suppress(Exception):  # another process has made it meanwhile
+            return cast("T", _kept(path))
+        made = make()
+        with contextlib.suppress(OSError):
+            _keep(path, pickle.dumps(made, protocol=pickle.HIGHEST_PROTOCOL))
     return made
+
+
+def _kept(path: Path) -> Any:
+    """Return what is kept; damaged bytes raise whatever they lead to, missing ones an `OSError`."""
+    found = pickle.loads(path.read_bytes())
+    os.utime(path)  # it was used now
+    return found
+
+
+@contextlib.contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """Wait until no other process makes what is kept at ``path``: to compile twice at once takes longer than to wait."""
+    import fcntl  # heyoka runs on Linux
+
+    lock = path.with_suffix(".lock")
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(OSError):  # where nothing can be written, each process makes its own
+            lock.parent.mkdir(parents=True, exist_ok=True)
+            fcntl.flock(stack.enter_context(lock.open("w")), fcntl.LOCK_EX)
+        yield
+        with contextlib.suppress(OSError):
+            lock.unlink(missing_ok=True)
 
 
 @cache
@@ -106,7 +129,6 @@ def _origin() -> str:
 
 def _keep(path: Path, content: bytes) -> None:
     """Write a file as a whole, and delete the least recently used ones above the limit."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     handle, unfinished = tempfile.mkstemp(dir=path.parent)
     with os.fdopen(handle, "wb") as file:
         file.write(content)

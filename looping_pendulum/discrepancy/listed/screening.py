@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.discrepancy.fit.calibration import Fit
-from looping_pendulum.discrepancy.fit.predictions import Steps, predict, together
+from looping_pendulum.discrepancy.fit.predictions import MIN_BATCH, Steps, predict, together
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
+from looping_pendulum.reference_ode.batch import supports
 from looping_pendulum.reference_ode.geometry import Array
 
 LINEAR_SIZE, FINITE_SIZES = 0.3, (3.0, 12.0)
@@ -133,7 +134,16 @@ def compile_for(problem: Problem, candidate: Candidate | None) -> None:
     companions = candidate.companion_parameters(candidate.companion_grid()[0])
     delta = math.copysign(_first_change(candidate), candidate.bounds[1] - candidate.null or -1.0)
     x = np.concatenate([problem.prior_mean, [delta], np.zeros(len(companions))])
-    predict([(problem.with_parameters(candidate.free_parameter(1.0), *companions), x[None])])
+    extended = problem.with_parameters(candidate.free_parameter(1.0), *companions)
+    # As many runs as a batch needs, if it takes the effect
+    rows = np.tile(x, (MIN_BATCH if steps_together(problem, candidate) else 1, 1))
+    rows[:, len(problem.prior_mean)] *= np.linspace(0.5, 1.0, len(rows))
+    predict([(extended, rows)])
+
+
+def steps_together(problem: Problem, candidate: Candidate) -> bool:
+    """Return whether runs with a candidate are made in a batch, whose one compiled model serves all such candidates."""
+    return not problem.is_swing and supports(problem.base[0], [candidate.parameter, *(c.name for c in candidate.companions)])
 
 
 def _first_change(candidate: Candidate) -> float:
