@@ -18,7 +18,9 @@ import numpy as np
 from benchmarks import calibration, engine_overhead, identify, known_answer, live, live_page, outlier_power, pages, rivals
 from benchmarks.plain_scipy import plain_run
 from benchmarks.rival_methods import METHODS
+from looping_pendulum.discrepancy.data.measurement import FIT_TOLERANCE
 from looping_pendulum.engines.protocol import Profile
+from looping_pendulum.reference_ode.batch import sample_batch
 from looping_pendulum.reference_ode.solve import available_integrators, solve_at
 from looping_pendulum.scenarios import load
 
@@ -69,6 +71,32 @@ def reference(repeats: int) -> None:
     print(f"Target 100 times SciPy at 1e-9: {verdict[ratio >= 100]} ({ratio:.0f}).")
 
 
+def batches(repeats: int) -> None:
+    """Runs with the samples of a film, singly and in batches of several sizes; CPU time, the least of all repetitions."""
+    t = np.arange(280) / 240.0
+
+    def least(task: Callable[[], object]) -> float:
+        task()
+        seconds = []
+        for _ in range(repeats):
+            started = time.process_time()
+            task()
+            seconds.append(time.process_time() - started)
+        return min(seconds)
+
+    def many(n: int) -> Callable[[], object]:
+        columns = {"kinetic_friction": TEN_TO_ONE.coefficients["kinetic_friction"] * np.linspace(0.99, 1.01, n)}
+        return lambda: sample_batch(TEN_TO_ONE, columns, [t] * n, duration=1.2, tolerance=FIT_TOLERANCE)
+
+    single = least(lambda: [solve_at(TEN_TO_ONE, t, duration=1.2, tolerance=FIT_TOLERANCE) for _ in range(20)]) / 20
+    print(f"\n## Runs of ten_to_one with 280 samples, at {FIT_TOLERANCE:g}, warm\n")
+    print("| runs in a batch | CPU time of one [us] | of a single run |\n|---|---|---|")
+    print(f"| single | {1e6 * single:.0f} | 1 |")
+    for n in (8, 30, 75, 300, 1000):
+        one = least(many(n)) / n
+        print(f"| {n} | {1e6 * one:.0f} | {one / single:.2f} |", flush=True)
+
+
 def command_line(repeats: int) -> None:
     """How long `--help` takes."""
     command = [sys.executable, "-m", "looping_pendulum", "--help"]
@@ -94,6 +122,7 @@ def main() -> None:
         "--only",
         choices=[
             "reference",
+            "batches",
             "command-line",
             "comparison",
             "identify",
@@ -118,6 +147,8 @@ def main() -> None:
     options = parser.parse_args()
     if options.only in (None, "reference"):
         reference(options.repeats)
+    if options.only in (None, "batches"):
+        batches(options.repeats)
     if options.only in (None, "command-line"):
         command_line(options.repeats)
     if options.only in (None, "comparison"):

@@ -114,7 +114,7 @@ def _late_rows(problem: Problem, rows: Array, x: Array) -> _LateRows:
         t = np.maximum.accumulate(rows + late.value) + 1e-9 * np.arange(len(rows))
         channels = tuple(dataclasses.replace(c, t=t[np.searchsorted(rows, c.t)]) for c in data.channels)
         moved = problem.with_data([dataclasses.replace(data, channels=channels)])
-        x = minimise(moved, x, cost_tolerance=1e-3, max_iterations=1, confirm=False).x
+        x = minimise(moved, x, cost_tolerance=1e-3, max_iterations=2).x
         late = _displaced_along(problem, rows, x, late.value)
     return late
 

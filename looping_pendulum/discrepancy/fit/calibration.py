@@ -10,10 +10,8 @@ import dataclasses
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.fit.predictions import Steps, alone
 from looping_pendulum.discrepancy.fit.problem import Problem
@@ -34,10 +32,17 @@ MAX_STEP = 3.0
 """Largest change of one parameter in one iteration, in units of its scale."""
 COST_TOLERANCE, WINDOW_COST_TOLERANCE = 1e-6, 3e-4
 """Relative decrease of the cost below which a fit has converged, in the last window and in those before it."""
+MAX_ITERATIONS = 30
+"""Largest number of Jacobians of a fit, unless a caller says otherwise."""
 FIRST_DAMPING, MIN_DAMPING = 1e-3, 1e-9
 """Damping of the first step, in units of the diagonal of the normal matrix, and its least; it falls tenfold each step."""
 MAX_DAMPINGS = 8
 """Number of larger dampings, each ten times the one before, that are tried where a step does not decrease the cost."""
+SHORTER_STEPS = (3.0, 1.0, 0.3)
+"""Largest components of the steps in the same direction that are tried then, in units of the scales.
+
+In a swing two drags make up for each other, and a step of which one component alone is clipped puts it out of phase.
+"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -112,9 +117,19 @@ class FitError(HarnessError, RuntimeError):
     """Raised if no fit can be made."""
 
 
-def minimise(problem: Problem, x: Array, **options: Any) -> Fit:
+def minimise(
+    problem: Problem,
+    x: Array,
+    *,
+    cost_tolerance: float = COST_TOLERANCE,
+    max_iterations: int = MAX_ITERATIONS,
+    initial_jacobian: Array | None = None,
+) -> Fit:
     """Minimise the cost within the bounds; arguments, result and errors as of `minimise_steps`."""
-    return alone(minimise_steps(problem, x, **options))
+    steps = minimise_steps(
+        problem, x, cost_tolerance=cost_tolerance, max_iterations=max_iterations, initial_jacobian=initial_jacobian
+    )
+    return alone(steps)
 
 
 def minimise_steps(
@@ -122,7 +137,7 @@ def minimise_steps(
     x: Array,
     *,
     cost_tolerance: float = COST_TOLERANCE,
-    max_iterations: int = 30,
+    max_iterations: int = MAX_ITERATIONS,
     initial_jacobian: Array | None = None,
 ) -> Steps[Fit]:
     """Minimise the cost within the bounds by the Levenberg-Marquardt method, in steps that ask for predictions.
@@ -155,33 +170,27 @@ def minimise_steps(
         raise FitError("the model cannot run at the start of the fit; check the study's values")
     cost, damping, iterations = float(r @ r), FIRST_DAMPING, int(initial_jacobian is None)
     while iterations < max_iterations:
-        # The Jacobian is that of the prediction, minus that of the residuals, so the cost falls along +J^T r
-        gradient, normal = jacobian.T @ r, jacobian.T @ jacobian
-        free = ~(((x <= problem.low) & (gradient < 0)) | ((x >= problem.high) & (gradient > 0)))
-
-        def damped(damping: float, x: Array = x, normal: Array = normal, gradient: Array = gradient, free: Any = free) -> Array:
-            step = _step(normal, gradient, free, damping, problem.low - x, problem.high - x)
-            return np.clip(x + step, problem.low, problem.high)  # a bound is met exactly, whatever the rounding
-
-        there = damped(damping)
-        predicted_decrease = float(2 * (there - x) @ gradient - (there - x) @ normal @ (there - x))
+        model = _LinearModel(problem, x, r, jacobian)
+        there = model.point(damping)
         # Negative where a component was clipped, which says nothing
-        if 0 <= predicted_decrease < cost_tolerance * cost:
+        if 0 <= model.decrease(there) < cost_tolerance * cost:
             break
         new, new_jacobian = yield from _residuals_and_jacobian(problem, there, cost)
-        iterations += 1
-        if new is None or float(new @ new) >= cost:
-            # Far from linear: the longest of some shorter steps that decreases the cost
-            factors = damping * 10.0 ** np.arange(1, MAX_DAMPINGS + 1)
-            shorter = np.array([damped(factor) for factor in factors])
-            predicted = yield problem, shorter
-            for factor, there, row in zip(factors.tolist(), shorter, predicted, strict=True):
-                new = problem.residuals_of(there, row)
-                if new is not None and float(new @ new) < cost:
-                    damping = factor
-                    break
-            else:
+        iterations += len(new_jacobian) > 0
+        if new is not None and float(new @ new) < cost:
+            damping = max(damping / 10, MIN_DAMPING)
+        else:
+            # Far from linear: the best of some steps that are damped more, or shorter in the same direction
+            dampings = [*(damping * 10.0**i for i in range(1, MAX_DAMPINGS + 1)), *(damping for _ in SHORTER_STEPS)]
+            longest = [*(None for _ in range(MAX_DAMPINGS)), *SHORTER_STEPS]
+            points = np.array([model.point(*each) for each in zip(dampings, longest, strict=True)])
+            predicted = yield problem, points
+            tried = [problem.residuals_of(point, row) for point, row in zip(points, predicted, strict=True)]
+            costs = [math.inf if each is None else float(each @ each) for each in tried]
+            best = int(np.argmin(costs))
+            if costs[best] >= cost:
                 break
+            there, damping = points[best], dampings[best]
             new, new_jacobian = yield from _residuals_and_jacobian(problem, there)
             iterations += 1
             if new is None or float(new @ new) >= cost:  # single runs and those of a batch differ in their last digits
@@ -190,8 +199,56 @@ def minimise_steps(
         x, r, jacobian, cost = there, new, new_jacobian, float(new @ new)
         if decrease < cost_tolerance * cost:
             break
-        damping = max(damping / 10, MIN_DAMPING)
     return Fit(problem=problem, x=x, residuals=r, iterations=iterations, final_jacobian=jacobian)
+
+
+class _LinearModel:
+    """The residuals of a problem as a linear function of its parameters about ``x``."""
+
+    def __init__(self, problem: Problem, x: Array, residuals: Array, jacobian: Array) -> None:
+        # The Jacobian is that of the prediction, minus that of the residuals, so the cost falls along +J^T r
+        self._x, self._gradient, self._normal = x, jacobian.T @ residuals, jacobian.T @ jacobian
+        self._low, self._high = problem.low, problem.high
+        pressed = ((x <= problem.low) & (self._gradient < 0)) | ((x >= problem.high) & (self._gradient > 0))
+        self._free = ~pressed
+
+    def point(self, damping: float, longest: float | None = None) -> Array:
+        """Return where a damped step leads.
+
+        Each component is clipped at `MAX_STEP` by itself or, with ``longest``, all are shortened alike until none is larger.
+        """
+        step = self._step(damping, MAX_STEP if longest is None else math.inf)
+        if longest is not None:
+            step *= min(1.0, longest / max(float(np.abs(step).max()), 1e-300))
+        # A bound is met exactly, whatever the rounding
+        return np.asarray(np.clip(self._x + step, self._low, self._high))
+
+    def decrease(self, there: Array) -> float:
+        """Return the decrease of the cost that the model predicts at a point."""
+        step = there - self._x
+        return float(2 * step @ self._gradient - step @ self._normal @ step)
+
+    def _step(self, damping: float, longest: float) -> Array:
+        """Return the damped step, each component clipped; parameters that press against a bound stay.
+
+        One that would go beyond its bound goes to it, and the step of the others is computed anew: they may not make up for
+        what it does not do.
+        """
+        step = np.zeros(len(self._x))
+        moving = self._free.copy()
+        below, above = self._low - self._x, self._high - self._x
+        while moving.any():
+            part = self._normal[np.ix_(moving, moving)]
+            remaining = self._gradient[moving] - self._normal[np.ix_(moving, ~moving)] @ step[~moving]
+            # The tiny summand keeps the matrix regular where a parameter changes nothing
+            step[moving] = np.linalg.solve(part + damping * np.diag(np.diag(part) + 1e-12), remaining)
+            step = np.clip(step, -longest, longest)
+            beyond = moving & ((step < below) | (step > above))
+            if not beyond.any():
+                break
+            step[beyond] = np.clip(step, below, above)[beyond]
+            moving &= ~beyond
+        return step
 
 
 def _residuals_and_jacobian(problem: Problem, x: Array, cost: float = math.inf) -> Steps[tuple[Array | None, Array]]:
@@ -204,28 +261,6 @@ def _residuals_and_jacobian(problem: Problem, x: Array, cost: float = math.inf) 
     rows = problem.rows_of_jacobian(x)
     predicted = yield problem, rows
     return problem.residuals_of(x, predicted[0]), problem.jacobian_of(x, rows, predicted)
-
-
-def _step(normal: Array, gradient: Array, free: NDArray[np.bool_], damping: float, below: Array, above: Array) -> Array:
-    """Return the damped step, each component clipped; parameters that press against a bound stay.
-
-    One that would go beyond its bound, ``below`` or ``above`` it, goes to it, and the step of the others is computed anew: they
-    may not make up for what it does not do.
-    """
-    step = np.zeros(len(gradient))
-    moving = free.copy()
-    while moving.any():
-        part = normal[np.ix_(moving, moving)]
-        remaining = gradient[moving] - normal[np.ix_(moving, ~moving)] @ step[~moving]
-        # The tiny summand keeps the matrix regular where a parameter changes nothing
-        step[moving] = np.linalg.solve(part + damping * np.diag(np.diag(part) + 1e-12), remaining)
-        step = np.clip(step, -MAX_STEP, MAX_STEP)
-        beyond = moving & ((step < below) | (step > above))
-        if not beyond.any():
-            break
-        step[beyond] = np.clip(step, below, above)[beyond]
-        moving &= ~beyond
-    return step
 
 
 def _window_shares(problem: Problem) -> tuple[float, ...]:
@@ -244,12 +279,12 @@ def _window_shares(problem: Problem) -> tuple[float, ...]:
     return (*early, *WINDOW_SHARES[:-1])
 
 
-def calibrate(problem: Problem, start: Array | None = None, *, max_iterations: int = 30) -> Fit:
+def calibrate(problem: Problem, start: Array | None = None, *, max_iterations: int = MAX_ITERATIONS) -> Fit:
     """Fit in growing windows of time, by default from the prior's mean, with at most ``max_iterations`` in each window."""
     return alone(calibrate_steps(problem, start, max_iterations=max_iterations))
 
 
-def calibrate_steps(problem: Problem, start: Array | None = None, *, max_iterations: int = 30) -> Steps[Fit]:
+def calibrate_steps(problem: Problem, start: Array | None = None, *, max_iterations: int = MAX_ITERATIONS) -> Steps[Fit]:
     """Do the same as `calibrate` in steps that ask for predictions."""
     x = problem.prior_mean.copy() if start is None else start
     total = 0

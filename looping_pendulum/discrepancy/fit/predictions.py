@@ -24,8 +24,12 @@ Request = tuple[Problem, Array]
 """A problem and parameters of it, shape (m, p)."""
 Steps = Generator[Request, Array, T]
 """Asks for predictions, is sent each, shape (m, n), and returns a result at last."""
-MIN_BATCH = 8
-"""Number of runs from which on they are made in a batch: what one costs beside its runs is as much as so many single ones."""
+MIN_BATCH = 3
+"""Number of runs of one trial that are asked for at once, from which on they are made in a batch.
+
+What a batch costs beside its runs is as much as some eight single ones. But whether a run is part of one may not depend on what
+else is asked for, as a single run differs from it in the last digits, and results are the same for any number of processes.
+"""
 
 PLACES = ("rod_radius", "free_length", "release_angle", "hanging_length")
 """Parameters that say, beside the state, where the masses are."""
@@ -48,7 +52,7 @@ def predict(requests: Sequence[Request]) -> list[Array]:
             part = _Part.of(problem, x, k, into[:, begin:end])
             groups.setdefault(part.model, []).append(part)
     for model, parts in groups.items():
-        if model and sum(len(part.first) for part in parts) >= MIN_BATCH:
+        if model:
             _predict_together(parts)
         else:
             for part in parts:
@@ -140,7 +144,9 @@ class _Part:
     def model(self) -> tuple[Any, ...]:
         """What the runs of one batch have in common; empty: these runs are made one by one."""
         d, names = self.problem.data[self.k], [name for name in self.columns if name in self.base.coefficients]
-        if d.events or not d.channels or self.base.release is Release.HELD or not supports(self.base, names):
+        if len(self.first) < MIN_BATCH or d.events or not d.channels or self.base.release is Release.HELD:
+            return ()
+        if not supports(self.base, names):
             return ()
         further = [effect for effect in self.base.effects_with(names) if not effect.in_base_model]
         has_closure = any(effect.kind is EffectKind.CLOSURE for effect in further)

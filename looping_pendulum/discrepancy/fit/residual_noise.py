@@ -5,14 +5,13 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.data.noise import GAUSSIAN_MAD
 from looping_pendulum.discrepancy.data.observations import BODIES
-from looping_pendulum.discrepancy.fit.calibration import COST_TOLERANCE, Fit, calibrate, minimise_steps
+from looping_pendulum.discrepancy.fit.calibration import COST_TOLERANCE, MAX_ITERATIONS, Fit, calibrate, minimise_steps
 from looping_pendulum.discrepancy.fit.outliers import find_outliers
 from looping_pendulum.discrepancy.fit.predictions import Steps, alone
 from looping_pendulum.discrepancy.fit.problem import TrialData
@@ -28,12 +27,14 @@ MAX_DIFFERENCE_SIGMAS = 4.0
 """Standardised size at which differences are clipped."""
 
 
-def with_noise_of_residuals(fit: Fit, **options: Any) -> Fit:
+def with_noise_of_residuals(fit: Fit, *, cost_tolerance: float = COST_TOLERANCE, max_iterations: int = MAX_ITERATIONS) -> Fit:
     """Do the same as `with_noise_of_residuals_steps`."""
-    return alone(with_noise_of_residuals_steps(fit, **options))
+    return alone(with_noise_of_residuals_steps(fit, cost_tolerance=cost_tolerance, max_iterations=max_iterations))
 
 
-def with_noise_of_residuals_steps(fit: Fit, *, cost_tolerance: float = COST_TOLERANCE, max_iterations: int = 30) -> Steps[Fit]:
+def with_noise_of_residuals_steps(
+    fit: Fit, *, cost_tolerance: float = COST_TOLERANCE, max_iterations: int = MAX_ITERATIONS
+) -> Steps[Fit]:
     """Estimate each trial's noise from differences of neighbouring residuals, leave out outliers, and refit.
 
     Such differences do not see slow misfits. With them, chi2 scatters by 1/sqrt(n); with second differences 1.5 times as much;

@@ -248,6 +248,7 @@ def _screen_with_companions(
         if is_square and reach < 0:
             continue
         linear: Array | None = None
+        opposite: Array | None = None
         for size in (LINEAR_SIZE, *FINITE_SIZES):
             if (reach, size) not in found:
                 found |= yield from changes.find([reach], [size], first, smallest)
@@ -273,7 +274,9 @@ def _screen_with_companions(
                 if (opposite is not None or reduced.is_swing) and not is_square:
                     templates = FINITE_SIZES if _independent_share(basis, template) > MIN_SHARE_FOR_FINITE else ()
                 linear = template
-            if size in (LINEAR_SIZE, *templates):
+            if size == LINEAR_SIZE and opposite is not None and not is_square and math.isfinite(linear_error):
+                score, amplitude = 0.0, 0.0  # the central difference is that to the other side
+            elif size in (LINEAR_SIZE, *templates):
                 score, amplitude, error_here = _score(basis, residual, template, delta)
                 if is_square:
                     amplitude = math.copysign(math.sqrt(max(amplitude / delta, 0.0)) * delta, delta)
