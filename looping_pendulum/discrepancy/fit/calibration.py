@@ -32,7 +32,7 @@ MAX_STEP = 3.0
 """Largest change of one parameter in one iteration, in units of its scale."""
 COST_TOLERANCE, WINDOW_COST_TOLERANCE = 1e-6, 3e-4
 """Relative decrease of the cost below which a fit has converged, in the last window and in those before it."""
-MAX_ITERATIONS = 30
+MAX_ITERATIONS = 50
 """Largest number of Jacobians of a fit, unless a caller says otherwise."""
 FIRST_DAMPING, MIN_DAMPING = 1e-3, 1e-9
 """Damping of the first step, in units of the diagonal of the normal matrix, and its least; it falls tenfold each step."""

@@ -21,8 +21,6 @@ COST_RISE_95 = 3.841
 """Rise of the cost at the ends of a 95 % interval: that quantile of chi-square for one parameter (Wilks 1938)."""
 COST_ERROR = 0.01
 """Decrease of the cost below which a refit has converged."""
-MAX_ITERATIONS = 10
-"""Largest number of iterations of a refit; beyond a jump of the cost many more would not help."""
 MAX_STEPS = 12
 """Largest number of steps in which an end of the interval is looked for: the first is a standard error, or less."""
 MAX_FIRST_STEP = 0.1
@@ -187,6 +185,6 @@ def refit_with_fixed_value(fit: Fit, start: Fit, name: str, value: float) -> Fit
     free_parameters = [dataclasses.replace(n, bounds=(value, value)) if n.name == name else n for n in p.free_parameters]
     problem = Problem(p.study, p.data, free_parameters, (p.prior_mean, p.prior_weights))
     try:
-        return minimise(problem, start.x, cost_tolerance=COST_ERROR / max(fit.cost, 1.0), max_iterations=MAX_ITERATIONS)
+        return minimise(problem, start.x, cost_tolerance=COST_ERROR / max(fit.cost, 1.0))
     except FitError:
         return None

@@ -35,10 +35,6 @@ MAX_START_AMPLITUDE = 10.0
 """Largest amplitude from screening that a refit starts from, in units of the candidate's scale."""
 FIRST_REFITS = 2
 """Number of candidates that are refitted first; the others have to beat their delta BIC."""
-MAX_ITERATIONS = 10
-"""Largest number of iterations in each window of a refit; right explanations need about four."""
-MAX_SWING_ITERATIONS = 25
-"""Largest number of iterations of a refit to a long swing, which has no windows."""
 MIN_RIVAL_SHARE = 0.9
 """Share of another candidate's delta BIC that a first fit or the score must reach for a second fit from another start."""
 RESTART_FACTORS = (5.0, 0.2)
@@ -127,17 +123,17 @@ def refit_steps(base: Fit, screened: ScreenedCandidate, delta_bic_to_beat: float
     fits: list[Fit] = []
     predicted_decrease = screened.score**2
     at_base = screened.candidate.where_it_acts(base.problem.free_parameters, base.x)
-    from_base = functools.partial(minimise_steps, problem, max_iterations=MAX_ITERATIONS)
+    from_base = functools.partial(minimise_steps, problem)
     # From the base fit's values it takes half the time of growing windows, but may end in a minimum that these have been bent
     # to: with a static friction that was missing, at a cost of 2450 where the windows reach 1805. The windows may end early,
     # too, so that a candidate that comes near to the best gets both.
     starts: list[tuple[Callable[[Array], Steps[Fit]], Array, float]] = [
         (from_base, at_base, amplitude),
-        (functools.partial(calibrate_steps, problem, max_iterations=MAX_ITERATIONS), base.problem.prior_mean, amplitude),
+        (functools.partial(calibrate_steps, problem), base.problem.prior_mean, amplitude),
     ]
     if base.problem.is_swing:
         # The amplitude alone, before the other parameters follow it, would put a long swing out of phase
-        starts = [(functools.partial(minimise_steps, problem, max_iterations=MAX_SWING_ITERATIONS), base.x, 0.0), starts[0]]
+        starts = [(functools.partial(minimise_steps, problem), base.x, 0.0), starts[0]]
     for fit_from, start, value in starts:
         try:
             fits.append((yield from fit_from(np.concatenate([start, [value], np.zeros(len(screened.companions))]))))
@@ -157,7 +153,7 @@ def refit_steps(base: Fit, screened: ScreenedCandidate, delta_bic_to_beat: float
     if best.cost > base.cost:
         null = np.concatenate([base.x, np.zeros(1 + len(screened.companions))])
         with contextlib.suppress(FitError):
-            there = yield from minimise_steps(problem, null, max_iterations=MAX_ITERATIONS)
+            there = yield from minimise_steps(problem, null)
             best = min(best, there, key=lambda f: f.cost)
     is_rival = delta_bic_of(screened.candidate, base, best) > max(delta_bic_to_beat - RESTART_MARGIN, 0.0)
     if is_rival:
@@ -280,7 +276,7 @@ def _without_pull_of_prior(base: Fit, screened: ScreenedCandidate, fit: Fit) -> 
         x = fit.x.copy()
         x[i] /= size
         try:
-            fit = yield from minimise_steps(_with_candidate(base, wider), x, max_iterations=MAX_ITERATIONS)
+            fit = yield from minimise_steps(_with_candidate(base, wider), x)
         except FitError:
             break
         screened = wider
@@ -300,9 +296,9 @@ def _restart(fit: Fit, screened: ScreenedCandidate) -> Steps[list[Fit]]:
         x = fit.x.copy()
         x[fit.problem.names.index(parameter.name)] = (value - parameter.init_value) / parameter.scale
         with contextlib.suppress(FitError):
-            fits.append((yield from minimise_steps(fit.problem, x, max_iterations=MAX_ITERATIONS)))
+            fits.append((yield from minimise_steps(fit.problem, x)))
     if fit.errors[name] > abs(change):
         held = refit_with_fixed_value(fit, fit, name, own.init_value + HOLDING_FACTOR * change)
         if held:
-            fits.append((yield from minimise_steps(fit.problem, held.x, max_iterations=MAX_ITERATIONS)))
+            fits.append((yield from minimise_steps(fit.problem, held.x)))
     return fits

@@ -319,7 +319,7 @@ def _refit(base: Fit, runs: Motions, screened: ScreenedClosure) -> Steps[Refitte
     # The ridge is the scale of the weights in this problem, so that their prior has unit variance
     start = np.concatenate([base.x, np.zeros(len(closure.point_coefficients)), screened.weights / screened.ridge])
     try:
-        refitted = yield from minimise_steps(problem, start, cost_tolerance=WINDOW_COST_TOLERANCE, max_iterations=12)
+        refitted = yield from minimise_steps(problem, start, cost_tolerance=WINDOW_COST_TOLERANCE)
         fit = yield from with_noise_of_residuals_steps(refitted)
     except FitError:
         return None

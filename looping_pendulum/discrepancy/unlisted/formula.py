@@ -41,8 +41,6 @@ MAX_REFITS = 3
 """Formulas that are refitted to the trajectories, those of the lowest predicted BIC."""
 BIC_MARGIN = 10.0
 """Difference of BIC within which formulas count as equally good on the training data."""
-MAX_ITERATIONS = 15
-"""Iterations of the refit of each formula."""
 PREFIX = "force_"
 """Prefix of the names of a formula's parameters in a fit."""
 
@@ -145,7 +143,7 @@ def _refit(base: Fit, prediction: PredictedFormula) -> Steps[FittedFormula | Non
     # The declared model's parameters start where the fit with radial basis functions left them.
     start = np.concatenate([prediction.force.fit.x[:n_declared], np.zeros(n_added)])
     try:
-        fit = yield from minimise_steps(problem, start, max_iterations=MAX_ITERATIONS)
+        fit = yield from minimise_steps(problem, start)
     except FitError:
         return None
     delta_bic = base.cost - fit.cost - n_added * math.log(base.problem.count)
