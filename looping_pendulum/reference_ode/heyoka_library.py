@@ -97,7 +97,8 @@ def compiled(what: tuple[object, ...], effects: tuple[Effect, ...], make: Callab
 def _kept(path: Path) -> Any:
     """Return what is kept; damaged bytes raise whatever they lead to, missing ones an `OSError`."""
     found = pickle.loads(path.read_bytes())
-    os.utime(path)  # it was used now
+    with contextlib.suppress(OSError):
+        os.utime(path)  # it was used now
     return found
 
 
