@@ -15,6 +15,7 @@ from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.data.observations import Channel, DataError, Observations
 from looping_pendulum.discrepancy.data.study import Estimate, Study, Trial
 from looping_pendulum.discrepancy.fit.calibration import Fit
+from looping_pendulum.discrepancy.fit.predictions import jacobian_at
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData, free_parameters_of
 from looping_pendulum.discrepancy.result import MIN_SEPARATION, Experiment
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
@@ -151,7 +152,7 @@ class _Prediction:
     @cached_property
     def jacobian(self) -> Array:
         """Return the derivatives of the predicted values, shape (n, p)."""
-        return self.problem.jacobian(self.x)[: len(self.values)]
+        return jacobian_at(self.problem, self.x)[: len(self.values)]
 
 
 def _predict(study: Study, trial: Trial, fit: Fit) -> _Prediction:

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from looping_pendulum.discrepancy.fit.predictions import Steps, alone
+from looping_pendulum.discrepancy.fit.predictions import Steps, alone, jacobian_at
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.geometry import Array
@@ -72,7 +72,7 @@ class Fit:
     @cached_property
     def jacobian(self) -> Array:
         """Return the Jacobian at the minimum, shape (n + p, p): `final_jacobian`, or one that is computed now."""
-        return self.problem.jacobian(self.x) if self.final_jacobian is None else self.final_jacobian
+        return jacobian_at(self.problem, self.x) if self.final_jacobian is None else self.final_jacobian
 
     @cached_property
     def covariance(self) -> Array:

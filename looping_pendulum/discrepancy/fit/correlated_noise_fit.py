@@ -20,6 +20,7 @@ from scipy.optimize import minimize
 from looping_pendulum.discrepancy.data.observations import BODIES
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise
 from looping_pendulum.discrepancy.fit.correlated_noise import CorrelatedNoise, Whitening
+from looping_pendulum.discrepancy.fit.predictions import jacobian_at
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual_noise import MIN_DIFFERENCES, data_with_noise_of_residuals
 from looping_pendulum.reference_ode.geometry import Array
@@ -164,7 +165,7 @@ class _Likelihood:
     def __init__(self, fit: Fit, white: list[TrialData]) -> None:
         # Residuals and derivatives in the units of the data
         bare = fit.problem.with_data([dataclasses.replace(d, sigma=np.where(np.isfinite(d.sigma), 1.0, np.inf)) for d in white])
-        jacobian, residuals = bare.jacobian(fit.x), bare.residuals(fit.x)
+        jacobian, residuals = jacobian_at(bare, fit.x), bare.residuals(fit.x)
         assert residuals is not None
         self._rows = np.column_stack([residuals, jacobian])
         n = bare.measured_rows

@@ -60,6 +60,12 @@ def predict(requests: Sequence[Request]) -> list[Array]:
     return found
 
 
+def jacobian_at(problem: Problem, x: Array) -> Array:
+    """Return minus the derivative of the residuals at ``x``, shape (n + p, p), by central differences."""
+    rows = problem.rows_of_jacobian(x)
+    return problem.jacobian_of(x, rows, predict([(problem, rows)])[0])
+
+
 def together(steps: Sequence[Steps[T]]) -> list[T]:
     """Take the steps of many fits in step, each step of all one call of `predict`; return their results.
 

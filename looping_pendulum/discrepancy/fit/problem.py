@@ -316,13 +316,6 @@ class Problem:
         r = np.concatenate([*parts, -self.prior_weights @ (x - self.prior_mean)])
         return r if np.all(np.isfinite(r)) else None
 
-    def jacobian(self, x: Array) -> Array:
-        """Return minus the derivative of `residuals`, shape (n + p, p), by central differences where the bounds allow it."""
-        from looping_pendulum.discrepancy.fit.predictions import predict
-
-        rows = self.rows_of_jacobian(x)
-        return self.jacobian_of(x, rows, predict([(self, rows)])[0])
-
     def rows_of_jacobian(self, x: Array) -> Array:
         """Return parameters at which predictions make the Jacobian: ``x``, then two for each parameter.
 
@@ -336,7 +329,7 @@ class Problem:
         return x + np.vstack([np.zeros(len(x)), steps.reshape(-1, len(x))])
 
     def jacobian_of(self, x: Array, rows: Array, predicted: Array) -> Array:
-        """Return the Jacobian at ``x`` from what is predicted at `rows_of_jacobian`, shape (rows, n).
+        """Return minus the derivative of `residuals`, shape (n + p, p), from what is predicted at `rows_of_jacobian`.
 
         Where the model of a trial cannot run at one of a parameter's two places, the difference is that to ``x``; where it
         cannot at either, it is 0.

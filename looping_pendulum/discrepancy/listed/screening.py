@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.discrepancy.fit.calibration import Fit
-from looping_pendulum.discrepancy.fit.predictions import MIN_BATCH, Steps, predict, together
+from looping_pendulum.discrepancy.fit.predictions import MIN_BATCH, Steps, jacobian_at, predict, together
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
@@ -110,7 +110,7 @@ def screen(
     jacobian = fit.jacobian
     if without:  # all sensitivities must be taken at one point, or their difference looks like an effect
         null = np.where(np.isin(fit.problem.names, without), 0.0, fit.x)
-        jacobian = fit.problem.jacobian(null)
+        jacobian = jacobian_at(fit.problem, null)
     basis, _ = np.linalg.qr(jacobian)
     # What the fitted parameters could explain is no evidence for a candidate
     residual = _orthogonal_part(basis, fit.residuals)
@@ -129,7 +129,7 @@ def compile_for(problem: Problem, candidate: Candidate | None) -> None:
     None: compute derivatives of the model without a candidate.
     """
     if candidate is None:
-        problem.jacobian(problem.prior_mean)
+        jacobian_at(problem, problem.prior_mean)
         return
     companions = candidate.companion_parameters(candidate.companion_grid()[0])
     delta = math.copysign(_first_change(candidate), candidate.bounds[1] - candidate.null or -1.0)
