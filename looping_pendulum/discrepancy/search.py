@@ -97,7 +97,7 @@ class Search(Revisions):
         of_batch = [c for c in compiled if steps_together(problem, c)]
         compiled = [*of_batch[:1], *(c for c in compiled if c not in of_batch)]
         # Compiling the reference for some effects takes seconds, so an idle process begins with it now.
-        self.workers.prepare(compile_for, problem, [None, *compiled], ["", *(c.name for c in compiled)])
+        self.workers.prepare(compile_for, problem, [None, *compiled])
         first = refit_with_estimated_noise(calibrate(problem))
         second = calibrate_from_random_start(first, self.rng)
         best = best_of([first, second])

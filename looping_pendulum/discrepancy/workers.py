@@ -44,8 +44,6 @@ class Workers:
         self._warm_up_batch: Batch | None = None
         self._imports: Batch | None = None
         self._closed = False
-        self._worker_of_label: dict[str, int] = {}
-        """Label of an item -> number of the worker that has its equations compiled; 0 is this process."""
         self._pools = contextlib.ExitStack()
         self._threads: list[threading.Thread] = []
         with contextlib.suppress(OSError):  # where no process can be started, this one does everything
@@ -71,10 +69,10 @@ class Workers:
         for thread in self._threads:
             thread.join()
 
-    def prepare(self, function: Callable[[Any, Any], Any], shared: Any, items: Sequence[Any], labels: Sequence[str]) -> None:
-        """Let idle worker processes call ``function(shared, item)`` for each item, so that its equations are compiled there."""
+    def prepare(self, function: Callable[[Any, Any], Any], shared: Any, items: Sequence[Any]) -> None:
+        """Let idle worker processes call ``function(shared, item)`` for each item, so that its equations are compiled."""
         with self._condition:
-            self._warm_up_batch = Batch(function, shared, items, labels)
+            self._warm_up_batch = Batch(function, shared, items, [""] * len(items))
             self._condition.notify_all()
 
     def import_when_idle(self, modules: Sequence[str]) -> None:
@@ -106,7 +104,7 @@ class Workers:
         function
             A function of a module whose result depends on nothing but its arguments. They and the result can be pickled.
         labels
-            Name of each item, for reports. A worker is given items with labels that it has worked on before, if there are any.
+            Name of each item, for reports.
         report_progress
             Called with the label of each item that this process begins.
 
@@ -150,7 +148,7 @@ class Workers:
         return [batch.answers[i][1] for i in range(len(batch.items))]
 
     def _take_item(self, batch: Batch, worker: int) -> int | None:
-        """Return the number of the next item for a worker, preferably one with a label it knows.
+        """Return the number of the next item for a worker.
 
         None: all are done or, for a worker process, all are taken. This process (worker 0) waits instead, because the item of a
         worker process that dies comes back.
@@ -160,13 +158,7 @@ class Workers:
                 if worker or len(batch.answers) == len(batch.items):
                     return None
                 self._condition.wait()
-            owners = [self._worker_of_label.get(batch.labels[i]) for i in batch.waiting]
-            # its own labels first, then those that nobody has, then any
-            place = next((k for wanted in (worker, None) for k, owner in enumerate(owners) if owner == wanted), 0)
-            i = batch.waiting.pop(place)
-            if batch.labels[i]:
-                self._worker_of_label.setdefault(batch.labels[i], worker)
-            return i
+            return batch.waiting.pop(0)
 
     def _store_answer(self, batch: Batch, i: int, answer: tuple[bool, Any] | None) -> None:
         """Keep the answer to an item; without one (None) the item goes back to be done by another worker."""

@@ -68,13 +68,6 @@ def test_a_worker_process_does_its_share(two_workers):
     assert two_workers.map(square, 3, range(20)) == [i**3 for i in range(20)]
 
 
-def test_a_worker_gets_the_labels_again_that_it_knows(two_workers):
-    labels = [f"thing {i}" for i in range(6)]
-    first = two_workers.map(place, 0.1, range(6), labels=labels)
-    again = two_workers.map(place, 0.1, range(6), labels=labels)
-    assert sum(a == b for a, b in zip(first, again, strict=True)) >= 4  # the last may go to whoever has nothing left
-
-
 def test_the_exception_of_the_first_item_that_fails_is_raised(two_workers):
     with pytest.raises(ValueError, match="item 3"):
         two_workers.map(refuse, None, [1, 2, 3, 4, 5])
@@ -139,7 +132,7 @@ def test_a_pool_ends_while_its_worker_process_is_busy(shared):
     for pause in (0.0, 0.003, 0.01):
         with Workers(2) as workers:
             wait_for_a_worker_process(workers)
-            workers.prepare(square, 2, [shared] * 50, [""] * 50)
+            workers.prepare(square, 2, [shared] * 50)
             time.sleep(pause)
 
 

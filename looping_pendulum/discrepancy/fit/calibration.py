@@ -252,8 +252,8 @@ class _LinearModel:
 
 
 def _residuals_and_jacobian(problem: Problem, x: Array, cost: float = math.inf) -> Steps[tuple[Array | None, Array]]:
-    if problem.is_swing and math.isfinite(cost):
-        # Its runs are made one by one, so that those of a Jacobian are made where the cost has decreased alone
+    if problem.runs_singly and math.isfinite(cost):
+        # Those of a Jacobian are made only where the cost has decreased
         (predicted,) = yield problem, x[None]
         r = problem.residuals_of(x, predicted)
         if r is None or float(r @ r) >= cost:

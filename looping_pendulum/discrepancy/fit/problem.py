@@ -197,6 +197,11 @@ class Problem:
         return all(d.trial.release is Release.HELD for d in self.data)
 
     @property
+    def runs_singly(self) -> bool:
+        """Return whether every run is made by itself, and costs as much as any other: of swings, and without heyoka."""
+        return self.is_swing or "heyoka" not in available_integrators()
+
+    @property
     def count(self) -> int:
         """Return the number of values that are fitted."""
         return int(sum(np.isfinite(d.sigma).sum() for d in self.data))
@@ -319,12 +324,12 @@ class Problem:
     def rows_of_jacobian(self, x: Array) -> Array:
         """Return parameters at which predictions make the Jacobian: ``x``, then two for each parameter.
 
-        Of swings, whose runs are made one by one, one of the two is ``x`` again.
+        Where runs are made singly, one of the two is ``x`` again.
         """
         # Beyond a bound the value would be cut off, and the difference zero
         down = x - DIFFERENCE_STEP >= self.low
         up = (x + DIFFERENCE_STEP <= self.high) | ~down
-        down &= ~up | (not self.is_swing)
+        down &= ~up | (not self.runs_singly)
         steps = DIFFERENCE_STEP * np.stack([np.diag(up * 1.0), np.diag(down * -1.0)], axis=1)
         return x + np.vstack([np.zeros(len(x)), steps.reshape(-1, len(x))])
 
