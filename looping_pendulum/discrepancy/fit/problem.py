@@ -23,6 +23,7 @@ from looping_pendulum.discrepancy.data.study import Study, Trial
 from looping_pendulum.discrepancy.fit.correlated_noise import CorrelatedNoise, Whitening
 from looping_pendulum.discrepancy.fit.event_prediction import EventRun, event_times, with_missed_events
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.reference_ode.batch import supports
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solution import Samples
@@ -196,10 +197,11 @@ class Problem:
         """Return whether all trials are held pendulums, whose runs take as long as their records have turning points."""
         return all(d.trial.release is Release.HELD for d in self.data)
 
-    @property
+    @cached_property
     def runs_singly(self) -> bool:
-        """Return whether every run is made by itself, and costs as much as any other: of swings, and without heyoka."""
-        return self.is_swing or "heyoka" not in available_integrators()
+        """Return whether every run is made by itself: of swings, of effects that a batch does not take, without heyoka."""
+        names = [n.parameter for n in self.free_parameters]
+        return self.is_swing or not all(supports(b, [n for n in names if n in b.coefficients]) for b in self.base)
 
     @property
     def count(self) -> int:
