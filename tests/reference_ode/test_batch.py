@@ -320,6 +320,19 @@ def test_samples_with_further_effects_are_those_of_single_runs(n):
     assert grazed + failed <= 0.01 * n
 
 
+def test_just_before_the_rod_samples_are_found_though_time_falls_beyond():
+    """The step in which the light mass reaches the rod goes on with a negative free length, in which time falls."""
+    columns = random_columns(200, seed=4)
+    ends = solve_batch(BASE, columns, tolerance=1e-9).end_time
+    times = [end - np.linspace(2e-3, 0.0, 80)[:-1] for end in ends]
+    samples = sample_batch(BASE, columns, times, tolerance=1e-9)
+    for i, t in enumerate(times):
+        alone = solve_at(parameters_of_run(BASE, columns, i), t)
+        known = min(len(alone.t), samples.count[i])
+        off = samples.state[0, samples.part(i)][:known] - alone.state.free_length[:known]
+        assert np.abs(off).max(initial=0.0) < 1e-8, i
+
+
 def test_samples_do_not_depend_on_the_other_runs():
     columns = random_columns(9, seed=2)
     times = [np.linspace(0, 1, 30)] * 9

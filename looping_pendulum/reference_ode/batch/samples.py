@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -12,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.reference_ode.batch.block import Block
-from looping_pendulum.reference_ode.batch.compiled import STATE, CompiledFunction
-from looping_pendulum.reference_ode.batch.roots import horner
+from looping_pendulum.reference_ode.batch.compiled import STATE, CompiledFunction, absolute_value
+from looping_pendulum.reference_ode.batch.roots import ROOT_TOLERANCE, first_falling_roots, horner
 from looping_pendulum.reference_ode.batch.steps import Stepper
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_library import compiled, load_heyoka
@@ -22,7 +23,11 @@ from looping_pendulum.reference_ode.state import State
 from looping_pendulum.reference_ode.transitions import Mode
 
 NEWTON_STEPS = 6
-"""Newton steps from the chord to the fraction of a step at which a sample lies."""
+"""Newton steps from the chord to the fraction of a step at which a sample lies; each ends within the step.
+
+As the string winds, time grows ever slower in the step, and beyond the event at which the light mass reaches the rod it falls:
+there tangents lead away or to a second root, so that some samples are left to `roots.first_falling_roots`.
+"""
 TOGETHER = 4
 """Number of samples that are taken at once of one step: so many lie in a step of a film on average."""
 LOG_LIMIT = 4 * 10**6
@@ -170,7 +175,17 @@ class SampleLog:
                 entry.series.take(column[a:b] - begin, axis=1, out=table[:, a:b], mode="clip")
             a, begin = b, end
         sampled = _sampler(len(step.rows), step.order)(np.concatenate([table[:terms], samples.t[index]]))
-        for row, values in zip(step.rows[:-1], sampled.reshape(-1, TOGETHER, len(column)), strict=True):
+        *motion, last_step = sampled.reshape(len(step.rows), TOGETHER, len(column))
+        unsure = ~(last_step < ROOT_TOLERANCE)
+        if unsure.any():
+            which, at = np.nonzero(unsure)
+            series = table[:terms, at].reshape(len(step.rows), step.order + 1, -1)
+            remaining = -series[-1]
+            remaining[0] += samples.t[index[which, at]]
+            fraction = np.minimum(first_falling_roots(remaining), 1.0)  # without a root it lies at the end, but for rounding
+            for values, coefficients in zip(motion, series, strict=False):
+                values[which, at] = horner(coefficients, fraction)
+        for row, values in zip(step.rows[:-1], motion, strict=True):
             samples.state[row][index] = values
         for row, values in zip(step.resting, table[terms:], strict=True):
             samples.state[row][index] = values
@@ -186,7 +201,10 @@ def _each(first: NDArray[np.int64], count: NDArray[np.int64]) -> tuple[NDArray[n
 
 @lru_cache(maxsize=64)
 def _sampler(row_count: int, order: int) -> CompiledFunction:
-    """Compile the variables of a step at times within it; inputs: the terms of each one and of the time, and the times."""
+    """Compile the variables of a step at times within it, and the lengths of the last Newton steps; inf where time falls.
+
+    Inputs: the terms of each variable and of the time, and the times.
+    """
     return compiled(("sampler", row_count, order, TOGETHER, NEWTON_STEPS), (), lambda: _make_sampler(row_count, order))
 
 
@@ -196,14 +214,17 @@ def _make_sampler(row_count: int, order: int) -> CompiledFunction:
     terms = [[hy.expression(f"c{i}_{k}") for k in range(order + 1)] for i in range(row_count)]
     *motion, time = terms
     targets = [hy.expression(f"target_{i}") for i in range(TOGETHER)]
-    fractions = []
+    fractions, last_steps = [], []
     for target in targets:
         x = (target - time[0]) / hy.sum(time[1:])
         for _ in range(NEWTON_STEPS):
             value, slope = time[-1] * x + time[-2], time[-1]
             for coefficient in time[-3::-1]:
                 value, slope = value * x + coefficient, slope * x + value
-            x = x - (value - target) / slope
+            step = (target - value) / slope
+            last_step = hy.select(hy.gt(slope, 0.0), absolute_value(step), math.inf)
+            x = hy.select(hy.lt(x + step, 0.0), 0.0, hy.select(hy.gt(x + step, 1.0), 1.0, x + step))
         fractions.append(x)
+        last_steps.append(last_step)
     outputs = [horner(each, x) for each in motion for x in fractions]
-    return CompiledFunction(outputs, [*(term for each in terms for term in each), *targets])
+    return CompiledFunction([*outputs, *last_steps], [*(term for each in terms for term in each), *targets])
