@@ -115,8 +115,8 @@ def _quantities(mode: Mode) -> Iterator[str]:
     tensions = model.system.equations.tensions(mode, model.t, y, model.signs)
     k = kinematics(xp, mode, model.t, y, model.signs, p, model.effects)
     from_the_air = tuple(effect for effect in model.effects if effect.name not in NOT_FROM_THE_AIR)
-    light = light_mass_position(xp, y, 0.0, parameters)
-    heavy = heavy_mass_position(xp, y, 0.0, parameters)
+    light = light_mass_position(xp, y, 0.0, p, model.effects)
+    heavy = heavy_mass_position(xp, y, 0.0, p, model.effects)
     velocity = light_velocity(xp, y.wrap_angle, y.retreat_speed, y.across_speed)
     outputs = {
         "light": light,

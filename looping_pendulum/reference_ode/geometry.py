@@ -11,6 +11,13 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+def xy_pairs(x: Any, y: Array) -> Array:
+    """Return coordinates as pairs, shape (..., 2), for ``y`` of shape (...); several times faster than `numpy.stack`."""
+    pairs = np.empty((*np.shape(y), 2))
+    pairs[..., 0], pairs[..., 1] = x, y
+    return pairs
+
+
 def light_position(xp: Any, free_length: Any, wrap_angle: Any, rod_radius: Any) -> tuple[Any, Any]:
     """Return the position (x, y) of the light mass [m] (paper, sec. II).
 

@@ -109,7 +109,7 @@ class Sensitivities:
 
     def _position_derivatives(self, place: Any) -> Array:
         p = _broadcast_over_samples(self.parameters)
-        parts = place(dual, self.dual_state, self.samples.signs.overlap, p)
+        parts = place(dual, self.dual_state, self.samples.signs.overlap, p.values(), p.effects)
         shape = (len(self.wrt), len(self.samples.t))
         return np.stack([np.broadcast_to(x.derivatives if isinstance(x, Dual) else 0.0, shape) for x in parts]).transpose(
             2, 0, 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,9 +14,17 @@ from numpy.typing import NDArray
 from looping_pendulum.pages.notebook import ShownInNotebook
 from looping_pendulum.reference_ode.effects.types import TURN
 from looping_pendulum.reference_ode.equations import Equations
-from looping_pendulum.reference_ode.geometry import Array, light_position, light_velocity
+from looping_pendulum.reference_ode.geometry import Array, light_position, light_velocity, xy_pairs
 from looping_pendulum.reference_ode.parameters import Parameters
-from looping_pendulum.reference_ode.state import Signs, State, extra_variables, heavy_drop, string_has_thickness, winding
+from looping_pendulum.reference_ode.state import (
+    Effects,
+    Signs,
+    State,
+    extra_variables,
+    heavy_drop,
+    string_has_thickness,
+    winding,
+)
 from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, Event, Mode
 
 MAX_RESTING_ROD_SPEED = 1e-200
@@ -118,27 +127,31 @@ class Samples:
     @cached_property
     def light_position(self) -> Array:
         """Position (x, y) of the light mass [m], shape (n, 2)."""
-        return _stack_xy(*light_mass_position(np, self.state, self._overlap, self.run.parameters))
+        return xy_pairs(*light_mass_position(np, self.state, self._overlap, *self._model))
 
     @cached_property
     def light_velocity(self) -> Array:
         """Velocity (x, y) of the light mass [m/s], shape (n, 2)."""
         s = self.state
-        return _stack_xy(*light_velocity(np, s.wrap_angle, s.retreat_speed, s.across_speed))
+        return xy_pairs(*light_velocity(np, s.wrap_angle, s.retreat_speed, s.across_speed))
 
     @cached_property
     def heavy_position(self) -> Array:
         """Position (x, y) of the heavy mass [m], shape (n, 2)."""
-        return _stack_xy(*heavy_mass_position(np, self.state, self._overlap, self.run.parameters))
+        return xy_pairs(*heavy_mass_position(np, self.state, self._overlap, *self._model))
 
     @cached_property
     def heavy_velocity(self) -> Array:
         """Velocity (x, y) of the heavy mass [m/s], shape (n, 2)."""
         speed = self.state.heavy_speed
         if not self._swings:
-            return _stack_xy(0.0, speed)
+            return xy_pairs(0.0, speed)
         across, cosine, sine = self.state.heavy_across_speed, np.cos(self.state.heavy_tilt), np.sin(self.state.heavy_tilt)
-        return _stack_xy(across * cosine - speed * sine, across * sine + speed * cosine)
+        return xy_pairs(across * cosine - speed * sine, across * sine + speed * cosine)
+
+    @property
+    def _model(self) -> tuple[SimpleNamespace, Effects]:
+        return self.run.parameters.values(), self.run.parameters.effects
 
     @cached_property
     def _overlap(self) -> Any:
@@ -162,27 +175,20 @@ class Samples:
         return light, heavy
 
 
-def _stack_xy(x: Any, y: Array) -> Array:
-    """Return coordinates as rows, shape (n, 2); this is several times faster than `numpy.stack`."""
-    pairs = np.empty((len(y), 2))
-    pairs[:, 0], pairs[:, 1] = x, y
-    return pairs
-
-
-def light_mass_position(xp: Any, s: State, overlap: Any, p: Parameters) -> tuple[Any, Any]:
+def light_mass_position(xp: Any, s: State, overlap: Any, p: SimpleNamespace, effects: Effects) -> tuple[Any, Any]:
     """Return the position (x, y) of the light mass [m]; ``overlap``: 1 where the string lies on itself, else 0."""
-    if not string_has_thickness(p.effects):
+    if not string_has_thickness(effects):
         return light_position(xp, s.free_length, s.wrap_angle, p.rod_radius)
-    wound = winding(s, overlap, p.values(), p.effects)
+    wound = winding(s, overlap, p, effects)
     return light_position(xp, s.free_length + wound.foot, s.wrap_angle, wound.radius)
 
 
-def heavy_mass_position(xp: Any, s: State, overlap: Any, p: Parameters) -> tuple[Any, Any]:
+def heavy_mass_position(xp: Any, s: State, overlap: Any, p: SimpleNamespace, effects: Effects) -> tuple[Any, Any]:
     """Return the position (x, y) of the heavy mass [m]; arguments as for `light_mass_position`."""
-    height = -p.hanging_length - heavy_drop(xp, s, overlap, p.values(), p.effects)
-    if "heavy_tilt" not in extra_variables(p.effects):
+    height = -p.hanging_length - heavy_drop(xp, s, overlap, p, effects)
+    if "heavy_tilt" not in extra_variables(effects):
         return p.rod_radius, height
-    length = p.rod_radius * (s.heavy_tilt - p.coefficients["heavy_swing"]) - height
+    length = p.rod_radius * (s.heavy_tilt - p.heavy_swing) - height
     cosine, sine = xp.cos(s.heavy_tilt), xp.sin(s.heavy_tilt)
     return p.rod_radius * cosine + length * sine, p.rod_radius * sine - length * cosine
 

@@ -169,7 +169,7 @@ def test_at_the_first_turn_a_string_steps_out_and_the_light_mass_stays():
     positions, paths = [], []
     for overlap in (0.0, 1.0, 0.0):
         assert m.signs.overlap == overlap
-        positions.append(solution.light_mass_position(math, m.y, overlap, p))
+        positions.append(solution.light_mass_position(math, m.y, overlap, driver.values, p.effects))
         paths.append(state.string_path(math, m.y, overlap, driver.values, p.effects))
         m = rules.apply_event(driver.system, Mode.SLIDING_DOWN, Event.FIRST_TURN, m)
     np.testing.assert_allclose(positions, np.broadcast_to(positions[0], (3, 2)), rtol=0, atol=1e-15)

@@ -118,18 +118,10 @@ class FitError(HarnessError, RuntimeError):
 
 
 def minimise(
-    problem: Problem,
-    x: Array,
-    *,
-    cost_tolerance: float = COST_TOLERANCE,
-    max_iterations: int = MAX_ITERATIONS,
-    initial_jacobian: Array | None = None,
+    problem: Problem, x: Array, *, cost_tolerance: float = COST_TOLERANCE, max_iterations: int = MAX_ITERATIONS
 ) -> Fit:
     """Minimise the cost within the bounds; arguments, result and errors as of `minimise_steps`."""
-    steps = minimise_steps(
-        problem, x, cost_tolerance=cost_tolerance, max_iterations=max_iterations, initial_jacobian=initial_jacobian
-    )
-    return alone(steps)
+    return alone(minimise_steps(problem, x, cost_tolerance=cost_tolerance, max_iterations=max_iterations))
 
 
 def minimise_steps(
@@ -279,19 +271,17 @@ def _window_shares(problem: Problem) -> tuple[float, ...]:
     return (*early, *WINDOW_SHARES[:-1])
 
 
-def calibrate(problem: Problem, start: Array | None = None, *, max_iterations: int = MAX_ITERATIONS) -> Fit:
-    """Fit in growing windows of time, by default from the prior's mean, with at most ``max_iterations`` in each window."""
-    return alone(calibrate_steps(problem, start, max_iterations=max_iterations))
+def calibrate(problem: Problem, start: Array | None = None) -> Fit:
+    """Fit in growing windows of time, by default from the prior's mean."""
+    return alone(calibrate_steps(problem, start))
 
 
-def calibrate_steps(problem: Problem, start: Array | None = None, *, max_iterations: int = MAX_ITERATIONS) -> Steps[Fit]:
+def calibrate_steps(problem: Problem, start: Array | None = None) -> Steps[Fit]:
     """Do the same as `calibrate` in steps that ask for predictions."""
     x = problem.prior_mean.copy() if start is None else start
     total = 0
     for share in _window_shares(problem):
-        fit = yield from minimise_steps(
-            problem.until(share), x, cost_tolerance=WINDOW_COST_TOLERANCE, max_iterations=max_iterations
-        )
+        fit = yield from minimise_steps(problem.until(share), x, cost_tolerance=WINDOW_COST_TOLERANCE)
         x, total = fit.x, total + fit.iterations
-    fit = yield from minimise_steps(problem, x, max_iterations=max_iterations)
+    fit = yield from minimise_steps(problem, x)
     return dataclasses.replace(fit, iterations=fit.iterations + total)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.data.noise import GAUSSIAN_MAD
 from looping_pendulum.discrepancy.data.observations import BODIES
-from looping_pendulum.discrepancy.fit.calibration import COST_TOLERANCE, MAX_ITERATIONS, Fit, calibrate, minimise_steps
+from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise_steps
 from looping_pendulum.discrepancy.fit.outliers import find_outliers
 from looping_pendulum.discrepancy.fit.predictions import Steps, alone
 from looping_pendulum.discrepancy.fit.problem import TrialData
@@ -27,27 +27,19 @@ MAX_DIFFERENCE_SIGMAS = 4.0
 """Standardised size at which differences are clipped."""
 
 
-def with_noise_of_residuals(fit: Fit, *, cost_tolerance: float = COST_TOLERANCE, max_iterations: int = MAX_ITERATIONS) -> Fit:
+def with_noise_of_residuals(fit: Fit) -> Fit:
     """Do the same as `with_noise_of_residuals_steps`."""
-    return alone(with_noise_of_residuals_steps(fit, cost_tolerance=cost_tolerance, max_iterations=max_iterations))
+    return alone(with_noise_of_residuals_steps(fit))
 
 
-def with_noise_of_residuals_steps(
-    fit: Fit, *, cost_tolerance: float = COST_TOLERANCE, max_iterations: int = MAX_ITERATIONS
-) -> Steps[Fit]:
+def with_noise_of_residuals_steps(fit: Fit) -> Steps[Fit]:
     """Estimate each trial's noise from differences of neighbouring residuals, leave out outliers, and refit.
 
     Such differences do not see slow misfits. With them, chi2 scatters by 1/sqrt(n); with second differences 1.5 times as much;
     with the points' own differences of fourth order, which need no model, twice as much.
     """
     data = [data_with_noise_of_residuals(fit, k) for k in range(len(fit.problem.data))]
-    return minimise_steps(
-        fit.problem.with_data(data),
-        fit.x,
-        cost_tolerance=cost_tolerance,
-        max_iterations=max_iterations,
-        initial_jacobian=_rescaled_jacobian(fit, data),
-    )
+    return minimise_steps(fit.problem.with_data(data), fit.x, initial_jacobian=_rescaled_jacobian(fit, data))
 
 
 def refit_with_estimated_noise(fit: Fit) -> Fit:
