@@ -25,14 +25,15 @@ from tests.discrepancy.expected import EXPECTED, hidden_number, planted
 
 SETS = ("thresholds", "rates")
 """Studies that thresholds are chosen by, and studies that rates are measured on: their seeds differ."""
-KINDS = ("clean", "single", "two", "unlisted")
-DEFAULT_COUNTS = {"clean": 300, "single": 300, "two": 100, "unlisted": 100}
+KINDS = ("clean", "single", "two", "unlisted", "mixed")
+"""Nothing, one listed effect, two, a law that no library lists, or a listed effect beside such a law."""
+DEFAULT_COUNTS = {"clean": 300, "single": 300, "two": 100, "unlisted": 100, "mixed": 100}
 NOISES = (0.5e-3, 1e-3, 2e-3)
 """Standard deviations of a tracked point of a mass at rest, each axis [m]."""
 SIZES = (1e-3, 3e-3, 8e-3, 16e-3, 50e-3)
 """How far a single effect moves the light mass [m], RMS over a trial, before any refit."""
 SIZES_OF_TWO = SIZES[1:]
-"""The same of each of two effects at once."""
+"""The same of each of two effects at once, or of an effect and a law."""
 TRIALS = {1: ("ten_a",), 2: ("ten_a", "eight"), 3: ("ten_a", "six", "eight"), 4: ("ten_a", "ten_b", "six", "eight")}
 """Number of trials -> their names; "eight" is held out, and of one trial alone blocks of time."""
 NOISE_KINDS = ("white", "wander", "outliers")
@@ -111,9 +112,11 @@ def _shuffled_hidden(kind: str, rng: np.random.Generator) -> list[tuple[tuple[st
     elif kind == "two":
         # a rod that is slippery for one effect alone would change the other
         groups = list(itertools.combinations((n for n in EXPECTED if not CASES[n].apparatus), 2))
+    elif kind == "mixed":
+        groups = [(n, case.name) for n in EXPECTED if not (CASES[n].apparatus or CASES[n].rigid) for case in UNLISTED]
     else:
         groups = [(case.name,) for case in UNLISTED]
-    choices = list(itertools.product(groups, SIZES_OF_TWO if kind == "two" else SIZES))
+    choices = list(itertools.product(groups, SIZES_OF_TWO if kind in ("two", "mixed") else SIZES))
     return [choices[i] for i in rng.permutation(len(choices))]
 
 
@@ -188,7 +191,7 @@ def planted_values(study: BlindStudy) -> dict[str, float]:
     """Return candidate -> planted value in the candidate's unit; empty where no candidate is right."""
     if study.kind == "unlisted" or study.size is None:
         return {}
-    return dict(planted(scaled(name, study.size)) for name in study.hidden)
+    return dict(planted(scaled(name, study.size)) for name in study.hidden if name in EXPECTED)
 
 
 def write_files(study: BlindStudy, folder: Path) -> Path:

@@ -1,0 +1,219 @@
+"""Explanations: what is added to the declared model, its exact fit, and the log evidence of that."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import functools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.special import logsumexp
+
+from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
+from looping_pendulum.discrepancy.evidence.laws import Law, with_law
+from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid, with_sigma
+from looping_pendulum.discrepancy.evidence.prior import LARGE_MISFIT, LOG_RANGE, log_prior
+from looping_pendulum.discrepancy.evidence.templates import Template
+from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate_steps, minimise_steps
+from looping_pendulum.discrepancy.fit.predictions import Steps
+from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.discrepancy.listed.candidates import Candidate
+from looping_pendulum.discrepancy.unlisted.closures import Closure
+from looping_pendulum.reference_ode.geometry import Array
+
+WIDE = 1e3
+"""Prior standard deviation of an added effect [scales]: the fit is by the data alone, and the prior of its size by `prior`."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Explanation:
+    """A model that was fitted exactly."""
+
+    effects: tuple[Candidate, ...]
+    law: Closure | None
+    fit: Fit
+    """With white noise."""
+    log_z: float
+    """Log evidence, the noise marginalised."""
+    log_z_white: float
+    """With white noise alone."""
+    setting: int
+    """Most probable setting of the noise."""
+    log_prior: float
+    mixed: float
+    """Log evidence by all priors of the law's weights less that by the prior of the fit; 0 without a law."""
+
+    @cached_property
+    def key(self) -> frozenset[str]:
+        """What is added, by name."""
+        return frozenset([c.name for c in self.effects] + ([law_name(self.law)] if self.law else []))
+
+    @property
+    def log_posterior(self) -> float:
+        """Log posterior probability but for a constant."""
+        return self.log_z + self.log_prior
+
+
+def law_name(law: Closure) -> str:
+    """Return the name of a law as a part of an explanation."""
+    by = "" if law.factor == "constant" else f" times {law.factor}"
+    return f"law: {law.target} by {law.coordinate}{by}"
+
+
+def raw(fit: Fit) -> Array:
+    """Return residuals and their derivatives in the units of the data, then those of the prior, shape (n + p, 1 + p)."""
+    problem = fit.problem.with_data(with_sigma(fit.problem.data, 1.0))
+    residuals = problem.residuals_of(fit.x, predicted(fit))
+    assert residuals is not None
+    sigma = np.concatenate([np.where(np.isfinite(d.sigma), d.sigma, 0.0) for d in fit.problem.data])
+    jacobian = fit.jacobian.copy()
+    jacobian[: len(sigma)] *= sigma[:, None]
+    return np.column_stack([residuals, jacobian])
+
+
+def predicted(fit: Fit) -> Array:
+    """Return what a fit predicts of all trials, shape (n,), from its residuals; the measured value where that is left out."""
+    value = np.concatenate([d.value for d in fit.problem.data])
+    sigma = np.concatenate([np.where(np.isfinite(d.sigma), d.sigma, 0.0) for d in fit.problem.data])
+    return np.asarray(value - sigma * fit.residuals[: len(value)])
+
+
+def bounded(fit: Fit) -> list[int]:
+    """Return the indices of the parameters of a fit that are on a bound."""
+    return [fit.problem.names.index(n) for n in fit.at_bounds]
+
+
+def explained(
+    grid: NoiseGrid, fit: Fit, effects: tuple[Candidate, ...] = (), law: Closure | None = None, *, library: int, mixed: float = 0.0
+) -> Explanation:
+    """Return a fit as an explanation, with its evidence by Laplace's method.
+
+    The wide Gaussian prior of each effect's value is replaced by one that is uniform in its logarithm.
+
+    Parameters
+    ----------
+    mixed
+        Log evidence by all priors of a law's weights less that by the prior of the fit.
+    """
+    m = Marginal(grid, raw(fit), at_bounds=bounded(fit))
+    log_z = m.log_z_of_settings + mixed
+    step, variance = m.shift()
+    for c in effects:
+        i = fit.problem.names.index(c.name)
+        x, sigma = fit.x[i] + np.clip(step[:, i], -3, 3), np.sqrt(variance[:, i])
+        log_z += 0.5 * (x / WIDE) ** 2 + math.log(math.sqrt(2 * math.pi) * WIDE)
+        log_density = math.log((2 if c.even else 1) / (2 * LOG_RANGE)) - np.log(np.maximum(np.abs(x), 1e-9))
+        occam = 0.5 * math.log(2 * math.pi) + np.log(sigma) + log_density
+        log_z += log_density - np.maximum(occam, 0.0)
+    prior = log_prior(len(effects), library, law)
+    return Explanation(
+        effects=effects, law=law, fit=fit, log_z=float(logsumexp(log_z)), log_z_white=float(log_z[0] - m.log_prior[0]),
+        setting=int(np.argmax(log_z)), log_prior=prior, mixed=mixed,
+    )  # fmt: skip
+
+
+def free_parameters(t: Template, value: float) -> tuple[FreeParameter, ...]:
+    """Return an effect and its companions as free parameters; ``value`` is about its own, less the null value [SI]."""
+    scale = max(t.scale, abs(value))
+    return dataclasses.replace(t.candidate.free_parameter(scale), prior=WIDE), *t.companions
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Addition:
+    """What may be added to an explanation, by a linear model beside its fit."""
+
+    parent: Explanation
+    templates: tuple[Template, ...]
+    amounts: tuple[float, ...]
+    """Amount of each template."""
+    law: Law | None
+    step: Array
+    """Change of the parent's parameters."""
+    gain: float
+    """Gain of log evidence over the parent."""
+    decrease: float
+    """Decrease of the cost with white noise."""
+    log_prior: float
+    """That of the explanation which it makes."""
+
+    @cached_property
+    def key(self) -> frozenset[str]:
+        """What the explanation which it makes adds, by name."""
+        return self.parent.key | {t.candidate.name for t in self.templates} | ({law_name(self.law.closure)} if self.law else set())
+
+    @property
+    def log_posterior(self) -> float:
+        """Log posterior probability of that explanation, as `Explanation.log_posterior`."""
+        return self.parent.log_z + self.gain + self.log_prior
+
+
+def addition_steps(a: Addition) -> Steps[Fit | None]:
+    """Fit an explanation with what is added to it, from where the linear model leads; None: it cannot run."""
+    parent = a.parent.fit
+    p, weights = parent.problem, np.zeros(0)
+    if a.law:
+        p, weights = with_law(p, a.law)
+    values = [t.value(amount) or t.delta for t, amount in zip(a.templates, a.amounts, strict=True)]
+    groups = [free_parameters(t, v) for t, v in zip(a.templates, values, strict=True)]
+    more = [n for group in groups for n in group]
+    problem = Problem(p.study, p.data, (*p.free_parameters, *more), extended_prior(p, more))
+    own = [[v / group[0].scale, *(0.0 for _ in group[1:])] for v, group in zip(values, groups, strict=True)]
+    added = np.concatenate([weights, *own])
+    at = parent.x
+    for t in a.templates:
+        at = t.candidate.where_it_acts(parent.problem.free_parameters, at)
+    starts: list[tuple[Callable[[Problem, Array], Steps[Fit]], Array, Array]] = [
+        (minimise_steps, at + np.clip(a.step, -3, 3), added),
+        (minimise_steps, at, added),
+        (calibrate_steps, parent.problem.prior_mean, added),
+    ]
+    if p.is_swing:  # the amplitude alone, before the other parameters follow it, would put a long swing out of phase
+        starts = [(minimise_steps, at, np.zeros(len(added))), starts[0]]
+    fits: list[Fit] = []
+    for fit_from, start, beside in starts:
+        with contextlib.suppress(FitError):
+            fits.append((yield from fit_from(problem, np.concatenate([start, beside]))))
+        enough = a.decrease < 10 * LARGE_MISFIT or a.law is not None
+        if fits and enough and parent.cost - min(f.cost for f in fits) > 0.9 * a.decrease:
+            break
+    if not fits:
+        return None
+    fit = min(fits, key=lambda f: f.cost)
+    if fit.cost > parent.cost:
+        with contextlib.suppress(FitError):
+            again = yield from minimise_steps(problem, np.concatenate([parent.x, np.zeros(len(added))]))
+            fit = min(fit, again, key=lambda f: f.cost)
+    return fit
+
+
+def extended_prior(p: Problem, added: Sequence[FreeParameter]) -> tuple[Array, Array]:
+    """Return the prior of a problem with further parameters, which have their own."""
+    n = len(p.free_parameters)
+    root = np.diag(np.concatenate([np.ones(n), [1 / a.prior_sigma for a in added]]))
+    root[:n, :n] = p.prior_weights
+    return np.append(p.prior_mean, np.zeros(len(added))), root
+
+
+def without_steps(e: Fit, dropped: Sequence[str]) -> Steps[Fit | None]:
+    """Fit a model again without some of its parameters."""
+    p = e.problem
+    kept = [i for i, n in enumerate(p.names) if n not in dropped]
+    problem = Problem(
+        p.study, p.data, [p.free_parameters[i] for i in kept], (p.prior_mean[kept], p.prior_weights[np.ix_(kept, kept)])
+    )
+    try:
+        return (yield from minimise_steps(problem, e.x[kept]))
+    except FitError:
+        return None
+
+
+def refit_steps(fit: Fit, problem: Problem) -> Steps[Fit | None]:
+    """Fit a model to other data, from where it was."""
+    try:
+        return (yield from minimise_steps(problem, fit.x))
+    except FitError:
+        return None

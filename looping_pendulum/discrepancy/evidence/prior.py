@@ -1,0 +1,90 @@
+"""Everything that is decided about explanations before the data are seen: their prior, and the limits of the search.
+
+An explanation is a set of parts: listed effects, or one law of unknown form and at most one effect beside it. Nothing else in the
+search is chosen; what follows from the data and these numbers is computed.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from looping_pendulum.discrepancy.unlisted.closures import COORDINATES_OF, TARGETS, Closure, factors_of
+
+# How likely
+P_OF_EFFECTS = (0.5, 0.3, 0.08, 0.02)
+"""Prior probability that so many listed effects are missing, and nothing else: none, one, two, three."""
+P_OF_LAW = (0.08, 0.02)
+"""Prior probability that a law of unknown form is missing: alone, and beside one listed effect."""
+P_LASTING = 0.3
+"""Prior probability that errors of the tracked points last longer than a frame."""
+# How large
+LOG_RANGE = math.log(1000.0)
+"""Logarithm of the range of an effect's size, in which all decades are alike.
+
+From tenths of a millimetre, which hardly any tracker shows, to decimetres of the light mass's motion.
+"""
+RIDGES = np.logspace(-5, 0, 41)
+"""Prior standard deviations of a law's weights [N, or 1 for friction], all alike.
+
+From 10 uN, which move 10 g by a tenth of a millimetre in half a second, to 1 N, about the heavy mass's weight.
+"""
+LENGTHS = (0.0, 1.5, 4.0)
+"""Correlation lengths of a law's weights [basis functions], all alike: how smooth it is, beside their own width."""
+POINT_SIGMA = 0.3
+"""Prior standard deviation of either coordinate of the point from which a law's distance is measured [m]."""
+AMPLITUDES, FRAMES = (0.5, 1.5, 4.0, 12.0), (4.0, 10.0, 24.0)
+"""Amplitudes [white sigma] and correlation times [frames] of errors that last longer than a frame."""
+# What is looked at and said
+CREDIBLE = 0.95
+"""Probability of the explanations that a verdict names."""
+MARGIN = 6.0
+"""Log odds to the best explanation within which others are fitted exactly."""
+LINEAR_ERROR = 0.5
+"""Share of a gain of log likelihood by which the linear model may be wrong, where it is large."""
+LARGE_MISFIT = 50.0
+"""Gain of log likelihood from which on an effect changes what others do beside it."""
+MAX_EFFECTS = 3
+"""Listed effects of an explanation at most."""
+MAX_ROUNDS, MAX_TOGETHER = 10, 4
+"""Rounds of exact fits, and the largest number of fits in one."""
+VISIBLE = 4.0
+"""Standard errors from which on an effect is large enough to be seen."""
+
+
+def log_prior(count: int, library: int, law: Closure | None = None) -> float:
+    """Return the log of the prior probability of one explanation.
+
+    Parameters
+    ----------
+    count, library
+        Number of its listed effects, and of those that there are.
+    law
+        Its law; None: it has none.
+    """
+    ways = math.log(math.comb(library, count))
+    if law is None:
+        return math.log(P_OF_EFFECTS[count]) - ways
+    return math.log(P_OF_LAW[count]) - ways + log_share(law)
+
+
+def log_share(law: Closure) -> float:
+    """Return the log of a law's share of the prior of all laws: bodies alike, then targets and coordinates, then factors."""
+    body = body_of(law.target)
+    targets = [t for t in TARGETS if body_of(t) == body]
+    ways = sum(len(COORDINATES_OF[t]) for t in targets) * len(factors_of(law.target))
+    return -math.log(len({body_of(t) for t in TARGETS}) * ways)
+
+
+def body_of(target: str) -> str:
+    """Return what a target is a part of: "light mass", "heavy mass" or "string on rod"."""
+    return target.split(",")[0]
+
+
+def log_occam(z: np.ndarray) -> np.ndarray:
+    """Return the log of the posterior's width over the prior's for an effect that is ``z`` standard errors large.
+
+    It is not above 0, since what is smaller than its error tells nothing of its size.
+    """
+    return np.minimum(0.5 * math.log(2 * math.pi) - np.log(np.maximum(np.abs(z), 1e-9)) - math.log(2 * LOG_RANGE), 0.0)
