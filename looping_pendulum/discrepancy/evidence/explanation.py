@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import functools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,41 +15,66 @@ from scipy.special import logsumexp
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.evidence.laws import Law, with_law
 from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid, with_sigma
-from looping_pendulum.discrepancy.evidence.prior import LARGE_MISFIT, LOG_RANGE, log_prior
+from looping_pendulum.discrepancy.evidence.prior import LARGE_MISFIT, log_occam, log_prior
 from looping_pendulum.discrepancy.evidence.templates import Template
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate_steps, minimise_steps
 from looping_pendulum.discrepancy.fit.predictions import Steps
-from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.unlisted.closures import Closure
 from looping_pendulum.reference_ode.geometry import Array
 
+Key = frozenset[str]
+"""Names of all that an explanation adds."""
+NOTHING: Key = frozenset()
 WIDE = 1e3
 """Prior standard deviation of an added effect [scales]: the fit is by the data alone, and the prior of its size by `prior`."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Parts:
+    """What an explanation adds to the declared model."""
+
+    effects: tuple[Candidate, ...] = ()
+    law: Closure | None = None
+    mixed: float = 0.0
+    """Log evidence by all priors of the law's weights less that by the prior of the fit; 0 without a law."""
+
+    @cached_property
+    def key(self) -> Key:
+        """Names of all parts."""
+        return frozenset([c.name for c in self.effects] + ([law_name(self.law)] if self.law else []))
+
+    def without(self, part: str) -> Parts:
+        """Return all parts but one, by its name."""
+        if self.law and law_name(self.law) == part:
+            return Parts(effects=self.effects)
+        return dataclasses.replace(self, effects=tuple(c for c in self.effects if c.name != part))
+
+    def parameters_of(self, part: str) -> set[str]:
+        """Return the names of a part's free parameters."""
+        if self.law and law_name(self.law) == part:
+            return {*self.law.point_coefficients, *self.law.names}
+        return {name for c in self.effects if c.name == part for name in (c.name, *(k.name for k in c.companions))}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Explanation:
     """A model that was fitted exactly."""
 
-    effects: tuple[Candidate, ...]
-    law: Closure | None
+    parts: Parts
     fit: Fit
     """With white noise."""
     log_z: float
     """Log evidence, the noise marginalised."""
-    log_z_white: float
-    """With white noise alone."""
     setting: int
     """Most probable setting of the noise."""
     log_prior: float
-    mixed: float
-    """Log evidence by all priors of the law's weights less that by the prior of the fit; 0 without a law."""
 
-    @cached_property
-    def key(self) -> frozenset[str]:
-        """What is added, by name."""
-        return frozenset([c.name for c in self.effects] + ([law_name(self.law)] if self.law else []))
+    @property
+    def key(self) -> Key:
+        """Names of all that it adds."""
+        return self.parts.key
 
     @property
     def log_posterior(self) -> float:
@@ -87,33 +111,31 @@ def bounded(fit: Fit) -> list[int]:
     return [fit.problem.names.index(n) for n in fit.at_bounds]
 
 
-def explained(
-    grid: NoiseGrid, fit: Fit, effects: tuple[Candidate, ...] = (), law: Closure | None = None, *, library: int, mixed: float = 0.0
-) -> Explanation:
+def explained(grid: NoiseGrid, fit: Fit, parts: Parts, library: int) -> Explanation:
     """Return a fit as an explanation, with its evidence by Laplace's method.
 
     The wide Gaussian prior of each effect's value is replaced by one that is uniform in its logarithm.
 
     Parameters
     ----------
-    mixed
-        Log evidence by all priors of a law's weights less that by the prior of the fit.
+    library
+        Number of listed effects that there are.
     """
     m = Marginal(grid, raw(fit), at_bounds=bounded(fit))
-    log_z = m.log_z_of_settings + mixed
+    log_z = m.log_z_of_settings + parts.mixed
     step, variance = m.shift()
-    for c in effects:
+    for c in parts.effects:
         i = fit.problem.names.index(c.name)
         x, sigma = fit.x[i] + np.clip(step[:, i], -3, 3), np.sqrt(variance[:, i])
-        log_z += 0.5 * (x / WIDE) ** 2 + math.log(math.sqrt(2 * math.pi) * WIDE)
-        log_density = math.log((2 if c.even else 1) / (2 * LOG_RANGE)) - np.log(np.maximum(np.abs(x), 1e-9))
-        occam = 0.5 * math.log(2 * math.pi) + np.log(sigma) + log_density
-        log_z += log_density - np.maximum(occam, 0.0)
-    prior = log_prior(len(effects), library, law)
+        # Without the Gaussian prior of the fit, the posterior's width is sigma; what the prior makes of it is `log_occam`
+        log_z += 0.5 * (x / WIDE) ** 2 + math.log(WIDE) - np.log(sigma) + log_occam(x / sigma) + (math.log(2) if c.even else 0.0)
     return Explanation(
-        effects=effects, law=law, fit=fit, log_z=float(logsumexp(log_z)), log_z_white=float(log_z[0] - m.log_prior[0]),
-        setting=int(np.argmax(log_z)), log_prior=prior, mixed=mixed,
-    )  # fmt: skip
+        parts=parts,
+        fit=fit,
+        log_z=float(logsumexp(log_z)),
+        setting=int(np.argmax(log_z)),
+        log_prior=log_prior(len(parts.effects), library, parts.law),
+    )
 
 
 def free_parameters(t: Template, value: float) -> tuple[FreeParameter, ...]:
@@ -143,7 +165,16 @@ class Addition:
     @cached_property
     def key(self) -> frozenset[str]:
         """What the explanation which it makes adds, by name."""
-        return self.parent.key | {t.candidate.name for t in self.templates} | ({law_name(self.law.closure)} if self.law else set())
+        return self.parts.key
+
+    @cached_property
+    def parts(self) -> Parts:
+        """What the explanation which it makes adds."""
+        before = self.parent.parts
+        effects = before.effects + tuple(t.candidate for t in self.templates)
+        if self.law is None:
+            return dataclasses.replace(before, effects=effects)
+        return Parts(effects=effects, law=self.law.closure, mixed=self.law.mixed)
 
     @property
     def log_posterior(self) -> float:
@@ -198,22 +229,25 @@ def extended_prior(p: Problem, added: Sequence[FreeParameter]) -> tuple[Array, A
     return np.append(p.prior_mean, np.zeros(len(added))), root
 
 
-def without_steps(e: Fit, dropped: Sequence[str]) -> Steps[Fit | None]:
-    """Fit a model again without some of its parameters."""
-    p = e.problem
+def without_steps(e: Explanation, part: str) -> Steps[Fit | None]:
+    """Fit an explanation again without one of its parts; None: it cannot run."""
+    p, dropped = e.fit.problem, e.parts.parameters_of(part)
     kept = [i for i, n in enumerate(p.names) if n not in dropped]
-    problem = Problem(
-        p.study, p.data, [p.free_parameters[i] for i in kept], (p.prior_mean[kept], p.prior_weights[np.ix_(kept, kept)])
-    )
+    return refit_steps(e.fit, kept, p.data)
+
+
+def refit_steps(fit: Fit, kept: Sequence[int], data: Sequence[TrialData]) -> Steps[Fit | None]:
+    """Fit some of a fit's parameters to other data, from where they were; None: the model cannot run."""
+    p = fit.problem
+    prior = p.prior_mean[kept], p.prior_weights[np.ix_(kept, kept)]
     try:
-        return (yield from minimise_steps(problem, e.x[kept]))
+        return (yield from minimise_steps(Problem(p.study, data, [p.free_parameters[i] for i in kept], prior), fit.x[kept]))
     except FitError:
         return None
 
 
-def refit_steps(fit: Fit, problem: Problem) -> Steps[Fit | None]:
-    """Fit a model to other data, from where it was."""
-    try:
-        return (yield from minimise_steps(problem, fit.x))
-    except FitError:
-        return None
+def to_data_steps(fit: Fit, data: Sequence[TrialData]) -> Steps[Fit | None]:
+    """Fit a model to other data of the same trials, or of some of them, from where it was."""
+    trials = {d.trial.name for d in data}
+    kept = [i for i, n in enumerate(fit.problem.free_parameters) if trials & set(n.trials)]
+    return refit_steps(fit, kept, data)

@@ -192,20 +192,28 @@ class Laws:
         eigenvalues, projected, vectors = spectra[setting][i]
         beside, ridge = self._beside[setting], float(RIDGES[j])
         q, known = projected[:, 0], beside.cross[:, 0]
-        decrease = 0.0
         if template is not None:
             q, known = q - amount * projected[:, 1 + template], known - amount * beside.cross[:, 1 + template]
-            decrease = 2 * amount * beside.others[0, 1 + template] - amount**2 * beside.others[1 + template, 1 + template]
         weights = vectors @ (ridge**2 / (1 + ridge**2 * eigenvalues) * q)
+        decrease = self._decrease(spectra[0][i], ridge, template, amount)
         step = np.zeros(len(self.fit.x))
         b = self._to_others(closure, beside)[1]
         step[self._free] = beside.inverse @ (known - b[:, 1 : 1 + self._p].T @ weights)
-        decrease += float(np.sum(q**2 * ridge**2 / (1 + ridge**2 * eigenvalues)))
         at_best = float(logsumexp(log_bf[:, i, j] + self._log_weights))
         return Law(
             closure=closure, log_bayes_factor=mixed - self._cost_of_point(closure), ridge=ridge, length=LENGTHS[i],
-            mixed=mixed - at_best, weights=weights, step=step, decrease=float(decrease),
+            mixed=mixed - at_best, weights=weights, step=step, decrease=decrease,
         )  # fmt: skip
+
+    def _decrease(self, spectrum: _Spectrum, ridge: float, template: int | None, amount: float) -> float:
+        """Return the decrease of the cost with white noise, prior of the weights included, by a law and a template."""
+        eigenvalues, projected, _ = spectrum
+        q, by_template = projected[:, 0], 0.0
+        if template is not None:
+            others = self._beside[0].others
+            q = q - amount * projected[:, 1 + template]
+            by_template = 2 * amount * others[0, 1 + template] - amount**2 * others[1 + template, 1 + template]
+        return float(by_template + np.sum(q**2 * ridge**2 / (1 + ridge**2 * eigenvalues)))
 
     def _cost_of_point(self, closure: Closure) -> float:
         # A point is two fitted numbers, which cost what the Bayesian information criterion takes for them

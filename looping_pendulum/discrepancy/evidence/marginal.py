@@ -213,6 +213,12 @@ class Marginal:
         step[self._free] = found[: len(self._free)]
         return step, found[len(self._free) :]
 
+    def decrease(self, chosen: Sequence[int]) -> float:
+        """Return by how much the cost decreases with templates, by the first setting."""
+        index = [1 + t for t in chosen]
+        s = self.complement[0]
+        return float(s[0, index] @ np.linalg.lstsq(s[np.ix_(index, index)], s[0, index], rcond=None)[0])
+
 
 def with_sigma(data: Sequence[TrialData], sigma: float) -> list[TrialData]:
     """Return data with one sigma for all values that are not left out: residuals then are in the units of the data."""

@@ -4,32 +4,35 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 from scipy.special import logsumexp
 
 from looping_pendulum.discrepancy.evidence.explanation import (
+    NOTHING,
     Addition,
     Explanation,
+    Key,
+    Parts,
     addition_steps,
     bounded,
     explained,
-    law_name,
     raw,
-    refit_steps,
+    to_data_steps,
     without_steps,
 )
-from looping_pendulum.discrepancy.evidence.laws import Law, laws_beside
+from looping_pendulum.discrepancy.evidence.laws import Laws, laws_beside
 from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid
 from looping_pendulum.discrepancy.evidence.prior import (
     LARGE_MISFIT,
     LINEAR_ERROR,
-    LOG_RANGE,
     MARGIN,
     MAX_EFFECTS,
     MAX_ROUNDS,
     MAX_TOGETHER,
+    body_of,
     log_occam,
     log_prior,
 )
@@ -39,66 +42,59 @@ from looping_pendulum.discrepancy.fit.correlated_noise_fit import with_noises
 from looping_pendulum.discrepancy.fit.predictions import Steps, alone, together
 from looping_pendulum.discrepancy.fit.residual import check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import data_with_noise_of_residuals
-from looping_pendulum.discrepancy.inputs import Inputs
+from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.listed.screening import steps_together
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
-from looping_pendulum.reference_ode.geometry import Array
 
-Key = frozenset[str]
-NOTHING: Key = frozenset()
+MAX_SETTINGS, MAX_SETTINGS_OF_LAWS = 5, 2
+"""Settings of the noise by which the linear model judges listed effects, and laws: white, and the most probable ones."""
+MIN_KNOWN_ERRORS = 2
+"""Exact fits from which on the linear model's error beside an explanation is known."""
 
 
 class Search:
-    """Explanations of a study that were fitted exactly, and what a linear model says of others."""
+    """Explanations of a study that were fitted exactly, and what a linear model says of others.
 
-    def __init__(self, inputs: Inputs, base: Fit, workers: Workers = SERIAL, log: Callable[[str], None] = lambda text: None) -> None:
-        self.inputs, self.workers, self.log = inputs, workers, log
+    Parameters
+    ----------
+    base
+        Fit of the declared model to all trials, with white noise.
+    library
+        Listed effects that may be missing.
+    report
+        Called with a description of each step that begins.
+    """
+
+    def __init__(
+        self, base: Fit, library: Sequence[Candidate], workers: Workers = SERIAL, report: Callable[[str], None] = lambda what: None
+    ) -> None:
+        self.library, self.workers, self.report = tuple(library), workers, report
         self.grid = NoiseGrid(base.problem.data)
         self.fitted: dict[Key, Explanation] = {}
+        """What an explanation adds -> the explanation, of all that were fitted exactly."""
         self.possible: dict[Key, Addition] = {}
-        """Best addition that makes an explanation which was not fitted yet."""
-        self.linear: dict[tuple[Key, Key], Addition] = {}
+        """The same of those that were not: the best addition by which it is made."""
+        self._linear: dict[tuple[Key, Key], Addition] = {}
         """(Parent, what is made) -> addition, of all that were looked at."""
-        self.errors: dict[tuple[Key, bool], list[float]] = {}
-        self.expanded: set[Key] = set()
+        self._errors: dict[tuple[Key, bool], list[float]] = {}
+        """(Parent, whether a law was added) -> evidence of exact fits less what the linear model had said."""
+        self._expanded: set[Key] = set()
         self.templates: list[Template] = []
-        """Those beside nothing."""
-        self.rounds = 0
+        """Those beside the declared model."""
         self._passes: dict[Key, bool] = {}
-        self.add(self.explained(base))
-
-    def explained(self, fit: Fit, of: Explanation | Addition | None = None) -> Explanation:
-        """Return a fit as an explanation; ``of`` says what it adds."""
-        if of is None:
-            return explained(self.grid, fit, library=len(self.inputs.library))
-        if isinstance(of, Explanation):
-            mixed, effects, law = of.mixed, of.effects, of.law
-        else:
-            effects, law = of.parent.effects + tuple(t.candidate for t in of.templates), of.parent.law
-            mixed = of.parent.mixed
-            if of.law:
-                law, mixed = of.law.closure, of.law.mixed
-        return explained(self.grid, fit, effects, law, library=len(self.inputs.library), mixed=mixed)
+        self._add(base, Parts())
 
     @property
     def best(self) -> Explanation:
         """Return the most probable explanation."""
         return max(self.fitted.values(), key=lambda e: e.log_posterior)
 
-    def add(self, e: Explanation) -> None:
-        """Keep an explanation, unless a better fit of it is known."""
-        known = self.fitted.get(e.key)
-        if known is None or e.log_posterior > known.log_posterior:
-            self.fitted[e.key] = e
-            self._passes.pop(e.key, None)
-        self.log(f"  {name(e.key)}: log posterior {e.log_posterior:.1f}, cost {e.fit.cost:.0f}, noise {e.setting}")
-
     def passes(self, e: Explanation) -> bool:
         """Return whether the residuals of an explanation look like its own noise: the one absolute test."""
         if e.key not in self._passes:
             fit, noises = e.fit, self.grid.noises(e.setting)
             if noises:
-                fit = alone(refit_steps(fit, fit.problem.with_data([with_noises(d, noises) for d in fit.problem.data]))) or fit
+                fit = alone(to_data_steps(fit, [with_noises(d, noises) for d in fit.problem.data])) or fit
             tests = check_residuals(fit)
             # Errors of real marks are seldom as simple as such a process, so that a pattern stays beside the right effect, too
             self._passes[e.key] = tests.passes if not noises else tests.chi2_per_dof <= tests.limit
@@ -106,182 +102,196 @@ class Search:
 
     @property
     def settled(self) -> bool:
-        """Whether the best explanation has listed effects and white noise alone, and passes the test.
+        """Return whether the best explanation has no law and white noise, and passes the test.
 
         A law of any form passes too easily, and so does noise that lasts longer than a frame.
         """
-        return not self.best.law and not self.best.setting and self.passes(self.best)
+        return not self.best.parts.law and not self.best.setting and self.passes(self.best)
 
     def run(self) -> None:
         """Fit explanations until no other comes near the best."""
-        self.go_on()
-        if self.best.key != NOTHING:  # whose noise it is
-            self.with_noise_of(self.best)
-            self.go_on()
+        self._go_on()
+        if self.best.key != NOTHING:  # whose noise is known
+            self._with_noise_of(self.best)
+            self._go_on()
 
-    def go_on(self) -> None:
+    def _go_on(self) -> None:
         """Look at what may be added to explanations near the best, and fit what may come near, in rounds."""
         for _ in range(MAX_ROUNDS):
-            self.rounds += 1
-            self.fit_subsets()
-            for e in self.near():
-                self.expand(e)
-            chosen = self.promising()
-            self.log(f" round {self.rounds}: {[name(a.key) for a in chosen]}")
+            self._fit_without_parts()
+            for e in self._near():
+                self._expand(e)
+            chosen = self._promising()
             if not chosen:
                 return
-            expected = {}
+            self.report(f"fitting {', '.join(in_words(a.key) for a in chosen)}")
+            expected = {a.key: (self._start_of(a).key, self._expected(a, 0.0)[0]) for a in chosen}
             for a in chosen:
-                expected[a.key] = self.expected(a, 0.0)[0], self.start_of(a).key
                 del self.possible[a.key]
-            for fit, a in self.fit_all([(addition_steps(a), a) for a in chosen]):
-                e = self.explained(fit, a)
-                self.errors.setdefault((expected[e.key][1], a.law is not None), []).append(e.log_posterior - expected[e.key][0])
-                self.log(f"   expected {expected[e.key][0]:.1f}")
-                self.add(e)
+            for a, fit in zip(chosen, self._fit([partial(addition_steps, a) for a in chosen]), strict=True):
+                if fit is not None:
+                    start, log_posterior = expected[a.key]
+                    found = self._add(fit, a.parts)
+                    self._errors.setdefault((start, a.law is not None), []).append(found.log_posterior - log_posterior)
 
-    def fit_all(self, steps: Sequence[tuple[Steps[Fit | None], object]]) -> list[tuple[Fit, object]]:
-        """Take the steps of fits together; return those that can run, with what they are of."""
-        found = together([s for s, _ in steps])
-        return [(fit, of) for fit, (_, of) in zip(found, steps, strict=True) if fit is not None]
+    def _fit(self, tasks: Sequence[partial[Steps[Fit | None]]]) -> list[Fit | None]:
+        """Take the steps of fits together."""
+        return self.workers.map_together(_fit_together, None, tasks)
 
-    def add_all(self, found: Sequence[Explanation]) -> None:
-        """Keep explanations."""
-        for e in found:
-            self.add(e)
+    def _add(self, fit: Fit, parts: Parts) -> Explanation:
+        """Keep an explanation unless a better fit of it is known; return it."""
+        e = explained(self.grid, fit, parts, len(self.library))
+        known = self.fitted.get(e.key)
+        if known is None or e.log_posterior > known.log_posterior:
+            self.fitted[e.key] = e
+            self._passes.pop(e.key, None)
+        return e
 
-    def near(self) -> list[Explanation]:
+    def _is_needless(self, e: Explanation) -> bool:
+        """Return whether a part of an explanation is as probable as the whole."""
+        return any(key < e.key and part.log_posterior >= e.log_posterior for key, part in self.fitted.items())
+
+    def _near_best(self) -> list[Explanation]:
+        limit = self.best.log_posterior - MARGIN
+        return [e for e in self.fitted.values() if e.log_posterior > limit and not self._is_needless(e)]
+
+    def _near(self) -> list[Explanation]:
         """Return the explanations whose neighbours are looked at next: those near the best, and what it adds something to.
 
         What it adds something to, with another part in its place, may be better still.
         """
-        best = self.best
-        near = [e for e in self.fitted.values() if e.log_posterior > best.log_posterior - MARGIN and not self.is_needless(e)]
+        best, near = self.best, self._near_best()
         if not self.settled:
-            near += [self.fitted[best.key - {part}] for part in best.key if best.key - {part} in self.fitted]
-        return [e for e in dict.fromkeys(near) if e.key not in self.expanded]
+            near += [self.fitted[best.key - {part}] for part in sorted(best.key) if best.key - {part} in self.fitted]
+        return [e for e in dict.fromkeys(near) if e.key not in self._expanded]
 
-    def fit_subsets(self) -> None:
+    def _fit_without_parts(self) -> None:
         """Fit what the explanations near the best leave if one of their parts is dropped."""
-        best, todo = self.best, {}
-        for e in self.fitted.values():
-            if e.log_posterior > best.log_posterior - MARGIN and not self.is_needless(e):
-                for c in e.effects:
-                    todo.setdefault(e.key - {c.name}, (e, tuple(k for k in e.effects if k is not c), e.law, (c.name, *(k.name for k in c.companions))))
-                if e.law and e.effects:
-                    names = (*e.law.point_coefficients, *e.law.names)
-                    todo.setdefault(e.key - {law_name(e.law)}, (e, e.effects, None, names))
-        steps = [(without_steps(e.fit, names), of) for key, (e, *of, names) in todo.items() if key not in self.fitted]
-        for fit, (effects, law) in self.fit_all(steps):
-            mixed = next(e.mixed for e, *of, _ in todo.values() if of == [effects, law]) if law else 0.0
-            self.add(explained(self.grid, fit, effects, law, library=len(self.inputs.library), mixed=mixed))
+        todo: dict[Key, tuple[Explanation, str]] = {}
+        for e in self._near_best():
+            for part in sorted(e.key):
+                if e.key - {part} not in self.fitted:
+                    todo.setdefault(e.key - {part}, (e, part))
+        for (e, part), fit in zip(todo.values(), self._fit([partial(without_steps, *one) for one in todo.values()]), strict=True):
+            if fit is not None:
+                self._add(fit, e.parts.without(part))
 
-    def is_needless(self, e: Explanation) -> bool:
-        """Return whether a part of an explanation is more probable than the whole."""
-        return any(k < e.key and part.log_posterior >= e.log_posterior for k, part in self.fitted.items())
+    def _with_noise_of(self, best: Explanation) -> None:
+        """Estimate the noise and the outliers beside the best explanation, and fit all that are near it again with these."""
+        data = [data_with_noise_of_residuals(best.fit, k) for k in range(len(best.fit.problem.data))]
+        limit = best.log_posterior - 2 * MARGIN
+        kept = [e for e in self.fitted.values() if e.log_posterior > limit and not self._is_needless(e)]
+        kept += [e for e in self.fitted.values() if e.key == NOTHING and e not in kept]
+        fits = self._fit([partial(to_data_steps, e.fit, data) for e in kept])
+        before = set(self.fitted)
+        self.grid = NoiseGrid(data)
+        self.fitted.clear()
+        self._passes.clear()
+        self._expanded &= {NOTHING}
+        for e, fit in zip(kept, fits, strict=True):
+            if fit is not None:
+                self._add(fit, e.parts)
+        # What was far off, is with anything more
+        far = before - set(self.fitted)
+        possible = [a for a in self.possible.values() if a.parent.key in self.fitted and not any(key < a.key for key in far)]
+        self.possible = {a.key: dataclasses.replace(a, parent=self.fitted[a.parent.key]) for a in possible}
 
-    def expand(self, e: Explanation) -> None:
-        """Look at what one more effect, a pair of them or a law would add to an explanation, by a linear model."""
-        self.expanded.add(e.key)
-        library = len(self.inputs.library)
-        others = [c for c in self.inputs.library if c not in e.effects]
-        fresh = not self.templates or e.log_z - self.fitted[NOTHING].log_z > LARGE_MISFIT
-        found: list[Template] = []
-        if len(e.effects) < (MAX_EFFECTS if not e.law else 1):
-            anew = [c for c in others if not self.templates or steps_together(e.fit.problem, c)] if fresh else []
-            found = templates(e.fit, anew, self.workers)
-            found += [t for t in self.templates if t.candidate in others and t.candidate not in anew]
-            if e.key == NOTHING:
-                self.templates = found
+    def _expand(self, e: Explanation) -> None:
+        """Look at what one more effect, a pair of them, a law or both would add to an explanation, by a linear model."""
+        self.report(f"looking beside {in_words(e.key)}")
+        self._expanded.add(e.key)
+        count = len(e.parts.effects)
+        found = self._templates(e) if count < (1 if e.parts.law else MAX_EFFECTS) else []
         changes, fitted = columns(found, self.grid.count), raw(e.fit)
-        settings = self.settings_of(e)
+        log_z = Marginal(self.grid, fitted, at_bounds=bounded(e.fit)).log_z_of_settings
+        settings = [0, *(int(i) for i in np.argsort(-log_z) if i)][:MAX_SETTINGS]
         m = Marginal(self.grid, fitted, changes, bounded(e.fit), settings)
-        for chosen, gain, amounts in _additions(m, found, pairs=len(e.effects) + 2 <= MAX_EFFECTS and not e.law):
+        for chosen, gain, amounts in _additions(m, found, pairs=count + 2 <= MAX_EFFECTS and not e.parts.law):
             step, _ = m.solution(chosen)
-            s = m.complement[0]
-            index = [1 + i for i in chosen]
-            decrease = float(s[0, index] @ np.linalg.lstsq(s[np.ix_(index, index)], s[0, index], rcond=None)[0])
-            self.offer(
+            self._offer(
                 Addition(
                     parent=e, templates=tuple(found[i] for i in chosen), amounts=amounts, law=None, step=step, gain=gain,
-                    decrease=decrease, log_prior=log_prior(len(e.effects) + len(chosen), library, e.law),
+                    decrease=m.decrease(chosen), log_prior=log_prior(count + len(chosen), len(self.library), e.parts.law),
                 )  # fmt: skip
             )
-        if e.law or len(e.effects) > 1 or not self.needs_laws(e):
+        # A second law is not looked for, nor one beside what is settled
+        if e.parts.law or count > 1 or (e.key != NOTHING and self.settled):
             return
-        known = laws_beside(e.fit, self.grid, settings[:2], m.log_z_of_settings[:2], fitted, changes, self.workers)
-        if known is None:
-            return
-        ranked = known.all()
-        self.log(f"   laws beside {name(e.key)}: {[(law.closure.target, law.closure.coordinate, round(law.log_bayes_factor, 1)) for law in ranked[:3]]}")
-        allowed = [t.linear for t in found]
+        settings = settings[:MAX_SETTINGS_OF_LAWS]
+        laws = laws_beside(e.fit, self.grid, settings, m.log_z_of_settings[: len(settings)], fitted, changes, self.workers)
+        if laws is not None:
+            self._offer_laws(e, laws, found if not count else [])
+
+    def _templates(self, e: Explanation) -> list[Template]:
+        """Return the templates of the effects that may be added: those beside nothing, unless much was added since."""
+        others = [c for c in self.library if c not in e.parts.effects]
+        if e.key == NOTHING and not self.templates:
+            self.templates = templates(e.fit, others, self.workers)
+        anew: list[Candidate] = []
+        if e.log_z - self.fitted[NOTHING].log_z > LARGE_MISFIT:
+            anew = [c for c in others if steps_together(e.fit.problem, c)]  # single runs take too long for it
+        kept = [t for t in self.templates if t.candidate in others and t.candidate not in anew]
+        return kept + templates(e.fit, anew, self.workers)
+
+    def _offer_laws(self, e: Explanation, laws: Laws, found: Sequence[Template]) -> None:
+        """Look at what a law would add, alone and with one of the templates ``found``: the best of each body and coordinate."""
         seen: set[tuple[str, str]] = set()
-        for law in ranked:
-            which = law.closure.target.split(",")[0], law.closure.coordinate
-            if which in seen:
+        for law in laws.all():
+            if (which := (body_of(law.closure.target), law.closure.coordinate)) in seen:
                 continue
             seen.add(which)
-            self.offer(
-                Addition(
-                    parent=e, templates=(), amounts=(), law=law, step=law.step, gain=law.log_bayes_factor,
-                    decrease=law.decrease, log_prior=log_prior(len(e.effects), library, law.closure),
-                )  # fmt: skip
-            )
-            if e.effects:
-                continue
-            best: dict[str, Addition] = {}
-            for both in known.with_effects(law, allowed):
-                t = found[both.template]
-                if t.value(both.amount) is None:
-                    continue
-                a = Addition(
-                    parent=e, templates=(t,), amounts=(both.amount,), law=both.law, step=both.law.step,
-                    gain=both.log_bayes_factor, decrease=both.law.decrease, log_prior=log_prior(1, library, law.closure),
-                )  # fmt: skip
-                if t.candidate.name not in best or a.gain > best[t.candidate.name].gain:
-                    best[t.candidate.name] = a
-            for a in best.values():
-                self.offer(a)
+            prior = [log_prior(n, len(self.library), law.closure) for n in (0, 1)]
+            alone = Addition(
+                parent=e, templates=(), amounts=(), law=law, step=law.step, gain=law.log_bayes_factor, decrease=law.decrease,
+                log_prior=prior[len(e.parts.effects)],
+            )  # fmt: skip
+            self._offer(alone)
+            for both in laws.with_effects(law, [t.linear for t in found]) if found else ():
+                if found[both.template].value(both.amount) is not None:
+                    self._offer(
+                        Addition(
+                            parent=e, templates=(found[both.template],), amounts=(both.amount,), law=both.law, step=both.law.step,
+                            gain=both.law.log_bayes_factor, decrease=both.law.decrease, log_prior=prior[1],
+                        )  # fmt: skip
+                    )
 
-    def needs_laws(self, e: Explanation) -> bool:
-        """Return whether laws are looked for beside an explanation."""
-        return e.key == NOTHING or not self.settled
-
-    def settings_of(self, e: Explanation) -> list[int]:
-        """Return the settings of the noise by which additions to an explanation are judged: white, and its most probable."""
-        m = Marginal(self.grid, raw(e.fit), at_bounds=bounded(e.fit))
-        best = np.argsort(-m.log_z_of_settings)[:4].tolist()
-        return [0, *(i for i in best if i)]
-
-    def offer(self, a: Addition) -> None:
+    def _offer(self, a: Addition) -> None:
         """Keep an addition if it makes an explanation that was not fitted, and no other is known to make it as probable."""
-        self.linear[a.parent.key, a.key] = a
-        if a.key in self.fitted:
-            return
+        before = self._linear.get((a.parent.key, a.key))
+        if before is None or a.gain > before.gain or before.parent is not a.parent:
+            self._linear[a.parent.key, a.key] = a
         known = self.possible.get(a.key)
-        if known is None or a.log_posterior > known.log_posterior:
+        if a.key not in self.fitted and (known is None or a.log_posterior > known.log_posterior):
             self.possible[a.key] = a
 
-    def promising(self) -> list[Addition]:
+    def _promising(self) -> list[Addition]:
         """Return what is fitted next: what may come near the best, the most probable first."""
         limit = self.best.log_posterior - MARGIN
-        least = min(self.fitted[NOTHING].fit.problem.count, *(e.fit.cost for e in self.fitted.values()))
+        least = min(self.best.fit.problem.count, *(e.fit.cost for e in self.fitted.values()))
         found = []
         for a in self.possible.values():
-            if not self.is_usable(a.parent):
-                continue
-            log_posterior, slack = self.expected(a, least)
-            # What adds nothing to a part of it is no explanation of its own
-            if log_posterior + slack > limit and log_posterior + slack > self.best_part(a.key):
-                found.append((log_posterior, a))
-        chosen: list[Addition] = []
+            if self._is_usable(a.parent):
+                log_posterior, slack = self._expected(a, least)
+                # What adds nothing to a part of it is no explanation of its own
+                if log_posterior + slack > limit and log_posterior + slack > self._best_part(a.key):
+                    found.append((log_posterior, a))
+        chosen: dict[Key, Addition] = {}
         for _, a in sorted(found, key=lambda one: -one[0]):
-            # First a part of it, since more may add nothing
-            if len(chosen) < MAX_TOGETHER and not any(b.key < a.key for b in chosen):
-                chosen.append(a)
-        return chosen
+            # First a part of it: more parts may only make up for what the linear model does not show of one
+            first = a if self._is_next(a) else max(self._parts(a), key=lambda b: b.log_posterior, default=a)
+            if len(chosen) < MAX_TOGETHER and not any(key < first.key for key in chosen):
+                chosen.setdefault(first.key, first)
+        return list(chosen.values())
 
-    def is_usable(self, parent: Explanation) -> bool:
+    def _is_next(self, a: Addition) -> bool:
+        """Return whether an explanation adds one part to one that was fitted."""
+        return any(a.key - {part} in self.fitted for part in a.key)
+
+    def _parts(self, a: Addition) -> list[Addition]:
+        """Return what may be fitted of an explanation with one part less."""
+        return [self.possible[a.key - {part}] for part in a.key if a.key - {part} in self.possible]
+
+    def _is_usable(self, parent: Explanation) -> bool:
         """Return whether a linear model beside an explanation says enough of what is near the best.
 
         Beside a parent that leaves much more unexplained than the best does, it does so only for a part in another one's place.
@@ -289,116 +299,92 @@ class Search:
         best = self.best
         return best.log_z - parent.log_z < 4 * LARGE_MISFIT or (parent.key < best.key and len(parent.key) == len(best.key) - 1)
 
-    def best_part(self, key: Key) -> float:
+    def _best_part(self, key: Key) -> float:
         """Return the largest log posterior of what an explanation adds something to."""
         parts = [e.log_posterior for k, e in self.fitted.items() if k < key]
         return max([*parts, *(a.log_posterior for k, a in self.possible.items() if k < key)])
 
-    def expected(self, a: Addition, least: float) -> tuple[float, float]:
+    def _start_of(self, a: Addition) -> Explanation:
+        """Return the most probable explanation between an addition's parent and what it makes that was fitted exactly."""
+        between = [e for key, e in self.fitted.items() if key < a.key and (a.parent.key, key) in self._linear]
+        return max([a.parent, *between], key=lambda e: e.log_z)
+
+    def _expected(self, a: Addition, least: float) -> tuple[float, float]:
         """Return the log posterior that an addition leads to, and by how much more it may be.
 
-        The linear model may be wrong by a share of what there is to be explained, but no fit is expected to leave less than noise
-        does, or than the best fit: a cost of ``least``. Where a part of what is added was fitted exactly, it starts there.
+        Where a part of what is added was fitted exactly, it starts there. The linear model may be wrong by a share of what there
+        is to be explained, or by as much as it was where exact fits have shown it; but no fit is expected to leave less than
+        noise does, or than the best fit: a cost of ``least``.
         """
-        start = self.start_of(a)
+        start = self._start_of(a)
         log_z, cost, gain = a.parent.log_z, a.parent.fit.cost - a.decrease, a.gain
         if start is not a.parent:
-            known = self.linear[a.parent.key, start.key]
+            known = self._linear[a.parent.key, start.key]
             log_z, gain = start.log_z, a.gain - known.gain
             cost = start.fit.cost - (a.decrease - known.decrease)
         missing = max(self.best.log_z - log_z, gain, 0.0)
-        room = max(0.5 * (cost - least), 0.0) + 1.0
-        slack = min(LINEAR_ERROR * missing**2 / (missing + LARGE_MISFIT), room)
-        known_errors = self.errors.get((start.key, a.law is not None), [])
-        if len(known_errors) >= 2:
-            slack = min(slack, 1.0 + 1.5 * max(0.0, *known_errors))
+        slack = min(LINEAR_ERROR * missing**2 / (missing + LARGE_MISFIT), 1.0 + max(0.5 * (cost - least), 0.0))
+        errors = self._errors.get((start.key, a.law is not None), [])
+        if len(errors) >= MIN_KNOWN_ERRORS:
+            slack = min(slack, 1.0 + (1 + LINEAR_ERROR) * max(0.0, *errors))
         return log_z + gain + a.log_prior, slack
 
-    def start_of(self, a: Addition) -> Explanation:
-        """Return the most probable explanation between an addition's parent and what it makes that was fitted exactly."""
-        between = [e for k, e in self.fitted.items() if k < a.key and (a.parent.key, k) in self.linear]
-        return max([a.parent, *between], key=lambda e: e.log_z)
 
-    def with_noise_of(self, best: Explanation) -> None:
-        """Estimate the noise and the outliers beside the best explanation, and fit all that are near it again with these."""
-        data = [data_with_noise_of_residuals(best.fit, k) for k in range(len(best.fit.problem.data))]
-        self.grid = NoiseGrid(data)
-        limit = best.log_posterior - 2 * MARGIN
-        kept = [e for e in self.fitted.values() if (e.log_posterior > limit and not self.is_needless(e)) or e.key == NOTHING]
-        found = self.fit_all([(refit_steps(e.fit, e.fit.problem.with_data(data)), e) for e in kept])
-        dropped = self.fitted.keys() - {e.key for _, e in found}
-        self.fitted.clear()
-        self._passes.clear()
-        self.expanded &= {NOTHING}
-        for fit, e in found:
-            self.add(self.explained(fit, e))
-        # What was far off, is with anything more
-        kept = [a for a in self.possible.values() if a.parent.key in self.fitted and not any(k < a.key for k in dropped)]
-        self.possible = {a.key: dataclasses.replace(a, parent=self.fitted[a.parent.key]) for a in kept}
+def posterior(fitted: Mapping[Key, Explanation]) -> list[tuple[Key, float]]:
+    """Return the probability of every explanation, the most probable first.
+
+    One that adds something to another and is less probable than that counts as a part of it: what it adds is too small to be
+    seen.
+    """
+    logs = {key: e.log_posterior for key, e in fitted.items()}
+    top = max(logs.values())
+    p = {key: math.exp(log - top) for key, log in logs.items()}
+    for key in sorted(p, key=lambda k: (-len(k), p[k])):
+        within = [k for k in p if k < key and p[k] >= p[key]]
+        if within:
+            p[max(within, key=lambda k: p[k])] += p.pop(key)
+    total = sum(p.values())
+    return sorted(((key, v / total) for key, v in p.items()), key=lambda one: -one[1])
 
 
-def name(key: Key) -> str:
-    """Return the name of an explanation in words."""
-    return "+".join(sorted(key)) or "nothing"
+def in_words(key: Key) -> str:
+    """Return what an explanation adds, in words."""
+    return " + ".join(sorted(key)) or "nothing"
+
+
+def _fit_together(_: None, tasks: Sequence[partial[Steps[Fit | None]]]) -> list[Fit | None]:
+    return together([task() for task in tasks])
 
 
 def _additions(m: Marginal, found: Sequence[Template], *, pairs: bool) -> list[tuple[tuple[int, ...], float, tuple[float, ...]]]:
     """Return (indices, gain of log evidence, amounts) of the best template of each candidate, and of each pair of candidates."""
     if not found:
         return []
-    s = m.complement
-    base = m.log_z_of_settings[:, None]
+    s, base, names = m.complement, m.log_z_of_settings[:, None], [t.candidate.name for t in found]
     square = np.maximum(np.einsum("gii->gi", s)[:, 1:], 1e-12)
     z = s[:, 0, 1:] / np.sqrt(square)
     gain = logsumexp(base + 0.5 * z**2 + log_occam(z), axis=0) - m.log_z
     amounts = s[0, 0, 1:] / square[0]
-    names = [t.candidate.name for t in found]
-    best: dict[str, int] = {}
-    for i, t in enumerate(found):
-        if t.value(float(amounts[i])) is not None and (names[i] not in best or gain[i] > gain[best[names[i]]]):
-            best[names[i]] = i
-    result = [((i,), float(gain[i]), (float(amounts[i]),)) for i in best.values()]
+    best: dict[tuple[str, ...], tuple[tuple[int, ...], float, tuple[float, ...]]] = {}
+    for i in np.argsort(-gain).tolist():
+        if (names[i],) not in best and found[i].value(float(amounts[i])) is not None:
+            best[names[i],] = (i,), float(gain[i]), (float(amounts[i]),)
     if not pairs:
-        return result
-    i, j = (a.ravel() for a in np.triu_indices(len(found), 1))
-    different = np.array([names[a] != names[b] for a, b in zip(i, j, strict=True)])
-    i, j = i[different], j[different]
+        return list(best.values())
+    i, j = np.triu_indices(len(found), 1)
+    of_candidate = np.unique(names, return_inverse=True)[1]
+    i, j = (a[of_candidate[i] != of_candidate[j]] for a in (i, j))
     aa, bb, ab = s[:, 1 + i, 1 + i], s[:, 1 + j, 1 + j], s[:, 1 + i, 1 + j]
-    ra, rb = s[:, 0, 1 + i], s[:, 0, 1 + j]
-    det = np.maximum(aa * bb - ab**2, 1e-9 * aa * bb + 1e-30)
-    xa, xb = (bb * ra - ab * rb) / det, (aa * rb - ab * ra) / det
-    decrease = xa * ra + xb * rb
-    # Width of each amount's posterior, the other one integrated out, over its prior's
-    za, zb = xa * np.sqrt(det / np.maximum(bb, 1e-30)), xb * np.sqrt(det / np.maximum(aa, 1e-30))
-    correlation = 0.5 * np.log(np.maximum(1 - ab**2 / np.maximum(aa * bb, 1e-30), 1e-9))
-    log_bf = 0.5 * decrease + log_occam(za) + log_occam(zb) - correlation
-    # Both widths are marginal, so that their product is too large by what the correlation takes away
-    log_bf += 2 * correlation
+    along = s[:, 0, 1 + i], s[:, 0, 1 + j]
+    determinant = np.maximum(aa * bb - ab**2, 1e-9 * aa * bb + 1e-30)
+    x = (bb * along[0] - ab * along[1]) / determinant, (aa * along[1] - ab * along[0]) / determinant
+    widths = np.sqrt(bb / determinant), np.sqrt(aa / determinant)
+    # The widths are those of each amount by itself; both together have less room by their correlation
+    together_ = 0.5 * np.log(determinant / np.maximum(aa * bb, 1e-30))
+    log_bf = 0.5 * (x[0] * along[0] + x[1] * along[1]) + log_occam(x[0] / widths[0]) + log_occam(x[1] / widths[1]) + together_
     gain = logsumexp(base + log_bf, axis=0) - m.log_z
-    of_pair: dict[tuple[str, str], int] = {}
-    for k in np.argsort(-gain)[:2000]:
-        pair = names[i[k]], names[j[k]]
-        if pair in of_pair:
-            continue
-        if found[i[k]].value(float(xa[0, k])) is None or found[j[k]].value(float(xb[0, k])) is None:
-            continue
-        of_pair[pair] = int(k)
-    result += [((int(i[k]), int(j[k])), float(gain[k]), (float(xa[0, k]), float(xb[0, k]))) for k in of_pair.values()]
-    return result
-
-
-def posterior(fitted: dict[Key, Explanation]) -> list[tuple[Key, float]]:
-    """Return the probability of every explanation, the most probable first.
-
-    One that adds something to another and is less probable than that counts as a part of it: what it adds is too small to be
-    seen.
-    """
-    logs = {k: e.log_posterior for k, e in fitted.items()}
-    top = max(logs.values())
-    p = {k: math.exp(v - top) for k, v in logs.items()}
-    for k in sorted(p, key=lambda k: (-len(k), p[k])):
-        within = [j for j in p if j < k and p[j] >= p[k]]
-        if within:
-            p[max(within, key=lambda j: p[j])] += p.pop(k)
-    total = sum(p.values())
-    return sorted(((k, v / total) for k, v in p.items()), key=lambda kp: -kp[1])
+    for k in np.argsort(-gain).tolist():
+        pair, values = (names[i[k]], names[j[k]]), (float(x[0][0, k]), float(x[1][0, k]))
+        if pair not in best and found[i[k]].value(values[0]) is not None and found[j[k]].value(values[1]) is not None:
+            best[pair] = (int(i[k]), int(j[k])), float(gain[k]), values
+    return list(best.values())
