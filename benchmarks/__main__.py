@@ -15,7 +15,18 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks import calibration, engine_overhead, identify, known_answer, live, live_page, outlier_power, pages, rivals
+from benchmarks import (
+    calibration,
+    engine_overhead,
+    explanations,
+    identify,
+    known_answer,
+    live,
+    live_page,
+    outlier_power,
+    pages,
+    rivals,
+)
 from benchmarks.plain_scipy import plain_run
 from benchmarks.rival_methods import METHODS
 from looping_pendulum.discrepancy.data.measurement import FIT_TOLERANCE
@@ -132,11 +143,12 @@ def main() -> None:
             "live-page",
             "maps",
             "calibration",
+            "explanations",
             "known-answer",
             "outliers",
             "rivals",
         ],
-        help="calibration, known-answer, outliers and rivals take hours, so they run only if they are named",
+        help="calibration, explanations, known-answer, outliers and rivals take hours, so they run only if they are named",
     )
     parser.add_argument("--runs", type=int, default=1_000_000, help="runs of the map in `--only maps`")
     parser.add_argument("--repeats", type=int, default=15)
@@ -169,6 +181,8 @@ def main() -> None:
         live_page.benchmark()
     if options.only == "calibration":
         calibration.benchmark(options)
+    if options.only == "explanations":
+        explanations.benchmark(options)
     if options.only == "known-answer":
         known_answer.benchmark(options)
     if options.only == "outliers":

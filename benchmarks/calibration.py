@@ -46,7 +46,7 @@ RESULT = Path(__file__).parents[1] / "docs" / "data" / "calibration.json"
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the benchmarks on blind studies."""
-    group = parser.add_argument_group("blind studies (--only calibration, known-answer, rivals)")
+    group = parser.add_argument_group("blind studies (--only calibration, explanations, known-answer, rivals)")
     for kind in KINDS:
         group.add_argument(f"--{kind}", type=int, default=DEFAULT_COUNTS[kind], help=f"{kind} studies (%(default)s)")
     group.add_argument("--share", type=float, default=1.0, help="share of these numbers, such as 0.1")

@@ -11,11 +11,11 @@ from looping_pendulum.discrepancy.data.camera import CAMERA
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit.calibration import calibrate_steps
-from looping_pendulum.discrepancy.fit.predictions import MIN_BATCH, alone, predict, together
+from looping_pendulum.discrepancy.fit.predictions import MIN_BATCH, MIN_BATCH_OF_OWN_MODEL, alone, predict, together
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.errors import HarnessError
-from looping_pendulum.reference_ode.batch import supports
+from looping_pendulum.reference_ode.batch import compiled_alone, supports
 from looping_pendulum.reference_ode.solve import available_integrators
 from tests.blind.cases import CASES
 from tests.discrepancy.blind_study import write_study
@@ -68,12 +68,13 @@ def test_of_every_candidate_and_of_all_trials_at_once(inputs, problem, in_batche
         names = [name for name in (c.parameter,) if name in problem.base[0].coefficients]
         if not supports(problem.base[0], names) or c.companions:
             continue
+        count = MIN_BATCH_OF_OWN_MODEL if compiled_alone(problem.base[0].effects_with(names)) else MIN_BATCH
         reach = min(c.bounds[1] - c.null, 0.02 * (abs(c.null) or 1.0)) or -0.02
         extended = problem.with_parameters(dataclasses.replace(c.free_parameter(1.0), scale=abs(reach)))
-        rows = rng.normal(0, 0.3, (MIN_BATCH, len(extended.names)))
-        rows[:, -1] = np.sign(reach) * np.linspace(0.5, 1.0, MIN_BATCH)
+        rows = rng.normal(0, 0.3, (count, len(extended.names)))
+        rows[:, -1] = np.sign(reach) * np.linspace(0.5, 1.0, count)
         requests.append((extended, rows))
-    assert len(requests) > 15
+    assert len(requests) > 20
     for (extended, rows), found in zip(requests, in_batches(requests), strict=True):
         np.testing.assert_allclose(found, singly(extended, rows), atol=1e-9, rtol=0, err_msg=extended.names[-1])
 

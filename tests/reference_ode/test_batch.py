@@ -24,6 +24,7 @@ from looping_pendulum.reference_ode.batch.steps import supports_batch
 from looping_pendulum.reference_ode.effects import EFFECTS, EffectKind
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, available_integrators, solve, solve_at
+from looping_pendulum.reference_ode.state import State
 from looping_pendulum.reference_ode.transitions import Mode
 
 pytestmark = pytest.mark.skipif(
@@ -148,8 +149,8 @@ def test_impossible_runs_are_marked_and_disturb_no_other():
     assert_equal(part(actual, slice(6)), expected, bound=1e-9)
 
 
-def test_effects_that_add_to_the_state_are_run_one_after_another():
-    columns = {"release_angle": np.radians([75.0, 90.0]), "heavy_swing": np.array([0.1, 0.2])}
+def test_runs_with_a_rod_that_turns_are_made_one_after_another():
+    columns = {"release_angle": np.radians([75.0, 90.0]), "rod_mobility": np.array([10.0, 20.0])}
     actual = solve_batch(BASE, columns)
     for i in range(2):
         run = solve(BASE.replace(**{name: float(values[i]) for name, values in columns.items()}))
@@ -166,7 +167,7 @@ def test_static_friction_follows_the_kinetic_one():
 
 
 def test_processes_share_the_work_and_report_it():
-    columns = {"release_angle": np.radians(np.linspace(70.0, 110.0, 6)), "heavy_swing": np.full(6, 0.1)}  # compiles little
+    columns = {"release_angle": np.radians(np.linspace(70.0, 110.0, 6)), "rod_mobility": np.full(6, 10.0)}  # compiles little
     seen = []
     shared = solve_batch(BASE, columns, processes=2, progress=lambda done, n: seen.append((done, n)))
     expected = solve_batch(BASE, columns)
@@ -178,10 +179,11 @@ def test_processes_share_the_work_and_report_it():
     assert seen == sorted(seen)
 
 
-@pytest.mark.parametrize("swing", [0.0, 0.1])
-def test_a_helping_process_takes_what_nobody_has_taken(monkeypatch, swing):
-    """The helper's function runs in this process, so that timing does not matter. With a swing runs are solved one by one."""
-    columns = {"release_angle": np.radians(np.linspace(70.0, 110.0, 7))} | ({"heavy_swing": np.full(7, swing)} if swing else {})
+@pytest.mark.parametrize("mobility", [0.0, 10.0])
+def test_a_helping_process_takes_what_nobody_has_taken(monkeypatch, mobility):
+    """The helper's function runs in this process, so that timing does not matter. With a rod that turns runs are single."""
+    turning = {"rod_mobility": np.full(7, mobility)} if mobility else {}
+    columns = {"release_angle": np.radians(np.linspace(70.0, 110.0, 7))} | turning
     job = sharing.SharedBatch.of(BASE, columns, 7, DURATION, TOLERANCE, processes=2)
     job.taken_count.value = 3
     monkeypatch.setattr(sharing, "_job", job, raising=False)
@@ -204,7 +206,7 @@ class Deadly(Parameters):
 
 def test_the_runs_of_a_helping_process_that_dies_are_run_again():
     """The helper counts as having taken four of six runs; one of the six is impossible, so it stays failed."""
-    columns = {"release_angle": np.radians([70.0, 80.0, 90.0, 100.0, 400.0, 110.0]), "heavy_swing": np.full(6, 0.1)}
+    columns = {"release_angle": np.radians([70.0, 80.0, 90.0, 100.0, 400.0, 110.0]), "rod_mobility": np.full(6, 10.0)}
     deadly = Deadly(**{field.name: getattr(BASE, field.name) for field in dataclasses.fields(Parameters)})
     job = sharing.SharedBatch.of(deadly, columns, 6, DURATION, TOLERANCE, processes=2)
     job.taken_count.value = 4
@@ -284,13 +286,20 @@ FURTHER = {
     "side_force": (-0.02, 0.02), "side_stiffness": (-0.1, 0.1), "friction_per_speed": (-0.02, 0.02),
     "friction_per_wrap": (-0.01, 0.01), "string_density": (0.0, 2e-3), "light_inertia": (0.0, 1e-6),
 }  # fmt: skip
-"""Coefficient of an effect beyond the paper's model that a batch supports -> range."""
+"""Coefficient of an effect beyond the paper's model, of those that a batch compiles into one model -> range."""
+ALONE = {
+    "heavy_swing": (-0.4, 0.4),
+    "push_sideways": (0.0, 0.5),
+    "string_thickness": (0.0, 1e-3),
+    "string_on_string": (0.0, 0.3),
+}
+"""The same of those that have a model of their own."""
 
 
 @pytest.mark.parametrize("n", [24, pytest.param(2000, marks=pytest.mark.accurate)])
 def test_samples_with_further_effects_are_those_of_single_runs(n):
     """Oracle: single runs, in which only the effects that act are compiled in. Grazed events are counted apart."""
-    assert FURTHER.keys() == {
+    assert FURTHER.keys() | ALONE.keys() == {
         c.name for e in EFFECTS.values() for c in e.coefficients
         if supports_batch((e,)) and not (e.in_base_model or e.package or e.needs_pivot) and e.kind not in NOT_FORCES
     }  # fmt: skip
@@ -320,6 +329,36 @@ def test_samples_with_further_effects_are_those_of_single_runs(n):
     assert grazed + failed <= 0.01 * n
 
 
+@pytest.mark.parametrize("n", [12, pytest.param(500, marks=pytest.mark.accurate)])
+@pytest.mark.parametrize("name", ALONE)
+def test_samples_with_effects_that_add_to_the_state_are_those_of_single_runs(name, n):
+    """Oracle: single runs. A mass out of the plane, one that swings and a string that lies on itself, beside a drag or none."""
+    rng = np.random.default_rng(n)
+    columns = random_columns(n, seed=n, pushed=True) | {name: rng.uniform(*ALONE[name], n)}
+    columns["light_linear_drag"] = np.where(rng.random(n) < 0.5, rng.uniform(0.0, 0.02, n), 0.0)
+    times = [np.linspace(0.0, 1.0, 41)] * n
+    samples = sample_batch(BASE, columns, times, duration=1.0 + 1e-3)
+    results = solve_batch(BASE, columns, duration=1.0 + 1e-3)
+    off, grazed, failed = [0.0], 0, 0
+    for i, t in enumerate(times):
+        try:
+            alone = solve_at(parameters_of_run(BASE, columns, i), t, duration=1.0 + 1e-3)
+        except IntegrationError:
+            failed += 1
+            continue
+        if sequence_hash(alone.run.modes) != results.sequence[i]:
+            grazed += 1
+            continue
+        assert results.end_time[i] == pytest.approx(alone.run.end_time, abs=1e-9)
+        exact = np.array(alone.and_end().state)[:, np.minimum(np.arange(len(t)), len(alone.t))]
+        difference = np.abs(samples.state[:, samples.part(i)] - exact)
+        fields = State._fields
+        places = [fields.index(field) for field in ("free_length", "slack", "sideways", "heavy_tilt")]
+        off.append(max(difference[places].max(), (exact[0] * difference[fields.index("wrap_angle")]).max()))
+    assert max(off) < 1e-9
+    assert grazed + failed <= 0.02 * n
+
+
 def test_just_before_the_rod_samples_are_found_though_time_falls_beyond():
     """The step in which the light mass reaches the rod goes on with a negative free length, in which time falls."""
     columns = random_columns(200, seed=4)
@@ -342,7 +381,7 @@ def test_samples_do_not_depend_on_the_other_runs():
 
 
 def test_runs_that_a_batch_cannot_step_are_sampled_one_by_one():
-    base = BASE.replace(heavy_swing=0.1)
+    base = BASE.replace(rod_mobility=10.0)
     columns = {"heavy_mass": np.array([0.1, -1.0])}
     samples = sample_batch(base, columns, [np.array([0.0, 0.1])] * 2)
     assert samples.count[0] == 2

@@ -142,7 +142,7 @@ def test_damaged_files_and_other_options_cost_time_alone(tmp_path):
 
 
 def test_the_least_recently_used_files_go_beyond_the_limit(tmp_path, monkeypatch):
-    monkeypatch.setattr(heyoka_library, "DISK_LIMIT", 250)
+    monkeypatch.setattr(heyoka_library, "PICKLED_LIMIT", 250)
     monkeypatch.setenv("HEYOKA_CACHE_DIR", str(tmp_path))
     for i, name in enumerate("abc"):
         heyoka_library._keep(tmp_path / f"{name}.pickle", b"x" * 100)

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 from looping_pendulum.discrepancy.data.camera import Camera
 from looping_pendulum.discrepancy.data.noise import Noise, estimate_noise, speed_at
 from looping_pendulum.discrepancy.data.observations import Channel, DataError
+from looping_pendulum.reference_ode.effects.types import TURN
 from looping_pendulum.reference_ode.geometry import Array, xy_pairs
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solution import Samples, heavy_mass_position, light_mass_position
 from looping_pendulum.reference_ode.solve import solve_at
-from looping_pendulum.reference_ode.state import State
+from looping_pendulum.reference_ode.state import Effects, State
 
 __all__ = [
     "Noise",
@@ -129,12 +130,9 @@ def predict_many(
 
 
 class SampledRuns:
-    """Runs of a batch at the same times: what `Samples` is of one run, for n of them.
+    """Runs of a batch at the same times: what `Samples` is of one run, for n of them."""
 
-    No effect that a batch supports says otherwise where the masses are.
-    """
-
-    def __init__(self, state: Array, known: NDArray[np.int64], parameters: SimpleNamespace) -> None:
+    def __init__(self, state: Array, known: NDArray[np.int64], parameters: SimpleNamespace, effects: Effects = ()) -> None:
         """Keep the samples.
 
         Parameters
@@ -145,24 +143,31 @@ class SampledRuns:
             How many of the times lie within each run, shape (n,).
         parameters
             Parameters that the equations read, numbers or arrays of shape (n, 1).
+        effects
+            Effects that say where the masses are.
         """
-        self._values, self.known, self._p = state, known, parameters
+        self._values, self.known, self._p, self._effects = state, known, parameters, effects
         self.state = State(*state)
 
     def take(self, run: NDArray[np.intp]) -> SampledRuns:
         """Return some runs, each as often as it is named."""
         values = {name: v[run] if np.ndim(v) else v for name, v in vars(self._p).items()}
-        return SampledRuns(self._values[:, run], self.known[run], SimpleNamespace(**values))
+        return SampledRuns(self._values[:, run], self.known[run], SimpleNamespace(**values), self._effects)
 
     @cached_property
     def light_position(self) -> Array:
         """Position of the light mass [m], shape (n, times, 2)."""
-        return xy_pairs(*light_mass_position(np, self.state, 0.0, self._p, ()))
+        return xy_pairs(*light_mass_position(np, self.state, self._overlap, self._p, self._effects))
 
     @cached_property
     def heavy_position(self) -> Array:
         """Position of the heavy mass [m], shape (n, times, 2)."""
-        return xy_pairs(*heavy_mass_position(np, self.state, 0.0, self._p, ()))
+        return xy_pairs(*heavy_mass_position(np, self.state, self._overlap, self._p, self._effects))
+
+    @property
+    def _overlap(self) -> Array | float:
+        """Return where the string lies on itself: beyond the first full turn, if an effect asks for it."""
+        return (self.state.wrap_angle > TURN) * 1.0 if any(e.watches_first_turn for e in self._effects) else 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

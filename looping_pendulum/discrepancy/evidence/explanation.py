@@ -30,6 +30,9 @@ NOTHING: Key = frozenset()
 WIDE = 1e3
 """Prior standard deviation of an added effect [scales]: the fit is by the data alone, and the prior of its size by `prior`."""
 
+COST_ERROR = 0.1
+"""Decrease of the cost below which a fit has converged."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Parts:
@@ -128,7 +131,9 @@ def explained(grid: NoiseGrid, fit: Fit, parts: Parts, library: int) -> Explanat
         i = fit.problem.names.index(c.name)
         x, sigma = fit.x[i] + np.clip(step[:, i], -3, 3), np.sqrt(variance[:, i])
         # Without the Gaussian prior of the fit, the posterior's width is sigma; what the prior makes of it is `log_occam`
-        log_z += 0.5 * (x / WIDE) ** 2 + math.log(WIDE) - np.log(sigma) + log_occam(x / sigma) + (math.log(2) if c.even else 0.0)
+        log_z += (
+            0.5 * (x / WIDE) ** 2 + math.log(WIDE) - np.log(sigma) + log_occam(x / sigma) + (math.log(2) if c.even else 0.0)
+        )
     return Explanation(
         parts=parts,
         fit=fit,
@@ -197,7 +202,7 @@ def addition_steps(a: Addition) -> Steps[Fit | None]:
     at = parent.x
     for t in a.templates:
         at = t.candidate.where_it_acts(parent.problem.free_parameters, at)
-    starts: list[tuple[Callable[[Problem, Array], Steps[Fit]], Array, Array]] = [
+    starts: list[tuple[Callable[..., Steps[Fit]], Array, Array]] = [
         (minimise_steps, at + np.clip(a.step, -3, 3), added),
         (minimise_steps, at, added),
         (calibrate_steps, parent.problem.prior_mean, added),
@@ -207,7 +212,7 @@ def addition_steps(a: Addition) -> Steps[Fit | None]:
     fits: list[Fit] = []
     for fit_from, start, beside in starts:
         with contextlib.suppress(FitError):
-            fits.append((yield from fit_from(problem, np.concatenate([start, beside]))))
+            fits.append((yield from fit_from(problem, np.concatenate([start, beside]), cost_tolerance=enough_cost(parent))))
         enough = a.decrease < 10 * LARGE_MISFIT or a.law is not None
         if fits and enough and parent.cost - min(f.cost for f in fits) > 0.9 * a.decrease:
             break
@@ -216,9 +221,19 @@ def addition_steps(a: Addition) -> Steps[Fit | None]:
     fit = min(fits, key=lambda f: f.cost)
     if fit.cost > parent.cost:
         with contextlib.suppress(FitError):
-            again = yield from minimise_steps(problem, np.concatenate([parent.x, np.zeros(len(added))]))
+            again = yield from minimise_steps(
+                problem, np.concatenate([parent.x, np.zeros(len(added))]), cost_tolerance=enough_cost(parent)
+            )
             fit = min(fit, again, key=lambda f: f.cost)
     return fit
+
+
+def enough_cost(fit: Fit) -> float:
+    """Return the relative decrease of the cost below which a fit that begins there has converged.
+
+    What is then left is a step of the linear model, which the evidence takes.
+    """
+    return COST_ERROR / max(min(fit.cost, fit.problem.count), 1.0)
 
 
 def extended_prior(p: Problem, added: Sequence[FreeParameter]) -> tuple[Array, Array]:
@@ -241,7 +256,8 @@ def refit_steps(fit: Fit, kept: Sequence[int], data: Sequence[TrialData]) -> Ste
     p = fit.problem
     prior = p.prior_mean[kept], p.prior_weights[np.ix_(kept, kept)]
     try:
-        return (yield from minimise_steps(Problem(p.study, data, [p.free_parameters[i] for i in kept], prior), fit.x[kept]))
+        problem = Problem(p.study, data, [p.free_parameters[i] for i in kept], prior)
+        return (yield from minimise_steps(problem, fit.x[kept], cost_tolerance=enough_cost(fit)))
     except FitError:
         return None
 

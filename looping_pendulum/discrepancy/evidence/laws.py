@@ -1,8 +1,8 @@
 """Laws of unknown form beside a fit, as Gaussian processes of one coordinate: their evidence by a linear model.
 
 The response of the data to a small push at one time is computed for each place where a law may act and for pulses at all times.
-A law that is a function of the state pushes, to first order, as that function of the undisturbed motion: the response to it is a
-sum of those to pulses, and no law costs a run of its own. All sums are made once as Gram matrices of each trial.
+A law that is a function of the state pushes, to first order, as that function of the undisturbed motion: the response to it is
+a sum of those to pulses, and no law costs a run of its own. All sums are made once as Gram matrices of each trial.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ def covariance_root(length: float, sides: int) -> Array:
     """Return a root L of the weights' prior covariance L L^T, in units of the ridge's square."""
     i = np.arange(N_BASIS_FUNCTIONS)
     k = np.exp(-0.5 * ((i[:, None] - i) / length) ** 2) if length else np.eye(N_BASIS_FUNCTIONS)
-    return block_diag(*[np.linalg.cholesky(k + 1e-6 * np.eye(N_BASIS_FUNCTIONS))] * sides)
+    return np.asarray(block_diag(*[np.linalg.cholesky(k + 1e-6 * np.eye(N_BASIS_FUNCTIONS))] * sides))
 
 
 class Laws:
@@ -137,11 +137,17 @@ class Laws:
             if self.runs.clamped and TARGETS[target] != ("across",):
                 continue
             for name in names:
-                closures = [self._best_point(target)] if name == "distance" else [self.closure(target, name, f) for f in factors_of(target)]
+                closures = (
+                    [self._best_point(target)]
+                    if name == "distance"
+                    else [self.closure(target, name, f) for f in factors_of(target)]
+                )
                 found += [self.law(c) for c in closures if c]
         return sorted(found, key=lambda law: -law.log_odds)
 
-    def closure(self, target: str, name: str, factor: str = "constant", point: tuple[float, float] | None = None) -> Closure | None:
+    def closure(
+        self, target: str, name: str, factor: str = "constant", point: tuple[float, float] | None = None
+    ) -> Closure | None:
         """Return a law with its basis functions in their places; None: its coordinate is constant."""
         closure = Closure(coordinate=name, factor=factor, target=target, first_centre=0.0, spacing=1.0, point=point)
         low, high = np.quantile(self.runs.where_it_acts(closure), [0.0, 0.995])
@@ -181,7 +187,14 @@ class Laws:
             a = float(amount[(*best, t)])
             if a > 0 or allowed[t]:
                 beside_it = self._law(law.closure, spectra, best, log_bf[..., t], float(mixed[t]), t, a)
-                found.append(LawAndEffect(law=dataclasses.replace(beside_it, mixed=law.mixed), template=t, amount=a, log_bayes_factor=beside_it.log_bayes_factor))
+                found.append(
+                    LawAndEffect(
+                        law=dataclasses.replace(beside_it, mixed=law.mixed),
+                        template=t,
+                        amount=a,
+                        log_bayes_factor=beside_it.log_bayes_factor,
+                    )
+                )
         return found
 
     def _law(

@@ -1,8 +1,8 @@
 """Marginal likelihood of a model that is linear in its parameters, the noise marginalised over a grid.
 
 Columns are the residuals, their derivatives by the fitted parameters, and templates of what could be added, in the units of the
-data. Each body's part of their Gram matrix is computed for white noise and for Ornstein-Uhlenbeck processes beside it; the parts
-of the bodies add, so that every pair of settings costs one sum. All that follows are Schur complements.
+data. Each body's part of their Gram matrix is computed for white noise and for Ornstein-Uhlenbeck processes beside it; the
+parts of the bodies add, so that every pair of settings costs one sum. All that follows are Schur complements.
 """
 
 from __future__ import annotations
@@ -61,7 +61,10 @@ class NoiseGrid:
         n = len(self.combinations)
         self.log_prior = np.log(np.array([1 - P_LASTING, *(P_LASTING / max(n - 1, 1) for _ in range(n - 1))]))
         self.log_determinant = np.array(
-            [log_white + sum(t.log_determinant(i) for t, i in zip(self._tracks.values(), c, strict=True)) for c in self.combinations]
+            [
+                log_white + sum(t.log_determinant(i) for t, i in zip(self._tracks.values(), c, strict=True))
+                for c in self.combinations
+            ]
         )
 
     def grams(self, columns: Array, settings: Sequence[int]) -> Array:
@@ -118,7 +121,9 @@ class _Tracks:
         setting = SETTINGS[i]
         if setting is None:
             return None
-        return CorrelatedNoise(amplitude=setting[0] * self._typical, correlation_time=setting[1] * float(np.median(self._steps)))
+        return CorrelatedNoise(
+            amplitude=setting[0] * self._typical, correlation_time=setting[1] * float(np.median(self._steps))
+        )
 
     def _whitening(self, i: int) -> Whitening:
         if i not in self._known:
@@ -175,7 +180,7 @@ class Marginal:
         """Return the inverses of the free parameters' normal matrices, and the Schur complements of all other columns."""
         free, others = 1 + self._free, np.r_[0, 1 + self.p : self.gram.shape[1]]
         cross = self.gram[:, free[:, None], others]
-        inverse = np.linalg.inv(self.gram[:, free[:, None], free])
+        inverse: Array = np.linalg.inv(self.gram[:, free[:, None], free])
         return inverse, self.gram[:, others[:, None], others] - np.swapaxes(cross, 1, 2) @ (inverse @ cross)
 
     @property
@@ -187,9 +192,7 @@ class Marginal:
     def log_z_of_settings(self) -> Array:
         """Log evidence without any template, for every setting, prior of the setting included, shape (settings,)."""
         fitted = slice(1, 1 + self.p)
-        square = self.complement[:, 0, 0].copy()
-        white = self.settings == 0
-        square[white] = self.gram[white, 0, 0]  # the fit is with white noise, so that there is no step to take
+        square = self.complement[:, 0, 0]  # after the step that is left to the minimum by this noise
         log_normal = np.linalg.slogdet(self.gram[:, fitted, fitted])[1]
         return np.asarray(self.log_prior - 0.5 * (square + self._log_determinant + log_normal - self._log_prior_precision))
 

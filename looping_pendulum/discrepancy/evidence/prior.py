@@ -1,7 +1,7 @@
 """Everything that is decided about explanations before the data are seen: their prior, and the limits of the search.
 
-An explanation is a set of parts: listed effects, or one law of unknown form and at most one effect beside it. Nothing else in the
-search is chosen; what follows from the data and these numbers is computed.
+An explanation is a set of parts: listed effects, or one law of unknown form and at most one effect beside it. Nothing else in
+the search is chosen; what follows from the data and these numbers is computed.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from looping_pendulum.discrepancy.unlisted.closures import COORDINATES_OF, TARGETS, Closure, factors_of
+from looping_pendulum.reference_ode.geometry import Array
 
 # How likely
 P_OF_EFFECTS = (0.5, 0.3, 0.08, 0.02)
@@ -39,6 +40,12 @@ AMPLITUDES, FRAMES = (0.5, 1.5, 4.0, 12.0), (4.0, 10.0, 24.0)
 # What is looked at and said
 CREDIBLE = 0.95
 """Probability of the explanations that a verdict names."""
+LAW_PREDICTS = math.log(1000.0)
+"""Least log of the factor by which a law, fitted to the training trials, makes the held-out ones more probable.
+
+A law can take any form, and what two trials of one camera have in common may be the camera's: of a basketball that falls from a
+bridge, tracked by hand, a law explained 14 nats, 5 of them in the drop that was held out, and left 52 of its 54 mm of error.
+"""
 MARGIN = 6.0
 """Log odds to the best explanation within which others are fitted exactly."""
 LINEAR_ERROR = 0.5
@@ -82,9 +89,11 @@ def body_of(target: str) -> str:
     return target.split(",")[0]
 
 
-def log_occam(z: np.ndarray) -> np.ndarray:
+def log_occam(z: Array) -> Array:
     """Return the log of the posterior's width over the prior's for an effect that is ``z`` standard errors large.
 
     It is not above 0, since what is smaller than its error tells nothing of its size.
     """
-    return np.minimum(0.5 * math.log(2 * math.pi) - np.log(np.maximum(np.abs(z), 1e-9)) - math.log(2 * LOG_RANGE), 0.0)
+    return np.asarray(
+        np.minimum(0.5 * math.log(2 * math.pi) - np.log(np.maximum(np.abs(z), 1e-9)) - math.log(2 * LOG_RANGE), 0.0)
+    )

@@ -66,7 +66,11 @@ class Search:
     """
 
     def __init__(
-        self, base: Fit, library: Sequence[Candidate], workers: Workers = SERIAL, report: Callable[[str], None] = lambda what: None
+        self,
+        base: Fit,
+        library: Sequence[Candidate],
+        workers: Workers = SERIAL,
+        report: Callable[[str], None] = lambda what: None,
     ) -> None:
         self.library, self.workers, self.report = tuple(library), workers, report
         self.grid = NoiseGrid(base.problem.data)
@@ -172,7 +176,9 @@ class Search:
             for part in sorted(e.key):
                 if e.key - {part} not in self.fitted:
                     todo.setdefault(e.key - {part}, (e, part))
-        for (e, part), fit in zip(todo.values(), self._fit([partial(without_steps, *one) for one in todo.values()]), strict=True):
+        for (e, part), fit in zip(
+            todo.values(), self._fit([partial(without_steps, *one) for one in todo.values()]), strict=True
+        ):
             if fit is not None:
                 self._add(fit, e.parts.without(part))
 
@@ -210,8 +216,14 @@ class Search:
             step, _ = m.solution(chosen)
             self._offer(
                 Addition(
-                    parent=e, templates=tuple(found[i] for i in chosen), amounts=amounts, law=None, step=step, gain=gain,
-                    decrease=m.decrease(chosen), log_prior=log_prior(count + len(chosen), len(self.library), e.parts.law),
+                    parent=e,
+                    templates=tuple(found[i] for i in chosen),
+                    amounts=amounts,
+                    law=None,
+                    step=step,
+                    gain=gain,
+                    decrease=m.decrease(chosen),
+                    log_prior=log_prior(count + len(chosen), len(self.library), e.parts.law),
                 )  # fmt: skip
             )
         # A second law is not looked for, nor one beside what is settled
@@ -250,8 +262,14 @@ class Search:
                 if found[both.template].value(both.amount) is not None:
                     self._offer(
                         Addition(
-                            parent=e, templates=(found[both.template],), amounts=(both.amount,), law=both.law, step=both.law.step,
-                            gain=both.law.log_bayes_factor, decrease=both.law.decrease, log_prior=prior[1],
+                            parent=e,
+                            templates=(found[both.template],),
+                            amounts=(both.amount,),
+                            law=both.law,
+                            step=both.law.step,
+                            gain=both.law.log_bayes_factor,
+                            decrease=both.law.decrease,
+                            log_prior=prior[1],
                         )  # fmt: skip
                     )
 
@@ -312,9 +330,9 @@ class Search:
     def _expected(self, a: Addition, least: float) -> tuple[float, float]:
         """Return the log posterior that an addition leads to, and by how much more it may be.
 
-        Where a part of what is added was fitted exactly, it starts there. The linear model may be wrong by a share of what there
-        is to be explained, or by as much as it was where exact fits have shown it; but no fit is expected to leave less than
-        noise does, or than the best fit: a cost of ``least``.
+        Where a part of what is added was fitted exactly, it starts there. The linear model may be wrong by a share of what
+        there is to be explained, or by as much as it was where exact fits have shown it; but no fit is expected to leave less
+        than noise does, or than the best fit: a cost of ``least``.
         """
         start = self._start_of(a)
         log_z, cost, gain = a.parent.log_z, a.parent.fit.cost - a.decrease, a.gain
@@ -356,8 +374,10 @@ def _fit_together(_: None, tasks: Sequence[partial[Steps[Fit | None]]]) -> list[
     return together([task() for task in tasks])
 
 
-def _additions(m: Marginal, found: Sequence[Template], *, pairs: bool) -> list[tuple[tuple[int, ...], float, tuple[float, ...]]]:
-    """Return (indices, gain of log evidence, amounts) of the best template of each candidate, and of each pair of candidates."""
+def _additions(
+    m: Marginal, found: Sequence[Template], *, pairs: bool
+) -> list[tuple[tuple[int, ...], float, tuple[float, ...]]]:
+    """Return (indices, gain of log evidence, amounts) of each candidate's best template, and of each pair of candidates."""
     if not found:
         return []
     s, base, names = m.complement, m.log_z_of_settings[:, None], [t.candidate.name for t in found]

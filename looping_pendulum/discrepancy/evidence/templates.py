@@ -70,7 +70,9 @@ def templates(fit: Fit, chosen: Sequence[Candidate], workers: Workers = SERIAL) 
     return [dataclasses.replace(t, candidate=own[t.candidate.name]) for of_case in found for t in of_case]
 
 
-def _templates_together(shared: tuple[Fit, Array, dict[str, Array]], cases: Sequence[tuple[Candidate, tuple[float, ...]]]) -> list[list[Template]]:
+def _templates_together(
+    shared: tuple[Fit, Array, dict[str, Array]], cases: Sequence[tuple[Candidate, tuple[float, ...]]]
+) -> list[list[Template]]:
     return together([_templates(*shared, *case) for case in cases])
 
 
@@ -91,7 +93,9 @@ def _templates(
     if changes.cannot_run:
         return []
     linear = [delta for (_, size), delta in where.items() if size == LINEAR_SIZE and delta is not None]
-    yield from changes.compute([share * delta for delta in linear for share in ((-1.0, FINER, -FINER) if both_sides else (FINER,))])
+    yield from changes.compute(
+        [share * delta for delta in linear for share in ((-1.0, FINER, -FINER) if both_sides else (FINER,))]
+    )
     found: list[Template] = []
     sigma = np.concatenate([np.where(np.isfinite(d.sigma), d.sigma, 0.0) for d in problem.data])
 
@@ -102,8 +106,13 @@ def _templates(
             scale = abs(delta) * (size**0.5 if square else size)
             found.append(
                 Template(
-                    candidate=candidate, companions=companions, delta=delta, change=change[: len(sigma)] * sigma, scale=scale,
-                    linear=linear, square=square,
+                    candidate=candidate,
+                    companions=companions,
+                    delta=delta,
+                    change=change[: len(sigma)] * sigma,
+                    scale=scale,
+                    linear=linear,
+                    square=square,
                 )  # fmt: skip
             )
 

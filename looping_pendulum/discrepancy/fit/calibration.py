@@ -276,12 +276,12 @@ def calibrate(problem: Problem, start: Array | None = None) -> Fit:
     return alone(calibrate_steps(problem, start))
 
 
-def calibrate_steps(problem: Problem, start: Array | None = None) -> Steps[Fit]:
-    """Do the same as `calibrate` in steps that ask for predictions."""
+def calibrate_steps(problem: Problem, start: Array | None = None, *, cost_tolerance: float = COST_TOLERANCE) -> Steps[Fit]:
+    """Do the same as `calibrate` in steps that ask for predictions; ``cost_tolerance`` is that of the last window."""
     x = problem.prior_mean.copy() if start is None else start
     total = 0
     for share in _window_shares(problem):
         fit = yield from minimise_steps(problem.until(share), x, cost_tolerance=WINDOW_COST_TOLERANCE)
         x, total = fit.x, total + fit.iterations
-    fit = yield from minimise_steps(problem, x)
+    fit = yield from minimise_steps(problem, x, cost_tolerance=cost_tolerance)
     return dataclasses.replace(fit, iterations=fit.iterations + total)

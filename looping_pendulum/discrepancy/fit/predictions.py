@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from types import SimpleNamespace
 from typing import Any, TypeVar
 
@@ -14,24 +15,26 @@ from looping_pendulum.discrepancy.data.camera import Camera
 from looping_pendulum.discrepancy.data.measurement import FIT_TOLERANCE, SampledRuns, predict_many, sample_times
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.errors import HarnessError
-from looping_pendulum.reference_ode.batch import sample_batch, supports
+from looping_pendulum.reference_ode.batch import compiled_alone, sample_batch, supports
 from looping_pendulum.reference_ode.effects import EffectKind
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import NUMBERS, Parameters, Release
+from looping_pendulum.reference_ode.state import Effects
 
 T = TypeVar("T")
 Request = tuple[Problem, Array]
 """A problem and parameters of it, shape (m, p)."""
 Steps = Generator[Request, Array, T]
 """Asks for predictions, is sent each, shape (m, n), and returns a result at last."""
-MIN_BATCH = 3
-"""Number of runs of one trial that are asked for at once, from which on they are made in a batch.
+MIN_BATCH, MIN_BATCH_OF_OWN_MODEL = 3, 12
+"""Number of runs of one trial that are asked for at once, from which on they are made in a batch: where all further effects
+share one compiled model, and where an effect needs a model of its own, which a fit is worth, but not a screening.
 
 What a batch costs beside its runs is as much as some eight single ones. But whether a run is part of one may not depend on what
 else is asked for, as a single run differs from it in the last digits, and results are the same for any number of processes.
 """
 
-PLACES = ("rod_radius", "free_length", "release_angle", "hanging_length")
+PLACES = ("rod_radius", "free_length", "release_angle", "hanging_length", "heavy_swing", "string_thickness")
 """Parameters that say, beside the state, where the masses are."""
 
 
@@ -39,9 +42,8 @@ def predict(requests: Sequence[Request]) -> list[Array]:
     """Return what is predicted of all trials of each problem at its parameters, shape (m, n); nan: a trial's model cannot run.
 
     Single runs are made where they are few, for swings of a held pendulum, which heyoka alone passes through turning points at
-    once, for tables of events, which a batch does not keep, and for effects that add variables to the state: to compile these
-    for a batch takes longer than all their runs in a search. All others are one batch for the declared model's effects and one
-    for further ones.
+    once, for tables of events, which a batch does not keep, for a rod that turns and for a string that stretches. All others
+    are one batch for the declared model's effects, one for further ones, and one for each effect that has a model of its own.
     """
     found = [np.full((len(x), problem.measured_rows), np.nan) for problem, x in requests]
     groups: dict[tuple[Any, ...], list[_Part]] = {}
@@ -149,14 +151,22 @@ class _Part:
     @property
     def model(self) -> tuple[Any, ...]:
         """What the runs of one batch have in common; empty: these runs are made one by one."""
-        d, names = self.problem.data[self.k], [name for name in self.columns if name in self.base.coefficients]
-        if len(self.first) < MIN_BATCH or d.events or not d.channels or self.base.release is Release.HELD:
+        d = self.problem.data[self.k]
+        names = [name for name in self.columns if name in self.base.coefficients]
+        alone = compiled_alone(self.effects)
+        least = MIN_BATCH_OF_OWN_MODEL if alone else MIN_BATCH
+        if len(self.first) < least or d.events or not d.channels or self.base.release is Release.HELD:
             return ()
         if not supports(self.base, names):
             return ()
-        further = [effect for effect in self.base.effects_with(names) if not effect.in_base_model]
+        further = [effect for effect in self.effects if not effect.in_base_model]
         has_closure = any(effect.kind is EffectKind.CLOSURE for effect in further)
-        return self.base.release, self.base.own_effects, bool(further), has_closure
+        return self.base.release, self.base.own_effects, bool(further), has_closure, alone
+
+    @cached_property
+    def effects(self) -> Effects:
+        """Effects that act in any of the runs."""
+        return self.base.effects_with([name for name in self.columns if name in self.base.coefficients])
 
     def value(self, name: str) -> Array:
         """Return a parameter of all runs, shape (runs,)."""
@@ -206,7 +216,7 @@ def _predict_together(parts: Sequence[_Part]) -> None:
             index = begin + runs
             at = samples.start[index][:, None] + np.arange(len(wanted.times))
             places = SimpleNamespace(**{n: part.value(n)[runs][:, None] for n in PLACES})
-            sampled = SampledRuns(samples.state[:, at], samples.count[index], places)
+            sampled = SampledRuns(samples.state[:, at], samples.count[index], places, part.effects)
             place = np.full(len(part.first), -1, dtype=np.intp)
             place[runs] = np.arange(len(runs))
             rows = np.flatnonzero(place[part.run] >= 0)

@@ -18,7 +18,7 @@ from looping_pendulum.discrepancy.fit.predictions import MIN_BATCH, Steps, jacob
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
-from looping_pendulum.reference_ode.batch import supports
+from looping_pendulum.reference_ode.batch import compiled_alone, supports
 from looping_pendulum.reference_ode.geometry import Array
 
 LINEAR_SIZE, FINITE_SIZES = 0.3, (3.0, 12.0)
@@ -143,7 +143,9 @@ def compile_for(problem: Problem, candidate: Candidate | None) -> None:
 
 def steps_together(problem: Problem, candidate: Candidate) -> bool:
     """Return whether runs with a candidate are made in a batch, whose one compiled model serves all such candidates."""
-    return not problem.is_swing and supports(problem.base[0], [candidate.parameter, *(c.name for c in candidate.companions)])
+    base, names = problem.base[0], [candidate.parameter, *(c.name for c in candidate.companions)]
+    names = [name for name in names if name in base.coefficients]
+    return not problem.is_swing and supports(base, names) and not compiled_alone(base.effects_with(names))
 
 
 def _first_change(candidate: Candidate) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from contextlib import nullcontext
 
 import numpy as np
@@ -26,6 +26,7 @@ __all__ = [
     "BatchResult",
     "BatchSamples",
     "Progress",
+    "compiled_alone",
     "sample_batch",
     "sequence_hash",
     "solve_batch",
@@ -44,8 +45,8 @@ def solve_batch(
 ) -> BatchResult:
     """Integrate many runs that share ``base`` but for ``columns``; each result equals that of `solve`.
 
-    With heyoka, and effects that add no state variables, all runs are stepped together; otherwise they are solved one after
-    another. A run at which heyoka gives up is handed to SciPy and marked (`BatchResult.handed_over`), with one
+    With heyoka, all runs are stepped together, unless the rod turns or the string stretches; otherwise they are solved one
+    after another. A run at which heyoka gives up is handed to SciPy and marked (`BatchResult.handed_over`), with one
     `IntegratorFallbackWarning` for all.
     A result does not depend, in any bit, on the other runs, on their order, or on the process that computes it.
 
@@ -125,6 +126,14 @@ def supports(base: Parameters, names: Collection[str]) -> bool:
     return "heyoka" in available_integrators() and supports_batch(base.effects_with(names))
 
 
+def compiled_alone(effects: Iterable[Effect]) -> tuple[str, ...]:
+    """Return the names of the effects that add state variables or wind the string on itself.
+
+    They are compiled in where they act alone: all in one model would make every run slower.
+    """
+    return tuple(effect.name for effect in effects if effect.variables or effect.watches_first_turn)
+
+
 def _compiled_together(base: Parameters, columns: Columns) -> frozenset[str]:
     """Return coefficients whose effects are compiled in, whether they act or not."""
     effects = base.effects_with([name for name in columns if name in base.coefficients])
@@ -137,8 +146,11 @@ def _compiled_together(base: Parameters, columns: Columns) -> frozenset[str]:
 
 
 def _is_common(effect: Effect) -> bool:
-    """Return whether an effect is compiled in beside any other. One from elsewhere is not, nor a closure, which is large."""
-    return not effect.package and effect.kind not in (EffectKind.CLOSURE, EffectKind.RELEASE) and supports_batch((effect,))
+    """Return whether an effect is compiled in beside any other.
+
+    One from elsewhere is not, nor a closure, which is large, nor those of `compiled_alone`.
+    """
+    return not (effect.package or effect.kind in (EffectKind.CLOSURE, EffectKind.RELEASE) or compiled_alone((effect,)))
 
 
 def _checked_length(base: Parameters, columns: Columns) -> int:

@@ -17,17 +17,13 @@ from looping_pendulum.reference_ode.effects import EFFECTS, EffectKind
 from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_library import COMPILER_OPTIONS, compiled, load_heyoka
-from looping_pendulum.reference_ode.state import Effects, Signs, State, heavy_drop
+from looping_pendulum.reference_ode.state import Effects, Signs, State, extra_variables, heavy_drop
 from looping_pendulum.reference_ode.transitions import Mode
 
-STATE = State._fields[: State._fields.index("slack") + 1]
-"""Entries of the state that every run has, whatever effects act."""
-SIGNS = Signs._fields[: Signs._fields.index("phase") + 1]
-"""Entries of `Signs` that every run has; the others belong to effects that a batch does not support."""
-LEADING = (*STATE, "time", *SIGNS, "duration")
+LEADING = (*State._fields, "time", *Signs._fields, "duration")
 """Inputs of every compiled function, in this order, before the parameters of the apparatus."""
 DERIVED_ONLY = {"light_radius", "hanging_length"}
-"""Parameters from which others are derived (`end_length`, `string_length`), while no equation reads them."""
+"""Parameters from which others are derived (`end_length`, `string_length`), while no equation of the paper reads them."""
 
 
 class BatchModel(NamedTuple):
@@ -45,7 +41,8 @@ def batch_model(effects: Effects, parameters: Mapping[str, Any]) -> BatchModel:
     """
     stepped = tuple(effect for effect in effects if effect.kind is not EffectKind.RELEASE)
     absent = {c.name for effect in EFFECTS.values() if effect not in stepped for c in effect.coefficients}
-    return BatchModel(stepped, tuple(sorted(parameters.keys() - absent - DERIVED_ONLY)))
+    unread = DERIVED_ONLY - ({"hanging_length"} if "heavy_tilt" in extra_variables(stepped) else set())
+    return BatchModel(stepped, tuple(sorted(parameters.keys() - absent - unread)))
 
 
 class CompiledFunction:
@@ -115,13 +112,13 @@ class Symbols:
         parameters = {name: hy.expression(f"given {name}") for name in model.names}
         self.inputs = [*self.leading.values(), *parameters.values()]
         absent = {c.name: c.null for effect in EFFECTS.values() for c in effect.coefficients}
-        self.signs = Signs(**{name: self.algebra.series(self.leading[name]) for name in SIGNS})
+        self.signs = Signs(**{name: self.algebra.series(self.leading[name]) for name in Signs._fields})
         self.p = SimpleNamespace(**(absent | {name: self.algebra.series(symbol) for name, symbol in parameters.items()}))
         self.equations = Equations(self.algebra, self.p, model.effects)
 
     def arguments(self) -> tuple[Any, State, Signs]:
         """Return time, state and signs, in the order in which the equations take them."""
-        t, *state = (self.algebra.series(self.leading[name]) for name in ("time", *STATE))
+        t, *state = (self.algebra.series(self.leading[name]) for name in ("time", *State._fields))
         return t, State(*state), self.signs
 
 
@@ -139,25 +136,27 @@ def light_tension(model: BatchModel, mode: Mode) -> CompiledFunction:
 
 @lru_cache(maxsize=64)
 def rates(model: BatchModel, mode: Mode) -> CompiledFunction:
-    """Compile `Equations.rates`; outputs: derivatives of `STATE`."""
-    return _compiled(model, "rates", mode.name, lambda s: s.equations.rates(mode, *s.arguments())[: len(STATE)])
+    """Compile `Equations.rates`; outputs: derivatives of the state."""
+    return _compiled(model, "rates", mode.name, lambda s: s.equations.rates(mode, *s.arguments()))
 
 
 @lru_cache(maxsize=64)
 def impact(model: BatchModel, slide: float) -> CompiledFunction:
-    """Compile `Equations.impact`; outputs: `STATE` just after it, and the speed at which the string then slides [m/s]."""
+    """Compile `Equations.impact`; outputs: the state just after it, and the speed at which the string then slides [m/s]."""
 
     def outputs(s: Symbols) -> list[Any]:
         after = s.equations.impact(slide, *s.arguments())
-        return [*after.state[: len(STATE)], after.sliding]
+        return [*after.state, after.sliding]
 
     return _compiled(model, "impact", slide, outputs)
 
 
 @lru_cache(maxsize=64)
 def drop(model: BatchModel) -> CompiledFunction:
-    """Compile `state.heavy_drop` [m]; the overlap is 0, as no effect that a batch supports reads it."""
-    return _compiled(model, "drop", (), lambda s: [heavy_drop(s.algebra, s.arguments()[1], 0.0, s.p, model.effects)])
+    """Compile `state.heavy_drop` [m]."""
+    return _compiled(
+        model, "drop", (), lambda s: [heavy_drop(s.algebra, s.arguments()[1], s.signs.overlap, s.p, model.effects)]
+    )
 
 
 def _compiled(model: BatchModel, name: str, case: object, outputs: Callable[[Symbols], Sequence[Any]]) -> CompiledFunction:

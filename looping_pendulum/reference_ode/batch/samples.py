@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.reference_ode.batch.block import Block
-from looping_pendulum.reference_ode.batch.compiled import STATE, CompiledFunction, absolute_value
+from looping_pendulum.reference_ode.batch.compiled import CompiledFunction, absolute_value
 from looping_pendulum.reference_ode.batch.roots import ROOT_TOLERANCE, first_falling_roots, horner
 from looping_pendulum.reference_ode.batch.steps import Stepper
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_library import compiled, load_heyoka
 from looping_pendulum.reference_ode.solution import Samples
 from looping_pendulum.reference_ode.state import State
-from looping_pendulum.reference_ode.transitions import Mode
 
 NEWTON_STEPS = 6
 """Newton steps from the chord to the fraction of a step at which a sample lies; each ends within the step.
@@ -32,7 +31,7 @@ TOGETHER = 4
 """Number of samples that are taken at once of one step: so many lie in a step of a film on average."""
 LOG_LIMIT = 4 * 10**6
 """Number of coefficients after which the samples of the steps until then are taken, which bounds the memory (32 MB)."""
-_RETREAT_SPEED, _HEAVY_SPEED = STATE.index("retreat_speed"), STATE.index("heavy_speed")
+_RETREAT_SPEED, _HEAVY_SPEED = State._fields.index("retreat_speed"), State._fields.index("heavy_speed")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,7 +43,7 @@ class BatchSamples:
     start: NDArray[np.int64]
     """Where each run's samples begin, and m, shape (n + 1,)."""
     state: Array
-    """Entries of `STATE`, shape (len(STATE), m); past a run's end those of its end; nan for a run that failed."""
+    """Entries of the state, shape (len(State), m); past a run's end those of its end; nan for a run that failed."""
     count: NDArray[np.int64]
     """How many of each run's times lie within it, shape (n,)."""
 
@@ -53,7 +52,9 @@ class BatchSamples:
         """Return samples at the ascending times of each run [s] that are still to be taken."""
         start = np.cumsum([0, *map(len, times)])
         t = np.concatenate([np.zeros(0), *times])
-        return cls(t=t, start=start, state=np.full((len(STATE), len(t)), np.nan), count=np.zeros(len(times), dtype=np.int64))
+        return cls(
+            t=t, start=start, state=np.full((len(State._fields), len(t)), np.nan), count=np.zeros(len(times), dtype=np.int64)
+        )
 
     def part(self, run: int) -> slice:
         """Return where the samples of a run are."""
@@ -63,7 +64,7 @@ class BatchSamples:
         """Fill in samples of a run that was solved by itself."""
         here, ended = self.part(run), samples.and_end()
         index = np.minimum(np.arange(here.stop - here.start), len(samples.t))
-        for row, name in zip(self.state, STATE, strict=True):
+        for row, name in zip(self.state, State._fields, strict=True):
             row[here] = np.broadcast_to(getattr(ended.state, name), len(ended.t))[index]
         self.count[run] = len(samples.t)
 
@@ -86,7 +87,7 @@ class SampleLog:
         self._samples = samples
         self._next = samples.start[:-1].copy()
         """Each run's next sample."""
-        self._at_end = np.full((len(STATE), len(self._next)), np.nan)
+        self._at_end = np.full((len(State._fields), len(self._next)), np.nan)
         self._entries: list[_Entry] = []
         self._size = 0
 
@@ -109,7 +110,7 @@ class SampleLog:
 
     def end(self, block: Block, runs: NDArray[np.int64]) -> None:
         """Keep the states of runs at their ends."""
-        self._at_end[:, runs] = block.inputs[: len(STATE)]
+        self._at_end[:, runs] = block.inputs[: len(State._fields)]
 
     def finish(self) -> None:
         """Take all samples that are left; those past a run's end are its end."""
@@ -189,7 +190,7 @@ class SampleLog:
             samples.state[row][index] = values
         for row, values in zip(step.resting, table[terms:], strict=True):
             samples.state[row][index] = values
-        if step.mode is Mode.SLIDING_DOWN:  # and SLIDING_UP, as in `schedule`
+        if step.heavy_mass_follows:
             samples.state[_HEAVY_SPEED][index] = samples.state[_RETREAT_SPEED][index]
 
 

@@ -140,8 +140,10 @@ class Schedule:
             block.inputs[row] = values[name]
         block["run"], block["duration"] = runs.astype(float), self._durations[runs]
         block["free_length"], block["wrap_angle"] = values["free_length"], values["release_angle"]
+        if self._kind is not Release.DROP:
+            block["heavy_tilt"], block["sideways_speed"] = values["heavy_swing"], values["push_sideways"]
         along, across = (np.broadcast_to(values[name], len(runs)) for name in ("push_along", "push_across"))
-        released = State(block["free_length"].copy(), block["wrap_angle"].copy(), along, across, 0.0, 0.0)
+        released = State(*block.inputs[: len(State._fields)].copy())._replace(retreat_speed=along, across_speed=across)
         system.release(self._model, self._kind, block, along, across)
         if self._log is not None:
             # Within the first step from rest, a microsecond, nothing moves by a picometre
@@ -192,7 +194,7 @@ class Schedule:
             until = np.where(np.isfinite(moved).all(axis=0), moved[-1], -np.inf)
             self._log.add(step, series[step.sampled], block.runs, until)
         block.inputs[step.rows] = moved
-        if mode is Mode.SLIDING_DOWN:  # and SLIDING_UP: the taut string gives the heavy mass the speed u (`state.full_state`)
+        if step.heavy_mass_follows:
             block["heavy_speed"] = block["retreat_speed"]
         block["events"] += event >= 0
         broken_down = (block["steps"] >= MAX_STEPS) | (block["events"] > MAX_EVENTS) | ~np.isfinite(moved).all(axis=0)

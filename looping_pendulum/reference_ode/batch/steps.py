@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from looping_pendulum.reference_ode.batch.compiled import (
     LEADING,
-    STATE,
     BatchModel,
     CompiledFunction,
     Symbols,
@@ -29,7 +28,7 @@ from looping_pendulum.reference_ode.batch.roots import first_falling_roots, horn
 from looping_pendulum.reference_ode.batch.series import Series
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_library import compiled, load_heyoka
-from looping_pendulum.reference_ode.state import Effects, full_state, variables
+from looping_pendulum.reference_ode.state import Effects, State, extra_variables, full_state, variables
 from looping_pendulum.reference_ode.transitions import Event, Mode
 
 FORCE_EVENTS = (Event.STOP, Event.LOSES_TENSION, Event.SLIP_ONSET_DOWN, Event.SLIP_ONSET_UP)
@@ -45,12 +44,16 @@ NO_EVENT = -1
 """Value in place of an event's index: no event within the step."""
 
 
+SINGLY = frozenset({"rod_speed", "light_stretch"})
+"""State variables of a rod that turns and of a string that stretches: with these, runs are made one by one."""
+
+
 def supports_batch(effects: Effects) -> bool:
     """Return whether a batch can step runs with these effects.
 
-    It can unless an effect adds state variables, thickens the rod or changes its law at the first full turn.
+    It can unless the rod turns or the string stretches, whose transitions are written for one run.
     """
-    return not any(effect.variables or effect.winding or effect.watches_first_turn for effect in effects)
+    return extra_variables(effects).isdisjoint(SINGLY)
 
 
 class Stepper:
@@ -63,8 +66,10 @@ class Stepper:
         moving = (*variables(mode, model.effects), "time")
         self.rows = np.array([LEADING.index(name) for name in moving])
         """Rows of the inputs that a step changes."""
-        self.resting = [row for row in range(len(STATE)) if row not in self.rows]
+        self.resting = [row for row in range(len(State._fields)) if row not in self.rows]
         """Rows of the state that it does not change."""
+        self.heavy_mass_follows = mode.string_moves and "heavy_speed" not in moving
+        """Whether the taut string gives the heavy mass the light mass's speed along it (`state.full_state`)."""
         self.events: tuple[Event, ...] = self._compiled("events", lambda: self._terms.events)
 
     @cached_property

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from looping_pendulum.reference_ode import rules
 from looping_pendulum.reference_ode.batch import compiled
 from looping_pendulum.reference_ode.batch.block import Block
-from looping_pendulum.reference_ode.batch.compiled import LEADING, SIGNS, STATE, BatchModel
+from looping_pendulum.reference_ode.batch.compiled import LEADING, BatchModel
 from looping_pendulum.reference_ode.effects.forces import PIVOT_FRICTION
 from looping_pendulum.reference_ode.equations import Impact
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release
-from looping_pendulum.reference_ode.state import Motion, Signs, State
+from looping_pendulum.reference_ode.state import Motion, Signs, State, extra_variables
 from looping_pendulum.reference_ode.transitions import Event, Mode
 
 
@@ -26,7 +26,8 @@ def release(model: BatchModel, kind: Release, block: Block, push_along: Array, p
     Parameters
     ----------
     block
-        Zeros but for free length, wrap angle, duration and the parameters of the apparatus.
+        Zeros but for free length, wrap angle, the heavy mass's tilt, the speed along the rod, duration and the parameters of
+        the apparatus.
     push_along, push_across
         Speeds of the light mass at release, shape (n,) [m/s].
     """
@@ -44,12 +45,14 @@ def apply_event(model: BatchModel, block: Block, mode: Mode, event: Event) -> No
 class BatchSystem:
     """The equations of the runs of a block, as `rules` asks them; numbers are arrays of shape (n,), or the same for all."""
 
-    rod_turns = string_stretches = leaves_plane = heavy_mass_swings = False  # what a batch does not support
+    rod_turns = string_stretches = False  # what a batch does not support
 
     def __init__(self, model: BatchModel, block: Block) -> None:
         self._model, self._inputs = model, block.inputs
         self.effects = model.effects
         self.pivot_holds = PIVOT_FRICTION in model.effects
+        own = extra_variables(model.effects)
+        self.leaves_plane, self.heavy_mass_swings = "sideways" in own, "heavy_tilt" in own
         parameters = self._inputs[len(LEADING) :]
         self.p = SimpleNamespace(**{name: parameters[row] for row, name in enumerate(model.names)})
 
@@ -78,7 +81,7 @@ class BatchSystem:
     def rates(self, m: Motion) -> State:
         """Return the derivatives of the state by time."""
         columns, modes = self._columns(m), self._modes(m)
-        rate = np.zeros((len(STATE), len(modes)))
+        rate = np.zeros((len(State._fields), len(modes)))
         for mode in map(Mode, np.unique(modes)):
             np.copyto(rate, compiled.rates(self._model, mode)(columns), where=modes == mode)
         return State(*rate)
@@ -119,13 +122,13 @@ class BatchSystem:
 
 
 def _entries(m: Motion) -> list[Any]:
-    """Return what a block holds of a motion beside its mode: `STATE`, the time and `SIGNS`."""
-    return [*m.y[: len(STATE)], m.t, *m.signs[: len(SIGNS)]]
+    """Return what a block holds of a motion beside its mode: the state, the time and the signs."""
+    return [*m.y, m.t, *m.signs]
 
 
 def _rows(inputs: Array) -> Array:
     """Return the rows of the same, a view."""
-    return inputs[: len(STATE) + 1 + len(SIGNS)]
+    return inputs[: len(State._fields) + 1 + len(Signs._fields)]
 
 
 def _motion(block: Block) -> Motion:
@@ -133,9 +136,9 @@ def _motion(block: Block) -> Motion:
     rows = _rows(block.inputs).copy()
     return Motion(
         mode=block["mode"].astype(np.int64),
-        t=rows[len(STATE)],
-        y=State(*rows[: len(STATE)]),
-        signs=Signs(*rows[len(STATE) + 1 :]),
+        t=rows[len(State._fields)],
+        y=State(*rows[: len(State._fields)]),
+        signs=Signs(*rows[len(State._fields) + 1 :]),
     )
 
 
