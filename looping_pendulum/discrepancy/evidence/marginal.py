@@ -180,7 +180,7 @@ class Marginal:
         """Return the inverses of the free parameters' normal matrices, and the Schur complements of all other columns."""
         free, others = 1 + self._free, np.r_[0, 1 + self.p : self.gram.shape[1]]
         cross = self.gram[:, free[:, None], others]
-        inverse: Array = np.linalg.inv(self.gram[:, free[:, None], free])
+        inverse = np.asarray(np.linalg.inv(self.gram[:, free[:, None], free]), dtype=np.float64)
         return inverse, self.gram[:, others[:, None], others] - np.swapaxes(cross, 1, 2) @ (inverse @ cross)
 
     @property
