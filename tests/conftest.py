@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from looping_pendulum.discrepancy import workers
-from looping_pendulum.reference_ode import heyoka_backend, sensitivity
+from looping_pendulum.reference_ode import batch, heyoka_backend, sensitivity
 from looping_pendulum.reference_ode.heyoka_library import COMPILER_OPTIONS
 from looping_pendulum.reference_ode.solve import available_integrators
 from tests import rotation
@@ -104,6 +104,10 @@ def keep_compiled_apart(patch):
     """Keep all that is compiled until ``patch`` is undone, and use nothing that was compiled before."""
     for module, name in ((heyoka_backend, "_compiled"), (sensitivity, "_variational")):
         patch.setattr(module, name, cache(getattr(module, name).__wrapped__))
+    for module in (batch.compiled, batch.roots, batch.samples, batch.steps):  # what others import by name
+        for function in vars(module).values():
+            if hasattr(function, "cache_clear") and function.__module__ == module.__name__:
+                function.cache_clear()
 
 
 @pytest.fixture(scope="session")
