@@ -1,5 +1,6 @@
 """Many runs at once: each equals the single run, and an independent integrator's; bad runs disturb no other."""
 
+import contextlib
 import dataclasses
 import math
 import os
@@ -296,9 +297,30 @@ ALONE = {
 """The same of those that have a model of their own."""
 
 
+def beside_single_runs(columns, n):
+    """Samples of a batch and of single runs: their states, by run; grazed events and runs that break down are left out."""
+    times = [np.linspace(0.0, 1.0, 41)] * n
+    samples = sample_batch(BASE, columns, times, duration=1.0 + 1e-3)
+    results = solve_batch(BASE, columns, duration=1.0 + 1e-3)
+    found = {}
+    for i, t in enumerate(times):
+        with contextlib.suppress(IntegrationError):
+            alone = solve_at(parameters_of_run(BASE, columns, i), t, duration=1.0 + 1e-3)
+            if sequence_hash(alone.run.modes) == results.sequence[i]:
+                exact = np.array(alone.and_end().state)[:, np.minimum(np.arange(len(t)), len(alone.t))]
+                found[i] = State(*samples.state[:, samples.part(i)]), State(*exact)
+    return found
+
+
+def farthest(a, b, *others):
+    """How far apart samples of a run are [m], the wrap angle by the way of the light mass, and other entries of the state."""
+    angle = np.abs(b.free_length * (a.wrap_angle - b.wrap_angle)).max()
+    return max(angle, *(np.abs(getattr(a, name) - getattr(b, name)).max() for name in ("free_length", *others)))
+
+
 @pytest.mark.parametrize("n", [24, pytest.param(2000, marks=pytest.mark.accurate)])
 def test_samples_with_further_effects_are_those_of_single_runs(n):
-    """Oracle: single runs, in which only the effects that act are compiled in. Grazed events are counted apart."""
+    """Oracle: single runs, in which only the effects that act are compiled in."""
     assert FURTHER.keys() | ALONE.keys() == {
         c.name for e in EFFECTS.values() for c in e.coefficients
         if supports_batch((e,)) and not (e.in_base_model or e.package or e.needs_pivot) and e.kind not in NOT_FORCES
@@ -306,27 +328,12 @@ def test_samples_with_further_effects_are_those_of_single_runs(n):
     rng = np.random.default_rng(n)
     columns = random_columns(n, seed=n, pushed=True)
     columns |= {name: np.where(rng.random(n) < 0.3, rng.uniform(low, high, n), 0.0) for name, (low, high) in FURTHER.items()}
-    times = [np.linspace(0.0, 1.0, 41)] * n
-    samples = sample_batch(BASE, columns, times, duration=1.0 + 1e-3)
-    results = solve_batch(BASE, columns, duration=1.0 + 1e-3)
-    off, off_in_wind, grazed, failed = [0.0], [0.0], 0, 0
-    for i, t in enumerate(times):
-        try:
-            alone = solve_at(parameters_of_run(BASE, columns, i), t, duration=1.0 + 1e-3)
-        except IntegrationError:
-            failed += 1
-            continue
-        if sequence_hash(alone.run.modes) != results.sequence[i]:
-            grazed += 1
-            continue
-        state = samples.state[:, samples.part(i)]
-        exact = np.array(alone.and_end().state)[: len(state), np.minimum(np.arange(len(t)), len(alone.t))]
-        where = off_in_wind if columns["wind_speed"][i] else off
-        where.append(max(np.abs(state[0] - exact[0]).max(), np.abs(exact[0] * (state[1] - exact[1])).max()))
-    assert max(off) < 1e-9
+    found = beside_single_runs(columns, n)
+    off = {i: farthest(*states) for i, states in found.items()}
+    assert max(distance for i, distance in off.items() if not columns["wind_speed"][i]) < 1e-9
     # Where the mass moves with the air the drag has a kink, over which integrators lose digits: single runs up to 6e-8
-    assert max(off_in_wind) < 1e-6
-    assert grazed + failed <= 0.01 * n
+    assert max(off.values()) < 1e-6
+    assert len(found) >= 0.99 * n
 
 
 @pytest.mark.parametrize("n", [12, pytest.param(500, marks=pytest.mark.accurate)])
@@ -336,27 +343,9 @@ def test_samples_with_effects_that_add_to_the_state_are_those_of_single_runs(nam
     rng = np.random.default_rng(n)
     columns = random_columns(n, seed=n, pushed=True) | {name: rng.uniform(*ALONE[name], n)}
     columns["light_linear_drag"] = np.where(rng.random(n) < 0.5, rng.uniform(0.0, 0.02, n), 0.0)
-    times = [np.linspace(0.0, 1.0, 41)] * n
-    samples = sample_batch(BASE, columns, times, duration=1.0 + 1e-3)
-    results = solve_batch(BASE, columns, duration=1.0 + 1e-3)
-    off, grazed, failed = [0.0], 0, 0
-    for i, t in enumerate(times):
-        try:
-            alone = solve_at(parameters_of_run(BASE, columns, i), t, duration=1.0 + 1e-3)
-        except IntegrationError:
-            failed += 1
-            continue
-        if sequence_hash(alone.run.modes) != results.sequence[i]:
-            grazed += 1
-            continue
-        assert results.end_time[i] == pytest.approx(alone.run.end_time, abs=1e-9)
-        exact = np.array(alone.and_end().state)[:, np.minimum(np.arange(len(t)), len(alone.t))]
-        difference = np.abs(samples.state[:, samples.part(i)] - exact)
-        fields = State._fields
-        places = [fields.index(field) for field in ("free_length", "slack", "sideways", "heavy_tilt")]
-        off.append(max(difference[places].max(), (exact[0] * difference[fields.index("wrap_angle")]).max()))
-    assert max(off) < 1e-9
-    assert grazed + failed <= 0.02 * n
+    found = beside_single_runs(columns, n)
+    assert max(farthest(*states, "slack", "sideways", "heavy_tilt") for states in found.values()) < 1e-9
+    assert len(found) >= 0.98 * n
 
 
 def test_just_before_the_rod_samples_are_found_though_time_falls_beyond():
