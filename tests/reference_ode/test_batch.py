@@ -344,7 +344,8 @@ def test_samples_with_effects_that_add_to_the_state_are_those_of_single_runs(nam
     columns = random_columns(n, seed=n, pushed=True) | {name: rng.uniform(*ALONE[name], n)}
     columns["light_linear_drag"] = np.where(rng.random(n) < 0.5, rng.uniform(0.0, 0.02, n), 0.0)
     found = beside_single_runs(columns, n)
-    assert max(farthest(*states, "slack", "sideways", "heavy_tilt") for states in found.values()) < 1e-9
+    assert max(farthest(*states, "slack", "sideways") for states in found.values()) < 1e-9
+    assert max(np.abs(a.heavy_tilt - b.heavy_tilt).max() for a, b in found.values()) < 1e-8  # [rad], also of a short string
     assert len(found) >= 0.98 * n
 
 

@@ -24,6 +24,8 @@ from looping_pendulum.reference_ode.geometry import Array
 
 SETTINGS = (None, *itertools.product(AMPLITUDES, FRAMES))
 """Noise of one body: white, or with an amplitude and a correlation time."""
+MAX_DECREASE = 1.0
+"""Largest decrease of the cost by the step that is left to the minimum of a fit."""
 MIN_POINTS = 20
 """Points of a body below which its noise counts as white."""
 
@@ -192,7 +194,10 @@ class Marginal:
     def log_z_of_settings(self) -> Array:
         """Log evidence without any template, for every setting, prior of the setting included, shape (settings,)."""
         fitted = slice(1, 1 + self.p)
-        square = self.complement[:, 0, 0]  # after the step that is left to the minimum by this noise
+        square = self.complement[:, 0, 0].copy()  # after the step that is left to the minimum by this noise
+        white = self.settings == 0
+        # By white noise it is the fit's own, which leaves a large one only where the model is far from linear
+        square[white] = np.maximum(square[white], self.gram[white, 0, 0] - MAX_DECREASE)
         log_normal = np.linalg.slogdet(self.gram[:, fitted, fitted])[1]
         return np.asarray(self.log_prior - 0.5 * (square + self._log_determinant + log_normal - self._log_prior_precision))
 

@@ -344,7 +344,8 @@ class Search:
         slack = min(LINEAR_ERROR * missing**2 / (missing + LARGE_MISFIT), 1.0 + max(0.5 * (cost - least), 0.0))
         errors = self._errors.get((start.key, a.law is not None), [])
         if len(errors) >= MIN_KNOWN_ERRORS:
-            slack = min(slack, 1.0 + (1 + LINEAR_ERROR) * max(0.0, *errors))
+            least_wrong = max(errors)
+            slack = min(slack, 1.0 + least_wrong * (1 + math.copysign(LINEAR_ERROR, least_wrong)))
         return log_z + gain + a.log_prior, slack
 
 
