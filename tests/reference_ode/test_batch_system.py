@@ -15,7 +15,7 @@ from looping_pendulum.errors import IntegratorFallbackWarning, ParameterError  #
 from looping_pendulum.reference_ode import batch, heyoka_backend  # noqa: E402
 from looping_pendulum.reference_ode.batch import compiled, roots, schedule, sharing, solve_batch, steps, system  # noqa: E402
 from looping_pendulum.reference_ode.batch.block import BOOKKEEPING, Block  # noqa: E402
-from looping_pendulum.reference_ode.batch.compiled import LEADING, SIGNS, STATE, BatchModel, batch_model  # noqa: E402
+from looping_pendulum.reference_ode.batch.compiled import LEADING, BatchModel, batch_model  # noqa: E402
 from looping_pendulum.reference_ode.batch.numbers import equation_parameters, parameters_of_run, valid_runs  # noqa: E402
 from looping_pendulum.reference_ode.batch.result import BYTES_PER_RUN, FAILED, BatchResult  # noqa: E402
 from looping_pendulum.reference_ode.batch.steps import stepper  # noqa: E402
@@ -24,7 +24,7 @@ from looping_pendulum.reference_ode.effects import COEFFICIENTS  # noqa: E402
 from looping_pendulum.reference_ode.parameters import Parameters, Release  # noqa: E402
 from looping_pendulum.reference_ode.rules import REST_SERIES_DURATION  # noqa: E402
 from looping_pendulum.reference_ode.solve import TOLERANCE, solve, solve_at  # noqa: E402
-from looping_pendulum.reference_ode.state import TINY_SPEED, Motion, State  # noqa: E402
+from looping_pendulum.reference_ode.state import TINY_SPEED, Motion, Signs, State  # noqa: E402
 from looping_pendulum.reference_ode.transitions import TABLE, Event, Mode  # noqa: E402
 from tests.apparatus import TEN_TO_ONE  # noqa: E402
 from tests.reference_ode.test_batch import BASE, random_columns  # noqa: E402
@@ -66,7 +66,7 @@ def pushes(all_parameters: list[Parameters]) -> tuple[np.ndarray, ...]:
 def assert_same(block: Block, drivers: list[Driver], bound: float = ROUNDING) -> None:
     """Check each column against its driver: mode and signs exactly, the state to rounding, `TINY_SPEED` with its sign."""
     assert [Mode(int(mode)) for mode in block["mode"]] == [driver.motion.mode for driver in drivers]
-    for name in STATE:
+    for name in State._fields:
         expected = np.array([float(getattr(driver.motion.y, name)) for driver in drivers])
         np.testing.assert_allclose(block[name], expected, rtol=0, atol=bound, err_msg=name)
         np.testing.assert_array_equal(np.sign(block[name]), np.sign(expected), err_msg=name)
@@ -74,7 +74,7 @@ def assert_same(block: Block, drivers: list[Driver], bound: float = ROUNDING) ->
         np.testing.assert_array_equal(block[name][tiny], expected[tiny], err_msg=name)
     read = {"across": lambda mode: True, "slide": lambda mode: mode.sliding, "heavy": lambda mode: mode.slack}
     read["phase"] = lambda mode: mode.sliding or (mode.slack and mode is not Mode.FALLING)
-    for name in SIGNS:
+    for name in read:  # the others belong to effects that do not act here
         for column, driver in enumerate(drivers):
             if read[name](driver.motion.mode):
                 assert block[name][column] == getattr(driver.motion.signs, name), (name, driver.motion.mode)
@@ -134,9 +134,9 @@ def test_what_follows_an_event_is_what_follows_it_in_a_single_run(mode, event):
         drivers.append(driver)
     block, model = block_of([driver.parameters for driver in drivers])
     block["mode"] = float(mode)
-    for name in STATE:
+    for name in State._fields:
         block[name] = [getattr(driver.motion.y, name) for driver in drivers]
-    for name in SIGNS:
+    for name in Signs._fields:
         block[name] = [getattr(driver.motion.signs, name) for driver in drivers]
     system.apply_event(model, block, mode, event)
     ended = [driver._apply_event(event, driver.motion.t, driver.motion.y) for driver in drivers]
@@ -161,9 +161,9 @@ def test_a_string_that_becomes_taut_under_a_push_is_slack_again(release, mode, h
     driver.motion = Motion(mode, 0.0, y, driver.motion.signs._replace(phase=1.0, across=1.0))
     block, model = block_of([p])
     block["mode"] = float(mode)
-    for name in STATE:
+    for name in State._fields:
         block[name] = getattr(driver.motion.y, name)
-    for name in SIGNS:
+    for name in Signs._fields:
         block[name] = getattr(driver.motion.signs, name)
     driver._apply_event(Event.TAUT, driver.motion.t, driver.motion.y)
     assert driver.motion.mode is mode
