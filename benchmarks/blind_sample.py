@@ -27,7 +27,7 @@ SETS = ("thresholds", "rates")
 """Studies that thresholds are chosen by, and studies that rates are measured on: their seeds differ."""
 KINDS = ("clean", "single", "two", "unlisted", "mixed")
 """Nothing, one listed effect, two, a law that no library lists, or a listed effect beside such a law."""
-DEFAULT_COUNTS = {"clean": 300, "single": 300, "two": 100, "unlisted": 100, "mixed": 100}
+DEFAULT_COUNTS = {"clean": 300, "single": 300, "two": 100, "unlisted": 100, "mixed": 0}
 NOISES = (0.5e-3, 1e-3, 2e-3)
 """Standard deviations of a tracked point of a mass at rest, each axis [m]."""
 SIZES = (1e-3, 3e-3, 8e-3, 16e-3, 50e-3)
