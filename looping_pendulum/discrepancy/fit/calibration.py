@@ -36,11 +36,8 @@ MAX_ITERATIONS = 50
 """Largest number of Jacobians of a fit, unless a caller says otherwise."""
 FIRST_DAMPING, MIN_DAMPING = 1e-3, 1e-9
 """Damping of the first step, in units of the diagonal of the normal matrix, and its least; it falls tenfold each step."""
-MAX_DAMPINGS, MAX_DAMPING = 8, 1e3
-"""Number of larger dampings that are tried where a step does not decrease the cost, and the least that the largest has.
-
-After some good steps the damping is small; where it then grew by no more than eight decades, fits ended 500 above the minimum.
-"""
+MAX_DAMPINGS = 8
+"""Number of larger dampings, each ten times the one before, that are tried where a step does not decrease the cost."""
 SHORTER_STEPS = (3.0, 1.0, 0.3)
 """Largest components of the steps in the same direction that are tried then, in units of the scales.
 
@@ -176,8 +173,7 @@ def minimise_steps(
             damping = max(damping / 10, MIN_DAMPING)
         else:
             # Far from linear: the best of some steps that are damped more, or shorter in the same direction
-            most = max(damping * 10.0**MAX_DAMPINGS, MAX_DAMPING)
-            dampings = [*np.geomspace(10 * damping, most, MAX_DAMPINGS).tolist(), *(damping for _ in SHORTER_STEPS)]
+            dampings = [*(damping * 10.0**i for i in range(1, MAX_DAMPINGS + 1)), *(damping for _ in SHORTER_STEPS)]
             longest = [*(None for _ in range(MAX_DAMPINGS)), *SHORTER_STEPS]
             points = np.array([model.point(*each) for each in zip(dampings, longest, strict=True)])
             predicted = yield problem, points
