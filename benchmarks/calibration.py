@@ -129,7 +129,8 @@ def solve(study: BlindStudy) -> tuple[str, Outcome]:
         if result.verdict is Verdict.INTERRUPTED:
             raise KeyboardInterrupt
         outcome = outcome_of(result, planted_values(study), study.kind)
-        outcome["law"] = law_of(result.unlisted)
+        if study.kind == "unlisted":
+            outcome["law"] = law_of(result.unlisted)
         outcome["cpu_seconds"] = time.process_time() - started
         # No rate needs them, and they take as long as the search
         if study.set == "thresholds" and study.kind == "clean" and study.noise_kind != "wander":

@@ -28,8 +28,8 @@ FOLDER_VARIABLE = "HEYOKA_CACHE_DIR"
 DISK_LIMIT, PICKLED_LIMIT = 100 * 10**6, 400 * 10**6
 """Largest size of heyoka's cache on disk, and of what is pickled beside it [B]; heyoka's default is 21 GB.
 
-A model of a batch takes up to 30 MB, and one search for missing effects may use ten. Where they did not fit, half of the
-time of one went into compiling again.
+A function of a batch takes up to 7 MB, and one search for missing effects used over fifty. Where they did not fit, half of its
+time went into compiling again.
 """
 COMPILER_OPTIONS: dict[str, Any] = {}
 """Options of all calls of heyoka's compilers; tests leave code unoptimised by them."""

@@ -108,7 +108,7 @@ def test_the_evidence_of_a_law_is_that_of_its_weights(base):
     m = Marginal(grid, raw(base), settings=[0])
     known = laws_beside(base, grid, [0], m.log_z_of_settings, raw(base), np.zeros((n, 0)))
     for target, name in (("light mass", "time"), ("heavy mass", "hanging_length"), ("string on rod", "wrap_angle")):
-        law = known.law(known.closure(target, name))
+        law = known.law(known.runs.closure(target, name))
         problem, weights = with_law(base.problem, law)
         root = covariance_root(law.length, len(TARGETS[target]))
         at_null = np.append(base.x, np.zeros(len(weights)))

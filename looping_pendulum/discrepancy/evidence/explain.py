@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from looping_pendulum.discrepancy.evidence.explanation import NOTHING, Explanation, Key, explained, to_data_steps
 from looping_pendulum.discrepancy.evidence.marginal import NoiseGrid
 from looping_pendulum.discrepancy.evidence.prior import CREDIBLE, LAW_PREDICTS
-from looping_pendulum.discrepancy.evidence.search import Search, posterior
+from looping_pendulum.discrepancy.evidence.search import Search, best_of, posterior
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate
 from looping_pendulum.discrepancy.fit.predictions import alone
 from looping_pendulum.discrepancy.fit.problem import Problem, free_parameters_of
@@ -55,7 +55,8 @@ def explain(inputs: Inputs, workers: Workers = SERIAL, report: Callable[[str], N
     search.run()
     fitted = dict(search.fitted)
     while True:
-        found = Explanations(probabilities=tuple(posterior(fitted)), best=_best(fitted), passes=search.passes(_best(fitted)))
+        best = best_of(fitted)
+        found = Explanations(probabilities=tuple(posterior(fitted)), best=best, passes=search.passes(best))
         laws = [fitted[key] for key in found.credible if fitted[key].parts.law]
         unconfirmed = [e for e in laws if not _predicts(e, fitted[NOTHING], inputs, len(search.library))]
         if not unconfirmed:
@@ -69,10 +70,6 @@ def _declared(inputs: Inputs) -> Fit:
     data = [*inputs.training, *(d for d, _ in inputs.held_out)]
     free = free_parameters_of(inputs.study, list(inputs.observed))
     return refit_with_estimated_noise(calibrate(Problem(inputs.study, data, free)))
-
-
-def _best(fitted: dict[Key, Explanation]) -> Explanation:
-    return max(fitted.values(), key=lambda e: e.log_posterior)
 
 
 def _predicts(e: Explanation, nothing: Explanation, inputs: Inputs, library: int) -> bool:

@@ -10,11 +10,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.special import logsumexp
 
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.evidence.laws import Law, with_law
-from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid, with_sigma
+from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid, sigma_of
 from looping_pendulum.discrepancy.evidence.prior import LARGE_MISFIT, log_occam, log_prior
 from looping_pendulum.discrepancy.evidence.templates import Template
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate_steps, minimise_steps
@@ -29,7 +30,6 @@ Key = frozenset[str]
 NOTHING: Key = frozenset()
 WIDE = 1e3
 """Prior standard deviation of an added effect [scales]: the fit is by the data alone, and the prior of its size by `prior`."""
-
 COST_ERROR = 0.1
 """Decrease of the cost below which a fit has converged."""
 
@@ -93,20 +93,9 @@ def law_name(law: Closure) -> str:
 
 def raw(fit: Fit) -> Array:
     """Return residuals and their derivatives in the units of the data, then those of the prior, shape (n + p, 1 + p)."""
-    problem = fit.problem.with_data(with_sigma(fit.problem.data, 1.0))
-    residuals = problem.residuals_of(fit.x, predicted(fit))
-    assert residuals is not None
-    sigma = np.concatenate([np.where(np.isfinite(d.sigma), d.sigma, 0.0) for d in fit.problem.data])
-    jacobian = fit.jacobian.copy()
-    jacobian[: len(sigma)] *= sigma[:, None]
-    return np.column_stack([residuals, jacobian])
-
-
-def predicted(fit: Fit) -> Array:
-    """Return what a fit predicts of all trials, shape (n,), from its residuals; the measured value where that is left out."""
-    value = np.concatenate([d.value for d in fit.problem.data])
-    sigma = np.concatenate([np.where(np.isfinite(d.sigma), d.sigma, 0.0) for d in fit.problem.data])
-    return np.asarray(value - sigma * fit.residuals[: len(value)])
+    rows = np.column_stack([fit.residuals, fit.jacobian])
+    rows[: fit.problem.measured_rows] *= sigma_of(fit.problem.data)[:, None]
+    return rows
 
 
 def bounded(fit: Fit) -> list[int]:
@@ -168,7 +157,7 @@ class Addition:
     """That of the explanation which it makes."""
 
     @cached_property
-    def key(self) -> frozenset[str]:
+    def key(self) -> Key:
         """What the explanation which it makes adds, by name."""
         return self.parts.key
 
@@ -238,9 +227,7 @@ def enough_cost(fit: Fit) -> float:
 
 def extended_prior(p: Problem, added: Sequence[FreeParameter]) -> tuple[Array, Array]:
     """Return the prior of a problem with further parameters, which have their own."""
-    n = len(p.free_parameters)
-    root = np.diag(np.concatenate([np.ones(n), [1 / a.prior_sigma for a in added]]))
-    root[:n, :n] = p.prior_weights
+    root = block_diag(p.prior_weights, np.diag([1 / n.prior_sigma for n in added]))
     return np.append(p.prior_mean, np.zeros(len(added))), root
 
 

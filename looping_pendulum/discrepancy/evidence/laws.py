@@ -15,32 +15,18 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.optimize import minimize
 from scipy.special import logsumexp
 
-from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
-from looping_pendulum.discrepancy.evidence.marginal import NoiseGrid
-from looping_pendulum.discrepancy.evidence.prior import LENGTHS, POINT_SIGMA, RIDGES, log_occam, log_share
+from looping_pendulum.discrepancy.evidence.marginal import NoiseGrid, sigma_of
+from looping_pendulum.discrepancy.evidence.prior import LENGTHS, POINT_SIGMA, log_occam, log_share
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.unlisted.closures import COORDINATES_OF, TARGETS, Closure, factors_of
-from looping_pendulum.discrepancy.unlisted.screening import (
-    END_MARGIN,
-    MAX_POINT_TRIALS,
-    MIN_SPACING,
-    N_PULSES,
-    POINT_GRID,
-    POINT_MARGIN,
-    Motions,
-    _respond,
-    motions,
-)
+from looping_pendulum.discrepancy.unlisted.discovery import POINT_SCALE, point_parameters, weight_parameters
+from looping_pendulum.discrepancy.unlisted.screening import N_PULSES, RIDGES, Motions, _respond, motions
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.reference_ode.effects.closure import N_BASIS_FUNCTIONS
 from looping_pendulum.reference_ode.geometry import Array
-
-POINT_SCALE, MAX_SHIFT = 0.01, 0.3
-"""Unit of a point's coordinates in a fit, and their largest distance from where the linear model has them [m]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,11 +60,9 @@ class LawAndEffect:
     """A law and a template beside a fit, by the linear model."""
 
     law: Law
-    """With the weights that are most probable beside the template."""
+    """With the weights that are most probable beside the template, and the Bayes factor of both over the fit without them."""
     template: int
     amount: float
-    log_bayes_factor: float
-    """Over the fit without both."""
 
 
 def covariance_root(length: float, sides: int) -> Array:
@@ -111,8 +95,7 @@ class Laws:
         items = [(side, i) for side in sides for i in range(0, N_PULSES, N_BASIS_FUNCTIONS)]
         found = workers.map_together(_respond, (problem, fit.x, runs.pulse_spacing), items)
         n = problem.measured_rows
-        sigma = np.where(np.isfinite(grid.sigma), grid.sigma, 0.0)
-        responses = np.hstack([c[:n] for c in found]) * sigma[:, None]
+        responses = np.hstack([c[:n] for c in found]) * sigma_of(problem.data)[:, None]
         at = set(fit.at_bounds)
         self._free = [i for i, name in enumerate(problem.names) if name not in at]
         self._p = len(self._free)
@@ -124,11 +107,7 @@ class Laws:
         edges = np.cumsum([0] + [len(d.t) for d in problem.data]).tolist()
         self._beside = [_Beside(grid, s, edges, responses, others, prior, self._p) for s in settings]
         self._last: tuple[Closure, tuple[Array, list[Array]]] | None = None
-        self._projections = []
-        for k in range(len(problem.data)):
-            t = runs.kinematics.time[runs.trial == k]
-            pulses = np.exp(-0.5 * ((t[:, None] - runs.pulse_spacing * np.arange(N_PULSES)) / runs.pulse_spacing) ** 2)
-            self._projections.append(np.linalg.pinv(pulses, rcond=1e-4))
+        self._projections = [runs.pulses_of(k) for k in range(len(problem.data))]
 
     def all(self) -> list[Law]:
         """Return all laws, the most probable first."""
@@ -138,23 +117,12 @@ class Laws:
                 continue
             for name in names:
                 closures = (
-                    [self._best_point(target)]
+                    [self.runs.best_from_point(target, lambda closure: self.law(closure).log_bayes_factor)]
                     if name == "distance"
-                    else [self.closure(target, name, f) for f in factors_of(target)]
+                    else [self.runs.closure(target, name, factor) for factor in factors_of(target)]
                 )
                 found += [self.law(c) for c in closures if c]
         return sorted(found, key=lambda law: -law.log_odds)
-
-    def closure(
-        self, target: str, name: str, factor: str = "constant", point: tuple[float, float] | None = None
-    ) -> Closure | None:
-        """Return a law with its basis functions in their places; None: its coordinate is constant."""
-        closure = Closure(coordinate=name, factor=factor, target=target, first_centre=0.0, spacing=1.0, point=point)
-        low, high = np.quantile(self.runs.where_it_acts(closure), [0.0, 0.995])
-        spacing = float(high - low) / (N_BASIS_FUNCTIONS - 1 - 2 * END_MARGIN)
-        if spacing < MIN_SPACING:
-            return None
-        return dataclasses.replace(closure, first_centre=float(low) - END_MARGIN * spacing, spacing=spacing)
 
     def law(self, closure: Closure) -> Law:
         """Return the evidence of a law."""
@@ -187,14 +155,7 @@ class Laws:
             a = float(amount[(*best, t)])
             if a > 0 or allowed[t]:
                 beside_it = self._law(law.closure, spectra, best, log_bf[..., t], float(mixed[t]), t, a)
-                found.append(
-                    LawAndEffect(
-                        law=dataclasses.replace(beside_it, mixed=law.mixed),
-                        template=t,
-                        amount=a,
-                        log_bayes_factor=beside_it.log_bayes_factor,
-                    )
-                )
+                found.append(LawAndEffect(law=dataclasses.replace(beside_it, mixed=law.mixed), template=t, amount=a))
         return found
 
     def _law(
@@ -272,24 +233,6 @@ class Laws:
         used = np.concatenate([np.arange(self._sides[s].start, self._sides[s].stop) for s in directions])
         return used, found
 
-    def _best_point(self, target: str) -> Closure | None:
-        """Return the law of the distance from the point that has the most evidence; None: there is none."""
-        x, y = self.runs.positions
-
-        def closure(point: Sequence[float]) -> Closure | None:
-            return self.closure(target, "distance", point=(float(point[0]), float(point[1])))
-
-        def cost(point: Sequence[float]) -> float:
-            one = closure(point)
-            return -self.law(one).log_bayes_factor if one else math.inf
-
-        axes = [np.linspace(v.min() - POINT_MARGIN * np.ptp(v), v.max() + POINT_MARGIN * np.ptp(v), POINT_GRID) for v in (x, y)]
-        start = min(((a, b) for a in axes[0] for b in axes[1]), key=cost)
-        step = 0.5 * max(float(a[1] - a[0]) for a in axes)
-        simplex = np.array([start, (start[0] + step, start[1]), (start[0], start[1] + step)])
-        options = {"maxfev": MAX_POINT_TRIALS, "initial_simplex": simplex, "xatol": 1e-3, "fatol": 0.1}
-        return closure(minimize(cost, start, method="Nelder-Mead", options=options).x)
-
 
 _Spectrum = tuple[Array, Array, Any]
 
@@ -335,19 +278,11 @@ def laws_beside(
 def with_law(p: Problem, law: Law) -> tuple[Problem, Array]:
     """Return a problem with a law's point and weights as further parameters, and their values by the linear model."""
     closure, trials = law.closure, tuple(t.name for t in p.study.trials)
-    points = [
-        FreeParameter(
-            name=name, parameter=name, trials=trials, init_value=value, scale=POINT_SCALE, prior=POINT_SIGMA / POINT_SCALE,
-            bounds=(value - MAX_SHIFT, value + MAX_SHIFT),
-        )
-        for name, value in closure.point_coefficients.items()
-    ]  # fmt: skip
-    weights = [
-        FreeParameter(name=n, parameter=n, trials=trials, init_value=0.0, scale=law.ridge, prior=1.0, bounds=(-1e6, 1e6))
-        for n in closure.names
-    ]
+    prior = POINT_SIGMA / POINT_SCALE
+    points = [dataclasses.replace(n, prior=prior) for n in point_parameters(closure, trials)]
+    weights = weight_parameters(closure, trials, law.ridge, 1.0)
     root_of_weights = np.linalg.inv(covariance_root(law.length, len(TARGETS[closure.target])))
-    root = block_diag(p.prior_weights, np.eye(len(points)) * POINT_SCALE / POINT_SIGMA, root_of_weights)
+    root = block_diag(p.prior_weights, np.eye(len(points)) / prior, root_of_weights)
     mean = np.append(p.prior_mean, np.zeros(len(points) + len(weights)))
     problem = Problem(closure.added_to(p.study), p.data, (*p.free_parameters, *points, *weights), (mean, root))
     return problem, np.concatenate([np.zeros(len(points)), law.weights / law.ridge])

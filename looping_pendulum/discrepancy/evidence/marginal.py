@@ -7,9 +7,7 @@ parts of the bodies add, so that every pair of settings costs one sum. All that 
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
-import math
 from collections.abc import Sequence
 from functools import cached_property
 
@@ -19,6 +17,7 @@ from scipy.special import logsumexp
 from looping_pendulum.discrepancy.data.observations import BODIES
 from looping_pendulum.discrepancy.evidence.prior import AMPLITUDES, FRAMES, P_LASTING
 from looping_pendulum.discrepancy.fit.correlated_noise import CorrelatedNoise, Whitening
+from looping_pendulum.discrepancy.fit.correlated_noise_fit import with_noises
 from looping_pendulum.discrepancy.fit.problem import TrialData
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -41,11 +40,8 @@ class NoiseGrid:
         self.data = tuple(data)
         edges = np.cumsum([0] + [len(d.t) for d in data])
         self.count = int(edges[-1])
-        sigma = np.concatenate([d.sigma for d in data])
-        used = np.isfinite(sigma)
-        self.sigma = np.where(used, sigma, math.inf)
-        """Standard deviation of every value's white noise, shape (n,); infinite: left out."""
-        log_white = float(2 * np.sum(np.log(sigma[used])))
+        self._sigma = sigma = np.concatenate([d.sigma for d in data])
+        log_white = float(2 * np.sum(np.log(sigma[np.isfinite(sigma)])))
         self._tracks: dict[str, _Tracks] = {}
         for body, names in BODIES.items():
             found = [(k, c) for k, d in enumerate(data) for c in d.channels if c.name in names and len(c) > 1]
@@ -79,7 +75,7 @@ class NoiseGrid:
         settings
             Indices into `combinations`.
         """
-        part = columns[self._rest] / self.sigma[self._rest, None]
+        part = columns[self._rest] / self._sigma[self._rest, None]
         fixed = part.T @ part
         found = np.tile(fixed, (len(settings), 1, 1))
         for place, tracks in enumerate(self._tracks.values()):
@@ -93,16 +89,7 @@ class NoiseGrid:
 
     def standardised(self, columns: Array, k: int, setting: int) -> Array:
         """Return rows of trial ``k`` standardised by a setting, shape as given."""
-        d = self.data[k]
-        found = columns / d.sigma[:, None]
-        if setting:
-            for name, noise in self.noises(setting).items():
-                for c in d.channels:
-                    if c.name in BODIES[name] and len(c) > 1:
-                        part = d.slices[c.name]
-                        whitening = Whitening(c.t, noise.white_sigma(d.sigma[part], c.time_step), noise)
-                        found[part] = whitening(columns[part])
-        return np.asarray(found)
+        return with_noises(self.data[k], self.noises(setting)).standardise(columns)
 
     def noises(self, setting: int) -> dict[str, CorrelatedNoise]:
         """Return body -> correlated noise of one of `combinations`; bodies with white noise are left out."""
@@ -228,6 +215,6 @@ class Marginal:
         return float(s[0, index] @ np.linalg.lstsq(s[np.ix_(index, index)], s[0, index], rcond=None)[0])
 
 
-def with_sigma(data: Sequence[TrialData], sigma: float) -> list[TrialData]:
-    """Return data with one sigma for all values that are not left out: residuals then are in the units of the data."""
-    return [dataclasses.replace(d, sigma=np.where(np.isfinite(d.sigma), sigma, math.inf), correlated={}) for d in data]
+def sigma_of(data: Sequence[TrialData]) -> Array:
+    """Return the standard deviation of every value's white noise, shape (n,); 0: it is left out."""
+    return np.concatenate([np.where(np.isfinite(d.sigma), d.sigma, 0.0) for d in data])

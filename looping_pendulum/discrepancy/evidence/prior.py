@@ -26,11 +26,6 @@ LOG_RANGE = math.log(1000.0)
 
 From tenths of a millimetre, which hardly any tracker shows, to decimetres of the light mass's motion.
 """
-RIDGES = np.logspace(-5, 0, 41)
-"""Prior standard deviations of a law's weights [N, or 1 for friction], all alike.
-
-From 10 uN, which move 10 g by a tenth of a millimetre in half a second, to 1 N, about the heavy mass's weight.
-"""
 LENGTHS = (0.0, 1.5, 4.0)
 """Correlation lengths of a law's weights [basis functions], all alike: how smooth it is, beside their own width."""
 POINT_SIGMA = 0.3
@@ -44,7 +39,7 @@ LAW_PREDICTS = math.log(1000.0)
 """Least log of the factor by which a law, fitted to the training trials, makes the held-out ones more probable.
 
 A law can take any form, and what two trials of one camera have in common may be the camera's: of a basketball that falls from a
-bridge, tracked by hand, a law explained 14 nats, 5 of them in the drop that was held out, and left 52 of its 54 mm of error.
+bridge, tracked by hand, a law explained 14 nats, 5 of them in the drop that was held out.
 """
 MARGIN = 6.0
 """Log odds to the best explanation within which others are fitted exactly."""
@@ -56,8 +51,6 @@ MAX_EFFECTS = 3
 """Listed effects of an explanation at most."""
 MAX_ROUNDS, MAX_TOGETHER = 10, 4
 """Rounds of exact fits, and the largest number of fits in one."""
-VISIBLE = 4.0
-"""Standard errors from which on an effect is large enough to be seen."""
 
 
 def log_prior(count: int, library: int, law: Closure | None = None) -> float:

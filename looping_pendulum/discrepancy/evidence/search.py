@@ -91,7 +91,7 @@ class Search:
     @property
     def best(self) -> Explanation:
         """Return the most probable explanation."""
-        return max(self.fitted.values(), key=lambda e: e.log_posterior)
+        return best_of(self.fitted)
 
     def passes(self, e: Explanation) -> bool:
         """Return whether the residuals of an explanation look like its own noise: the one absolute test."""
@@ -224,7 +224,7 @@ class Search:
                     gain=gain,
                     decrease=m.decrease(chosen),
                     log_prior=log_prior(count + len(chosen), len(self.library), e.parts.law),
-                )  # fmt: skip
+                )
             )
         # A second law is not looked for, nor one beside what is settled
         if e.parts.law or count > 1 or (e.key != NOTHING and self.settled):
@@ -270,7 +270,7 @@ class Search:
                             gain=both.law.log_bayes_factor,
                             decrease=both.law.decrease,
                             log_prior=prior[1],
-                        )  # fmt: skip
+                        )
                     )
 
     def _offer(self, a: Addition) -> None:
@@ -347,6 +347,11 @@ class Search:
             least_wrong = max(errors)
             slack = min(slack, 1.0 + least_wrong * (1 + math.copysign(LINEAR_ERROR, least_wrong)))
         return log_z + gain + a.log_prior, slack
+
+
+def best_of(fitted: Mapping[Key, Explanation]) -> Explanation:
+    """Return the most probable explanation."""
+    return max(fitted.values(), key=lambda e: e.log_posterior)
 
 
 def posterior(fitted: Mapping[Key, Explanation]) -> list[tuple[Key, float]]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
+from looping_pendulum.discrepancy.evidence.marginal import sigma_of
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.predictions import Steps, together
 from looping_pendulum.discrepancy.listed.candidates import Candidate
@@ -97,7 +98,7 @@ def _templates(
         [share * delta for delta in linear for share in ((-1.0, FINER, -FINER) if both_sides else (FINER,))]
     )
     found: list[Template] = []
-    sigma = np.concatenate([np.where(np.isfinite(d.sigma), d.sigma, 0.0) for d in problem.data])
+    sigma = sigma_of(problem.data)
 
     def add(delta: float, change: Array, linear: bool, square: bool) -> None:
         # Beyond what the fitted parameters can do; below it, errors of finite differences decide
@@ -113,7 +114,7 @@ def _templates(
                     scale=scale,
                     linear=linear,
                     square=square,
-                )  # fmt: skip
+                )
             )
 
     square, finite, has_linear = candidate.even, True, False

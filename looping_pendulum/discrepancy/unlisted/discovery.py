@@ -237,10 +237,7 @@ def _problem(problem: Problem, closure: Closure, scale: float, prior: float) -> 
     The weights have the standard deviation ``prior`` times ``scale``.
     """
     trials = tuple(t.name for t in problem.study.trials)
-    weights = [
-        FreeParameter(name=n, parameter=n, trials=trials, init_value=0.0, scale=scale, prior=prior, bounds=(-1e6, 1e6))
-        for n in closure.names
-    ]
+    weights = weight_parameters(closure, trials, scale, prior)
     added = [*point_parameters(closure, trials), *weights]
     parameters = (*problem.free_parameters, *added)
     mean = np.append(problem.prior_mean, np.zeros(len(added)))
@@ -261,6 +258,14 @@ def point_parameters(closure: Closure, trials: tuple[str, ...]) -> list[FreePara
         )
         for name, value in closure.point_coefficients.items()
     ]  # fmt: skip
+
+
+def weight_parameters(closure: Closure, trials: tuple[str, ...], scale: float, prior: float) -> list[FreeParameter]:
+    """Return a closure's weights as free parameters, of standard deviation ``prior`` times ``scale``."""
+    return [
+        FreeParameter(name=n, parameter=n, trials=trials, init_value=0.0, scale=scale, prior=prior, bounds=(-1e6, 1e6))
+        for n in closure.names
+    ]
 
 
 MAX_SHIFT = 0.3

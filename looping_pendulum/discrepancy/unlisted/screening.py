@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import SimpleNamespace
@@ -55,7 +55,7 @@ POINT_MARGIN = 0.2
 """Share of the light mass's range by which this grid is larger on every side."""
 # From 10 uN, which move 10 g by a tenth of a millimetre in half a second, to 1 N, about the heavy mass's weight
 RIDGES = np.logspace(-5, 0, 41)
-"""Prior standard deviations of the weights that are tried [N]."""
+"""Prior standard deviations of the weights that are tried [N, or 1 for friction]; by their evidence, all are alike."""
 MAX_POINT_TRIALS = 50
 """Points that are tried from the best of the grid."""
 
@@ -119,6 +119,43 @@ class Motions:
         """Return the values of a closure's coordinate where it can act: friction and the heavy mass's force while it slides."""
         values = self.coordinate(closure.coordinate, closure.point)
         return values[self.sliding] if TARGETS[closure.target][0] in ("friction", "heavy") and self.sliding.any() else values
+
+    def closure(
+        self, target: str, name: str, factor: str = "constant", point: tuple[float, float] | None = None
+    ) -> Closure | None:
+        """Return a closure with its basis functions in their places; None: its coordinate is constant."""
+        closure = Closure(coordinate=name, factor=factor, target=target, first_centre=0.0, spacing=1.0, point=point)
+        low, high = np.quantile(self.where_it_acts(closure), [0.0, 0.995])
+        spacing = float(high - low) / (N_BASIS_FUNCTIONS - 1 - 2 * END_MARGIN)
+        if spacing < MIN_SPACING:
+            return None
+        return dataclasses.replace(closure, first_centre=float(low) - END_MARGIN * spacing, spacing=spacing)
+
+    def best_from_point(self, target: str, evidence: Callable[[Closure], float]) -> Closure | None:
+        """Return the closure of the distance from the point that has the most evidence; None: there is none."""
+        from scipy.optimize import minimize
+
+        x, y = self.positions
+
+        def closure(point: Sequence[float]) -> Closure | None:
+            return self.closure(target, "distance", point=(float(point[0]), float(point[1])))
+
+        def cost(point: Sequence[float]) -> float:
+            one = closure(point)
+            return -evidence(one) if one else math.inf
+
+        axes = [np.linspace(v.min() - POINT_MARGIN * np.ptp(v), v.max() + POINT_MARGIN * np.ptp(v), POINT_GRID) for v in (x, y)]
+        start = min(((a, b) for a in axes[0] for b in axes[1]), key=cost)
+        step = 0.5 * max(float(a[1] - a[0]) for a in axes)
+        simplex = np.array([start, (start[0] + step, start[1]), (start[0], start[1] + step)])
+        options = {"maxfev": MAX_POINT_TRIALS, "initial_simplex": simplex, "xatol": 1e-3, "fatol": 0.1}
+        return closure(minimize(cost, start, method="Nelder-Mead", options=options).x)
+
+    def pulses_of(self, k: int) -> Array:
+        """Return the matrix that makes pulses of a function of time, at the samples of trial ``k``, shape (N_PULSES, n)."""
+        t, spacing = self.kinematics.time[self.trial == k], self.pulse_spacing
+        pulses = np.exp(-0.5 * ((t[:, None] - spacing * np.arange(N_PULSES)) / spacing) ** 2)
+        return np.asarray(np.linalg.pinv(pulses, rcond=1e-4))
 
     def factor(self, name: str) -> Array:
         """Return the factor of the basis functions, 1 or minus a speed, shape (n,)."""
@@ -215,7 +252,7 @@ class Responses:
     def __init__(self, base: Fit, runs: Motions, fitted_basis: Array, unexplained: Array, columns: Sequence[Array]) -> None:
         self.runs = runs
         self.count = base.problem.count
-        sides, spacing = runs.pulsed_sides, runs.pulse_spacing
+        sides = runs.pulsed_sides
         edges = np.cumsum([0] + [len(d.t) for d in base.problem.data])
         n_trials = len(base.problem.data)
         width = n_trials * N_PULSES
@@ -234,11 +271,7 @@ class Responses:
         basis, root = qr(whole, overwrite_a=True, mode="economic", check_finite=False)
         self.unexplained = basis.T @ unexplained
         self._roots = {side: root[:, i * width : (i + 1) * width] for i, side in enumerate(sides)}
-        self._projections = []
-        for k in range(n_trials):
-            t = runs.kinematics.time[runs.trial == k]
-            pulses = np.exp(-0.5 * ((t[:, None] - spacing * np.arange(N_PULSES)) / spacing) ** 2)
-            self._projections.append(np.linalg.pinv(pulses, rcond=1e-4))
+        self._projections = [runs.pulses_of(k) for k in range(n_trials)]
 
     def to(self, closure: Closure) -> Array:
         """Return the response to each of a closure's weights, side by side."""
@@ -257,12 +290,8 @@ class Responses:
         self, target: str, name: str, factor: str = "constant", point: tuple[float, float] | None = None
     ) -> ScreenedClosure | None:
         """Return the evidence of one closure; None if its coordinate is constant."""
-        closure = Closure(coordinate=name, factor=factor, target=target, first_centre=0.0, spacing=1.0, point=point)
-        low, high = np.quantile(self.runs.where_it_acts(closure), [0.0, 0.995])
-        spacing = float(high - low) / (N_BASIS_FUNCTIONS - 1 - 2 * END_MARGIN)
-        if spacing < MIN_SPACING:
-            return None
-        return self.evidence_of(dataclasses.replace(closure, first_centre=float(low) - END_MARGIN * spacing, spacing=spacing))
+        closure = self.runs.closure(target, name, factor, point)
+        return self.evidence_of(closure) if closure else None
 
     def evidence_of(self, closure: Closure) -> ScreenedClosure:
         """Return the evidence of a closure whose basis functions have their places."""
@@ -308,24 +337,8 @@ def _columns(problem: Problem, pulsed: Problem, at: Array, predicted: Array) -> 
 
 def _with_best_point(responses: Responses, target: str) -> list[ScreenedClosure]:
     """Return the closure whose point has the most evidence; empty if there is none."""
-    from scipy.optimize import minimize
-
-    x, y = responses.runs.positions
-
-    def evidence(point: Sequence[float]) -> ScreenedClosure | None:
-        return responses.evidence(target, "distance", point=(float(point[0]), float(point[1])))
-
-    def minus_evidence(point: Sequence[float]) -> float:
-        one = evidence(point)
-        return -one.twice_log_bayes_factor if one else math.inf
-
-    axes = [np.linspace(v.min() - POINT_MARGIN * np.ptp(v), v.max() + POINT_MARGIN * np.ptp(v), POINT_GRID) for v in (x, y)]
-    start = min(((a, b) for a in axes[0] for b in axes[1]), key=minus_evidence)
-    step = 0.5 * max(float(a[1] - a[0]) for a in axes)
-    simplex = np.array([start, (start[0] + step, start[1]), (start[0], start[1] + step)])
-    options = {"maxfev": MAX_POINT_TRIALS, "initial_simplex": simplex, "xatol": 1e-3, "fatol": 0.1}
-    best = evidence(minimize(minus_evidence, start, method="Nelder-Mead", options=options).x)
-    return [best] if best else []
+    best = responses.runs.best_from_point(target, lambda closure: responses.evidence_of(closure).twice_log_bayes_factor)
+    return [responses.evidence_of(best)] if best else []
 
 
 def _evidence(sensitivity: Array, residuals: Array) -> tuple[float, float, Array]:
