@@ -18,7 +18,6 @@ import numpy as np
 from benchmarks import (
     calibration,
     engine_overhead,
-    explanations,
     identify,
     known_answer,
     live,
@@ -143,12 +142,11 @@ def main() -> None:
             "live-page",
             "maps",
             "calibration",
-            "explanations",
             "known-answer",
             "outliers",
             "rivals",
         ],
-        help="calibration, explanations, known-answer, outliers and rivals take hours, so they run only if they are named",
+        help="calibration, known-answer, outliers and rivals take hours, so they run only if they are named",
     )
     parser.add_argument("--runs", type=int, default=1_000_000, help="runs of the map in `--only maps`")
     parser.add_argument("--repeats", type=int, default=15)
@@ -181,8 +179,6 @@ def main() -> None:
         live_page.benchmark()
     if options.only == "calibration":
         calibration.benchmark(options)
-    if options.only == "explanations":
-        explanations.benchmark(options)
     if options.only == "known-answer":
         known_answer.benchmark(options)
     if options.only == "outliers":

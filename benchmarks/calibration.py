@@ -9,36 +9,53 @@ from __future__ import annotations
 import argparse
 import datetime
 import json
+import math
 import platform
 import sys
 import tempfile
 import time
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from benchmarks.blind_sample import DEFAULT_COUNTS, KINDS, BlindStudy, draw, planted_values, write_files
-from benchmarks.calibration_summary import print_summary, summary
+from benchmarks.calibration_summary import NAMED, print_summary, summary
 from benchmarks.resumable import Outcome, run
 from benchmarks.rounding import rounded
+from looping_pendulum.discrepancy.candidates import MIN_SHARE_OF_MULTIPLIED
 from looping_pendulum.discrepancy.data.study import Study
 from looping_pendulum.discrepancy.data.study_io import load
-from looping_pendulum.discrepancy.fit.calibration import calibrate
-from looping_pendulum.discrepancy.fit.problem import Problem
-from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
+from looping_pendulum.discrepancy.evidence.explain import explain
+from looping_pendulum.discrepancy.evidence.prior import MARGIN, VISIBLE, body_of
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.discrepancy.listed.candidates import MIN_SHARE_OF_MULTIPLIED
-from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE
-from looping_pendulum.discrepancy.result import NORMAL_95, Identification, IdentifiedEffect, Unlisted, Verdict
-from looping_pendulum.discrepancy.search import Search
-from looping_pendulum.discrepancy.unlisted.screening import motions, responses_of, screen
+from looping_pendulum.discrepancy.result import (
+    NORMAL_95,
+    Identification,
+    IdentifiedEffect,
+    RankedExplanation,
+    Verdict,
+    law_in_words,
+)
+from looping_pendulum.discrepancy.unlisted.closures import COORDINATES_OF, factors_of
+from looping_pendulum.discrepancy.workers import one_blas_thread
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import write_atomically
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.effects.check import multiplied_coefficient
 from looping_pendulum.versions import MISSING, installed_version
+from tests.discrepancy.expected import PLANTED_LAWS
 
+Explained = tuple[frozenset[str], tuple[str, str] | None]
+"""An explanation: its listed effects, and the body and coordinate of its law; None: it has no law."""
+NOTHING: Explained = frozenset(), None
+LAWS = {
+    law_in_words(target, coordinate, factor): (body_of(target), coordinate)
+    for target, coordinates in COORDINATES_OF.items()
+    for coordinate in coordinates
+    for factor in factors_of(target)
+}
+"""What a report says of a law -> its body and coordinate, without the direction in which it acts and the speed beside it."""
 CAN_HIDE = frozenset({"rod_mobility"})
 """Effects that can hide at any size (`Identification.can_hide`), whatever the data."""
 RESULT = Path(__file__).parents[1] / "docs" / "data" / "calibration.json"
@@ -46,7 +63,7 @@ RESULT = Path(__file__).parents[1] / "docs" / "data" / "calibration.json"
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the benchmarks on blind studies."""
-    group = parser.add_argument_group("blind studies (--only calibration, explanations, known-answer, rivals)")
+    group = parser.add_argument_group("blind studies (--only calibration, known-answer, outliers, rivals)")
     for kind in KINDS:
         group.add_argument(f"--{kind}", type=int, default=DEFAULT_COUNTS[kind], help=f"{kind} studies (%(default)s)")
     group.add_argument("--share", type=float, default=1.0, help="share of these numbers, such as 0.1")
@@ -128,9 +145,7 @@ def solve(study: BlindStudy) -> tuple[str, Outcome]:
             return study.name, {"failed": str(error), "cpu_seconds": time.process_time() - started}
         if result.verdict is Verdict.INTERRUPTED:
             raise KeyboardInterrupt
-        outcome = outcome_of(result, planted_values(study), study.kind)
-        if study.kind == "unlisted":
-            outcome["law"] = law_of(result.unlisted)
+        outcome = outcome_of(result, planted_values(study), truth(study))
         outcome["cpu_seconds"] = time.process_time() - started
         # No rate needs them, and they take as long as the search
         if study.set == "thresholds" and study.kind == "clean" and study.noise_kind != "wander":
@@ -138,25 +153,52 @@ def solve(study: BlindStudy) -> tuple[str, Outcome]:
     return study.name, outcome
 
 
-def outcome_of(result: Identification, planted: dict[str, float], kind: str) -> Outcome:
-    """Return what an identification says, beside what was planted."""
-    explanations = result.ties or ((result.effects,) if result.effects else ())
-    named = [{e.name for e in tie} for tie in explanations]
-    if result.verdict is Verdict.AMBIGUOUS and result.unlisted:
-        named.append({UNLISTED})
-    right = next((tie for tie in explanations if {e.name for e in tie} == set(planted)), ())
-    held_out = [e.standardised_rms_after for e in result.errors if e.held_out]
+def truth(study: BlindStudy) -> Explained:
+    """Return what is hidden in a study, as an explanation."""
+    laws = [PLANTED_LAWS[name] for name in study.hidden if name in PLANTED_LAWS]
+    return frozenset(planted_values(study)), (body_of(laws[0][0]), laws[0][1]) if laws else None
+
+
+def outcome_of(result: Identification, planted: dict[str, float], right: Explained) -> Outcome:
+    """Return what an identification says, beside what was planted.
+
+    Each of the "probabilities" has effects, a law, the stated probability, and whether this is what was hidden.
+    """
+    named = [parts_of(e) for e in _named(result)]
+    judged = judgement(named, right)
+    effects = next((e.effects for e in _named(result) if parts_of(e) == right), ()) if judged in NAMED else ()
+    probabilities: dict[Explained, float] = {}
+    for e in result.explanations:
+        probabilities[parts_of(e)] = probabilities.get(parts_of(e), 0.0) + (e.probability or 0.0)
     return {
         "verdict": result.verdict.value,
         "names": list(result.names),
-        "ties": [[e.name for e in tie] for tie in result.ties],
-        "judgement": judgement(result.verdict, named, set(planted), kind, _on_same_body(result.unlisted, planted)),
+        "explanations": [_plain(e) for e in dict.fromkeys(named)],
+        "law": next((list(law) for _, law in named if law), None),
+        "judgement": judged,
+        "probabilities": [[*_plain(e), p, e == right] for e, p in probabilities.items() if p],
+        "credible_holds_truth": right in map(parts_of, result.credible),
         "planted": planted,
-        "estimates": [_estimate(effect, planted[effect.name]) for effect in right],
+        "estimates": [_estimate(effect, planted[effect.name]) for effect in effects],
         "visibility": visibility(result, planted),
-        "held_out_error": max(held_out),
+        "held_out_error": max(e.standardised_rms_after for e in result.errors if e.held_out),
         "correlated_noise": bool(result.correlated_noise),
     }
+
+
+def _named(result: Identification) -> tuple[RankedExplanation, ...]:
+    """Return the explanations that a verdict names, the most probable first."""
+    return () if result.verdict is Verdict.UNEXPLAINED else result.credible
+
+
+def parts_of(e: RankedExplanation) -> Explained:
+    """Return the effects of an explanation, and the body and coordinate of its law."""
+    return frozenset(effect.name for effect in e.effects), LAWS[e.law] if e.law else None
+
+
+def _plain(e: Explained) -> list[Any]:
+    effects, law = e
+    return [sorted(effects), list(law) if law else None]
 
 
 def visibility(result: Identification, planted: dict[str, float]) -> float | None:
@@ -168,8 +210,8 @@ def visibility(result: Identification, planted: dict[str, float]) -> float | Non
     if not planted.keys().isdisjoint(CAN_HIDE) or _multiplies_zero(result, planted):
         return None
     smallest = {v.name: (v.value, v.null_value) for v in result.smallest_visible}
-    explanations = result.ties or (result.effects,)
-    smallest |= {e.name: (MAX_NULL_SCORE * _error_towards_null(e), e.null_value) for tie in explanations for e in tie}
+    effects = [effect for e in reversed(_named(result)) for effect in e.effects]
+    smallest |= {e.name: (VISIBLE * _error_towards_null(e), e.null_value) for e in effects}
     if not planted or not planted.keys() <= smallest.keys():
         return None
     return min(abs(value - smallest[name][1]) / smallest[name][0] for name, value in planted.items())
@@ -190,43 +232,21 @@ def _multiplies_zero(result: Identification, planted: Iterable[str]) -> bool:
     return any(multiplied_coefficient(e, nulls) in zero for e in effects)
 
 
-UNLISTED = "an unlisted force"
-"""What an explanation names that is no listed effect."""
+def judgement(named: Sequence[Explained], right: Explained) -> str:
+    """Return what a set of explanations is worth.
 
-
-def law_of(force: Unlisted | None) -> dict[str, Any] | None:
-    """Return what a force that was found acts on and depends on, and the others that the report does not exclude."""
-    if force is None:
-        return None
-    others = [[o.acts_on, o.depends_on] for o in force.other_closures if not o.excluded]
-    return {"acts_on": force.acts_on, "depends_on": force.depends_on, "not_excluded": others}
-
-
-def _on_same_body(force: Unlisted | None, planted: Iterable[str]) -> set[str]:
-    """Return the planted effects that act on what an unlisted force acts on."""
-    acts_on = {c.name: effect.acts_on for effect in EFFECTS.values() for c in effect.coefficients}
-    return {name for name in planted if force and name in acts_on and force.acts_on.startswith(acts_on[name])}
-
-
-def judgement(
-    verdict: Verdict, explanations: list[set[str]], planted: set[str], kind: str, on_same_body: Collection[str] = ()
-) -> str:
-    """Return "right", "tied", "part" (one of two effects), "wrong" or "none" (nothing is named).
-
-    Of clean studies only the verdict that nothing is missing is right. Of unlisted forces only that verdict is. Of two effects
-    one beside an unlisted force that acts on what the other acts on (``on_same_body``) counts as tied.
+    "right": it is the only one, of a law its body and coordinate; "tied": it is one of several; "law": its effects are named
+    beside another law; "part": a part of it is named; "none": nothing is said to be missing, or nothing explains the data;
+    "wrong": something else is named. Of a clean study a set that holds that nothing is missing is right.
     """
-    if kind == "unlisted":
-        if verdict is Verdict.UNLISTED:
-            return "right"
-        return "tied" if {UNLISTED} in explanations else "wrong" if explanations else "none"
-    if verdict is Verdict.UNLISTED:
-        return "tied" if any(names < planted and planted - names <= set(on_same_body) for names in explanations) else "wrong"
-    if not explanations:
-        return "right" if kind == "clean" and verdict is Verdict.NO_MISSING_EFFECT else "none"
-    if planted and planted in explanations:
-        return "right" if len(explanations) == 1 else "tied"
-    return "part" if any(names < planted for names in explanations) else "wrong"
+    if not named or NOTHING in named:
+        return "right" if named and right == NOTHING else "none"
+    if right in named:
+        return "right" if len(set(named)) == 1 else "tied"
+    effects, law = right
+    if law and any(e == effects and other for e, other in named):
+        return "law"
+    return "part" if any(e <= effects and other in (None, law) for e, other in named) else "wrong"
 
 
 def _estimate(effect: IdentifiedEffect, planted: float) -> dict[str, Any]:
@@ -242,26 +262,22 @@ def _estimate(effect: IdentifiedEffect, planted: float) -> dict[str, Any]:
 
 
 def statistics_of_tests(study: Study) -> dict[str, float]:
-    """Return the statistics of the declared model's tests, each as far from noise as any group or candidate has it.
+    """Return the statistics of the declared model's tests, each as far from noise as any group has it.
 
-    Clean studies are not searched once they pass, so the delta BIC of the candidates with the best scores is fitted here, and
-    the unlisted forces are screened.
+    The odds are those of the most probable explanation that adds something; if none comes near, those from which on it would.
     """
-    inputs = read_inputs(study)
-    problem = Problem(inputs.study, inputs.training, inputs.free_parameters)
-    search = Search(inputs, 0, lambda what, share: None)
-    search.declared_model = model = search.judge(refit_with_estimated_noise(calibrate(problem)), ())
-    refits = search.refit_candidates(model, 0.0)
-    groups = model.tests.groups
+    with one_blas_thread():
+        found, _ = explain(read_inputs(study))
+        declared = found.judged(found.nothing)
+    tests, groups = declared.tests, declared.tests.groups
+    odds = [r.explanation.log_posterior - found.nothing.log_posterior for r in found.ranked if r.explanation.key]
     return {
-        "chi2_per_dof": model.tests.chi2_per_dof,
-        "chi2_over_limit": model.tests.chi2_per_dof / model.tests.limit,
+        "chi2_per_dof": tests.chi2_per_dof,
+        "chi2_over_limit": tests.chi2_per_dof / tests.limit,
         "lag1_z": max(g.lag1 for g in groups),
         "ljung_box_p": min(g.ljung_box for g in groups),
         "runs_z": min(g.runs for g in groups),
-        "score": abs(model.remaining[0].score) if model.remaining else 0.0,
-        "held_out_chi2": model.held_out.worst,
-        "delta_bic": max((r.delta_bic for r in refits), default=0.0),
-        "unlisted_evidence": screen(responses_of(model.fit, motions(model.fit)))[0].twice_log_bayes_factor,
-        "values": float(problem.count),
+        "held_out_chi2": declared.held_out.worst,
+        "log10_odds": max(odds, default=-MARGIN) / math.log(10),
+        "values": float(tests.count),
     }

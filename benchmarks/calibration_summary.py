@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
@@ -10,8 +11,9 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
-from benchmarks.blind_sample import NOISE_KINDS, BlindStudy
+from benchmarks.blind_sample import KINDS, NOISE_KINDS, BlindStudy
 from benchmarks.resumable import Outcome
+from looping_pendulum.discrepancy.evidence.prior import body_of
 from tests.discrepancy.expected import PLANTED_LAWS
 
 CONFIDENCE = 0.95
@@ -24,7 +26,9 @@ LARGE = 0.016
 """Size of what is hidden [m] from which on targets are set."""
 MANY_TRIALS, MODERATE_NOISE = 3, 1e-3
 """Trials from which on, and noise [m] up to which, a study is one as docs/identify.md recommends."""
-JUDGEMENTS = ("right", "tied", "part", "wrong", "none")
+JUDGEMENTS = ("right", "tied", "law", "part", "wrong", "none")
+EDGES = (0.0, 0.05, 0.2, 0.5, 0.8, 0.95, 0.99, 1.0)
+"""Edges of the classes of stated probabilities."""
 TIME_QUANTILES = (0.5, 0.9, 0.99)
 STATISTIC_QUANTILES = (0.5, 0.95, 0.99)
 SMALL_IS_EXTREME = ("ljung_box_p", "runs_z")
@@ -52,7 +56,8 @@ def with_upper_bound(count: int, of: int) -> dict[str, Any]:
 def summary(pairs: Sequence[Pair]) -> dict[str, Any]:
     """Return the summary of all studies as plain data."""
     judged = [(study, outcome) for study, outcome in pairs if "judgement" in outcome]
-    of_kind = {kind: [p for p in judged if p[0].kind == kind] for kind in ("clean", "single", "two", "unlisted")}
+    of_kind = {kind: [p for p in judged if p[0].kind == kind] for kind in KINDS}
+    unlisted, found = of_kind["unlisted"], _called_unlisted(of_kind["unlisted"])
     return {
         "studies": len(judged),
         "unreachable": sum("unreachable" in outcome for _, outcome in pairs),
@@ -62,12 +67,17 @@ def summary(pairs: Sequence[Pair]) -> dict[str, Any]:
         "coverage": _coverage(judged),
         "two": _shares(of_kind["two"]),
         "two_by_visibility": _by_visibility(of_kind["two"]),
-        "unlisted": _shares(of_kind["unlisted"]),
-        "unlisted_by_size": _power(of_kind["unlisted"], lambda pair: f"{pair[0].size:g}"),
-        "unlisted_law": _laws_as_planted(of_kind["unlisted"]),
-        "unlisted_law_of_found": _laws_as_planted([(s, o) for s, o in of_kind["unlisted"] if o["judgement"] == "right"]),
+        "unlisted": _shares(unlisted),
+        "unlisted_by_size": _power(unlisted, lambda pair: f"{pair[0].size:g}"),
+        "unlisted_verdict": proportion(len(found), len(unlisted)),
+        "unlisted_law": _laws_as_planted(unlisted),
+        "unlisted_law_of_found": _laws_as_planted(found),
+        "mixed": _shares(of_kind["mixed"]),
+        "mixed_by_size": _power(of_kind["mixed"], lambda pair: f"{pair[0].size:g}"),
         "large": _large(of_kind),
         "false_discoveries": _false_discoveries(judged),
+        "stated_probabilities": _stated_probabilities(judged),
+        "credible_holds_truth": proportion(sum(o["credible_holds_truth"] for _, o in judged), len(judged)),
         "held_out_error_of_named": _quantiles(
             [o["held_out_error"] for s, o in judged if s.kind != "clean" and o["judgement"] in NAMED], TIME_QUANTILES
         ),
@@ -80,7 +90,7 @@ def _large(of_kind: dict[str, list[Pair]]) -> dict[str, Any]:
     """Return what targets are set for, of the studies in which something of `LARGE` or more is hidden."""
     single, two, unlisted = ([p for p in of_kind[kind] if (p[0].size or 0) >= LARGE] for kind in ("single", "two", "unlisted"))
     recommended = [p for p in single if p[0].trials >= MANY_TRIALS and p[0].noise <= MODERATE_NOISE]
-    found = [p for p in unlisted if p[1]["judgement"] == "right"]
+    found = _called_unlisted(unlisted)
     return {
         "single": _named_or_tied(single),
         "single_as_recommended": _named_or_tied(recommended),
@@ -90,7 +100,7 @@ def _large(of_kind: dict[str, list[Pair]]) -> dict[str, Any]:
         "unlisted": _named_or_tied(unlisted),
         "unlisted_law": _laws_as_planted(unlisted),
         "unlisted_law_of_found": _laws_as_planted(found),
-        "unlisted_law_not_excluded": proportion(sum(_is_not_excluded(*pair) for pair in found), len(found)),
+        "unlisted_law_not_excluded": _named_or_tied(found),
         "unlisted_held_out_error": _quantiles([outcome["held_out_error"] for _, outcome in found], TIME_QUANTILES),
     }
 
@@ -108,37 +118,40 @@ def _false_discoveries(judged: Sequence[Pair]) -> dict[str, Any]:
     """Return the share of studies with something wrong among those in which anything is named: the false-discovery rate.
 
     It is that of a mixture such as these studies, of which half are clean. An unlisted force in the place of a listed effect
-    counts as wrong, one right effect of two does not.
+    counts as wrong, and so does another law than the planted one; one right effect of two does not.
     """
     right = sum(study.kind != "clean" and outcome["judgement"] in (*NAMED, "part") for study, outcome in judged)
-    wrong = _count(judged, "wrong")
+    wrong = _count(judged, "wrong") + _count(judged, "law")
     return with_upper_bound(wrong, right + wrong)
 
 
-def body_of(target: str) -> str:
-    """Return the body of a target such as "light mass, across the string"."""
-    return target.partition(",")[0]
+def _stated_probabilities(judged: Sequence[Pair]) -> dict[str, Any]:
+    """Return for each class of stated probabilities their mean, and how many of these explanations are right.
+
+    That nothing is missing is left out.
+    """
+    stated = [(p, is_right) for _, o in judged for effects, law, p, is_right in o["probabilities"] if effects or law]
+    result = {}
+    for low, high in itertools.pairwise(EDGES):
+        here = [(p, is_right) for p, is_right in stated if low <= p < high or p >= high == EDGES[-1]]
+        if here:
+            right = proportion(sum(is_right for _, is_right in here), len(here))
+            result[f"{low:g} to {high:g}"] = {"mean": float(np.mean([p for p, _ in here])), "right": right}
+    return result
+
+
+def _called_unlisted(pairs: Sequence[Pair]) -> list[Pair]:
+    return [(s, o) for s, o in pairs if o["verdict"] == "unlisted"]
 
 
 def _laws_as_planted(pairs: Sequence[Pair]) -> dict[str, Any]:
-    """Return how often a force that was found acts on the right body, or on the string, as a function of the right coordinate.
+    """Return how often the most probable law that is named has the right body, or is one of the string, and coordinate.
 
     The direction in which it acts on a body is left out.
     """
-    named = [(study, outcome["law"]) for study, outcome in pairs if outcome["law"]]
-    as_planted = sum(_is_planted(study, law["acts_on"], law["depends_on"]) for study, law in named)
+    planted = [PLANTED_LAWS[s.hidden[0]] for s, _ in pairs]
+    as_planted = sum(o["law"] == [body_of(body), c] for (_, o), (body, c) in zip(pairs, planted, strict=True))
     return proportion(as_planted, len(pairs))
-
-
-def _is_planted(study: BlindStudy, acts_on: str, depends_on: str) -> bool:
-    body, coordinate = PLANTED_LAWS[study.hidden[0]]
-    return body_of(acts_on) == body_of(body) and depends_on == coordinate
-
-
-def _is_not_excluded(study: BlindStudy, outcome: Outcome) -> bool:
-    """Return whether the planted body and coordinate are named, or among those that the report says may be right, too."""
-    law = outcome["law"]
-    return any(_is_planted(study, *one) for one in [(law["acts_on"], law["depends_on"]), *law["not_excluded"]])
 
 
 def _clean(pairs: Sequence[Pair]) -> dict[str, Any]:
@@ -254,7 +267,7 @@ def in_words(share: dict[str, Any]) -> str:
 
 
 def print_summary(title: str, result: dict[str, Any]) -> None:
-    """Print the main numbers as a table."""
+    """Print the main numbers as tables."""
     from rich.console import Console
     from rich.table import Table
 
@@ -268,13 +281,22 @@ def print_summary(title: str, result: dict[str, Any]) -> None:
         table.add_row(f"effect of {1e3 * float(size):g} mm: named or tied", in_words(numbers["named_or_tied"]))
     table.add_row("single effects: wrong", in_words(result["single"]["all"]["wrong"]))
     table.add_row("planted value within the stated 95 % interval", in_words(result["coverage"]))
-    for kind in ("two", "unlisted"):
+    for kind in ("two", "unlisted", "mixed"):
         for judgement, share in result[kind].items():
             table.add_row(f"{kind}: {judgement}", in_words(share))
+    table.add_row("unlisted: the verdict is `unlisted`", in_words(result["unlisted_verdict"]))
     table.add_row("unlisted: body and coordinate as planted", in_words(result["unlisted_law"]))
     table.add_row("unlisted, of those called so: body and coordinate as planted", in_words(result["unlisted_law_of_found"]))
+    table.add_row("the credible set holds the truth", in_words(result["credible_holds_truth"]))
     for name, seconds in result["cpu_seconds"].items():
         table.add_row(f"CPU seconds, {'largest' if name == 'largest' else 'quantile ' + name}", f"{seconds:.1f}")
     for name in ("unreachable", "failed"):
         table.add_row(f"{name} studies, left out", str(result[name]))
-    Console().print(table)
+    stated = Table(title="explanations that something is missing")
+    for column in ("stated probability", "mean", "share that is right"):
+        stated.add_column(column, justify="right")
+    for name, numbers in result["stated_probabilities"].items():
+        stated.add_row(name, f"{numbers['mean']:.3f}", in_words(numbers["right"]))
+    console = Console()
+    console.print(table)
+    console.print(stated)

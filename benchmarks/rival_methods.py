@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from looping_pendulum.discrepancy.candidates import Candidate
+from looping_pendulum.discrepancy.evidence.explanation import Addition, Parts, addition_steps, bounded, explained, raw
+from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid
+from looping_pendulum.discrepancy.evidence.templates import columns, templates
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate
+from looping_pendulum.discrepancy.fit.held_out import check_held_out
+from looping_pendulum.discrepancy.fit.predictions import alone
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
 from looping_pendulum.discrepancy.inputs import Inputs
-from looping_pendulum.discrepancy.listed.attribution import refit
-from looping_pendulum.discrepancy.listed.held_out import check_held_out
-from looping_pendulum.discrepancy.listed.screening import screen
 
 Array = NDArray[np.float64]
 
@@ -30,9 +33,9 @@ NOT_ASKED = "not asked for"
 SMALL_STEP = 1e-6
 """Value of every candidate, in its scale, at which a model with all of them must run: least squares begins off the bounds."""
 MAX_FORWARD_EFFECTS = 3
-"""Largest number of effects that forward selection adds, as many as `search.MAX_EFFECTS`."""
+"""Largest number of effects that forward selection adds, as many as `prior.MAX_EFFECTS`."""
 MAX_FORWARD_REFITS = 4
-"""Candidates with the best scores that it refits before each addition: each refit costs a compilation."""
+"""Candidates that may explain most, which it refits before each addition: each refit costs a compilation."""
 MAX_GAUSSIAN_PROCESS_POINTS = 400
 """Points of one coordinate, all trials together; a Gaussian process takes time in proportion to their cube."""
 
@@ -57,19 +60,46 @@ def _held_out_error(fit: Fit, inputs: Inputs) -> float:
     return math.sqrt(check_held_out(fit, inputs.held_out).worst)
 
 
+def best_additions(fit: Fit, chosen: Sequence[Candidate]) -> list[Addition]:
+    """Return by a linear model with white noise what each candidate would add to a fit, the largest decrease of the cost first.
+
+    The amount is 0 where the best value is not possible.
+    """
+    grid, found = NoiseGrid(fit.problem.data), templates(fit, chosen)
+    parent = explained(grid, fit, Parts(), len(chosen))
+    m = Marginal(grid, raw(fit), columns(found, grid.count), bounded(fit), [0])
+    best: dict[str, Addition] = {}
+    for i, t in enumerate(found):
+        step, amounts = m.solution([i])
+        possible = t.value(float(amounts[0])) is not None
+        amount, decrease = (float(amounts[0]), m.decrease([i])) if possible else (0.0, 0.0)
+        if t.candidate.name not in best or decrease > best[t.candidate.name].decrease:
+            best[t.candidate.name] = Addition(
+                parent=parent, templates=(t,), amounts=(amount,), law=None, step=step, gain=0.0, decrease=decrease,
+                log_prior=0.0,
+            )  # fmt: skip
+    return sorted(best.values(), key=lambda a: -a.decrease)
+
+
+def delta_bic(without: Fit, fit: Fit) -> float:
+    """Return the decrease of the Bayesian information criterion by the parameters that a fit has more: ln n for each."""
+    return without.cost - fit.cost - (len(fit.x) - len(without.x)) * math.log(without.problem.count)
+
+
 def all_free(inputs: Inputs) -> Rival:
     """Fit all candidates at once with lmfit, and name those that are more than `MIN_ERRORS` from their null values.
 
     As `identify` does, it starts at the calibrated declared model, and keeps every parameter within its physical bounds. Of
-    candidates that cannot act together (a rod that turns and a string that stretches) it takes the one with the best score.
+    candidates that cannot act together (a rod that turns and a string that stretches) it takes the one that may explain most.
     """
     import lmfit
 
     base = _declared_fit(inputs)
     more = {}
-    for screened in screen(base, inputs.library):
-        new = {screened.candidate.name: screened.candidate.free_parameter(screened.scale)}
-        new |= {c.name: c for c in screened.companions if c.name not in more}
+    for addition in best_additions(base, inputs.library):
+        (t,) = addition.templates
+        new = {t.candidate.name: t.candidate.free_parameter(t.scale)}
+        new |= {c.name: c for c in t.companions if c.name not in more}
         together = base.problem.with_parameters(*(more | new).values())
         inside = np.clip(np.append(base.x, np.full(len(more | new), SMALL_STEP)), together.low, together.high)
         if together.residuals(inside) is not None:
@@ -105,14 +135,13 @@ def forward_bic(inputs: Inputs) -> Rival:
     """Add the candidate that lowers the Bayesian information criterion most, as long as one does; test nothing else."""
     fit, added = _declared_fit(inputs), []
     for _ in range(MAX_FORWARD_EFFECTS):
-        remaining = [c for c in inputs.library if c.name not in added]
-        chosen = [s for s in screen(fit, remaining) if s.amplitude][:MAX_FORWARD_REFITS]
-        refits = [r for s in chosen if (r := refit(fit, s)) is not None and r.delta_bic > 0]
-        if not refits:
+        chosen = [a for a in best_additions(fit, [c for c in inputs.library if c.name not in added]) if a.decrease]
+        refits = [(f, a.templates[0].candidate.name) for a in chosen[:MAX_FORWARD_REFITS] if (f := alone(addition_steps(a)))]
+        best, name = max(refits, key=lambda r: delta_bic(fit, r[0]), default=(fit, ""))
+        if delta_bic(fit, best) <= 0:
             break
-        best = max(refits, key=lambda r: r.delta_bic)
-        added.append(best.candidate.name)
-        fit = with_noise_of_residuals(best.fit)
+        added.append(name)
+        fit = with_noise_of_residuals(best)
     return Rival(names=tuple(sorted(added)), departs=bool(added), held_out_error=_held_out_error(fit, inputs))
 
 

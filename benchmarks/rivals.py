@@ -21,7 +21,7 @@ import numpy as np
 
 from benchmarks import calibration
 from benchmarks.blind_sample import KINDS, BlindStudy, planted_values, write_files
-from benchmarks.calibration_summary import in_words, proportion
+from benchmarks.calibration_summary import JUDGEMENTS, in_words, proportion
 from benchmarks.resumable import Outcome, run
 from benchmarks.rival_methods import METHODS, NOT_ASKED, Rival
 from looping_pendulum.discrepancy.data.study_io import load
@@ -108,9 +108,9 @@ def judgement(says: Rival, planted: set[str], kind: str) -> str:
     names = set(says.names)
     if not names:
         return "none"
-    if kind != "unlisted" and names == planted:
+    if kind not in ("unlisted", "mixed") and names == planted:
         return "right"
-    return "part" if names < planted else "wrong"
+    return "part" if names <= planted else "wrong"
 
 
 def summary(pairs: Sequence[tuple[BlindStudy, Outcome]]) -> dict[str, Any]:
@@ -121,7 +121,7 @@ def summary(pairs: Sequence[tuple[BlindStudy, Outcome]]) -> dict[str, Any]:
     result: dict[str, Any] = {}
     for kind in KINDS:
         said = [o["judgement"] for s, o in judged if s.kind == kind]
-        result[kind] = {j: proportion(said.count(j), len(said)) for j in ("right", "tied", "part", "wrong", "none")}
+        result[kind] = {j: proportion(said.count(j), len(said)) for j in JUDGEMENTS}
     result["detected"] = proportion(sum(_departs(o) for _, o in missing), len(missing))
     result["held_out_error"] = float(np.median(held_out)) if held_out else None
     result["cpu_seconds"] = float(np.median([o["cpu_seconds"] for _, o in judged])) if judged else None

@@ -5,21 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from looping_pendulum.discrepancy.candidates import Candidate
 from looping_pendulum.discrepancy.data.observations import BODIES
 from looping_pendulum.discrepancy.data.study import Study
+from looping_pendulum.discrepancy.evidence.explain import Explanations, Judged, Ranked
+from looping_pendulum.discrepancy.evidence.templates import Visible
 from looping_pendulum.discrepancy.fit.calibration import Fit
-from looping_pendulum.discrepancy.fit.correlated_noise_fit import noises_of
 from looping_pendulum.discrepancy.fit.event_tests import event_rms_by_unit
+from looping_pendulum.discrepancy.fit.held_out import position_slices, rms
 from looping_pendulum.discrepancy.fit.likelihood import stated_interval
-from looping_pendulum.discrepancy.fit.problem import TrialData
-from looping_pendulum.discrepancy.listed.attribution import min_distance
-from looping_pendulum.discrepancy.listed.candidates import Candidate
-from looping_pendulum.discrepancy.listed.held_out import position_slices, rms
-from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE
+from looping_pendulum.discrepancy.fit.model_test import ModelTest, failures_in_words
+from looping_pendulum.discrepancy.fit.problem import TrialData, noises_of
 from looping_pendulum.discrepancy.outlier_summary import summarise_outliers
 from looping_pendulum.discrepancy.record_start_summary import record_starts
 from looping_pendulum.discrepancy.result import (
@@ -28,10 +27,10 @@ from looping_pendulum.discrepancy.result import (
     FittedParameter,
     Identification,
     IdentifiedEffect,
-    Round,
+    RankedExplanation,
     SmallestVisible,
     Unlisted,
-    Verdict,
+    UnlistedLaw,
 )
 from looping_pendulum.discrepancy.trial_results import CorrelatedError, EventResidual, TrialError, TrialFigure
 from looping_pendulum.discrepancy.verdict_sentence import effect_in_words, verdict_notes, verdict_sentence
@@ -39,84 +38,101 @@ from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.scenario import Scenario
 
-if TYPE_CHECKING:
-    from looping_pendulum.discrepancy.listed.candidate_model import CandidateModel
+MAX_EXPLANATIONS = 12
+"""Explanations in the result beside that nothing is missing, if not more of them are credible."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Conclusion:
-    """Models and records that a search ended with."""
+    """What a search ended with."""
 
-    before: CandidateModel
+    found: Explanations
+    before: Judged
     """The declared model, calibrated."""
-    after: CandidateModel
+    after: Judged
     """The repaired model; the declared one if nothing was added."""
-    ties: tuple[CandidateModel, ...]
-    """Models that the data cannot tell apart, the best (``after``) first; empty: the data tell."""
-    rounds: tuple[Round, ...]
-    experiments: tuple[Experiment, ...]
+    start_costs: tuple[float, ...]
+    """Cost at which the fit of the declared model ended from each of its starts."""
+    experiments: tuple[Experiment, ...] = ()
     unlisted: Unlisted | None = None
 
 
 def identification(
-    study: Study, data: Sequence[str], seed: int, verdict: Verdict, conclusion: Conclusion, provenance: Mapping[str, str]
+    study: Study, data: Sequence[str], seed: int, conclusion: Conclusion, provenance: Mapping[str, str]
 ) -> Identification:
     """Return the result; ``data`` says for each trial what was used of it."""
-    before, after = conclusion.before, conclusion.after
-    ties = tuple(_effects(t) for t in conclusion.ties)
-    effects = ties[0] if ties else _effects(after)
-    repaired_fits = [(fit, k, held_out) for _, fit, k, held_out in _fits_of_trials(before, after)]
+    before, after, found = conclusion.before, conclusion.after, conclusion.found
+    explanations = _explanations(found)
+    effects = next((e.effects for e in explanations), ()) if after is not before else ()
+    credible = [e for e in explanations if e.credible]
+    fits = _fits_of_trials(before, after)
+    repaired_fits = [(fit, k, held_out) for _, fit, k, held_out in fits]
     outliers = summarise_outliers(repaired_fits)
     errors, noise = _errors(before, after), _correlated_noise(after)
+    visible = found.smallest_visible(after.explanation)
+    ruled_out = [(c.name, c.bounds_reason) for c in found.ruled_out]
+    tests = _tests(before)
     return Identification(
         study=study.name,
         title=study.title,
         seed=seed,
-        verdict=verdict,
+        verdict=found.verdict,
         sentence=verdict_sentence(
-            verdict,
+            found.verdict,
             effects,
-            ties,
+            credible,
             conclusion.unlisted,
             errors,
-            failures=before.failed_tests,
+            failures=failures_in_words(tests),
             own_effects=bool(before.fit.problem.study.own_effects),
         ),
-        notes=verdict_notes(verdict, conclusion.rounds, conclusion.unlisted, noise, outliers),
+        notes=verdict_notes(found.verdict, explanations, ruled_out, noise, outliers),
         effects=effects,
-        ties=ties,
+        explanations=explanations,
         unlisted=conclusion.unlisted,
         correlated_noise=noise,
-        smallest_visible=_smallest_visible(after),
-        can_hide=tuple(sorted(s.candidate.name for s in after.remaining if s.can_hide)),
+        smallest_visible=_smallest_visible(visible),
+        can_hide=tuple(sorted(v.candidate.name for v in visible if v.can_hide)),
         next_experiments=conclusion.experiments,
-        rounds=conclusion.rounds,
         errors=errors,
         events=_events(before, after),
         outliers=outliers,
         record_starts=record_starts(repaired_fits),
-        before=_fit_report(before),
-        after=_fit_report(after),
+        before=_fit_report(before, conclusion.start_costs),
+        after=_fit_report(after, conclusion.start_costs if after is before else ()),
         judged_on="held-out trials" if before.held_out.fits else "held-out blocks of time",
         data=tuple(data),
         provenance=provenance,
         scenario=_scenario(study, after, effects),
-        trial_figures=_trial_figures(before, after),
+        trial_figures=_trial_figures(fits),
     )
 
 
-def _effects(model: CandidateModel) -> tuple[IdentifiedEffect, ...]:
-    values, errors = model.fit.values, model.fit.errors
+def _explanations(found: Explanations) -> tuple[RankedExplanation, ...]:
+    declared = found.nothing.log_posterior
+    rows = []
+    count = max(MAX_EXPLANATIONS, len(found.credible))
+    for r in (r for i, r in enumerate(found.ranked) if i < count or r.explanation is found.nothing):
+        law = r.explanation.parts.law
+        rows.append(
+            RankedExplanation(
+                effects=tuple(
+                    _effect(c, r, found.least_distance) for c in sorted(r.explanation.parts.effects, key=lambda c: c.name)
+                ),
+                law=UnlistedLaw(acts_on=law.target, depends_on=law.coordinate, multiplied_by=law.factor) if law else None,
+                probability=r.probability,
+                log10_odds=(r.explanation.log_posterior - declared) / math.log(10),
+                credible=r.credible,
+            )
+        )
+    return tuple(rows)
+
+
+def _effect(c: Candidate, r: Ranked, least_distance: float) -> IdentifiedEffect:
     # Where the model is far from linear in an effect, a standard error misleads: of static friction that holds all is known
     # but that it is large enough. It misleads, too, where the evidence only just suffices: noise has enlarged
     # most of these values.
-    intervals = {c.name: stated_interval(model.fit, c.name, c.null, min_distance(c, model.fit)) for c in model.added}
-    return tuple(_identified_effect(c, values, errors, intervals[c.name]) for c in model.added)
-
-
-def _identified_effect(
-    c: Candidate, values: Mapping[str, float], errors: Mapping[str, float], interval: tuple[float | None, float | None] | None
-) -> IdentifiedEffect:
+    values, errors = r.fit.values, r.fit.errors
     return IdentifiedEffect(
         name=c.name,
         kind=c.kind,
@@ -128,18 +144,17 @@ def _identified_effect(
         meaning=c.role.value,
         value=values[c.name],
         error=errors[c.name],
-        interval=interval,
+        interval=stated_interval(r.fit, c.name, c.null, least_distance) if r.credible else None,
         null_value=c.null,
         unit=c.unit,
         companions=tuple((k.name, values[k.name], errors[k.name]) for k in c.companions),
     )
 
 
-def _correlated_noise(model: CandidateModel) -> tuple[CorrelatedError, ...]:
+def _correlated_noise(model: Judged) -> tuple[CorrelatedError, ...]:
     """Return the errors of tracked points that last longer than a frame, which a model's data are taken to have."""
-    channels = {
-        body: [c for d in model.fit.problem.data for c in d.channels if c.name in names] for body, names in BODIES.items()
-    }
+    data = model.fit.problem.data
+    channels = {body: [c for d in data for c in d.channels if c.name in names] for body, names in BODIES.items()}
     return tuple(
         CorrelatedError(
             body=body,
@@ -148,37 +163,33 @@ def _correlated_noise(model: CandidateModel) -> tuple[CorrelatedError, ...]:
             correlation_time=noise.correlation_time,
             points=noise.correlation_time / channels[body][0].time_step,
         )
-        for body, noise in noises_of(model.fit).items()
+        for body, noise in noises_of(data).items()
     )
 
 
-def _smallest_visible(model: CandidateModel) -> tuple[SmallestVisible, ...]:
-    """Return the smallest change of each remaining candidate that the data would show, first those that can hide best.
-
-    Those that can hide at any size are left out.
-    """
-    visible = [
+def _smallest_visible(visible: Sequence[Visible]) -> tuple[SmallestVisible, ...]:
+    """Return the smallest visible sizes, without those that can hide at any size."""
+    return tuple(
         SmallestVisible(
-            name=s.candidate.name,
-            value=MAX_NULL_SCORE * s.error,
-            unit=s.candidate.unit,
-            acts_on=s.candidate.acts_on,
-            null_value=s.candidate.null,
-            motion=MAX_NULL_SCORE * s.motion_by_error,
+            name=v.candidate.name,
+            value=v.value,
+            unit=v.candidate.unit,
+            acts_on=v.candidate.acts_on,
+            null_value=v.candidate.null,
+            motion=v.motion,
         )
-        for s in model.remaining
-        if math.isfinite(s.error) and not s.can_hide
-    ]
-    return tuple(sorted(visible, key=lambda v: (-v.motion, v.name)))
+        for v in visible
+        if not v.can_hide
+    )
 
 
-def _errors(before: CandidateModel, after: CandidateModel) -> tuple[TrialError, ...]:
+def _errors(before: Judged, after: Judged) -> tuple[TrialError, ...]:
     """Return the errors of both models for every trial, or for all held-out blocks of time together."""
     rows = []
-    for k, d in enumerate(before.fit.problem.data):
-        chi2 = [_chi2(m.fit, k) for m in (before, after)]
-        rms_values = [rms(m.fit, k) for m in (before, after)]
-        event_rms = [event_rms_by_unit(m.fit, k) for m in (before, after)]
+    for k, d in enumerate(before.training.problem.data):
+        chi2 = [_chi2(m.training, k) for m in (before, after)]
+        rms_values = [rms(m.training, k) for m in (before, after)]
+        event_rms = [event_rms_by_unit(m.training, k) for m in (before, after)]
         rows.append(_trial_error(d.trial.name, False, rms_values, chi2, event_rms, _unit_of_position(d)))
     for i, name in enumerate(before.held_out.names if before.held_out.fits else ()):
         chi2 = [m.held_out.chi2[i] for m in (before, after)]
@@ -188,7 +199,7 @@ def _errors(before: CandidateModel, after: CandidateModel) -> tuple[TrialError, 
     # Blocks of time are judged together and have no fits of their own
     if not before.held_out.fits:
         rms_values = [m.held_out.rms[0] for m in (before, after)]
-        units = {_unit_of_position(d) for d in before.fit.problem.data if d.channels}
+        units = {_unit_of_position(d) for d in before.training.problem.data if d.channels}
         unit = units.pop() if len(units) == 1 else ""
         chi2 = [m.held_out.chi2[0] for m in (before, after)]
         rows.append(_trial_error("blocks of time", True, rms_values, chi2, [{}, {}], unit))
@@ -223,7 +234,7 @@ def _trial_error(
     )
 
 
-def _events(before: CandidateModel, after: CandidateModel) -> tuple[EventResidual, ...]:
+def _events(before: Judged, after: Judged) -> tuple[EventResidual, ...]:
     rows = []
     for b, a, k, held_out in _fits_of_trials(before, after):
         data = b.problem.data[k]
@@ -258,9 +269,9 @@ def _standardised(fit: Fit, k: int) -> Array:
     return d.standardise(d.value - fit.problem.predict(fit.x, k))
 
 
-def _fit_report(model: CandidateModel) -> FitReport:
+def _fit_report(model: Judged, start_costs: tuple[float, ...]) -> FitReport:
     fit = model.fit
-    values, errors, at_bounds = fit.values, fit.errors, set(fit.at_bounds)
+    values, errors, at_bounds, tests = fit.values, fit.errors, set(fit.at_bounds), _tests(model)
     return FitReport(
         parameters=tuple(
             FittedParameter(
@@ -277,14 +288,17 @@ def _fit_report(model: CandidateModel) -> FitReport:
         condition_number=fit.condition,
         chi2_per_dof=model.tests.chi2_per_dof,
         held_out_chi2=model.held_out.worst,
-        largest_score=abs(model.remaining[0].score) if model.remaining else 0.0,
-        failed_tests=model.failed_tests,
-        start_costs=model.start_costs,
-        tests=model.test_results,
+        failed_tests=failures_in_words(tests),
+        start_costs=start_costs,
+        tests=tests,
     )
 
 
-def _scenario(study: Study, model: CandidateModel, effects: Sequence[IdentifiedEffect]) -> str:
+def _tests(model: Judged) -> tuple[ModelTest, ...]:
+    return (*model.tests.results, *model.held_out.results)
+
+
+def _scenario(study: Study, model: Judged, effects: Sequence[IdentifiedEffect]) -> str:
     """Return the first training trial under the repaired model as the text of a scenario file."""
     parameters, _ = model.fit.problem.parameters_and_camera(model.fit.x, 0)
     d = model.fit.problem.data[0]
@@ -304,15 +318,14 @@ def _scenario(study: Study, model: CandidateModel, effects: Sequence[IdentifiedE
     )
 
 
-def _fits_of_trials(before: CandidateModel, after: CandidateModel) -> list[tuple[Fit, Fit, int, bool]]:
+def _fits_of_trials(before: Judged, after: Judged) -> list[tuple[Fit, Fit, int, bool]]:
     """Return (fit of the declared model, of the repaired one, index of the trial in them, whether held out) of every trial."""
-    pairs = [(before.fit, after.fit, k, False) for k in range(len(before.fit.problem.data))]
+    pairs = [(before.training, after.training, k, False) for k in range(len(before.training.problem.data))]
     return pairs + [(b, a, 0, True) for b, a in zip(before.held_out.fits, after.held_out.fits, strict=True)]
 
 
-def _trial_figures(before: CandidateModel, after: CandidateModel) -> tuple[TrialFigure, ...]:
-    tracked = [pair for pair in _fits_of_trials(before, after) if pair[0].problem.data[pair[2]].channels]
-    return tuple(_trial_figure(*pair) for pair in tracked)
+def _trial_figures(fits: Sequence[tuple[Fit, Fit, int, bool]]) -> tuple[TrialFigure, ...]:
+    return tuple(_trial_figure(*pair) for pair in fits if pair[0].problem.data[pair[2]].channels)
 
 
 def _trial_figure(before: Fit, after: Fit, k: int, held_out: bool) -> TrialFigure:

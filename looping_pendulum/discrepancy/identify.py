@@ -7,23 +7,29 @@ import dataclasses
 import math
 import platform
 import time
+from collections.abc import Callable
 
 from looping_pendulum import __version__
-from looping_pendulum.discrepancy.conclusion import conclude
 from looping_pendulum.discrepancy.data.study import Study
+from looping_pendulum.discrepancy.evidence.explain import explain
 from looping_pendulum.discrepancy.first_look.check import take_first_look
+from looping_pendulum.discrepancy.fit.residual import check_residuals
 from looping_pendulum.discrepancy.identification import Conclusion, identification
 from looping_pendulum.discrepancy.inputs import Inputs, read_inputs
 from looping_pendulum.discrepancy.next_experiment import best_experiments
 from looping_pendulum.discrepancy.result import Experiment, Identification, Verdict
-from looping_pendulum.discrepancy.rounds import FractionCallback
-from looping_pendulum.discrepancy.search import Search
 from looping_pendulum.discrepancy.unlisted.description import describe_unlisted_force
+from looping_pendulum.discrepancy.unlisted.formula import FittedFormula
+from looping_pendulum.discrepancy.unlisted.formula import refit as refit_formulas
 from looping_pendulum.discrepancy.workers import Workers, default_process_count, one_blas_thread
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.versions import MISSING, installed_version
 
+FractionCallback = Callable[[str, float], None]
+"""Function that is called with a description of each step that begins, and the share of all work that is done."""
+STEP_SHARE = 0.2
+"""Share of the work that is left which a step counts for."""
 REPORT_SHARE = 0.97
 """Share of the work from which on only the result is put together, which the time limit does not end."""
 
@@ -106,41 +112,47 @@ def _pool(workers: int | Workers | None) -> contextlib.AbstractContextManager[Wo
 
 
 def _identify(inputs: Inputs, seed: int, progress: FractionCallback, workers: Workers) -> Identification:
-    """Identify; an interrupt after the calibration ends the search, one before it is raised."""
-    search = Search(inputs, seed, progress, workers)
-    interrupted = False
-    try:
-        search.run()
-    except KeyboardInterrupt:
-        if search.declared_model is None:
-            raise
-        interrupted = True
+    """Identify; an interrupt after the calibration ends the search, one before it or while models are judged is raised."""
+    done = 0.0
+
+    def report(what: str) -> None:
+        # How many steps there will be, is not known: each takes a part of what is left
+        nonlocal done
+        progress(what, done)
+        done += STEP_SHARE * (REPORT_SHARE - done)
+
+    found, start_costs = explain(inputs, seed, workers, report)
     progress("reporting", REPORT_SHARE)
-    verdict, model, ties = conclude(search, interrupted)
-    assert search.declared_model is not None
+    before = found.judged(found.nothing)
+    has_repair = found.verdict not in (Verdict.NO_MISSING_EFFECT, Verdict.UNEXPLAINED) and found.best is not found.nothing
+    after = found.judged(found.best) if has_repair else before
+    force = None
+    law = next((r.explanation for r in found.ranked if r.credible and r.explanation.parts.law), None)
+    if law and has_repair:
+        is_best = law is found.best
+        without, recovered = found.force(after if is_best else found.judged(law))
+        formulas: list[FittedFormula] = []
+        try:
+            if not found.interrupted:
+                formulas = refit_formulas(without, recovered, inputs.held_out, workers)
+        except KeyboardInterrupt:
+            found.interrupted = True
+        force = describe_unlisted_force(recovered, formulas, before.held_out.worst)
+        if force.formula and formulas[0].held_out and is_best:
+            fit = formulas[0].fit
+            after = dataclasses.replace(after, fit=fit, training=fit, held_out=formulas[0].held_out, tests=check_residuals(fit))
+    ties = [r for r in found.ranked if r.credible and not r.explanation.parts.law]
     experiments: tuple[Experiment, ...] = ()
-    if len(ties) > 1:
+    if found.verdict is Verdict.AMBIGUOUS and len(ties) > 1:
         # An interrupt now costs the advice on the next trial, but not the verdict
         with contextlib.suppress(KeyboardInterrupt):
-            experiments = best_experiments(inputs.study, [t.fit for t in ties], [t.names for t in ties], workers)
-    force = None
-    if search.forces and verdict is not Verdict.INTERRUPTED:
-        force = describe_unlisted_force(
-            search.forces, search.formulas, search.declared_model.held_out.worst, search.not_refitted
-        )
+            names = [tuple(sorted(r.explanation.key)) or ("nothing",) for r in ties]
+            experiments = best_experiments(inputs.study, [r.fit for r in ties], names, workers)
     return identification(
         inputs.study,
         [o.summary() for _, o in inputs.observed],
         seed,
-        verdict,
-        Conclusion(
-            before=search.declared_model,
-            after=model,
-            ties=ties,
-            rounds=tuple(search.rounds),
-            experiments=experiments,
-            unlisted=force,
-        ),
+        Conclusion(found=found, before=before, after=after, start_costs=start_costs, experiments=experiments, unlisted=force),
         _provenance(),
     )
 

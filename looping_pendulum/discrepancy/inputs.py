@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from looping_pendulum.discrepancy.candidates import Candidate, candidates
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.data.observations import DataError, Observations
 from looping_pendulum.discrepancy.data.record_start import with_free_start
@@ -14,7 +15,6 @@ from looping_pendulum.discrepancy.data.study import Study, Trial, read_trial
 from looping_pendulum.discrepancy.fit.event_prediction import check_event_rows
 from looping_pendulum.discrepancy.fit.problem import TrialData, free_parameters_of
 from looping_pendulum.discrepancy.fit.residual import trial_data
-from looping_pendulum.discrepancy.listed.candidates import Candidate, candidates
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -31,13 +31,13 @@ class Verdict(StrEnum):
     NO_MISSING_EFFECT = "no_missing_effect"
     """The declared model explains the data to their noise."""
     IDENTIFIED = "identified"
-    """One effect, or two, explain the data better than all others do, and held-out data, too."""
+    """One explanation by listed effects has 95 % of the probability."""
     AMBIGUOUS = "ambiguous"
-    """Several explanations fit equally well."""
+    """It takes several explanations to have 95 % of the probability."""
     UNLISTED = "unlisted"
-    """No effect of the library explains the data, but an unknown force as a function of one coordinate does."""
+    """Only with an unknown force as a function of one coordinate is a model probable."""
     UNEXPLAINED = "unexplained"
-    """The declared model does not explain the data, and nothing that was tried does."""
+    """The residuals of the most probable explanation do not look like noise."""
     INTERRUPTED = "interrupted"
     """The search was ended by Ctrl-C or by its time limit."""
 
@@ -83,47 +83,47 @@ class IdentifiedEffect:
         return self.interval or (self.value - reach, self.value + reach)
 
 
-@dataclass(frozen=True, kw_only=True)
-class RankedCandidate:
-    """How one candidate did in one round."""
-
-    name: str
-    kind: str
-    score: float
-    """z of a score test: the candidate's sensitivity against the residuals of the model without it."""
-    delta_bic: float | None
-    """Decrease of the Bayesian information criterion by adding the candidate; None: the candidate was not refitted."""
-    value: float | None
-    """Fitted value [SI]."""
-    error: float | None
-    """Standard error [SI]."""
-    held_out_chi2: float | None
-    """Largest chi2 per value on held-out data; None: the refit was not judged."""
-    passes: bool
-    reason: str
-    """Why the candidate does not pass, in words; empty if it does."""
-    unit: str = ""
-    """SI unit of `value` and `error`; empty if they have none."""
-    tests: tuple[ModelTest, ...] = ()
-    """Tests of the model with the candidate; empty: the refit was not judged."""
-    held_by: str = ""
-    """What is known in general and kept its value on a bound, for example what gravity there is on Earth; empty: nothing."""
+STRING_ON_ROD = "string on rod"
+"""What a law of the string acts on (`UnlistedLaw.acts_on`)."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Round:
-    """One round of the search, which tries to add one effect."""
+class UnlistedLaw:
+    """What a law that no library lists acts on and depends on."""
 
-    added_before: tuple[str, ...]
-    """Effects that earlier rounds added to the declared model."""
-    ranking: tuple[RankedCandidate, ...]
-    """All candidates, the best first."""
-    best: str
-    runner_up: str
-    margin: float | None
-    """Delta BIC of the best less that of the runner-up."""
-    correlated_noise: bool = False
-    """Whether errors of the tracked points that last longer than a frame were taken into account."""
+    acts_on: str
+    depends_on: str
+    multiplied_by: str = "constant"
+    """Factor of the force beside the function of the coordinate: "constant", or a speed."""
+
+    @property
+    def in_words(self) -> str:
+        """What it is, as part of a sentence."""
+        is_friction = self.acts_on == STRING_ON_ROD
+        law = "change of the friction of the string on the rod" if is_friction else f"force on the {self.acts_on}"
+        factor = self.multiplied_by.replace("_", " ")
+        factor = "" if factor == "constant" else f" in proportion to the {factor}, and"
+        return f"{law}{factor} as a function of the {self.depends_on.replace('_', ' ')}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RankedExplanation:
+    """What may be missing, beside others: listed effects, a law that no library lists, or both."""
+
+    effects: tuple[IdentifiedEffect, ...]
+    """Listed effects; empty without a law: nothing is missing."""
+    law: UnlistedLaw | None
+    probability: float | None
+    """None: it adds nothing that shows to another explanation, which is a part of it and with which it is counted."""
+    log10_odds: float
+    """Decimal logarithm of how much more probable it is than that nothing is missing."""
+    credible: bool
+    """Whether it is in the smallest set of explanations that has 95 % of the probability."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of its parts."""
+        return (*(e.name for e in self.effects), *((f"unlisted {self.law.in_words}",) if self.law else ()))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,8 +155,6 @@ class FitReport:
     """Chi-square per degree of freedom (reduced chi-square)."""
     held_out_chi2: float
     """Largest chi2 per value on held-out data."""
-    largest_score: float
-    """Largest |z| of the candidates that could still be added."""
     failed_tests: tuple[str, ...]
     """What the tests that the model fails say, in words; empty: the model explains the data to their noise."""
     start_costs: tuple[float, ...]
@@ -217,36 +215,11 @@ class ForceProfile:
     """Values of the refitted formula along the coordinate; None: no formula is accepted."""
 
 
-STRING_ON_ROD = "string on rod"
-"""What a law of the string acts on (`Unlisted.acts_on`)."""
-
-
 def value_unit(acts_on: str, multiplied_by: str) -> str:
     """Return the unit of an unknown law's profile; '' for a change of the friction coefficient."""
     if acts_on == STRING_ON_ROD:
         return ""
     return "N" if multiplied_by == "constant" else "N s/m"
-
-
-def law_in_words(acts_on: str, depends_on: str) -> str:
-    """Return what acts on what, as a function of what, as part of a sentence."""
-    law = "change of the friction of the string on the rod" if acts_on == STRING_ON_ROD else f"force on the {acts_on}"
-    return f"{law} as a function of the {depends_on.replace('_', ' ')}"
-
-
-@dataclass(frozen=True, kw_only=True)
-class OtherClosure:
-    """Another closure (coordinate, factor and what it acts on) of the unknown law that was refitted or screened."""
-
-    acts_on: str
-    depends_on: str
-    multiplied_by: str
-    twice_log_bayes_factor: float
-    """Twice the log of the Bayes factor over the declared model, by the linearised model."""
-    held_out_chi2: float | None
-    """Largest chi2 per value on held-out data; None: it was not refitted, though as likely as the best by the screening."""
-    excluded: bool = False
-    """Whether the data exclude it: it fails held-out data, or its evidence is decisively less."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -302,14 +275,12 @@ class Unlisted:
     """Every formula that was refitted, the best first."""
     phase: str
     """Phase of the motion in which most of the force acts."""
-    twice_log_bayes_factor: float
-    """Twice the log of the Bayes factor over the declared model, by the linearised model."""
+    log_bayes_factor: float
+    """Natural logarithm of the factor by which it makes the data more probable."""
     held_out_chi2_before: float
     """Largest chi2 per value on held-out data of the declared model."""
     held_out_chi2_after: float
     """The same of the repaired model."""
-    other_closures: tuple[OtherClosure, ...]
-    """Other closures that were refitted, and those that were not, though as likely by the screening."""
     point: tuple[float, float] | None = None
     """Point (x, y) from which the coordinate "distance" is measured [m]; None for other coordinates."""
 
@@ -322,7 +293,8 @@ class Unlisted:
     def in_words(self) -> str:
         """What it is and what it depends on, as part of a sentence."""
         place = "" if self.point is None else f" from x = {self.point[0]:.3f} m, y = {self.point[1]:.3f} m"
-        return f"{law_in_words(self.acts_on, self.depends_on)}{place}"
+        law = UnlistedLaw(acts_on=self.acts_on, depends_on=self.depends_on, multiplied_by=self.multiplied_by)
+        return f"{law.in_words}{place}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -331,7 +303,7 @@ class SmallestVisible:
 
     name: str
     value: float
-    """Change of the value [unit] whose score is `screening.MAX_NULL_SCORE`, the largest that noise may give."""
+    """Change of the value [unit] that is four standard errors large (`evidence.prior.VISIBLE`)."""
     unit: str
     acts_on: str
     null_value: float
@@ -353,11 +325,11 @@ class Identification(ShownInNotebook):
     notes: tuple[str, ...] = ()
     """Further sentences: what was ruled out, what came nearest, errors of the tracked points, outliers."""
     effects: tuple[IdentifiedEffect, ...]
-    """Effects that were added to the model; if ambiguous, the best of the tied explanations."""
-    ties: tuple[tuple[IdentifiedEffect, ...], ...]
-    """Every explanation that these data cannot tell from the best, including the best; empty unless ambiguous."""
+    """Effects that were added to the model; if ambiguous, those of the most probable explanation."""
+    explanations: tuple[RankedExplanation, ...]
+    """The most probable of all that were fitted, in their order, and that nothing is missing."""
     unlisted: Unlisted | None
-    """The unknown force, if the verdict is unlisted, or if it is one of several explanations."""
+    """The unknown force of the most probable explanation that has one, if that is credible."""
     correlated_noise: tuple[CorrelatedError, ...]
     """Errors of the tracked points that last longer than a frame, under the repaired model; empty: they are white noise."""
     smallest_visible: tuple[SmallestVisible, ...]
@@ -367,7 +339,6 @@ class Identification(ShownInNotebook):
     where they multiply a drag of zero."""
     next_experiments: tuple[Experiment, ...]
     """Trials that would separate tied explanations, the best first."""
-    rounds: tuple[Round, ...]
     errors: tuple[TrialError, ...]
     events: tuple[EventResidual, ...]
     """Every row of every event table."""
@@ -396,3 +367,15 @@ class Identification(ShownInNotebook):
     def names(self) -> tuple[str, ...]:
         """Names of the added effects."""
         return tuple(e.name for e in self.effects)
+
+    @property
+    def credible(self) -> tuple[RankedExplanation, ...]:
+        """The smallest set of explanations that has 95 % of the probability, the most probable first."""
+        return tuple(e for e in self.explanations if e.credible)
+
+    @property
+    def ties(self) -> tuple[tuple[IdentifiedEffect, ...], ...]:
+        """Effects of every explanation by listed ones that these data cannot tell from the best; empty unless ambiguous."""
+        if self.verdict is not Verdict.AMBIGUOUS:
+            return ()
+        return tuple(e.effects for e in self.credible if e.effects and not e.law)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from operator import attrgetter
 
 from looping_pendulum.discrepancy.outlier_summary import outliers_in_words
-from looping_pendulum.discrepancy.result import IdentifiedEffect, Round, Unlisted, Verdict, law_in_words
+from looping_pendulum.discrepancy.result import IdentifiedEffect, RankedExplanation, Unlisted, Verdict
 from looping_pendulum.discrepancy.trial_results import CorrelatedError, Outliers, TrialError
 from looping_pendulum.pages.numbers import amount, quantity, uncertain
 
@@ -21,8 +20,8 @@ BODY_IN_WORDS = {
 MIN_VISIBLE_SHARE = 0.1
 """Share of its distance by which a model must come nearer for the sentence to call it nearer."""
 
-MAX_TIES_WITH_VALUES = 3
-"""Number of tied explanations up to which the sentence has their values; those of more are read in the report's table."""
+MAX_TIES_WITH_VALUES, MAX_TIES = 3, 6
+"""Number of tied explanations up to which the sentence has their values, and their names; the report's table has all."""
 
 
 def effect_in_words(effect: IdentifiedEffect) -> str:
@@ -41,6 +40,12 @@ def effect_in_words(effect: IdentifiedEffect) -> str:
     return f"{effect.name} = {write(effect.value)} ({f'probably {limits}' if limits else 'the data set it no limits'})"
 
 
+def explanation_in_words(e: RankedExplanation, *, with_values: bool) -> str:
+    """Return what an explanation adds: "linear_drag and a force on the light mass as a function of the height"."""
+    effects = [effect_in_words(one) if with_values else one.name for one in e.effects]
+    return " and ".join([*effects, *([f"a {e.law.in_words}, which is not listed"] if e.law else [])]) or "nothing"
+
+
 def limits_in_words(low: float | None, high: float | None, write: Callable[[float], str]) -> str:
     """Return an interval whose ends ``write`` writes; an end that is None is open. Empty: both are."""
     if low is not None and high is not None:
@@ -53,7 +58,7 @@ def limits_in_words(low: float | None, high: float | None, write: Callable[[floa
 def verdict_sentence(
     verdict: Verdict,
     effects: Sequence[IdentifiedEffect],
-    ties: Sequence[Sequence[IdentifiedEffect]],
+    credible: Sequence[RankedExplanation],
     unlisted: Unlisted | None,
     errors: Sequence[TrialError],
     *,
@@ -64,6 +69,8 @@ def verdict_sentence(
 
     Parameters
     ----------
+    credible
+        The explanations that the data do not exclude, the most probable first.
     failures
         What the tests mean that the declared model fails.
     own_effects
@@ -81,11 +88,18 @@ def verdict_sentence(
         verb, them = ("explain", "them") if len(effects) > 1 else ("explains", "it")
         return f"{added} {verb} what the declared model misses: with {them}, {_nearer(worst)}."
     if verdict is Verdict.AMBIGUOUS:
-        in_words = effect_in_words if len(ties) <= MAX_TIES_WITH_VALUES else attrgetter("name")
-        explanations = [" and ".join(map(in_words, tie)) for tie in ties]
-        explanations += [f"a {unlisted.in_words}, which is not listed"] if unlisted else []
+        named = [e for e in credible if e.names]
+        with_values = len(named) <= MAX_TIES_WITH_VALUES
+        explanations = [explanation_in_words(e, with_values=with_values) for e in named]
+        if len(explanations) > MAX_TIES:
+            explanations[MAX_TIES - 1 :] = [f"one of {len(explanations) - MAX_TIES + 1} others"]
+        if len(named) < len(credible):
+            return (
+                f"These data hardly show whether anything is missing: nothing may be; or {'; or '.join(explanations)}; "
+                f"with the most probable, {_nearer(worst)}."
+            )
         return (
-            f"Something is missing, and these data cannot say which of {len(explanations)} explanations is right: "
+            f"Something is missing, and these data cannot say which of {len(named)} explanations is right: "
             f"{'; or '.join(explanations)}; "
             f"with the first, {_nearer(worst)}."
         )
@@ -113,32 +127,36 @@ def verdict_sentence(
 
 def verdict_notes(
     verdict: Verdict,
-    rounds: Sequence[Round],
-    unlisted: Unlisted | None,
+    explanations: Sequence[RankedExplanation],
+    ruled_out: Sequence[tuple[str, str]],
     errors: Sequence[CorrelatedError],
     outliers: Sequence[Outliers],
 ) -> tuple[str, ...]:
-    """Return further sentences on the verdict."""
+    """Return further sentences on the verdict.
+
+    Parameters
+    ----------
+    ruled_out
+        Name of each listed effect whose value would be impossible, and what is known of it.
+    """
     notes = []
-    if verdict is Verdict.UNLISTED and unlisted and (laws := laws_not_excluded(unlisted)):
-        count = len(laws)
-        others = f"{count} others" if count > 1 else "another one"
-        notes.append(f"Which law it is, is less sure than that there is one: the data do not exclude {others}.")
+    laws = list(dict.fromkeys(e.law.in_words for e in explanations if e.credible and e.law))
+    if verdict is Verdict.UNLISTED and len(laws) > 1:
+        others = "; ".join(f"a {law}" for law in laws[1:])
+        notes.append(f"Which law it is, is less sure than that there is one: the data do not exclude, in its place, {others}.")
     if verdict is Verdict.IDENTIFIED:
-        notes += [f"{c.name} was ruled out, as {c.held_by}." for c in rounds[-1].ranking if c.held_by]
-    if rounds and (verdict is Verdict.UNEXPLAINED or (verdict is Verdict.NO_MISSING_EFFECT and not errors)):
-        # Of the first round: later ones already have an effect in the model that was not accepted
-        best = next((r for r in rounds[0].ranking if r.delta_bic is not None), None)
-        notes += [f"{best.name} comes nearest and does not pass: {best.reason}."] if best and best.reason else []
+        notes += [f"{name} was ruled out, as {known}." for name, known in ruled_out]
+    nearest = next((e for e in explanations if e.names), None)
+    if nearest and verdict is Verdict.NO_MISSING_EFFECT:
+        added, odds = explanation_in_words(nearest, with_values=False), 10 ** min(-nearest.log10_odds, 300.0)
+        notes.append(f"The model comes nearest with {added}; {amount(odds)} to 1 that it is chance.")
+    # Only of what is most probable the residuals were tested
+    if nearest and nearest.credible and verdict is Verdict.UNEXPLAINED:
+        added = explanation_in_words(nearest, with_values=False)
+        notes.append(f"The model comes nearest with {added}, but what is left does not look like noise.")
     notes += [_correlated_noise_in_words(errors)] if errors else []
     notes += [outliers_in_words(outliers)] if outliers else []
     return tuple(notes)
-
-
-def laws_not_excluded(force: Unlisted) -> tuple[str, ...]:
-    """Return the laws that the data do not exclude in place of an unlisted force's, as parts of a sentence."""
-    others = dict.fromkeys(law_in_words(o.acts_on, o.depends_on) for o in force.other_closures if not o.excluded)
-    return tuple(law for law in others if law != law_in_words(force.acts_on, force.depends_on))
 
 
 def worst_trial(errors: Sequence[TrialError]) -> TrialError:

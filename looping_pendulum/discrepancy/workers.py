@@ -21,7 +21,7 @@ from looping_pendulum.processes import process_pool
 MAX_PROCESSES = 2
 """Largest number of processes, this one included, that is used without being asked for: each needs some 300 MiB."""
 
-IMPORTED_EARLY = ("looping_pendulum.discrepancy.unlisted.discovery",)
+IMPORTED_EARLY = ("looping_pendulum.discrepancy.evidence.explain",)
 """Modules that a worker imports while it waits; by name, since they stand above this one and start workers themselves."""
 
 ProgressCallback = Callable[[str], None]

@@ -11,13 +11,16 @@ from tests.discrepancy import test_real_data as real_data
 
 
 def summary(result: Identification) -> dict[str, Any]:
-    """Return the verdict, the added effects, and the errors of the held-out trial before and after."""
+    """Return the verdict, what was added, the best two explanations, and errors of the held-out trial before and after."""
     held_out = next((e for e in result.errors if e.held_out), None)
     return {
         "verdict": result.verdict.value,
         "effects": {e.name: {"value": e.value, "error": e.error, "unit": e.unit} for e in result.effects},
         "ties": [{e.name: {"value": e.value, "error": e.error, "unit": e.unit} for e in tie} for tie in result.ties],
-        "margin": next((r.margin for r in reversed(result.rounds) if r.margin is not None), None),
+        "explanations": {
+            " + ".join(e.names) or "nothing": {"probability": e.probability, "log10_odds": e.log10_odds}
+            for e in result.explanations[:2]
+        },
         "held_out_before": None if held_out is None else held_out.rms_before,
         "held_out_after": None if held_out is None else held_out.rms_after,
         "correlated_noise": {e.body: {"amplitude": e.amplitude, "points": e.points} for e in result.correlated_noise},

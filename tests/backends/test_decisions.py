@@ -14,6 +14,7 @@ import sys
 import numpy as np
 import pytest
 
+from looping_pendulum.discrepancy.evidence.explanation import COST_ERROR
 from looping_pendulum.discrepancy.fit.calibration import COST_TOLERANCE
 from looping_pendulum.discrepancy.fit.residual import check_residuals
 from looping_pendulum.engines.isolation import run_isolated
@@ -27,7 +28,7 @@ from looping_pendulum.reference_ode.solve import available_integrators, solve, s
 from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.scenarios.scenario import Scenario
 from tests.apparatus import TEN_TO_ONE, WITHOUT_LOSSES
-from tests.backends.write_expected import APPARATUS, DATA, PUSH, SCREENED, data_loop
+from tests.backends.write_expected import APPARATUS, CANDIDATES, DATA, PUSH, data_loop
 
 EVENTS = json.loads((DATA / "events.json").read_text(encoding="utf-8"))
 NEEDS_HEYOKA = pytest.mark.fails_on(
@@ -139,7 +140,7 @@ def loop():
 
 def test_the_data_loop_names_the_push_and_gives_the_planted_values_back(loop):
     # Oracle: what made the data. Bound: 4 standard errors, of 4 numbers on one set of noise.
-    assert [s.candidate.name for s in loop.screened][0] == "push_across"
+    assert loop.explanations[0].key == {"push_across"}
     true = {"kinetic_friction": 0.34, "ten.release_angle": math.radians(112), "ten.free_length": 0.58, "push_across": PUSH}
     for name, planted in true.items():
         assert abs(loop.added.values[name] - planted) < 4 * loop.added.errors[name], name
@@ -149,13 +150,12 @@ def test_the_data_loop_names_the_push_and_gives_the_planted_values_back(loop):
 
 def test_the_data_loop_finds_the_same_numbers(loop):
     # Oracle: the same under the default backend, stored. Bound: a fit has converged when its cost falls by a smaller share than
-    # COST_TOLERANCE, so two fits may end that far apart, in standard errors. A score changes by as much.
+    # COST_TOLERANCE, so two fits may end that far apart, in standard errors. Those of explanations have when it falls by less
+    # than COST_ERROR, of which half is the error of the logarithm of the evidence.
     stored = json.loads((DATA / "data_loop.json").read_text(encoding="utf-8"))
     for name, fit in (("declared", loop.declared), ("added", loop.added)):
         apart = math.sqrt(2 * COST_TOLERANCE * fit.cost)
         for number, value in fit.values.items():
             assert abs(value - stored[name][number]) < apart * fit.errors[number], (name, number)
-    apart = math.sqrt(2 * COST_TOLERANCE * loop.declared.cost)
-    assert {s.candidate.name for s in loop.screened} == set(SCREENED)
-    for s in loop.screened:
-        assert s.score == pytest.approx(stored["scores"][s.candidate.name], abs=apart)
+    assert set(loop.log_bayes_factors) == set(CANDIDATES)
+    assert loop.log_bayes_factors == pytest.approx(stored["log_bayes_factors"], abs=COST_ERROR)

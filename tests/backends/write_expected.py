@@ -12,12 +12,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from benchmarks.rival_methods import best_additions
 from looping_pendulum.discrepancy.data.study_io import load
+from looping_pendulum.discrepancy.evidence.explanation import Explanation, Parts, addition_steps, explained
+from looping_pendulum.discrepancy.evidence.marginal import NoiseGrid
 from looping_pendulum.discrepancy.fit.calibration import Fit, minimise
+from looping_pendulum.discrepancy.fit.predictions import alone
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.discrepancy.listed.screening import ScreenedCandidate, screen
 from looping_pendulum.reference_ode.extended import solve_extended
 from looping_pendulum.reference_ode.solve import solve_at
 from tests.apparatus import SENSITIVE, TEN_TO_ONE, TWO_TO_ONE
@@ -51,7 +54,7 @@ def tracked() -> str:
     return "\n".join(["t [s],light_x [mm],light_y [mm],heavy_y [mm]", *rows]) + "\n"
 
 
-SCREENED = ("push_across", "wind_speed", "clock_offset", "scale")
+CANDIDATES = ("push_across", "wind_speed", "clock_offset", "scale")
 """Candidates of the small study that need little compiling."""
 
 
@@ -60,28 +63,35 @@ class Loop(NamedTuple):
 
     declared: Fit
     """Of the model without the push."""
-    screened: list[ScreenedCandidate]
-    """Candidates, best first."""
+    explanations: list[Explanation]
+    """The declared model, and it with each of the candidates; the most probable first."""
     added: Fit
     """With the best of them."""
 
+    @property
+    def log_bayes_factors(self) -> dict[str, float]:
+        """Return candidate -> natural logarithm of the factor by which it makes the data more probable."""
+        (nothing,) = (e for e in self.explanations if not e.key)
+        return {name: e.log_z - nothing.log_z for e in self.explanations for name in e.key}
+
 
 def data_loop() -> Loop:
-    """Read the small study, fit what it declares, screen candidates, add the best one and fit again."""
+    """Read the small study, fit what it declares and each candidate beside it, and fit the most probable again."""
     inputs = read_inputs(load(DATA / "study.yaml"))
     problem = Problem(inputs.study, inputs.training, inputs.free_parameters)
     declared = refit_with_estimated_noise(minimise(problem, problem.prior_mean))
-    screened = screen(declared, [c for c in inputs.library if c.name in SCREENED])
-    best = screened[0]
-    wider = declared.problem.with_parameters(best.candidate.free_parameter(best.scale))
-    added = minimise(wider, np.append(declared.x, best.amplitude / best.scale))
-    return Loop(declared, screened, refit_with_estimated_noise(added))
+    additions = best_additions(declared, [c for c in inputs.library if c.name in CANDIDATES])
+    fits = [(declared, Parts()), *((fit, a.parts) for a in additions if (fit := alone(addition_steps(a))))]
+    grid = NoiseGrid(declared.problem.data)
+    explanations = [explained(grid, fit, parts, len(CANDIDATES)) for fit, parts in fits]
+    explanations.sort(key=lambda e: -e.log_posterior)
+    return Loop(declared, explanations, refit_with_estimated_noise(explanations[0].fit))
 
 
 def said(loop: Loop) -> dict[str, object]:
     """Results of `data_loop` as plain data."""
     fits = {name: dict(fit.values) for name, fit in (("declared", loop.declared), ("added", loop.added))}
-    return fits | {"scores": {s.candidate.name: s.score for s in loop.screened}}
+    return fits | {"log_bayes_factors": loop.log_bayes_factors}
 
 
 if __name__ == "__main__":

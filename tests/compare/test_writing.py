@@ -60,10 +60,10 @@ def check_identify(result, folder):
 def test_all_these_names_in_one_report_of_identify(tmp_path):
     """With the figures as they are: names beside the bars, below the axes, and in several lines."""
     each = [made_up.identification(name) for name in HOSTILE]
-    first = dataclasses.replace(each[0].rounds[0], ranking=tuple(one.rounds[0].ranking[0] for one in each))
+    explanations = tuple(one.explanations[1] for one in each)
     errors, events = (sum((getattr(one, what) for one in each), ()) for what in ("errors", "events"))
     name = " ".join(HOSTILE)
-    whole = dataclasses.replace(each[0], study=name, title=name, rounds=(first,), errors=errors, events=events)
+    whole = dataclasses.replace(each[0], study=name, title=name, explanations=explanations, errors=errors, events=events)
     check_identify(whole, tmp_path)
 
 

@@ -2,25 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 
 from benchmarks.blind_sample import draw, write_files
 from looping_pendulum.discrepancy.data.study_io import load
-from looping_pendulum.discrepancy.fit.calibration import calibrate, minimise
 from looping_pendulum.discrepancy.fit.correlated_noise import CorrelatedNoise, Whitening
-from looping_pendulum.discrepancy.fit.correlated_noise_fit import (
-    noises_of,
-    with_correlated_noise,
-)
-from looping_pendulum.discrepancy.fit.problem import Problem
-from looping_pendulum.discrepancy.fit.residual import check_residuals
-from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.identify import identify
-from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.discrepancy.listed.attribution import MIN_DELTA_BIC
 from looping_pendulum.discrepancy.report.markdown import render
 from looping_pendulum.discrepancy.result import Verdict
 from tests.blind.cases import CASES, CLEAN
@@ -64,75 +52,22 @@ def test_differences_of_neighbours_keep_their_size():
     assert white**2 + 5e-4**2 * (1 - np.exp(-1 / 240 / 0.04)) == pytest.approx(1e-6)
 
 
-@pytest.mark.accurate  # daily, the same noise beside clean data, below
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_the_planted_noise_is_estimated_and_explains_the_residuals(tmp_path, seed):
-    """Within a factor of the planted values: some 24 independent pieces of ten frames a track determine them to 20 to 50 %."""
-    inputs = read_inputs(study_with_wander(tmp_path, CLEAN, seed, amplitude=1e-3))
-    fit = refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
-    assert not check_residuals(fit).passes
-    correlated = with_correlated_noise(fit)
-    for noise in noises_of(correlated).values():
-        assert 0.6 < noise.amplitude / 1e-3 < 1.6
-        assert 0.4 < noise.correlation_time * 240 / FRAMES < 2.5
-    assert set(noises_of(correlated)) == {"light", "heavy"}
-    assert check_residuals(correlated).passes
-    # White noise of a millimetre at rest: neither grows at the other's expense
-    assert np.quantile(np.concatenate([d.sigma for d in correlated.problem.data]), 0.1) == pytest.approx(1e-3, rel=0.2)
-
-
-def test_a_tracker_that_wanders_over_one_body_wanders_over_the_other(tmp_path):
-    """The light mass's marks, a third of the usual, cannot show it alone, which left a pattern of theirs unexplained."""
-    study = study_with_wander(tmp_path, CLEAN, 5, amplitude=5e-4)
-    inputs = read_inputs(study)
-    problem = Problem(inputs.study, inputs.training, inputs.free_parameters)
-    fit = refit_with_estimated_noise(calibrate(problem))
-    few = [
-        dataclasses.replace(d, sigma=np.where(light_marks(d) & (np.arange(len(d.sigma)) % 3 > 0), np.inf, d.sigma))
-        for d in fit.problem.data
-    ]
-    noises = noises_of(with_correlated_noise(minimise(fit.problem.with_data(few), fit.x)))
-    assert set(noises) == {"light", "heavy"}
-    assert noises["light"] == noises["heavy"]
-
-
-def light_marks(d):
-    """Return which values of a trial are coordinates of the light mass."""
-    chosen = np.zeros(len(d.sigma), dtype=bool)
-    for name in ("light_x", "light_y"):
-        chosen[d.slices[name]] = True
-    return chosen
-
-
-def test_white_noise_stays_white(tmp_path):
-    inputs = read_inputs(load(write_study(tmp_path, CLEAN, 2, trials=TWO_RATIOS)))
-    fit = refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
-    assert not noises_of(with_correlated_noise(fit))
-
-
 def test_a_tracker_that_wanders_too_little_to_be_noticed_is_no_effect(tmp_path):
-    """By white noise alone a foreshortening had a delta BIC of 15, though nothing was hidden."""
+    """By white noise alone a foreshortening decreased the Bayesian information criterion by 15, though nothing was hidden."""
     study = draw("rates", "clean", 65, seed=5)[64]
     assert (study.noise_kind, study.trials) == ("wander", 1)
     with only_candidates(["foreshortening", "perspective_x"]):
         result = identify(load(write_files(study, tmp_path)), workers=1)
     assert result.verdict is Verdict.NO_MISSING_EFFECT
-    (refused,) = [r for r in result.rounds[0].ranking if r.name == "foreshortening"]
-    assert refused.delta_bic > MIN_DELTA_BIC
-    assert refused.reason == "a tracker that wanders a little explains about as much"
 
 
 def test_a_right_effect_of_little_evidence_stays(tmp_path):
-    """A wrong scale that moves the light mass by a millimetre: a delta BIC of 25, hardly less beside a wandering tracker."""
+    """A wrong scale that moves the light mass by a millimetre, hardly less probable beside a tracker that may wander."""
     study = draw("rates", "single", 6, seed=5)[5]
     assert (study.hidden, study.noise_kind) == (("scale",), "white")
     with only_candidates(["scale"]):
         result = identify(load(write_files(study, tmp_path)), workers=1)
     assert result.names == ("scale",)
-    (tried,) = [r for r in result.rounds[0].ranking if r.name == "scale"]
-    (beside,) = [t for t in tried.tests if t.statistic == "delta BIC"]
-    assert beside.passes
-    assert beside.value > 0.8 * tried.delta_bic
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -10,21 +9,19 @@ import pytest
 from scipy.optimize import curve_fit
 
 from looping_pendulum.discrepancy.data.study_io import load
+from looping_pendulum.discrepancy.evidence.explanation import raw
+from looping_pendulum.discrepancy.evidence.laws import laws_beside
+from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid
+from looping_pendulum.discrepancy.evidence.prior import body_of
 from looping_pendulum.discrepancy.fit.calibration import calibrate
-from looping_pendulum.discrepancy.fit.predictions import alone
-from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.discrepancy.fit.problem import Problem, free_parameters_of
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.discrepancy.listed.held_out import check_held_out
 from looping_pendulum.discrepancy.report.markdown import render
 from looping_pendulum.discrepancy.result import Verdict
-from looping_pendulum.discrepancy.unlisted import discovery, formula
-from looping_pendulum.discrepancy.unlisted.discovery import _refit, _screened_by_all_trials, _tested
 from looping_pendulum.discrepancy.unlisted.formula import PREFIX
-from looping_pendulum.discrepancy.unlisted.screening import _evidence, motions, responses_of, screen
 from looping_pendulum.discrepancy.unlisted.simplify import CoordinateRange, forms
-from looping_pendulum.discrepancy.workers import SERIAL
 from looping_pendulum.reference_ode.cartesian import cartesian_force
 from looping_pendulum.reference_ode.effects.closure import N_BASIS_FUNCTIONS, weight_name
 from looping_pendulum.reference_ode.solve import solve_at
@@ -73,19 +70,15 @@ def pulses_planted():
     return np.mean(pulses, axis=0)
 
 
-@pytest.mark.accurate  # daily, the screening below names the pulse's time and body
+@pytest.mark.accurate  # daily, the linear model below names the pulse's time and body
 @pytest.mark.parametrize("library", [pytest.param(MIMICS, id="mimics"), pytest.param(WHOLE_LIBRARY, id="whole_library")])
-def test_a_pulse_of_thrust_is_found_as_a_force_of_time(tmp_path, library, monkeypatch):
+def test_a_pulse_of_thrust_is_found_as_a_force_of_time(tmp_path, library):
     """Planted: a pulse along the velocity, 0.3 s after release and 0.05 s wide, by a simulator that shares no equation.
 
-    Beside the candidates that come nearest to it, both rounds of the search run, and so does that for unlisted forces,
-    which screens all closures and refits the best two instead of five.
+    Daily beside the candidates that come nearest to it.
     """
-    if library is MIMICS:
-        monkeypatch.setattr(discovery, "MAX_REFITS", 2)
     result = identified(tmp_path, "thrust", 3, trials=TWO_RATIOS, library=library)
     assert result.verdict is Verdict.UNLISTED
-    assert [r.added_before for r in result.rounds][:2] == [(), ("wind_speed",)]
     force = result.unlisted
     assert force.depends_on == "time"
     assert force.acts_on.startswith("light mass")
@@ -116,71 +109,35 @@ def thrust_study(tmp_path_factory):
     return write_study(tmp_path_factory.mktemp("thrust"), CASES["thrust"], 3, trials=TWO_RATIOS)
 
 
-def test_no_force_is_recovered_from_clean_data(tmp_path):
+def laws_of(path):
+    """Return all laws beside the fit of the declared model to all trials of a study, the most probable first."""
+    inputs = read_inputs(load(path))
+    data = [*inputs.training, *(d for d, _ in inputs.held_out)]
+    base = refit_with_estimated_noise(calibrate(Problem(inputs.study, data, free_parameters_of(inputs.study, inputs.observed))))
+    grid = NoiseGrid(base.problem.data)
+    log_z = Marginal(grid, raw(base), settings=[0]).log_z_of_settings
+    return laws_beside(base, grid, [0], log_z, raw(base), np.zeros((grid.count, 0))).all()
+
+
+def test_no_law_is_more_probable_than_none_on_clean_data(tmp_path):
     """Oracle: data in which nothing is hidden."""
-    inputs = read_inputs(load(write_study(tmp_path, CLEAN, 5, trials=["ten_a"])))
-    base = refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
-    runs = motions(base)
-    best = screen(responses_of(base, runs))[0]
-    assert best.twice_log_bayes_factor < DECISIVE
-    # Of so small a force the linear model of the screening has the evidence of the refit
-    refitted = alone(_refit(base, runs, best))
-    assert refitted.twice_log_bayes_factor == pytest.approx(best.twice_log_bayes_factor, abs=0.3)
-
-
-@pytest.mark.accurate  # daily, the test above
-def test_no_formula_is_accepted_on_clean_data(tmp_path):
-    """Oracle: data in which nothing is hidden. The best closure has no force, and no formula of it a decisive delta BIC."""
-    inputs = read_inputs(load(write_study(tmp_path, CLEAN, 5, trials=TWO_RATIOS)))
-    base = refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
-    runs = motions(base)
-    best = screen(responses_of(base, runs))[0]
-    assert best.twice_log_bayes_factor < DECISIVE
-    force = _tested(inputs.held_out, alone(_refit(base, runs, best)))
-    fitted = formula.refit(base, force, inputs.held_out, lambda what: None)
-    assert fitted
-    assert all(w.delta_bic < DECISIVE for w in fitted)
+    assert laws_of(write_study(tmp_path, CLEAN, 5, trials=["ten_a"]))[0].log_odds < 0
 
 
 @pytest.mark.parametrize(
     "name", [name if name == "thrust" else pytest.param(name, marks=pytest.mark.accurate) for name in PLANTED_LAWS]
 )
-def test_the_screening_names_what_a_law_acts_on_and_depends_on(tmp_path, thrust_study, name):
+def test_the_linear_model_names_what_a_law_acts_on_and_depends_on(tmp_path, thrust_study, name):
     """Planted by the separate simulator: forces at a time, towards a point, between two heights; friction between two angles.
 
-    By the linearised model alone, without a refit to the trajectories.
+    Without a fit to the trajectories.
     """
-    inputs = read_inputs(load(thrust_study if name == "thrust" else write_study(tmp_path, CASES[name], 1)))
-    base = refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
-    best = screen(responses_of(base, motions(base)))[0]
-    assert (best.closure.target, best.closure.coordinate) == PLANTED_LAWS[name]
-    assert best.twice_log_bayes_factor > 10 * DECISIVE
-    if name == "thrust":  # which moves the light mass so far that the linear model has a third of the evidence
-        refitted = alone(_refit(base, motions(base), best))
-        left = refitted.fit.problem.with_data(base.problem.data).residuals(refitted.fit.x)
-        assert 2 * best.twice_log_bayes_factor < refitted.twice_log_bayes_factor < base.cost - left @ left
+    best = laws_of(thrust_study if name == "thrust" else write_study(tmp_path, CASES[name], 1))[0]
+    target, coordinate = PLANTED_LAWS[name]
+    assert (body_of(best.closure.target), best.closure.coordinate) == (body_of(target), coordinate)
+    assert best.log_odds > 5 * DECISIVE
     if best.closure.point is not None:
         assert math.dist(best.closure.point, Effects.magnet_place) < Effects.magnet_range
-
-
-def test_the_screening_by_all_trials_is_that_of_a_study_in_which_none_is_held_out(thrust_study):
-    """Oracle: the same trials, of which none is said to be held out."""
-    study = load(thrust_study)
-    inputs = read_inputs(study)
-    assert inputs.held_out
-    base = refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
-    found = _screened_by_all_trials(base, check_held_out(base, inputs.held_out).fits, SERIAL)
-
-    together = dataclasses.replace(study, trials=tuple(dataclasses.replace(t, held_out=False) for t in study.trials))
-    inputs = read_inputs(together)
-    whole = refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
-    expected = screen(responses_of(whole, motions(whole)))
-    for ranked in (found, expected):
-        assert (ranked[0].closure.target.split(",")[0], ranked[0].closure.coordinate) == PLANTED_LAWS["thrust"]
-    of_law = {(s.closure.target, s.closure.coordinate, s.closure.factor): s.twice_log_bayes_factor for s in expected}
-    for one in found[:10]:
-        evidence = of_law[one.closure.target, one.closure.coordinate, one.closure.factor]
-        assert one.twice_log_bayes_factor == pytest.approx(evidence, rel=0.02, abs=1.0)
 
 
 @pytest.mark.parametrize("target", ["heavy mass", "light mass", "string on rod"])
@@ -215,18 +172,6 @@ def test_unlisted_cases_are_unlisted(tmp_path, name, seed):
         # The light mass flies nearly across the string: the thrust along it is not significant in every seed.
         assert force.formula.form in ("pulse along, pulse across", "nothing along, pulse across", "pulse")
         assert force.acts_on in ("light mass", "light mass, across the string")
-
-
-def test_noise_has_no_evidence():
-    """Oracle: pure noise. Twice the log Bayes factor of weights over none is at most a few, at its best ridge."""
-    rng = np.random.default_rng(0)
-    sensitivity = rng.standard_normal((600, N_BASIS_FUNCTIONS)) * 50
-    log_factors = [_evidence(sensitivity, rng.standard_normal(600))[0] for _ in range(200)]
-    assert max(log_factors) < 10
-    planted = sensitivity @ np.linspace(-0.01, 0.01, N_BASIS_FUNCTIONS)
-    twice_log_bayes_factor, ridge, weights = _evidence(sensitivity, planted + rng.standard_normal(600))
-    assert twice_log_bayes_factor > 20
-    assert np.allclose(weights, np.linspace(-0.01, 0.01, N_BASIS_FUNCTIONS), atol=0.005)
 
 
 def test_a_closure_is_an_effect_like_any_other():

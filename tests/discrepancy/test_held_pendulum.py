@@ -8,10 +8,10 @@ import math
 import numpy as np
 import pytest
 
+from looping_pendulum.discrepancy.candidates import candidates
 from looping_pendulum.discrepancy.data.study_io import load, load_text
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.discrepancy.listed.candidates import candidates
 from looping_pendulum.discrepancy.report import markdown
 from looping_pendulum.discrepancy.result import Verdict
 from tests.blind.pendulum import Pendulum, swing

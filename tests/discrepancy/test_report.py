@@ -5,22 +5,20 @@ from __future__ import annotations
 import dataclasses
 import functools
 import re
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from looping_pendulum.discrepancy.fit.event_tests import EventTest
+from looping_pendulum.discrepancy.fit.held_out import HeldOutTest
 from looping_pendulum.discrepancy.fit.model_test import ModelTest, failures_in_words
 from looping_pendulum.discrepancy.fit.residual import GroupTest, ResidualTests
-from looping_pendulum.discrepancy.listed.held_out import HeldOutTest
-from looping_pendulum.discrepancy.listed.round_record import _reason
-from looping_pendulum.discrepancy.report import lead_figure, markdown, next_steps, page, plots, visible_report
-from looping_pendulum.discrepancy.result import Experiment, SmallestVisible, Verdict
+from looping_pendulum.discrepancy.report import lead_figure, markdown, next_steps, page, plots, unlisted_report, visible_report
+from looping_pendulum.discrepancy.result import Experiment, RankedExplanation, SmallestVisible, Verdict, UnlistedLaw
 from looping_pendulum.discrepancy.trial_results import CorrelatedError
-from looping_pendulum.discrepancy.verdict_sentence import verdict_notes, verdict_sentence
+from looping_pendulum.discrepancy.verdict_sentence import MAX_TIES, verdict_notes, verdict_sentence
 from tests.compare.conftest import quick_figures  # noqa: F401, a fixture
-from tests.pages.made_up import identification
+from tests.pages import made_up as pages
 
 STATISTICS = re.compile(r"chi2|chi-square|BIC|Bayes|\bz\b|\bp\b|Ljung|lag-1", re.IGNORECASE)
 """Words that belong into tables."""
@@ -28,20 +26,56 @@ TESTS = (
     ModelTest(subject="all tracked points", statistic="chi2 per degree of freedom", value=2.3, limit=1.07, passes=False,
               failure="the residuals are 1.5 times as large as the noise"),
 )  # fmt: skip
+EFFECT = pages.identification("swing").effects[0]
+OTHER = dataclasses.replace(EFFECT, name="clock_ratio")
+PULSE, BRAKE = (
+    UnlistedLaw(acts_on="light mass", depends_on="time"),
+    UnlistedLaw(acts_on="heavy mass", depends_on="retreat_speed"),
+)
+IMPOSSIBLE = ("wrong_gravity", "gravity on Earth is 9.764 to 9.834 m/s^2")
+
+
+def explanation(*effects, law=None, probability=0.0, odds=0.0, credible=True):
+    return RankedExplanation(effects=effects, law=law, probability=probability, log10_odds=odds, credible=credible)
+
+
+NOTHING = explanation(credible=False)
+EXPLANATIONS = {
+    Verdict.NO_MISSING_EFFECT: (
+        explanation(probability=1.0),
+        explanation(OTHER, probability=None, odds=-1.5, credible=False),
+    ),
+    Verdict.IDENTIFIED: (
+        explanation(EFFECT, probability=0.98, odds=70.0),
+        explanation(OTHER, probability=0.02, odds=68.3, credible=False),
+        explanation(EFFECT, OTHER, probability=None, odds=69.1, credible=False),
+        NOTHING,
+    ),
+    Verdict.AMBIGUOUS: (
+        explanation(EFFECT, probability=0.6, odds=70.0),
+        explanation(OTHER, probability=0.4, odds=69.8),
+        NOTHING,
+    ),
+    Verdict.UNLISTED: (
+        explanation(law=PULSE, probability=0.7, odds=70.0),
+        explanation(law=BRAKE, probability=0.2, odds=69.5),
+        explanation(EFFECT, law=PULSE, probability=0.1, odds=69.2),
+        NOTHING,
+    ),
+    Verdict.UNEXPLAINED: (explanation(EFFECT, probability=1.0, odds=70.0), NOTHING),
+    Verdict.INTERRUPTED: (explanation(EFFECT, probability=1.0, odds=70.0), NOTHING),
+}  # fmt: skip
 
 
 @functools.cache
 def made_up(verdict):
-    result = identification("swing")
-    ties = (result.effects, (dataclasses.replace(result.effects[0], name="clock_ratio"),))
+    result = pages.identification("swing")
+    explanations = EXPLANATIONS[verdict]
+    credible = [e for e in explanations if e.credible]
     added = {Verdict.IDENTIFIED, Verdict.AMBIGUOUS}
     unlisted = result.unlisted if verdict is Verdict.UNLISTED else None
     effects = result.effects if verdict in added else ()
     held_out = dataclasses.replace(result.errors[0], held_out=True)
-    ranking = tuple(
-        dataclasses.replace(c, reason="" if c.passes else "it explains less than swing0") for c in result.rounds[0].ranking
-    )
-    rounds = (dataclasses.replace(result.rounds[0], ranking=ranking),)
     noise = (CorrelatedError(body="light", amplitude=2e-3, unit="m", correlation_time=0.05, points=5.0),)
     visible = tuple(
         SmallestVisible(name=f"effect_{i}", value=1e-3 * i, unit="m/s**2", acts_on="rod", null_value=0.0, motion=12.0 - i)
@@ -52,10 +86,10 @@ def made_up(verdict):
         result,
         verdict=verdict,
         effects=effects,
-        ties=ties if verdict is Verdict.AMBIGUOUS else (),
+        explanations=explanations,
         unlisted=unlisted,
-        sentence=verdict_sentence(verdict, effects, ties, unlisted, (held_out,), failures=(), own_effects=False),
-        notes=verdict_notes(verdict, rounds, unlisted, noise, result.outliers),
+        sentence=verdict_sentence(verdict, effects, credible, unlisted, (held_out,), failures=(), own_effects=False),
+        notes=verdict_notes(verdict, explanations, (IMPOSSIBLE,), noise, result.outliers),
         errors=(held_out,),
         correlated_noise=noise,
         smallest_visible=visible,
@@ -72,7 +106,6 @@ def made_up(verdict):
                 tells_apart=("swing", "clock_ratio"),
             ),
         ),
-        rounds=rounds,
         before=fit,
         after=fit,
     )
@@ -90,7 +123,7 @@ def test_a_report_begins_with_the_sentence_the_picture_and_what_to_do_next(verdi
     assert blocks[3].strip().endswith(f"](figures/{lead_figure.NAME})")
     assert blocks[5].strip() == "## What to do next"
     assert blocks[6].startswith("1. ")
-    assert report.index("## Tests") > report.index("## Candidates")
+    assert report.index("## Tests") > report.index("## Explanations that were compared")
 
 
 @functools.cache
@@ -146,35 +179,215 @@ def test_a_model_as_near_as_errors_allow_is_not_said_to_be_off():
 
 @pytest.mark.parametrize(("count", "value"), [(3, "swing = 0.0100 +/- 0.0010 N s/m"), (4, "swing")])
 def test_a_sentence_of_many_explanations_leaves_their_values_to_the_table(count, value):
-    result = made_up(Verdict.AMBIGUOUS)
-    ties = (result.effects,) * count
-    sentence = verdict_sentence(result.verdict, result.effects, ties, None, result.errors, failures=(), own_effects=False)
+    sentence = ambiguous([explanation(EFFECT)] * count)
     assert f"which of {count} explanations is right: {'; or '.join([value] * count)}; with the first" in sentence
 
 
-def test_every_reason_is_words():
-    candidate = SimpleNamespace(bounds_reason="gravity on Earth is 9.764 to 9.834 m/s^2", name="a")
-    free = SimpleNamespace(bounds_reason="", name="a")
-    best = SimpleNamespace(delta_bic=90.0, candidate=free, within_bounds=True)
+@pytest.mark.parametrize(("count", "last"), [(MAX_TIES, "e5"), (MAX_TIES + 1, "one of 2 others"), (9, "one of 4 others")])
+def test_a_sentence_names_six_explanations_at_most(count, last):
+    sentence = ambiguous([explanation(dataclasses.replace(EFFECT, name=f"e{i}")) for i in range(count)])
+    assert f"which of {count} explanations is right: e0; or e1; or e2; or e3; or e4; or {last}; with the first" in sentence
+
+
+def test_a_sentence_has_effect_and_law_of_one_explanation():
+    sentence = ambiguous([explanation(EFFECT, law=PULSE), explanation(OTHER, EFFECT)])
+    assert (
+        "which of 2 explanations is right: swing = 0.0100 +/- 0.0010 N s/m and a force on the light mass as a function of the "
+        "time, which is not listed; or clock_ratio = 0.0100 +/- 0.0010 N s/m and swing = 0.0100 +/- 0.0010 N s/m; with the "
+        "first, the model comes to within"
+    ) in sentence
+
+
+def test_a_sentence_says_that_nothing_may_be_missing():
+    sentence = ambiguous([explanation(EFFECT), explanation(), explanation(law=BRAKE)])
+    assert sentence.startswith(
+        "These data hardly show whether anything is missing: nothing may be; or swing = 0.0100 +/- 0.0010 N s/m; or a force on "
+        "the heavy mass as a function of the retreat speed, which is not listed; with the most probable, the model comes"
+    )
+    assert "Something is missing" not in sentence
+    assert "explanations is right" not in sentence
+
+
+def ambiguous(credible):
+    result = made_up(Verdict.AMBIGUOUS)
+    return verdict_sentence(result.verdict, credible[0].effects, credible, None, result.errors, failures=(), own_effects=False)
+
+
+def test_every_failure_is_words():
     group = GroupTest(group="sliding, light along", count=30, chi2=4.0, lag1=9.0, ljung_box=0.0, runs=-9.0)
     events = EventTest(count=3, chi2=90.0, expected=3.0, p=0.0, worst="two t_C 1 (+4.2 standard errors)")
     residuals = ResidualTests(chi2_per_dof=9.0, count=30, groups=(group,), events=events)
     held_out = HeldOutTest(names=("two",), chi2=(9.0,), counts=(30,), limits=(1.1,), rms=(0.1,), fits=(None,))
     failed = failures_in_words([*residuals.results, *held_out.results])
     assert len(failed) == 4
-    models = SimpleNamespace(failed_tests=failed)
-    assert _reason(best, None, best, one_passes=True) == "it explains less than the effect in its place"
-    for within, delta_bic, known, model in (
-        (False, 90.0, candidate, models), (False, 90.0, free, models), (True, 3.0, free, None), (True, 50.0, free, None),
-        (True, 50.0, free, models), (True, 3.0, free, models),
-    ):  # fmt: skip
-        r = SimpleNamespace(within_bounds=within, delta_bic=delta_bic, candidate=known)
-        reason = _reason(r, model, best, one_passes=True)
-        assert reason
-        assert not STATISTICS.search(reason), reason
-    assert "impossible: gravity on Earth" in _reason(
-        SimpleNamespace(within_bounds=False, delta_bic=90.0, candidate=candidate), None, best, one_passes=True
+    for failure in failed:
+        assert not STATISTICS.search(failure), failure
+
+
+@pytest.mark.parametrize(
+    ("verdict", "explanations", "notes"),
+    [
+        (
+            Verdict.NO_MISSING_EFFECT,
+            EXPLANATIONS[Verdict.NO_MISSING_EFFECT],
+            ("The model comes nearest with clock_ratio; 32 to 1 that it is chance.",),
+        ),
+        (
+            Verdict.NO_MISSING_EFFECT,
+            (explanation(), explanation(OTHER, law=PULSE, odds=-5000.0, credible=False)),
+            (
+                "The model comes nearest with clock_ratio and a force on the light mass as a function of the time, which is "
+                "not listed; 1e300 to 1 that it is chance.",
+            ),
+        ),
+        (Verdict.NO_MISSING_EFFECT, (explanation(),), ()),
+        (
+            Verdict.UNEXPLAINED,
+            EXPLANATIONS[Verdict.UNEXPLAINED],
+            ("The model comes nearest with swing, but what is left does not look like noise.",),
+        ),
+        # Of what is less probable than nothing, no residuals were tested
+        (Verdict.UNEXPLAINED, EXPLANATIONS[Verdict.NO_MISSING_EFFECT], ()),
+        (
+            Verdict.IDENTIFIED,
+            EXPLANATIONS[Verdict.IDENTIFIED],
+            ("wrong_gravity was ruled out, as gravity on Earth is 9.764 to 9.834 m/s^2.",),
+        ),
+        (Verdict.AMBIGUOUS, EXPLANATIONS[Verdict.AMBIGUOUS], ()),
+        (
+            Verdict.UNLISTED,
+            EXPLANATIONS[Verdict.UNLISTED],
+            (
+                "Which law it is, is less sure than that there is one: the data do not exclude, in its place, a force on the "
+                "heavy mass as a function of the retreat speed.",
+            ),
+        ),
+        # The same law beside an effect, and one that is not credible
+        (
+            Verdict.UNLISTED,
+            (explanation(law=PULSE), explanation(EFFECT, law=PULSE), explanation(law=BRAKE, credible=False)),
+            (),
+        ),
+    ],
+)  # fmt: skip
+def test_the_notes_say_what_comes_near_and_what_is_ruled_out(verdict, explanations, notes):
+    assert verdict_notes(verdict, explanations, (IMPOSSIBLE,), (), ()) == notes
+
+
+@pytest.mark.parametrize(
+    ("probability", "words"),
+    [
+        (None, "\N{EN DASH}"),
+        (1.0, "over 99.9 %"),
+        (0.9991, "over 99.9 %"),
+        (0.5, "50.0 %"),
+        (0.001, "0.1 %"),
+        (9e-4, "below 0.1 %"),
+        (0.0, "below 0.1 %"),
+    ],
+)
+def test_a_probability_is_a_percentage(probability, words):
+    assert markdown.probability_in_words(probability) == words
+
+
+def test_every_explanation_stands_in_the_table_with_its_probability_and_odds():
+    (section,) = (s for s in markdown.after_figures(made_up(Verdict.IDENTIFIED)) if s.startswith("## Explanations that were"))
+    assert [line for line in section.splitlines() if line.startswith("|")][2:] == [
+        "| swing | 98.0 % | +70 | 0.0100 +/- 0.0010 N s/m |",
+        "| clock_ratio | 2.0 % | +68.3 | 0.0100 +/- 0.0010 N s/m |",
+        "| swing + clock_ratio | \N{EN DASH} | +69.1 | 0.0100 +/- 0.0010 N s/m; 0.0100 +/- 0.0010 N s/m |",
+        "| nothing | below 0.1 % | 0 | \N{EN DASH} |",
+    ]
+
+
+def test_explanations_that_cannot_be_told_apart_have_a_line_for_each_part():
+    result = made_up(Verdict.AMBIGUOUS)
+    credible = (
+        explanation(OTHER, law=PULSE, probability=0.5),
+        explanation(EFFECT, probability=0.3),
+        explanation(probability=0.2),
     )
+    section = tied(dataclasses.replace(result, explanations=credible))
+    ends = "`F = -k v` | 0.0100 +/- 0.0010 N s/m | 0.00804 to 0.01196 | 0 |"
+    gaps = " | ".join(["\N{EN DASH}"] * 5)
+    assert [line for line in section.splitlines() if line.startswith("|")][2:6] == [
+        f"| 1 | 50.0 % | clock_ratio | light mass | {ends}",
+        f"|  |  | a force on the light mass as a function of the time | {gaps} |",
+        f"| 2 | 30.0 % | swing | light mass | {ends}",
+        f"| 3 | 20.0 % | nothing | {gaps} |",
+    ]
+
+
+@pytest.mark.parametrize("verdict", list(Verdict))
+def test_what_cannot_be_told_apart_is_listed_if_there_are_several(verdict):
+    section = tied(made_up(verdict))
+    assert bool(section) == (verdict in {Verdict.AMBIGUOUS, Verdict.UNLISTED})
+    assert ("### Next experiment" in section) == (verdict is Verdict.AMBIGUOUS)
+
+
+def tied(result):
+    return next((s for s in markdown.before_figures(result) if s.startswith("## Explanations that these data")), "")
+
+
+def test_the_headline_says_that_nothing_may_be_missing():
+    result = made_up(Verdict.AMBIGUOUS)
+    assert "## Verdict: Something is missing, and" in markdown.render(result)
+    nothing = dataclasses.replace(result, explanations=(explanation(EFFECT), explanation()))
+    assert "## Verdict: Something may be missing, and" in markdown.render(nothing)
+
+
+def test_the_figure_of_explanations_has_a_bar_for_each_that_adds_something():
+    result = made_up(Verdict.IDENTIFIED)
+    figure = page.explanations_figure(result)
+    (bars,) = figure.traces
+    assert bars["x"] == [70.0, 68.3, 69.1]
+    assert bars["text"] == ["98.0 %", "2.0 %", "\N{EN DASH}"]
+    assert bars["marker"]["color"] == [page.AFTER, page.SOFT, page.SOFT]
+    assert figure.layout["yaxis"]["ticktext"] == ["swing", "clock_ratio", "swing + clock_ratio"]
+    (axes,) = plots.explanations_figure(result).axes
+    assert [bar.get_width() for bar in axes.patches] == bars["x"][::-1]  # Matplotlib draws from below
+    assert [label.get_text() for label in axes.get_yticklabels()] == figure.layout["yaxis"]["ticktext"][::-1]
+
+
+def test_explanations_of_one_name_have_bars_of_their_own():
+    """They were drawn over each other: the words for a law do not say by which speed it is multiplied."""
+    same = tuple(explanation(law=PULSE, odds=odds) for odds in (3.0, 2.0, 1.0))
+    result = dataclasses.replace(made_up(Verdict.UNLISTED), explanations=(*same, NOTHING))
+    (axes,) = plots.explanations_figure(result).axes
+    assert len({bar.get_y() for bar in axes.patches}) == 3
+    assert len(set(page.explanations_figure(result).traces[0]["y"])) == 3
+
+
+def test_the_long_name_of_a_law_stands_in_lines():
+    """It was cut off before the coordinate, and a phone showed its end alone."""
+    result = dataclasses.replace(made_up(Verdict.UNLISTED), explanations=(explanation(OTHER, law=BRAKE), NOTHING))
+    name = "clock_ratio + unlisted force on the heavy mass as a function of the retreat speed"
+    (shown,) = page.explanations_figure(result).layout["yaxis"]["ticktext"]
+    assert shown.replace("<br>", " ") == name
+    assert max(map(len, shown.split("<br>"))) <= page.LABEL_WIDTH
+    (axes,) = plots.explanations_figure(result).axes
+    assert [label.get_text().split("\n") for label in axes.get_yticklabels()] == [
+        ["clock_ratio + unlisted force on the heavy mass as", "a function of the retreat speed"]
+    ]
+    endless = explanation(dataclasses.replace(EFFECT, name="a" * 260))
+    assert len(plots.name_lines(endless, page.LABEL_WIDTH)) == plots.MAX_LINES
+
+
+def test_without_a_second_explanation_there_is_no_figure_of_them():
+    for verdict, others in ((Verdict.IDENTIFIED, True), (Verdict.NO_MISSING_EFFECT, True), (Verdict.NO_MISSING_EFFECT, False)):
+        result = made_up(verdict)
+        result = result if others else dataclasses.replace(result, explanations=result.explanations[:1])
+        assert ("explanations" in [figure.id for figure in page.figures(result)]) == others
+
+
+def test_the_report_says_whether_the_repaired_model_has_the_unlisted_force():
+    result = dataclasses.replace(made_up(Verdict.UNLISTED), verdict=Verdict.AMBIGUOUS)
+    first, second = explanation(law=PULSE), explanation(EFFECT)
+    with_force = unlisted_report.section(dataclasses.replace(result, explanations=(first, second)))
+    without = unlisted_report.section(dataclasses.replace(result, explanations=(second, first)))
+    assert "The repaired model has these, since no simple formula explains" in with_force
+    assert unlisted_report.IN_NO_REPAIRED_MODEL in without
+    assert unlisted_report.IN_NO_REPAIRED_MODEL not in with_force
 
 
 def test_every_test_stands_in_the_table_with_its_limit():
@@ -235,3 +448,31 @@ def test_the_next_trial_is_described_with_what_it_separates(changes, words):
     (experiment,) = result.next_experiments
     result = dataclasses.replace(result, next_experiments=(dataclasses.replace(experiment, **changes),))
     assert words in next_steps.section(result)
+
+
+@pytest.mark.parametrize(
+    ("others", "step"),
+    [
+        (
+            (explanation(EFFECT),),
+            "1. Film what tells the unlisted force from the listed effects: trials in which the free length is",
+        ),
+        (
+            (explanation(),),
+            "1. Film what shows whether the unlisted force acts: trials in which the free length is often between",
+        ),
+        ((explanation(EFFECT), explanation(OTHER)), "1. Film this trial: release `held` at"),
+        ((explanation(EFFECT), explanation()), "1. Film this trial: release `held` at"),
+    ],
+)
+def test_a_law_beside_one_listed_explanation_is_filmed_where_it_acts(others, step):
+    force = pages.identification("swing").unlisted
+    result = dataclasses.replace(made_up(Verdict.AMBIGUOUS), unlisted=force, explanations=(explanation(law=PULSE), *others))
+    assert step in next_steps.section(result)
+
+
+def test_an_unlisted_force_of_time_is_asked_for_in_the_same_release():
+    result = made_up(Verdict.UNLISTED)
+    result = dataclasses.replace(result, unlisted=dataclasses.replace(result.unlisted, depends_on="time", unit="s"))
+    step = "film the same release again. Does it act again between 100 ms and 300 ms, where it is clearly not zero?\n"
+    assert f"1. Measure more of it: {step}" in next_steps.section(result)

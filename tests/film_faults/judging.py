@@ -365,14 +365,12 @@ def _identified(study: CleanStudy, path: Path, result: dict[str, Any]) -> dict[s
 
 
 def _verdict(path: Path) -> tuple[str, str]:
-    """Return verdict and names of what was added; an empty one and the reason if the study is refused."""
+    """Return verdict and names of the credible explanations; an empty one and the reason if the study is refused."""
     try:
         found = identify(study_io.load(path), workers=1, time_limit=IDENTIFY_LIMIT)
     except HarnessError as error:
         return "", f"refused: {error}"
-    tied = " or ".join("+".join(e.name for e in tie) for tie in found.ties)
-    names = tied or ", ".join(found.names)
-    return str(found.verdict), names
+    return str(found.verdict), " or ".join("+".join(e.names) or "nothing" for e in found.credible)
 
 
 @contextmanager

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from looping_pendulum.discrepancy.result import (
@@ -10,10 +12,10 @@ from looping_pendulum.discrepancy.result import (
     ForceProfile,
     Identification,
     IdentifiedEffect,
-    RankedCandidate,
-    Round,
+    RankedExplanation,
     Unlisted,
     Verdict,
+    UnlistedLaw,
 )
 from looping_pendulum.discrepancy.trial_results import EventResidual, Outliers, TrialError, TrialFigure
 
@@ -28,7 +30,6 @@ def identification(name: str) -> Identification:
         condition_number=10.0,
         chi2_per_dof=2.0,
         held_out_chi2=2.0,
-        largest_score=9.0,
         failed_tests=(name,),
         start_costs=(),
     )
@@ -36,19 +37,21 @@ def identification(name: str) -> Identification:
         name=name, kind="force", acts_on="light mass", depends_on=("speed",), formula="F = -k v", source="", parameter="k",
         meaning="is", value=0.01, error=0.001, interval=None, null_value=0.0, unit="N s/m", companions=(),
     )  # fmt: skip
-    ranking = tuple(
-        RankedCandidate(name=f"{name}{i}", kind="force", score=9.0 - i, delta_bic=90.0 - 40 * i, value=0.01, error=0.001,
-               held_out_chi2=1.0, passes=i == 0, reason="" if i == 0 else name)
-        for i in range(3)
-    )  # fmt: skip
+    other = dataclasses.replace(effect, name=f"{name}2")
+    law = UnlistedLaw(acts_on="light mass", depends_on="free_length")
+    explanations = (
+        RankedExplanation(effects=(effect,), law=law, probability=0.97, log10_odds=60.0, credible=True),
+        RankedExplanation(effects=(effect,), law=None, probability=0.03, log10_odds=58.5, credible=False),
+        RankedExplanation(effects=(effect, other), law=None, probability=None, log10_odds=57.0, credible=False),
+        RankedExplanation(effects=(), law=None, probability=1e-60, log10_odds=0.0, credible=False),
+    )
     profile = ForceProfile(
         side="along", coordinate=tuple(t), value=tuple(wave), error=(0.1,) * len(t), largest=1.0, largest_at=0.2,
         significant_from=0.1, significant_to=0.3, formula="radial basis functions", fitted_formula_values=tuple(wave),
     )  # fmt: skip
     force = Unlisted(
         acts_on="light mass", depends_on="free_length", multiplied_by="constant", unit="m", profiles=(profile,), formula=None,
-        formulas=(), phase="while sliding", twice_log_bayes_factor=100.0, held_out_chi2_before=3.0, held_out_chi2_after=1.0,
-        other_closures=(),
+        formulas=(), phase="while sliding", log_bayes_factor=50.0, held_out_chi2_before=3.0, held_out_chi2_after=1.0,
     )  # fmt: skip
     picture = TrialFigure(
         trial=name,
@@ -74,13 +77,12 @@ def identification(name: str) -> Identification:
         verdict=Verdict.UNLISTED,
         sentence=name,
         effects=(effect,),
-        ties=(),
+        explanations=explanations,
         unlisted=force,
         correlated_noise=(),
         record_starts=(),
         smallest_visible=(),
         next_experiments=(),
-        rounds=(Round(added_before=(), ranking=ranking, best=name, runner_up=name, margin=40.0),),
         errors=(
             TrialError(trial=name, held_out=False, rms_before=3e-3, rms_after=1e-3,
                        standardised_rms_before=3.0, standardised_rms_after=1.0,

@@ -110,7 +110,7 @@ def test_identification_draws_every_figure(identified):
     until(identified.page, DRAWN)
     result = identification(HOSTILE)
     drawn = [f.id for f in (*identification_page.first_figures(result), *identification_page.figures(result))]
-    assert drawn == ["motion-0", "motion-1", "errors", "trial-0", "events", "ranking", "unlisted"]
+    assert drawn == ["motion-0", "motion-1", "errors", "trial-0", "events", "explanations", "unlisted"]
     for name in drawn:
         assert identified.page.locator(f"#{name} .trace").count() > 0
     assert sideways(identified.page) == 0

@@ -70,7 +70,6 @@ def test_a_verdict_shows_its_sentence_and_errors():
         condition_number=1.0,
         chi2_per_dof=1.0,
         held_out_chi2=1.0,
-        largest_score=0.0,
         failed_tests=(),
         start_costs=(),
     )
@@ -79,9 +78,9 @@ def test_a_verdict_shows_its_sentence_and_errors():
         events_before={}, events_after={},
     )  # fmt: skip
     result = Identification(
-        study="s", title=HOSTILE, seed=0, verdict=Verdict.NO_MISSING_EFFECT, sentence="Nothing was added.", effects=(), ties=(),
-        unlisted=None, correlated_noise=(), record_starts=(),
-        smallest_visible=(), next_experiments=(), rounds=(), errors=(error,), events=(), outliers=(), before=fit,
+        study="s", title=HOSTILE, seed=0, verdict=Verdict.NO_MISSING_EFFECT, sentence="Nothing was added.", effects=(),
+        explanations=(), unlisted=None, correlated_noise=(), record_starts=(),
+        smallest_visible=(), next_experiments=(), errors=(error,), events=(), outliers=(), before=fit,
         after=fit, judged_on="held-out trials", data=(), provenance={}, scenario="",
     )  # fmt: skip
     page = harmless(result._repr_html_())

@@ -2,48 +2,226 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
-from looping_pendulum.discrepancy.evidence.explanation import NOTHING, Explanation, Key, explained, to_data_steps
+import numpy as np
+
+from looping_pendulum.discrepancy.candidates import Candidate
+from looping_pendulum.discrepancy.evidence.changes import compile_for, steps_together
+from looping_pendulum.discrepancy.evidence.explanation import (
+    NOTHING,
+    Explanation,
+    Key,
+    explained,
+    law_name,
+    refit_steps,
+    to_data_steps,
+    without_steps,
+)
 from looping_pendulum.discrepancy.evidence.marginal import NoiseGrid
-from looping_pendulum.discrepancy.evidence.prior import CREDIBLE, LAW_PREDICTS
-from looping_pendulum.discrepancy.evidence.search import Search, best_of, posterior
-from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate
-from looping_pendulum.discrepancy.fit.predictions import alone
-from looping_pendulum.discrepancy.fit.problem import Problem, free_parameters_of
+from looping_pendulum.discrepancy.evidence.prior import CREDIBLE, LAW_PREDICTS, least_distance
+from looping_pendulum.discrepancy.evidence.search import Search, in_words, posterior
+from looping_pendulum.discrepancy.evidence.templates import Visible
+from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate_steps
+from looping_pendulum.discrepancy.fit.held_out import HeldOutTest, check_held_out
+from looping_pendulum.discrepancy.fit.predictions import alone, together
+from looping_pendulum.discrepancy.fit.problem import Problem, TrialData, free_parameters_of
+from looping_pendulum.discrepancy.fit.residual import ResidualTests
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import Inputs
+from looping_pendulum.discrepancy.result import Verdict
+from looping_pendulum.discrepancy.unlisted.force import RecoveredForce
+from looping_pendulum.discrepancy.unlisted.motions import motions
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Explanations:
-    """What may be missing, by its probability."""
+class Ranked:
+    """An explanation beside others."""
 
-    probabilities: tuple[tuple[Key, float], ...]
-    """What an explanation adds, and its probability, the most probable first; an empty set: nothing is missing."""
-    best: Explanation
-    """The most probable explanation."""
-    passes: bool
-    """Whether its residuals look like its own noise."""
+    explanation: Explanation
+    fit: Fit
+    """With its most probable noise if it is credible, else with white noise."""
+    probability: float | None
+    """None: it adds nothing that shows to a part of it, with which it is counted."""
+    credible: bool
+    """Whether it is in the smallest set that has `prior.CREDIBLE` of the probability."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Judged:
+    """An explanation beside its tests, and fitted to the training trials alone, so that held-out data judge it."""
+
+    explanation: Explanation
+    fit: Fit
+    """To all trials."""
+    tests: ResidualTests
+    """Of that fit."""
+    training: Fit
+    held_out: HeldOutTest
+
+
+class Explanations:
+    """What may be missing, by its probability.
+
+    Parameters
+    ----------
+    interrupted
+        Whether the search was ended before others were looked at.
+    """
+
+    def __init__(self, search: Search, inputs: Inputs, workers: Workers, interrupted: bool = False) -> None:
+        self._search, self._inputs, self._workers = search, inputs, workers
+        self._of_training: dict[Key, Fit | None] = {}
+        self.interrupted = interrupted
+        self._fitted = dict(search.fitted)
+        while True:
+            probabilities = posterior(self._fitted)
+            self.best = self._fitted[probabilities[0][0]]
+            self.credible = _credible(probabilities)
+            laws = [] if self.interrupted else [self._fitted[key] for key in self.credible if self._fitted[key].parts.law]
+            try:
+                unconfirmed = [e for e in laws if not self._predicts(e)]
+            except KeyboardInterrupt:
+                self.interrupted, unconfirmed = True, []
+            if not unconfirmed:
+                break
+            for e in unconfirmed:
+                del self._fitted[e.key]
+        self.probabilities = tuple(probabilities)
+        """What an explanation adds, and its probability, the most probable first; an empty set: nothing is missing."""
+
+    @cached_property
+    def passes(self) -> bool:
+        """Return whether the residuals of the best explanation look like its own noise."""
+        return self._search.passes(self.best)
 
     @property
-    def credible(self) -> tuple[Key, ...]:
-        """Return the smallest set of explanations that has `prior.CREDIBLE` of the probability."""
-        found, total = [], 0.0
-        for key, p in self.probabilities:
-            found.append(key)
-            total += p
-            if total >= CREDIBLE:
-                break
-        return tuple(found)
+    def verdict(self) -> Verdict:
+        """Return what the data say about the declared model."""
+        if self.interrupted:
+            return Verdict.INTERRUPTED
+        if not self.passes:
+            return Verdict.UNEXPLAINED
+        if self.credible == (NOTHING,):
+            return Verdict.NO_MISSING_EFFECT
+        if all(self._fitted[key].parts.law for key in self.credible):
+            return Verdict.UNLISTED
+        return Verdict.IDENTIFIED if len(self.credible) == 1 else Verdict.AMBIGUOUS
+
+    @cached_property
+    def ranked(self) -> tuple[Ranked, ...]:
+        """Return all explanations that were fitted, the most probable first."""
+        known = dict(self.probabilities)
+        rows = []
+        for e in sorted(self._fitted.values(), key=lambda e: (e.key != self.best.key, -known.get(e.key, -1), -e.log_posterior)):
+            credible = e.key in self.credible
+            fit = self._search.tested(e)[0] if credible else e.fit
+            rows.append(Ranked(explanation=e, fit=fit, probability=known.get(e.key), credible=credible))
+        return tuple(rows)
+
+    @property
+    def ruled_out(self) -> list[Candidate]:
+        """Return listed effects that would explain much with a value that is known to be impossible."""
+        return self._search.ruled_out
+
+    @cached_property
+    def least_distance(self) -> float:
+        """Return how many standard errors an effect must be large to be more probable than that nothing is missing."""
+        return least_distance(len(self._search.library))
+
+    @property
+    def nothing(self) -> Explanation:
+        """Return the declared model."""
+        return self._fitted[NOTHING]
+
+    def smallest_visible(self, e: Explanation) -> list[Visible]:
+        """Return the smallest size of every listed effect that the data would show beside an explanation."""
+        return self._search.smallest_visible(e)
+
+    def judged(self, e: Explanation) -> Judged:
+        """Judge an explanation by held-out data, with the noise of the best explanation: one noise compares them."""
+        fit, tests = self._search.tested(e)
+        training = fit
+        if self._inputs.held_out or e.parts.law:
+            noises = self._search.grid.noises(self.best.setting)
+            data = [d.with_noises(noises) for d in self._training(e)]
+            refitted = alone(to_data_steps(self._fit_to_training(e) or e.fit, data))
+            if refitted is None:
+                raise FitError(f"the model with {in_words(e.key)} cannot run the training trials alone; leave one of them out")
+            training = refitted
+        held_out = check_held_out(training, self._inputs.held_out, workers=self._workers)
+        return Judged(explanation=e, fit=fit, tests=tests, training=training, held_out=held_out)
+
+    def force(self, judged: Judged) -> tuple[Fit, RecoveredForce]:
+        """Return the law of an explanation that has one, and the fit to the training trials without it."""
+        e = judged.explanation
+        law = e.parts.law
+        assert law is not None
+        rest = self._fitted.get(e.key - {law_name(law)})
+        without = rest.fit if rest else alone(without_steps(e, law_name(law))) or self.nothing.fit
+        data = judged.training.problem.data
+        if law.point is not None:
+            x, y = (judged.training.values[name] for name in law.point_coefficients)
+            law = dataclasses.replace(law, point=(x, y))
+        return alone(to_data_steps(without, data)) or without, RecoveredForce(
+            closure=law,
+            fit=judged.training,
+            log_bayes_factor=e.log_z - (rest or self.nothing).log_z,
+            coordinates=motions(judged.training).where_it_acts(law),
+            held_out=judged.held_out,
+        )
+
+    def _predicts(self, e: Explanation) -> bool:
+        """Return whether a law, by the training trials, makes the held-out ones more probable; so if there are none."""
+        if not self._inputs.held_out:
+            return True
+        gains = []
+        for one in (e, self._search.fitted[NOTHING]):
+            fit = self._fit_to_training(one)
+            if fit is None:
+                return False
+            training = explained(NoiseGrid(fit.problem.data), fit, one.parts, len(self._search.library))
+            gains.append(one.log_z - training.log_z)
+        return gains[0] - gains[1] >= LAW_PREDICTS
+
+    def _fit_to_training(self, e: Explanation) -> Fit | None:
+        """Return the fit to the training trials with white noise, the parameters of a law last; None: it cannot run."""
+        if e.key not in self._of_training:
+            data, law = self._training(e), set(e.parts.law.names if e.parts.law else ())
+            trials = {d.trial.name for d in data}
+            kept = [i for i, n in enumerate(e.fit.problem.free_parameters) if trials & set(n.trials)]
+            kept.sort(key=lambda i: e.fit.problem.names[i] in law)
+            self._of_training[e.key] = alone(refit_steps(e.fit, kept, data))
+        return self._of_training[e.key]
+
+    def _training(self, e: Explanation) -> list[TrialData]:
+        return [d for d in e.fit.problem.data if not d.trial.held_out]
 
 
-def explain(inputs: Inputs, workers: Workers = SERIAL, report: Callable[[str], None] = lambda what: None) -> Explanations:
+def explain(
+    inputs: Inputs, seed: int = 0, workers: Workers = SERIAL, report: Callable[[str], None] = lambda what: None
+) -> tuple[Explanations, tuple[float, ...]]:
     """Compare explanations of the data of all trials, held-out ones included.
 
     The evidence of all data is that of the training trials times the density with which these predict the held-out ones.
+
+    Parameters
+    ----------
+    seed
+        Seed of the random second start of the calibration.
+    report
+        Called with a description of each step. A KeyboardInterrupt that it raises after the calibration ends the search.
+
+    Returns
+    -------
+    explanations
+        What was found.
+    start_costs
+        Cost at which the fit of the declared model ended from each of its starts.
 
     Raises
     ------
@@ -51,37 +229,36 @@ def explain(inputs: Inputs, workers: Workers = SERIAL, report: Callable[[str], N
         If the declared model cannot run.
     """
     report("calibrating")
-    search = Search(_declared(inputs), inputs.library, workers, report)
-    search.run()
-    fitted = dict(search.fitted)
-    while True:
-        best = best_of(fitted)
-        found = Explanations(probabilities=tuple(posterior(fitted)), best=best, passes=search.passes(best))
-        laws = [fitted[key] for key in found.credible if fitted[key].parts.law]
-        unconfirmed = [e for e in laws if not _predicts(e, fitted[NOTHING], inputs, len(search.library))]
-        if not unconfirmed:
-            return found
-        for e in unconfirmed:
-            del fitted[e.key]
+    base, start_costs = _declared(inputs, seed, workers)
+    search = Search(base, inputs.library, workers, report)
+    interrupted = False
+    try:
+        search.run()
+    except KeyboardInterrupt:
+        interrupted = True
+    return Explanations(search, inputs, workers, interrupted), start_costs
 
 
-def _declared(inputs: Inputs) -> Fit:
-    """Return the fit of the declared model to all trials."""
+def _declared(inputs: Inputs, seed: int, workers: Workers) -> tuple[Fit, tuple[float, ...]]:
+    """Return the fit of the declared model to all trials, and the costs that its starts led to."""
     data = [*inputs.training, *(d for d, _ in inputs.held_out)]
-    free = free_parameters_of(inputs.study, list(inputs.observed))
-    return refit_with_estimated_noise(calibrate(Problem(inputs.study, data, free)))
+    problem = Problem(inputs.study, data, free_parameters_of(inputs.study, list(inputs.observed)))
+    compiled = sorted((c for c in inputs.library if c.needs_compilation), key=lambda c: -len(c.companion_grid()))
+    of_batch = [c for c in compiled if steps_together(problem, c)]
+    # Compiling the reference for some effects takes seconds, so an idle process begins with it now
+    workers.prepare(compile_for, problem, [*of_batch[:1], *(c for c in compiled if c not in of_batch)])
+    second = problem.prior_mean + np.random.default_rng(seed).standard_normal(len(problem.free_parameters))
+    starts = [problem.prior_mean, np.clip(second, problem.low, problem.high)]
+    fits = together([calibrate_steps(problem, start) for start in starts])
+    return refit_with_estimated_noise(min(fits, key=lambda f: f.cost)), tuple(f.cost for f in fits)
 
 
-def _predicts(e: Explanation, nothing: Explanation, inputs: Inputs, library: int) -> bool:
-    """Return whether a law, by the training trials, makes the held-out ones more probable; so if there are none."""
-    if not inputs.held_out:
-        return True
-    training = {d.trial.name for d in inputs.training}
-    gains = []
-    for one in (e, nothing):
-        data = [d for d in one.fit.problem.data if d.trial.name in training]
-        fit = alone(to_data_steps(one.fit, data))
-        if fit is None:
-            return False
-        gains.append(one.log_z - explained(NoiseGrid(data), fit, one.parts, library).log_z)
-    return gains[0] - gains[1] >= LAW_PREDICTS
+def _credible(probabilities: list[tuple[Key, float]]) -> tuple[Key, ...]:
+    """Return the smallest set of explanations that has `prior.CREDIBLE` of the probability."""
+    found, total = [], 0.0
+    for key, p in probabilities:
+        found.append(key)
+        total += p
+        if total >= CREDIBLE:
+            break
+    return tuple(found)

@@ -13,15 +13,15 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.special import logsumexp
 
+from looping_pendulum.discrepancy.candidates import Candidate
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.evidence.laws import Law, with_law
 from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid, sigma_of
-from looping_pendulum.discrepancy.evidence.prior import LARGE_MISFIT, log_occam, log_prior
+from looping_pendulum.discrepancy.evidence.prior import log_occam, log_prior
 from looping_pendulum.discrepancy.evidence.templates import Template
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate_steps, minimise_steps
 from looping_pendulum.discrepancy.fit.predictions import Steps
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
-from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.unlisted.closures import Closure
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -202,8 +202,7 @@ def addition_steps(a: Addition) -> Steps[Fit | None]:
     for fit_from, start, beside in starts:
         with contextlib.suppress(FitError):
             fits.append((yield from fit_from(problem, np.concatenate([start, beside]), cost_tolerance=enough_cost(parent))))
-        enough = a.decrease < 10 * LARGE_MISFIT or a.law is not None
-        if fits and enough and parent.cost - min(f.cost for f in fits) > 0.9 * a.decrease:
+        if fits and parent.cost - min(f.cost for f in fits) > 0.9 * a.decrease:
             break
     if not fits:
         return None
@@ -215,6 +214,17 @@ def addition_steps(a: Addition) -> Steps[Fit | None]:
             )
             fit = min(fit, again, key=lambda f: f.cost)
     return fit
+
+
+def again_steps(e: Explanation) -> Steps[Fit | None]:
+    """Fit an explanation again from where its other parameters are as likely as can be before the data are seen."""
+    p = e.fit.problem
+    added = {name for part in e.key for name in e.parts.parameters_of(part)}
+    start = np.where([name in added for name in p.names], e.fit.x, p.prior_mean)
+    try:
+        return (yield from calibrate_steps(p, start, cost_tolerance=enough_cost(e.fit)))
+    except FitError:
+        return None
 
 
 def enough_cost(fit: Fit) -> float:

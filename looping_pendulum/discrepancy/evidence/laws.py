@@ -18,12 +18,12 @@ from scipy.linalg import block_diag
 from scipy.special import logsumexp
 
 from looping_pendulum.discrepancy.evidence.marginal import NoiseGrid, sigma_of
-from looping_pendulum.discrepancy.evidence.prior import LENGTHS, POINT_SIGMA, log_occam, log_share
+from looping_pendulum.discrepancy.evidence.prior import LENGTHS, POINT_SIGMA, RIDGES, log_occam, log_share
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.unlisted.closures import COORDINATES_OF, TARGETS, Closure, factors_of
-from looping_pendulum.discrepancy.unlisted.discovery import POINT_SCALE, point_parameters, weight_parameters
-from looping_pendulum.discrepancy.unlisted.screening import N_PULSES, RIDGES, Motions, _respond, motions
+from looping_pendulum.discrepancy.unlisted.force import POINT_SCALE, point_parameters, weight_parameters
+from looping_pendulum.discrepancy.unlisted.motions import N_PULSES, Motions, motions, respond
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.reference_ode.effects.closure import N_BASIS_FUNCTIONS
 from looping_pendulum.reference_ode.geometry import Array
@@ -93,7 +93,7 @@ class Laws:
         self._log_weights = log_z - logsumexp(log_z)
         problem, sides = fit.problem, runs.pulsed_sides
         items = [(side, i) for side in sides for i in range(0, N_PULSES, N_BASIS_FUNCTIONS)]
-        found = workers.map_together(_respond, (problem, fit.x, runs.pulse_spacing), items)
+        found = workers.map_together(respond, (problem, fit.x, runs.pulse_spacing), items)
         n = problem.measured_rows
         responses = np.hstack([c[:n] for c in found]) * sigma_of(problem.data)[:, None]
         at = set(fit.at_bounds)
@@ -279,8 +279,7 @@ def with_law(p: Problem, law: Law) -> tuple[Problem, Array]:
     """Return a problem with a law's point and weights as further parameters, and their values by the linear model."""
     closure, trials = law.closure, tuple(t.name for t in p.study.trials)
     prior = POINT_SIGMA / POINT_SCALE
-    points = [dataclasses.replace(n, prior=prior) for n in point_parameters(closure, trials)]
-    weights = weight_parameters(closure, trials, law.ridge, 1.0)
+    points, weights = point_parameters(closure, trials, prior), weight_parameters(closure, trials, law.ridge)
     root_of_weights = np.linalg.inv(covariance_root(law.length, len(TARGETS[closure.target])))
     root = block_diag(p.prior_weights, np.eye(len(points)) / prior, root_of_weights)
     mean = np.append(p.prior_mean, np.zeros(len(points) + len(weights)))

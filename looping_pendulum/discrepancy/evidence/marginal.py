@@ -17,7 +17,6 @@ from scipy.special import logsumexp
 from looping_pendulum.discrepancy.data.observations import BODIES
 from looping_pendulum.discrepancy.evidence.prior import AMPLITUDES, FRAMES, P_LASTING
 from looping_pendulum.discrepancy.fit.correlated_noise import CorrelatedNoise, Whitening
-from looping_pendulum.discrepancy.fit.correlated_noise_fit import with_noises
 from looping_pendulum.discrepancy.fit.problem import TrialData
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -89,7 +88,7 @@ class NoiseGrid:
 
     def standardised(self, columns: Array, k: int, setting: int) -> Array:
         """Return rows of trial ``k`` standardised by a setting, shape as given."""
-        return with_noises(self.data[k], self.noises(setting)).standardise(columns)
+        return self.data[k].with_noises(self.noises(setting)).standardise(columns)
 
     def noises(self, setting: int) -> dict[str, CorrelatedNoise]:
         """Return body -> correlated noise of one of `combinations`; bodies with white noise are left out."""

@@ -26,6 +26,9 @@ LOG_RANGE = math.log(1000.0)
 
 From tenths of a millimetre, which hardly any tracker shows, to decimetres of the light mass's motion.
 """
+# From 10 uN, which move 10 g by a tenth of a millimetre in half a second, to 1 N, about the heavy mass's weight
+RIDGES = np.logspace(-5, 0, 41)
+"""Standard deviations of a law's weights, all alike [N, or 1 for friction]."""
 LENGTHS = (0.0, 1.5, 4.0)
 """Correlation lengths of a law's weights [basis functions], all alike: how smooth it is, beside their own width."""
 POINT_SIGMA = 0.3
@@ -33,6 +36,8 @@ POINT_SIGMA = 0.3
 AMPLITUDES, FRAMES = (0.5, 1.5, 4.0, 12.0), (4.0, 10.0, 24.0)
 """Amplitudes [white sigma] and correlation times [frames] of errors that last longer than a frame."""
 # What is looked at and said
+VISIBLE = 4.0
+"""Standard errors from which on an effect is large enough to be seen, by the sizes that a report calls visible."""
 CREDIBLE = 0.95
 """Probability of the explanations that a verdict names."""
 LAW_PREDICTS = math.log(1000.0)
@@ -67,6 +72,20 @@ def log_prior(count: int, library: int, law: Closure | None = None) -> float:
     if law is None:
         return math.log(P_OF_EFFECTS[count]) - ways
     return math.log(P_OF_LAW[count]) - ways + log_share(law)
+
+
+def least_distance(library: int) -> float:
+    """Return how many standard errors an effect must be large to be more probable than that nothing is missing.
+
+    Parameters
+    ----------
+    library
+        Number of listed effects that there are.
+    """
+    from scipy.optimize import brentq
+
+    odds = log_prior(1, library) - log_prior(0, library)
+    return float(brentq(lambda z: 0.5 * z**2 + float(log_occam(np.array(z))) + odds, 1.0, 10.0))
 
 
 def log_share(law: Closure) -> float:

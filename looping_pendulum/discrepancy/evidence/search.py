@@ -10,6 +10,8 @@ from functools import partial
 import numpy as np
 from scipy.special import logsumexp
 
+from looping_pendulum.discrepancy.candidates import Candidate
+from looping_pendulum.discrepancy.evidence.changes import steps_together
 from looping_pendulum.discrepancy.evidence.explanation import (
     NOTHING,
     Addition,
@@ -17,6 +19,7 @@ from looping_pendulum.discrepancy.evidence.explanation import (
     Key,
     Parts,
     addition_steps,
+    again_steps,
     bounded,
     explained,
     raw,
@@ -32,18 +35,16 @@ from looping_pendulum.discrepancy.evidence.prior import (
     MAX_EFFECTS,
     MAX_ROUNDS,
     MAX_TOGETHER,
+    VISIBLE,
     body_of,
     log_occam,
     log_prior,
 )
-from looping_pendulum.discrepancy.evidence.templates import Template, columns, templates
+from looping_pendulum.discrepancy.evidence.templates import Template, Visible, columns, smallest_visible, templates
 from looping_pendulum.discrepancy.fit.calibration import Fit
-from looping_pendulum.discrepancy.fit.correlated_noise_fit import with_noises
 from looping_pendulum.discrepancy.fit.predictions import Steps, alone, together
-from looping_pendulum.discrepancy.fit.residual import check_residuals
+from looping_pendulum.discrepancy.fit.residual import ResidualTests, check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import data_with_noise_of_residuals
-from looping_pendulum.discrepancy.listed.candidates import Candidate
-from looping_pendulum.discrepancy.listed.screening import steps_together
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
 
 MAX_SETTINGS, MAX_SETTINGS_OF_LAWS = 5, 2
@@ -83,9 +84,10 @@ class Search:
         self._errors: dict[tuple[Key, bool], list[float]] = {}
         """(Parent, whether a law was added) -> evidence of exact fits less what the linear model had said."""
         self._expanded: set[Key] = set()
-        self.templates: list[Template] = []
-        """Those beside the declared model."""
-        self._passes: dict[Key, bool] = {}
+        self.ruled_out: list[Candidate] = []
+        """Listed effects that would explain much with a value that is known to be impossible."""
+        self._templates: dict[Key, list[Template]] = {}
+        self._tested: dict[Key, tuple[Fit, ResidualTests]] = {}
         self._add(base, Parts())
 
     @property
@@ -93,16 +95,26 @@ class Search:
         """Return the most probable explanation."""
         return best_of(self.fitted)
 
-    def passes(self, e: Explanation) -> bool:
-        """Return whether the residuals of an explanation look like its own noise: the one absolute test."""
-        if e.key not in self._passes:
+    def tested(self, e: Explanation) -> tuple[Fit, ResidualTests]:
+        """Return the fit of an explanation with its most probable noise, and the tests of its residuals."""
+        if e.key not in self._tested:
             fit, noises = e.fit, self.grid.noises(e.setting)
             if noises:
-                fit = alone(to_data_steps(fit, [with_noises(d, noises) for d in fit.problem.data])) or fit
-            tests = check_residuals(fit)
-            # Errors of real marks are seldom as simple as such a process, so that a pattern stays beside the right effect, too
-            self._passes[e.key] = tests.passes if not noises else tests.chi2_per_dof <= tests.limit
-        return self._passes[e.key]
+                fit = alone(to_data_steps(fit, [d.with_noises(noises) for d in fit.problem.data])) or fit
+            self._tested[e.key] = fit, check_residuals(fit)
+        return self._tested[e.key]
+
+    def passes(self, e: Explanation) -> bool:
+        """Return whether the residuals of an explanation look like its own noise: the one absolute test."""
+        _, tests = self.tested(e)
+        # Errors of real marks are seldom as simple as such a process, so that a pattern stays beside the right effect, too
+        return tests.passes if not e.setting else tests.chi2_per_dof <= tests.limit
+
+    def smallest_visible(self, e: Explanation) -> list[Visible]:
+        """Return the smallest size of every listed effect that the data would show beside an explanation."""
+        found = self._templates_beside(e)
+        m = Marginal(self.grid, raw(e.fit), columns(found, self.grid.count), bounded(e.fit), [e.setting])
+        return smallest_visible(e.fit, found, m.complement[0])
 
     @property
     def settled(self) -> bool:
@@ -115,6 +127,9 @@ class Search:
     def run(self) -> None:
         """Fit explanations until no other comes near the best."""
         self._go_on()
+        if not self.passes(self.best):
+            self._fit_again()
+            self._go_on()
         if self.best.key != NOTHING:  # whose noise is known
             self._with_noise_of(self.best)
             self._go_on()
@@ -148,7 +163,7 @@ class Search:
         known = self.fitted.get(e.key)
         if known is None or e.log_posterior > known.log_posterior:
             self.fitted[e.key] = e
-            self._passes.pop(e.key, None)
+            self._tested.pop(e.key, None)
         return e
 
     def _is_needless(self, e: Explanation) -> bool:
@@ -182,6 +197,13 @@ class Search:
             if fit is not None:
                 self._add(fit, e.parts.without(part))
 
+    def _fit_again(self) -> None:
+        """Fit the most probable explanations once more from other starts: where none is right, a fit may have gone astray."""
+        chosen = sorted((e for e in self.fitted.values() if e.key), key=lambda e: -e.log_posterior)[:MAX_TOGETHER]
+        for e, fit in zip(chosen, self._fit([partial(again_steps, e) for e in chosen]), strict=True):
+            if fit is not None:
+                self._add(fit, e.parts)
+
     def _with_noise_of(self, best: Explanation) -> None:
         """Estimate the noise and the outliers beside the best explanation, and fit all that are near it again with these."""
         data = [data_with_noise_of_residuals(best.fit, k) for k in range(len(best.fit.problem.data))]
@@ -192,7 +214,7 @@ class Search:
         before = set(self.fitted)
         self.grid = NoiseGrid(data)
         self.fitted.clear()
-        self._passes.clear()
+        self._tested.clear()
         self._expanded &= {NOTHING}
         for e, fit in zip(kept, fits, strict=True):
             if fit is not None:
@@ -207,11 +229,13 @@ class Search:
         self.report(f"looking beside {in_words(e.key)}")
         self._expanded.add(e.key)
         count = len(e.parts.effects)
-        found = self._templates(e) if count < (1 if e.parts.law else MAX_EFFECTS) else []
+        found = self._templates_beside(e) if count < (1 if e.parts.law else MAX_EFFECTS) else []
         changes, fitted = columns(found, self.grid.count), raw(e.fit)
         log_z = Marginal(self.grid, fitted, at_bounds=bounded(e.fit)).log_z_of_settings
         settings = [0, *(int(i) for i in np.argsort(-log_z) if i)][:MAX_SETTINGS]
         m = Marginal(self.grid, fitted, changes, bounded(e.fit), settings)
+        if e.key == NOTHING:
+            self.ruled_out = _impossible(m, found)
         for chosen, gain, amounts in _additions(m, found, pairs=count + 2 <= MAX_EFFECTS and not e.parts.law):
             step, _ = m.solution(chosen)
             self._offer(
@@ -234,16 +258,16 @@ class Search:
         if laws is not None:
             self._offer_laws(e, laws, found if not count else [])
 
-    def _templates(self, e: Explanation) -> list[Template]:
+    def _templates_beside(self, e: Explanation) -> list[Template]:
         """Return the templates of the effects that may be added: those beside nothing, unless much was added since."""
-        others = [c for c in self.library if c not in e.parts.effects]
-        if e.key == NOTHING and not self.templates:
-            self.templates = templates(e.fit, others, self.workers)
-        anew: list[Candidate] = []
-        if e.log_z - self.fitted[NOTHING].log_z > LARGE_MISFIT:
-            anew = [c for c in others if steps_together(e.fit.problem, c)]  # single runs take too long for it
-        kept = [t for t in self.templates if t.candidate in others and t.candidate not in anew]
-        return kept + templates(e.fit, anew, self.workers)
+        if e.key not in self._templates:
+            others = [c for c in self.library if c not in e.parts.effects]
+            anew = others if e.key == NOTHING else []
+            if e.log_z - self.fitted[NOTHING].log_z > LARGE_MISFIT:
+                anew = [c for c in others if steps_together(e.fit.problem, c)]  # single runs take too long for it
+            kept = [t for t in self._templates.get(NOTHING, []) if t.candidate in others and t.candidate not in anew]
+            self._templates[e.key] = kept + templates(e.fit, anew, self.workers)
+        return self._templates[e.key]
 
     def _offer_laws(self, e: Explanation, laws: Laws, found: Sequence[Template]) -> None:
         """Look at what a law would add, alone and with one of the templates ``found``: the best of each body and coordinate."""
@@ -274,12 +298,17 @@ class Search:
                     )
 
     def _offer(self, a: Addition) -> None:
-        """Keep an addition if it makes an explanation that was not fitted, and no other is known to make it as probable."""
+        """Keep an addition if it makes an explanation that was not fitted, and none of a better parent makes it."""
+
+        def rank(one: Addition) -> tuple[float, float]:
+            return one.parent.log_z, one.log_posterior
+
         before = self._linear.get((a.parent.key, a.key))
         if before is None or a.gain > before.gain or before.parent is not a.parent:
             self._linear[a.parent.key, a.key] = a
         known = self.possible.get(a.key)
-        if a.key not in self.fitted and (known is None or a.log_posterior > known.log_posterior):
+        # The more its parent explains, the less is left to the linear model
+        if a.key not in self.fitted and (known is None or rank(a) > rank(known)):
             self.possible[a.key] = a
 
     def _promising(self) -> list[Addition]:
@@ -288,7 +317,9 @@ class Search:
         least = min(self.best.fit.problem.count, *(e.fit.cost for e in self.fitted.values()))
         found = []
         for a in self.possible.values():
-            if self._is_usable(a.parent):
+            # Beside what is settled only the linear model there counts
+            is_said_nearer = a.parent.key < self.best.key < a.key and self.settled
+            if self._is_usable(a.parent) and not is_said_nearer:
                 log_posterior, slack = self._expected(a, least)
                 # What adds nothing to a part of it is no explanation of its own
                 if log_posterior + slack > limit and log_posterior + slack > self._best_part(a.key):
@@ -378,6 +409,19 @@ def in_words(key: Key) -> str:
 
 def _fit_together(_: None, tasks: Sequence[partial[Steps[Fit | None]]]) -> list[Fit | None]:
     return together([task() for task in tasks])
+
+
+def _impossible(m: Marginal, found: Sequence[Template]) -> list[Candidate]:
+    """Return candidates whose value is known to be within bounds, and that would explain most beyond these."""
+    held = {t.candidate.name: t.candidate for t in found if t.candidate.bounds_reason}
+    s = m.complement[0]
+    square = np.maximum(np.diag(s)[1:], 1e-12)
+    within, beyond = dict.fromkeys(held, VISIBLE), dict.fromkeys(held, 0.0)
+    for t, z, amount in zip(found, s[0, 1:] / np.sqrt(square), s[0, 1:] / square, strict=True):
+        if t.candidate.name in held:
+            best = beyond if t.value(float(amount)) is None else within
+            best[t.candidate.name] = max(best[t.candidate.name], abs(float(z)))
+    return [c for name, c in held.items() if beyond[name] > within[name]]
 
 
 def _additions(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from looping_pendulum.discrepancy.data.camera import CAMERA, Camera
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.discrepancy.data.measurement import FIT_TOLERANCE, predict
-from looping_pendulum.discrepancy.data.observations import Channel, EventObservation
+from looping_pendulum.discrepancy.data.observations import BODIES, Channel, EventObservation
 from looping_pendulum.discrepancy.data.study import Study, Trial
 from looping_pendulum.discrepancy.fit.correlated_noise import CorrelatedNoise, Whitening
 from looping_pendulum.discrepancy.fit.event_prediction import EventRun, event_times, with_missed_events
@@ -85,6 +85,22 @@ class TrialData:
             standardised[self.slices[name]] = whitening(difference[self.slices[name]])
         return standardised
 
+    def with_noises(self, noises: Mapping[str, CorrelatedNoise]) -> TrialData:
+        """Return data with white noise alone as data with correlated parts, of which the white one is made smaller.
+
+        Parameters
+        ----------
+        noises
+            Body, of `observations.BODIES`, -> its correlated noise; bodies with white noise alone are left out.
+        """
+        sigma, correlated = self.sigma.copy(), {}
+        for c in self.channels:
+            noise = next((n for body, n in noises.items() if c.name in BODIES[body]), None)
+            if noise is not None and len(c) > 1:
+                correlated[c.name] = noise
+                sigma[self.slices[c.name]] = noise.white_sigma(self.sigma[self.slices[c.name]], c.time_step)
+        return dataclasses.replace(self, sigma=sigma, correlated=correlated)
+
     @property
     def log_determinant(self) -> float:
         """Return the logarithm of the determinant of the noise's covariance, without values that are left out."""
@@ -111,6 +127,12 @@ class TrialData:
         events = tuple(e for e, k in zip(self.events, kept[self.event_slice], strict=True) if k)
         outliers = None if self.outliers is None else self.outliers[kept]
         return dataclasses.replace(self, channels=channels, events=events, sigma=self.sigma[kept], outliers=outliers)
+
+
+def noises_of(data: Iterable[TrialData]) -> dict[str, CorrelatedNoise]:
+    """Return body -> correlated noise of its tracked points, which is the same in all trials."""
+    named = {name: noise for d in data for name, noise in d.correlated.items()}
+    return {body: named[n] for body, names in BODIES.items() for n in names if n in named}
 
 
 def free_parameters_of(study: Study, trials: Sequence[tuple[Trial, Any]]) -> tuple[FreeParameter, ...]:

@@ -18,7 +18,14 @@ from looping_pendulum.discrepancy.report import (
     unlisted_report,
     visible_report,
 )
-from looping_pendulum.discrepancy.result import MIN_SEPARATION, FitReport, Identification, IdentifiedEffect, Round, Verdict
+from looping_pendulum.discrepancy.result import (
+    MIN_SEPARATION,
+    FitReport,
+    Identification,
+    IdentifiedEffect,
+    RankedExplanation,
+    Verdict,
+)
 from looping_pendulum.discrepancy.verdict_sentence import limits_in_words
 from looping_pendulum.pages.numbers import DISPLAY_UNITS, quantity, uncertain, unit_in_words
 
@@ -30,6 +37,8 @@ HEADLINES = {
     Verdict.UNEXPLAINED: "Something is missing that no listed effect explains",
     Verdict.INTERRUPTED: "Interrupted",
 }
+PERHAPS_NOTHING = "Something may be missing, and these data allow several explanations"
+"""Headline of an ambiguous verdict where one of the explanations is that nothing is missing."""
 
 
 def render(result: Identification, figures: Mapping[str, str] | None = None) -> str:
@@ -52,7 +61,7 @@ def before_figures(result: Identification) -> list[str]:
     """Return the sections above the figures, the title and the verdict first; some are empty."""
     return [
         f"# {result.title}\n",
-        f"## Verdict: {HEADLINES[result.verdict]} (`{result.verdict.value}`)\n\n{result.sentence}\n",
+        f"## Verdict: {_headline(result)} (`{result.verdict.value}`)\n\n{result.sentence}\n",
         next_steps.section(result),
         "## Further remarks\n\n" + "".join(f"- {note}\n" for note in result.notes) if result.notes else "",
         _effects(result),
@@ -69,7 +78,7 @@ def before_figures(result: Identification) -> list[str]:
 def after_figures(result: Identification) -> list[str]:
     """Return the sections below the figures; some are empty."""
     return [
-        "## Candidates\n\n" + _rounds(result),
+        "## Explanations that were compared\n\n" + _explanations(result),
         visible_report.section(result),
         tests_report.section(result),
         "## Declared model, calibrated\n\n" + _fit(result.before),
@@ -77,6 +86,12 @@ def after_figures(result: Identification) -> list[str]:
         "## Data\n\n" + "".join(f"- {line}\n" for line in result.data),
         "## Provenance\n\n" + _provenance(result),
     ]
+
+
+def _headline(result: Identification) -> str:
+    if result.verdict is Verdict.AMBIGUOUS and not all(e.names for e in result.credible):
+        return PERHAPS_NOTHING
+    return HEADLINES[result.verdict]
 
 
 def _effects(result: Identification) -> str:
@@ -96,18 +111,6 @@ def _effect_table(effects: tuple[IdentifiedEffect, ...]) -> str:
         for e in effects
     ]  # fmt: skip
     return table(head, rows, left=5) + _notes(effects)
-
-
-def _explanations_table(explanations: Sequence[tuple[IdentifiedEffect, ...]]) -> str:
-    """Return one table of the effects of several explanations, with the number of each."""
-    head = ["explanation", "effect", "acts on", "formula", "value", "95 % interval", "null value"]
-    rows = [
-        [str(i), e.name, e.acts_on, f"`{e.formula}`", uncertain(e.value, e.error, e.unit),
-         limits_in_words(*e.interval_95, _to_four_digits) or GAP, number(e.null_value)]
-        for i, effects in enumerate(explanations, start=1)
-        for e in effects
-    ]  # fmt: skip
-    return table(head, rows, left=4) + _notes(e for effects in explanations for e in effects)
 
 
 def _to_four_digits(value: float) -> str:
@@ -137,7 +140,7 @@ def _errors(result: Identification) -> str:
     note = (
         "RMS of the distance from the light mass's tracked points to the model, as a length, an angle or an angular velocity, "
         "and in units of the noise, of which 1 is the best possible. *Before*: the declared model, calibrated; *after*: the "
-        f"repaired model. The verdict rests on {result.judged_on}.\n\n"
+        f"repaired model. Fits that have not seen the {result.judged_on} predict these here.\n\n"
     )
     return note + table(head, rows, left=2)
 
@@ -164,10 +167,17 @@ def _interval(first: float, last: float) -> str:
 
 
 def _ties(result: Identification) -> str:
-    if not result.ties:
+    """Return the explanations that the data do not exclude, and which trial would; empty if there is only one."""
+    credible = result.credible
+    if len(credible) < 2 or result.verdict is Verdict.INTERRUPTED:
         return ""
-    text = "## Explanations that these data cannot tell apart\n\n"
-    text += _explanations_table(result.ties)
+    text = (
+        "## Explanations that these data cannot tell apart\n\nTogether they have 95 % of the probability.\n\n"
+        + _explanations_table(credible)
+    )
+    # No trial is simulated with an unlisted law, of which nothing is known where it did not act; nothing missing can be
+    if result.verdict is not Verdict.AMBIGUOUS or sum(not e.law for e in credible) < 2:
+        return text
     if not result.next_experiments:
         return text + "\nNo trial within the limits could be simulated to separate them.\n"
     head = ["release", "angle [deg]", "free length [cm]", "M2/M1", "separated pairs", "of", "distance [units of noise]",
@@ -185,26 +195,44 @@ def _ties(result: Identification) -> str:
     )
 
 
-def _rounds(result: Identification) -> str:
-    if not result.rounds:
-        return "None was tried, since the declared model passes all tests.\n"
+def _explanations_table(explanations: Sequence[RankedExplanation]) -> str:
+    """Return one table of explanations, a line for each of their parts."""
+    head = ["explanation", "probability", "adds", "acts on", "formula", "value", "95 % interval", "null value"]
+    rows = []
+    for i, one in enumerate(explanations, start=1):
+        of_one = [
+            [e.name, e.acts_on, f"`{e.formula}`", uncertain(e.value, e.error, e.unit),
+             limits_in_words(*e.interval_95, _to_four_digits) or GAP, number(e.null_value)]
+            for e in one.effects
+        ]  # fmt: skip
+        of_one += [[f"a {one.law.in_words}", *[GAP] * 5]] if one.law else []
+        first = [str(i), probability_in_words(one.probability)]
+        for row in of_one or [["nothing", *[GAP] * 5]]:
+            rows.append([*first, *row])
+            first = ["", ""]
+    return table(head, rows, left=5) + _notes(e for one in explanations for e in one.effects)
+
+
+def probability_in_words(p: float | None) -> str:
+    """Return a probability as a percentage; that of what is counted with another explanation as a gap."""
+    if p is None:
+        return GAP
+    return "over 99.9 %" if p > 0.999 else "below 0.1 %" if p < 1e-3 else f"{100 * p:.1f} %"
+
+
+def _explanations(result: Identification) -> str:
     note = (
-        "Effects that were tried as explanations, those that explain most first. One passes if it explains clearly more than "
-        "chance would, and as much as the best; if its value is physically possible; and if the model with it passes all "
-        "tests, on the residuals and on held-out data. *Tests* has the numbers.\n\n"
+        "How probable each explanation is, given all data and what is known of it beforehand, the most probable first; all "
+        "that were fitted have 100 % together. The odds compare it with the declared model, to which nothing is added. An "
+        "explanation that is less probable than a part of it is counted with that part: what it adds does not show.\n\n"
     )
-    return note + "\n".join(_round(r, i) for i, r in enumerate(result.rounds, start=1))
-
-
-def _round(r: Round, index: int) -> str:
-    tried = [c for c in r.ranking if c.delta_bic is not None or c.held_by]
-    rows = [[c.name, c.kind, uncertain(c.value, c.error, c.unit), "yes" if c.passes else "no", c.reason or GAP] for c in tried]
-    before = f" with {', '.join(r.added_before)} in the model" if r.added_before else ""
-    before += ", with errors that last longer than a frame" if r.correlated_noise else ""
-    rest = len(r.ranking) - len(tried)
-    others = f"\nThe residuals look less like the other {rest}, which were not refitted.\n" if rest else ""
-    rendered = table(["candidate", "kind", "value", "passes?", "why not"], rows, left=5) if rows else "None was refitted.\n"
-    return f"### Round {index}{before}\n\n{rendered}{others}"
+    head = ["added to the declared model", "probability", "odds (log10)", "values"]
+    rows = [
+        [" + ".join(one.names) or "nothing", probability_in_words(one.probability), signed(one.log10_odds, digits=3),
+         "; ".join(uncertain(e.value, e.error, e.unit) for e in one.effects) or GAP]
+        for one in result.explanations
+    ]  # fmt: skip
+    return note + table(head, rows, left=1)
 
 
 def _fit(fit: FitReport) -> str:
@@ -220,7 +248,6 @@ def _fit(fit: FitReport) -> str:
     rows = [
         ["chi2 per degree of freedom", f"{fit.chi2_per_dof:.3f}"],
         ["largest chi2 per value on held-out data", f"{fit.held_out_chi2:.3f}"],
-        ["largest score of a remaining candidate", f"{fit.largest_score:.1f}"],
         ["condition number", number(fit.condition_number, digits=2)],
         *([f"cost from start {i}", f"{c:.1f}"] for i, c in enumerate(fit.start_costs, start=1)),
     ]

@@ -84,8 +84,12 @@ def _declare(effects: tuple[IdentifiedEffect, ...]) -> str:
 def _after_ambiguous(result: Identification) -> list[str]:
     experiments = result.next_experiments
     rest = "Add it to the study as a further trial, and run `looping-pendulum identify` again."
-    if result.unlisted is not None and len(result.ties) == 1:
-        return [f"Film what tells the unlisted force from the listed effects: {_where(result.unlisted)}.", rest]
+    listed = [e for e in result.credible if not e.law]
+    if result.unlisted is not None and len(listed) == 1:
+        of_force = "tells the unlisted force from the listed effects"
+        if not listed[0].effects:
+            of_force = "shows whether the unlisted force acts"
+        return [f"Film what {of_force}: {_where(result.unlisted)}", rest]
     if not experiments:
         return ["Measure one of the explanations directly: no trial within the study's limits could be simulated.", rest]
     best = experiments[0]
@@ -108,7 +112,7 @@ def _after_unlisted(result: Identification) -> list[str]:
     force = result.unlisted
     assert force is not None
     return [
-        f"Measure more of it: {_where(force)}{'?' if force.depends_on == 'time' else '.'}",
+        f"Measure more of it: {_where(force)}",
         f"Look for {LOOK_FOR.get(force.depends_on, 'what changes with this coordinate')}.",
         "If you have an idea, write it as a candidate of your own (`candidates` in the study), and run `looping-pendulum "
         "identify` again: a formula with a reason is worth more than a curve that fits.",
@@ -116,18 +120,19 @@ def _after_unlisted(result: Identification) -> list[str]:
 
 
 def _where(force: Unlisted) -> str:
+    """Return in which trials more of the force would be seen, to the end of the sentence."""
     name = force.depends_on.replace("_", " ")
     ranges = [(p.significant_from, p.significant_to) for p in force.profiles]
     lows = [low for low, _ in ranges if low is not None]
     highs = [high for _, high in ranges if high is not None]
     if not lows:
-        return f"trials in which the {name} takes other values"
+        return f"trials in which the {name} takes other values."
     low, high = (quantity(s, force.unit) for s in (min(lows), max(highs)))
     if force.depends_on == "time":
-        return f"film the same release again. Does it act again between {low} and {high}, where it is clearly not zero"
+        return f"film the same release again. Does it act again between {low} and {high}, where it is clearly not zero?"
     return (
         f"trials in which the {name} is often between {low} and {high}, where the force is clearly not zero, and some in which "
-        "it is not"
+        "it is not."
     )
 
 

@@ -5,15 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from looping_pendulum.compare.paper_table import quantity_label
-from looping_pendulum.discrepancy.listed.attribution import MIN_DELTA_BIC
 from looping_pendulum.discrepancy.report import first_look_figure, lead_figure, markdown
 from looping_pendulum.discrepancy.report.event_report import AXIS_LIMIT, off_by
-from looping_pendulum.discrepancy.report.plots import MAX_RANKED
+from looping_pendulum.discrepancy.report.plots import EXPLANATIONS_CAPTION, name_lines
 from looping_pendulum.discrepancy.report.unlisted_report import SIDES
 from looping_pendulum.discrepancy.result import Identification, Unlisted
 from looping_pendulum.discrepancy.trial_results import TrialFigure
 from looping_pendulum.pages import report as pages
-from looping_pendulum.pages.figures import DOTTED, INK, LINE, SOFT, Figure, band, escaped, horizontal, plain, points
+from looping_pendulum.pages.figures import INK, LINE, SOFT, Figure, band, escaped, horizontal, plain, points
 from looping_pendulum.pages.glossary import glossary
 from looping_pendulum.pages.palette import COLOURS
 
@@ -21,6 +20,8 @@ BEFORE, AFTER = "var(--run-1)", "var(--run-0)"
 """Colours of the declared and of the repaired model, by the page's style."""
 MODELS = (("before", "declared model", BEFORE), ("after", "repaired model", AFTER))
 """Field of a figure's arrays, label and colour of each model."""
+LABEL_WIDTH = 28
+"""Characters in a line of an explanation's name: half of a phone's width."""
 
 
 def render(result: Identification) -> str:
@@ -57,8 +58,8 @@ def figures(result: Identification) -> list[Figure]:
     charts += [trial_figure(picture, i) for i, picture in enumerate(result.trial_figures)]
     if result.events and result.trial_figures:  # without these it stands below the verdict
         charts.append(event_figure(result))
-    if result.rounds and any(r.delta_bic is not None for r in result.rounds[0].ranking):
-        charts.append(ranking_figure(result))
+    if len(result.explanations) > 1:
+        charts.append(explanations_figure(result))
     if result.unlisted is not None:
         charts.append(unlisted_figure(result.unlisted))
     return charts
@@ -166,31 +167,32 @@ def event_figure(result: Identification) -> Figure:
     )
 
 
-def ranking_figure(result: Identification) -> Figure:
-    """Return the delta BIC of the first round's candidates as bars."""
-    ranking = [r for r in result.rounds[0].ranking if r.delta_bic is not None][:MAX_RANKED]
+def explanations_figure(result: Identification) -> Figure:
+    """Return the odds of the explanations against that nothing is missing as bars."""
+    shown = [e for e in result.explanations if e.names]
+    names = [name_lines(e, LABEL_WIDTH) for e in shown]
     bars = {
         "type": "bar",
         "orientation": "h",
-        # Below zero a candidate is worse than none, however far
-        "x": plain(max(r.delta_bic or 0.0, 0.0) for r in ranking),
-        "y": [escaped(r.name) for r in ranking],
-        "marker": {"color": [AFTER if r.passes else SOFT for r in ranking]},
-        "text": ["passes" if r.passes else "" for r in ranking],
+        "x": plain((e.log10_odds for e in shown), 4),
+        "y": list(range(len(shown))),
+        "marker": {"color": [AFTER if e.credible else SOFT for e in shown]},
+        "text": [markdown.probability_in_words(e.probability) for e in shown],
         "showlegend": False,
     }
-    threshold = {"type": "line", "x0": MIN_DELTA_BIC, "x1": MIN_DELTA_BIC, "yref": "paper", "y0": 0, "y1": 1}
     return Figure(
-        id="ranking",
-        caption="First round: how much better each candidate explains the data, less a price for its parameters; dotted: the "
-        "least that is accepted.",
+        id="explanations",
+        caption=EXPLANATIONS_CAPTION,
         traces=(bars,),
         layout={
-            "xaxis": {"title": {"text": "delta BIC"}},
-            "yaxis": {"autorange": "reversed", "type": "category"},
-            "shapes": [threshold | {"line": DOTTED}],
+            "xaxis": {"title": {"text": "odds, powers of ten"}},
+            "yaxis": {
+                "autorange": "reversed",
+                "tickvals": list(range(len(shown))),
+                "ticktext": ["<br>".join(map(escaped, lines)) for lines in names],
+            },
         },
-        height=170 + 26 * len(ranking),
+        height=170 + (12 + 17 * max(map(len, names), default=1)) * len(shown),
     )
 
 

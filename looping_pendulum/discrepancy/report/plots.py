@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
@@ -9,12 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from looping_pendulum.discrepancy.first_look import picture as first_look
-from looping_pendulum.discrepancy.listed.attribution import MIN_DELTA_BIC
 from looping_pendulum.discrepancy.report import event_report, lead_figure, unlisted_report
-from looping_pendulum.discrepancy.result import Identification
+from looping_pendulum.discrepancy.result import Identification, RankedExplanation
 from looping_pendulum.discrepancy.trial_results import TrialFigure
 from looping_pendulum.files import file_stems, optional_output
-from looping_pendulum.pages.drawing import new_figure, png, without_mathtext
+from looping_pendulum.pages.drawing import MAX_LABEL_LENGTH, new_figure, png, without_mathtext
 from looping_pendulum.pages.palette import COLOURS, GREY
 
 if TYPE_CHECKING:
@@ -23,8 +23,13 @@ if TYPE_CHECKING:
 
 BEFORE, AFTER = COLOURS[1], COLOURS[0]
 """Colours of the declared and of the repaired model."""
-MAX_RANKED = 12
-"""Candidates in the ranking figure."""
+EXPLANATIONS_CAPTION = (
+    "How much more probable each explanation is than that nothing is missing, in powers of ten; blue: together these have 95 % "
+    "of the probability."
+)
+
+MAX_LINES = 5
+"""Lines of an explanation's name in a figure."""
 
 
 def draw(result: Identification) -> dict[str, tuple[str, bytes]]:
@@ -43,11 +48,8 @@ def draw(result: Identification) -> dict[str, tuple[str, bytes]]:
     if result.events:
         caption = "Measured less predicted events in units of their standard errors (band: 2); crosses: they do not happen."
         drawings.append(("events.png", caption, partial(event_report.figure, result.events, BEFORE, AFTER)))
-    if result.rounds and any(r.delta_bic is not None for r in result.rounds[0].ranking):
-        caption = (
-            "First round: how much better each candidate explains the data, less a price for its parameters; blue: passes."
-        )
-        drawings.append(("ranking.png", caption, partial(ranking_figure, result)))
+    if len(result.explanations) > 1:
+        drawings.append(("explanations.png", EXPLANATIONS_CAPTION, partial(explanations_figure, result)))
     if result.unlisted is not None:
         caption = "The unlisted force along its coordinate; bands: two standard errors."
         drawings.append(("unlisted-force.png", caption, partial(unlisted_report.figure, result.unlisted)))
@@ -95,18 +97,25 @@ def _residual(axes: Axes, picture: TrialFigure, name: str) -> None:
     axes.set_ylabel(name, fontsize=8)
 
 
-def ranking_figure(result: Identification) -> Figure:
-    """Draw the delta BIC of the first round's candidates as bars."""
+def explanations_figure(result: Identification) -> Figure:
+    """Draw the odds of the explanations against that nothing is missing as bars."""
     # Matplotlib draws horizontal bars from below, and the best should be on top
-    ranking = [r for r in result.rounds[0].ranking if r.delta_bic is not None][:MAX_RANKED][::-1]
-    figure = new_figure(7.0, 1.2 + 0.35 * len(ranking))
+    shown = [e for e in result.explanations if e.names][::-1]
+    labels = [[without_mathtext(line) for line in name_lines(e, MAX_LABEL_LENGTH)] for e in shown]
+    figure = new_figure(7.0, 1.2 + (0.2 + 0.15 * max((len(label) for label in labels), default=1)) * len(shown))
     axes = figure.subplots()
-    bars = [max(r.delta_bic or 0.0, 0.0) for r in ranking]
-    axes.barh([without_mathtext(r.name) for r in ranking], bars, color=[AFTER if r.passes else GREY for r in ranking])
-    axes.set_xscale("symlog", linthresh=10)  # delta BIC may span decades; below the threshold its size means little
-    axes.axvline(MIN_DELTA_BIC, color="black", lw=0.8, ls=":")
-    axes.set_xlabel("delta BIC (dotted: the least that is accepted)")
+    # At places of their own: two laws may have one name
+    at = np.arange(len(shown))
+    axes.barh(at, [e.log10_odds for e in shown], color=[AFTER if e.credible else GREY for e in shown])
+    axes.set_yticks(at, ["\n".join(label) for label in labels])
+    axes.axvline(0, color="black", lw=0.8)
+    axes.set_xlabel("odds, powers of ten")
     return figure
+
+
+def name_lines(explanation: RankedExplanation, width: int) -> list[str]:
+    """Return an explanation's name in lines of at most ``width`` characters, since that of a law is too long for one line."""
+    return textwrap.wrap(" + ".join(explanation.names), width, max_lines=MAX_LINES, placeholder="...")
 
 
 def error_figure(result: Identification) -> Figure:

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from looping_pendulum.compare.tables import GAP, number, table
-from looping_pendulum.discrepancy.result import ForceProfile, Formula, Identification, Unlisted, Verdict
-from looping_pendulum.discrepancy.verdict_sentence import laws_not_excluded
+from looping_pendulum.discrepancy.result import ForceProfile, Formula, Identification, Unlisted
 from looping_pendulum.pages.drawing import new_figure
 from looping_pendulum.pages.palette import COLOURS
 
@@ -25,9 +24,7 @@ SIDES = {
 """Direction of a force (`ForceProfile.side`) -> words."""
 
 
-IN_NO_REPAIRED_MODEL = (
-    "It explains held-out data as well as the listed effects do; the repaired model has those, as it can have only one of both."
-)
+IN_NO_REPAIRED_MODEL = "It is one of several explanations; the repaired model has the most probable one, without this force."
 
 
 def section(result: Identification) -> str:
@@ -48,27 +45,21 @@ def section(result: Identification) -> str:
         [SIDES[p.side], number(p.largest_at), number(p.largest), _significant_range(p), f"`{p.formula}`"]
         for p in force.profiles
     ]
-    model = _model_in_words(force) if result.verdict is Verdict.UNLISTED else IN_NO_REPAIRED_MODEL
+    model = _model_in_words(force) if result.explanations[0].law else IN_NO_REPAIRED_MODEL
     text = (
         "## The unlisted force\n\n"
         f"It is a {force.in_words} (s in the formula), and acts {force.phase}. It was found as a sum of radial "
-        f"basis functions of that coordinate. {model} {_not_excluded(force)}"
+        f"basis functions of that coordinate. {model} "
         "*Significant*: above two standard errors.\n\n" + table(head, rows, left=1)
     )
     return text if force.formula is None else text + _parameters(force.formula)
 
 
-def _not_excluded(force: Unlisted) -> str:
-    """Say which other laws these data do not exclude, with a blank behind it; empty if they exclude all others."""
-    others = laws_not_excluded(force)
-    return f"These data do not exclude, in its place, a {'; a '.join(others)}. " if others else ""
-
-
 def tests(force: Unlisted) -> str:
-    """Return the tables of the numbers behind the unlisted force, and of the others that were tried."""
+    """Return the tables of the numbers behind the unlisted force."""
     f = force.formula
     rows = [
-        ["radial basis functions over the declared model", "2 log Bayes factor", number(force.twice_log_bayes_factor)],
+        ["the model with radial basis functions over that without", "ln of the Bayes factor", number(force.log_bayes_factor)],
         ["declared model on held-out data", "chi2 per value", number(force.held_out_chi2_before)],
         ["repaired model on held-out data", "chi2 per value", number(force.held_out_chi2_after)],
     ]
@@ -77,20 +68,7 @@ def tests(force: Unlisted) -> str:
             ["formula over the declared model", "delta BIC", number(f.delta_bic)],
             ["formula over the radial basis functions", "delta BIC", number(f.delta_bic - f.delta_bic_of_profile)],
         ]
-    text = "### The unlisted force\n\n" + table(["compared", "number", "value"], rows, left=2) + _formulas(force)
-    if not force.other_closures:
-        return text
-    head = ["acts on", "depends on", "multiplied by", "2 log Bayes factor", "held-out chi2/n", "excluded?"]
-    others = [
-        [o.acts_on, *(word.replace("_", " ") for word in (o.depends_on, o.multiplied_by)), number(o.twice_log_bayes_factor),
-         GAP if o.held_out_chi2 is None else number(o.held_out_chi2), "yes" if o.excluded else "no"]
-        for o in force.other_closures
-    ]  # fmt: skip
-    return (
-        text + "\nOther coordinates and directions, as basis functions; those without a held-out number were screened only. "
-        "The factor is that of the training trials; what is excluded, held-out ones say as well:\n\n"
-        + table(head, others, left=3)
-    )
+    return "### The unlisted force\n\n" + table(["compared", "number", "value"], rows, left=2) + _formulas(force)
 
 
 def _model_in_words(force: Unlisted) -> str:

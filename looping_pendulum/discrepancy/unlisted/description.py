@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from looping_pendulum.discrepancy.result import ForceProfile, Formula, FormulaParameter, OtherClosure, Unlisted, value_unit
+from looping_pendulum.discrepancy.result import ForceProfile, Formula, FormulaParameter, Unlisted, value_unit
 from looping_pendulum.discrepancy.unlisted.closures import STRING, TARGETS, Closure
-from looping_pendulum.discrepancy.unlisted.discovery import LIKELIHOOD_MARGIN, SIGNIFICANT_ERRORS, RecoveredForce
+from looping_pendulum.discrepancy.unlisted.force import RecoveredForce
 from looping_pendulum.discrepancy.unlisted.formula import FittedFormula
-from looping_pendulum.discrepancy.unlisted.screening import ScreenedClosure, motions
+from looping_pendulum.discrepancy.unlisted.motions import motions
 from looping_pendulum.discrepancy.unlisted.simplify import FormulaTerm
 from looping_pendulum.pages.numbers import number
 from looping_pendulum.reference_ode.effects.closure import COORDINATES
@@ -40,63 +40,40 @@ A factor is minus the speed, so a positive function of the coordinate brakes.
 assert set(COORDINATE_UNITS) == set(COORDINATES)
 NO_FORMULA = "no simple formula; twelve radial basis functions"
 """Text in a formula's place where none is accepted."""
+SIGNIFICANT_ERRORS = 2.0
+"""Standard errors that a force must exceed at a coordinate to be reported as significant there."""
 MOSTLY, SELDOM = 0.8, 0.2
 """Shares of the force's size while the string slides, from and up to which it is said to act then, or not then."""
 
 
-def describe_unlisted_force(
-    forces: Sequence[RecoveredForce],
-    formulas: Sequence[FittedFormula],
-    held_out_chi2_before: float,
-    not_refitted: Sequence[ScreenedClosure] = (),
-) -> Unlisted:
+def describe_unlisted_force(force: RecoveredForce, formulas: Sequence[FittedFormula], held_out_chi2_before: float) -> Unlisted:
     """Describe an unlisted force.
 
     Parameters
     ----------
-    forces
-        The force as radial basis functions of several closures, the best first.
+    force
+        The force as radial basis functions.
     formulas
-        Formulas of the first of these that were refitted to the trajectories; if the first is accepted, it is described, too.
+        Formulas of it that were refitted to the trajectories; if the first is accepted, it is described, too.
     held_out_chi2_before
         Largest chi2 per value of held-out data under the declared model.
-    not_refitted
-        Closures that are as likely as the best by the screening, but were not refitted.
     """
     formula = formulas[0] if formulas and formulas[0].accepted else None
-    best = forces[0]
-    held_out = formula.held_out if formula and formula.held_out else best.held_out
+    held_out = formula.held_out if formula and formula.held_out else force.held_out
+    closure = force.closure
     return Unlisted(
-        acts_on=best.closure.target,
-        depends_on=best.closure.coordinate,
-        multiplied_by=best.closure.factor,
-        unit=COORDINATE_UNITS[best.closure.coordinate],
-        profiles=tuple(_profile(best, formula, i) for i in range(len(TARGETS[best.closure.target]))),
+        acts_on=closure.target,
+        depends_on=closure.coordinate,
+        multiplied_by=closure.factor,
+        unit=COORDINATE_UNITS[closure.coordinate],
+        profiles=tuple(_profile(force, formula, i) for i in range(len(TARGETS[closure.target]))),
         formula=_formula(formula) if formula else None,
         formulas=tuple(_formula(f) for f in formulas),
-        phase=_phase(best),
-        twice_log_bayes_factor=best.twice_log_bayes_factor,
+        phase=_phase(force),
+        log_bayes_factor=force.log_bayes_factor,
         held_out_chi2_before=held_out_chi2_before,
         held_out_chi2_after=held_out.worst,
-        point=best.closure.point,
-        other_closures=(
-            *(_other_closure(f, best) for f in forces if f is not best),
-            *(_other_closure(s, best) for s in not_refitted),
-        ),
-    )
-
-
-def _other_closure(other: RecoveredForce | ScreenedClosure, best: RecoveredForce) -> OtherClosure:
-    held_out = other.held_out if isinstance(other, RecoveredForce) else None
-    is_less_likely = isinstance(other, RecoveredForce) and other.evidence < best.evidence - LIKELIHOOD_MARGIN
-    return OtherClosure(
-        acts_on=other.closure.target,
-        depends_on=other.closure.coordinate,
-        multiplied_by=other.closure.factor,
-        twice_log_bayes_factor=other.twice_log_bayes_factor,
-        held_out_chi2=held_out.worst if held_out else None,
-        # Of one that was only screened the linear model tells, which is too small for a large force: it excludes nothing
-        excluded=held_out is not None and (is_less_likely or not held_out.passes),
+        point=closure.point,
     )
 
 

@@ -18,12 +18,12 @@ import numpy as np
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.data.study import Study, Trial
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, minimise_steps
+from looping_pendulum.discrepancy.fit.held_out import HeldOutTest, check_held_out
 from looping_pendulum.discrepancy.fit.predictions import Steps, together
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
-from looping_pendulum.discrepancy.listed.held_out import HeldOutTest, check_held_out
 from looping_pendulum.discrepancy.unlisted.closures import TARGETS
-from looping_pendulum.discrepancy.unlisted.discovery import WEAK_PRIOR, RecoveredForce, point_parameters
+from looping_pendulum.discrepancy.unlisted.force import WEAK_PRIOR, RecoveredForce, point_parameters
 from looping_pendulum.discrepancy.unlisted.simplify import (
     MIN_WIDTH,
     CoordinateRange,
@@ -32,7 +32,7 @@ from looping_pendulum.discrepancy.unlisted.simplify import (
     coordinate_range_of,
     predict_formulas,
 )
-from looping_pendulum.discrepancy.workers import SERIAL, ProgressCallback, Workers
+from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.reference_ode.effects.closure import weight_name
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
@@ -94,7 +94,6 @@ def refit(
     base: Fit,
     force: RecoveredForce,
     held_out: Sequence[tuple[TrialData, Sequence[FreeParameter]]],
-    report_step: ProgressCallback,
     workers: Workers = SERIAL,
 ) -> list[FittedFormula]:
     """Refit a force's formulas of lowest predicted BIC to the trajectories; return them, largest delta BIC first.
@@ -102,7 +101,6 @@ def refit(
     Of those within `BIC_MARGIN` of the best, the first that is accepted on held-out data goes to the front.
     """
     predictions = predict_formulas(force, np.concatenate([d.sigma for d in base.problem.data]))[:MAX_REFITS]
-    report_step("fitting formulas of the unknown law")
     results = workers.map_together(_refit_together, base, predictions)
     formulas = sorted((f for f in results if f), key=lambda f: -f.delta_bic)
     for i, formula in enumerate(formulas):
@@ -117,17 +115,15 @@ def refit(
 
 def _delta_bic_of_profile(base: Fit, force: RecoveredForce) -> float:
     """Return the delta BIC of radial basis functions, with their effective number of parameters."""
-    fit = force.fit
-    n_declared = len(base.problem.free_parameters)
-    residuals = fit.problem.with_data(base.problem.data).residuals(fit.x)
-    assert residuals is not None
-    n_added = len(fit.problem.free_parameters) - n_declared
-    n_weights = len(force.closure.names)
-    # The posterior variance of a weight over its prior (ridge) variance is the part of it that the data do not determine, so
-    # the sum of one less that part over all weights is their effective number of parameters.
-    effective = n_added - float(np.trace(fit.covariance[-n_weights:, -n_weights:]))
-    without_ridge = residuals[:-n_added]
-    return base.cost - float(without_ridge @ without_ridge) - effective * math.log(base.problem.count)
+    p = force.fit.problem
+    added = [i for i, name in enumerate(p.names) if name not in base.problem.names]
+    weights = [p.names.index(name) for name in force.closure.names]
+    # The posterior covariance of the weights over that of their prior is the part of them that the data do not determine, so
+    # their number less that part is their effective number of parameters.
+    root = p.prior_weights[np.ix_(weights, weights)]
+    effective = len(added) - float(np.trace(root @ force.fit.covariance[np.ix_(weights, weights)] @ root.T))
+    of_prior = force.fit.residuals[[p.measured_rows + i for i in added]]
+    return base.cost - (force.fit.cost - float(of_prior @ of_prior)) - effective * math.log(base.problem.count)
 
 
 def _refit_together(base: Fit, predictions: Sequence[PredictedFormula]) -> list[FittedFormula | None]:
@@ -138,10 +134,11 @@ def _refit_together(base: Fit, predictions: Sequence[PredictedFormula]) -> list[
 def _refit(base: Fit, prediction: PredictedFormula) -> Steps[FittedFormula | None]:
     """Refit one formula to the trajectories from its predicted values; None if the model cannot run."""
     problem = _problem(base, prediction)
-    n_declared = len(base.problem.free_parameters)
-    n_added = len(problem.free_parameters) - n_declared
-    # The declared model's parameters start where the fit with radial basis functions left them.
-    start = np.concatenate([prediction.force.fit.x[:n_declared], np.zeros(n_added)])
+    names = base.problem.names
+    n_added = len(problem.free_parameters) - len(names)
+    # The other parameters start where the fit with radial basis functions left them
+    of_force = prediction.force.fit
+    start = np.concatenate([of_force.x[[of_force.problem.names.index(n) for n in names]], np.zeros(n_added)])
     try:
         fit = yield from minimise_steps(problem, start)
     except FitError:

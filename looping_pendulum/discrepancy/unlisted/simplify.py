@@ -16,8 +16,8 @@ from functools import cache
 import numpy as np
 
 from looping_pendulum.discrepancy.unlisted.closures import TARGETS
-from looping_pendulum.discrepancy.unlisted.discovery import RecoveredForce
-from looping_pendulum.discrepancy.unlisted.screening import END_MARGIN
+from looping_pendulum.discrepancy.unlisted.force import RecoveredForce
+from looping_pendulum.discrepancy.unlisted.motions import END_MARGIN
 from looping_pendulum.reference_ode.effects.closure import N_BASIS_FUNCTIONS
 from looping_pendulum.reference_ode.geometry import Array
 

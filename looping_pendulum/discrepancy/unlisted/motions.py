@@ -1,10 +1,4 @@
-"""Screen closures by the evidence for each, with the model linearised about a fit.
-
-The response of the data to a small push at one time is computed for each place where a closure may act and for pulses at all
-times. A closure that is a function of the state pushes, to first order, as that function of the undisturbed motion: the
-response to it is a sum of those to pulses, and no closure costs a run of its own. Its evidence has a ridge (Gaussian prior of
-the weights) that maximises it.
-"""
+"""The motion of all trials by a fit: where closures act along it, and how the data respond to pulses of force at all times."""
 
 from __future__ import annotations
 
@@ -17,14 +11,12 @@ from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr
 
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.predictions import predict
 from looping_pendulum.discrepancy.fit.problem import Problem
-from looping_pendulum.discrepancy.unlisted.closures import COORDINATES_OF, TARGETS, Closure, factors_of
-from looping_pendulum.discrepancy.workers import SERIAL, Batch, Workers
+from looping_pendulum.discrepancy.unlisted.closures import TARGETS, Closure
 from looping_pendulum.reference_ode.effects.closure import (
     COORDINATES,
     N_BASIS_FUNCTIONS,
@@ -53,9 +45,6 @@ POINT_GRID = 9
 """Points in each direction at which a point of attraction is tried first."""
 POINT_MARGIN = 0.2
 """Share of the light mass's range by which this grid is larger on every side."""
-# From 10 uN, which move 10 g by a tenth of a millimetre in half a second, to 1 N, about the heavy mass's weight
-RIDGES = np.logspace(-5, 0, 41)
-"""Prior standard deviations of the weights that are tried [N, or 1 for friction]; by their evidence, all are alike."""
 MAX_POINT_TRIALS = 50
 """Points that are tried from the best of the grid."""
 
@@ -195,113 +184,7 @@ def motions(fit: Fit) -> Motions:
     )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ScreenedClosure:
-    """Evidence for a closure by the model linearised about a fit."""
-
-    closure: Closure
-    twice_log_bayes_factor: float
-    """Twice the log of the Bayes factor over the model without it."""
-    ridge: float
-    """Prior standard deviation of the weights that maximises the evidence [N]."""
-    weights: Array
-    """Weights that this prior and the data give [N], shape (sides * N_BASIS_FUNCTIONS,)."""
-
-
-def responses_of(base: Fit, runs: Motions, workers: Workers = SERIAL, begun: Batch | None = None) -> Responses:
-    """Return the responses of a fit's residuals to pulses; ``begun`` is what `begin_responses` returned for it."""
-    # What a refit of the declared model's parameters could explain is no evidence for a new force, so both the residuals and
-    # the sensitivities to the weights are projected on the orthogonal complement of the Jacobian.
-    fitted_basis, _ = np.linalg.qr(base.jacobian)
-    unexplained = base.residuals - fitted_basis @ (fitted_basis.T @ base.residuals)
-    shares = workers.finish(begun or begin_responses(base, runs, workers))
-    columns = [share[i] for i in range(max(map(len, shares))) for share in shares if i < len(share)]
-    return Responses(base, runs, fitted_basis, unexplained, columns)
-
-
-def screen(responses: Responses) -> list[ScreenedClosure]:
-    """Return the evidence of every closure, largest first."""
-    screened, runs = [], responses.runs
-    for target, names in COORDINATES_OF.items():
-        if runs.clamped and TARGETS[target] != ("across",):
-            continue
-        for name in names:
-            if name == "distance":
-                screened += _with_best_point(responses, target)
-                continue
-            screened += [s for factor in factors_of(target) if (s := responses.evidence(target, name, factor))]
-    return sorted(screened, key=lambda s: -s.twice_log_bayes_factor)
-
-
-def begin_responses(base: Fit, runs: Motions, workers: Workers) -> Batch:
-    """Begin to compute the changes of the standardised prediction by pulses, for `screen`."""
-    sides = [(side, i) for side in runs.pulsed_sides for i in range(0, N_PULSES, N_BASIS_FUNCTIONS)]
-    # Two shares, each a batch of runs
-    return workers.begin(_respond, (base.problem, base.x, runs.pulse_spacing), [sides[::2], sides[1::2]])
-
-
-class Responses:
-    """Responses of the residuals to pulses at all times, orthogonal to all fitted parameters.
-
-    Parameters
-    ----------
-    columns
-        Results of `begin_responses`.
-    """
-
-    def __init__(self, base: Fit, runs: Motions, fitted_basis: Array, unexplained: Array, columns: Sequence[Array]) -> None:
-        self.runs = runs
-        self.count = base.problem.count
-        sides = runs.pulsed_sides
-        edges = np.cumsum([0] + [len(d.t) for d in base.problem.data])
-        n_trials = len(base.problem.data)
-        width = n_trials * N_PULSES
-        # By columns and overwritten, since this matrix is most of the memory that an identification takes
-        whole = np.zeros((len(fitted_basis), len(sides) * width), order="F")
-        for i in range(len(sides)):
-            parts = N_PULSES // N_BASIS_FUNCTIONS
-            of_side = np.concatenate(columns[i * parts : (i + 1) * parts], axis=1)
-            # A pulse is at one time in all trials; a closure pushes each at times of its own
-            for k in range(n_trials):
-                rows = slice(edges[k], edges[k + 1])
-                block = whole[:, i * width + k * N_PULSES : i * width + (k + 1) * N_PULSES]
-                block[rows] = of_side[rows]
-                block -= fitted_basis @ (fitted_basis[rows].T @ of_side[rows])
-        # An orthonormal basis of all responses makes every screening as small as the number of pulses
-        basis, root = qr(whole, overwrite_a=True, mode="economic", check_finite=False)
-        self.unexplained = basis.T @ unexplained
-        self._roots = {side: root[:, i * width : (i + 1) * width] for i, side in enumerate(sides)}
-        self._projections = [runs.pulses_of(k) for k in range(n_trials)]
-
-    def to(self, closure: Closure) -> Array:
-        """Return the response to each of a closure's weights, side by side."""
-        basis = closure.basis_functions(self.runs.coordinate(closure.coordinate, closure.point))
-        parts = [
-            self._roots[side]
-            @ np.concatenate(
-                [p @ (push[:, None] * basis)[self.runs.trial == k] for k, p in enumerate(self._projections)], axis=0
-            )
-            for side, push in self.runs.directions(closure).items()
-        ]
-        # Both parts of a force along a gradient belong to the same weights
-        return np.asarray(sum(parts) if TARGETS[closure.target] == ("gradient",) else np.concatenate(parts, axis=1))
-
-    def evidence(
-        self, target: str, name: str, factor: str = "constant", point: tuple[float, float] | None = None
-    ) -> ScreenedClosure | None:
-        """Return the evidence of one closure; None if its coordinate is constant."""
-        closure = self.runs.closure(target, name, factor, point)
-        return self.evidence_of(closure) if closure else None
-
-    def evidence_of(self, closure: Closure) -> ScreenedClosure:
-        """Return the evidence of a closure whose basis functions have their places."""
-        twice_log_bayes_factor, ridge, weights = _evidence(self.to(closure), self.unexplained)
-        # A point is two fitted numbers, which cost what the Bayesian information criterion takes for them
-        twice_log_bayes_factor -= len(closure.point_coefficients) * math.log(self.count)
-        return ScreenedClosure(closure=closure, twice_log_bayes_factor=twice_log_bayes_factor, ridge=ridge, weights=weights)
-
-
-def _respond(shared: tuple[Problem, Array, float], batches: Sequence[tuple[str, int]]) -> list[Array]:
+def respond(shared: tuple[Problem, Array, float], batches: Sequence[tuple[str, int]]) -> list[Array]:
     """Return the changes of the standardised prediction per unit of each pulse, of batches of pulses by side and first one."""
     problem, x, spacing = shared
     requests = []
@@ -333,25 +216,3 @@ def _columns(problem: Problem, pulsed: Problem, at: Array, predicted: Array) -> 
         if changed is not None:
             column[:measured] = ((residuals - changed) / PULSE_SIZE)[:measured]
     return columns
-
-
-def _with_best_point(responses: Responses, target: str) -> list[ScreenedClosure]:
-    """Return the closure whose point has the most evidence; empty if there is none."""
-    best = responses.runs.best_from_point(target, lambda closure: responses.evidence_of(closure).twice_log_bayes_factor)
-    return [responses.evidence_of(best)] if best else []
-
-
-def _evidence(sensitivity: Array, residuals: Array) -> tuple[float, float, Array]:
-    """Return the largest evidence for Gaussian weights, the ridge that gives it, and the weights' posterior mean.
-
-    The evidence is twice the log of the Bayes factor over the model without the weights. With s the singular values of
-    ``sensitivity`` and r the ridge, it is the sum of p^2 (r s)^2 / (1 + (r s)^2) - log(1 + (r s)^2), where p are the residuals'
-    components along the left singular vectors.
-    """
-    u, s, vt = np.linalg.svd(sensitivity, full_matrices=False)
-    projected = u.T @ residuals
-    power = (RIDGES[:, None] * s) ** 2
-    twice_log_bayes_factors = np.sum(projected**2 * power / (1 + power) - np.log1p(power), axis=1)
-    best = int(np.argmax(twice_log_bayes_factors))
-    ridge = float(RIDGES[best])
-    return float(twice_log_bayes_factors[best]), ridge, vt.T @ (ridge**2 * s / (1 + power[best]) * projected)
