@@ -35,9 +35,7 @@ from looping_pendulum.discrepancy.result import (
     IdentifiedEffect,
     RankedExplanation,
     Verdict,
-    law_in_words,
 )
-from looping_pendulum.discrepancy.unlisted.closures import COORDINATES_OF, factors_of
 from looping_pendulum.discrepancy.workers import one_blas_thread
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import write_atomically
@@ -49,13 +47,6 @@ from tests.discrepancy.expected import PLANTED_LAWS
 Explained = tuple[frozenset[str], tuple[str, str] | None]
 """An explanation: its listed effects, and the body and coordinate of its law; None: it has no law."""
 NOTHING: Explained = frozenset(), None
-LAWS = {
-    law_in_words(target, coordinate, factor): (body_of(target), coordinate)
-    for target, coordinates in COORDINATES_OF.items()
-    for coordinate in coordinates
-    for factor in factors_of(target)
-}
-"""What a report says of a law -> its body and coordinate, without the direction in which it acts and the speed beside it."""
 CAN_HIDE = frozenset({"rod_mobility"})
 """Effects that can hide at any size (`Identification.can_hide`), whatever the data."""
 RESULT = Path(__file__).parents[1] / "docs" / "data" / "calibration.json"
@@ -193,7 +184,7 @@ def _named(result: Identification) -> tuple[RankedExplanation, ...]:
 
 def parts_of(e: RankedExplanation) -> Explained:
     """Return the effects of an explanation, and the body and coordinate of its law."""
-    return frozenset(effect.name for effect in e.effects), LAWS[e.law] if e.law else None
+    return frozenset(effect.name for effect in e.effects), (body_of(e.law.acts_on), e.law.depends_on) if e.law else None
 
 
 def _plain(e: Explained) -> list[Any]:

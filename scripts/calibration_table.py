@@ -1,4 +1,4 @@
-"""Write the measured rates of docs/identify.md from `docs/data/calibration.json` and `rivals.json`.
+"""Write the measured rates of docs/rates.md from `docs/data/calibration.json` and `rivals.json`.
 
 `python -m benchmarks --only calibration` and `--only rivals` measure them; `python -m scripts.docs_numbers` writes the text.
 """
@@ -15,7 +15,7 @@ from benchmarks.calibration_targets import TARGETS, Target
 from benchmarks.rival_methods import METHODS, NOT_ASKED
 from looping_pendulum.pages.numbers import amount
 
-PAGE = "docs/identify.md"
+PAGE = "docs/rates.md"
 DATA = Path(__file__).parents[1] / "docs" / "data"
 BEGIN, END = "<!-- measured rates: python -m scripts.docs_numbers -->", "<!-- end of the measured rates -->"
 BLOCK = re.compile(rf"{re.escape(BEGIN)}\n.*?{re.escape(END)}", re.DOTALL)

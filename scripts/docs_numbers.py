@@ -8,7 +8,7 @@ there, too, with the reason. A number with a unit in a page that is not in the l
 is no longer in its page.
 
 README's table of engines stands between two markers and is written as a whole, from the results in `docs/data/ten_to_one`; so
-are the measured rates of docs/identify.md, from `docs/data/calibration.json`.
+are the measured rates of docs/rates.md, from `docs/data/calibration.json`.
 """
 
 from __future__ import annotations

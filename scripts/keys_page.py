@@ -199,7 +199,7 @@ A trial: apparatus, release, and what is expected of an engine that rebuilds it.
 {section(file_model(), {file_key(c.name): coefficient_default(c) for c in COEFFICIENTS.values()})}
 ## Study
 
-Measured trials, and the effects that are declared to act in them ([measured trials](identify.md)). `looping-pendulum new study`
+Measured trials, and the effects that are declared to act in them ([measured trials](measured.md)). `looping-pendulum new study`
 asks for one. A standard error follows `+/-`, in a unit of the same kind or in %; without one, the value is exact. *free* says
 that nothing is known of the value.
 

@@ -18,7 +18,7 @@ from benchmarks.resumable import run
 from benchmarks.rival_methods import Rival
 from looping_pendulum.discrepancy.evidence.prior import VISIBLE
 from looping_pendulum.discrepancy.fit import residual
-from looping_pendulum.discrepancy.result import NORMAL_95, IdentifiedEffect, RankedExplanation, Verdict, UnlistedLaw
+from looping_pendulum.discrepancy.result import NORMAL_95, IdentifiedEffect, RankedExplanation, UnlistedLaw, Verdict
 from looping_pendulum.reference_ode.effects import EFFECTS, Kinematics
 from scripts import power_figure
 from tests.blind import Apparatus, Effects
@@ -192,10 +192,12 @@ def test_an_outcome_adds_the_probabilities_of_laws_of_one_body_and_coordinate():
     drag = effect("light_linear_drag")
     found = (
         ranked([drag], UnlistedLaw(acts_on="light mass", depends_on="time"), 0.5),
-        ranked([drag], UnlistedLaw("light mass, across the string", "time", "retreat_speed"), 0.3),
-        ranked([effect("wind_speed")], "", 0.18),
-        ranked([], "", 0.02, credible=False),
-        ranked([effect("tilt")], "", None, credible=False),
+        ranked(
+            [drag], UnlistedLaw(acts_on="light mass, across the string", depends_on="time", multiplied_by="retreat_speed"), 0.3
+        ),
+        ranked([effect("wind_speed")], None, 0.18),
+        ranked([], None, 0.02, credible=False),
+        ranked([effect("tilt")], None, None, credible=False),
     )
     planted = {"light_linear_drag": 2.0}
     said = outcome_of(result_with(*found), planted, (DRAG, THRUST))

@@ -33,11 +33,6 @@ class Inputs:
     library: tuple[Candidate, ...]
     """Everything that could be added to the declared model."""
 
-    @property
-    def has_points(self) -> bool:
-        """Return whether tracked points are fitted, and not events alone."""
-        return any(d.channels for d in self.training)
-
 
 def read_inputs(study: Study, known: Mapping[str, Observations] = MappingProxyType({})) -> Inputs:
     """Read every trial of a study.

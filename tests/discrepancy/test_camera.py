@@ -125,5 +125,5 @@ def test_a_lens_whose_picture_is_not_centred_on_the_rod():
 
 
 def test_the_page_on_identification_lists_every_key():
-    page = (Path(__file__).parents[2] / "docs" / "identify.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "measured.md").read_text(encoding="utf-8")
     assert all(f"| `{c.name}` | {c.unit} | {c.meaning} |" in page for c in CAMERA.values())

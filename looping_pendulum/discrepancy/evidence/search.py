@@ -93,7 +93,7 @@ class Search:
     @property
     def best(self) -> Explanation:
         """Return the most probable explanation."""
-        return best_of(self.fitted)
+        return max(self.fitted.values(), key=lambda e: e.log_posterior)
 
     def tested(self, e: Explanation) -> tuple[Fit, ResidualTests]:
         """Return the fit of an explanation with its most probable noise, and the tests of its residuals."""
@@ -378,11 +378,6 @@ class Search:
             least_wrong = max(errors)
             slack = min(slack, 1.0 + least_wrong * (1 + math.copysign(LINEAR_ERROR, least_wrong)))
         return log_z + gain + a.log_prior, slack
-
-
-def best_of(fitted: Mapping[Key, Explanation]) -> Explanation:
-    """Return the most probable explanation."""
-    return max(fitted.values(), key=lambda e: e.log_posterior)
 
 
 def posterior(fitted: Mapping[Key, Explanation]) -> list[tuple[Key, float]]:

@@ -69,11 +69,6 @@ class Fit:
         """Return the sum of squared residuals, prior included."""
         return float(self.residuals @ self.residuals)
 
-    @property
-    def minus_twice_log_likelihood(self) -> float:
-        """Return -2 ln L but for a constant, prior included: it compares models whose noise differs."""
-        return self.cost + sum(d.log_determinant for d in self.problem.data)
-
     @cached_property
     def jacobian(self) -> Array:
         """Return the Jacobian at the minimum, shape (n + p, p): `final_jacobian`, or one that is computed now."""

@@ -21,7 +21,7 @@ from scipy import special
 from looping_pendulum.discrepancy.data.noise import estimate_noise, speed_at
 from looping_pendulum.discrepancy.data.observations import Observations
 from looping_pendulum.discrepancy.data.study import Trial
-from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate
+from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.event_tests import EventTest, check_event_residuals
 from looping_pendulum.discrepancy.fit.model_test import ModelTest
 from looping_pendulum.discrepancy.fit.problem import TrialData
@@ -78,17 +78,6 @@ def trial_data(trial: Trial, observations: Observations) -> TrialData:
     stated = np.array([e.sigma for e in observations.events], dtype=float)
     sigma = np.concatenate([*(parts[c.name] for c in channels), stated])
     return TrialData(trial=trial, channels=channels, events=observations.events, sigma=sigma)
-
-
-def best_of(fits: Sequence[Fit]) -> Fit:
-    """Return the fit of lowest cost."""
-    return min(fits, key=lambda f: f.cost)
-
-
-def calibrate_from_random_start(fit: Fit, rng: np.random.Generator) -> Fit:
-    """Fit the same problem again from an initial value drawn from the prior."""
-    p = fit.problem
-    return calibrate(p, np.clip(p.prior_mean + rng.standard_normal(len(p.free_parameters)), p.low, p.high))
 
 
 @dataclass(frozen=True, kw_only=True)

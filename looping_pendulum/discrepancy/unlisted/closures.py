@@ -37,9 +37,6 @@ COORDINATES_OF: dict[str, tuple[str, ...]] = {
     STRING: ("wrap_angle", "slip_speed", "normal_load"),
 }
 """Target -> coordinates of which a law there is searched for: time, and the place and speeds of what it acts on."""
-PLACES = ("free_length", "wrap_angle", "hanging_length", "horizontal_position", "height", "distance")
-"""Coordinates that say where a mass is."""
-
 assert {c for names in COORDINATES_OF.values() for c in names} <= set(COORDINATES)
 
 
@@ -105,16 +102,3 @@ def factors_of(target: str) -> tuple[str, ...]:
     if target == "heavy mass":
         return FACTORS[:2]  # while the string is taut, the first speed is its own
     return FACTORS if TARGETS[target][0] in ("along", "across") else FACTORS[:1]
-
-
-def complexity_cost(closure: Closure) -> float:
-    """Return what a closure costs beside simpler ones, in units of twice the log of a Bayes factor.
-
-    A law of the string needs no force on a mass, which must be likelier by odds of 148 to 1. Of forces, one that depends on the
-    place comes before one that depends on a speed, and one of time, which stands for all that changes, last: odds of e each.
-    """
-    if closure.target == STRING:
-        return 0.0
-    if closure.coordinate == "time":
-        return 14.0
-    return 10.0 if closure.coordinate in PLACES else 12.0
