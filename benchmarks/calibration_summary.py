@@ -25,7 +25,7 @@ NAMED = ("right", "tied")
 LARGE = 0.016
 """Size of what is hidden [m] from which on targets are set."""
 MANY_TRIALS, MODERATE_NOISE = 3, 1e-3
-"""Trials from which on, and noise [m] up to which, a study is one as docs/identify.md recommends."""
+"""Trials from which on, and noise [m] up to which, a study is one as docs/measured.md recommends."""
 JUDGEMENTS = ("right", "tied", "law", "part", "wrong", "none")
 EDGES = (0.0, 0.05, 0.2, 0.5, 0.8, 0.95, 0.99, 1.0)
 """Edges of the classes of stated probabilities."""

@@ -222,6 +222,7 @@ def _value(source: dict[str, Any]) -> float:
     if "code" in source:
         module, _, name = source["code"].partition(":")
         value = getattr(importlib.import_module(module), name)
+        value = value[source["at"]] if "at" in source else value
     elif "scenario" in source:
         parameters = load(source["scenario"]).parameters
         value = parameters.coefficients.get(source["at"]) or getattr(parameters, source["at"])

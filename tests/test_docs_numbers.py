@@ -120,7 +120,7 @@ def test_a_wrong_number_a_lost_sentence_and_a_number_without_source_are_found(tm
     readme = f"{engine_table.BEGIN}\n{engine_table.END}\n"
     (tmp_path / "docs" / "page.md").write_text(page)
     (tmp_path / "README.md").write_text(readme)
-    (tmp_path / "docs" / "identify.md").write_text("")
+    (tmp_path / "docs" / "rates.md").write_text("")
     listed = """
 pages:
   docs/page.md:

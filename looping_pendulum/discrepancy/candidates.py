@@ -26,7 +26,7 @@ APPARATUS = MappingProxyType(
 FACTOR_BOUNDS = (0.5, 2.0)
 """Smallest and largest factor."""
 COMPANION_STARTS = 5
-"""Number of initial values of a companion that screening tries."""
+"""Number of initial values of a companion that are tried."""
 MIN_SHARE_OF_MULTIPLIED = 0.01
 """Smallest value of what a candidate multiplies, as a share of its initial value, that the candidate is tried beside.
 

@@ -207,7 +207,7 @@ def _errors(before: Judged, after: Judged) -> tuple[TrialError, ...]:
 
 
 def _unit_of_position(d: TrialData) -> str:
-    """Return the SI unit of the data that `attribution.rms` is of; empty: there are several, or no channels."""
+    """Return the SI unit of the data that `held_out.rms` is of; empty: there are several, or no channels."""
     parts = position_slices(d)
     units = {c.unit for c in d.channels if d.slices[c.name] in parts}
     return units.pop() if len(units) == 1 else ""

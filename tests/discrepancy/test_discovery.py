@@ -38,7 +38,7 @@ PULSE = {"closure_of_time": 1.0, "closure_by_constant": 1.0, "closure_scale": 12
 COARSE = Numerics(stiffness=1e6, loss_time=2e-4, step=1e-4)
 """Half the steps that films take: the fitted pulses are the same to 4e-7, and their errors in the test are percents."""
 MIMICS = ("wind_speed", "clock_offset")
-"""What comes nearest to the thrust: of all candidates the first wins the first round, and the other the second, beside it."""
+"""What comes nearest to the thrust of all candidates: the first alone, and the other beside it."""
 
 
 def identified(tmp_path, name, seed, trials=None, library=WHOLE_LIBRARY):

@@ -526,7 +526,7 @@ def test_identify_stops_before_the_fit_and_says_how_to_go_on(example, tmp_path):
 @pytest.mark.usefixtures("quick_figures")
 def test_a_search_that_goes_on_anyway_reports_what_looks_wrong(example, tmp_path):
     def interrupt(what, share):
-        if what.startswith("refitting"):
+        if what.startswith("looking"):
             raise KeyboardInterrupt
 
     study = study_io.load(mistaken(example, tmp_path, MISTAKES["diameter"], trials=1))

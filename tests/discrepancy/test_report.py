@@ -14,7 +14,7 @@ from looping_pendulum.discrepancy.fit.held_out import HeldOutTest
 from looping_pendulum.discrepancy.fit.model_test import ModelTest, failures_in_words
 from looping_pendulum.discrepancy.fit.residual import GroupTest, ResidualTests
 from looping_pendulum.discrepancy.report import lead_figure, markdown, next_steps, page, plots, unlisted_report, visible_report
-from looping_pendulum.discrepancy.result import Experiment, RankedExplanation, SmallestVisible, Verdict, UnlistedLaw
+from looping_pendulum.discrepancy.result import Experiment, RankedExplanation, SmallestVisible, UnlistedLaw, Verdict
 from looping_pendulum.discrepancy.trial_results import CorrelatedError
 from looping_pendulum.discrepancy.verdict_sentence import MAX_TIES, verdict_notes, verdict_sentence
 from tests.compare.conftest import quick_figures  # noqa: F401, a fixture

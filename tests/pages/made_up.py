@@ -14,8 +14,8 @@ from looping_pendulum.discrepancy.result import (
     IdentifiedEffect,
     RankedExplanation,
     Unlisted,
-    Verdict,
     UnlistedLaw,
+    Verdict,
 )
 from looping_pendulum.discrepancy.trial_results import EventResidual, Outliers, TrialError, TrialFigure
 

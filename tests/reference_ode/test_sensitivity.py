@@ -132,7 +132,7 @@ def test_random_apparatus_through_slack_and_taut(seeds):
 DAILY = ("friction_per_wrap", "string_thickness", "turning_rod")
 """A friction law, a geometry and a rod that turns; each effect takes 4 s to compile.
 
-Every effect's derivatives are also what a fit screens its candidates by, daily, in tests/discrepancy.
+Every effect's derivatives are also what a fit judges its candidates by, daily, in tests/discrepancy.
 """
 
 

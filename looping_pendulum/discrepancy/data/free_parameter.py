@@ -9,8 +9,8 @@ from enum import StrEnum
 WEAK_PRIOR_SIGMA = 10.0
 """Standard error of the prior of a parameter that was not measured, in units of its scale.
 
-It keeps the parameter within reason in early windows. Where it would influence the result, as of an effect that saturates, the
-refit of a candidate widens it (`listed.attribution.MAX_PRIOR_PULL`).
+It keeps the parameter within reason in early windows. An added effect has a far wider one (`evidence.explanation.WIDE`), so
+that the data alone say how large it is.
 """
 
 

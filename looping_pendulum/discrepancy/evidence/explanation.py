@@ -175,9 +175,19 @@ class Addition:
         """Log posterior probability of that explanation, as `Explanation.log_posterior`."""
         return self.parent.log_z + self.gain + self.log_prior
 
+    def cost_for(self, log_posterior: float) -> float:
+        """Return the cost of a fit with which the explanation has a log posterior, with white noise."""
+        return self.parent.fit.cost - self.decrease + 2 * (self.log_posterior - log_posterior)
 
-def addition_steps(a: Addition) -> Steps[Fit | None]:
-    """Fit an explanation with what is added to it, from where the linear model leads; None: it cannot run."""
+
+def addition_steps(a: Addition, needless_below: float = -math.inf) -> Steps[Fit | None]:
+    """Fit an explanation with what is added to it, from where the linear model leads; None: it cannot run.
+
+    Parameters
+    ----------
+    needless_below
+        Log posterior with which nobody wants the explanation.
+    """
     parent = a.parent.fit
     p, weights = parent.problem, np.zeros(0)
     if a.law:
@@ -199,9 +209,11 @@ def addition_steps(a: Addition) -> Steps[Fit | None]:
     if p.is_swing:  # the amplitude alone, before the other parameters follow it, would put a long swing out of phase
         starts = [(minimise_steps, at, np.zeros(len(added))), starts[0]]
     fits: list[Fit] = []
+    needless_above = a.cost_for(needless_below)
     for fit_from, start, beside in starts:
         with contextlib.suppress(FitError):
-            fits.append((yield from fit_from(problem, np.concatenate([start, beside]), cost_tolerance=enough_cost(parent))))
+            x = np.concatenate([start, beside])
+            fits.append((yield from fit_from(problem, x, cost_tolerance=enough_cost(parent), needless_above=needless_above)))
         if fits and parent.cost - min(f.cost for f in fits) > 0.9 * a.decrease:
             break
     if not fits:

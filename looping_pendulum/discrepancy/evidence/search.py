@@ -49,6 +49,10 @@ from looping_pendulum.discrepancy.workers import SERIAL, Workers
 
 MAX_SETTINGS, MAX_SETTINGS_OF_LAWS = 5, 2
 """Settings of the noise by which the linear model judges listed effects, and laws: white, and the most probable ones."""
+NEEDLESS = 3
+"""Margins behind the best from which on a fit is given up."""
+LEAST_TRIED = (1, 3)
+"""Listed effects that are fitted alone at least, and before a law is named."""
 MIN_KNOWN_ERRORS = 2
 """Exact fits from which on the linear model's error beside an explanation is known."""
 
@@ -147,7 +151,10 @@ class Search:
             expected = {a.key: (self._start_of(a).key, self._expected(a, 0.0)[0]) for a in chosen}
             for a in chosen:
                 del self.possible[a.key]
-            for a, fit in zip(chosen, self._fit([partial(addition_steps, a) for a in chosen]), strict=True):
+            # By lasting noise a misfit is no measure of the evidence
+            needless = self.best.log_posterior - NEEDLESS * MARGIN if not self.best.setting else -math.inf
+            fits = self._fit([partial(addition_steps, a, needless) for a in chosen])
+            for a, fit in zip(chosen, fits, strict=True):
                 if fit is not None:
                     start, log_posterior = expected[a.key]
                     found = self._add(fit, a.parts)
@@ -324,6 +331,7 @@ class Search:
                 # What adds nothing to a part of it is no explanation of its own
                 if log_posterior + slack > limit and log_posterior + slack > self._best_part(a.key):
                     found.append((log_posterior, a))
+        found += [(math.inf, a) for a in self._untried()]
         chosen: dict[Key, Addition] = {}
         for _, a in sorted(found, key=lambda one: -one[0]):
             # First a part of it: more parts may only make up for what the linear model does not show of one
@@ -331,6 +339,16 @@ class Search:
             if len(chosen) < MAX_TOGETHER and not any(key < first.key for key in chosen):
                 chosen.setdefault(first.key, first)
         return list(chosen.values())
+
+    def _untried(self) -> list[Addition]:
+        """Return the listed effects that are fitted whatever the linear model says: it shows too little of some.
+
+        One, so that nothing is said without a runner-up; more before a law is named, since no library may list that.
+        """
+        tried = sum(len(e.key) == 1 and not e.parts.law for e in self.fitted.values())
+        singles = [a for a in self.possible.values() if len(a.key) == 1 and not a.law]
+        left = LEAST_TRIED[self.best.parts.law is not None] - tried
+        return sorted(singles, key=lambda a: -a.log_posterior)[: max(left, 0)]
 
     def _is_next(self, a: Addition) -> bool:
         """Return whether an explanation adds one part to one that was fitted."""

@@ -131,6 +131,7 @@ def minimise_steps(
     cost_tolerance: float = COST_TOLERANCE,
     max_iterations: int = MAX_ITERATIONS,
     initial_jacobian: Array | None = None,
+    needless_above: float = math.inf,
 ) -> Steps[Fit]:
     """Minimise the cost within the bounds by the Levenberg-Marquardt method, in steps that ask for predictions.
 
@@ -146,6 +147,9 @@ def minimise_steps(
         Largest number of Jacobians that are computed.
     initial_jacobian
         Jacobian at ``x``, or as near to it as two iterations are when a fit ends; None: not known.
+    needless_above
+        Cost above which nobody wants the fit: it ends where the linear model, and by how much that has changed in one iteration,
+        say that it will stay there.
 
     Raises
     ------
@@ -161,9 +165,12 @@ def minimise_steps(
     if r is None:
         raise FitError("the model cannot run at the start of the fit; check the study's values")
     cost, damping, iterations = float(r @ r), FIRST_DAMPING, int(initial_jacobian is None)
-    longest_step = MAX_STEP
+    longest_step, least = MAX_STEP, math.inf
     while iterations < max_iterations:
         model = _LinearModel(problem, x, r, jacobian, longest_step)
+        least_before, least = least, cost - model.largest_decrease
+        if least - max(least_before - least, 0.0) > needless_above:
+            break
         there = model.point(damping)
         # Negative where a component was clipped, which says nothing
         if 0 <= model.decrease(there) < cost_tolerance * cost:
@@ -225,6 +232,12 @@ class _LinearModel:
         step = there - self._x
         return float(2 * step @ self._gradient - step @ self._normal @ step)
 
+    @property
+    def largest_decrease(self) -> float:
+        """Decrease of the cost that the model predicts by the whole step to its minimum."""
+        step = self._step(MIN_DAMPING, math.inf)
+        return float(2 * step @ self._gradient - step @ self._normal @ step)
+
     def _step(self, damping: float, longest: float) -> Array:
         """Return the damped step, each component clipped; parameters that press against a bound stay.
 
@@ -281,12 +294,14 @@ def calibrate(problem: Problem, start: Array | None = None) -> Fit:
     return alone(calibrate_steps(problem, start))
 
 
-def calibrate_steps(problem: Problem, start: Array | None = None, *, cost_tolerance: float = COST_TOLERANCE) -> Steps[Fit]:
-    """Do the same as `calibrate` in steps that ask for predictions; ``cost_tolerance`` is that of the last window."""
+def calibrate_steps(
+    problem: Problem, start: Array | None = None, *, cost_tolerance: float = COST_TOLERANCE, needless_above: float = math.inf
+) -> Steps[Fit]:
+    """Do the same as `calibrate` in steps that ask for predictions; the options are those of `minimise_steps` for the whole."""
     x = problem.prior_mean.copy() if start is None else start
     total = 0
     for share in _window_shares(problem):
         fit = yield from minimise_steps(problem.until(share), x, cost_tolerance=WINDOW_COST_TOLERANCE)
         x, total = fit.x, total + fit.iterations
-    fit = yield from minimise_steps(problem, x, cost_tolerance=cost_tolerance)
+    fit = yield from minimise_steps(problem, x, cost_tolerance=cost_tolerance, needless_above=needless_above)
     return dataclasses.replace(fit, iterations=fit.iterations + total)

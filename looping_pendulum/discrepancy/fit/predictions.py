@@ -28,7 +28,7 @@ Steps = Generator[Request, Array, T]
 """Asks for predictions, is sent each, shape (m, n), and returns a result at last."""
 MIN_BATCH, MIN_BATCH_OF_OWN_MODEL = 3, 12
 """Number of runs of one trial that are asked for at once, from which on they are made in a batch: where all further effects
-share one compiled model, and where an effect needs a model of its own, which a fit is worth, but not a screening.
+share one compiled model, and where an effect needs a model of its own, which a fit is worth, but not what a few values do.
 
 What a batch costs beside its runs is as much as some eight single ones. But whether a run is part of one may not depend on what
 else is asked for, as a single run differs from it in the last digits, and results are the same for any number of processes.

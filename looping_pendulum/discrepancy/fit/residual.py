@@ -1,7 +1,7 @@
 """Test the residuals of a fit: how large their noise is, and whether they have structure beyond it.
 
-A study has some eight groups of residuals with three tests each, and tests of their size, of held-out data and of scores. Each
-limit is chosen so that of studies without a missing effect ("clean studies") it fails about 0.5 %, and all together some 3 %.
+A study has some eight groups of residuals with three tests each, and tests of their size and of held-out data. Each limit is
+chosen so that of studies without a missing effect ("clean studies") it fails about 0.5 %, and all together some 3 %.
 `docs/data/calibration.json` has what clean studies reach (``thresholds``), by which a test judges the limits, and the rates
 that were measured with other studies (``rates``).
 """
