@@ -104,6 +104,8 @@ def predict_many(
 ) -> Array:
     """Predict the same for many cameras by one clock, as one vector: shape (m, n), the channels end to end.
 
+    Where `predict` would raise, a row is nan.
+
     Parameters
     ----------
     samples
@@ -112,8 +114,6 @@ def predict_many(
         Run that each camera films, shape (m,).
     camera
         Many cameras, as `Camera.of_many` makes them.
-
-    Where `predict` would raise, a row is nan.
     """
     shown = samples.take(run)
     series = _series(shown, camera, dropped, set(times.index))

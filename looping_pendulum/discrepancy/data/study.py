@@ -157,7 +157,7 @@ class Study:
 
     @property
     def held_out(self) -> tuple[Trial, ...]:
-        """Return the trials that no fit uses."""
+        """Return the trials on which the error before and after is judged."""
         return tuple(t for t in self.trials if t.held_out)
 
     @property

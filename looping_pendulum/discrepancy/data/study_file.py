@@ -150,7 +150,7 @@ class TrialGroup(Group):
     mirrored: Annotated[bool, Flag()] = False
     """Whether the light mass starts on the right: the camera stood on the other side."""
     held_out: Annotated[bool, Flag()] = False
-    """Whether no fit uses the trial, so that the verdict can be judged on it."""
+    """Whether the error before and after is judged on the trial, by fits to the others alone."""
     light: StudyLightGroup = StudyLightGroup()
     heavy: StudyHeavyGroup = StudyHeavyGroup()
     release: StudyReleaseGroup = StudyReleaseGroup()

@@ -148,8 +148,8 @@ def minimise_steps(
     initial_jacobian
         Jacobian at ``x``, or as near to it as two iterations are when a fit ends; None: not known.
     needless_above
-        Cost above which nobody wants the fit: it ends where the linear model, and by how much that has changed in one iteration,
-        say that it will stay there.
+        Cost above which nobody wants the fit: it ends where the linear model, and by how much that has changed in one
+        iteration, say that it will stay there.
 
     Raises
     ------
