@@ -22,6 +22,8 @@ VISIBILITY = {"below 0.5": 0.5, "0.5 to 1": 1.0, "1 to 2": 2.0, "above 2": math.
 NOT_STATED = "not stated"
 """Class of effects of which the report says no such size."""
 NAMED = ("right", "tied")
+VISIBLE = 2.0
+"""Planted size over the smallest visible one from which on the credible set should hold the truth: what is smaller hides."""
 LARGE = 0.016
 """Size of what is hidden [m] from which on targets are set."""
 MANY_TRIALS, MODERATE_NOISE = 3, 1e-3
@@ -77,7 +79,7 @@ def summary(pairs: Sequence[Pair]) -> dict[str, Any]:
         "large": _large(of_kind),
         "false_discoveries": _false_discoveries(judged),
         "stated_probabilities": _stated_probabilities(judged),
-        "credible_holds_truth": proportion(sum(o["credible_holds_truth"] for _, o in judged), len(judged)),
+        "credible_holds_truth": _held([p for p in judged if p[0].kind == "clean" or (p[1]["visibility"] or 0) >= VISIBLE]),
         "held_out_error_of_named": _quantiles(
             [o["held_out_error"] for s, o in judged if s.kind != "clean" and o["judgement"] in NAMED], TIME_QUANTILES
         ),
@@ -88,7 +90,9 @@ def summary(pairs: Sequence[Pair]) -> dict[str, Any]:
 
 def _large(of_kind: dict[str, list[Pair]]) -> dict[str, Any]:
     """Return what targets are set for, of the studies in which something of `LARGE` or more is hidden."""
-    single, two, unlisted = ([p for p in of_kind[kind] if (p[0].size or 0) >= LARGE] for kind in ("single", "two", "unlisted"))
+    single, two, unlisted, mixed = (
+        [p for p in of_kind[kind] if (p[0].size or 0) >= LARGE] for kind in ("single", "two", "unlisted", "mixed")
+    )
     recommended = [p for p in single if p[0].trials >= MANY_TRIALS and p[0].noise <= MODERATE_NOISE]
     found = _called_unlisted(unlisted)
     return {
@@ -97,12 +101,17 @@ def _large(of_kind: dict[str, list[Pair]]) -> dict[str, Any]:
         "single_wrong_alone": proportion(sum(_is_wrong_alone(outcome) for _, outcome in single), len(single)),
         "single_called_unlisted": proportion(sum(outcome["verdict"] == "unlisted" for _, outcome in single), len(single)),
         "two": _named_or_tied(two),
+        "mixed": _named_or_tied(mixed),
         "unlisted": _named_or_tied(unlisted),
         "unlisted_law": _laws_as_planted(unlisted),
         "unlisted_law_of_found": _laws_as_planted(found),
         "unlisted_law_not_excluded": _named_or_tied(found),
         "unlisted_held_out_error": _quantiles([outcome["held_out_error"] for _, outcome in found], TIME_QUANTILES),
     }
+
+
+def _held(pairs: Sequence[Pair]) -> dict[str, Any]:
+    return proportion(sum(o["credible_holds_truth"] for _, o in pairs), len(pairs))
 
 
 def _is_wrong_alone(outcome: Outcome) -> bool:
@@ -287,7 +296,7 @@ def print_summary(title: str, result: dict[str, Any]) -> None:
     table.add_row("unlisted: the verdict is `unlisted`", in_words(result["unlisted_verdict"]))
     table.add_row("unlisted: body and coordinate as planted", in_words(result["unlisted_law"]))
     table.add_row("unlisted, of those called so: body and coordinate as planted", in_words(result["unlisted_law_of_found"]))
-    table.add_row("the credible set holds the truth", in_words(result["credible_holds_truth"]))
+    table.add_row("clean, or above twice visible: the credible set holds the truth", in_words(result["credible_holds_truth"]))
     for name, seconds in result["cpu_seconds"].items():
         table.add_row(f"CPU seconds, {'largest' if name == 'largest' else 'quantile ' + name}", f"{seconds:.1f}")
     for name in ("unreachable", "failed"):

@@ -65,17 +65,21 @@ def block(rates: dict[str, Any]) -> str:
         f"| {_bounded(s['false_discoveries'])} |",
         f"| two effects: the pair is named or tied | {_named(s['two'])} |",
         f"| two effects: only one of them is named | {share(s['two']['part'])} |",
-        f"| unlisted force: the verdict is `unlisted` | {share(s['unlisted']['right'])} |",
-        f"| unlisted force: it is tied with listed effects | {share(s['unlisted']['tied'])} |",
+        f"| unlisted force: the verdict is `unlisted` | {share(s['unlisted_verdict'])} |",
+        f"| unlisted force: it is named, or tied with others | {_named(s['unlisted'])} |",
         f"| unlisted force: what it acts on and depends on is as planted | {share(s['unlisted_law'])} |",
         f"| the same, of those with the verdict `unlisted` | {share(s['unlisted_law_of_found'])} |",
         f"| unlisted force: a listed effect is named instead | {share(s['unlisted']['wrong'])} |",
+        f"| an effect beside an unlisted force: both are named or tied | {_named(s['mixed'])} |",
+        f"| the same: one of the two, or the effect beside another force | {_partly(s['mixed'])} |",
     ]
     columns = ("named", "named_or_tied", "wrong")
     power = _power_rows(_in_millimetres(s["single"]["by_size"]), columns)
     visible = _power_rows(s["single"]["by_visibility"], columns)
     two_visible = _power_rows(s["two_by_visibility"], ("named_or_tied", "part", "wrong"))
     unlisted = _unlisted_table(s["unlisted_by_size"])
+    classes = s["stated_probabilities"].items()
+    stated = "\n".join(f"| {name} | {row['mean']:.2f} | {share(row['right'])} |" for name, row in classes)
     return f"""These are {s["studies"]} studies{few}
 (`{rates["command"]}`, {rates["measured_on"]}). An identification took {median} s of CPU time in the median,
 {largest} s at most. Intervals are of 95 %, by Clopper and Pearson.
@@ -104,7 +108,14 @@ Of two hidden effects, against the visibility of the one that hides better:
 | smaller ratio of hidden to visible size | both named or tied | only one of them | another is named |
 |---|---|---|---|
 {two_visible}
-{unlisted}"""
+{unlisted}
+The report states a probability of each explanation. Of all explanations that something is missing:
+
+| stated probability | mean | share that is right |
+|---|---|---|
+{stated}
+
+What is hidden beside a right explanation but too small to be seen makes it count as wrong here."""
 
 
 def _unlisted_table(by_size: dict[str, Any]) -> str:
@@ -114,7 +125,7 @@ def _unlisted_table(by_size: dict[str, Any]) -> str:
     return f"""
 Of a force that is not listed, against its size:
 
-| the light mass moves by (RMS) | the verdict is `unlisted` | the same, or tied | a listed effect is named instead |
+| the light mass moves by (RMS) | its law is named | the same, or tied | a listed effect is named instead |
 |---|---|---|---|
 {_power_rows(_in_millimetres(by_size), ("named", "named_or_tied", "wrong"))}
 """
@@ -148,6 +159,11 @@ def _named(shares: dict[str, Any]) -> str:
     return f"{right['count']} named, {tied['count']} tied, of {right['of']}" if right["of"] else "-"
 
 
+def _partly(shares: dict[str, Any]) -> str:
+    count = shares["part"]["count"] + shares["law"]["count"]
+    return f"{count} of {shares['part']['of']}" if shares["part"]["of"] else "-"
+
+
 def share(numbers: dict[str, Any]) -> str:
     """Return a share with its interval; a dash if nothing was measured."""
     if not numbers["of"]:
@@ -168,8 +184,8 @@ def known_answer_block(known: dict[str, Any]) -> str:
     return f"""How much could be named at all? `{known["command"]}` ({known["measured_on"]})
 fits the large ones of such studies, which `identify` has judged, with exactly what was hidden, begun at its
 true value. The data *show* it if each hidden effect then has a delta BIC of 10 or more and, of a force that is not listed, 10
-more than the listed effects that were named. What they do not show no search
-that asks for as much can name: the fitted parameters, or other effects, make up for it.
+more than the listed effects that were named. What they do not show hardly any search
+can name: the fitted parameters, or other effects, make up for it.
 
 | hidden | the light mass moves by | the data show it | of these named or tied | of the others |
 |---|---|---|---|---|

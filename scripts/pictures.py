@@ -12,6 +12,20 @@ import sys
 import tempfile
 from pathlib import Path
 
+import numpy as np
+
+from looping_pendulum.discrepancy.data.study_io import load
+from looping_pendulum.discrepancy.evidence.explanation import NOTHING, addition_steps, explained
+from looping_pendulum.discrepancy.evidence.search import Search
+from looping_pendulum.discrepancy.fit.calibration import calibrate
+from looping_pendulum.discrepancy.fit.predictions import alone
+from looping_pendulum.discrepancy.fit.problem import Problem, free_parameters_of
+from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
+from looping_pendulum.discrepancy.inputs import read_inputs
+from looping_pendulum.discrepancy.workers import one_blas_thread
+from looping_pendulum.files import write_atomically
+from looping_pendulum.pages.drawing import new_figure, png
+from looping_pendulum.pages.palette import COLOURS
 from looping_pendulum.teaching.example_folder import write_example
 
 IMAGES = Path(__file__).parents[1] / "docs" / "img"
@@ -41,6 +55,36 @@ def take_picture_of_demo(page_file: Path, picture: Path) -> None:
         browser.close()
 
 
+def draw_evidence(study: Path, picture: Path) -> None:
+    """Draw how well some explanations of a study fit, and how probable they are."""
+    inputs = read_inputs(load(study))
+    data = [*inputs.training, *(d for d, _ in inputs.held_out)]
+    problem = Problem(inputs.study, data, free_parameters_of(inputs.study, inputs.observed))
+    with one_blas_thread():
+        search = Search(refit_with_estimated_noise(calibrate(problem)), inputs.library)
+        search.run()
+        best = search.best
+        more = max((a for a in search.possible.values() if a.parent is best), key=lambda a: a.decrease)
+        pair = explained(search.grid, alone(addition_steps(more)), more.parts, len(inputs.library))
+    law = max((e for e in search.fitted.values() if e.parts.law), key=lambda e: e.log_posterior)
+    shown = [search.fitted[NOTHING], best, pair, law]
+    names = [" + ".join(sorted(e.key)).replace("_", " ").replace(" by ", "\nby ") or "nothing" for e in shown]
+    weights = np.exp([e.log_posterior - best.log_posterior for e in shown])
+    drawing = new_figure(9.0, 3.2)
+    axes = drawing.subplots(1, 2)
+    for ax, values, label, form in (
+        (axes[0], [e.fit.cost / problem.count for e in shown], "misfit (chi-square per value)", "%.4f"),
+        (axes[1], 100 * weights / weights.sum(), "probability [%]", "%.2g"),
+    ):
+        bars = ax.barh(range(len(shown)), values, color=COLOURS[0])
+        ax.bar_label(bars, fmt=form, padding=3)
+        ax.set(xlabel=label, xlim=(0, 1.25 * max(values)), yticks=range(len(shown)))
+        ax.invert_yaxis()
+    axes[0].set_yticklabels(names)
+    axes[1].set_yticklabels([])
+    write_atomically(picture, png(drawing))
+
+
 def main() -> None:
     """Draw all of them."""
     with tempfile.TemporaryDirectory() as name:
@@ -49,6 +93,7 @@ def main() -> None:
         take_picture_of_demo(folder / "report" / "ten_to_one" / "demo.html", IMAGES / "demo.png")
         write_example(example)
         run_command(example, "identify", "study.yaml", "--out", "report/study")
+        draw_evidence(example / "study.yaml", IMAGES / "evidence.png")
         for place, figures in ((folder, FIGURES), (example, STUDY_FIGURES)):
             for source, target in figures.items():
                 shutil.copyfile(place / source, IMAGES / target)

@@ -52,10 +52,21 @@ LINEAR_ERROR = 0.5
 """Share of a gain of log likelihood by which the linear model may be wrong, where it is large."""
 LARGE_MISFIT = 50.0
 """Gain of log likelihood from which on an effect changes what others do beside it."""
+MIN_KNOWN_ERRORS = 2
+"""Exact fits beside an explanation from which on the linear model's error there is known."""
+LEAST_TRIED = (1, 3)
+"""Listed effects that are fitted alone whatever the linear model says, and as many before a law is named.
+
+Of a rod that turns against the friction of its bearing it showed half, so that a law of the string was named in its place.
+"""
+NEEDLESS = 3
+"""Margins behind the best from which on a fit is given up."""
 MAX_EFFECTS = 3
 """Listed effects of an explanation at most."""
 MAX_ROUNDS, MAX_TOGETHER = 10, 4
 """Rounds of exact fits, and the largest number of fits in one."""
+MAX_SETTINGS, MAX_SETTINGS_OF_LAWS = 5, 2
+"""Settings of the noise by which the linear model judges listed effects, and laws: white, and the most probable ones."""
 
 
 def log_prior(count: int, library: int, law: Closure | None = None) -> float:

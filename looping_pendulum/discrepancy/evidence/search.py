@@ -30,11 +30,16 @@ from looping_pendulum.discrepancy.evidence.laws import Laws, laws_beside
 from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid
 from looping_pendulum.discrepancy.evidence.prior import (
     LARGE_MISFIT,
+    LEAST_TRIED,
     LINEAR_ERROR,
     MARGIN,
     MAX_EFFECTS,
     MAX_ROUNDS,
+    MAX_SETTINGS,
+    MAX_SETTINGS_OF_LAWS,
     MAX_TOGETHER,
+    MIN_KNOWN_ERRORS,
+    NEEDLESS,
     VISIBLE,
     body_of,
     log_occam,
@@ -46,15 +51,6 @@ from looping_pendulum.discrepancy.fit.predictions import Steps, alone, together
 from looping_pendulum.discrepancy.fit.residual import ResidualTests, check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import data_with_noise_of_residuals
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
-
-MAX_SETTINGS, MAX_SETTINGS_OF_LAWS = 5, 2
-"""Settings of the noise by which the linear model judges listed effects, and laws: white, and the most probable ones."""
-NEEDLESS = 3
-"""Margins behind the best from which on a fit is given up."""
-LEAST_TRIED = (1, 3)
-"""Listed effects that are fitted alone at least, and before a law is named."""
-MIN_KNOWN_ERRORS = 2
-"""Exact fits from which on the linear model's error beside an explanation is known."""
 
 
 class Search:
