@@ -33,6 +33,11 @@ PATTERN_HALF_WINDOWS = (6, 3)
 """The same for patterns; the longer one holds all of them whole, but with few frames a second the masses turn in it."""
 DEGREE = 3
 """Degree of the polynomial."""
+FINER_DEGREE = 5
+"""Degree of the polynomials by which the points alone must show lost pictures, too, in the longest window.
+
+In 20 rows a second, a swing of 1.7 s is no cubic at its turning points, and looks displaced there.
+"""
 MAX_MISFIT_RATIO = 1.25
 """Largest mean square of a longer window's residuals, in that of a shorter one or in the noise's, with which it is taken."""
 MAX_MISFIT = 2.5
@@ -331,7 +336,12 @@ class _Film:
         """Return the number of the frame at each time, from the first row."""
         return np.asarray(np.round((t - self.t[0]) / self.step), dtype=np.intp)
 
-    def displacements(self, half: int, *, onward: bool) -> _Displacements:
+    @property
+    def halves(self) -> list[int]:
+        """Numbers of rows on each side by which displacements are looked for, the smallest first."""
+        return sorted({min(max(rows, round(duration / self.step)), MAX_HALF) for rows, duration in HALF_WINDOWS})
+
+    def displacements(self, half: int, *, onward: bool, degree: int = DEGREE) -> _Displacements:
         """Return by how much each row is displaced in time: a positive one was filmed later than its time says.
 
         Parameters
@@ -340,12 +350,14 @@ class _Film:
             Number of rows on each side of it.
         onward
             Whether all rows after it are displaced with it.
+        degree
+            Degree of the polynomials.
         """
         length = 2 * half + (not onward)
         if len(self.t) < length:
             empty = np.full(len(self.t), np.inf)
             return _Displacements(half=np.full(len(self.t), half), value=0 * self.t, error=empty, misfit=empty, across=empty)
-        windows = _Windows(self, half, length)
+        windows = _Windows(self, half, length, degree=degree)
         place = np.arange(windows.length)
         fit = windows.fit((place >= half if onward else place == half)[None, None])
         return _Displacements(
@@ -365,8 +377,7 @@ class _Film:
     @lru_cache(maxsize=32)  # noqa: B019, as films are few
     def best_displacements(self, *, onward: bool) -> _Displacements:
         """Return displacements by the longest window of each row in which the motion is a polynomial."""
-        halves = {min(max(rows, round(duration / self.step)), MAX_HALF) for rows, duration in HALF_WINDOWS}
-        best, *longer = (self.displacements(half, onward=onward) for half in sorted(halves))
+        best, *longer = (self.displacements(half, onward=onward) for half in self.halves)
         for other in longer:
             best = best.replaced(other, other.misfit < MAX_MISFIT_RATIO * np.maximum(best.misfit, 1.0))
         return best
@@ -467,8 +478,9 @@ class _Windows:
     """All runs of so many rows, in each of which the motion is a polynomial of the time."""
 
     def __init__(
-        self, film: _Film, half: int, length: int, *, factor: float = 1.0, which: NDArray[np.intp] | slice = slice(None)
-    ) -> None:
+        self, film: _Film, half: int, length: int, *, factor: float = 1.0, which: NDArray[np.intp] | slice = slice(None),
+        degree: int = DEGREE,
+    ) -> None:  # fmt: skip
         """Take the values of a film; the polynomials' variable is 0 at row `half` of each window.
 
         Parameters
@@ -478,14 +490,14 @@ class _Windows:
         which
             Only these windows.
         """
-        self.half, self.length = half, length
+        self.half, self.length, self.degree = half, length, degree
         t = sliding_window_view(film.t, length)[which]
         x = (t - t[:, half, None]) / (half * film.step * max(factor, 1.0))
         x = np.where(x > 0, factor * x, x)
         values = sliding_window_view(film.values, length, axis=1)[:, which]
         self.known = np.isfinite(values)
         self.y = np.where(self.known, values, 0.0)
-        self.basis, self.slopes = _polynomials(x, self.known)
+        self.basis, self.slopes = _polynomials(x, self.known, degree)
         self.rest = self._without_polynomials(self.y)
 
     def fit(self, moved: NDArray[np.bool_], *, pooled: bool = False) -> _Fit:
@@ -534,7 +546,7 @@ class _Windows:
     @property
     def freedom(self) -> Array:
         """Return the number of values of each window beyond the polynomials' coefficients."""
-        return np.asarray(np.maximum(np.maximum(self.known.sum(axis=2) - DEGREE - 1, 0).sum(axis=0), 1))
+        return np.asarray(np.maximum(np.maximum(self.known.sum(axis=2) - self.degree - 1, 0).sum(axis=0), 1))
 
     @property
     def squares(self) -> Array:
@@ -552,13 +564,13 @@ class _Windows:
         return np.asarray(y - np.einsum("jcnk,jcn->cnk", self.basis, np.einsum("jcnk,cnk->jcn", self.basis, y)))
 
 
-def _polynomials(x: Array, known: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _polynomials(x: Array, known: NDArray[np.bool_], degree: int) -> tuple[Array, Array]:
     """Return polynomials of x that are orthonormal over the known rows of each window, and their derivatives.
 
     Both have shape (degree + 1, channels, windows, rows). A polynomial that the rows do not determine is zero.
     """
-    basis, slopes = np.zeros((2, DEGREE + 1, *known.shape))
-    for j in range(DEGREE + 1):
+    basis, slopes = np.zeros((2, degree + 1, *known.shape))
+    for j in range(degree + 1):
         polynomial, slope = x**j * known, np.broadcast_to(j * x ** max(j - 1, 0), known.shape)
         for i in range(j):
             shared = np.einsum("cnk,cnk->cn", basis[i], polynomial)[..., None]
@@ -647,6 +659,10 @@ def _single_displacements(film: _Film, unrest: float, largest_misfit: float) -> 
         usual = (rows.value > COPIED[0]) & (rows.value < COPIED[1]) | onward & (rows.value > MIN_LOST)
         usual &= rows.across < np.maximum(MAX_ACROSS, MAX_SLOPE * sigmas)
         most = largest_misfit if onward else MAX_MISFIT
+        if onward and largest_misfit == MAX_MISFIT:  # by the points alone
+            finer = film.displacements(max(film.halves), onward=True, degree=FINER_DEGREE)
+            clear = (finer.value > MIN_LOST) & (finer.value > MIN_SIGMAS * np.hypot(finer.error, unrest))
+            usual &= clear | (rows.value < MIN_LOST)
         for k in np.flatnonzero(usual & (sigmas > MIN_SIGMAS) & (rows.misfit < most)):
             here = WrongTimes(t=float(film.t_by_file[k]), shift=round(float(rows.value[k])) * film.step, onward=onward)
             found.append((float(sigmas[k]), int(k), int(rows.half[k]), here))
