@@ -28,8 +28,8 @@ from benchmarks import (
 )
 from benchmarks.plain_scipy import plain_run
 from benchmarks.rival_methods import METHODS
-from looping_pendulum.discrepancy.data.measurement import FIT_TOLERANCE
 from looping_pendulum.engines.protocol import Profile
+from looping_pendulum.measured.measurement import FIT_TOLERANCE
 from looping_pendulum.reference_ode.batch import sample_batch
 from looping_pendulum.reference_ode.solve import available_integrators, solve_at
 from looping_pendulum.scenarios import load

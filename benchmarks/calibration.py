@@ -23,8 +23,6 @@ from benchmarks.calibration_summary import NAMED, print_summary, summary
 from benchmarks.resumable import Outcome, run
 from benchmarks.rounding import rounded
 from looping_pendulum.discrepancy.candidates import MIN_SHARE_OF_MULTIPLIED
-from looping_pendulum.discrepancy.data.study import Study
-from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.evidence.explain import explain
 from looping_pendulum.discrepancy.evidence.prior import MARGIN, VISIBLE, body_of
 from looping_pendulum.discrepancy.identify import identify
@@ -39,6 +37,8 @@ from looping_pendulum.discrepancy.result import (
 from looping_pendulum.discrepancy.workers import one_blas_thread
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import write_atomically
+from looping_pendulum.measured.study import Study
+from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.effects.check import multiplied_coefficient
 from looping_pendulum.versions import MISSING, installed_version

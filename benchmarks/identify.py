@@ -17,13 +17,13 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import least_squares
 
-from looping_pendulum.discrepancy.data.measurement import predict
-from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.first_look.check import take_first_look
 from looping_pendulum.discrepancy.fit.calibration import calibrate
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
+from looping_pendulum.measured.measurement import predict
+from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.solve import solve_at
 from tests.blind.cases import CASES
 from tests.blind.pendulum import Pendulum

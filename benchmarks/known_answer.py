@@ -29,7 +29,6 @@ from benchmarks.calibration_summary import LARGE, NAMED, in_words, proportion
 from benchmarks.resumable import Outcome, run
 from benchmarks.rival_methods import best_additions, delta_bic
 from looping_pendulum.discrepancy.candidates import Candidate
-from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.evidence.explanation import addition_steps
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate, minimise
 from looping_pendulum.discrepancy.fit.predictions import alone
@@ -37,6 +36,7 @@ from looping_pendulum.discrepancy.fit.problem import Problem, free_parameters_of
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.effects.installed import ENTRY_POINTS
 from tests.discrepancy.expected import DECISIVE, hidden_number
 

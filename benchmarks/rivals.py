@@ -24,10 +24,10 @@ from benchmarks.blind_sample import KINDS, BlindStudy, planted_values, write_fil
 from benchmarks.calibration_summary import JUDGEMENTS, in_words, proportion
 from benchmarks.resumable import Outcome, run
 from benchmarks.rival_methods import METHODS, NOT_ASKED, Rival
-from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.installation import install_command
+from looping_pendulum.measured.study_io import load
 
 RESULT = Path(__file__).parents[1] / "docs" / "data" / "rivals.json"
 OURS = "identify"

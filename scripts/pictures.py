@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.evidence.explanation import NOTHING, addition_steps, explained
 from looping_pendulum.discrepancy.evidence.search import Search
 from looping_pendulum.discrepancy.fit.calibration import calibrate
@@ -24,6 +23,7 @@ from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.workers import one_blas_thread
 from looping_pendulum.files import write_atomically
+from looping_pendulum.measured.study_io import load
 from looping_pendulum.pages.drawing import new_figure, png
 from looping_pendulum.pages.palette import COLOURS
 from looping_pendulum.teaching.example_folder import write_example

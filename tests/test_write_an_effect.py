@@ -11,9 +11,9 @@ import sys
 import pytest
 import yaml
 
-from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.result import Verdict
+from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.effects.own import COORDINATES, DIRECTIONS
 from looping_pendulum.reference_ode.solve import available_integrators, solve
 from looping_pendulum.scenarios import load_text
@@ -123,7 +123,7 @@ def test_a_module_of_the_package_may_be_imported_first(package):
 IDENTIFY = """
 import json, sys
 from pathlib import Path
-from looping_pendulum.discrepancy.data.study_io import load
+from looping_pendulum.measured.study_io import load
 from looping_pendulum.discrepancy.identify import identify
 from tests.discrepancy.blind_study import only_candidates
 with only_candidates(("pulse", "wind_speed")):

@@ -132,7 +132,7 @@ MarksSettings = Annotated[
 
 def read_marks(files: list[str] | None, settings: list[str] | None) -> MeasuredTrial | None:
     """Read the trial of --marks; None without one."""
-    from looping_pendulum.discrepancy.data.trial_files import read_measured_trial
+    from looping_pendulum.compare.trial_files import read_measured_trial
     from looping_pendulum.errors import HarnessError
 
     if files:

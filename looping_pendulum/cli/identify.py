@@ -37,10 +37,10 @@ def look(
 
     looping-pendulum look trials/study.yaml
     """
-    from looping_pendulum.discrepancy.data import study_io
     from looping_pendulum.discrepancy.first_look import picture
     from looping_pendulum.discrepancy.first_look.check import take_first_look
     from looping_pendulum.files import prepare_output_folder
+    from looping_pendulum.measured import study_io
 
     loaded = study_io.load(study)
     folder = out or Path("report") / loaded.name
@@ -98,7 +98,7 @@ def identify(
         float | None,
         typer.Option(metavar="SECONDS", min=1.0, help="End the search after about this time, and report its results so far."),
     ] = None,
-    schema: Annotated[bool, schema_option("study", "looping_pendulum.discrepancy.data.study_file")] = False,
+    schema: Annotated[bool, schema_option("study", "looping_pendulum.measured.study_file")] = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
     anyway: Annotated[
@@ -121,11 +121,11 @@ def identify(
 
 def _identify(study: Path, out: Path | None, seed: int, time_limit: float | None, *, anyway: bool, workers: Workers) -> None:
     """Do what `identify` does, with a pool of processes."""
-    from looping_pendulum.discrepancy.data import study_io
     from looping_pendulum.discrepancy.identify import identify as find
     from looping_pendulum.discrepancy.report import writing
     from looping_pendulum.discrepancy.result import Verdict
     from looping_pendulum.files import prepare_output_folder
+    from looping_pendulum.measured import study_io
 
     loaded = study_io.load(study)
     folder = out or Path("report") / loaded.name

@@ -15,7 +15,7 @@ from looping_pendulum.cli.terminal import say
 from looping_pendulum.errors import HarnessError, printable
 
 if TYPE_CHECKING:
-    from looping_pendulum.discrepancy.data.study import Study
+    from looping_pendulum.measured.study import Study
     from looping_pendulum.teaching.answers import Answers
 
 USUAL_SCENARIO = "ten_to_one"
@@ -101,7 +101,7 @@ def new(
 
 def _check_trials(study: Study, *, ask: bool) -> None:
     """Warn of what looks wrong in the trials of a study; with ``ask``, what `identify` would refuse can be answered anew."""
-    from looping_pendulum.discrepancy.data.observations import DataError
+    from looping_pendulum.measured.observations import DataError
     from looping_pendulum.teaching.new_study import keys_of_fault, look_at_trials
     from looping_pendulum.teaching.questions import AnswerError
 

@@ -55,7 +55,7 @@ def compare_engines(
         Folder of measured event tables; they are also looked for in ``$LOOPING_PENDULUM_DATA``.
     trial
         Measured trial to compare with, in place of the scenario's own measured events;
-        `discrepancy.data.trial_files.read_measured_trial` reads one.
+        `compare.trial_files.read_measured_trial` reads one.
     jobs
         Number of runs at the same time; one per core if None.
     time_limit, memory_limit

@@ -1,6 +1,6 @@
 """Compare a filmed trial with the reference and the engines: the residual of every tracked point, measured less predicted.
 
-A trial is plain data here; `discrepancy.data.trial_files` reads its files. A run is joined linearly between its samples, a
+A trial is plain data here; `compare.trial_files` reads its files. A run is joined linearly between its samples, a
 millisecond apart: that moves a mass by less than 0.02 mm, where a tracked point is accurate to about one.
 """
 

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from looping_pendulum.discrepancy.data.camera import CAMERA, CameraCoefficient
-from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
-from looping_pendulum.discrepancy.data.study import EARTH_GRAVITY, Study, can_act
+from looping_pendulum.measured.camera import CAMERA, CameraCoefficient
+from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
+from looping_pendulum.measured.study import EARTH_GRAVITY, Study, can_act
 from looping_pendulum.reference_ode.effects import Coefficient, Effect, EffectKind
 from looping_pendulum.reference_ode.effects.check import multiplied_coefficient
 from looping_pendulum.reference_ode.geometry import Array

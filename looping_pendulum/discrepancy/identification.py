@@ -9,8 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from looping_pendulum.discrepancy.candidates import Candidate
-from looping_pendulum.discrepancy.data.observations import BODIES
-from looping_pendulum.discrepancy.data.study import Study
 from looping_pendulum.discrepancy.evidence.explain import Explanations, Judged, Ranked
 from looping_pendulum.discrepancy.evidence.templates import Visible
 from looping_pendulum.discrepancy.fit.calibration import Fit
@@ -34,6 +32,8 @@ from looping_pendulum.discrepancy.result import (
 )
 from looping_pendulum.discrepancy.trial_results import CorrelatedError, EventResidual, TrialError, TrialFigure
 from looping_pendulum.discrepancy.verdict_sentence import effect_in_words, verdict_notes, verdict_sentence
+from looping_pendulum.measured.observations import BODIES
+from looping_pendulum.measured.study import Study
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.scenario import Scenario

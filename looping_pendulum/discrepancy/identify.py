@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable
 
 from looping_pendulum import __version__
-from looping_pendulum.discrepancy.data.study import Study
 from looping_pendulum.discrepancy.evidence.explain import explain
 from looping_pendulum.discrepancy.first_look.check import take_first_look
 from looping_pendulum.discrepancy.fit.residual import check_residuals
@@ -23,6 +22,7 @@ from looping_pendulum.discrepancy.unlisted.formula import FittedFormula
 from looping_pendulum.discrepancy.unlisted.formula import refit as refit_formulas
 from looping_pendulum.discrepancy.workers import Workers, default_process_count, one_blas_thread
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.measured.study import Study
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.versions import MISSING, installed_version
 

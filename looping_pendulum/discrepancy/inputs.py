@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from looping_pendulum.discrepancy.candidates import Candidate, candidates
-from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
-from looping_pendulum.discrepancy.data.observations import DataError, Observations
-from looping_pendulum.discrepancy.data.record_start import with_free_start
-from looping_pendulum.discrepancy.data.study import Study, Trial, read_trial
 from looping_pendulum.discrepancy.fit.event_prediction import check_event_rows
 from looping_pendulum.discrepancy.fit.problem import TrialData, free_parameters_of
 from looping_pendulum.discrepancy.fit.residual import trial_data
+from looping_pendulum.measured.free_parameter import FreeParameter
+from looping_pendulum.measured.observations import DataError, Observations
+from looping_pendulum.measured.record_start import with_free_start
+from looping_pendulum.measured.study import Study, Trial, read_trial
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

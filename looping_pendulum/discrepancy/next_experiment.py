@@ -11,15 +11,15 @@ from functools import cached_property
 
 import numpy as np
 
-from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
-from looping_pendulum.discrepancy.data.observations import Channel, DataError, Observations
-from looping_pendulum.discrepancy.data.study import Estimate, Study, Trial
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.predictions import jacobian_at
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData, free_parameters_of
 from looping_pendulum.discrepancy.result import MIN_SEPARATION, Experiment
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.measured.free_parameter import FreeParameter
+from looping_pendulum.measured.observations import Channel, DataError, Observations
+from looping_pendulum.measured.study import Estimate, Study, Trial
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release
 

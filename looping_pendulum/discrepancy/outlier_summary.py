@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from looping_pendulum.discrepancy.data.observations import BODIES
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.trial_results import Outliers
+from looping_pendulum.measured.observations import BODIES
 from looping_pendulum.pages.numbers import quantity
 
 

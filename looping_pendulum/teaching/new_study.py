@@ -7,10 +7,10 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from looping_pendulum.discrepancy.data import study_io
-from looping_pendulum.discrepancy.data.observations import DataError
-from looping_pendulum.discrepancy.data.study import REQUIRED, Study
-from looping_pendulum.discrepancy.data.study_fields import FREE_STARTS
+from looping_pendulum.measured import study_io
+from looping_pendulum.measured.observations import DataError
+from looping_pendulum.measured.study import REQUIRED, Study
+from looping_pendulum.measured.study_fields import FREE_STARTS
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.document import quote

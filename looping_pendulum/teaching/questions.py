@@ -11,8 +11,8 @@ from types import MappingProxyType
 
 from pydantic_core import PydanticCustomError
 
-from looping_pendulum.discrepancy.data.study_fields import MeasuredField
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.measured.study_fields import MeasuredField
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.fields import QuantityField

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from looping_pendulum.discrepancy.data import readers
-from looping_pendulum.discrepancy.data.clock import RATE_TOLERANCE
-from looping_pendulum.discrepancy.data.observations import DataError
-from looping_pendulum.discrepancy.data.readers import MASSES, mass_in_name
-from looping_pendulum.discrepancy.data.survey import LENGTH_UNITS, FileSurvey, survey
+from looping_pendulum.measured import readers
+from looping_pendulum.measured.clock import RATE_TOLERANCE
+from looping_pendulum.measured.observations import DataError
+from looping_pendulum.measured.readers import MASSES, mass_in_name
+from looping_pendulum.measured.survey import LENGTH_UNITS, FileSurvey, survey
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.document import quote, shorten
 from looping_pendulum.scenarios.fields import QuantityField, suggest

@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.rival_methods import best_additions
-from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.evidence.explanation import Explanation, Parts, addition_steps, explained
 from looping_pendulum.discrepancy.evidence.marginal import NoiseGrid
 from looping_pendulum.discrepancy.fit.calibration import Fit, minimise
@@ -21,6 +20,7 @@ from looping_pendulum.discrepancy.fit.predictions import alone
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
+from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.extended import solve_extended
 from looping_pendulum.reference_ode.solve import solve_at
 from tests.apparatus import SENSITIVE, TEN_TO_ONE, TWO_TO_ONE

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.data.camera import CAMERA, Camera
-from looping_pendulum.discrepancy.data.observations import DataError
+from looping_pendulum.measured.camera import CAMERA, Camera
+from looping_pendulum.measured.observations import DataError
 from tests.blind import camera as blind
 
 POINTS = np.random.default_rng(1).uniform(-0.6, 0.6, (50, 2))

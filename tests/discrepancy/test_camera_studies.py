@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.result import Verdict
+from looping_pendulum.measured.study_io import load
 from tests.blind.cases import CASES
 from tests.discrepancy.blind_study import TWO_RATIOS, only_candidates, write_study
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.data import displaced_rows
-from looping_pendulum.discrepancy.data.clock import frame_grid
-from looping_pendulum.discrepancy.data.delimited import last_digits
-from looping_pendulum.discrepancy.data.observations import Channel, DataError, ReadingNotes
-from looping_pendulum.discrepancy.data.readers import read
+from looping_pendulum.measured import displaced_rows
+from looping_pendulum.measured.clock import frame_grid
+from looping_pendulum.measured.delimited import last_digits
+from looping_pendulum.measured.observations import Channel, DataError, ReadingNotes
+from looping_pendulum.measured.readers import read
 
 NOISE = 1e-3
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from benchmarks.blind_sample import draw, write_files
-from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit.correlated_noise import CorrelatedNoise, Whitening
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.report.markdown import render
 from looping_pendulum.discrepancy.result import Verdict
+from looping_pendulum.measured.study_io import load
 from tests.blind.cases import CASES, CLEAN
 from tests.discrepancy.blind_study import TWO_RATIOS, WHOLE_LIBRARY, let_the_tracker_wander, only_candidates, write_study
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
-from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.evidence.explanation import raw
 from looping_pendulum.discrepancy.evidence.laws import laws_beside
 from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid
@@ -22,6 +21,7 @@ from looping_pendulum.discrepancy.report.markdown import render
 from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.discrepancy.unlisted.formula import PREFIX
 from looping_pendulum.discrepancy.unlisted.simplify import CoordinateRange, forms
+from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.cartesian import cartesian_force
 from looping_pendulum.reference_ode.effects.closure import N_BASIS_FUNCTIONS, weight_name
 from looping_pendulum.reference_ode.solve import solve_at

@@ -11,9 +11,6 @@ from scipy.optimize import brentq
 
 from looping_pendulum.compare.event_quantities import EVENT_QUANTITIES, event_value
 from looping_pendulum.compare.reference_landmarks import reference_landmarks
-from looping_pendulum.discrepancy.data.camera import Camera
-from looping_pendulum.discrepancy.data.observations import DataError, EventObservation
-from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit import event_prediction as prediction
 from looping_pendulum.discrepancy.fit.calibration import calibrate
 from looping_pendulum.discrepancy.fit.event_tests import check_event_residuals
@@ -23,6 +20,9 @@ from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report.writing import write
 from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.engines.reference import Reference
+from looping_pendulum.measured.camera import Camera
+from looping_pendulum.measured.observations import DataError, EventObservation
+from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.measured import find_data

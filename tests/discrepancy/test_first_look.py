@@ -14,9 +14,6 @@ import pytest
 import yaml
 
 from benchmarks.blind_sample import draw, write_files
-from looping_pendulum.discrepancy.data import study_io
-from looping_pendulum.discrepancy.data.observations import DataError
-from looping_pendulum.discrepancy.data.study import Estimate, read_trial
 from looping_pendulum.discrepancy.first_look import picture
 from looping_pendulum.discrepancy.first_look.check import take_first_look
 from looping_pendulum.discrepancy.first_look.declared_trial import declared_trial
@@ -29,6 +26,9 @@ from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report.writing import write
 from looping_pendulum.discrepancy.result import Verdict
+from looping_pendulum.measured import study_io
+from looping_pendulum.measured.observations import DataError
+from looping_pendulum.measured.study import Estimate, read_trial
 from looping_pendulum.teaching.example_folder import write_example
 from tests.blind import Apparatus
 from tests.blind.camera import Camera, film, tracker_csv

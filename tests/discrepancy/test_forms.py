@@ -10,9 +10,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.data import study_io
-from looping_pendulum.discrepancy.data.observations import DataError
-from looping_pendulum.discrepancy.data.study import read_files, read_trial
+from looping_pendulum.measured import study_io
+from looping_pendulum.measured.observations import DataError
+from looping_pendulum.measured.study import read_files, read_trial
 from tests.discrepancy.real_data import real
 
 CLICKED = {"light": "1", "heavy": "2"}

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from benchmarks.blind_sample import BlindStudy, draw, write_files
-from looping_pendulum.discrepancy.data.study_io import load, load_text
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.result import Verdict
+from looping_pendulum.measured.study_io import load, load_text
 from looping_pendulum.reference_ode.solve import available_integrators
 from looping_pendulum.teaching.example_folder import write_example
 from scripts.make_example_trials import HIDDEN

@@ -8,12 +8,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit.calibration import calibrate
 from looping_pendulum.discrepancy.fit.held_out import BLOCK_COUNT, _square_of_prediction, check_held_out
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
+from looping_pendulum.measured.study_io import load
 from tests.blind.cases import CASES
 from tests.discrepancy.blind_study import TWO_RATIOS, write_study
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from looping_pendulum.discrepancy.candidates import candidates
-from looping_pendulum.discrepancy.data.study_io import load, load_text
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report import markdown
 from looping_pendulum.discrepancy.result import Verdict
+from looping_pendulum.measured.study_io import load, load_text
 from tests.blind.pendulum import Pendulum, swing
 from tests.discrepancy.blind_study import WHOLE_LIBRARY, only_candidates
 from tests.discrepancy.held_study import write_held_study

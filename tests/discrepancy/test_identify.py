@@ -11,13 +11,13 @@ from typer.testing import CliRunner
 
 from looping_pendulum.cli import main as cli
 from looping_pendulum.discrepancy import verdict_file
-from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.evidence.explain import explain
 from looping_pendulum.discrepancy.fit.likelihood import cost_rise
 from looping_pendulum.discrepancy.identify import OutOfTimeError, identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report.writing import write
 from looping_pendulum.discrepancy.result import Identification, Verdict
+from looping_pendulum.measured.study_io import load
 from looping_pendulum.scenarios import loader
 from tests.blind.cases import CASES, CLEAN, CLEAN_VARIED, with_signature
 from tests.compare.conftest import quick_figures  # noqa: F401, a fixture

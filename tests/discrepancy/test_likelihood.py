@@ -10,7 +10,6 @@ import pytest
 from scipy.stats import norm
 
 from benchmarks.blind_sample import draw, planted_values, write_files
-from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit import likelihood
 from looping_pendulum.discrepancy.fit.calibration import FitError, calibrate
 from looping_pendulum.discrepancy.fit.likelihood import (
@@ -25,6 +24,7 @@ from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.verdict_sentence import effect_in_words
+from looping_pendulum.measured.study_io import load
 from tests.blind.cases import CLEAN
 from tests.discrepancy.blind_study import only_candidates, write_study
 

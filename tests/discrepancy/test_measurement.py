@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.data import noise
-from looping_pendulum.discrepancy.data.camera import Camera
-from looping_pendulum.discrepancy.data.measurement import estimate_noise, predict, sampler, speed_at
-from looping_pendulum.discrepancy.data.observations import Channel, DataError
+from looping_pendulum.measured import noise
+from looping_pendulum.measured.camera import Camera
+from looping_pendulum.measured.measurement import estimate_noise, predict, sampler, speed_at
+from looping_pendulum.measured.observations import Channel, DataError
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import solve
 from tests.apparatus import TEN_TO_ONE, WITHOUT_LOSSES

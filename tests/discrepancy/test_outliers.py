@@ -8,12 +8,12 @@ import json
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit.outliers import HALF_WINDOW, find_outliers
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.report.markdown import render
 from looping_pendulum.discrepancy.report.writing import write
 from looping_pendulum.discrepancy.result import Verdict
+from looping_pendulum.measured.study_io import load
 from tests.blind.cases import CASES, CLEAN
 from tests.compare.conftest import quick_figures  # noqa: F401, a fixture
 from tests.discrepancy.blind_study import TWO_RATIOS, WHOLE_LIBRARY, only_candidates, put_on_another_object, write_study

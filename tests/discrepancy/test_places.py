@@ -6,8 +6,8 @@ import os
 
 import pytest
 
-from looping_pendulum.discrepancy.data import study_io
-from looping_pendulum.discrepancy.data.study_io import StudyError
+from looping_pendulum.measured import study_io
+from looping_pendulum.measured.study_io import StudyError
 
 STUDY = """
 title: t
@@ -45,7 +45,7 @@ def test_a_file_elsewhere_is_not_read_and_nothing_of_it_is_shown(folders, file, 
     """`file: ../../../../etc/passwd` was opened, and its last line stood in the error."""
     path = written(folders, file)
     opened = []
-    monkeypatch.setattr("looping_pendulum.discrepancy.data.readers.read_bytes", lambda *a: opened.append(a) or b"")
+    monkeypatch.setattr("looping_pendulum.measured.readers.read_bytes", lambda *a: opened.append(a) or b"")
     with pytest.raises(StudyError, match=r"^[^\n]*study.yaml:5: trials\[0\].file: found '[^\n]*needed a file below") as caught:
         study_io.load(path)
     assert opened == []

@@ -7,14 +7,14 @@ import dataclasses
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.data.camera import CAMERA
-from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
-from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit.calibration import calibrate_steps
 from looping_pendulum.discrepancy.fit.predictions import MIN_BATCH, MIN_BATCH_OF_OWN_MODEL, alone, predict, together
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.measured.camera import CAMERA
+from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
+from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.batch import compiled_alone, supports
 from looping_pendulum.reference_ode.solve import available_integrators
 from tests.blind.cases import CASES

@@ -8,17 +8,17 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.data.angular_velocity import rates_from_release
-from looping_pendulum.discrepancy.data.camera import Camera
-from looping_pendulum.discrepancy.data.measurement import predict, sampler
-from looping_pendulum.discrepancy.data.observations import Channel, Observations
-from looping_pendulum.discrepancy.data.study import Trial
-from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit.residual import trial_data
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report import markdown
 from looping_pendulum.discrepancy.result import Verdict
+from looping_pendulum.measured.angular_velocity import rates_from_release
+from looping_pendulum.measured.camera import Camera
+from looping_pendulum.measured.measurement import predict, sampler
+from looping_pendulum.measured.observations import Channel, Observations
+from looping_pendulum.measured.study import Trial
+from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from tests.blind.pendulum import Pendulum, motion, write_gyroscope
 from tests.discrepancy.blind_study import only_candidates

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.data.observations import Channel, merge, mirrored
-from looping_pendulum.discrepancy.data.readers import DataError, read
-from looping_pendulum.discrepancy.data.survey import survey
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.measured.observations import Channel, merge, mirrored
+from looping_pendulum.measured.readers import DataError, read
+from looping_pendulum.measured.survey import survey
 
 LIGHT = {"light": "mass A"}
 BOTH = {"light": "mass A", "heavy": "mass B"}

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from looping_pendulum.discrepancy.data.readers import DataError, read
+from looping_pendulum.measured.readers import DataError, read
 
 LIGHT = {"light": "mass A"}
 BOTH = {"light": "mass A", "heavy": "mass B"}

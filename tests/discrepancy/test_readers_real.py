@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from looping_pendulum.discrepancy.data.observations import Observations, with_event_errors
-from looping_pendulum.discrepancy.data.readers import read
+from looping_pendulum.measured.observations import Observations, with_event_errors
+from looping_pendulum.measured.readers import read
 from tests.discrepancy.real_data import real
 
 

@@ -14,10 +14,10 @@ from pathlib import Path
 import pytest
 import yaml
 
-from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.report import markdown
 from looping_pendulum.discrepancy.result import Verdict
+from looping_pendulum.measured.study_io import load
 from tests.discrepancy.real_data import real
 
 ROOT = Path(__file__).parents[2]

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare.event_quantities import EVENT_QUANTITIES
-from looping_pendulum.discrepancy.data.camera import Camera
-from looping_pendulum.discrepancy.data.observations import EventObservation
 from looping_pendulum.discrepancy.fit import event_prediction as prediction
 from looping_pendulum.errors import ParameterError
+from looping_pendulum.measured.camera import Camera
+from looping_pendulum.measured.observations import EventObservation
 from looping_pendulum.reference_ode.effects import COEFFICIENTS
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios import loader

@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from looping_pendulum.discrepancy.data.camera import CAMERA, Camera
-from looping_pendulum.discrepancy.data.measurement import predict, sampler
-from looping_pendulum.discrepancy.data.observations import DataError
-from looping_pendulum.discrepancy.data.study import Estimate, read_trial
-from looping_pendulum.discrepancy.data.study_io import StudyError, dump, load, load_text
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.measured.camera import CAMERA, Camera
+from looping_pendulum.measured.measurement import predict, sampler
+from looping_pendulum.measured.observations import DataError
+from looping_pendulum.measured.study import Estimate, read_trial
+from looping_pendulum.measured.study_io import StudyError, dump, load, load_text
 from looping_pendulum.reference_ode.parameters import Release
 from tests.discrepancy.real_data import real
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from benchmarks.blind_sample import draw, write_files
-from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.evidence.changes import _chosen, _next_try, finer
 from looping_pendulum.discrepancy.evidence.explanation import raw
 from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid
@@ -18,6 +17,7 @@ from looping_pendulum.discrepancy.evidence.templates import columns, smallest_vi
 from looping_pendulum.discrepancy.fit.calibration import calibrate, minimise
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.inputs import read_inputs
+from looping_pendulum.measured.study_io import load
 from tests.blind.cases import CASES
 from tests.discrepancy.blind_study import write_study
 

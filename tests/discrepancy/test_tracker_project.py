@@ -11,9 +11,9 @@ import zipfile
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.data import tracker_project
-from looping_pendulum.discrepancy.data.observations import DataError
-from looping_pendulum.discrepancy.data.tracker_project import is_project, read_project
+from looping_pendulum.measured import tracker_project
+from looping_pendulum.measured.observations import DataError
+from looping_pendulum.measured.tracker_project import is_project, read_project
 from tests.discrepancy.real_data import real
 
 TRACKER = "org.opensourcephysics.cabrillo.tracker"

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.data.camera import Camera
-from looping_pendulum.discrepancy.data.trial_files import read_measured_trial
+from looping_pendulum.compare.trial_files import read_measured_trial
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.measured.camera import Camera
 
 T = np.arange(60) / 100
 LIGHT = np.column_stack([-0.5 + T, -0.2 - 0.3 * T])

@@ -18,14 +18,14 @@ from typing import Any
 import numpy as np
 import yaml
 
-from looping_pendulum.discrepancy.data import study_io
-from looping_pendulum.discrepancy.data.observations import Observations
-from looping_pendulum.discrepancy.data.study import read_trial
 from looping_pendulum.discrepancy.first_look.check import take_first_look
 from looping_pendulum.discrepancy.first_look.result import DeclarationCheck
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.measured import study_io
+from looping_pendulum.measured.observations import Observations
+from looping_pendulum.measured.study import read_trial
 from tests.film_faults.faults import KINDS, NONE, Faulty, nothing
 from tests.film_faults.films import CHANNELS, Array, CleanStudy, Film, Tree, clean_study
 from tests.film_faults.forms import as_written, table_bytes

@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.data import displaced_rows, study_io
-from looping_pendulum.discrepancy.data.observations import Channel, DataError
-from looping_pendulum.discrepancy.data.readers import read
 from looping_pendulum.discrepancy.first_look.check import take_first_look
+from looping_pendulum.measured import displaced_rows, study_io
+from looping_pendulum.measured.observations import Channel, DataError
+from looping_pendulum.measured.readers import read
 from tests.discrepancy.mistaken_study import Mistake, mended, mistaken
 from tests.film_faults.faults import TRACKER, Faulty
 from tests.film_faults.films import CHANNELS, Array, clean_study

@@ -19,8 +19,6 @@ from looping_pendulum.compare.comparison import compare
 from looping_pendulum.compare.export import trajectory_csv
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.compare.stored import stored_result
-from looping_pendulum.discrepancy.data import readers, study_io
-from looping_pendulum.discrepancy.data.study_fields import MeasuredField
 from looping_pendulum.discrepancy.first_look.check import take_first_look
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.engines.memory import parse_memory
@@ -29,6 +27,8 @@ from looping_pendulum.engines.reference import ReferenceEngine
 from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import file_stem
+from looping_pendulum.measured import readers, study_io
+from looping_pendulum.measured.study_fields import MeasuredField
 from looping_pendulum.scenarios import dump, load, load_text
 from looping_pendulum.scenarios.fields import QuantityField
 from looping_pendulum.scenarios.measured import read_event_table

@@ -9,8 +9,8 @@ import json
 
 import pytest
 
-from looping_pendulum.discrepancy.data.readers import DataError, read
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.measured.readers import DataError, read
 from tests.fuzz.command_lines import RefusedLine, encoded
 from tests.fuzz.judging import CPU_LIMIT, Outcome, judge, time_limits
 from tests.fuzz.kinds import EVENT_TABLES, KINDS, _result

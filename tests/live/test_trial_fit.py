@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.data.camera import CAMERA
-from looping_pendulum.discrepancy.data.study import Study, Trial
 from looping_pendulum.live.settings import live_settings
+from looping_pendulum.measured.camera import CAMERA
+from looping_pendulum.measured.study import Study, Trial
 from looping_pendulum.reference_ode.solve import solve_at
 from tests.apparatus import TEN_TO_ONE
 

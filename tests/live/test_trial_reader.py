@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.data import study_io
-from looping_pendulum.discrepancy.data.readers import DataError, read
 from looping_pendulum.live.settings import live_settings
+from looping_pendulum.measured import study_io
+from looping_pendulum.measured.readers import DataError, read
 from looping_pendulum.teaching.example_folder import write_example
 from tests.apparatus import TEN_TO_ONE
 from tests.discrepancy import test_tracker_project as tracker

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.data.study import Estimate
-from looping_pendulum.discrepancy.data.study_io import load as load_study
 from looping_pendulum.discrepancy.fit.calibration import calibrate
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.errors import ScenarioError
 from looping_pendulum.live.write import render
+from looping_pendulum.measured.study import Estimate
+from looping_pendulum.measured.study_io import load as load_study
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import load, shipped
 from looping_pendulum.teaching.example_folder import write_example

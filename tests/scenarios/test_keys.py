@@ -11,8 +11,8 @@ import pytest
 import yaml
 from pydantic import BaseModel
 
-from looping_pendulum.discrepancy.data import study_file
-from looping_pendulum.discrepancy.data.study_file import StudyFile
+from looping_pendulum.measured import study_file
+from looping_pendulum.measured.study_file import StudyFile
 from looping_pendulum.scenarios.schema import Limits, file_model
 from looping_pendulum.sweep import map_file
 from looping_pendulum.sweep.map_file import MapFile

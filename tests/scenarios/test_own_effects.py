@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from looping_pendulum.discrepancy.data import study_io
 from looping_pendulum.errors import ScenarioError
+from looping_pendulum.measured import study_io
 from looping_pendulum.reference_ode.effects.own import DIRECTIONS
 from looping_pendulum.scenarios import dump, json_schema, load_text
 from looping_pendulum.scenarios.own_effects import OwnForceGroup

@@ -9,10 +9,10 @@ import pytest
 from typer.testing import CliRunner
 
 from looping_pendulum.cli.main import app
-from looping_pendulum.discrepancy.data import study_io
-from looping_pendulum.discrepancy.data.readers import read
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.measured import study_io
+from looping_pendulum.measured.readers import read
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.loader import shipped

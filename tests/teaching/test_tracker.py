@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare.export import file_stem, trajectory_csv
-from looping_pendulum.discrepancy.data.readers import read
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import select
+from looping_pendulum.measured.readers import read
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import load
 from looping_pendulum.teaching.tracker import TrackerError, find_motion, overlay, trajectory_motion

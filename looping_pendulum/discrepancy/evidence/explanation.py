@@ -14,7 +14,6 @@ from scipy.linalg import block_diag
 from scipy.special import logsumexp
 
 from looping_pendulum.discrepancy.candidates import Candidate
-from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.evidence.laws import Law, with_law
 from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid, sigma_of
 from looping_pendulum.discrepancy.evidence.prior import log_occam, log_prior
@@ -23,6 +22,7 @@ from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrat
 from looping_pendulum.discrepancy.fit.predictions import Steps
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
 from looping_pendulum.discrepancy.unlisted.closures import Closure
+from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.reference_ode.geometry import Array
 
 Key = frozenset[str]

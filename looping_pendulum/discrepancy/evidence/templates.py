@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from looping_pendulum.discrepancy.candidates import Candidate
-from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.discrepancy.evidence.changes import FINER, FINITE_SIZES, LINEAR_SIZE, Changes, finer, first_change, rms
 from looping_pendulum.discrepancy.evidence.marginal import sigma_of
 from looping_pendulum.discrepancy.evidence.prior import VISIBLE
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.predictions import Steps, together
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
+from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.reference_ode.geometry import Array
 
 SCALE_SIZE = 10.0

@@ -14,15 +14,6 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from looping_pendulum.discrepancy.data.displaced_rows import (
-    MIN_CHANGE,
-    WrongTimes,
-    by_either_clock,
-    clock_faults,
-    sentences,
-)
-from looping_pendulum.discrepancy.data.observations import Channel, DataError, ImplausibleLengthError, Observations
-from looping_pendulum.discrepancy.data.study import Study, Trial, read_trial
 from looping_pendulum.discrepancy.first_look.declared_trial import DeclaredTrial, declared_trial
 from looping_pendulum.discrepancy.first_look.misfit import FittedMisfit, measured_distance, problem_of_trial
 from looping_pendulum.discrepancy.first_look.mistakes import LENGTHS, SAME_ROWS, is_left_open
@@ -39,6 +30,15 @@ from looping_pendulum.discrepancy.first_look.trial_search import (
 )
 from looping_pendulum.discrepancy.fit.event_prediction import check_event_rows
 from looping_pendulum.discrepancy.workers import one_blas_thread
+from looping_pendulum.measured.displaced_rows import (
+    MIN_CHANGE,
+    WrongTimes,
+    by_either_clock,
+    clock_faults,
+    sentences,
+)
+from looping_pendulum.measured.observations import Channel, DataError, ImplausibleLengthError, Observations
+from looping_pendulum.measured.study import Study, Trial, read_trial
 from looping_pendulum.pages.numbers import quantity
 
 MAX_MISFIT_RATIO = 0.7

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from looping_pendulum.discrepancy.data import observations as measured
-from looping_pendulum.discrepancy.data.camera import Camera
-from looping_pendulum.discrepancy.data.observations import Channel, Observations
-from looping_pendulum.discrepancy.data.study import Estimate, Study, Trial
+from looping_pendulum.measured import observations as measured
+from looping_pendulum.measured.camera import Camera
+from looping_pendulum.measured.observations import Channel, Observations
+from looping_pendulum.measured.study import Estimate, Study, Trial
 from looping_pendulum.reference_ode.geometry import next_string_coordinates
 from looping_pendulum.reference_ode.parameters import Release
 

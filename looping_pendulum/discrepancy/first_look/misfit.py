@@ -15,15 +15,15 @@ from types import MappingProxyType
 
 import numpy as np
 
-from looping_pendulum.discrepancy.data.camera import Camera
-from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
-from looping_pendulum.discrepancy.data.measurement import FIT_TOLERANCE, predict
-from looping_pendulum.discrepancy.data.observations import Channel
-from looping_pendulum.discrepancy.data.record_start import with_free_start
 from looping_pendulum.discrepancy.first_look.declared_trial import DeclaredTrial
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData, free_parameters_of
 from looping_pendulum.discrepancy.fit.residual import trial_data
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.measured.camera import Camera
+from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
+from looping_pendulum.measured.measurement import FIT_TOLERANCE, predict
+from looping_pendulum.measured.observations import Channel
+from looping_pendulum.measured.record_start import with_free_start
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.effects import GRAVITY
 from looping_pendulum.reference_ode.geometry import Array

@@ -12,9 +12,6 @@ from functools import partial
 
 import numpy as np
 
-from looping_pendulum.discrepancy.data.readers import mass_in_name
-from looping_pendulum.discrepancy.data.study import Trial
-from looping_pendulum.discrepancy.data.survey import survey
 from looping_pendulum.discrepancy.first_look.declared_trial import (
     MIN_UNIT_FACTOR,
     OTHER_MASS,
@@ -30,6 +27,9 @@ from looping_pendulum.discrepancy.first_look.shifted_rows import (
     row_shift,
     with_rows_together,
 )
+from looping_pendulum.measured.readers import mass_in_name
+from looping_pendulum.measured.study import Trial
+from looping_pendulum.measured.survey import survey
 from looping_pendulum.pages.numbers import number, quantity
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.units import UnitError, to_si

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from looping_pendulum.discrepancy.data.observations import BODIES, Channel
 from looping_pendulum.discrepancy.first_look.misfit import Distance
 from looping_pendulum.discrepancy.first_look.result import DeclarationCheck, TrialCheck
+from looping_pendulum.measured.observations import BODIES, Channel
 from looping_pendulum.pages.drawing import new_figure, png, without_mathtext
 from looping_pendulum.pages.palette import COLOURS
 from looping_pendulum.reference_ode.geometry import Array

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from looping_pendulum.discrepancy.data.observations import DataError, Observations
 from looping_pendulum.discrepancy.first_look.misfit import Distance
+from looping_pendulum.measured.observations import DataError, Observations
 from looping_pendulum.pages.numbers import quantity
 
 

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from looping_pendulum.discrepancy.data.displaced_rows import RATE_FACTORS, WrongTimes
-from looping_pendulum.discrepancy.data.noise import scatter
 from looping_pendulum.discrepancy.first_look.misfit import CANNOT_RUN
 from looping_pendulum.discrepancy.fit.calibration import minimise
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
+from looping_pendulum.measured.displaced_rows import RATE_FACTORS, WrongTimes
+from looping_pendulum.measured.noise import scatter
 from looping_pendulum.reference_ode.geometry import Array
 
 MIN_COORDINATES, MIN_ROWS = 3, 12

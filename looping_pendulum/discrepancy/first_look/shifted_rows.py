@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from looping_pendulum.discrepancy.data.camera import Camera
-from looping_pendulum.discrepancy.data.noise import scatter
-from looping_pendulum.discrepancy.data.observations import Channel
 from looping_pendulum.discrepancy.first_look.declared_trial import DeclaredTrial
 from looping_pendulum.discrepancy.first_look.misfit import measured_distance
+from looping_pendulum.measured.camera import Camera
+from looping_pendulum.measured.noise import scatter
+from looping_pendulum.measured.observations import Channel
 from looping_pendulum.reference_ode.geometry import string_coordinates
 from looping_pendulum.reference_ode.parameters import Parameters
 

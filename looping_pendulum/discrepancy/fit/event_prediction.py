@@ -16,12 +16,12 @@ import numpy as np
 
 from looping_pendulum.compare.event_quantities import EVENT_QUANTITIES, event_value
 from looping_pendulum.compare.reference_landmarks import reference_event_times
-from looping_pendulum.discrepancy.data.camera import Camera
-from looping_pendulum.discrepancy.data.measurement import FIT_TOLERANCE
-from looping_pendulum.discrepancy.data.observations import DataError, EventObservation, Observations
 from looping_pendulum.engines.landmarks import EXTREMUM_BAND, Extremum, Landmarks, Stop
 from looping_pendulum.engines.reference import event_names
 from looping_pendulum.engines.string_motion import turning_points
+from looping_pendulum.measured.camera import Camera
+from looping_pendulum.measured.measurement import FIT_TOLERANCE
+from looping_pendulum.measured.observations import DataError, EventObservation, Observations
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solution import Samples

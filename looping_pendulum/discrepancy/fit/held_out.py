@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise_steps
 from looping_pendulum.discrepancy.fit.event_tests import max_held_out_chi2
 from looping_pendulum.discrepancy.fit.model_test import ModelTest
@@ -20,6 +19,7 @@ from looping_pendulum.discrepancy.fit.problem import Problem, TrialData, noises_
 from looping_pendulum.discrepancy.fit.residual import CHI2_SCATTER_SIGMAS
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
+from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.reference_ode.geometry import Array
 
 MAX_HELD_OUT_CHI2 = 1.08

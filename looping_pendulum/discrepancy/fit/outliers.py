@@ -20,7 +20,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from looping_pendulum.discrepancy.data.noise import GAUSSIAN_MAD
+from looping_pendulum.measured.noise import GAUSSIAN_MAD
 from looping_pendulum.reference_ode.geometry import Array
 
 HALF_WINDOW = 6

@@ -11,10 +11,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.discrepancy.data.camera import Camera
-from looping_pendulum.discrepancy.data.measurement import FIT_TOLERANCE, SampledRuns, predict_many, sample_times
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.measured.camera import Camera
+from looping_pendulum.measured.measurement import FIT_TOLERANCE, SampledRuns, predict_many, sample_times
 from looping_pendulum.reference_ode.batch import compiled_alone, sample_batch, supports
 from looping_pendulum.reference_ode.effects import EffectKind
 from looping_pendulum.reference_ode.geometry import Array

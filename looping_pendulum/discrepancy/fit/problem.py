@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.discrepancy.data.camera import CAMERA, Camera
-from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
-from looping_pendulum.discrepancy.data.measurement import FIT_TOLERANCE, predict
-from looping_pendulum.discrepancy.data.observations import BODIES, Channel, EventObservation
-from looping_pendulum.discrepancy.data.study import Study, Trial
 from looping_pendulum.discrepancy.fit.correlated_noise import CorrelatedNoise, Whitening
 from looping_pendulum.discrepancy.fit.event_prediction import EventRun, event_times, with_missed_events
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.measured.camera import CAMERA, Camera
+from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
+from looping_pendulum.measured.measurement import FIT_TOLERANCE, predict
+from looping_pendulum.measured.observations import BODIES, Channel, EventObservation
+from looping_pendulum.measured.study import Study, Trial
 from looping_pendulum.reference_ode.batch import supports
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release

@@ -18,14 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from looping_pendulum.discrepancy.data.noise import estimate_noise, speed_at
-from looping_pendulum.discrepancy.data.observations import Observations
-from looping_pendulum.discrepancy.data.study import Trial
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.event_tests import EventTest, check_event_residuals
 from looping_pendulum.discrepancy.fit.model_test import ModelTest
 from looping_pendulum.discrepancy.fit.problem import TrialData
 from looping_pendulum.discrepancy.fit.residual_noise import modes, sample_index
+from looping_pendulum.measured.noise import estimate_noise, speed_at
+from looping_pendulum.measured.observations import Observations
+from looping_pendulum.measured.study import Trial
 from looping_pendulum.pages.numbers import amount
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.transitions import Mode

@@ -9,12 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.discrepancy.data.noise import GAUSSIAN_MAD
-from looping_pendulum.discrepancy.data.observations import BODIES
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise_steps
 from looping_pendulum.discrepancy.fit.outliers import find_outliers
 from looping_pendulum.discrepancy.fit.predictions import Steps, alone
 from looping_pendulum.discrepancy.fit.problem import TrialData
+from looping_pendulum.measured.noise import GAUSSIAN_MAD
+from looping_pendulum.measured.observations import BODIES
 from looping_pendulum.reference_ode.geometry import Array
 
 MIN_DIFFERENCES = 20

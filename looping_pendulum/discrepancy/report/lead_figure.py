@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from looping_pendulum.discrepancy.data.observations import BODIES, UNITS
 from looping_pendulum.discrepancy.result import Identification, Verdict
 from looping_pendulum.discrepancy.trial_results import TrialFigure
 from looping_pendulum.discrepancy.verdict_sentence import BODY_IN_WORDS, worst_trial
+from looping_pendulum.measured.observations import BODIES, UNITS
 from looping_pendulum.pages.drawing import new_figure, without_mathtext
 from looping_pendulum.pages.figures import INK, Figure, escaped, horizontal, plain, points
 from looping_pendulum.pages.palette import GREY

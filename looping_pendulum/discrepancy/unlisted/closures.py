@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from looping_pendulum.discrepancy.data.study import Estimate, Study
 from looping_pendulum.discrepancy.result import STRING_ON_ROD
+from looping_pendulum.measured.study import Estimate, Study
 from looping_pendulum.reference_ode.effects.closure import COORDINATES, FACTORS, N_BASIS_FUNCTIONS, weight_name
 from looping_pendulum.reference_ode.geometry import Array
 

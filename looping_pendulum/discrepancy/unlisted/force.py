@@ -12,10 +12,10 @@ from functools import cached_property
 
 import numpy as np
 
-from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.held_out import HeldOutTest
 from looping_pendulum.discrepancy.unlisted.closures import Closure
+from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.reference_ode.effects.closure import N_BASIS_FUNCTIONS
 from looping_pendulum.reference_ode.geometry import Array
 

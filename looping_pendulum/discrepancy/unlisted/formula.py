@@ -15,8 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
-from looping_pendulum.discrepancy.data.study import Study, Trial
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, minimise_steps
 from looping_pendulum.discrepancy.fit.held_out import HeldOutTest, check_held_out
 from looping_pendulum.discrepancy.fit.predictions import Steps, together
@@ -33,6 +31,8 @@ from looping_pendulum.discrepancy.unlisted.simplify import (
     predict_formulas,
 )
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
+from looping_pendulum.measured.free_parameter import FreeParameter
+from looping_pendulum.measured.study import Study, Trial
 from looping_pendulum.reference_ode.effects.closure import weight_name
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters

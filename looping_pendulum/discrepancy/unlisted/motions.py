@@ -12,11 +12,11 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.predictions import predict
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.unlisted.closures import TARGETS, Closure
+from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.reference_ode.effects.closure import (
     COORDINATES,
     N_BASIS_FUNCTIONS,

@@ -43,7 +43,7 @@ export function percentile(values, percent, between = true) {
   return part < 0.5 ? low + (high - low) * part : high - (high - low) * (1 - part);
 }
 
-/** Typical size of a channel's differences of fourth order (`discrepancy/data/noise.py`).
+/** Typical size of a channel's differences of fourth order (`measured/noise.py`).
  * @param {{t: number[], value: number[]}} channel */
 export function scatter({ t, value }) {
   if (t.length <= ORDER) return 0;

@@ -1,5 +1,5 @@
 /**
- * One account of time, as `identify` gives it (`discrepancy/data/clock.py`): a film's frames follow each other at equal steps, so
+ * One account of time, as `identify` gives it (`measured/clock.py`): a film's frames follow each other at equal steps, so
  * that its times are whole numbers of frames, perhaps rounded by the program that wrote them.
  */
 

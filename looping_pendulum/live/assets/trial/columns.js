@@ -1,4 +1,4 @@
-/** Tells which quantity each column of a table holds, by its name and its values, as `identify` does (`discrepancy/data/columns.py`). */
+/** Tells which quantity each column of a table holds, by its name and its values, as `identify` does (`measured/columns.py`). */
 
 import { text } from "../texts.js";
 import { largest, steps, where } from "./arrays.js";

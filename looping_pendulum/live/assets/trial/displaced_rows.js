@@ -1,6 +1,6 @@
 /**
  * Rows of a film that are displaced in time, by the points themselves, as `identify` tells them
- * (`discrepancy/data/displaced_rows.py`): repeated, lost and uneven pictures.
+ * (`measured/displaced_rows.py`): repeated, lost and uneven pictures.
  *
  * Over a short while the masses' motion is a polynomial of the time. Points whose pictures were taken earlier or later than their
  * times say lie beside it along the velocity, those of all masses by one and the same time. That time is fitted; no model of the
@@ -51,7 +51,8 @@ const HALF_WINDOWS = [[3, 0.0125], [6, 0.025], [6, 0.05]];
 const PATTERN_HALF_WINDOWS = [6, 3];
 /** Degree of the polynomial. */
 const DEGREE = 3;
-const SIZE = DEGREE + 1;
+/** The same by which lost pictures must show, too, in the longest window: in 20 rows a second a swing is no cubic at its turning points. */
+const FINER_DEGREE = 5;
 /** Part of the normal equations' trace that keeps displacements finite that nothing determines. */
 const RIDGE = 1e-9;
 /** Largest mean square of a longer window's residuals, in that of a shorter one or in the noise's, with which it is taken. */
@@ -241,6 +242,12 @@ const numbersOf = ({ t, step }, times) => times.map((time) => rounded((time - t[
 /** Place of a frame in a pattern, also of one before the first row. @param {number} number @param {number} period */
 const placeOf = (number, period) => ((number % period) + period) % period;
 
+/** Numbers of rows on each side by which displacements are looked for, the smallest first. @param {Film} film */
+function halvesOf({ step }) {
+  const halves = HALF_WINDOWS.map(([rows, duration]) => Math.min(Math.max(rows, rounded(duration / step)), MAX_HALF));
+  return [...new Set(halves)].sort((a, b) => a - b);
+}
+
 /** Displacements of each row, or of all from it on, by the longest window of those in which the motion is a polynomial; null: no
  * window fits. @param {Film} film @param {boolean} onward @returns {(Displacement | null)[]} */
 function bestDisplacements(film, onward) {
@@ -248,8 +255,7 @@ function bestDisplacements(film, onward) {
   if (known) return known;
   /** @type {(Displacement | null)[]} */
   const best = film.t.map(() => null);
-  const halves = HALF_WINDOWS.map(([rows, duration]) => Math.min(Math.max(rows, rounded(duration / film.step)), MAX_HALF));
-  for (const half of [...new Set(halves)].sort((a, b) => a - b)) {
+  for (const half of halvesOf(film)) {
     displacements(film, half, onward).forEach((here, n) => {
       if (here.misfit < MAX_MISFIT_RATIO * Math.max(best[half + n]?.misfit ?? Infinity, 1)) best[half + n] = here;
     });
@@ -261,12 +267,18 @@ function bestDisplacements(film, onward) {
 /** Rows before which pictures are lost, and those that show the picture before. @param {Film} film
  * @param {number} unrest standard error of each time [steps] */
 function singleDisplacements(film, unrest) {
+  const longest = Math.max(...halvesOf(film));
+  const finer = displacements(film, longest, true, FINER_DEGREE);
+  const isClear = (/** @type {number} */ row) => {
+    const { value, error } = finer[row - longest] ?? { value: 0, error: Infinity };
+    return value > Math.max(MIN_LOST, MIN_SIGMAS * Math.hypot(error, unrest));
+  };
   // A single row that is displaced displaces those around it a little, and the other way round
   const chosen = clearest([true, false].flatMap((onward) => bestDisplacements(film, onward).flatMap((best, row) => {
     if (!best) return [];
     const { half, value, error, misfit, across } = best;
     const sigmas = Math.abs(value) / Math.hypot(error, unrest);
-    const isUsual = (value > COPIED[0] && value < COPIED[1]) || (onward && value > MIN_LOST);
+    const isUsual = (value > COPIED[0] && value < COPIED[1]) || (onward && value > MIN_LOST && isClear(row));
     if (!isUsual || !(sigmas > MIN_SIGMAS && misfit < MAX_MISFIT)) return [];
     return across() < Math.max(MAX_ACROSS, MAX_SLOPE * sigmas) ? [{ row, half, strength: sigmas, value }] : [];
   }))).map(({ row, value }) => ({ row, value }));
@@ -306,32 +318,33 @@ function clearest(found, most = Infinity) {
 /** A channel in windows of rows, in each of which it is a polynomial of the time, beside which some rows lie along the velocity. */
 class Curves {
   /** @param {number[]} values @param {number[]} starts of the windows @param {number} length @param {number} half rows before the one at
-   * which the polynomials' variable is 0 @param {Curves} [other] a channel with the same polynomials */
-  constructor(values, starts, length, half, other) {
+   * which the polynomials' variable is 0 @param {number} terms number of polynomials @param {Curves} [other] with the same ones */
+  constructor(values, starts, length, half, terms, other) {
     this.starts = starts;
+    this.terms = terms;
     this.length = length;
     this.half = half;
     /** Which rows are known. */
     this.known = Uint8Array.from(values, (value) => Number(Number.isFinite(value)));
     /** Polynomials that are orthonormal over the known rows, and their derivatives: window by window, degree by degree, row by row. */
-    this.basis = other?.basis ?? new Float64Array(starts.length * SIZE * length);
-    this.slopes = other?.slopes ?? new Float64Array(starts.length * SIZE * length);
+    this.basis = other?.basis ?? new Float64Array(starts.length * terms * length);
+    this.slopes = other?.slopes ?? new Float64Array(starts.length * terms * length);
     /** What no polynomial describes. */
     this.rest = new Float64Array(starts.length * length);
     this.velocity = new Float64Array(starts.length * length);
     /** Coefficients of the nearest polynomial, of that beneath displaced rows, and of that nearest to each displacement's velocities. */
-    this.nearest = new Float64Array(starts.length * SIZE);
-    this.beneath = new Float64Array(starts.length * SIZE);
-    this.described = new Float64Array(starts.length * (MAX_PERIOD - 1) * SIZE);
+    this.nearest = new Float64Array(starts.length * terms);
+    this.beneath = new Float64Array(starts.length * terms);
+    this.described = new Float64Array(starts.length * (MAX_PERIOD - 1) * terms);
   }
 
   /** Make the polynomials. @param {number[]} t @param {number} unit of their variable [s] @param {number} factor how long a row lasts from
    * 0 on, in what it lasted before */
   orthonormalise(t, unit, factor) {
-    const { starts, length, half, known, basis, slopes } = this;
+    const { starts, length, half, known, basis, slopes, terms } = this;
     for (let n = 0; n < starts.length; n++) {
-      const first = n * SIZE * length;
-      for (let j = 0; j < SIZE; j++) {
+      const first = n * terms * length;
+      for (let j = 0; j < terms; j++) {
         const at = first + j * length;
         for (let k = 0; k < length; k++) {
           const x = ((t[starts[n] + k] - t[starts[n] + half]) / unit) * (k > half ? factor : 1);
@@ -366,16 +379,16 @@ class Curves {
 
   /** Fit the polynomials alone, and add the squares of what they leave. @param {number[]} values @param {Float64Array} squares */
   fitPolynomials(values, squares) {
-    const { starts, length, known, basis, rest, nearest } = this;
+    const { starts, length, known, basis, rest, nearest, terms } = this;
     for (let n = 0; n < starts.length; n++) {
       const here = n * length;
       for (let k = 0; k < length; k++) rest[here + k] = known[starts[n] + k] ? values[starts[n] + k] : 0;
-      for (let j = 0; j < SIZE; j++) {
-        const at = (n * SIZE + j) * length;
+      for (let j = 0; j < terms; j++) {
+        const at = (n * terms + j) * length;
         let part = 0;
         for (let k = 0; k < length; k++) part += basis[at + k] * rest[here + k];
         for (let k = 0; k < length; k++) rest[here + k] -= part * basis[at + k];
-        nearest[n * SIZE + j] = part;
+        nearest[n * terms + j] = part;
       }
       for (let k = 0; k < length; k++) squares[n] += rest[here + k] * rest[here + k];
     }
@@ -383,18 +396,18 @@ class Curves {
 
   /** Take the velocities of the displaced rows by the polynomials beneath, and add them to the sums. @param {Shifts} shifts */
   addVelocities({ places, ofFilm, size, squares, right }) {
-    const { starts, length, half, known, basis, slopes, rest, velocity, beneath, described } = this;
-    described.fill(0, 0, starts.length * size * SIZE);
+    const { starts, length, half, known, basis, slopes, rest, velocity, beneath, described, terms } = this;
+    described.fill(0, 0, starts.length * size * terms);
     for (let n = 0; n < starts.length; n++) {
       for (let k = 0; k < length; k++) {
         const place = places[ofFilm ? starts[n] + k : k];
         if (place === size || !known[starts[n] + k]) continue;
         const own = n * size + place;
         let v = 0;
-        for (let j = 1; j < SIZE; j++) v += beneath[n * SIZE + j] * slopes[(n * SIZE + j) * length + k];
+        for (let j = 1; j < terms; j++) v += beneath[n * terms + j] * slopes[(n * terms + j) * length + k];
         v /= half;
         velocity[n * length + k] = v;
-        for (let j = 0; j < SIZE; j++) described[own * SIZE + j] += v * basis[(n * SIZE + j) * length + k];
+        for (let j = 0; j < terms; j++) described[own * terms + j] += v * basis[(n * terms + j) * length + k];
         squares[own] += v * v;
         right[own] += v * rest[n * length + k];
       }
@@ -404,23 +417,23 @@ class Curves {
   /** Weighted sum over windows of the products of what polynomials describe of two displacements' velocities.
    * @param {Float64Array} weight @param {number} size @param {number} p @param {number} q */
   shared(weight, size, p, q) {
-    const { described } = this;
+    const { described, terms } = this;
     let sum = 0;
     for (let n = 0; n < weight.length; n++) {
-      const [one, other] = [(n * size + p) * SIZE, (n * size + q) * SIZE];
-      for (let j = 0; j < SIZE; j++) sum += weight[n] * described[one + j] * described[other + j];
+      const [one, other] = [(n * size + p) * terms, (n * size + q) * terms];
+      for (let j = 0; j < terms; j++) sum += weight[n] * described[one + j] * described[other + j];
     }
     return sum;
   }
 
   /** Take the polynomials beneath the displaced rows, and subtract what they describe. @param {Shifts} shifts */
   displace({ size, value, misfit }) {
-    const { nearest, beneath, described } = this;
+    const { nearest, beneath, described, terms } = this;
     for (let n = 0; n < misfit.length; n++) {
-      for (let j = 0; j < SIZE; j++) {
+      for (let j = 0; j < terms; j++) {
         let part = 0;
-        for (let p = n * size; p < (n + 1) * size; p++) part += value[p] * described[p * SIZE + j];
-        beneath[n * SIZE + j] = nearest[n * SIZE + j] - part;
+        for (let p = n * size; p < (n + 1) * size; p++) part += value[p] * described[p * terms + j];
+        beneath[n * terms + j] = nearest[n * terms + j] - part;
         misfit[n] -= part * part;
       }
     }
@@ -429,17 +442,17 @@ class Curves {
   /** Square of what the rows of place 0 of a window are displaced by otherwise than along the velocity, in residuals.
    * @param {number} n @param {Shifts} shifts one of each window */
   across(n, { places, value }) {
-    const { starts, length, known, basis, rest, velocity, described } = this;
-    const parts = new Array(SIZE).fill(0);
+    const { starts, length, known, basis, rest, velocity, described, terms } = this;
+    const parts = new Array(terms).fill(0);
     let [left, squares] = [0, 0];
     for (let k = 0; k < length; k++) {
       if (places[k] || !known[starts[n] + k]) continue;
       left += rest[n * length + k] - value[n] * velocity[n * length + k];
       squares += 1;
-      for (let j = 0; j < SIZE; j++) parts[j] += basis[(n * SIZE + j) * length + k];
+      for (let j = 0; j < terms; j++) parts[j] += basis[(n * terms + j) * length + k];
     }
-    for (let j = 0; j < SIZE; j++) {
-      left += value[n] * parts[j] * described[n * SIZE + j];
+    for (let j = 0; j < terms; j++) {
+      left += value[n] * parts[j] * described[n * terms + j];
       squares -= parts[j] * parts[j];
     }
     return (left * left) / Math.max(squares, TINY);
@@ -447,19 +460,21 @@ class Curves {
 }
 
 /** @param {Film} film @param {number} half @param {number} length @param {number[]} [starts] by default, all @param {number} [factor] how
- * long a row lasts from the one after `half` others on, in what it lasted before @returns {Windows} */
-function windowsOf({ t, values, same, step }, half, length, starts = range(0, t.length - length + 1), factor = 1) {
+ * long a row lasts from the one after `half` others on, in what it lasted before @param {number} [degree] of the polynomials
+ * @returns {Windows} */
+function windowsOf({ t, values, same, step }, half, length, starts = range(0, t.length - length + 1), factor = 1, degree = DEGREE) {
+  const terms = degree + 1;
   const squares = new Float64Array(starts.length);
   /** @type {Curves[]} */
   const curves = [];
   values.forEach((all, c) => {
-    const own = new Curves(all, starts, length, half, curves[same[c]]);
+    const own = new Curves(all, starts, length, half, terms, curves[same[c]]);
     if (same[c] === c) own.orthonormalise(t, half * step * Math.max(factor, 1), factor);
     own.fitPolynomials(all, squares);
     curves.push(own);
   });
   const freedom = Float64Array.from(starts, (start) => sumOf(curves.map(({ known }) => {
-    return Math.max(known.subarray(start, start + length).reduce((sum, one) => sum + one, 0) - SIZE, 0);
+    return Math.max(known.subarray(start, start + length).reduce((sum, one) => sum + one, 0) - terms, 0);
   })));
   return { starts, length, curves, squares, freedom };
 }
@@ -490,16 +505,16 @@ function fitShifts({ starts, curves, squares, freedom }, places, ofFilm, size, s
 const clipped = (value) => Math.max(-MAX_DISPLACEMENT, Math.min(MAX_DISPLACEMENT, value));
 
 /** Displacement of the row after `half` others, or of all from it on, in each window.
- * @param {Film} film @param {number} half @param {boolean} onward @returns {Displacement[]} */
-function displacements(film, half, onward) {
+ * @param {Film} film @param {number} half @param {boolean} onward @param {number} [degree] of the polynomials @returns {Displacement[]} */
+function displacements(film, half, onward, degree = DEGREE) {
   const places = range(0, 2 * half + (onward ? 0 : 1)).map((k) => Number(onward ? k < half : k !== half));
-  const windows = windowsOf(film, half, places.length);
+  const windows = windowsOf(film, half, places.length, undefined, 1, degree);
   const normal = new Float64Array(windows.starts.length);
   const shifts = fitShifts(windows, places, false, 1, ({ value, squares, right }) => {
     for (let n = 0; n < value.length; n++) {
       let own = squares[n];
-      for (const { described } of windows.curves) {
-        for (let j = n * SIZE; j < (n + 1) * SIZE; j++) own -= described[j] * described[j];
+      for (const { described, terms } of windows.curves) {
+        for (let j = n * terms; j < (n + 1) * terms; j++) own -= described[j] * described[j];
       }
       normal[n] = (1 + RIDGE) * Math.max(own, 0) + TINY;
       value[n] = clipped(right[n] / normal[n]);
@@ -590,8 +605,8 @@ function rateChanges(film) {
 
 /** By how much a window's sum of squares falls without the row that fits worst. @param {Windows} windows @param {number} n */
 function largestByOneRow({ curves, length }, n) {
-  return largest(range(0, length).map((k) => sumOf(curves.map(({ basis, rest }) => {
-    const described = sumOf(range(0, SIZE).map((j) => basis[(n * SIZE + j) * length + k] ** 2));
+  return largest(range(0, length).map((k) => sumOf(curves.map(({ basis, rest, terms }) => {
+    const described = sumOf(range(0, terms).map((j) => basis[(n * terms + j) * length + k] ** 2));
     return rest[n * length + k] ** 2 / Math.max(1 - described, 0.05);
   }))));
 }

@@ -1,4 +1,4 @@
-/** Tells which track shows which mass, as `identify` does (`discrepancy/data/readers.py`). */
+/** Tells which track shows which mass, as `identify` does (`measured/readers.py`). */
 
 import { text } from "../texts.js";
 import { percentile } from "./arrays.js";

@@ -1,4 +1,4 @@
-/** The grammar of the names that programs and people write above columns, as `identify` reads them (`discrepancy/data/columns.py`). */
+/** The grammar of the names that programs and people write above columns, as `identify` reads them (`measured/columns.py`). */
 
 /**
  * `role`: "t", "frame", "object", "run", "setting", or a position, height, angle or rate; "" if it is none of these. `track`: the tracked

@@ -1,4 +1,4 @@
-/** What the camera measures of the model's run, as `identify` has it (`discrepancy/data/measurement.py`). */
+/** What the camera measures of the model's run, as `identify` has it (`measured/measurement.py`). */
 
 import { simulate } from "../../run.js";
 

@@ -1,4 +1,4 @@
-/** Angular rates: about which axis a body turns, and whether they are those of the angle beside them (`discrepancy/data/readers.py`). */
+/** Angular rates: about which axis a body turns, and whether they are those of the angle beside them (`measured/readers.py`). */
 
 import { shown, text } from "../texts.js";
 import { at, largest, steps, where } from "./arrays.js";

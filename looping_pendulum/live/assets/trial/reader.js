@@ -1,4 +1,4 @@
-/** Reads a trial's tracked points as `identify` does (`discrepancy/data/readers.py`), with the same messages (in English). */
+/** Reads a trial's tracked points as `identify` does (`measured/readers.py`), with the same messages (in English). */
 
 import { text } from "../texts.js";
 import { largest } from "./arrays.js";

@@ -1,4 +1,4 @@
-/** Reads a text table as `identify` does (`discrepancy/data/delimited.py`): encoding, comments, delimiter, decimal comma. */
+/** Reads a text table as `identify` does (`measured/delimited.py`): encoding, comments, delimiter, decimal comma. */
 
 import { text } from "../texts.js";
 import { largest } from "./arrays.js";

@@ -1,4 +1,4 @@
-/** Reads projects of Tracker (.trk) as `identify` does; `discrepancy/data/tracker_project.py` says what their numbers mean. */
+/** Reads projects of Tracker (.trk) as `identify` does; `measured/tracker_project.py` says what their numbers mean. */
 
 import { text } from "../texts.js";
 import { largest, rounded, steps } from "./arrays.js";

@@ -14,9 +14,9 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.discrepancy.data.camera import Camera
-from looping_pendulum.discrepancy.data.noise import Noise, estimate_noise, speed_at
-from looping_pendulum.discrepancy.data.observations import Channel, DataError
+from looping_pendulum.measured.camera import Camera
+from looping_pendulum.measured.noise import Noise, estimate_noise, speed_at
+from looping_pendulum.measured.observations import Channel, DataError
 from looping_pendulum.reference_ode.effects.types import TURN
 from looping_pendulum.reference_ode.geometry import Array, xy_pairs
 from looping_pendulum.reference_ode.parameters import Parameters

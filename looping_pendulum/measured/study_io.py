@@ -10,9 +10,10 @@ from typing import Any
 
 import yaml
 
-from looping_pendulum.discrepancy.data import study_file
-from looping_pendulum.discrepancy.data.camera import CAMERA
-from looping_pendulum.discrepancy.data.study import (
+from looping_pendulum.errors import FileKeyError, ParameterError, ScenarioError
+from looping_pendulum.measured import study_file
+from looping_pendulum.measured.camera import CAMERA
+from looping_pendulum.measured.study import (
     APPARATUS_UNITS,
     DEFAULT_HANGING_LENGTH,
     EARTH_GRAVITY,
@@ -23,8 +24,7 @@ from looping_pendulum.discrepancy.data.study import (
     Study,
     Trial,
 )
-from looping_pendulum.discrepancy.data.study_file import StudyFile, TrialGroup
-from looping_pendulum.errors import FileKeyError, ParameterError, ScenarioError
+from looping_pendulum.measured.study_file import StudyFile, TrialGroup
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import document, own_effects
 from looping_pendulum.scenarios.document import Document, one_line

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from looping_pendulum.discrepancy.data.camera import Camera
-from looping_pendulum.discrepancy.data.noise import estimate_noise
-from looping_pendulum.discrepancy.data.observations import Observations
-from looping_pendulum.discrepancy.data.study import PLACEHOLDERS, Estimate, Study, Trial
+from looping_pendulum.measured.camera import Camera
+from looping_pendulum.measured.noise import estimate_noise
+from looping_pendulum.measured.observations import Observations
+from looping_pendulum.measured.study import PLACEHOLDERS, Estimate, Study, Trial
 from looping_pendulum.reference_ode.effects import GRAVITY
 from looping_pendulum.reference_ode.geometry import Array, string_coordinates
 from looping_pendulum.reference_ode.parameters import Release

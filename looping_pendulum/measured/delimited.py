@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from looping_pendulum.discrepancy.data.observations import DataError
+from looping_pendulum.measured.observations import DataError
 from looping_pendulum.scenarios import text_table
 from looping_pendulum.scenarios.document import one_line, quote
 

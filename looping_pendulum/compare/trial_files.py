@@ -15,11 +15,11 @@ import numpy as np
 
 from looping_pendulum.compare.align import SAME_TIME
 from looping_pendulum.compare.trial import MeasuredTrack, MeasuredTrial
-from looping_pendulum.discrepancy.data import study_io
-from looping_pendulum.discrepancy.data.camera import Camera
-from looping_pendulum.discrepancy.data.observations import Channel, DataError, Observations
-from looping_pendulum.discrepancy.data.study import Trial, read_files
 from looping_pendulum.errors import ScenarioError
+from looping_pendulum.measured import study_io
+from looping_pendulum.measured.camera import Camera
+from looping_pendulum.measured.observations import Channel, DataError, Observations
+from looping_pendulum.measured.study import Trial, read_files
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.document import Document, one_line, quote
 from looping_pendulum.scenarios.fields import suggest

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.discrepancy.data.delimited import data_error
-from looping_pendulum.discrepancy.data.observations import DataError, Track
+from looping_pendulum.measured.delimited import data_error
+from looping_pendulum.measured.observations import DataError, Track
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.document import quote
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.discrepancy.data.noise import scatter
-from looping_pendulum.discrepancy.data.observations import Channel, DataError, ReadingNotes
+from looping_pendulum.measured.noise import scatter
+from looping_pendulum.measured.observations import Channel, DataError, ReadingNotes
 from looping_pendulum.reference_ode.geometry import Array
 
 RATE_TOLERANCE = 0.01

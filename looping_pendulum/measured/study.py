@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.discrepancy.data.angular_velocity import rates_from_release
-from looping_pendulum.discrepancy.data.camera import CAMERA
-from looping_pendulum.discrepancy.data.displaced_rows import clock_faults
-from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
-from looping_pendulum.discrepancy.data.observations import Observations, merge, mirrored, with_event_errors
+from looping_pendulum.measured.angular_velocity import rates_from_release
+from looping_pendulum.measured.camera import CAMERA
+from looping_pendulum.measured.displaced_rows import clock_faults
+from looping_pendulum.measured.free_parameter import FreeParameter
+from looping_pendulum.measured.observations import Observations, merge, mirrored, with_event_errors
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Coefficient, Effect
 from looping_pendulum.reference_ode.effects.own import OwnEffect
@@ -351,7 +351,7 @@ def read_files(folder: Path, trial: Trial) -> Observations:
     DataError
         If a file cannot be used.
     """
-    from looping_pendulum.discrepancy.data.readers import read  # imports units, which takes a while and which fits do not need
+    from looping_pendulum.measured.readers import read  # imports units, which takes a while and which fits do not need
 
     parts = tuple(
         read(

@@ -15,8 +15,8 @@ from pydantic import GetCoreSchemaHandler, PlainValidator, ValidationInfo, WithJ
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from looping_pendulum.discrepancy.data.camera import CAMERA
-from looping_pendulum.discrepancy.data.study import Estimate
+from looping_pendulum.measured.camera import CAMERA
+from looping_pendulum.measured.study import Estimate
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Coefficient
 from looping_pendulum.reference_ode.effects.own import effect_of

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from looping_pendulum.discrepancy.data.observations import Observations, UnusedValues, mirrored
+from looping_pendulum.measured.observations import Observations, UnusedValues, mirrored
 
 MAX_RATE_AT_REST = 0.05
 """Largest angular velocity of a pendulum that a hand holds still, as a part of the largest one of the record."""

@@ -8,10 +8,11 @@ from typing import Annotated, Any
 from pydantic import BaseModel, Field, ValidationError
 from pydantic_core import ErrorDetails
 
-from looping_pendulum.discrepancy.data.camera import CAMERA
-from looping_pendulum.discrepancy.data.readers import KINDS
-from looping_pendulum.discrepancy.data.study import EARTH_GRAVITY, Estimate
-from looping_pendulum.discrepancy.data.study_fields import (
+from looping_pendulum.errors import ScenarioError
+from looping_pendulum.measured.camera import CAMERA
+from looping_pendulum.measured.readers import KINDS
+from looping_pendulum.measured.study import EARTH_GRAVITY, Estimate
+from looping_pendulum.measured.study_fields import (
     Camera,
     Effects,
     MeasuredField,
@@ -20,7 +21,6 @@ from looping_pendulum.discrepancy.data.study_fields import (
     measured_mass,
     text_by_key,
 )
-from looping_pendulum.errors import ScenarioError
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects.own import OwnEffect
 from looping_pendulum.reference_ode.parameters import Release

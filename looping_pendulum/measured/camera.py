@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.discrepancy.data.observations import DataError
+from looping_pendulum.measured.observations import DataError
 from looping_pendulum.reference_ode.effects import Coefficient
 from looping_pendulum.reference_ode.geometry import Array, xy_pairs
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from looping_pendulum.discrepancy.data.observations import Channel, DataError
+from looping_pendulum.measured.observations import Channel, DataError
 from looping_pendulum.reference_ode.geometry import Array
 
 ORDER = 4

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from looping_pendulum.discrepancy.data.noise import scatter
-from looping_pendulum.discrepancy.data.observations import BODIES, Channel, ReadingNotes
+from looping_pendulum.measured.noise import scatter
+from looping_pendulum.measured.observations import BODIES, Channel, ReadingNotes
 from looping_pendulum.reference_ode.geometry import Array
 
 T = TypeVar("T")

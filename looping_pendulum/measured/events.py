@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from decimal import Decimal
 
-from looping_pendulum.discrepancy.data.delimited import DelimitedText, TableLine, data_error
-from looping_pendulum.discrepancy.data.observations import EventObservation, Observations, UnusedValues
+from looping_pendulum.measured.delimited import DelimitedText, TableLine, data_error
+from looping_pendulum.measured.observations import EventObservation, Observations, UnusedValues
 from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.measured import COLUMNS, current_name
 from looping_pendulum.scenarios.units import UnitError, to_si

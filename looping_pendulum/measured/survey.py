@@ -12,13 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
-from looping_pendulum.discrepancy.data.clock import MAX_TIME_STEP
-from looping_pendulum.discrepancy.data.columns import PIXELS, read_columns
-from looping_pendulum.discrepancy.data.delimited import read_text
-from looping_pendulum.discrepancy.data.events import is_event_table
-from looping_pendulum.discrepancy.data.observations import DataError, ReadingNotes, Track, value_range
-from looping_pendulum.discrepancy.data.readers import MASSES, numbers, propose_masses, read_content, tracks_of
-from looping_pendulum.discrepancy.data.tracker_project import is_named_project, is_project, read_project
+from looping_pendulum.measured.clock import MAX_TIME_STEP
+from looping_pendulum.measured.columns import PIXELS, read_columns
+from looping_pendulum.measured.delimited import read_text
+from looping_pendulum.measured.events import is_event_table
+from looping_pendulum.measured.observations import DataError, ReadingNotes, Track, value_range
+from looping_pendulum.measured.readers import MASSES, numbers, propose_masses, read_content, tracks_of
+from looping_pendulum.measured.tracker_project import is_named_project, is_project, read_project
 from looping_pendulum.reference_ode.geometry import Array
 
 UNNAMED_TRACKS = {"light": "first", "heavy": "second"}

@@ -15,10 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from looping_pendulum.discrepancy.data import displaced_rows
-from looping_pendulum.discrepancy.data.clock import Series, Sheet, timed_channels
-from looping_pendulum.discrepancy.data.columns import PIXELS, Column, read_columns
-from looping_pendulum.discrepancy.data.delimited import (
+from looping_pendulum.measured import displaced_rows
+from looping_pendulum.measured.clock import Series, Sheet, timed_channels
+from looping_pendulum.measured.columns import PIXELS, Column, read_columns
+from looping_pendulum.measured.delimited import (
     LARGEST_FILE,
     DelimitedText,
     data_error,
@@ -27,9 +27,9 @@ from looping_pendulum.discrepancy.data.delimited import (
     read_bytes,
     read_text,
 )
-from looping_pendulum.discrepancy.data.events import is_event_table, read_events
-from looping_pendulum.discrepancy.data.noise import scatter
-from looping_pendulum.discrepancy.data.observations import (
+from looping_pendulum.measured.events import is_event_table, read_events
+from looping_pendulum.measured.noise import scatter
+from looping_pendulum.measured.observations import (
     UNITS,
     Channel,
     DataError,
@@ -39,7 +39,7 @@ from looping_pendulum.discrepancy.data.observations import (
     Track,
     UnusedValues,
 )
-from looping_pendulum.discrepancy.data.tracker_project import LARGEST_ARCHIVE, is_named_project, is_project, read_project
+from looping_pendulum.measured.tracker_project import LARGEST_ARCHIVE, is_named_project, is_project, read_project
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.units import UnitError, to_si

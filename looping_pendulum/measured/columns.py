@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
-from looping_pendulum.discrepancy.data.delimited import DelimitedText, TableLine, is_number, last_digits, listed
-from looping_pendulum.discrepancy.data.observations import DataError, ReadingNotes
+from looping_pendulum.measured.delimited import DelimitedText, TableLine, is_number, last_digits, listed
+from looping_pendulum.measured.observations import DataError, ReadingNotes
 from looping_pendulum.scenarios.document import quote
 
 POSITION_ROLES = ("x", "y", "height", "angle", "angle_rate")
