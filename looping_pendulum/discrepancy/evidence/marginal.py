@@ -194,10 +194,11 @@ class Marginal:
 
     def shift(self) -> tuple[Array, Array]:
         """Return the step of the fitted parameters and their variances by each setting's noise, shape (settings, p)."""
-        step, variance = np.zeros((len(self.gram), self.p)), np.ones((len(self.gram), self.p))
+        step = np.zeros((len(self.gram), self.p))
         step[:, self._free] = np.einsum("gij,gj->gi", self._factors[0], self.gram[:, 1 + self._free, 0])
-        variance[:, self._free] = np.einsum("gii->gi", self._factors[0])
-        return step, variance
+        fitted = slice(1, 1 + self.p)
+        # Also of what is on a bound, as the evidence has the volume of all
+        return step, np.einsum("gii->gi", np.linalg.inv(self.gram[:, fitted, fitted])).copy()
 
     def solution(self, chosen: Sequence[int]) -> tuple[Array, Array]:
         """Return the step of the fitted parameters, and the amounts of templates, that fit best by the first setting."""
