@@ -129,16 +129,16 @@ def test_probabilities_are_compared_with_how_often_they_are_right():
     )
     nothing = ([], None, 0.9, False)
     outcomes = [
-        outcome("right", probabilities=[likely, rival]),
-        outcome("none", probabilities=[nothing, rival]),
-        outcome("wrong", probabilities=[certain]),
+        outcome("right", visibility=3.0, probabilities=[likely, rival]),
+        outcome("none", visibility=1.0, probabilities=[nothing, rival]),  # too small to be asked for
+        outcome("wrong", visibility=2.0, probabilities=[certain]),
     ]
     result = summary(list(zip(studies, outcomes, strict=True)))
     stated = {
         name: (row["mean"], row["right"]["count"], row["right"]["of"]) for name, row in result["stated_probabilities"].items()
     }
     assert stated == {"0.05 to 0.2": (0.1, 0, 2), "0.8 to 0.95": (0.9, 1, 1), "0.99 to 1": (1.0, 0, 1)}
-    assert (result["credible_holds_truth"]["count"], result["credible_holds_truth"]["of"]) == (1, 3)
+    assert (result["credible_holds_truth"]["count"], result["credible_holds_truth"]["of"]) == (1, 2)
 
 
 def test_the_printed_tables_have_rates_and_probabilities(capsys):
