@@ -32,7 +32,6 @@ from looping_pendulum.discrepancy.candidates import Candidate
 from looping_pendulum.discrepancy.evidence.explanation import addition_steps
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate, minimise
 from looping_pendulum.discrepancy.fit.predictions import alone
-from looping_pendulum.discrepancy.fit.problem import Problem, free_parameters_of
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.errors import HarnessError
@@ -121,10 +120,7 @@ def gains(study: BlindStudy, planted: Mapping[str, float], explanations: Sequenc
         inputs = read_inputs(load(write_files(study, Path(folder))))
     library = {c.name: c for c in inputs.library}
     right = {library[name]: value for name, value in planted.items()}
-    # All trials, as the search has them
-    data = [*inputs.training, *(d for d, _ in inputs.held_out)]
-    problem = Problem(inputs.study, data, free_parameters_of(inputs.study, list(inputs.observed)))
-    declared = refit_with_estimated_noise(calibrate(problem))
+    declared = refit_with_estimated_noise(calibrate(inputs.problem()))  # of all trials, as the search has them
     try:
         # The noise is that of the right model: the declared one's would count what it lacks as noise
         best = with_noise_of_residuals(_best_fit(declared, right))

@@ -18,9 +18,9 @@ from looping_pendulum.discrepancy.evidence.explanation import NOTHING, addition_
 from looping_pendulum.discrepancy.evidence.search import Search
 from looping_pendulum.discrepancy.fit.calibration import calibrate
 from looping_pendulum.discrepancy.fit.predictions import alone
-from looping_pendulum.discrepancy.fit.problem import Problem, free_parameters_of
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
+from looping_pendulum.discrepancy.report.markdown import probability_in_words
 from looping_pendulum.discrepancy.workers import one_blas_thread
 from looping_pendulum.files import write_atomically
 from looping_pendulum.measured.study_io import load
@@ -58,8 +58,7 @@ def take_picture_of_demo(page_file: Path, picture: Path) -> None:
 def draw_evidence(study: Path, picture: Path) -> None:
     """Draw how well some explanations of a study fit, and how probable they are."""
     inputs = read_inputs(load(study))
-    data = [*inputs.training, *(d for d, _ in inputs.held_out)]
-    problem = Problem(inputs.study, data, free_parameters_of(inputs.study, inputs.observed))
+    problem = inputs.problem()
     with one_blas_thread():
         search = Search(refit_with_estimated_noise(calibrate(problem)), inputs.library)
         search.run()
@@ -72,13 +71,14 @@ def draw_evidence(study: Path, picture: Path) -> None:
     weights = np.exp([e.log_posterior - best.log_posterior for e in shown])
     drawing = new_figure(9.0, 3.2)
     axes = drawing.subplots(1, 2)
-    for ax, values, label, form in (
-        (axes[0], [e.fit.cost / problem.count for e in shown], "misfit (chi-square per value)", "%.4f"),
-        (axes[1], 100 * weights / weights.sum(), "probability [%]", "%.2g"),
+    misfits, shares = [e.fit.cost / problem.count for e in shown], weights / weights.sum()
+    for ax, values, label, said in (
+        (axes[0], misfits, "misfit (chi-square per value)", [f"{m:.4f}" for m in misfits]),
+        (axes[1], 100 * shares, "probability [%]", [probability_in_words(p) for p in shares]),
     ):
         bars = ax.barh(range(len(shown)), values, color=COLOURS[0])
-        ax.bar_label(bars, fmt=form, padding=3)
-        ax.set(xlabel=label, xlim=(0, 1.25 * max(values)), yticks=range(len(shown)))
+        ax.bar_label(bars, said, padding=3)
+        ax.set(xlabel=label, xlim=(0, 1.55 * max(values)), yticks=range(len(shown)))
         ax.invert_yaxis()
     axes[0].set_yticklabels(names)
     axes[1].set_yticklabels([])

@@ -10,6 +10,7 @@ import numpy as np
 
 from looping_pendulum.discrepancy.candidates import Candidate
 from looping_pendulum.discrepancy.evidence.explain import Explanations, Judged, Ranked
+from looping_pendulum.discrepancy.evidence.prior import least_distance
 from looping_pendulum.discrepancy.evidence.templates import Visible
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.event_tests import event_rms_by_unit
@@ -69,8 +70,8 @@ def identification(
     repaired_fits = [(fit, k, held_out) for _, fit, k, held_out in fits]
     outliers = summarise_outliers(repaired_fits)
     errors, noise = _errors(before, after), _correlated_noise(after)
-    visible = found.smallest_visible(after.explanation)
-    ruled_out = [(c.name, c.bounds_reason) for c in found.ruled_out]
+    visible = found.search.smallest_visible(after.explanation)
+    ruled_out = [(c.name, c.bounds_reason) for c in found.search.ruled_out]
     tests = _tests(before)
     return Identification(
         study=study.name,
@@ -109,16 +110,14 @@ def identification(
 
 
 def _explanations(found: Explanations) -> tuple[RankedExplanation, ...]:
-    declared = found.nothing.log_posterior
+    declared, least = found.nothing.log_posterior, least_distance(len(found.search.library))
     rows = []
     count = max(MAX_EXPLANATIONS, len(found.credible))
     for r in (r for i, r in enumerate(found.ranked) if i < count or r.explanation is found.nothing):
         law = r.explanation.parts.law
         rows.append(
             RankedExplanation(
-                effects=tuple(
-                    _effect(c, r, found.least_distance) for c in sorted(r.explanation.parts.effects, key=lambda c: c.name)
-                ),
+                effects=tuple(_effect(c, r, least) for c in sorted(r.explanation.parts.effects, key=lambda c: c.name)),
                 law=UnlistedLaw(acts_on=law.target, depends_on=law.coordinate, multiplied_by=law.factor) if law else None,
                 probability=r.probability,
                 log10_odds=(r.explanation.log_posterior - declared) / math.log(10),
@@ -128,7 +127,7 @@ def _explanations(found: Explanations) -> tuple[RankedExplanation, ...]:
     return tuple(rows)
 
 
-def _effect(c: Candidate, r: Ranked, least_distance: float) -> IdentifiedEffect:
+def _effect(c: Candidate, r: Ranked, least: float) -> IdentifiedEffect:
     # Where the model is far from linear in an effect, a standard error misleads: of static friction that holds all is known
     # but that it is large enough. It misleads, too, where the evidence only just suffices: noise has enlarged
     # most of these values.
@@ -144,7 +143,7 @@ def _effect(c: Candidate, r: Ranked, least_distance: float) -> IdentifiedEffect:
         meaning=c.role.value,
         value=values[c.name],
         error=errors[c.name],
-        interval=stated_interval(r.fit, c.name, c.null, least_distance) if r.credible else None,
+        interval=stated_interval(r.fit, c.name, c.null, least) if r.credible else None,
         null_value=c.null,
         unit=c.unit,
         companions=tuple((k.name, values[k.name], errors[k.name]) for k in c.companions),

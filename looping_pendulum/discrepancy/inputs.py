@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 from looping_pendulum.discrepancy.candidates import Candidate, candidates
 from looping_pendulum.discrepancy.fit.event_prediction import check_event_rows
-from looping_pendulum.discrepancy.fit.problem import TrialData, free_parameters_of
+from looping_pendulum.discrepancy.fit.problem import Problem, TrialData, free_parameters_of
 from looping_pendulum.discrepancy.fit.residual import trial_data
 from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.measured.observations import DataError, Observations
@@ -32,6 +32,11 @@ class Inputs:
     """Data of each held-out trial, with the free parameters of that trial."""
     library: tuple[Candidate, ...]
     """Everything that could be added to the declared model."""
+
+    def problem(self) -> Problem:
+        """Return the fit of the declared model to all trials, held-out ones included."""
+        data = [*self.training, *(d for d, _ in self.held_out)]
+        return Problem(self.study, data, free_parameters_of(self.study, self.observed))
 
 
 def read_inputs(study: Study, known: Mapping[str, Observations] = MappingProxyType({})) -> Inputs:

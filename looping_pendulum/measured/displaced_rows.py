@@ -658,12 +658,12 @@ def _single_displacements(film: _Film, unrest: float, largest_misfit: float) -> 
         sigmas = np.abs(rows.value) / np.hypot(rows.error, unrest)
         usual = (rows.value > COPIED[0]) & (rows.value < COPIED[1]) | onward & (rows.value > MIN_LOST)
         usual &= rows.across < np.maximum(MAX_ACROSS, MAX_SLOPE * sigmas)
-        most = largest_misfit if onward else MAX_MISFIT
-        if onward and largest_misfit == MAX_MISFIT:  # by the points alone
+        named = usual & (sigmas > MIN_SIGMAS) & (rows.misfit < (largest_misfit if onward else MAX_MISFIT))
+        lost = named & (rows.value > MIN_LOST)
+        if onward and largest_misfit == MAX_MISFIT and lost.any():  # by the points alone
             finer = film.displacements(max(film.halves), onward=True, degree=FINER_DEGREE)
-            clear = (finer.value > MIN_LOST) & (finer.value > MIN_SIGMAS * np.hypot(finer.error, unrest))
-            usual &= clear | (rows.value < MIN_LOST)
-        for k in np.flatnonzero(usual & (sigmas > MIN_SIGMAS) & (rows.misfit < most)):
+            named &= ~lost | (finer.value > np.maximum(MIN_LOST, MIN_SIGMAS * np.hypot(finer.error, unrest)))
+        for k in np.flatnonzero(named):
             here = WrongTimes(t=float(film.t_by_file[k]), shift=round(float(rows.value[k])) * film.step, onward=onward)
             found.append((float(sigmas[k]), int(k), int(rows.half[k]), here))
     # A single row that is displaced displaces those around it a little, and the other way round

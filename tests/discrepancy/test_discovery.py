@@ -13,7 +13,6 @@ from looping_pendulum.discrepancy.evidence.laws import laws_beside
 from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid
 from looping_pendulum.discrepancy.evidence.prior import body_of
 from looping_pendulum.discrepancy.fit.calibration import calibrate
-from looping_pendulum.discrepancy.fit.problem import Problem, free_parameters_of
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
@@ -112,8 +111,7 @@ def thrust_study(tmp_path_factory):
 def laws_of(path):
     """Return all laws beside the fit of the declared model to all trials of a study, the most probable first."""
     inputs = read_inputs(load(path))
-    data = [*inputs.training, *(d for d, _ in inputs.held_out)]
-    base = refit_with_estimated_noise(calibrate(Problem(inputs.study, data, free_parameters_of(inputs.study, inputs.observed))))
+    base = refit_with_estimated_noise(calibrate(inputs.problem()))
     grid = NoiseGrid(base.problem.data)
     log_z = Marginal(grid, raw(base), settings=[0]).log_z_of_settings
     return laws_beside(base, grid, [0], log_z, raw(base), np.zeros((grid.count, 0))).all()

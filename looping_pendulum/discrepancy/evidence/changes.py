@@ -19,7 +19,7 @@ LINEAR_SIZE, FINITE_SIZES = 0.3, (3.0, 12.0)
 FINER = 0.1
 """Share of a linear change that shows whether it is one."""
 FIRST_FACTORS = (1.0, 10.0, 40.0)
-"""Factors on the change of the value that is tried first: they are those of the sizes, where it was known from another fit."""
+"""Factors on the smallest change of the value that is tried at once: about those of the sizes."""
 MAX_TRIES, MAX_FAILURES = 10, 2
 """Largest number of steps in which changes of given sizes are looked for, and how many values may be impossible."""
 
@@ -65,11 +65,11 @@ class Changes:
         return bool(np.any(self._events & ~self._problem.events_that_happen(x)))
 
     def find(
-        self, reaches: Sequence[float], sizes: Sequence[float], first: float, smallest: float
+        self, reaches: Sequence[float], sizes: Sequence[float], first: float
     ) -> Steps[dict[tuple[float, float], float | None]]:
         """Find changes of the value up to each reach [SI] that change the prediction by about these sizes.
 
-        Where a change of ``smallest`` [SI] cannot run, no smaller one is tried; ``first`` is tried first.
+        A change of ``first`` [SI] is tried first; where it cannot run, no smaller one is.
 
         Returns (reach, size) -> change of the value; None if the reach comes first and hardly anything changes.
         """
@@ -79,7 +79,7 @@ class Changes:
             yield from self.compute(tries)
             tries = []
             for reach, side in sides.items():
-                guesses = [_next_try(self._tried(side), abs(reach), size, smallest) for size in sizes]
+                guesses = [_next_try(self._tried(side), abs(reach), size, first) for size in sizes]
                 tries += [side * guess for guess in guesses if guess is not None]
             if not tries or self.cannot_run:
                 break
@@ -96,7 +96,7 @@ def _next_try(tried: Sequence[tuple[float, float]], reach: float, size: float, s
     Steps are in proportion to the change that is missing. Between a change that is too small and one that is too large, they
     follow a power law through both, since what an effect does may grow with the square of its value.
     """
-    # About the size is enough, since a score does not depend on it as long as the change is linear
+    # About the size is enough, since the evidence does not depend on it as long as the change is linear
     if any(_is_about(rms, size) for _, rms in tried) or sum(math.isinf(rms) for _, rms in tried) > MAX_FAILURES:
         return None
     low = max([t for t in tried if t[1] < size], default=(0.0, 0.0))

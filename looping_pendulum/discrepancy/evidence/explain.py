@@ -9,7 +9,6 @@ from functools import cached_property
 
 import numpy as np
 
-from looping_pendulum.discrepancy.candidates import Candidate
 from looping_pendulum.discrepancy.evidence.changes import compile_for, steps_together
 from looping_pendulum.discrepancy.evidence.explanation import (
     NOTHING,
@@ -22,13 +21,12 @@ from looping_pendulum.discrepancy.evidence.explanation import (
     without_steps,
 )
 from looping_pendulum.discrepancy.evidence.marginal import NoiseGrid
-from looping_pendulum.discrepancy.evidence.prior import CREDIBLE, LAW_PREDICTS, least_distance
+from looping_pendulum.discrepancy.evidence.prior import CREDIBLE, LAW_PREDICTS
 from looping_pendulum.discrepancy.evidence.search import Search, in_words, posterior
-from looping_pendulum.discrepancy.evidence.templates import Visible
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate_steps
 from looping_pendulum.discrepancy.fit.held_out import HeldOutTest, check_held_out
 from looping_pendulum.discrepancy.fit.predictions import alone, together
-from looping_pendulum.discrepancy.fit.problem import Problem, TrialData, free_parameters_of
+from looping_pendulum.discrepancy.fit.problem import TrialData
 from looping_pendulum.discrepancy.fit.residual import ResidualTests
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import Inputs
@@ -69,12 +67,14 @@ class Explanations:
 
     Parameters
     ----------
+    search
+        What was fitted, and what the linear models beside it say.
     interrupted
         Whether the search was ended before others were looked at.
     """
 
     def __init__(self, search: Search, inputs: Inputs, workers: Workers, interrupted: bool = False) -> None:
-        self._search, self._inputs, self._workers = search, inputs, workers
+        self.search, self._inputs, self._workers = search, inputs, workers
         self._of_training: dict[Key, Fit | None] = {}
         self.interrupted = interrupted
         self._fitted = dict(search.fitted)
@@ -97,7 +97,7 @@ class Explanations:
     @cached_property
     def passes(self) -> bool:
         """Return whether the residuals of the best explanation look like its own noise."""
-        return self._search.passes(self.best)
+        return self.search.passes(self.best)
 
     @property
     def verdict(self) -> Verdict:
@@ -119,35 +119,21 @@ class Explanations:
         rows = []
         for e in sorted(self._fitted.values(), key=lambda e: (e.key != self.best.key, -known.get(e.key, -1), -e.log_posterior)):
             credible = e.key in self.credible
-            fit = self._search.tested(e)[0] if credible else e.fit
+            fit = self.search.tested(e)[0] if credible else e.fit
             rows.append(Ranked(explanation=e, fit=fit, probability=known.get(e.key), credible=credible))
         return tuple(rows)
-
-    @property
-    def ruled_out(self) -> list[Candidate]:
-        """Return listed effects that would explain much with a value that is known to be impossible."""
-        return self._search.ruled_out
-
-    @cached_property
-    def least_distance(self) -> float:
-        """Return how many standard errors an effect must be large to be more probable than that nothing is missing."""
-        return least_distance(len(self._search.library))
 
     @property
     def nothing(self) -> Explanation:
         """Return the declared model."""
         return self._fitted[NOTHING]
 
-    def smallest_visible(self, e: Explanation) -> list[Visible]:
-        """Return the smallest size of every listed effect that the data would show beside an explanation."""
-        return self._search.smallest_visible(e)
-
     def judged(self, e: Explanation) -> Judged:
         """Judge an explanation by held-out data, with the noise of the best explanation: one noise compares them."""
-        fit, tests = self._search.tested(e)
+        fit, tests = self.search.tested(e)
         training = fit
         if self._inputs.held_out or e.parts.law:
-            noises = self._search.grid.noises(self.best.setting)
+            noises = self.search.grid.noises(self.best.setting)
             data = [d.with_noises(noises) for d in self._training(e)]
             refitted = alone(to_data_steps(self._fit_to_training(e) or e.fit, data))
             if refitted is None:
@@ -180,11 +166,11 @@ class Explanations:
         if not self._inputs.held_out:
             return True
         gains = []
-        for one in (e, self._search.fitted[NOTHING]):
+        for one in (e, self.search.fitted[NOTHING]):
             fit = self._fit_to_training(one)
             if fit is None:
                 return False
-            training = explained(NoiseGrid(fit.problem.data), fit, one.parts, len(self._search.library))
+            training = explained(NoiseGrid(fit.problem.data), fit, one.parts, len(self.search.library))
             gains.append(one.log_z - training.log_z)
         return gains[0] - gains[1] >= LAW_PREDICTS
 
@@ -241,8 +227,7 @@ def explain(
 
 def _declared(inputs: Inputs, seed: int, workers: Workers) -> tuple[Fit, tuple[float, ...]]:
     """Return the fit of the declared model to all trials, and the costs that its starts led to."""
-    data = [*inputs.training, *(d for d, _ in inputs.held_out)]
-    problem = Problem(inputs.study, data, free_parameters_of(inputs.study, list(inputs.observed)))
+    problem = inputs.problem()
     compiled = sorted((c for c in inputs.library if c.needs_compilation), key=lambda c: -len(c.companion_grid()))
     of_batch = [c for c in compiled if steps_together(problem, c)]
     # Compiling the reference for some effects takes seconds, so an idle process begins with it now

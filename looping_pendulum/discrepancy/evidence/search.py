@@ -26,7 +26,7 @@ from looping_pendulum.discrepancy.evidence.explanation import (
     to_data_steps,
     without_steps,
 )
-from looping_pendulum.discrepancy.evidence.laws import Laws, laws_beside
+from looping_pendulum.discrepancy.evidence.laws import Law, Laws, laws_beside
 from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid
 from looping_pendulum.discrepancy.evidence.prior import (
     LARGE_MISFIT,
@@ -147,7 +147,7 @@ class Search:
             expected = {a.key: (self._start_of(a).key, self._expected(a, 0.0)[0]) for a in chosen}
             for a in chosen:
                 del self.possible[a.key]
-            # By lasting noise a misfit is no measure of the evidence
+            # With noise that lasts longer than a frame a misfit is no measure of the evidence
             needless = self.best.log_posterior - NEEDLESS * MARGIN if not self.best.setting else -math.inf
             fits = self._fit([partial(addition_steps, a, needless) for a in chosen])
             for a, fit in zip(chosen, fits, strict=True):
@@ -279,26 +279,25 @@ class Search:
             if (which := (body_of(law.closure.target), law.closure.coordinate)) in seen:
                 continue
             seen.add(which)
-            prior = [log_prior(n, len(self.library), law.closure) for n in (0, 1)]
-            alone = Addition(
-                parent=e, templates=(), amounts=(), law=law, step=law.step, gain=law.log_bayes_factor, decrease=law.decrease,
-                log_prior=prior[len(e.parts.effects)],
-            )  # fmt: skip
-            self._offer(alone)
+            self._offer_law(e, law)
             for both in laws.with_effects(law, [t.linear for t in found]) if found else ():
                 if found[both.template].value(both.amount) is not None:
-                    self._offer(
-                        Addition(
-                            parent=e,
-                            templates=(found[both.template],),
-                            amounts=(both.amount,),
-                            law=both.law,
-                            step=both.law.step,
-                            gain=both.law.log_bayes_factor,
-                            decrease=both.law.decrease,
-                            log_prior=prior[1],
-                        )
-                    )
+                    self._offer_law(e, both.law, (found[both.template],), (both.amount,))
+
+    def _offer_law(self, e: Explanation, law: Law, beside: tuple[Template, ...] = (), amounts: tuple[float, ...] = ()) -> None:
+        """Offer a law, and the templates beside which it was looked at."""
+        self._offer(
+            Addition(
+                parent=e,
+                templates=beside,
+                amounts=amounts,
+                law=law,
+                step=law.step,
+                gain=law.log_bayes_factor,
+                decrease=law.decrease,
+                log_prior=log_prior(len(e.parts.effects) + len(beside), len(self.library), law.closure),
+            )
+        )
 
     def _offer(self, a: Addition) -> None:
         """Keep an addition if it makes an explanation that was not fitted, and none of a better parent makes it."""

@@ -26,8 +26,8 @@ MIN_INDEPENDENT_SHARE = 1e-3
 MIN_SHARE_OF_LINEAR = 0.3
 """Smallest such part for which a change of `LINEAR_SIZE` counts as linear; below it a change of `FINER` of that is taken.
 
-Of a wrong mass, which a fitted mass makes up for but for its weighing, 12 % of the change was curvature: the score was that of
-the curvature, and an eighth of the smallest visible error was stated.
+Of a wrong mass, which a fitted mass makes up for but for its weighing, 12 % of the change was curvature: an eighth of the
+smallest visible error was stated.
 """
 MIN_SHARE_FOR_FINITE = 0.05
 """Smallest such part for which finite changes are tried, too.
@@ -136,8 +136,7 @@ def _templates(
     reaches = [reach for reach, side in zip(reaches, (1.0, -1.0), strict=True) if side * reach > 0]
     # What a finite change does to the phase of a long swing, the fitted parameters nearly undo: its curvature would be left
     sizes = (LINEAR_SIZE,) if problem.is_swing else (LINEAR_SIZE, *FINITE_SIZES)
-    first = first_change(candidate)
-    where = yield from changes.find(reaches, sizes, first, first)
+    where = yield from changes.find(reaches, sizes, first_change(candidate))
     if changes.cannot_run:
         return []
     linear = [delta for (_, size), delta in where.items() if size == LINEAR_SIZE and delta is not None]

@@ -1,4 +1,4 @@
-"""Test how well a fit predicts held-out trials, or blocks of time that were left out, by how much."""
+"""Test how well a fit predicts held-out trials, or blocks of time that were left out."""
 
 from __future__ import annotations
 
@@ -26,6 +26,8 @@ MAX_HELD_OUT_CHI2 = 1.08
 """Largest chi2 per value of a held-out trial that passes, if it has some 2000 values or more (see `_max_chi2`)."""
 BLOCK_COUNT = 8
 """Number of blocks of time that a study without held-out trials is cut into; two that lie far apart are held out at once."""
+MAX_ITERATIONS = 30
+"""Largest number of Jacobians in each fit without two of the blocks."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,8 +77,6 @@ class HeldOutTest:
 def check_held_out(
     fit: Fit,
     held_out: Sequence[tuple[TrialData, Sequence[FreeParameter]]],
-    *,
-    max_iterations: int = 30,
     workers: Workers = SERIAL,
 ) -> HeldOutTest:
     """Test a fit on held-out trials or, if there are none, on blocks of time of the training trials.
@@ -85,11 +85,9 @@ def check_held_out(
     ----------
     held_out
         Data of each held-out trial, with the free parameters of that trial.
-    max_iterations
-        Largest number of Jacobians in each fit without two of the blocks.
     """
     if not held_out:
-        return _check_held_out_blocks(fit, max_iterations, workers)
+        return _check_held_out_blocks(fit, workers)
     fits = [_fit_held_out_trial(fit, data, parameters) for data, parameters in held_out]
     return HeldOutTest(
         names=tuple(d.trial.name for d, _ in held_out),
@@ -150,9 +148,9 @@ def _fit_held_out_trial(fit: Fit, data: TrialData, own: Sequence[FreeParameter])
     return with_noise_of_residuals(calibrate(Problem(p.study, [data], parameters, (mean, weights))))
 
 
-def _check_held_out_blocks(fit: Fit, max_iterations: int, workers: Workers) -> HeldOutTest:
+def _check_held_out_blocks(fit: Fit, workers: Workers) -> HeldOutTest:
     """Leave out two of `BLOCK_COUNT` blocks of time at once, refit, and test their prediction by its covariance."""
-    results = workers.map_together(_check_blocks_together, (fit, max_iterations), range(BLOCK_COUNT // 2))
+    results = workers.map_together(_check_blocks_together, fit, range(BLOCK_COUNT // 2))
     blocks = [block for block in results if block]
     rms_of_blocks = [block.rms for block in blocks if block.rms is not None]
     return HeldOutTest(
@@ -176,20 +174,18 @@ class _Blocks(NamedTuple):
     """Root mean square residual [SI]; None: there are only events."""
 
 
-def _check_blocks_together(shared: tuple[Fit, int], firsts: Sequence[int]) -> list[_Blocks | None]:
+def _check_blocks_together(fit: Fit, firsts: Sequence[int]) -> list[_Blocks | None]:
     """Call `_check_two_blocks` for each pair of blocks, in step."""
-    return together([_check_two_blocks(*shared, first) for first in firsts])
+    return together([_check_two_blocks(fit, first) for first in firsts])
 
 
-def _check_two_blocks(fit: Fit, max_iterations: int, first: int) -> Steps[_Blocks | None]:
+def _check_two_blocks(fit: Fit, first: int) -> Steps[_Blocks | None]:
     """Fit without two blocks that lie half the time apart, which halves the number of fits; None: they hold nothing.
 
     Parameters
     ----------
     fit
         The fit to all blocks.
-    max_iterations
-        Largest number of Jacobians.
     first
         Number of the first of the two.
     """
@@ -201,7 +197,7 @@ def _check_two_blocks(fit: Fit, max_iterations: int, first: int) -> Steps[_Block
     # An infinite standard error leaves values out without changing the shape of the problem
     masked = [dataclasses.replace(d, sigma=np.where(o, np.inf, d.sigma)) for d, o in zip(problem.data, out, strict=True)]
     partial = yield from minimise_steps(
-        problem.with_data(masked), fit.x, max_iterations=max_iterations, initial_jacobian=_without_rows(fit, rows)
+        problem.with_data(masked), fit.x, max_iterations=MAX_ITERATIONS, initial_jacobian=_without_rows(fit, rows)
     )
     at = problem.rows_of_jacobian(partial.x)
     predicted = yield problem, at

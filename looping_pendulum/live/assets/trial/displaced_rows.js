@@ -268,8 +268,10 @@ function bestDisplacements(film, onward) {
  * @param {number} unrest standard error of each time [steps] */
 function singleDisplacements(film, unrest) {
   const longest = Math.max(...halvesOf(film));
-  const finer = displacements(film, longest, true, FINER_DEGREE);
+  /** @type {Displacement[] | undefined} */
+  let finer;
   const isClear = (/** @type {number} */ row) => {
+    finer ??= displacements(film, longest, true, FINER_DEGREE);
     const { value, error } = finer[row - longest] ?? { value: 0, error: Infinity };
     return value > Math.max(MIN_LOST, MIN_SIGMAS * Math.hypot(error, unrest));
   };
@@ -278,8 +280,9 @@ function singleDisplacements(film, unrest) {
     if (!best) return [];
     const { half, value, error, misfit, across } = best;
     const sigmas = Math.abs(value) / Math.hypot(error, unrest);
-    const isUsual = (value > COPIED[0] && value < COPIED[1]) || (onward && value > MIN_LOST && isClear(row));
+    const isUsual = (value > COPIED[0] && value < COPIED[1]) || (onward && value > MIN_LOST);
     if (!isUsual || !(sigmas > MIN_SIGMAS && misfit < MAX_MISFIT)) return [];
+    if (onward && value > MIN_LOST && !isClear(row)) return [];
     return across() < Math.max(MAX_ACROSS, MAX_SLOPE * sigmas) ? [{ row, half, strength: sigmas, value }] : [];
   }))).map(({ row, value }) => ({ row, value }));
   for (const row of unrest < MAX_STOP ? stops(film) : []) {
