@@ -49,6 +49,8 @@ Explained = tuple[frozenset[str], tuple[str, str] | None]
 NOTHING: Explained = frozenset(), None
 CAN_HIDE = frozenset({"rod_mobility"})
 """Effects that can hide at any size (`Identification.can_hide`), whatever the data."""
+CLOCK_SET = "was taken as 0"
+"""What the reader says of a clock that it has set."""
 RESULT = Path(__file__).parents[1] / "docs" / "data" / "calibration.json"
 
 
@@ -129,6 +131,10 @@ def solve(study: BlindStudy) -> tuple[str, Outcome]:
         except ValueError as error:  # no value of the hidden number gives the size
             return study.name, {"unreachable": str(error)}
         loaded = load(path)
+        if "clock_offset" in study.hidden and any(
+            CLOCK_SET in said for _, o in read_inputs(loaded).observed for said in o.assumptions
+        ):
+            return study.name, {"unreachable": "the reader sets a clock that begins elsewhere while the masses rest"}
         started = time.process_time()
         try:
             result = identify(loaded, workers=1)

@@ -34,9 +34,10 @@ PATTERN_HALF_WINDOWS = (6, 3)
 DEGREE = 3
 """Degree of the polynomial."""
 FINER_DEGREE = 5
-"""Degree of the polynomials by which the points alone must show lost pictures, too, in the longest window.
+"""Degree of the polynomials by which the points alone must show lost and repeated pictures, too, in the longest window.
 
-In 20 rows a second, a swing of 1.7 s is no cubic at its turning points, and looks displaced there.
+In 20 rows a second, a swing of 1.7 s is no cubic at its turning points, and looks displaced there. In the shortest windows, a
+tracker that slips to another object for some rows looks so in 11 of 100 clean studies with outliers, and in none of them here.
 """
 MAX_MISFIT_RATIO = 1.25
 """Largest mean square of a longer window's residuals, in that of a shorter one or in the noise's, with which it is taken."""
@@ -111,7 +112,7 @@ Where the noise grows with the speed, the ratio is up to 1.9, of 38 films with e
 MAX_CHANCE_DIGIT = 0.2
 """Last digit, in standard deviations of the noise, up to which equal points are no chance but copies."""
 MIN_COPIES = 3
-"""Smallest number of points that are equal to the one before of which any is taken for a copy."""
+"""Smallest number of points that are equal to the one before, or where the masses were then, of which any is a copy."""
 MIN_NOISE = 5e-5
 """Smallest noise, as a part of the range of the values, in which a copy tells anything: made-up data have none."""
 MAX_SHOWN = 3
@@ -185,6 +186,26 @@ def with_time_errors(channels: Sequence[Channel], notes: ReadingNotes) -> list[C
     return [replace(c, time_error=time_error) for c in channels]
 
 
+def without_repeated_rows(channels: Sequence[Channel], notes: ReadingNotes) -> list[Channel]:
+    """Return the channels without single rows in which the masses are where they were a row before.
+
+    There the picture before is stored again, or a tracker slipped; such a row tells nothing in either case.
+    """
+    film = _film(tuple(channels))
+    if film is None:
+        return list(channels)
+    rows = [each for each in _displaced_rows(film, None, _unrest(channels, film)) if not each.onward]
+    if not 0 < len(rows) < MIN_COPIES:
+        return list(channels)
+    times = " and ".join(f"{each.t:.4g} s" for each in rows)
+    notes.assumptions.append(
+        f"at {times} the masses are where they were a row before, as where a picture is stored again or a tracker slips: "
+        "left out"
+    )
+    kept = [~np.any([each.concerns(c.t) for each in rows], axis=0) for c in channels]
+    return [replace(c, t=c.t[k], value=c.value[k]) for c, k in zip(channels, kept, strict=True)]
+
+
 @dataclass(frozen=True, kw_only=True)
 class WrongTimes:
     """What is wrong with the times of a row, or of all from it on."""
@@ -239,7 +260,7 @@ def clock_faults(channels: Sequence[Channel], model: Model | None = None) -> lis
         agreed = agreed or model.agrees(by_later) or agreed
     if agreed is None:
         changes = _rate_changes(film, is_clear=True)
-    unrest = max(c.time_error for c in channels) / film.step
+    unrest = _unrest(channels, film)
     if changes and agreed is not False:
         displaced = _displaced_rows(film, model, unrest) if model else []
         # Some pictures that are lost while the masses are slow look like a change
@@ -612,6 +633,11 @@ def _rate_changes(film: _Film, *, is_clear: bool) -> list[WrongTimes]:
     return [WrongTimes(t=float(film.t[row]), factor=chosen[row]) for row in sorted(list(chosen)[:MAX_CHANGES])]
 
 
+def _unrest(channels: Sequence[Channel], film: _Film) -> float:
+    """Return the standard error of each time [steps]."""
+    return max(c.time_error for c in channels) / film.step
+
+
 def _displaced_rows(film: _Film, model: Model | None, unrest: float) -> list[WrongTimes]:
     """Return rows before which pictures are lost, and those that show the picture before.
 
@@ -659,10 +685,10 @@ def _single_displacements(film: _Film, unrest: float, largest_misfit: float) -> 
         usual = (rows.value > COPIED[0]) & (rows.value < COPIED[1]) | onward & (rows.value > MIN_LOST)
         usual &= rows.across < np.maximum(MAX_ACROSS, MAX_SLOPE * sigmas)
         named = usual & (sigmas > MIN_SIGMAS) & (rows.misfit < (largest_misfit if onward else MAX_MISFIT))
-        lost = named & (rows.value > MIN_LOST)
-        if onward and largest_misfit == MAX_MISFIT and lost.any():  # by the points alone
+        if onward and largest_misfit == MAX_MISFIT and named.any():  # by the points alone
             finer = film.displacements(max(film.halves), onward=True, degree=FINER_DEGREE)
-            named &= ~lost | (finer.value > np.maximum(MIN_LOST, MIN_SIGMAS * np.hypot(finer.error, unrest)))
+            least = np.maximum(MIN_LOST, MIN_SIGMAS * np.hypot(finer.error, unrest))
+            named &= (np.sign(rows.value) * finer.value > least) & (finer.misfit < MAX_MISFIT)
         for k in np.flatnonzero(named):
             here = WrongTimes(t=float(film.t_by_file[k]), shift=round(float(rows.value[k])) * film.step, onward=onward)
             found.append((float(sigmas[k]), int(k), int(rows.half[k]), here))

@@ -130,7 +130,7 @@ def read(
     if starts_at_release:
         channels = _from_release(channels, notes)
     channels = displaced_rows.without_copies(_without_inconsistent_rate(channels, notes), notes)
-    channels = displaced_rows.with_time_errors(channels, notes)
+    channels = displaced_rows.without_repeated_rows(displaced_rows.with_time_errors(channels, notes), notes)
     return Observations(
         name=name,
         file=file,

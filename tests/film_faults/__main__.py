@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import multiprocessing
-import shutil
 import tempfile
 import time
 from collections import Counter
@@ -17,14 +16,12 @@ import typer
 from looping_pendulum.cli.terminal import new_table, show_table
 from tests.film_faults.faults import KINDS, NONE
 from tests.film_faults.films import APPARATUS
-from tests.film_faults.judging import MOVED_BY, Judgement, Outcome, judge
+from tests.film_faults.judging import MOVED_BY, Judgement, Outcome, Task, judge_group, line_of
 
 MIN_SHARE_NOTICED = 0.95
 """Smallest share of the faults that move a point by more than the noise that must be named or put right."""
 SHOWN = 400
 """Longest message that is shown [characters]; the whole one is kept with the study."""
-
-Task = tuple[int, str, Path, bool]
 
 
 def tasks(count: int, seed: int, kinds: Sequence[str], folder: Path, *, with_identify: bool) -> list[list[Task]]:
@@ -38,21 +35,6 @@ def tasks(count: int, seed: int, kinds: Sequence[str], folder: Path, *, with_ide
     return list(groups.values())
 
 
-def judge_group(group: list[Task]) -> list[Judgement]:
-    """Judge the studies of one apparatus; the folders of failures are kept."""
-    judged = []
-    for number, kind, folder, with_identify in group:
-        judgement = judge(number, kind, folder, with_identify=with_identify)
-        if judgement.outcome.is_failure:
-            text = "\n".join([_line(judgement, folder), judgement.message, judgement.report])
-            folder.mkdir(parents=True, exist_ok=True)
-            (folder / "failure.txt").write_text(text + "\n", encoding="utf-8")
-        else:
-            shutil.rmtree(folder)
-        judged.append(judgement)
-    return judged
-
-
 def judge_all(groups: list[list[Task]], jobs: int) -> Iterator[list[Judgement]]:
     """Judge groups of studies in so many processes."""
     if jobs == 1:
@@ -62,12 +44,6 @@ def judge_all(groups: list[list[Task]], jobs: int) -> Iterator[list[Judgement]]:
     with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
         for future in as_completed([pool.submit(judge_group, group) for group in groups]):
             yield future.result()
-
-
-def _line(judgement: Judgement, folder: Path | str) -> str:
-    also = " (also without the fault)" if judgement.also_without else ""
-    took = f"{sum(judgement.seconds.values()):.1f} s"
-    return f"{judgement.number} {judgement.kind}: {judgement.outcome}{also}; {judgement.detail}; {took}; {folder}"
 
 
 def main(
@@ -101,7 +77,7 @@ def main(
         judged += group
         for j in group:
             if j.outcome.is_failure or every:
-                typer.echo(_line(j, "kept"))
+                typer.echo(line_of(j, "kept"))
                 typer.echo(f"    {j.message[:SHOWN]}")
     show(judged, asked)
     failed = [j for j in judged if j.outcome.is_failure]

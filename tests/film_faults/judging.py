@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import itertools
 import re
+import shutil
 import time
 import traceback
 import warnings
@@ -31,6 +32,8 @@ from tests.film_faults.films import CHANNELS, Array, CleanStudy, Film, Tree, cle
 from tests.film_faults.forms import as_written, table_bytes
 from tests.fuzz.judging import signature
 
+Task = tuple[int, str, Path, bool]
+"""Number of a study, its kind of fault, its folder, and whether it is identified."""
 RIGHT_WITHIN = 0.5
 """Largest distance of a point from where it should be, in standard deviations of the noise, that is right."""
 MOVED_BY = 1.0
@@ -123,6 +126,27 @@ def write(study: CleanStudy, faulty: Faulty, folder: Path) -> Path:
     path = folder / "study.yaml"
     _dump(study.tree | {"trials": trials}, path)
     return path
+
+
+def judge_group(group: list[Task]) -> list[Judgement]:
+    """Judge the studies of one apparatus; the folders of failures are kept."""
+    judged = []
+    for number, kind, folder, with_identify in group:
+        judgement = judge(number, kind, folder, with_identify=with_identify)
+        if judgement.outcome.is_failure:
+            text = "\n".join([line_of(judgement, folder), judgement.message, judgement.report])
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / "failure.txt").write_text(text + "\n", encoding="utf-8")
+        else:
+            shutil.rmtree(folder)
+        judged.append(judgement)
+    return judged
+
+
+def line_of(judgement: Judgement, folder: Path | str) -> str:
+    also = " (also without the fault)" if judgement.also_without else ""
+    took = f"{sum(judgement.seconds.values()):.1f} s"
+    return f"{judgement.number} {judgement.kind}: {judgement.outcome}{also}; {judgement.detail}; {took}; {folder}"
 
 
 def _dump(tree: Tree, path: Path) -> None:

@@ -363,6 +363,7 @@ export const de = {
   "assumed.rate": "Zeiten für {from} Bilder pro Sekunde auf {to} umgerechnet",
   "assumed.rateByRows": "Zeiten für {from} Bilder pro Sekunde auf {to} umgerechnet, eine Zeile als ein Bild",
   "assumed.start": "die erste Zeit, {start} s, als 0 genommen: die Massen ruhen dort",
+  "assumed.repeated": "bei {times} sind die Massen, wo sie eine Zeile zuvor waren, als wäre ein Bild doppelt gespeichert oder der Tracker abgerutscht: weggelassen",
   "assumed.copies": "jedes Bild ist {period} Mal gespeichert: je eine Zeile bleibt, {kept} von {all}",
   "assumed.pattern": "{period} Zeilen zeigen {pictures} Bilder: je eine Zeile bleibt, {kept} von {all}",
   "assumed.unevenPictures": "nach der Bewegung der Massen sind die Bilder ungleichmäßig aufgenommen, {error} ms neben ihren Zeiten: als Fehler "

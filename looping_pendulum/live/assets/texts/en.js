@@ -355,6 +355,7 @@ export const en = {
   "assumed.rate": "times made for {from} frames a second were put to {to}",
   "assumed.rateByRows": "times made for {from} frames a second were put to {to}, taking one row as one frame",
   "assumed.start": "the first time, {start} s, was taken as 0: the masses rest there",
+  "assumed.repeated": "at {times} the masses are where they were a row before, as where a picture is stored again or a tracker slips: left out",
   "assumed.copies": "every picture is stored {period} times: one row of each is kept, {kept} of {all}",
   "assumed.pattern": "{period} rows show {pictures} pictures: one row of each is kept, {kept} of {all}",
   "assumed.unevenPictures": "by the masses' motion, pictures were taken unevenly, {error} ms beside their times: taken as an error of each "

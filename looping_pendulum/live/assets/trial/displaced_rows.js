@@ -114,7 +114,7 @@ const MIN_OWN_HALF = 6;
 const MAX_CHANGES = 4;
 /** Last digit, in standard deviations of the noise, up to which equal points are no chance but copies. */
 const MAX_CHANCE_DIGIT = 0.2;
-/** Smallest number of points that are equal to the one before of which any is taken for a copy. */
+/** Smallest number of points that are equal to the one before, or where the masses were then, of which any is a copy. */
 const MIN_COPIES = 3;
 /** Smallest noise, as a part of the range of the values, in which a copy tells anything: made-up data have none. */
 const MIN_NOISE = 5e-5;
@@ -201,7 +201,7 @@ export function clockFaults(channels) {
     return [`${text("fault.uneven", { means })}; ${text("fault.wayOut")}`];
   }
   const faults = [];
-  const displaced = singleDisplacements(film, largest(channels.map(({ timeError }) => timeError)) / film.step);
+  const displaced = singleDisplacements(film, unrestOf(channels, film));
   for (const [key, isLost] of /** @type {const} */ ([["fault.lost", true], ["fault.repeated", false]])) {
     const named = displaced.filter(({ value }) => value > 0 === isLost);
     if (!named.length) continue;
@@ -211,6 +211,22 @@ export function clockFaults(channels) {
   }
   return faults.map((fault) => `${fault}; ${text("fault.wayOut")}`);
 }
+
+/** The channels without single rows in which the masses are where they were a row before: there the picture before is stored
+ * again, or a tracker slipped; such a row tells nothing in either case. @param {Channel[]} channels @param {Notes} notes */
+export function withoutRepeatedRows(channels, notes) {
+  const film = filmOf(channels);
+  const rows = film ? singleDisplacements(film, unrestOf(channels, film)).filter(({ onward }) => !onward).map(({ row }) => film.t[row]) : [];
+  if (!rows.length || rows.length >= MIN_COPIES) return channels;
+  notes.assumptions.push(text("assumed.repeated", { times: rows.map((t) => `${inSentence(t, 4)} s`).join(` ${text("fault.and")} `) }));
+  return channels.map((channel) => {
+    const kept = where(channel.t, (t) => !rows.includes(t));
+    return { ...channel, t: at(channel.t, kept), value: at(channel.value, kept) };
+  });
+}
+
+/** Standard error of each time [steps]. @param {Channel[]} channels @param {Film} film */
+const unrestOf = (channels, film) => largest(channels.map(({ timeError }) => timeError)) / film.step;
 
 /** The film that was asked for last: of one file's channels, all three exported functions ask for it.
  * @type {{channels: Channel[], film: Film | null}} */
@@ -270,10 +286,10 @@ function singleDisplacements(film, unrest) {
   const longest = Math.max(...halvesOf(film));
   /** @type {Displacement[] | undefined} */
   let finer;
-  const isClear = (/** @type {number} */ row) => {
+  const isClear = (/** @type {number} */ row, /** @type {number} */ sign) => {
     finer ??= displacements(film, longest, true, FINER_DEGREE);
-    const { value, error } = finer[row - longest] ?? { value: 0, error: Infinity };
-    return value > Math.max(MIN_LOST, MIN_SIGMAS * Math.hypot(error, unrest));
+    const { value, error, misfit } = finer[row - longest] ?? { value: 0, error: Infinity, misfit: Infinity };
+    return misfit < MAX_MISFIT && sign * value > Math.max(MIN_LOST, MIN_SIGMAS * Math.hypot(error, unrest));
   };
   // A single row that is displaced displaces those around it a little, and the other way round
   const chosen = clearest([true, false].flatMap((onward) => bestDisplacements(film, onward).flatMap((best, row) => {
@@ -282,11 +298,11 @@ function singleDisplacements(film, unrest) {
     const sigmas = Math.abs(value) / Math.hypot(error, unrest);
     const isUsual = (value > COPIED[0] && value < COPIED[1]) || (onward && value > MIN_LOST);
     if (!isUsual || !(sigmas > MIN_SIGMAS && misfit < MAX_MISFIT)) return [];
-    if (onward && value > MIN_LOST && !isClear(row)) return [];
-    return across() < Math.max(MAX_ACROSS, MAX_SLOPE * sigmas) ? [{ row, half, strength: sigmas, value }] : [];
-  }))).map(({ row, value }) => ({ row, value }));
+    if (onward && !isClear(row, Math.sign(value))) return [];
+    return across() < Math.max(MAX_ACROSS, MAX_SLOPE * sigmas) ? [{ row, half, strength: sigmas, value, onward }] : [];
+  }))).map(({ row, value, onward }) => ({ row, value, onward }));
   for (const row of unrest < MAX_STOP ? stops(film) : []) {
-    if (chosen.every((other) => Math.abs(row - other.row) > 1)) chosen.push({ row, value: -1 });
+    if (chosen.every((other) => Math.abs(row - other.row) > 1)) chosen.push({ row, value: -1, onward: false });
   }
   return chosen.sort((a, b) => a.row - b.row);
 }

@@ -4,7 +4,7 @@ import { text } from "../texts.js";
 import { largest } from "./arrays.js";
 import { count, startOf, timedChannels } from "./clock.js";
 import { readColumns } from "./columns.js";
-import { clockFaults, withoutCopies, withTimeErrors } from "./displaced_rows.js";
+import { clockFaults, withoutCopies, withoutRepeatedRows, withTimeErrors } from "./displaced_rows.js";
 import { massOfTrack } from "./masses.js";
 import { DataError, dataError, inQuotes, inSentence, listed, quote } from "./messages.js";
 import { cellsOf, isPlace, isPosition } from "./names.js";
@@ -62,7 +62,8 @@ export function readTrial(file, bytes, options = {}) {
   const start = startOf(timed);
   if (start) notes.assumptions.push(text("assumed.start", { start: inSentence(start, 4) }));
   const fromStart = start ? timed.map((channel) => ({ ...channel, t: channel.t.map((t) => t - start) })) : timed;
-  const channels = withTimeErrors(withoutCopies(withoutInconsistentRate(fromStart, notes), notes), notes);
+  const once = withTimeErrors(withoutCopies(withoutInconsistentRate(fromStart, notes), notes), notes);
+  const channels = withoutRepeatedRows(once, notes);
   return { channels, unused: notes.unused, assumptions: [...new Set(notes.assumptions)], faults: clockFaults(channels), start };
 }
 
