@@ -137,15 +137,19 @@ def _false_discoveries(judged: Sequence[Pair]) -> dict[str, Any]:
 def _stated_probabilities(judged: Sequence[Pair]) -> dict[str, Any]:
     """Return for each class of stated probabilities their mean, and how many of these explanations are right.
 
+    Studies with at most one listed effect are counted apart: of two hidden things, or a law, one may be too small to be seen.
     That nothing is missing is left out.
     """
-    stated = [(p, is_right) for _, o in judged for effects, law, p, is_right in o["probabilities"] if effects or law]
+    stated = [(s.kind in ("clean", "single"), *e) for s, o in judged for e in o["probabilities"] if e[0] or e[1]]
     result = {}
     for low, high in itertools.pairwise(EDGES):
-        here = [(p, is_right) for p, is_right in stated if low <= p < high or p >= high == EDGES[-1]]
+        here = [(few, p, is_right) for few, _, _, p, is_right in stated if low <= p < high or p >= high == EDGES[-1]]
         if here:
-            right = proportion(sum(is_right for _, is_right in here), len(here))
-            result[f"{low:g} to {high:g}"] = {"mean": float(np.mean([p for p, _ in here])), "right": right}
+            shares = {}
+            for name, wanted in (("at_most_one", True), ("more", False)):
+                rights = [is_right for few, _, is_right in here if few is wanted]
+                shares[name] = proportion(sum(rights), len(rights))
+            result[f"{low:g} to {high:g}"] = {"mean": float(np.mean([p for _, p, _ in here])), **shares}
     return result
 
 
@@ -302,10 +306,10 @@ def print_summary(title: str, result: dict[str, Any]) -> None:
     for name in ("unreachable", "failed"):
         table.add_row(f"{name} studies, left out", str(result[name]))
     stated = Table(title="explanations that something is missing")
-    for column in ("stated probability", "mean", "share that is right"):
+    for column in ("stated probability", "mean", "right, at most one effect hidden", "right, more hidden"):
         stated.add_column(column, justify="right")
     for name, numbers in result["stated_probabilities"].items():
-        stated.add_row(name, f"{numbers['mean']:.3f}", in_words(numbers["right"]))
+        stated.add_row(name, f"{numbers['mean']:.3f}", in_words(numbers["at_most_one"]), in_words(numbers["more"]))
     console = Console()
     console.print(table)
     console.print(stated)

@@ -86,7 +86,6 @@ TARGETS = (
         asked="97 %",
         measured=lambda s: s["single"]["by_visibility"].get("above 2", {}).get("named_or_tied"),
         low=0.97,
-        why_not="a clock that is late, in one trial, was not found; too few studies for a share",
     ),
     Target(
         what="one effect of 16 mm or more: another is named alone",

@@ -78,8 +78,10 @@ def block(rates: dict[str, Any]) -> str:
     visible = _power_rows(s["single"]["by_visibility"], columns)
     two_visible = _power_rows(s["two_by_visibility"], ("named_or_tied", "part", "wrong"))
     unlisted = _unlisted_table(s["unlisted_by_size"])
-    classes = s["stated_probabilities"].items()
-    stated = "\n".join(f"| {name} | {row['mean']:.2f} | {share(row['right'])} |" for name, row in classes)
+    stated = "\n".join(
+        f"| {name} | {row['mean']:.2f} | {share(row['at_most_one'])} | {share(row['more'])} |"
+        for name, row in s["stated_probabilities"].items()
+    )
     return f"""These are {s["studies"]} studies{few}
 (`{rates["command"]}`, {rates["measured_on"]}). An identification took {median} s of CPU time in the median,
 {largest} s at most. Intervals are of 95 %, by Clopper and Pearson.
@@ -111,11 +113,12 @@ Of two hidden effects, against the visibility of the one that hides better:
 {unlisted}
 The report states a probability of each explanation. Of all explanations that something is missing:
 
-| stated probability | mean | share that is right |
-|---|---|---|
+| stated probability | mean | right, of studies with one hidden effect or none | right, where two are hidden, or a law |
+|---|---|---|---|
 {stated}
 
-What is hidden beside a right explanation but too small to be seen makes it count as wrong here."""
+What is hidden beside a right explanation but too small to be seen makes it count as wrong here, so that of two hidden things one
+alone often counts as wrong."""
 
 
 def _unlisted_table(by_size: dict[str, Any]) -> str:

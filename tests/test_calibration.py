@@ -135,9 +135,10 @@ def test_probabilities_are_compared_with_how_often_they_are_right():
     ]
     result = summary(list(zip(studies, outcomes, strict=True)))
     stated = {
-        name: (row["mean"], row["right"]["count"], row["right"]["of"]) for name, row in result["stated_probabilities"].items()
+        name: (row["mean"], row["at_most_one"]["count"], row["at_most_one"]["of"], row["more"]["of"])
+        for name, row in result["stated_probabilities"].items()
     }
-    assert stated == {"0.05 to 0.2": (0.1, 0, 2), "0.8 to 0.95": (0.9, 1, 1), "0.99 to 1": (1.0, 0, 1)}
+    assert stated == {"0.05 to 0.2": (0.1, 0, 2, 0), "0.8 to 0.95": (0.9, 1, 1, 0), "0.99 to 1": (1.0, 0, 1, 0)}
     assert (result["credible_holds_truth"]["count"], result["credible_holds_truth"]["of"]) == (1, 2)
 
 
