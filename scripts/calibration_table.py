@@ -117,8 +117,8 @@ The report states a probability of each explanation. Of all explanations that so
 |---|---|---|---|
 {stated}
 
-What is hidden beside a right explanation but too small to be seen makes it count as wrong here: of two hidden things one alone often
-counts as wrong."""
+What is hidden beside a right explanation but too small to be seen makes it count as wrong here: of two hidden things one alone
+often counts as wrong."""
 
 
 def _unlisted_table(by_size: dict[str, Any]) -> str:
