@@ -169,7 +169,7 @@ def numbers_without_source(page: str) -> list[str]:
 
 
 def prose(page: str, text: str) -> str:
-    """Return a page's prose: the text without code, formulas and tables that a script writes."""
+    """Return a page's prose: the text, output of commands included, without code, formulas and tables that a script writes."""
     if page.startswith(ENGINE_PAGES):
         return "\n\n".join(re.findall(r"^### Limits\n(.*?)(?=^#|\Z)", text, re.DOTALL | re.MULTILINE))
     if page == VERIFICATION_PAGE:
@@ -178,8 +178,10 @@ def prose(page: str, text: str) -> str:
 
 
 def _without_code_and_formulas(text: str) -> str:
-    for pattern in (r"^```.*?^```$", r"\$\$.*?\$\$"):
-        text = re.sub(pattern, "", text, flags=re.DOTALL | re.MULTILINE)
+    # Blocks of text stay: they show what a command prints, which its next version may print otherwise
+    block = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+    text = block.sub(lambda match: match[2] if match[1] == "text" else "", text)
+    text = re.sub(r"\$\$.*?\$\$", "", text, flags=re.DOTALL)
     return re.sub(r"\$[^$\n]*\$", "", text)
 
 
@@ -227,15 +229,14 @@ def _value(source: dict[str, Any]) -> float:
         parameters = load(source["scenario"]).parameters
         value = parameters.coefficients.get(source["at"]) or getattr(parameters, source["at"])
     else:
-        value = _stored_value(source["data"], source["at"])
+        value = value_at(_load_data_file(source["data"]), source["at"])
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise ValueError(f"{NUMBERS_FILE.name}: {source}: found {value!r}, needed a number")
     return value
 
 
-def _stored_value(name: str, path: str) -> Any:
-    """Look up a value in a file of docs/data; a part like [what=lagged;...] selects an entry of a list by its keys."""
-    tree = _load_data_file(name)
+def value_at(tree: Any, path: str) -> Any:
+    """Look up a value in stored data; a part like [what=lagged;...] selects an entry of a list by its keys."""
     for part in path.split("/"):
         key, _, choice = part.partition("[")
         tree = tree[key] if key else tree

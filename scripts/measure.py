@@ -32,6 +32,7 @@ QUICK = {
     "spring": "engines",
     "newton_tendon": "newton",
     "falling_balls": "identification",
+    "example_study": "identification",
 }
 """Name of a measurement that takes a few minutes at most, on any machine -> the module of the function of that name."""
 TIMINGS = {"reference_speed": "timings"}

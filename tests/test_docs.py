@@ -13,9 +13,12 @@ import yaml
 from typer.testing import CliRunner
 
 from looping_pendulum.cli.main import app
+from looping_pendulum.engines.protocol import Profile
+from looping_pendulum.engines.registry import all_engines, label
 from looping_pendulum.reference_ode.solve import available_integrators
 from looping_pendulum.teaching.example_folder import write_example
 from scripts.docs_math import on_page_markdown
+from scripts.engine_pages import TITLES
 from scripts.engine_pages import pages as engine_pages
 from tests.docs_commands import PROJECT, Command, commands, pages
 
@@ -165,3 +168,17 @@ def test_formulas_become_pictures_that_say_their_tex_and_code_stays():
     assert "`$M_2$`" in page
     assert "echo $A $B" in page
     assert "$" not in re.sub(r"`[^`]*`|```.*?```|aria-label=\"[^\"]*\"", "", page, flags=re.DOTALL)
+
+
+def test_the_page_of_engines_says_of_each_variant_who_supplies_its_friction():
+    declared = {label(e): e.abilities.supplies for e in all_engines(Profile.QUICK) if e.name in TITLES}
+    page = (DOCS / "engines.md").read_text(encoding="utf-8")
+    shown = {}
+    for line in page.splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        shown |= dict.fromkeys(re.findall(r"`(\w+:\w+)`", cells[0]) if line.startswith("| `") else [], cells[2:3])
+    assert shown == {name: [supplies.friction_law.by.value] for name, supplies in declared.items()}
+    assert {name for name, supplies in declared.items() if supplies.drag.by.value == "engine"} == {
+        "reference:heyoka",
+        "reference:scipy",
+    }

@@ -1,4 +1,4 @@
-"""Measurements of `identify` on real data."""
+"""Measurements of `identify`: on real data, and on the study that `init` writes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.result import Identification
+from looping_pendulum.measured.study_io import load
+from looping_pendulum.teaching.example_folder import write_example
 from tests.discrepancy import test_real_data as real_data
 
 
@@ -35,3 +38,11 @@ def falling_balls() -> dict[str, Any]:
         with tempfile.TemporaryDirectory() as folder:
             summaries[ball] = summary(real_data.falling(Path(folder), ball))
     return summaries
+
+
+def example_study() -> dict[str, Any]:
+    """Identify the study of the folder that `init` writes, whose verdict docs/tracker.md shows."""
+    with tempfile.TemporaryDirectory() as folder:
+        example = Path(folder) / "example"
+        write_example(example)
+        return summary(identify(load(example / "study.yaml")))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,7 @@ from looping_pendulum.teaching.example_folder import FolderError, write_example
 from looping_pendulum.teaching.new_file import new_scenario
 from looping_pendulum.teaching.questions import QUESTIONS, AnswerError
 from scripts.make_example_trials import HIDDEN, trials
+from tests.docs_commands import PROJECT
 
 
 @pytest.fixture
@@ -64,6 +66,18 @@ def test_answers_are_checked_as_they_come_and_asked_again(here):
     p = load("mine.yaml").parameters
     assert (p.light_mass, p.heavy_mass, p.rod_radius, p.coefficients["kinetic_friction"]) == (0.012, 2.0, 0.035, 1.5)
     assert load("mine.yaml").title == "A pencil"
+
+
+def test_the_dialogue_that_the_page_shows_is_what_is_printed(here):
+    page = (PROJECT / "docs" / "start.md").read_text(encoding="utf-8")
+    (dialogue,) = re.findall(r"^```text\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
+    asked, *_ = dialogue.partition("]: ")
+    answers = [line.removeprefix(f"{asked}]: ") for line in dialogue.splitlines() if line.startswith(asked)]
+    done = run("new", "scenario", "mine.yaml", answers="\n\n" + "\n".join(answers) + "\n" * 20)
+    assert done.exit_code == 0, done.output
+    assert answers == ["5", "5 kg"]
+    for line in dialogue.splitlines():
+        assert line.removesuffix(f" {answers[1]}").removesuffix(f" {answers[0]}") in done.output
 
 
 def test_without_asking_answers_come_from_options(here):
