@@ -76,7 +76,8 @@ def _first_defaults(variants: list[VariantStudy]) -> str:
     """Name for each engine the defaults with which alone a run fails; without one, that which moves the path to 0.35 s most."""
     named = []
     for engine in dict.fromkeys(v.engine for v in variants):
-        defaults = [d for v in variants if v.engine == engine for d in v.defaults]
+        # Where a run ends with the adapter's own settings, no default is what ends it
+        defaults = [d for v in variants if v.engine == engine and (v.own.ok or v.variant == "defaults") for d in v.defaults]
         failing = dict.fromkeys(d.what for d in defaults if not d.run.ok)
         moves = {d.what: moved for d in defaults if (moved := d.change["path_0.35s"]) is not None}
         worst = list(failing) or sorted(moves, key=lambda what: moves[what])[-1:]

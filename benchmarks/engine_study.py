@@ -1,4 +1,4 @@
-"""Write docs/engine-study.md: what the engines' errors are made of, how they converge, what they cost.
+"""Write docs/engine-study.md and its tables: what the engines' errors are made of, how they converge, what they cost.
 
 `python -m benchmarks.engine_study --work DIR` makes all runs (hours; ended ones are kept in DIR), stores what they found as
 docs/data/engine_study.json and writes the page from that. With `--engine box2d:chain`, which may be repeated, it makes only
@@ -15,7 +15,7 @@ import sys
 from pathlib import Path
 
 from benchmarks import ladders_figure, pareto
-from benchmarks.engine_study_page import page
+from benchmarks.engine_study_page import data_files, page
 from benchmarks.pareto import Point, points
 from benchmarks.stored_study import DOCS, SUMMARY, EngineStudy, Measurement, read, renewed
 from looping_pendulum.cli.progress import convergence_bars
@@ -28,6 +28,7 @@ from looping_pendulum.engines.registry import missing_packages, select
 from looping_pendulum.scenarios import load
 
 PAGE = DOCS / "engine-study.md"
+TABLES = DOCS / "data" / "engine_study"
 SCENARIO = "ten_to_one"
 
 
@@ -71,6 +72,9 @@ def main() -> None:
     study = read(SUMMARY.read_text(encoding="utf-8"))
     write_atomically(DOCS / "img" / "pareto.png", png(pareto.figure(list(study.pareto))))
     write_atomically(DOCS / "img" / "engine_study_ladders.png", png(ladders_figure.figure(study.convergence)))
+    TABLES.mkdir(exist_ok=True)
+    for name, text in data_files(study).items():
+        write_atomically(TABLES / f"{name}.csv", text)
     write_atomically(PAGE, page(study))
     print(f"wrote {PAGE}")
 

@@ -42,25 +42,6 @@ REPEATS, TIME_BUDGET = 3, 60.0
 TARGET = 60.0
 """CPU seconds per simulated second that a chain may take: a run of 0.7 s then takes less than a minute."""
 
-PROTOTYPES = (
-    ("MuJoCo, tendon as documented", 248.0, 0.5),
-    ("MuJoCo, tendon + capstan bound, 1 ms", 2.5, 0.09),
-    ("MuJoCo, tendon + capstan bound, 0.1 ms", 0.21, 0.9),
-    ("MuJoCo, tendon + effective mass, RK4 0.1 ms", 0.0008, 1.7),
-    ("MuJoCo, drum, RK4 1 ms", 0.002, 0.1),
-    ("MuJoCo, bead chain 1.5 mm", 3.8, 54.0),
-    ("MuJoCo, bead chain 3 mm", 33.0, 61.0),
-    ("pymunk, beads 3 mm, 10 us", 11.7, 16.0),
-    ("pymunk, beads 6 mm, 4 us", 18.5, 12.0),
-    ("pymunk, beads 3 mm, 4 us", 4.3, 53.0),
-    ("pymunk, beads 2 mm, 2 us", 2.6, 158.0),
-    ("PyBullet, Featherstone chain 5 mm, 20 us", 13.9, 52.0),
-    ("PyBullet, Featherstone chain 5 mm, 10 us", 2.0, 123.0),
-    ("PyBullet, point-to-point chain", 38.0, 133.0),
-)
-"""What, RMS to 0.7 s [mm], wall s per simulated s: hasty prototypes written before the adapters, on a shared machine (a factor
-of two either way); of a range of times the geometric middle."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Point:
@@ -161,7 +142,6 @@ def front(timed_points: Iterable[Point]) -> list[Point]:
 def figure(timed_points: list[Point]) -> Figure:
     """Draw error against time, log-log, with the Pareto fronts of all engines and of those that supply winding and friction."""
     picture, (axes,) = make_figure(8.4, 6.8)
-    axes.plot(*np.array([(t, e) for _, e, t in PROTOTYPES]).T, "x", color=GREY, ms=6, label="prototypes")
     look = styles(p.variant for p in timed_points)
     for variant in dict.fromkeys(p.variant for p in timed_points):
         mine = [p for p in timed_points if p.variant == variant]

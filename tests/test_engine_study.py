@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import csv
 import dataclasses
+import re
 
 import pytest
 
 from benchmarks import ladders_figure
-from benchmarks.engine_study import PAGE
-from benchmarks.engine_study_page import COMMAND, page
+from benchmarks.engine_study import PAGE, TABLES
+from benchmarks.engine_study_page import COMMAND, FILES, cells, data_files, page
 from benchmarks.pareto import Point, front
 from benchmarks.stored_study import SUMMARY, EngineStudy, read, renewed, runs_of
 from looping_pendulum.compare.convergence.result import HALT
+from looping_pendulum.compare.tables import table
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import ADAPTERS, all_engines, label
 
@@ -40,8 +43,24 @@ def test_the_page_is_what_the_stored_numbers_say(study):
     assert PAGE.read_text(encoding="utf-8") == page(study), f"write it again: {COMMAND} --page"
 
 
+def test_the_tables_beside_the_page_are_what_the_stored_numbers_say(study):
+    stored = {file.stem: file.read_text(encoding="utf-8") for file in TABLES.glob("*.csv")}
+    assert stored == data_files(study), f"write them again: {COMMAND} --page"
+    assert set(stored) == set(FILES)
+    for name, text in stored.items():
+        rows = list(csv.reader(text.splitlines()))
+        assert {len(row) for row in rows} == {len(rows[0])}, name
+        assert all(rows[0]), name
+
+
+def test_a_cell_of_a_table_may_have_a_bar():
+    assert cells("## a | b\n\n" + table(["x", "y"], [["a|b", "1"], ["", "2"]])) == [["x", "y"], ["a|b", "1"], ["", "2"]]
+
+
 def test_the_page_opens_with_ten_lines_and_a_figure_and_its_cells_are_short(study):
     text = page(study)
+    unfolded = re.sub(r"<details.*?</details>", "", text, flags=re.DOTALL)
+    assert len(unfolded.split()) < 1200  # it is read in some minutes; the tables are for looking up
     opening, _ = text.split("![Error to 0.7 s along every ladder")
     assert [line.split(".")[0] for line in opening.splitlines() if line[:1].isdigit()] == [str(k) for k in range(1, 11)]
     cells = [cell.strip() for line in text.splitlines() if line.startswith("| ") for cell in line.split("|")]
