@@ -5,13 +5,13 @@ python -m scripts.rope_page
 
 from __future__ import annotations
 
-from itertools import groupby
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 from benchmarks import rope_budgets, stored_study
-from benchmarks.pareto import MARK
+from benchmarks.engine_study_page import fold
+from benchmarks.pareto import MARK, supplied_by_engine
 from benchmarks.rope_budgets import BUDGETS, STATIC_ONLY, Candidate, best
 from benchmarks.stored_study import EngineStudy
 from looping_pendulum.compare.convergence.result import HALT, VariationStudy
@@ -34,16 +34,41 @@ def page() -> str:
     """Return the text of the page."""
     study, rows = _stored()
     recipes = all_claims(RECIPES)
-    sections = "\n".join(_section(name, list(group), study, rows) for name, group in groupby(recipes, lambda one: one.engine))
     return f"""# A rope over a cylinder, in every engine
 
-`python -m scripts.rope_page` writes this page from `docs/data/engine_study.json`, `docs/data/rope_over_a_cylinder.json` and the
-recipes in `looping_pendulum/repro/recipes`; do not edit it by hand. The [glossary](glossary.md) explains the terms.
-
 A rope that slides over a cylinder obeys the capstan law, T2 = T1 exp(mu theta): friction grows with the tension and with the
-angle of wrap. Few engines have a rope that does so by itself. This page says for each which settings come nearest to it at
-three budgets of processor time, and has {len(recipes)} recipes, each a file of at most 60 lines that needs the engine and not
-this package:
+angle of wrap. Few engines have a rope that does so by itself. This page says what to do in each, and how near it comes. The
+[glossary](glossary.md) explains the terms.
+
+## What to do
+
+1. **Ask whether the law must be the engine's own.** If it may be fed in, take MuJoCo: one tendon over the cylinder, and [the
+   bound of its friction](#your-own-mujoco-model) at every step. No rope that holds by contact is as exact or as quick.
+2. **If it must come from contact**, take beads without rotation on links of fixed length, with a friction coefficient
+   corrected for the polygon that they are. {_best_contact(rows)}
+3. **Copy a recipe** ([below](#recipes)) and change its masses and radius.
+4. **Change the engine's worst default first** ([below](#the-default-to-change-first)), and read what else goes wrong in it:
+   [claims that you can check](repro.md).
+5. **Test the static ratio before anything that moves.** A rope that slides with T2/T1 below exp(mu theta) is not solved well
+   enough. A chain of N corners may hold a little more: 2 N artanh(mu tan(theta / 2N)) instead of mu theta.
+
+## How near, at which cost
+
+![Error until 0.7 s against processor time, for all settings that were measured](img/rope-over-a-cylinder.png)
+
+The trial is ten to one: 10 g and 100 g on one string over a rod of 6.25 mm, mu = 0.3431. The rod catches the string
+after {fixed(study.convergence.reference_values[HALT], 5)} s. The error is the root mean square distance of the light
+mass from the exact model up to 0.7 s. In *real time* a simulated second takes at most a second of processor time.
+
+{_best_table(study, rows)}
+{fold("Every engine: its best settings at each budget", _settings_table(study, rows))}
+## The default to change first
+
+{_defaults_table(study)}
+## Recipes
+
+A recipe is a file of at most 60 lines that needs the engine and not this package. The {len(recipes)} recipes are in
+`looping_pendulum/repro/recipes`, and the command lists and writes them:
 
 ```sh
 looping-pendulum recipe mujoco                                 # list the recipes for an engine
@@ -53,29 +78,7 @@ looping-pendulum recipe pymunk --variant chain --out rope.py   # write one
 A recipe prints what it reaches beside the exact value, and its exit status is 0 while it reaches it. The tests run every recipe
 in a process that cannot import this package.
 
-## In short
-
-- You want the right motion and may feed the law in: MuJoCo, one tendon over the cylinder and [the bound of its
-  friction](#your-own-mujoco-model) at every step. Nothing else is as exact or as quick.
-- You want the law from contact alone: beads without rotation on links of fixed length, with a friction coefficient corrected
-  for the polygon that they are. {_best_contact(rows)}
-- In any engine, test the static ratio first: a rope that slides with T2/T1 below exp(mu theta) is not solved well enough, and
-  a chain of N corners may hold a little more, 2 N artanh(mu tan(theta / 2N)) instead of mu theta.
-
-![Error until 0.7 s against processor time, for all settings that were measured](img/rope-over-a-cylinder.png)
-
-The trial is ten to one: 10 g and 100 g on one string over a rod of 6.25 mm, mu = 0.3431. The rod catches the string after
-{fixed(study.convergence.reference_values[HALT], 5)} s.
-
-- *Path*: the root mean square distance of the light mass from the exact model up to 0.7 s. *Scatter*: how far small changes of
-  the release move that error ([engine study](engine-study.md)); a chain's error below its scatter is luck.
-- *Static ratio*: what the [static capstan test](verification.md) gives with these settings, ln(T2/T1) over mu theta, less 1.
-- *Budget*: in *real time* a simulated second takes at most a second of processor time; the accurate settings may take any time.
-- {GAP}: no setting that was measured halts the heavy mass at this budget, or this quantity was not measured.
-- *{", ".join(STATIC_ONLY)}*: its run ends where the friction law would go wrong, before the heavy mass halts.
-- *Settings* are this package's names, as changes of the variant's quick settings; the recipe shows what they are in the engine.
-
-{sections}
+{_recipes_table(recipes)}
 ## Your own MuJoCo model
 
 `looping_pendulum.capstan.CapstanTendon` gives a tendon of your own `MjModel` the capstan law, sliding and sticking: with any
@@ -100,6 +103,9 @@ The [class](api/engines.md) shows the two tendons in MJCF. It counts no turns, b
 MuJoCo tendon counts none: one tendon is right up to about half a turn, and the recipe `mujoco --variant capstan` shows how two
 of them, used in turn, go on from there. The variant `mujoco:capstan` of this package decides between sliding and sticking by
 the same code.
+
+`python -m scripts.rope_page` writes this page from `docs/data/engine_study.json`, `docs/data/rope_over_a_cylinder.json` and the
+heads of the recipes; do not edit it by hand.
 """
 
 
@@ -149,15 +155,30 @@ def _best_contact(rows: dict[str, list[Candidate]]) -> str:
     return f"In real time the best is {row.variant}, {number(row.path, 1e3, digits=2)} mm off until 0.7 s."
 
 
-def _section(engine: str, recipes: list[Claim], study: EngineStudy, rows: dict[str, list[Candidate]]) -> str:
-    """Return the section of one engine."""
+def _best_table(study: EngineStudy, rows: dict[str, list[Candidate]]) -> str:
+    """Return a table of the nearest path at each budget, with a law that is fed in and with the engine's own."""
+    own = {v.label for v in study.convergence.variants if supplied_by_engine(v)}
+    cells = []
+    for name, budget in BUDGETS.items():
+        row = [name]
+        for group in (rows.keys() - own, rows.keys() & own):
+            found = [one for label in sorted(group) if (one := best(rows[label], budget)) is not None]
+            nearest = min(found, key=lambda one: one.path)
+            row.append(
+                f"`{nearest.variant}`: {number(nearest.path, 1e3, digits=2)} mm for {number(nearest.cpu, digits=2)} CPU s per s"
+            )
+        cells.append(row)
+    return table(["budget", "law fed in by the adapter", "law of the engine itself"], cells, left=3)
+
+
+def _settings_table(study: EngineStudy, rows: dict[str, list[Candidate]]) -> str:
+    """Return the table of every variant's best settings at each budget, and what its columns mean."""
     static = _budgets().static
-    labels = [label for label in rows if label.startswith(f"{engine}:") and any(r.halting_time for r in rows[label])]
     head = ["variant", "budget", "settings", "static ratio [%]", "halting time [s]", "path [mm]", "scatter [mm]"]
     head.append("CPU s per s")
     scatter = {v.label: v.spread[MARK] for v in study.convergence.variants}
     cells = []
-    for label in labels:
+    for label in (label for label in sorted(rows) if any(r.halting_time for r in rows[label])):
         for name, budget in BUDGETS.items():
             row = best(rows[label], budget)
             if row is None:
@@ -167,39 +188,44 @@ def _section(engine: str, recipes: list[Claim], study: EngineStudy, rows: dict[s
             values = [signed(error, 1e2), fixed(row.halting_time, 5), number(row.path, 1e3)]
             values += [number(scatter.get(label), 1e3, digits=2), number(row.cpu, digits=2)]
             cells.append([label, name, row.settings or "its own", *values])
-    for label in STATIC_ONLY:
-        if label.startswith(f"{engine}:"):
-            cells.append([label, "accurate", "its own", signed(static.get(label), 1e2), *[GAP] * 4])
-    texts = "\n".join(map(_recipe, recipes))
-    return f"""## {TITLES[engine]}
+    cells += [[label, "accurate", "its own", signed(static.get(label), 1e2), *[GAP] * 4] for label in STATIC_ONLY]
+    return f"""{table(head, cells, left=3)}
+- *Settings* are this package's names, as changes of the variant's quick settings; the recipe shows what they are in the engine.
+- *Static ratio*: what the [static capstan test](verification.md) gives with these settings, ln(T2/T1) over mu theta, less 1.
+- *Scatter*: how far small changes of the release move the error of the path ([engine study](engine-study.md)); a chain's
+  error below its scatter is luck.
+- {GAP}: no setting that was measured halts the heavy mass at this budget, or this quantity was not measured.
+- *{", ".join(STATIC_ONLY)}*: its run ends where the friction law would go wrong, before the heavy mass halts.
+"""
 
-{table(head, cells, left=3)}
-{_default_to_change(engine, study)}{_mistakes(engine)}
-{texts}"""
 
+def _defaults_table(study: EngineStudy) -> str:
+    """Return a table of the hidden default of each engine that spoils the path most.
 
-def _default_to_change(engine: str, study: EngineStudy) -> str:
-    """Return the hidden default that spoils the path most, as a sentence.
-
-    If the stored study has none of this engine, the default is that of `FIRST_CLAIMS`; else it is empty.
+    If the stored study has none of an engine, the default is that of `FIRST_CLAIMS`.
     """
-    found = [
-        (v, one) for v in study.convergence.variants if v.engine == engine and v.variant != "defaults" for one in v.defaults
-    ]
-    if not found:
+    cells = []
+    for engine in dict.fromkeys(recipe.engine for recipe in all_claims(RECIPES)):
+        # Where the run ends with the adapter's own settings, too, its defaults cannot be compared
+        found = [
+            (v, one)
+            for v in study.convergence.variants
+            if v.engine == engine and v.variant != "defaults" and v.own.ok
+            for one in v.defaults
+        ]
+        if found:
+            v, one = max(found, key=lambda pair: _damage(pair[1]))
+            left = one.run.rms[EARLY]
+            damage = (
+                f"path to 0.35 s {number(left, 1e3, digits=2)} instead of {number(v.own.rms[EARLY], 1e3, digits=2)} mm off"
+                if one.run.ok and left is not None
+                else f"the run ends: {one.run.why.split(';')[0].rstrip('.')}"
+            )
+            cells.append([TITLES[engine], f"`{one.what}`: {one.effect}", one.other, one.ours, f"{damage} ({v.label})"])
         claims = [claim for claim in all_claims() if claim.file_name in FIRST_CLAIMS and claim.engine == engine]
-        return "".join(f"**Change first:** `{claim.defaults[0]}`, as {claim.title}\n\n" for claim in claims)
-    v, one = max(found, key=lambda pair: _damage(pair[1]))
-    left = one.run.rms[EARLY]
-    result = (
-        f"the path to 0.35 s is {number(left, 1e3, digits=2)} mm off, instead of {number(v.own.rms[EARLY], 1e3, digits=2)} mm"
-        if one.run.ok and left is not None
-        else f"the run ends: {one.run.why.rstrip('.')}"
-    )
-    return (
-        f"**Change first:** `{one.what}`, {one.effect}, from {one.other} to {one.ours}. With {v.label} and this default alone "
-        f"{result}.\n\n"
-    )
+        if claims and not found:
+            cells += [[TITLES[engine], f"`{claim.defaults[0]}`", GAP, GAP, claim.title] for claim in claims]
+    return table(["engine", "setting", "default", "change to", "with the default alone"], cells, left=5)
 
 
 def _damage(one: VariationStudy) -> float:
@@ -208,30 +234,17 @@ def _damage(one: VariationStudy) -> float:
     return error if one.run.ok and error is not None else float("inf")
 
 
-def _mistakes(engine: str) -> str:
-    """Return what goes wrong with the engine as it comes, from the claims about it."""
-    claims = [claim for claim in all_claims() if claim.engine == engine]
-    if not claims:
-        return ""
-    lines = "".join(f"- {claim.title} (`looping-pendulum repro {engine} --claim {claim.name}`)\n" for claim in claims)
-    return f"**Never overlook** ([claims that you can check](repro.md)):\n\n{lines}"
-
-
-def _recipe(recipe: Claim) -> str:
-    """Return a recipe with what it reaches, folded."""
-    unit = f" {recipe.unit}".rstrip()
-    what = recipe.closed_form.partition(", ")[2]
-    return f"""**Recipe** `looping-pendulum recipe {recipe.engine} --variant {recipe.variant}`:
-{recipe.title} It reaches {recipe.observed:g}{unit} with {recipe.package} {recipe.version},
-where {recipe.expected:g}{unit} is exact ({what}).
-
-<details markdown="1"><summary>{recipe.file_name}</summary>
-
-```python
-{recipe.source}```
-
-</details>
-"""
+def _recipes_table(recipes: list[Claim]) -> str:
+    """Return a table of what each recipe is, and of what it reaches."""
+    cells = []
+    for recipe in recipes:
+        unit = f" {recipe.unit}".rstrip()
+        reached = f"{recipe.observed:g} of {recipe.expected:g}{unit}"
+        cells.append(
+            [f"`{recipe.engine} --variant {recipe.variant}`", recipe.title, reached, recipe.closed_form.partition(", ")[2]]
+        )
+        cells[-1].append(f"{recipe.package} {recipe.version}")
+    return table(["`looping-pendulum recipe`", "what hangs on what", "reaches", "quantity", "with"], cells, left=5)
 
 
 def main() -> None:
