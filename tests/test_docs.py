@@ -73,6 +73,16 @@ def test_every_command_shown_is_one():
             pytest.fail(f"{command.page}: {command.text}: {error.format_message()}")
 
 
+def test_the_readme_has_every_command_in_one_group():
+    rows = re.findall(r"^\| ([A-Z][^|]+) \| (`[^|]+`) \|", (PROJECT / "README.md").read_text(encoding="utf-8"), re.MULTILINE)
+    groups = {name: re.findall(r"`(\w+)`", names) for name, names in rows}
+    commands = typer.main.get_command(app).commands
+    assert len(groups) == 6
+    assert sorted(name for names in groups.values() for name in names) == sorted(commands)
+    with_json = {*groups["Compare engines"], *groups["For engine developers"], *groups["Maps"], "scenarios", "identify"}
+    assert with_json == {n for n, command in commands.items() if any("--json" in p.opts for p in command.params)}
+
+
 @pytest.mark.parametrize("text", ["run ten_to_one --engin mujoco", "compare", "tracker ten_to_one --fps many"])
 def test_a_wrong_command_would_be_found(text):
     group = typer.main.get_command(app)
