@@ -17,7 +17,6 @@ from looping_pendulum.live.expressions import Expression, literal, written
 from looping_pendulum.live.functions import mode_equations, release_function
 from looping_pendulum.live.symbols import MODES, PARAMETERS, SIGNS, STATE, Model, live_coefficients, live_effects
 from looping_pendulum.reference_ode import rules, scipy_backend, solve
-from looping_pendulum.reference_ode.driver import MAX_EVENTS
 from looping_pendulum.reference_ode.parameters import (
     NUMBERS,
     POINT_MASS_END,
@@ -27,6 +26,7 @@ from looping_pendulum.reference_ode.parameters import (
     string_length,
     touching_length,
 )
+from looping_pendulum.reference_ode.solve import MAX_EVENTS
 from looping_pendulum.reference_ode.transitions import END_EVENTS, PHASE_EVENTS, Event, Mode
 
 FILE = "model.js"

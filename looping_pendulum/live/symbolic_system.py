@@ -7,22 +7,22 @@ from types import SimpleNamespace
 from typing import Any
 
 from looping_pendulum.live.expressions import ExpressionGraph, ExpressionMath, possible_values
-from looping_pendulum.reference_ode.equations import Equations, Impact
+from looping_pendulum.reference_ode.equations import Equations
+from looping_pendulum.reference_ode.rules import HybridSystem
 from looping_pendulum.reference_ode.state import Effects, Motion, Signs, State
 from looping_pendulum.reference_ode.transitions import Mode
 
 
-class SymbolicSystem:
-    """The equations of one run, as `rules` asks them, on expressions; the mode may be a choice between several."""
+class SymbolicSystem(HybridSystem):
+    """The equations of one run on expressions; the mode may be a choice between several."""
 
     def __init__(self, graph: ExpressionGraph, p: SimpleNamespace, effects: Effects) -> None:
+        super().__init__(Equations(ExpressionMath(graph), p, effects))
         self._graph = graph
-        self.equations = Equations(ExpressionMath(graph), p, effects)
-        self.p, self.effects = p, effects
-        self.rod_turns, self.string_stretches = self.equations.rod_turns, self.equations.string_stretches
-        self.leaves_plane, self.heavy_mass_swings = self.equations.leaves_plane, self.equations.heavy_mass_swings
-        self.pivot_holds = self.equations.pivot_holds
-        self.where = graph.where
+
+    def where(self, condition: Any, a: Any, b: Any) -> Any:
+        """Return the number ``a`` where ``condition`` holds, else ``b``."""
+        return self._graph.where(condition, a, b)
 
     def choose(self, condition: Any, a: Motion, b: Motion) -> Motion:
         """Return the motion ``a`` where ``condition`` holds, else ``b``."""
@@ -36,8 +36,7 @@ class SymbolicSystem:
     def _each(self, condition: Any, a: tuple[Any, ...], b: tuple[Any, ...]) -> list[Any]:
         return [self.where(condition, x, y) for x, y in zip(a, b, strict=True)]
 
-    @staticmethod
-    def any(condition: Any) -> bool:
+    def any(self, condition: Any) -> bool:
         """Return whether ``condition`` may hold."""
         return condition is not False
 
@@ -54,16 +53,6 @@ class SymbolicSystem:
         """Return by how much the tensions are inside the friction cone, (down, up) [N]."""
         down, up = self._in_each_mode(m, self.equations.holding_margins)
         return down, up
-
-    def impact(self, slide: float, m: Motion) -> Impact:
-        """Return the result of an inelastic impulse along the string; arguments as of `Equations.impact`."""
-        return self.equations.impact(slide, m.t, m.y, m.signs)
-
-    def with_stretch_at_rest(self, m: Motion) -> State:
-        """Refuse: the live model has no string that stretches."""
-        raise NotImplementedError
-
-    with_even_stretch = with_stretch_at_rest
 
     def _in_each_mode(self, m: Motion, function: Callable[..., tuple[Any, ...]]) -> list[Any]:
         """Return what ``function`` gives in the mode of ``m``, which may be a choice between several."""

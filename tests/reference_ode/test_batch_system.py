@@ -14,16 +14,15 @@ pytest.importorskip("heyoka", reason="without heyoka a batch is a loop over sing
 from looping_pendulum.errors import IntegratorFallbackWarning, ParameterError  # noqa: E402
 from looping_pendulum.reference_ode import batch, heyoka_backend  # noqa: E402
 from looping_pendulum.reference_ode.batch import compiled, roots, schedule, sharing, solve_batch, steps, system  # noqa: E402
-from looping_pendulum.reference_ode.batch.block import BOOKKEEPING, Block  # noqa: E402
 from looping_pendulum.reference_ode.batch.compiled import LEADING, BatchModel, batch_model  # noqa: E402
 from looping_pendulum.reference_ode.batch.numbers import equation_parameters, parameters_of_run, valid_runs  # noqa: E402
 from looping_pendulum.reference_ode.batch.result import BYTES_PER_RUN, FAILED, BatchResult  # noqa: E402
 from looping_pendulum.reference_ode.batch.steps import stepper  # noqa: E402
-from looping_pendulum.reference_ode.driver import Driver  # noqa: E402
+from looping_pendulum.reference_ode.batch.system import BOOKKEEPING, Block
 from looping_pendulum.reference_ode.effects import COEFFICIENTS  # noqa: E402
 from looping_pendulum.reference_ode.parameters import Parameters, Release  # noqa: E402
 from looping_pendulum.reference_ode.rules import REST_SERIES_DURATION  # noqa: E402
-from looping_pendulum.reference_ode.solve import TOLERANCE, solve, solve_at  # noqa: E402
+from looping_pendulum.reference_ode.solve import TOLERANCE, Driver, solve, solve_at  # noqa: E402
 from looping_pendulum.reference_ode.state import TINY_SPEED, Motion, Signs, State  # noqa: E402
 from looping_pendulum.reference_ode.transitions import TABLE, Event, Mode  # noqa: E402
 from tests.apparatus import TEN_TO_ONE  # noqa: E402

@@ -11,9 +11,9 @@ import pytest
 
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
+from looping_pendulum.reference_ode.closed_forms import mechanical_energy
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS, Kinematics, drag_coefficient
 from looping_pendulum.reference_ode.geometry import light_position, light_velocity, next_string_coordinates, string_coordinates
-from looping_pendulum.reference_ode.invariants import mechanical_energy
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import solve
 from tests.apparatus import TEN_TO_ONE

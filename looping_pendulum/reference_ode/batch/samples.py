@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.reference_ode.batch.block import Block
 from looping_pendulum.reference_ode.batch.compiled import CompiledFunction, absolute_value
 from looping_pendulum.reference_ode.batch.roots import ROOT_TOLERANCE, first_falling_roots, horner
 from looping_pendulum.reference_ode.batch.steps import Stepper
+from looping_pendulum.reference_ode.batch.system import Block
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_library import compiled, load_heyoka
 from looping_pendulum.reference_ode.solution import Samples

@@ -15,15 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.reference_ode.batch import system
-from looping_pendulum.reference_ode.batch.block import BOOKKEEPING, Block
 from looping_pendulum.reference_ode.batch.compiled import LEADING, batch_model, drop
 from looping_pendulum.reference_ode.batch.result import ENDS, HASH_START, BatchResult, update_hash
 from looping_pendulum.reference_ode.batch.samples import BatchSamples, SampleLog
 from looping_pendulum.reference_ode.batch.steps import NO_EVENT, stepper
-from looping_pendulum.reference_ode.driver import MAX_EVENTS
+from looping_pendulum.reference_ode.batch.system import BOOKKEEPING, Block
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.rules import REST_SERIES_DURATION
+from looping_pendulum.reference_ode.solve import MAX_EVENTS
 from looping_pendulum.reference_ode.state import Effects, State
 from looping_pendulum.reference_ode.transitions import END_EVENTS, PHASE_EVENTS, PHASE_ZERO, Event, Mode
 
