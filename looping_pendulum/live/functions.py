@@ -13,7 +13,7 @@ from looping_pendulum.reference_ode import effects as forces
 from looping_pendulum.reference_ode import rules
 from looping_pendulum.reference_ode.closed_forms import kinetic_energy, potential_energy
 from looping_pendulum.reference_ode.effects import GRAVITY
-from looping_pendulum.reference_ode.effects.forces import SIDE_FORCE
+from looping_pendulum.reference_ode.effects.library import SIDE_FORCE
 from looping_pendulum.reference_ode.geometry import light_velocity, vector_xy
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solution import heavy_mass_position, light_mass_position

@@ -11,7 +11,7 @@ from typing import Any, cast
 from looping_pendulum.live.expressions import ExpressionGraph, ExpressionMath
 from looping_pendulum.live.symbolic_system import SymbolicSystem
 from looping_pendulum.reference_ode.effects import LIBRARY, Effect, Kinematics
-from looping_pendulum.reference_ode.effects.forces import (
+from looping_pendulum.reference_ode.effects.library import (
     HEAVY_LINEAR_DRAG,
     LIGHT_LINEAR_DRAG,
     PUSH_ACROSS,

@@ -22,8 +22,7 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 from looping_pendulum.reference_ode import effects as forces
-from looping_pendulum.reference_ode.effects.forces import PIVOT_FRICTION, air_drag_coefficient
-from looping_pendulum.reference_ode.effects.properties import heavy_swing_rates
+from looping_pendulum.reference_ode.effects.library import PIVOT_FRICTION, air_drag_coefficient, heavy_swing_rates
 from looping_pendulum.reference_ode.effects.types import TURN, Kinematics
 from looping_pendulum.reference_ode.state import Effects, Signs, State, extra_variables, kinematics, string_path, winding
 from looping_pendulum.reference_ode.transitions import Event, Mode

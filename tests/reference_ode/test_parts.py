@@ -20,7 +20,7 @@ from looping_pendulum.reference_ode.effects.closure import (
     SIDES,
     weight_name,
 )
-from looping_pendulum.reference_ode.effects.properties import REST_SPEED
+from looping_pendulum.reference_ode.effects.library import REST_SPEED
 from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.scipy_backend import CHECKS, DEGREE, ScipyIntegrator
