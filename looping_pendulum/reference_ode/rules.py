@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any
 
 from looping_pendulum.reference_ode.equations import Equations, Impact
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -133,15 +133,7 @@ def release(system: HybridSystem, kind: Release, y: State) -> Motion:
     return system.choose(push < 0, slack, system.choose(pulls, taut, taut._replace(mode=slack.mode)))
 
 
-class RestSeries(NamedTuple):
-    """State after `REST_SERIES_DURATION` as the terms of a series: constant, linear and square."""
-
-    constant: State
-    linear: State
-    square: State
-
-
-def leave_rest(system: HybridSystem, m: Motion) -> tuple[Motion, RestSeries, Any]:
+def leave_rest(system: HybridSystem, m: Motion) -> tuple[Motion, tuple[State, State, State], Any]:
     """Take the first `REST_SERIES_DURATION` by a series where the light mass starts at rest, where |v| is not analytic.
 
     Returns
@@ -149,7 +141,7 @@ def leave_rest(system: HybridSystem, m: Motion) -> tuple[Motion, RestSeries, Any
     after
         The motion after that, or ``m`` with the sign of the light mass's speed where no series is needed.
     series
-        Terms of the series.
+        State after `REST_SERIES_DURATION` as the terms of the series: constant, linear and square.
     by_series
         Whether it was taken.
     """
@@ -175,11 +167,9 @@ def leave_rest(system: HybridSystem, m: Motion) -> tuple[Motion, RestSeries, Any
         slack=rate.heavy_speed - rate.retreat_speed,
         heavy_tilt=rate.heavy_across_speed / system.p.hanging_length if system.heavy_mass_swings else 0.0,
     )
-    series = RestSeries(
-        constant=y,
-        linear=State(*(REST_SERIES_DURATION * r for r in rate)),
-        square=State(*(0.5 * REST_SERIES_DURATION**2 * r for r in second_derivatives)),
-    )
+    linear = State(*(REST_SERIES_DURATION * r for r in rate))
+    square = State(*(0.5 * REST_SERIES_DURATION**2 * r for r in second_derivatives))
+    series = y, linear, square
     signs = m.signs._replace(across=across)
     gone = m._replace(t=REST_SERIES_DURATION, y=State(*(a + b + c for a, b, c in zip(*series, strict=True))), signs=signs)
     signed = system.where(across_at_rest, y.across_speed + TINY_SPEED * across, y.across_speed)

@@ -1,31 +1,73 @@
-"""Share the runs of a batch between one process or several."""
+"""The runs of a batch: their parameters as arrays, and the memory that its processes share."""
 
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable, Iterator
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from looping_pendulum.errors import HarnessError
-from looping_pendulum.processes import process_pool
-from looping_pendulum.reference_ode.batch.numbers import Columns, equation_parameters, parameters_of_run, valid_runs
-from looping_pendulum.reference_ode.batch.result import BYTES_PER_RUN, FAILED, BatchResult, summary
-from looping_pendulum.reference_ode.batch.samples import BatchSamples
-from looping_pendulum.reference_ode.batch.schedule import Index, Schedule
-from looping_pendulum.reference_ode.batch.steps import supports_batch
+from looping_pendulum.reference_ode.batch.result import BYTES_PER_RUN, BatchResult
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.reference_ode.parameters import Parameters
-from looping_pendulum.reference_ode.solve import available_integrators, solve_without_warning
+from looping_pendulum.reference_ode.parameters import (
+    NUMBERS,
+    POINT_MASS_END,
+    Parameters,
+    Release,
+    effect_tables,
+    string_length,
+    touching_length,
+)
 
+Columns = Mapping[str, Array]
+"""Name, one of `column_names` -> one value per run, shape (n,), SI."""
+Index = NDArray[np.int64]
+"""Indices of runs in the batch, shape (n,)."""
 _SPAWN = multiprocessing.get_context("spawn")
 """Source of shared memory for a `process_pool`, whose processes are spawned."""
 Progress = Callable[[int, int], None]
 """Called with the number of runs that have ended and the number of all runs."""
+
+
+def column_names(base: Parameters) -> tuple[str, ...]:
+    """Return the names that a column may have."""
+    return (*NUMBERS, *base.coefficients)
+
+
+def parameters_of_run(base: Parameters, columns: Columns, i: int) -> Parameters:
+    """Return the parameters of run ``i``."""
+    return base.replace(**{name: float(values[i]) for name, values in columns.items()})
+
+
+def equation_parameters(base: Parameters, columns: Columns) -> dict[str, Any]:
+    """Return every parameter that the equations read, by name: one value, or one per run.
+
+    Derived ones (`end_length`, `string_length`) and the defaults are those of `Parameters`.
+    """
+    values: dict[str, Any] = {name: getattr(base, name) for name in NUMBERS} | dict(base.coefficients)
+    values |= base.with_static_friction({name: np.asarray(column, dtype=float) for name, column in columns.items()})
+    # As in `Parameters.replace`, a vertical release keeps its angle
+    if base.release is Release.VERTICAL:
+        values["release_angle"] = base.release_angle
+    light_radius, rod_radius = values["light_radius"], values["rod_radius"]
+    point = POINT_MASS_END * rod_radius
+    values["end_length"] = np.where(np.greater(light_radius, 0), touching_length(light_radius, rod_radius), point)
+    values["string_length"] = string_length(
+        values["free_length"], rod_radius, values["release_angle"], values["hanging_length"], values["heavy_swing"]
+    )
+    return values
+
+
+def valid_runs(base: Parameters, values: Mapping[str, Any], n: int) -> NDArray[np.bool_]:
+    """Return which of ``n`` runs have values that `Parameters` accepts."""
+    valid = np.ones(n, dtype=bool)
+    for requirement in effect_tables(base.own_effects).requirements(base.coefficients):
+        valid &= requirement.is_met(values)
+    return valid
 
 
 class _LocalCounter:
@@ -105,7 +147,7 @@ class SharedBatch:
 
 
 class BatchRuns:
-    """The runs of a batch as one process takes them, with their parameters (a `schedule.RunSource`)."""
+    """The runs of a batch as one process takes them, with their parameters."""
 
     def __init__(self, job: SharedBatch, progress: Progress | None = None) -> None:
         self.job, self.run_count, self._progress = job, job.n, progress
@@ -151,73 +193,3 @@ class BatchRuns:
             self.job.ended_count.value = ended = self.job.ended_count.value + runs
         if self._progress is not None:
             self._progress(ended, self.run_count)
-
-
-def work(runs: BatchRuns, samples: BatchSamples | None = None) -> None:
-    """Take runs until none are left, and fill in their results, and their samples if any are wanted."""
-    job, result = runs.job, runs.job.result()
-    effects = job.base.effects_with(job.acting.union(name for name in job.names if name in job.base.coefficients))
-    if "heyoka" in available_integrators() and supports_batch(effects):
-        Schedule(runs, result, effects, job.base.release, job.durations, job.tolerance, samples).run()
-        taken = runs.taken_here()
-        # A run that failed here is solved once more by itself, where SciPy may take over from heyoka
-        remaining = iter(taken[result.end[taken] == FAILED].tolist())
-    else:
-        remaining = runs.take_single()
-    for i in remaining:
-        try:
-            run = solve_without_warning(
-                parameters_of_run(job.base, runs.columns, i), duration=float(job.durations[i]), tolerance=job.tolerance
-            )
-        except (HarnessError, ArithmeticError):
-            pass  # the run stays marked as failed
-        else:
-            if samples is not None:
-                times = samples.t[samples.part(i)]
-                samples.put(i, run.sample(times[times <= run.end_time]))
-            for name, value in summary(run).items():
-                getattr(result, name)[i] = value
-        runs.report_ended(1)
-
-
-def work_together(job: SharedBatch, progress: Progress | None) -> None:
-    """Do the same as `work` in several processes. Runs of a process that dies are solved again in this one."""
-    # One fewer, as this process works, too
-    with process_pool(job.processes - 1, _keep_job, (job,)) as pool:
-        others = [pool.submit(_work_in_helper) for _ in range(job.processes - 1)]
-        try:
-            work(BatchRuns(job, progress))
-            for other in others:
-                other.result()
-        except BrokenProcessPool:
-            _rerun_unfinished(job)
-    if progress is not None:
-        progress(job.n, job.n)
-
-
-def _rerun_unfinished(job: SharedBatch) -> None:
-    """Solve the runs without a result in this process."""
-    result = job.result()
-    # A run that failed by itself looks like one that was never solved; it fails again
-    unfinished = np.flatnonzero(result.end == FAILED)
-    columns = {name: values[unfinished] for name, values in job.columns().items()}
-    rest = SharedBatch.of(
-        job.base, columns, len(unfinished), job.durations[unfinished], job.tolerance, processes=1, acting=job.acting
-    )
-    work(BatchRuns(rest))
-    result.put(unfinished, rest.result())
-
-
-_job: SharedBatch
-"""Batch of this process, if it is a helping one."""
-
-
-def _keep_job(job: SharedBatch) -> None:
-    """Keep the batch, which can be passed only when a process starts: shared memory cannot be sent to it later."""
-    global _job
-    _job = job
-
-
-def _work_in_helper() -> None:
-    """Take part in the work of the batch of this process."""
-    work(BatchRuns(_job))
