@@ -213,8 +213,12 @@ class Driver:
             If there were too many.
         """
         mode, _, _, signs = self.motion
-        sign_after_turn = None if rules.turning_back_reverses(self.system, mode) else self._sign_after_turn
-        event, t, y, part, turns = integrator.advance_past_turns(*self.motion[1:], self.duration, times, sign_after_turn)
+
+        def sign_after_turn(t: float, y: State) -> float:
+            return float(rules.across_after_turn(self.system, mode, self.motion._replace(t=t, y=y)))
+
+        choose_sign = None if rules.turning_back_reverses(self.system, mode) else sign_after_turn
+        event, t, y, part, turns = integrator.advance_past_turns(*self.motion[1:], self.duration, times, choose_sign)
         self.events += [
             RunEvent(event=Event.ACROSS_REVERSES, time=now, mode_before=mode, mode_after=mode, state=State(*state))
             for now, state in zip(turns.times.tolist(), turns.states.T.tolist(), strict=True)
@@ -224,9 +228,6 @@ class Driver:
         if len(turns.across):
             self.motion = self.motion._replace(signs=signs._replace(across=float(turns.across[-1])))
         return event, t, y, part
-
-    def _sign_after_turn(self, t: float, y: State) -> float:
-        return float(rules.across_after_turn(self.system, self.motion.mode, self.motion._replace(t=t, y=y)))
 
     def _start_run(self) -> Segment | None:
         """Record the release, enter its mode and leave rest; return the segment of the latter, if there is one."""

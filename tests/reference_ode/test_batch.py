@@ -19,8 +19,7 @@ from looping_pendulum.reference_ode.batch import (
     sequence_hash,
     solve_batch,
 )
-from looping_pendulum.reference_ode.batch.result import BYTES_PER_RUN, summary
-from looping_pendulum.reference_ode.batch.runs import BatchRuns, SharedBatch, parameters_of_run
+from looping_pendulum.reference_ode.batch.runs import BYTES_PER_RUN, BatchRuns, SharedBatch, parameters_of_run, summary
 from looping_pendulum.reference_ode.batch.steps import supports_batch
 from looping_pendulum.reference_ode.effects import EFFECTS, EffectKind
 from looping_pendulum.reference_ode.parameters import Parameters, Release

@@ -16,11 +16,16 @@ hy = pytest.importorskip("heyoka", reason="without heyoka a batch is a loop over
 from looping_pendulum.errors import IntegratorFallbackWarning, ParameterError  # noqa: E402
 from looping_pendulum.reference_ode import batch, heyoka_backend  # noqa: E402
 from looping_pendulum.reference_ode.batch import compiled, roots, schedule, solve_batch, steps, system  # noqa: E402
-from looping_pendulum.reference_ode.batch.compiled import LEADING, BatchModel, CompiledFunction, batch_model  # noqa: E402
-from looping_pendulum.reference_ode.batch.result import BYTES_PER_RUN, FAILED, BatchResult  # noqa: E402
+from looping_pendulum.reference_ode.batch.compiled import LEADING, BatchModel, CompiledFunction, SeriesAlgebra, batch_model  # noqa: E402
 from looping_pendulum.reference_ode.batch.roots import first_falling_roots  # noqa: E402
-from looping_pendulum.reference_ode.batch.runs import equation_parameters, parameters_of_run, valid_runs  # noqa: E402
-from looping_pendulum.reference_ode.batch.series import SeriesAlgebra  # noqa: E402
+from looping_pendulum.reference_ode.batch.runs import (  # noqa: E402
+    BYTES_PER_RUN,
+    FAILED,
+    BatchResult,
+    equation_parameters,
+    parameters_of_run,
+    valid_runs,
+)
 from looping_pendulum.reference_ode.batch.steps import stepper  # noqa: E402
 from looping_pendulum.reference_ode.batch.system import BOOKKEEPING, Block  # noqa: E402
 from looping_pendulum.reference_ode.effects import COEFFICIENTS  # noqa: E402

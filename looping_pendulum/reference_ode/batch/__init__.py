@@ -11,8 +11,19 @@ import numpy as np
 
 from looping_pendulum.errors import HarnessError, IntegratorFallbackWarning, ParameterError
 from looping_pendulum.processes import process_pool, safe_spawning
-from looping_pendulum.reference_ode.batch.result import ENDS, FAILED, BatchResult, sequence_hash, summary
-from looping_pendulum.reference_ode.batch.runs import BatchRuns, Columns, Progress, SharedBatch, column_names, parameters_of_run
+from looping_pendulum.reference_ode.batch.runs import (
+    ENDS,
+    FAILED,
+    BatchResult,
+    BatchRuns,
+    Columns,
+    Progress,
+    SharedBatch,
+    column_names,
+    parameters_of_run,
+    sequence_hash,
+    summary,
+)
 from looping_pendulum.reference_ode.batch.samples import BatchSamples
 from looping_pendulum.reference_ode.batch.schedule import Schedule
 from looping_pendulum.reference_ode.batch.steps import supports_batch

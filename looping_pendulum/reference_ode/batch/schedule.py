@@ -13,8 +13,7 @@ import numpy as np
 
 from looping_pendulum.reference_ode.batch import system
 from looping_pendulum.reference_ode.batch.compiled import LEADING, batch_model, drop
-from looping_pendulum.reference_ode.batch.result import ENDS, HASH_START, BatchResult, update_hash
-from looping_pendulum.reference_ode.batch.runs import BatchRuns, Index
+from looping_pendulum.reference_ode.batch.runs import ENDS, HASH_START, BatchResult, BatchRuns, Index, update_hash
 from looping_pendulum.reference_ode.batch.samples import BatchSamples, SampleLog
 from looping_pendulum.reference_ode.batch.steps import NO_EVENT, stepper
 from looping_pendulum.reference_ode.batch.system import BOOKKEEPING, Block
