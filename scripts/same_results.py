@@ -40,9 +40,9 @@ COMPARED = ("ten_to_one", "two_to_one", "held", "drop")
 def runs() -> Texts:
     """Return runs of the reference: each shipped scenario alone, many of it in a batch, and their derivatives."""
     from looping_pendulum.reference_ode.batch import solve_batch
+    from looping_pendulum.reference_ode.sensitivity import solve_sensitivities
     from looping_pendulum.reference_ode.solve import solve_at
     from looping_pendulum.scenarios import loader
-    from scripts.answers_parts.sensitivity import solve_sensitivities
 
     texts = {}
     for name in loader.shipped():

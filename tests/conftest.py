@@ -12,10 +12,9 @@ from typing import Any
 import pytest
 
 from looping_pendulum.discrepancy import workers
-from looping_pendulum.reference_ode import batch, heyoka_backend
+from looping_pendulum.reference_ode import batch, heyoka_backend, sensitivity
 from looping_pendulum.reference_ode.heyoka_library import COMPILER_OPTIONS
 from looping_pendulum.reference_ode.solve import available_integrators
-from scripts.answers_parts import sensitivity
 from tests import rotation
 from tests.backends import BACKENDS, DEFAULT, current
 

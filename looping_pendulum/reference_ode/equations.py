@@ -136,7 +136,7 @@ class Equations:
     Parameters
     ----------
     xp
-        Functions of the numbers: ``math``, ``numpy``, ``sympy``, ``heyoka``, series (`batch.compiled`), or dual numbers.
+        Functions of the numbers: ``math``, ``numpy``, ``sympy``, ``heyoka``, series (`batch.compiled`), or `dual`.
     p
         Parameters and coefficients by name, numbers or expressions of the kind that ``xp`` takes, as from `Parameters.values`.
     effects

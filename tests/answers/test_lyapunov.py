@@ -6,10 +6,10 @@ import pytest
 
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.reference_ode.sensitivity import solve_sensitivities
 from looping_pendulum.reference_ode.solve import solve, solve_at
 from looping_pendulum.scenarios.loader import load
 from scripts.answers_parts.lyapunov import OBSERVABLES, TangentMap, solve_tangent_map
-from scripts.answers_parts.sensitivity import solve_sensitivities
 
 pytest.importorskip("heyoka", reason="exponents need heyoka")
 

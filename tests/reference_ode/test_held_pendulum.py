@@ -10,9 +10,9 @@ import pytest
 
 from looping_pendulum.reference_ode.batch import solve_batch
 from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.reference_ode.sensitivity import solve_sensitivities
 from looping_pendulum.reference_ode.solve import available_integrators, solve, solve_at
 from looping_pendulum.reference_ode.transitions import Event, Mode
-from scripts.answers_parts.sensitivity import solve_sensitivities
 from tests.apparatus import TEN_TO_ONE
 from tests.blind.pendulum import Pendulum, swing
 

@@ -10,10 +10,10 @@ import pytest
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode import closed_forms
 from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.reference_ode.sensitivity import SensitivityError, solve_sensitivities
 from looping_pendulum.reference_ode.solution import Samples
 from looping_pendulum.reference_ode.solve import available_integrators, solve, solve_at
 from looping_pendulum.reference_ode.transitions import Event, Mode
-from scripts.answers_parts.sensitivity import SensitivityError, solve_sensitivities
 from tests.apparatus import SENSITIVE, TEN_TO_ONE, TWO_TO_ONE, WITHOUT_LOSSES
 from tests.reference_ode.test_effects import TYPICAL
 from tests.reference_ode.test_solve import random_parameters

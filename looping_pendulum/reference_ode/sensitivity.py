@@ -13,19 +13,18 @@ and its output starts the next mode, whose rates are f+: S+ = dy+ - f+ dt. Toget
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from looping_pendulum.errors import IntegrationError, ParameterError
-from looping_pendulum.reference_ode import effects
+from looping_pendulum.reference_ode import dual, effects
+from looping_pendulum.reference_ode.dual import Dual
 from looping_pendulum.reference_ode.effects.types import Effect
 from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.geometry import Array
@@ -45,9 +44,6 @@ from looping_pendulum.reference_ode.solution import (
 from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, Driver, require_heyoka
 from looping_pendulum.reference_ode.state import Effects, Signs, State, event_in_phase, fill_in_heavy_speed, full_state
 from looping_pendulum.reference_ode.transitions import PHASE_ZERO, Event, Mode
-
-from . import dual
-from .dual import Dual
 
 # Ample: derivatives are tested to 1e-6 (tests/reference_ode/test_sensitivity.py)
 DERIVATIVE_TOLERANCE = 1e-10
@@ -370,10 +366,8 @@ class _Variational:
 def _variational(
     mode: Mode, effects: Effects, tolerance: float, names: tuple[str, ...], differentiated: tuple[str, ...]
 ) -> _Variational:
-    # What is kept on disk depends on this file, too, which is none of the equations'
-    source = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()
     return compiled(
-        ("variational", __name__, source, mode.name, tolerance, names, differentiated),
+        ("variational", mode.name, tolerance, names, differentiated),
         effects,
         lambda: _Variational(mode, effects, tolerance, names, differentiated),
     )
