@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from looping_pendulum.errors import ScenarioError
-from looping_pendulum.pages.notebook import ShownInNotebook
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.scenarios.metrics import METRICS
 
@@ -93,7 +92,7 @@ class MeasuredTrial:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scenario(ShownInNotebook):
+class Scenario:
     """One apparatus, one release, and what is expected of an engine that rebuilds it."""
 
     name: str
