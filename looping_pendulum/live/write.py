@@ -18,7 +18,8 @@ from looping_pendulum.live.symbols import live_coefficients
 from looping_pendulum.pages.shell import page
 from looping_pendulum.reference_ode.parameters import NUMBERS
 from looping_pendulum.scenarios import loader
-from looping_pendulum.scenarios.scenario import Scenario, file_key
+from looping_pendulum.scenarios.quantities import file_key
+from looping_pendulum.scenarios.scenario import Scenario
 
 FILE = "live.html"
 FIRST = "ten_to_one"

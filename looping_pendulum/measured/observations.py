@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from looping_pendulum.errors import HarnessError
+from looping_pendulum.errors import HarnessError, WayOut, one_line
 from looping_pendulum.reference_ode.geometry import Array
 
 UNITS = MappingProxyType(
@@ -33,7 +33,20 @@ An "angle_rate" beside other channels was computed from them, so that only one t
 
 
 class DataError(HarnessError, ValueError):
-    """Raised if a file of measured data cannot be used as it is."""
+    """Raised if a file of measured data cannot be used as it is.
+
+    The message is that for the author of a study; `on_command_line` words its way out for those who give keys as options.
+    """
+
+    def __init__(self, problem: str, way_out: WayOut | None = None) -> None:
+        super().__init__(one_line(f"{problem}; {way_out.in_file()}") if way_out else problem)
+        self.problem = problem
+        """Where, what was found and what was needed."""
+        self.way_out = way_out
+
+    def on_command_line(self, option: str) -> str:
+        """Return the message for a command line on which ``option`` gives keys of a study's trial."""
+        return one_line(f"{self.problem}; {self.way_out.as_options(option)}") if self.way_out else str(self)
 
 
 class ImplausibleLengthError(DataError):
@@ -220,8 +233,8 @@ def merge(name: str, parts: tuple[Observations, ...]) -> Observations:
         for channel in part.channels:
             if channel.name in channels:
                 raise DataError(
-                    f"{part.file}: found {channel.name} again (first in {channels[channel.name][1]}), needed each once; "
-                    "say by 'tracks' which mass is in which file"
+                    f"{part.file}: found {channel.name} again (first in {channels[channel.name][1]}), needed each once",
+                    WayOut(words="say by {} which mass is in which file", keys={"tracks.light": "NAME"}, is_example=True),
                 )
             channels[channel.name] = channel, part.file
     return Observations(

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from looping_pendulum.errors import WayOut
 from looping_pendulum.measured import displaced_rows
 from looping_pendulum.measured.clock import Series, Sheet, timed_channels
 from looping_pendulum.measured.columns import PIXELS, Column, read_columns
@@ -153,7 +154,9 @@ def _of_one_run(text: DelimitedText, columns: list[Column], run: str | None, not
     shown = listed([name or _NO_NAME for name in runs])
     if run is None and len(runs) > 1:
         first = next(filter(None, runs))
-        raise text.error(None, "", f"found the runs {shown}, needed one trial; choose by 'run: {first}'")
+        raise text.error(
+            None, "", f"found the runs {shown}, needed one trial", WayOut(words="choose by {}", keys={"run": str(first)})
+        )
     if run is not None and run not in runs:
         found, way_out = f"found the runs {shown}", "choose one that is there"
         if not any(runs):
@@ -193,7 +196,8 @@ def _sheets(
             continue
         if any(name in channels for channels in timed.values()):
             found = f"found {name} a second time"
-            raise text.error(None, column.label, f"{found}, needed one column for it; say by 'tracks' which is meant")
+            way_out = WayOut(words="say by {} which is meant", keys={"tracks.light": "NAME"}, is_example=True)
+            raise text.error(None, column.label, f"{found}, needed one column for it", way_out)
         frames = [c for c in beside if c.role == "frame"]
         clocks = [c for c in beside if c.role == "t"] or frames
         if not clocks:
@@ -206,8 +210,8 @@ def _sheets(
         timed.setdefault((clock, frame), {})[name] = series
     _leave_out(left_out, "track not asked for", "track not asked for", notes)
     if not timed:
-        needed = "needed one column of them; check 'tracks' and 'kind'"
-        raise text.error(None, "", f"found no positions, angles or heights, {needed}")
+        way_out = WayOut(words="check {}", keys={"tracks.light": "NAME", "kind": "positions"}, is_example=True)
+        raise text.error(None, "", "found no positions, angles or heights, needed one column of them", way_out)
     return [_sheet(text, clock, frame, channels, units, notes) for (clock, frame), channels in timed.items()]
 
 
@@ -278,8 +282,9 @@ def _factor(unit: str, si: str) -> float:
 def _size_of_pixel(file: str, column: str, units: Mapping[str, str]) -> str:
     """Return the stated length of a pixel."""
     if units["length"] == _DEFAULT_UNITS["length"] or units["length"].lower() in PIXELS:
-        needed = "needed the size of one; say so by 'units: {length: 1.4 mm}'"
-        raise ImplausibleLengthError(str(data_error(file, None, column, f"found lengths in pixels, {needed}")))
+        message = "found lengths in pixels, needed the size of one"
+        way_out = WayOut(words="say so by {}", keys={"units.length": "1.4 mm"})
+        raise data_error(file, None, column, message, way_out, ImplausibleLengthError)
     return units["length"]
 
 
@@ -341,8 +346,9 @@ def _mass_of_track(file: str, have: Sequence[Track], tracks: Mapping[str, str] |
     """Return the mass of each track, as asked for or by the track's own name."""
     names = [t.name for t in have]
     shown = listed([f"'{name}'" if name else _NO_NAME for name in names])
-    proposed = ", ".join(f"{mass}: {name or Path(file).stem}" for mass, name in propose_masses(have).items())
-    way_out = f"by their motion, write 'tracks: {{{proposed}}}'"
+    proposed = {f"tracks.{mass}": name or Path(file).stem for mass, name in propose_masses(have).items()}
+    by_motion = WayOut(words="by their motion, write {}", keys=proposed)
+    way_out: WayOut | None = None
     message = ""
     if tracks:
         unknown = [m for m in tracks if m not in MASSES]
@@ -354,14 +360,14 @@ def _mass_of_track(file: str, have: Sequence[Track], tracks: Mapping[str, str] |
         elif len(names) == 1 and len(tracks) == 1 and "" in (*names, *tracks.values()):
             return {names[0]: next(iter(tracks))}
         elif missing and names:
-            message = f"found the tracks {shown}, needed {quote(missing[0])}; {way_out}"
+            message, way_out = f"found the tracks {shown}, needed {quote(missing[0])}", by_motion
         masses = {track: mass for mass, track in tracks.items()}
     else:
         masses = {name: mass for name in names if (mass := mass_in_name(name))}
         if names and not masses:
-            message = f"found the tracks {shown}, needed to know which mass each is; {way_out}"
+            message, way_out = f"found the tracks {shown}, needed to know which mass each is", by_motion
     if message:
-        raise data_error(file, None, "", message)
+        raise data_error(file, None, "", message, way_out)
     return masses
 
 
@@ -408,10 +414,10 @@ def _refuse_implausible_values(file: str, sheet: Sheet) -> None:
         worst = int(np.nanargmax(np.abs(series.value)))
         if abs(series.value[worst]) > limit:
             kind, other = ("angle", "deg") if unit.startswith("rad") else ("length", "cm")
-            values = f"found {series.value[worst]:g} {unit}, needed at most {limit:.4g}"
-            message = f"{values}; if the file is in another unit, say so: 'units: {{{kind}: {other}}}'"
-            error = data_error(file, int(sheet.lines[worst]), series.column, message)
-            raise ImplausibleLengthError(str(error)) if kind == "length" else error
+            message = f"found {series.value[worst]:g} {unit}, needed at most {limit:.4g}"
+            way_out = WayOut(words="if the file is in another unit, say so: {}", keys={f"units.{kind}": other})
+            error = ImplausibleLengthError if kind == "length" else DataError
+            raise data_error(file, int(sheet.lines[worst]), series.column, message, way_out, error)
 
 
 def _from_release(channels: list[Channel], notes: ReadingNotes) -> list[Channel]:

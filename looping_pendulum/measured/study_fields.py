@@ -21,14 +21,10 @@ from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Coefficient
 from looping_pendulum.reference_ode.effects.own import effect_of
 from looping_pendulum.scenarios.document import quote
-from looping_pendulum.scenarios.fields import NUMBER_PATTERN, QUANTITY_TEXT, QuantityField, input_error, quantity_kind, suggest
+from looping_pendulum.scenarios.fields import NUMBER_PATTERN, QUANTITY_TEXT, QuantityField, input_error, suggest
+from looping_pendulum.scenarios.quantities import QUANTITIES, quantity_kind
 from looping_pendulum.scenarios.units import QuantityKind, UnitError, show, to_si
 
-FREE_STARTS = {"kinetic_friction": 0.3, "static_friction": 0.3, "light_drag": 1e-3, "heavy_drag": 1e-3, "string_drag": 1e-3}
-"""Initial values of "free" coefficients [SI] for which the file gives none: the order of magnitude that the paper prints.
-
-Other coefficients start at their default.
-"""
 MAX_RELATIVE_ERROR = 1000
 """Largest standard error of a value of a range without an end, in units of the value."""
 _PLUS_MINUS = re.compile(r"\+/-|\+-|±")
@@ -111,16 +107,6 @@ class MeasuredField(QuantityField):
 def _split(text: str) -> list[str]:
     """Split at each plus-minus sign; a regular expression that takes spaces off, too, would need quadratic time."""
     return [part.strip() for part in _PLUS_MINUS.split(text)]
-
-
-def measured_length(example: str) -> MeasuredField:
-    """Return the field type of a measured length."""
-    return MeasuredField(QuantityKind(unit="m", low=0.0, exclusive_low=True, example=example))
-
-
-def measured_mass(example: str) -> MeasuredField:
-    """Return the field type of a measured mass."""
-    return MeasuredField(QuantityKind(unit="kg", low=0.0, exclusive_low=True, example=example))
 
 
 def text_by_key(expected: str, keys: Mapping[str, str]) -> PlainValidator:
@@ -226,7 +212,8 @@ def _camera_schema() -> JsonSchemaValue:
 
 
 def _coefficient_field(c: Coefficient) -> MeasuredField:
-    return MeasuredField(quantity_kind(c), FREE_STARTS.get(c.name, c.default))
+    known = QUANTITIES.get(c.name)
+    return MeasuredField(quantity_kind(c), c.default if known is None or known.free_start is None else known.free_start)
 
 
 def _camera_field(c: Coefficient) -> MeasuredField:

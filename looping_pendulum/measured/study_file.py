@@ -2,88 +2,66 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Any
 
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError, create_model
 from pydantic_core import ErrorDetails
 
 from looping_pendulum.errors import ScenarioError
 from looping_pendulum.measured.camera import CAMERA
 from looping_pendulum.measured.readers import KINDS
-from looping_pendulum.measured.study import EARTH_GRAVITY, Estimate
-from looping_pendulum.measured.study_fields import (
-    Camera,
-    Effects,
-    MeasuredField,
-    low_and_high,
-    measured_length,
-    measured_mass,
-    text_by_key,
-)
-from looping_pendulum.reference_ode import effects as effect_library
+from looping_pendulum.measured.study import EARTH_GRAVITY, RELEASE, Estimate
+from looping_pendulum.measured.study_fields import Camera, Effects, MeasuredField, low_and_high, text_by_key
 from looping_pendulum.reference_ode.effects.own import OwnEffect
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import file_schema
 from looping_pendulum.scenarios import own_effects as own_effects_of_file
 from looping_pendulum.scenarios.document import Document, Path, quote
-from looping_pendulum.scenarios.fields import Flag, Group, OneOf, QuantityField, Text, quantity_kind, suggest
+from looping_pendulum.scenarios.fields import Flag, Group, OneOf, QuantityField, Text, suggest
 from looping_pendulum.scenarios.own_effects import KEY, KEY_IN_STUDY, OwnEffects
+from looping_pendulum.scenarios.quantities import APPARATUS, QUANTITIES, Quantity, group_of
 from looping_pendulum.scenarios.units import QuantityKind
 
 _RELEASES = tuple(r.value for r in Release)
-_ANGLE = QuantityKind(unit="rad", low=0.0, high=2 * math.pi, exclusive_low=True, example="112 deg")
-_RATE = QuantityField(QuantityKind(unit="Hz", low=0.0, exclusive_low=True, example="240 Hz"))
+_RATE = QuantityField(QUANTITIES["frame_rate"].kind)
 _TIME_ERROR = QuantityField(QuantityKind(unit="s", low=0.0, exclusive_low=True, example="8 ms"))
 _LENGTH_ERROR = QuantityField(QuantityKind(unit="m", low=0.0, exclusive_low=True, example="1 cm"))
 _ANGLE_ERROR = QuantityField(QuantityKind(unit="rad", low=0.0, exclusive_low=True, example="2 deg"))
-_ANGLE_RANGE = QuantityKind(unit="rad", low=0.0, high=2 * math.pi, exclusive_low=True, example="60 deg")
 
 
-class StudyLightGroup(Group):
-    """The light mass, which whips round the rod."""
+class _Release(Group):
+    """How the masses were let go."""
 
-    mass: Annotated[Estimate, measured_mass("10 g")] | None = None
-    """Its mass M1."""
-    radius: Annotated[Estimate, measured_length("5 mm")] | None = None
-    """Its radius; not given: a point."""
+    kind: Annotated[str, OneOf(*_RELEASES)] = Release.LOOPING.value
+    """looping: as in the demonstration; vertical: both hang; held: the heavy mass is clamped; drop: no string."""
 
 
-class StudyHeavyGroup(Group):
-    """The heavy mass, which falls and is caught."""
+def _measured(q: Quantity, description: str = "") -> Any:
+    """Return type and default of a measured quantity's key, as pydantic makes a model of them."""
+    return Annotated[Estimate, MeasuredField(q.kind)] | None, Field(
+        None, description=description or q.description(in_study=True)
+    )
 
-    mass: Annotated[Estimate, measured_mass("100 g")] | None = None
-    """Its mass M2."""
+
+def _group(name: str, meaning: str = "", base: type[Group] = Group, **further: Any) -> Any:
+    """Return the model of a group of measured quantities, by its name in the file."""
+    keys = {q.last_key: _measured(q) for q in group_of(name) if q.name in (*APPARATUS, *RELEASE)} | further
+    return create_model(f"Study{name.capitalize()}Group", __base__=base, __doc__=meaning or base.__doc__, **keys)
 
 
-class StudyRodGroup(Group):
-    """The rod."""
-
-    radius: Annotated[Estimate, measured_length("6.25 mm")] | None = None
-    """Its radius R: half the diameter."""
+StudyLightGroup = _group("light", "The light mass, which whips round the rod.")
+StudyHeavyGroup = _group("heavy", "The heavy mass, which falls and is caught.")
+StudyRodGroup = _group("rod", "The rod.")
+_SPEED = "Speed of the light mass across the string as the motion begins, positive the way it loops; at rest if not given."
+StudyReleaseGroup = _group("release", base=_Release, speed=_measured(QUANTITIES["push_across"], _SPEED))
 
 
 class ApparatusGroup(Group):
     """The apparatus, as measured for all trials; a trial may give another value."""
 
-    light: StudyLightGroup = StudyLightGroup()
-    heavy: StudyHeavyGroup = StudyHeavyGroup()
-    rod: StudyRodGroup = StudyRodGroup()
-
-
-class StudyReleaseGroup(Group):
-    """How the masses were let go."""
-
-    kind: Annotated[str, OneOf(*_RELEASES)] = Release.LOOPING.value
-    """looping: as in the demonstration; vertical: both hang; held: the heavy mass is clamped; drop: no string."""
-    angle: Annotated[Estimate, MeasuredField(_ANGLE)] | None = None
-    """Angle of the string to the light mass: 0 deg is straight up, 90 deg is level, 180 deg is straight down."""
-    free_length: Annotated[Estimate, measured_length("58 cm")] | None = None
-    """String from the rod to the light mass."""
-    hanging_length: Annotated[Estimate, measured_length("3 cm")] | None = None
-    """String from the rod to the heavy mass; fitted if not given."""
-    speed: Annotated[Estimate, MeasuredField(quantity_kind(effect_library.COEFFICIENTS["push_across"]))] | None = None
-    """Speed of the light mass across the string as the motion begins, positive the way it loops; at rest if not given."""
+    light: StudyLightGroup = StudyLightGroup()  # type: ignore[valid-type]
+    heavy: StudyHeavyGroup = StudyHeavyGroup()  # type: ignore[valid-type]
+    rod: StudyRodGroup = StudyRodGroup()  # type: ignore[valid-type]
 
 
 class EventErrorsGroup(Group):
@@ -151,9 +129,9 @@ class TrialGroup(Group):
     """Whether the light mass starts on the right: the camera stood on the other side."""
     held_out: Annotated[bool, Flag()] = False
     """Whether the error before and after is judged on the trial, by fits to the others alone."""
-    light: StudyLightGroup = StudyLightGroup()
-    heavy: StudyHeavyGroup = StudyHeavyGroup()
-    release: StudyReleaseGroup = StudyReleaseGroup()
+    light: StudyLightGroup = StudyLightGroup()  # type: ignore[valid-type]
+    heavy: StudyHeavyGroup = StudyHeavyGroup()  # type: ignore[valid-type]
+    release: StudyReleaseGroup = StudyReleaseGroup()  # type: ignore[valid-type]
     camera: Camera = {}
     """Errors of the camera, with what is known of each."""
     event_errors: EventErrorsGroup = EventErrorsGroup()
@@ -162,11 +140,11 @@ class TrialGroup(Group):
 class LimitsGroup(Group):
     """Limits of the trials that could be done next, for the proposal of the next experiment."""
 
-    release_angle: Annotated[tuple[float, float], low_and_high(_ANGLE_RANGE, "[60 deg, 130 deg]")] | None = None
-    """Smallest and largest angle of release."""
-    mass_ratio: (
-        Annotated[tuple[float, float], low_and_high(QuantityKind(unit="", low=0.0, exclusive_low=True), "[2, 10]")] | None
+    release_angle: (
+        Annotated[tuple[float, float], low_and_high(QUANTITIES["release_angle"].kind, "[60 deg, 130 deg]")] | None
     ) = None
+    """Smallest and largest angle of release."""
+    mass_ratio: Annotated[tuple[float, float], low_and_high(QUANTITIES["mass_ratio"].kind, "[2, 10]")] | None = None
     """Smallest and largest ratio M2/M1."""
     releases: Annotated[list[Annotated[str, OneOf(*_RELEASES)]], Field(min_length=1)] | None = None
     """Kinds of release that are possible; all if not given."""

@@ -12,7 +12,6 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from looping_pendulum.errors import one_line
-from looping_pendulum.reference_ode.effects import Coefficient
 from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.units import QuantityKind, RangeError, UnitError
 
@@ -128,11 +127,6 @@ class Flag:
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
         return {"type": "boolean"}
-
-
-def quantity_kind(c: Coefficient, example: str = "") -> QuantityKind:
-    """Return the kind of a coefficient's values: its unit, its bounds, and an ``example`` for messages."""
-    return QuantityKind(unit=c.unit, low=c.bounds[0], high=c.bounds[1], example=example)
 
 
 def _text(value: object) -> str:

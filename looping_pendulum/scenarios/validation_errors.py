@@ -10,7 +10,7 @@ from pydantic_core import ErrorDetails
 from looping_pendulum.errors import ScenarioError
 from looping_pendulum.scenarios.document import Document, Path, quote
 from looping_pendulum.scenarios.fields import QuantityField, suggest
-from looping_pendulum.scenarios.scenario import FILE_KEYS
+from looping_pendulum.scenarios.quantities import FILE_KEYS
 
 
 def first_error(error: ValidationError, doc: Document, model: type[BaseModel]) -> ScenarioError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,8 +18,8 @@ from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE
 from looping_pendulum.scenarios import document, file_schema, loader
 from looping_pendulum.scenarios.document import Document, one_line, quote, shorten
 from looping_pendulum.scenarios.fields import Group, OneOf, QuantityField, Text, WholeNumber, input_error, suggest
-from looping_pendulum.scenarios.scenario import FILE_KEYS, Scenario
-from looping_pendulum.scenarios.schema import MAX_DURATION
+from looping_pendulum.scenarios.quantities import FILE_KEYS, QUANTITIES
+from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.scenarios.units import QuantityKind
 from looping_pendulum.scenarios.validation_errors import first_error
 from looping_pendulum.sweep.axis_file import COUNT, MAX_AXES, MAX_RUNS, parameters_schema, read_axis
@@ -75,10 +76,7 @@ class MapFile(Group):
     sample: SampleGroup | None = None
     tolerance: Annotated[float, QuantityField(QuantityKind(unit="", low=1e-15, high=1e-3, example="1e-12"))] = TOLERANCE
     """Relative tolerance of a step of the reference."""
-    duration: (
-        Annotated[float, QuantityField(QuantityKind(unit="s", low=0.0, high=MAX_DURATION, exclusive_low=True, example="5 s"))]
-        | None
-    ) = None
+    duration: Annotated[float, QuantityField(replace(QUANTITIES["duration"].kind, example="5 s"))] | None = None
     """Limit on the simulated time of a run; 5 s or the scenario's, whichever is longer."""
     chunk: Count | None = None
     """Most runs that are computed, written and resumed as one."""
