@@ -16,8 +16,7 @@ from looping_pendulum.measured.camera import CAMERA
 from looping_pendulum.measured.study_file import StudyFile
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, LIBRARY, Coefficient
 from looping_pendulum.reference_ode.effects.closure import CLOSURE
-from looping_pendulum.scenarios.fields import QUANTITY_TEXT, QuantityField
-from looping_pendulum.scenarios.file_schema import undescribed_schema
+from looping_pendulum.scenarios.fields import QUANTITY_TEXT, QuantityField, undescribed_schema
 from looping_pendulum.scenarios.quantities import file_key, quantity_kind, with_unit
 from looping_pendulum.scenarios.schema import file_model
 from looping_pendulum.sweep.map_file import MapFile

@@ -12,11 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.measured.angular_velocity import rates_from_release
 from looping_pendulum.measured.camera import CAMERA
 from looping_pendulum.measured.displaced_rows import clock_faults
 from looping_pendulum.measured.free_parameter import FreeParameter
-from looping_pendulum.measured.observations import Observations, merge, mirrored, with_event_errors
+from looping_pendulum.measured.observations import Observations, merge, mirrored, rates_from_release, with_event_errors
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Coefficient, Effect
 from looping_pendulum.reference_ode.effects.own import OwnEffect

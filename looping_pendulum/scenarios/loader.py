@@ -20,6 +20,7 @@ from looping_pendulum.reference_ode.effects.own import OwnEffect, effect_of
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios import document, own_effects, schema
 from looping_pendulum.scenarios.document import Document, one_line
+from looping_pendulum.scenarios.fields import first_error
 from looping_pendulum.scenarios.metrics import METRICS
 from looping_pendulum.scenarios.own_effects import OwnEffectsFile
 from looping_pendulum.scenarios.quantities import FILE_KEYS, file_key, unit_of
@@ -32,7 +33,6 @@ from looping_pendulum.scenarios.scenario import (
 )
 from looping_pendulum.scenarios.schema import ScenarioFile, json_schema
 from looping_pendulum.scenarios.units import show
-from looping_pendulum.scenarios.validation_errors import first_error
 
 __all__ = ["dump", "json_schema", "load", "load_text", "shipped"]
 

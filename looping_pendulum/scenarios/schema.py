@@ -26,9 +26,8 @@ from pydantic import (
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode import parameters
 from looping_pendulum.reference_ode.effects import Coefficient
-from looping_pendulum.scenarios import file_schema
 from looping_pendulum.scenarios.document import quote
-from looping_pendulum.scenarios.fields import Group, OneOf, QuantityField, Text, input_error, suggest
+from looping_pendulum.scenarios.fields import Group, OneOf, QuantityField, Text, input_error, model_schema, suggest
 from looping_pendulum.scenarios.metrics import METRICS
 from looping_pendulum.scenarios.own_effects import OwnEffects
 from looping_pendulum.scenarios.quantities import FILE_KEYS, QUANTITIES, Quantity, file_key, group_of, quantity_kind
@@ -82,7 +81,7 @@ def _annotation(q: Quantity) -> Any:
     number = Annotated[float, QuantityField(q.kind)]
     if q.name not in ("light_drag", "heavy_drag"):
         return number
-    # Tags in brackets, as no key has them: `validation_errors` takes them out of the paths that it shows
+    # Tags in brackets, as no key has them: `fields.first_error` takes them out of the paths that it shows
     return Annotated[
         Annotated[number, Tag("<direct>")] | Annotated[DragShape, Tag("<shape>")],
         Discriminator(_drag_form),
@@ -246,4 +245,4 @@ def _file_model(others: tuple[Coefficient, ...]) -> type[ScenarioFile]:
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a scenario file, for editors that complete and check YAML."""
-    return file_schema.json_schema(file_model(), "Looping pendulum scenario")
+    return model_schema(file_model(), "Looping pendulum scenario")

@@ -10,10 +10,9 @@ from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import DURATION, solve
 from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.document import quote
-from looping_pendulum.scenarios.fields import suggest
+from looping_pendulum.scenarios.fields import keys_below, suggest
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.scenarios.schema import file_model
-from looping_pendulum.scenarios.validation_errors import keys_below
 from looping_pendulum.teaching.answers import Answers, Tree, get, put, yaml_text
 from looping_pendulum.teaching.questions import QUESTIONS, RELEASES, AnswerError, check_quantity, check_release, check_text
 

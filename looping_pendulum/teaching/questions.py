@@ -8,7 +8,7 @@ from types import MappingProxyType
 from pydantic_core import PydanticCustomError
 
 from looping_pendulum.errors import HarnessError
-from looping_pendulum.measured.study_fields import MeasuredField
+from looping_pendulum.measured.study_file import MeasuredField
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.fields import QuantityField
 from looping_pendulum.scenarios.quantities import QUANTITIES, Quantity

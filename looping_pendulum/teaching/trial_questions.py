@@ -9,8 +9,7 @@ from typing import Any
 from looping_pendulum.measured import readers
 from looping_pendulum.measured.clock import RATE_TOLERANCE
 from looping_pendulum.measured.observations import DataError
-from looping_pendulum.measured.readers import MASSES, mass_in_name
-from looping_pendulum.measured.survey import LENGTH_UNITS, FileSurvey, survey
+from looping_pendulum.measured.readers import LENGTH_UNITS, MASSES, FileSurvey, mass_in_name, survey
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.document import quote, shorten
 from looping_pendulum.scenarios.fields import QuantityField, suggest

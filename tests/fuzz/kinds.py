@@ -29,7 +29,7 @@ from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import file_stem
 from looping_pendulum.measured import readers, study_io
 from looping_pendulum.measured.events import read_event_table
-from looping_pendulum.measured.study_fields import MeasuredField
+from looping_pendulum.measured.study_file import MeasuredField
 from looping_pendulum.scenarios import dump, load, load_text
 from looping_pendulum.scenarios.fields import QuantityField
 from looping_pendulum.scenarios.scenario import Scenario

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.live.settings import live_settings
+from looping_pendulum.live.write import live_settings
 from looping_pendulum.reference_ode.solve import solve_at
 from tests.apparatus import TEN_TO_ONE
 

@@ -14,8 +14,8 @@ from looping_pendulum.cli.main import app
 from looping_pendulum.discrepancy.first_look.result import DeclarationCheck, DeclarationError, NamedMistake
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured import study_io
+from looping_pendulum.measured.readers import survey
 from looping_pendulum.measured.study import read_files
-from looping_pendulum.measured.survey import survey
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import load
 from looping_pendulum.teaching.new_study import keys_of_fault
