@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.pages.notebook import ShownInNotebook
 from looping_pendulum.reference_ode.effects.types import TURN
 from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.geometry import Array, light_position, light_velocity, xy_pairs
@@ -46,7 +45,7 @@ class RunEvent(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run(ShownInNotebook):
+class Run:
     """Events of a run of the reference, from release to end."""
 
     parameters: Parameters
