@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from looping_pendulum.compare import baseline, halting_table, paper_table, trial_table
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, RunProvenance, ToleranceOutcome, ToleranceResult
 from looping_pendulum.compare.tables import GAP, fixed, number, table
 from looping_pendulum.compare.words import events_to_show
+from looping_pendulum.pages import report as pages
+from looping_pendulum.pages.chart import Chart
+from looping_pendulum.pages.figures import MAX_LINE_POINTS, on_page
 from looping_pendulum.pages.glossary import glossary
 from looping_pendulum.scenarios.metrics import METRICS, RMS_END_TIMES, metric_called
 
@@ -32,6 +35,26 @@ def render(
     figures_section = "## Figures\n\n" + _figures(figures or {})
     words = "## Words\n\n" + "".join(f"- **{word}**: {meaning}\n" for word, meaning in glossary("comparison").items())
     return "\n".join([*before_figures(result, changes), figures_section, *after_figures(result), words])
+
+
+def render_page(
+    result: ComparisonResult,
+    charts: Sequence[Chart],
+    changes: baseline.ResultChanges | None = None,
+    running: Sequence[str] = (),
+) -> str:
+    """Return the report as a page with the same sections; ``running``: labels of engines that are still running."""
+    head, *sections = before_figures(result, changes)
+    if running:
+        head += f"\n**Still running:** {', '.join(running)}. This page is about the others; reload it for these.\n"
+    return pages.render(
+        f"{result.title}: engines against the reference",
+        [head, *sections],
+        [on_page(chart) for chart in charts],
+        after_figures(result),
+        glossary("comparison"),
+        f"Lines join at most {MAX_LINE_POINTS} samples of a run; every number on this page comes from all of them.",
+    )
 
 
 def before_figures(result: ComparisonResult, changes: baseline.ResultChanges | None = None) -> list[str]:

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import FixedFormatter, FuncFormatter
 
-from looping_pendulum.compare import compare, plots
+from looping_pendulum.compare import compare
 from looping_pendulum.compare.convergence import result as convergence_result
 from looping_pendulum.compare.convergence.measure import ReferenceTarget
 from looping_pendulum.compare.result import ComparisonResult
@@ -34,6 +34,7 @@ from looping_pendulum.engines.trajectory import (
     TrajectoryEvent,
     from_samples,
 )
+from looping_pendulum.pages import drawing
 from looping_pendulum.reference_ode.geometry import light_position
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.transitions import Mode
@@ -221,7 +222,7 @@ def texts_alone(figure: Figure) -> bytes:
 @pytest.fixture
 def quick_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every figure is made, but only its texts are drawn: curves and layout take ten times as long."""
-    monkeypatch.setattr(plots, "png", texts_alone)
+    monkeypatch.setattr(drawing, "png", texts_alone)
     monkeypatch.setattr(identify_plots, "png", texts_alone)
 
 

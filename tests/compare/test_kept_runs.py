@@ -135,8 +135,8 @@ def test_a_run_without_samples_is_kept_too(kept, make_run):
 @pytest.fixture(autouse=True)
 def no_figures(monkeypatch):
     """Nothing here looks at figures, and they take a second each time."""
-    monkeypatch.setattr("looping_pendulum.compare.plots.draw", lambda result: {})
-    monkeypatch.setattr("looping_pendulum.compare.page.render", lambda *_: "")
+    monkeypatch.setattr("looping_pendulum.compare.figures.charts", lambda result: [])
+    monkeypatch.setattr("looping_pendulum.compare.report.render_page", lambda *_: "")
 
 
 @pytest.fixture

@@ -18,9 +18,8 @@ from looping_pendulum.compare.convergence.result import (
     LadderStudy,
     VariantStudy,
 )
-from looping_pendulum.compare.plots import legend_below, make_figure
 from looping_pendulum.files import file_stem, optional_output
-from looping_pendulum.pages.drawing import png, without_mathtext
+from looping_pendulum.pages.drawing import legend_below, make_figure, png, without_mathtext
 from looping_pendulum.pages.palette import COLOURS, GREY
 
 PATH_STYLES = dict(zip(PATH_END_TIMES, (("o", COLOURS[0]), ("s", COLOURS[1])), strict=True))
