@@ -29,7 +29,7 @@ def live(
 
     looping-pendulum live two_to_one
     """
-    from looping_pendulum.compare.stored import stored_result
+    from looping_pendulum.compare.trajectories import stored_result
     from looping_pendulum.errors import HarnessError
     from looping_pendulum.files import prepare_output_folder
     from looping_pendulum.live.write import write

@@ -66,7 +66,7 @@ def demo(
     from looping_pendulum.compare import write
     from looping_pendulum.compare.comparison import with_trial
     from looping_pendulum.compare.harness import chosen_engines
-    from looping_pendulum.compare.stored import stored_result
+    from looping_pendulum.compare.trajectories import stored_result
     from looping_pendulum.engines.protocol import Profile
     from looping_pendulum.files import prepare_output_folder
     from looping_pendulum.teaching import demo as pages

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from looping_pendulum.compare.baseline import ResultChanges
 from looping_pendulum.compare.comparison import compare
-from looping_pendulum.compare.export import residual_csv, trajectory_csv, trajectory_files
 from looping_pendulum.compare.result import ComparisonResult
+from looping_pendulum.compare.trajectories import residual_csv, trajectory_csv, trajectory_files
 from looping_pendulum.files import optional_output, write_atomically
 
 __all__ = ["ComparisonResult", "compare", "write", "write_page_meanwhile"]

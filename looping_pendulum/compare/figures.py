@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.compare.align import Aligned
+from looping_pendulum.compare.landmarks import quantity_label
 from looping_pendulum.compare.metrics import DEPARTURE_THRESHOLDS
-from looping_pendulum.compare.paper_table import PAPER_COLUMN, quantity_label
+from looping_pendulum.compare.report import PAPER_COLUMN
 from looping_pendulum.compare.result import ComparisonResult, MeasuredRow, ResultSamples
-from looping_pendulum.compare.trial import TrialComparison, distance
-from looping_pendulum.compare.trial_table import RESIDUAL_UNITS
-from looping_pendulum.compare.words import events_to_show
+from looping_pendulum.compare.stories import events_to_show
+from looping_pendulum.compare.trial import RESIDUAL_UNITS, TrialComparison, distance
 from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.files import optional_output
 from looping_pendulum.pages.chart import BLACK, LIGHT_GREY, Axis, Chart, Curve, Guide, Panel, reach, run_curve, tracked_points

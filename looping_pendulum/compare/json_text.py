@@ -20,17 +20,6 @@ from looping_pendulum.scenarios.document import quote, shorten
 T = TypeVar("T")
 
 REWRITE_HINT = "write it again with `looping-pendulum compare`"
-RENAMED_IN = 3
-"""Version of both schemas (`compare.result`, `compare.convergence.result`) that introduced the names of `RENAMED`."""
-RENAMED = {
-    "truth": "reference",
-    "truth_values": "reference_values",
-    "break_aways": "slip_onsets",
-    "halting_time_blur": "halting_time_uncertainty",
-}
-"""Key of an older file -> its name now."""
-RENAMED_EVENTS = {"break_away": "slip_onset", "break_away_time": "slip_onset_time"}
-"""Event or event quantity, a value of an older file -> its name now. Keys are apart from these: a title may be any word."""
 
 
 def plain(value: Any) -> Any:
@@ -104,22 +93,10 @@ def load(
     if not isinstance(schema.get("version"), int) or not 0 < schema["version"] <= version:
         mismatch = f"found version {quote(schema.get('version'))}, needed {version} or less"
         raise ResultError(f"{file}: schema: {mismatch}; update looping-pendulum")
-    # Only then: in a file of today, a title may be a word that was a name once
-    if schema["version"] < RENAMED_IN:
-        tree = _renamed(tree)
     try:
         return typing.cast(T, _build(cls, tree, ""))
     except ValueError as error:
         raise ResultError(f"{file}: not as documented: {error}; {rewrite_hint}") from None
-
-
-def _renamed(value: Any) -> Any:
-    """Return the content of an older file with today's names."""
-    if isinstance(value, dict):
-        return {RENAMED.get(key, key): _renamed(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_renamed(item) for item in value]
-    return RENAMED_EVENTS.get(value, value) if isinstance(value, str) else value
 
 
 MAX_NESTING = 64

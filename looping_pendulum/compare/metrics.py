@@ -9,7 +9,7 @@ import numpy as np
 
 from looping_pendulum.compare.align import Aligned, Reference, sample_reference
 from looping_pendulum.compare.result import Departure, Tube
-from looping_pendulum.compare.words import events_to_show, mode_description
+from looping_pendulum.compare.stories import events_to_show, mode_description
 from looping_pendulum.engines.landmarks import Landmarks
 from looping_pendulum.engines.trajectory import TrajectoryEvent, finite_length
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
@@ -160,7 +160,7 @@ class ComparedRun:
     tube: Tube
     """Result of `evaluate_tube`."""
     comparable: bool = True
-    """Whether both runs are long enough to compare their halting times (`comparability`)."""
+    """Whether both runs are long enough to compare their halting times (`landmarks.why_not_comparable`)."""
 
     def rms_until(self, end_time: float) -> float | None:
         """Return the root mean square of the light mass's deviation up to ``end_time`` [m]; see `rms_until`."""

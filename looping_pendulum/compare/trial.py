@@ -14,6 +14,7 @@ from types import MappingProxyType
 import numpy as np
 
 from looping_pendulum.engines.trajectory import Trajectory, finite_length, first_samples
+from looping_pendulum.pages.numbers import DisplayUnit
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.measured import MeasuredEventRow
 
@@ -36,6 +37,9 @@ OFFSET_SHARE = 0.7
 """Part of the RMS that is a constant offset, from which on the report speaks of the axes' origin."""
 MIN_OFFSET = 2e-3
 """Smallest constant offset that the report speaks of [m]: twice what a careful student's tracking is accurate to."""
+
+RESIDUAL_UNITS = {"m": DisplayUnit("mm", 1e3), "rad": DisplayUnit("deg", 57.29577951308232)}
+"""SI unit of a track -> unit in which its residuals are shown."""
 
 _PREDICTED: Mapping[str, Callable[[Trajectory], Array]] = MappingProxyType(
     {

@@ -64,8 +64,9 @@ class Guide:
     """A straight line across a panel."""
 
     x: float | None = None
-    """Where a vertical line stands; None: it is horizontal."""
+    """Where a vertical line stands."""
     y: float | None = None
+    """Where a horizontal line stands; one of the two is given."""
     text: str = ""
     """Words at the upper end of a vertical line."""
     colour: str = GREY

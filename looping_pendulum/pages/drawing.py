@@ -41,11 +41,11 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
         look: dict[str, Any] = {"color": guide.colour, "lw": 0.9, "zorder": GUIDES}
         if guide.dotted:
             look["dashes"] = (1, 2)
-        if guide.x is None:
+        if guide.y is not None:
             axes.axhline(guide.y, **look)
-        else:
+        if guide.x is not None:
             axes.axvline(guide.x, **look)
-            place = {"transform": axes.get_xaxis_transform(), "rotation": 40, "ha": "left", "va": "bottom"}
+            place: dict[str, Any] = {"transform": axes.get_xaxis_transform(), "rotation": 40, "ha": "left", "va": "bottom"}
             axes.text(guide.x, 1.01, guide.text, fontsize=8, color="0.25", **place)
     for order, curve in enumerate(panel.curves):
         look = curve_look(curve) | {"zorder": (MARKS if curve.marker in ("*", "x") else CURVES) + order / 1000}

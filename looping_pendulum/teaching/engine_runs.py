@@ -9,9 +9,8 @@ import numpy as np
 from looping_pendulum.compare.align import Aligned
 from looping_pendulum.compare.report import name
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, ResultSamples, SupplyEntry
-from looping_pendulum.compare.trial import distance
-from looping_pendulum.compare.trial_table import RESIDUAL_UNITS
-from looping_pendulum.compare.words import EVENT_DESCRIPTIONS, PHYSICS_DESCRIPTIONS, events_to_show
+from looping_pendulum.compare.stories import EVENT_DESCRIPTIONS, PHYSICS_DESCRIPTIONS, events_to_show
+from looping_pendulum.compare.trial import RESIDUAL_UNITS, distance
 from looping_pendulum.engines.landmarks import RELEASES_WITHOUT_STOPS, Landmarks
 from looping_pendulum.engines.protocol import physics_of
 from looping_pendulum.engines.tension import AVERAGING_TIME, tension_from_motion

@@ -19,7 +19,7 @@ from matplotlib.ticker import FixedFormatter, FuncFormatter
 
 from looping_pendulum.compare import compare
 from looping_pendulum.compare.convergence import result as convergence_result
-from looping_pendulum.compare.convergence.measure import ReferenceTarget
+from looping_pendulum.compare.convergence.study import ReferenceTarget
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.discrepancy.report import plots as identify_plots
 from looping_pendulum.engines.trajectory import (
@@ -38,6 +38,7 @@ from looping_pendulum.pages import drawing
 from looping_pendulum.reference_ode.geometry import light_position
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.transitions import Mode
+from looping_pendulum.scenarios.measured import MeasuredEventRow
 from looping_pendulum.scenarios.scenario import MeasuredTrial, Scenario, Tolerance
 from tests.compare import report_cells
 
@@ -175,7 +176,7 @@ def table() -> SimpleNamespace:
         ("wrap_angle_at_halt", 1, None, 4.0, "rad"),
         ("x1_extremum", 99, 0.34, 0.34, "s"),
     )
-    return SimpleNamespace(rows=[SimpleNamespace(**dict(zip(names, row, strict=True))) for row in rows])
+    return SimpleNamespace(rows=[MeasuredEventRow(**dict(zip(names, row, strict=True))) for row in rows])
 
 
 @pytest.fixture

@@ -16,11 +16,12 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare import compare, figures
-from looping_pendulum.compare.convergence import plots as convergence_plots
-from looping_pendulum.compare.convergence.ladder import SequenceKind
+from looping_pendulum.compare.convergence import report as convergence_plots
+from looping_pendulum.compare.convergence.result import SequenceKind
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.pages.drawing import draw
 from looping_pendulum.pages.figures import on_page
+from looping_pendulum.scenarios.measured import MeasuredEventRow
 from tests.compare import fingerprint
 
 STORED = Path(__file__).with_name("appearance.json")
@@ -45,9 +46,9 @@ def everything(measured_scenario, reference, make_run, missing, table):
     exact = make_run(engine="drake", profile="accurate")
     rows = [
         *table.rows,
-        SimpleNamespace(quantity="t_A", index=1, measured=0.33, paper_numerical=0.34, unit="s"),
-        SimpleNamespace(quantity="height_change_at_A", index=1, measured=-0.24, paper_numerical=None, unit="m"),
-        SimpleNamespace(quantity="time_light_reaches_rod", index=1, measured=1.0, paper_numerical=1.05, unit="s"),
+        MeasuredEventRow(quantity="t_A", index=1, measured=0.33, paper_numerical=0.34, unit="s"),
+        MeasuredEventRow(quantity="height_change_at_A", index=1, measured=-0.24, paper_numerical=None, unit="m"),
+        MeasuredEventRow(quantity="time_light_reaches_rod", index=1, measured=1.0, paper_numerical=1.05, unit="s"),
     ]
     return compare(measured_scenario, reference, [lower, crashed, exact, missing], SimpleNamespace(rows=rows))
 

@@ -10,7 +10,7 @@ import pytest
 
 from looping_pendulum.compare import compare, write
 from looping_pendulum.compare.run_cache import EndedRun, RunCache, Runner, RunTask, run_key
-from looping_pendulum.compare.stored import stored_result
+from looping_pendulum.compare.trajectories import stored_result
 from looping_pendulum.engines.trajectory import COLUMNS, RunStatus
 from looping_pendulum.reference_ode.transitions import Mode
 from tests.compare.delayed import DelayedEngine

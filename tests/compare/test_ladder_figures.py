@@ -7,9 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from looping_pendulum.compare.convergence import plots as convergence_plots
-from looping_pendulum.compare.convergence.ladder import SequenceKind
-from looping_pendulum.compare.convergence.result import HALT, PATH_END_TIMES
+from looping_pendulum.compare.convergence import report as convergence_plots
+from looping_pendulum.compare.convergence.result import HALT, PATH_END_TIMES, SequenceKind
 
 EARLY, LATE = PATH_END_TIMES
 

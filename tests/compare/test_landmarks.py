@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.compare.reference_landmarks import reference_landmarks
+from looping_pendulum.compare.landmarks import reference_landmarks
 from looping_pendulum.engines.landmarks import extrema, run_landmarks
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Reference, ReferenceEngine

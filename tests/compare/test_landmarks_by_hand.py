@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.compare.reference_landmarks import SampledReference, reference_event_times, reference_landmarks
+from looping_pendulum.compare.landmarks import SampledReference, reference_event_times, reference_landmarks
 from looping_pendulum.engines.landmarks import extrema, run_landmarks
 from looping_pendulum.engines.string_motion import RESOLUTIONS, slip_distance
 from looping_pendulum.engines.trajectory import RunStatus, TrajectoryEvent, finite_length, first_samples

@@ -8,8 +8,8 @@ import pint
 import pytest
 
 from looping_pendulum.compare import compare
+from looping_pendulum.compare.comparison import judge_tolerance
 from looping_pendulum.compare.report import limit_and_value
-from looping_pendulum.compare.tolerances import judge_tolerance
 from looping_pendulum.scenarios import json_schema, load_text
 from looping_pendulum.scenarios.metrics import METRICS, metric_called
 from scripts.metrics_page import PAGE, page

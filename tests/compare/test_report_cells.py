@@ -9,15 +9,16 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare import compare, report
-from looping_pendulum.compare.export import trajectory_csv, trajectory_files
-from looping_pendulum.compare.halting_table import render as render_halts
-from looping_pendulum.compare.paper_table import render as render_paper
-from looping_pendulum.compare.result import InferredEntry, ToleranceOutcome, WallTime
+from looping_pendulum.compare.report import halting_section as render_halts
+from looping_pendulum.compare.report import measured_events_table as render_paper
+from looping_pendulum.compare.result import ToleranceOutcome, WallTime
 from looping_pendulum.compare.tables import table as markdown
+from looping_pendulum.compare.trajectories import trajectory_csv, trajectory_files
 from looping_pendulum.engines.landmarks import Landmarks, Rebound
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import metrics
+from looping_pendulum.scenarios.scenario import Inference
 from tests.compare.report_cells import (
     BAD,
     FEARED,
@@ -169,8 +170,8 @@ def test_the_provenance_names_settings_seed_and_what_was_inferred(result):
     (engine,) = result.engines
     made = dataclasses.replace(engine.provenance, settings={"dt": 1 / 3, "n": 7}, seed=0, versions={"a": "1", "b": "2"})
     inferred = (
-        InferredEntry(parameters=("mu", "k"), how="Fitted.", script="fit.py"),
-        InferredEntry(parameters=("m",), how="Weighed.", script=""),
+        Inference(parameters=("mu", "k"), how="Fitted.", script="fit.py"),
+        Inference(parameters=("m",), how="Weighed.", script=""),
     )
     text = report.render(dataclasses.replace(with_engine(result, provenance=made), inferred=inferred))
     section = text[text.index("## Provenance") : text.index("## Times")]

@@ -7,8 +7,8 @@ import math
 
 import pytest
 
-from looping_pendulum.compare.halting_table import render as render_halts
-from looping_pendulum.compare.paper_table import render as render_paper
+from looping_pendulum.compare.report import halting_section as render_halts
+from looping_pendulum.compare.report import measured_events_table as render_paper
 from looping_pendulum.engines.landmarks import Extremum, HaltingTimeAt, Landmarks
 from looping_pendulum.engines.string_motion import RESOLUTIONS
 from tests.compare.report_cells import (

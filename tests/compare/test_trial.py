@@ -11,10 +11,10 @@ import pytest
 
 from looping_pendulum.compare import compare, figures, report
 from looping_pendulum.compare.comparison import with_trial
-from looping_pendulum.compare.export import residual_csv
+from looping_pendulum.compare.report import residual_rows
 from looping_pendulum.compare.result import ComparisonResult
+from looping_pendulum.compare.trajectories import residual_csv
 from looping_pendulum.compare.trial import MeasuredTrack, MeasuredTrial
-from looping_pendulum.compare.trial_table import residual_rows
 from looping_pendulum.scenarios.measured import MeasuredEventRow
 from tests.compare.conftest import rows as closed_form_rows
 

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from looping_pendulum.cli import main as cli
 from looping_pendulum.cli import teaching as cli_teaching
 from looping_pendulum.compare import ComparisonResult, write
-from looping_pendulum.compare.stored import stored_result
+from looping_pendulum.compare.trajectories import stored_result
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.scenarios import load

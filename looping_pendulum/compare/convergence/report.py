@@ -1,26 +1,37 @@
-"""Renders the report of a convergence study in Markdown from its result alone."""
+"""Renders the report of a convergence study in Markdown, and its figures, one per ladder, from its result alone."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
-from looping_pendulum.compare.convergence.ladder import ErrorCause, SequenceKind
+import numpy as np
+
 from looping_pendulum.compare.convergence.result import (
     DROP,
     HALT,
     PATH_END_TIMES,
     ConvergenceResult,
     ConvergenceVerdict,
+    ErrorCause,
     ErrorSplit,
     LadderStudy,
     RunSummary,
+    SequenceKind,
     VariantStudy,
     VariationStudy,
 )
 from looping_pendulum.compare.tables import GAP, fixed, number, signed, table
 from looping_pendulum.errors import EngineError
+from looping_pendulum.files import file_stem, optional_output
+from looping_pendulum.pages.drawing import legend_below, make_figure, png, without_mathtext
 from looping_pendulum.pages.numbers import DISPLAY_UNITS, quantity
+from looping_pendulum.pages.palette import COLOURS, GREY
 from looping_pendulum.scenarios.units import pretty
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 QUANTITY_LABELS = {
     "path_0.35s": "path to 0.35 s",
@@ -330,3 +341,93 @@ def _wall_times(result: ConvergenceResult) -> str:
     total = sum(one.seconds or 0.0 for one in result.clock.run_times)
     runs = f"{len(result.clock.run_times)} runs took {total:.0f} s in total"
     return f"Written {result.clock.written}. {runs}; several ran at the same time, so this is not a benchmark.\n"
+
+
+PATH_STYLES = dict(zip(PATH_END_TIMES, (("o", COLOURS[0]), ("s", COLOURS[1])), strict=True))
+"""Path quantity -> marker and colour."""
+
+
+def draw(result: ConvergenceResult) -> dict[str, tuple[str, str, bytes]]:
+    """Draw every figure that the result has data for: file name -> (label of the variant, caption, PNG)."""
+    figures = {}
+    for v in result.variants:
+        for ladder in v.ladders:
+            # A line needs two points, and a logarithmic axis positive values
+            if sum(rung.value > 0 and any(rung.run.rms[path] for path in PATH_END_TIMES) for rung in ladder.rungs) > 1:
+                name = f"{file_stem(v.label, v.profile, ladder.setting)}.png"
+                caption = (
+                    f"{v.label}: error against the reference (full) and against its own limit (dashed) as {ladder.setting} "
+                    "is refined to the right; below, the halting time's error."
+                )
+                with optional_output(f"figures/{name}"):
+                    figures[name] = v.label, caption, png(ladder_figure(v, ladder))
+    return figures
+
+
+def ladder_figure(v: VariantStudy, ladder: LadderStudy) -> Figure:
+    """Draw the errors from the reference and from the ladder's limit against the setting; below, the halting time's error."""
+    halts = any(rung.run.halting_time_error is not None for rung in ladder.rungs)
+    figure, axes = make_figure(7.6, 6.6 if halts else 4.8, rows=(3, 2) if halts else (1,))
+    verdicts = {one.quantity: one for one in ladder.verdicts}
+    _errors(axes[0], v, ladder, verdicts)
+    if halts:
+        _halts(axes[1], v, ladder, verdicts[HALT])
+    last = axes[-1]
+    last.set_xscale("log")
+    values = [rung.value for rung in ladder.rungs if rung.value > 0]
+    # Finer settings are always on the right
+    if values[0] > values[-1]:
+        last.invert_xaxis()
+    last.set_xlabel(f"{ladder.setting}{f' [{ladder.unit}]' if ladder.unit else ''}, finer to the right")
+    axes[0].set_title(without_mathtext(f"{v.label}, {v.profile}: {ladder.setting}"))
+    legend_below(figure, columns=2)
+    return figure
+
+
+def _errors(axes: Axes, v: VariantStudy, ladder: LadderStudy, verdicts: dict[str, ConvergenceVerdict]) -> None:
+    for name, (marker, colour) in PATH_STYLES.items():
+        words, verdict = f"to {PATH_END_TIMES[name]:g} s", verdicts[name]
+        how: dict[str, Any] = {"marker": marker, "color": colour, "ms": 5}
+        axes.plot(*_points(ladder, [r.run.rms[name] for r in ladder.rungs]), label=f"from the reference, {words}", **how)
+        if verdict.kind in (SequenceKind.CONVERGES, SequenceKind.SETTLED):
+            order = "" if verdict.order is None else f", order {verdict.order:.2g}"
+            to_limit = _points(ladder, [r.to_limit[name] for r in ladder.rungs])
+            axes.plot(*to_limit, dashes=(4, 2), mfc="white", label=f"from its own limit, {words}{order}", **how)
+        spread = v.spread[name]
+        if spread is not None and spread > 0:
+            axes.axhline(spread * 1e3, color=colour, lw=0.8, dashes=(1, 2), label=f"spread of small changes, {words}")
+    if ladder.own:
+        axes.axvline(ladder.own, color=GREY, lw=0.9, zorder=1, label="the variant's own setting")
+    axes.set_yscale("log")
+    axes.set_ylabel("RMS distance of the light mass [mm]")
+
+
+def _halts(axes: Axes, v: VariantStudy, ladder: LadderStudy, verdict: ConvergenceVerdict) -> None:
+    known = [
+        (r.value, r.run.halting_time_error * 1e3) for r in ladder.rungs if r.value > 0 and r.run.halting_time_error is not None
+    ]
+    x, y = np.array(known).T
+    spread = v.spread[HALT]
+    bars = None if spread is None else np.full(len(x), 2 * spread * 1e3)
+    axes.errorbar(
+        x,
+        y,
+        yerr=bars,
+        fmt="D-",
+        ms=4,
+        color=COLOURS[2],
+        capsize=3,
+        label="halting time less the reference's; bars: twice its spread",
+    )
+    if verdict.limit_error is not None and verdict.uncertainty is not None:
+        middle, half = verdict.limit_error * 1e3, verdict.uncertainty * 1e3
+        axes.axhspan(middle - half, middle + half, color=COLOURS[2], alpha=0.15, lw=0, label="its limit, 95 %")
+    axes.axhline(0, color="black", lw=1.0)
+    if ladder.own:
+        axes.axvline(ladder.own, color=GREY, lw=0.9, zorder=1)
+    axes.set_ylabel("halting time,\nengine less reference [ms]")
+
+
+def _points(ladder: LadderStudy, values: Sequence[float | None]) -> tuple[list[float], list[float]]:
+    pairs = [(r.value, value * 1e3) for r, value in zip(ladder.rungs, values, strict=True) if value and r.value > 0]
+    return [x for x, _ in pairs], [y for _, y in pairs]
