@@ -43,6 +43,9 @@ from looping_pendulum.scenarios.measured import MeasuredEventRow, MeasuredEventT
 from looping_pendulum.scenarios.metrics import METRICS
 from looping_pendulum.scenarios.scenario import Scenario, Tolerance
 
+NOT_RUN_STATUSES = frozenset({RunStatus.MISSING, RunStatus.UNSUPPORTED, RunStatus.INTERRUPTED})
+"""Statuses of a run that was not made or not finished for reasons outside the engine: its tolerances neither pass nor fail."""
+
 
 def compare(
     scenario: Scenario, reference: Reference, trajectories: Sequence[Trajectory], measured: MeasuredEventTable | None = None
@@ -200,10 +203,6 @@ def _measured(
         )
         for row in rows
     )
-
-
-NOT_RUN_STATUSES = frozenset({RunStatus.MISSING, RunStatus.UNSUPPORTED, RunStatus.INTERRUPTED})
-"""Statuses of a run that was not made or not finished for reasons outside the engine: its tolerances neither pass nor fail."""
 
 
 def judge(tolerances: Iterable[Tolerance], engines: Iterable[EngineResult]) -> tuple[ToleranceResult, ...]:

@@ -136,10 +136,6 @@ def _refuse_unwritable(tree: Any) -> None:
     raise ValueError(f"found more than {MAX_NESTING} levels of nesting, needed a result")
 
 
-def _has_no_default(field: dataclasses.Field[Any]) -> bool:
-    return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
-
-
 _TYPE_NAMES = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
 
 
@@ -178,7 +174,8 @@ def _build_dataclass(kind: Any, group: dict[str, Any], where: str) -> Any:
     hints = typing.get_type_hints(kind)
     fields = [f for f in dataclasses.fields(kind) if f.compare]
     for f in fields:
-        if f.name not in group and _has_no_default(f):
+        required = f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
+        if required and f.name not in group:
             raise ValueError(f"{where}: found no {f.name!r}, needed it".removeprefix(": "))
     # A key with a default may be missing, in a file that is older than the key.
     return kind(

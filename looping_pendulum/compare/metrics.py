@@ -176,7 +176,8 @@ class ComparedRun:
         both_halt = self.landmarks.halting_time is not None and self.reference_landmarks.halting_time is not None
         if not (self.comparable and both_halt):
             return None
-        return _difference(getattr(self.landmarks, landmark), getattr(self.reference_landmarks, landmark))
+        own, expected = getattr(self.landmarks, landmark), getattr(self.reference_landmarks, landmark)
+        return None if own is None or expected is None else _number(own - expected)
 
     @property
     def rebound(self) -> float | None:
@@ -205,10 +206,6 @@ class ComparedRun:
 def metrics(run: ComparedRun) -> dict[str, float | None]:
     """Return every metric of one run, SI; None where it is not defined."""
     return {name: metric.value(run) for name, metric in METRICS.items()}
-
-
-def _difference(own: float | None, expected: float | None) -> float | None:
-    return None if own is None or expected is None else _number(own - expected)
 
 
 def _number(value: float) -> float | None:

@@ -31,6 +31,22 @@ from looping_pendulum.scenarios.metrics import METRICS, RMS_END_TIMES, metric_ca
 # Not "no" alone, with which "not run" and "no limits declared" begin as well
 FAILING_PREFIXES = ("no:", "no (")
 """Beginnings of the table cells that say that an engine is outside tolerance; the report shows them in bold."""
+AXES = {"light_x": "right", "heavy_x": "right", "light_y": "up", "heavy_y": "up", "wrap_angle": "ahead"}
+"""Channel -> direction in which it grows."""
+# Two decimals more than the paper prints for times and lengths, so that smaller differences show, too
+DECIMALS = {"s": 4, "m": 4, "rad": 3}
+PAPER_COLUMN = "paper's numerical"
+"""Column of the paper's own simulation, which only the paper's trials have."""
+HALT_AGREEMENT = 5e-4
+"""Largest difference of two halting times that are called equal [s]: half a sample interval."""
+HALT_DEFINITION = (
+    f"A string halts when it stops sliding and does not slide by more than {quantity(RESOLUTION, 'm')} again until the "
+    "light mass reaches the rod, or the run ends. The time is read from samples, in the same way for the reference and for "
+    "every engine: from the string's slip over the rod where the engine reports it, otherwise from the heavy mass's "
+    "height. The table gives it for several resolutions. Its uncertainty is how far it moves if the "
+    f"{quantity(RESOLUTION, 'm')} are taken a quarter larger or smaller. The last columns give the rebound: how far and "
+    f"how fast the string still moves after the time from which on it stays within {quantity(FIRST_REST_RESOLUTION, 'm')}."
+)
 
 
 def render(
@@ -291,10 +307,6 @@ def _times(result: ComparisonResult) -> str:
     return note + table(head, rows)
 
 
-AXES = {"light_x": "right", "heavy_x": "right", "light_y": "up", "heavy_y": "up", "wrap_angle": "ahead"}
-"""Channel -> direction in which it grows."""
-
-
 def residual_rows(result: ComparisonResult) -> tuple[list[str], list[list[str]]]:
     """Return header and rows of the residuals as plain text, the reference first; empty without tracked points."""
     if result.trial is None or not result.trial.tracks:
@@ -355,14 +367,6 @@ def trial_section(result: ComparisonResult) -> list[str]:
 def _code(text: str) -> str:
     """Return ``text`` for Markdown's code, which a backtick would end."""
     return " ".join(text.split()).replace("`", "'")
-
-
-# Two decimals more than the paper prints for times and lengths, so that smaller differences show, too
-DECIMALS = {"s": 4, "m": 4, "rad": 3}
-
-
-PAPER_COLUMN = "paper's numerical"
-"""Column of the paper's own simulation, which only the paper's trials have."""
 
 
 def measured_events_table(result: ComparisonResult, *, source: bool = True) -> str:
@@ -465,18 +469,6 @@ def _delay_cell(value: float | None, reference: float | None, end: float) -> str
     if value is None:
         return "after its end" if reference is not None and reference > end else GAP
     return f"at {value:.4f} s" if reference is None else signed(value - reference, 1e3)
-
-
-HALT_AGREEMENT = 5e-4
-"""Largest difference of two halting times that are called equal [s]: half a sample interval."""
-HALT_DEFINITION = (
-    f"A string halts when it stops sliding and does not slide by more than {quantity(RESOLUTION, 'm')} again until the "
-    "light mass reaches the rod, or the run ends. The time is read from samples, in the same way for the reference and for "
-    "every engine: from the string's slip over the rod where the engine reports it, otherwise from the heavy mass's "
-    "height. The table gives it for several resolutions. Its uncertainty is how far it moves if the "
-    f"{quantity(RESOLUTION, 'm')} are taken a quarter larger or smaller. The last columns give the rebound: how far and "
-    f"how fast the string still moves after the time from which on it stays within {quantity(FIRST_REST_RESOLUTION, 'm')}."
-)
 
 
 def halting_section(result: ComparisonResult) -> list[str]:

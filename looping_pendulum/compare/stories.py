@@ -38,6 +38,12 @@ PHYSICS_DESCRIPTIONS = {
     "static_friction": "a static friction other than the kinetic one",
 }
 """Name of a piece of physics, as in `Abilities.lacks` and `Supplies` -> its description."""
+HALT_ON_TIME = 1e-5
+"""Difference of halting times [s] up to which a run halts on time: from samples, stops are located to about that."""
+STRETCH_SHARE = 0.5
+"""Stretch of the string, as a share of the deviation, from which on it is named as a likely cause."""
+REST_PHYSICS = ("stick_slip", STATIC_FRICTION)
+"""Names of the physics that acts only once the string has come to rest."""
 
 
 def events_to_show(events: Iterable[tuple[str, float]]) -> list[tuple[str, float]]:
@@ -70,16 +76,6 @@ def mode_description(mode: int) -> str:
         Mode.ENDED: "the reference ends",
     }
     return "the mode of the reference is unknown" if mode == UNKNOWN_MODE else descriptions[Mode(mode)]
-
-
-HALT_ON_TIME = 1e-5
-"""Difference of halting times [s] up to which a run halts on time: from samples, stops are located to about that."""
-
-STRETCH_SHARE = 0.5
-"""Stretch of the string, as a share of the deviation, from which on it is named as a likely cause."""
-
-REST_PHYSICS = ("stick_slip", STATIC_FRICTION)
-"""Names of the physics that acts only once the string has come to rest."""
 
 
 def story(

@@ -51,6 +51,8 @@ CSV_COLUMNS: tuple[tuple[str, Callable[[Trajectory], np.ndarray]], ...] = (
     ("heavy_tension [N]", lambda run: unknown_as_nan(run.heavy_tension, run)),
 )
 """Header with unit, and the function that gives the column; a last column ``mode`` has the name of the mode."""
+RETRIED_STATUSES = (RunStatus.INTERRUPTED, RunStatus.TIME_LIMIT, RunStatus.MEMORY_LIMIT)
+"""Statuses of runs that are made again, because another try may succeed."""
 
 
 def trajectory_csv(run: Trajectory) -> str:
@@ -90,10 +92,6 @@ def trajectory_files(result: ComparisonResult) -> list[str]:
     return [f"{stem}.csv" for stem in file_stems([("reference",), *((e.label, e.profile) for e in result.engines)])[1:]]
 
 
-RETRIED_STATUSES = (RunStatus.INTERRUPTED, RunStatus.TIME_LIMIT, RunStatus.MEMORY_LIMIT)
-"""Statuses of runs that are made again, because another try may succeed."""
-
-
 def stored_result(folder: Path, scenario: Scenario, engines: Sequence[Engine] | None) -> ComparisonResult | None:
     """Return the comparison in ``folder``, with trajectories, if it is of these ``engines`` on this ``scenario``.
 
@@ -105,19 +103,15 @@ def stored_result(folder: Path, scenario: Scenario, engines: Sequence[Engine] | 
         wanted = scenario.name, scenario.title, scenario.description, plain(scenario.parameters.as_dict()), scenario.duration
         if (result.scenario, result.title, result.description, result.parameters, result.duration) != wanted:
             return None
-        if engines is not None and not _is_of_engines(result, scenario, engines):
-            return None
+        if engines is not None:
+            if result.run_keys != tuple(run_key(engine, scenario) for engine in engines):
+                return None
+            if any(RunStatus[engine.status] in RETRIED_STATUSES for engine in result.engines):
+                return None
         return replace(result, samples=_samples(result, folder / "trajectories"))
     # Whatever is wrong with the files, making the runs again repairs it
     except (OSError, ValueError, KeyError, IndexError, ResultError):
         return None
-
-
-def _is_of_engines(result: ComparisonResult, scenario: Scenario, engines: Sequence[Engine]) -> bool:
-    """Return whether the runs are those that these engines would make."""
-    if result.run_keys != tuple(run_key(engine, scenario) for engine in engines):
-        return False
-    return not any(RunStatus[engine.status] in RETRIED_STATUSES for engine in result.engines)
 
 
 def _samples(result: ComparisonResult, folder: Path) -> ResultSamples:

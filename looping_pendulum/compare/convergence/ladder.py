@@ -105,7 +105,8 @@ def classify_sequence(h: Array, values: Sequence[Array], *, floor: float = 0.0, 
         Standard deviation under small changes of the start; changes within it are not evidence of convergence.
     """
     if len(values) < MIN_RUNGS:
-        return SequenceFinding(kind=SequenceKind.UNKNOWN, why=_too_few(len(values)))
+        have = "run has" if len(values) == 1 else "runs have"
+        return SequenceFinding(kind=SequenceKind.UNKNOWN, why=f"{len(values)} {have} a value, {MIN_RUNGS} are needed")
     settled = _settled(values, floor)
     # The rungs that still move, and the first that does not: their power law has to lead there
     moving = len(values) - settled + 1
@@ -138,10 +139,6 @@ def classify_sequence(h: Array, values: Sequence[Array], *, floor: float = 0.0, 
         uncertainty=math.hypot(half_width, drift, floor),
         scatter=scatter,
     )
-
-
-def _too_few(count: int) -> str:
-    return f"{count} {'run has' if count == 1 else 'runs have'} a value, {MIN_RUNGS} are needed"
 
 
 def _settled(values: Sequence[Array], floor: float) -> int:

@@ -11,6 +11,7 @@ from looping_pendulum.compare.convergence.result import (
     DROP,
     HALT,
     PATH_END_TIMES,
+    QUANTITIES,
     ConvergenceResult,
     ConvergenceVerdict,
     ErrorCause,
@@ -66,6 +67,10 @@ HOW_TO_READ_LADDERS = """\
   the start move it as much as refinement does, so that nothing is left to converge.
 - **–**: fewer than three rungs have a value.
 """
+ERROR_COLUMNS = ("RMS to 0.35 s [mm]", "to 0.7 s [mm]", "halting error [ms]", "drop error [mm]", "remark")
+CHANGE_COLUMNS = ("change of the path to 0.35 s [mm]", "to 0.7 s [mm]", "of the halting time [ms]", "remark")
+PATH_STYLES = dict(zip(PATH_END_TIMES, (("o", COLOURS[0]), ("s", COLOURS[1])), strict=True))
+"""Path quantity -> marker and colour."""
 
 
 def render(result: ConvergenceResult, figures: Mapping[str, tuple[str, str]] | None = None) -> str:
@@ -76,6 +81,8 @@ def render(result: ConvergenceResult, figures: Mapping[str, tuple[str, str]] | N
     figures
         Path of a figure, from the report's folder -> (label of its variant, caption).
     """
+    total = sum(one.seconds or 0.0 for one in result.clock.run_times)
+    runs = f"{len(result.clock.run_times)} runs took {total:.0f} s in total"
     sections = [
         f"# {result.title}: what the engines' errors are made of\n\n{opening(result)}",
         "## Verdict\n\n" + splits_table(result),
@@ -85,7 +92,7 @@ def render(result: ConvergenceResult, figures: Mapping[str, tuple[str, str]] | N
         "## Hidden defaults\n\n" + defaults_table(result),
         "## The adapter's choices and their alternatives\n\n" + choices_table(result),
         "## Provenance\n\n" + provenance_table(result),
-        "## Wall times\n\n" + _wall_times(result),
+        f"## Wall times\n\nWritten {result.clock.written}. {runs}; several ran at the same time, so this is not a benchmark.\n",
     ]
     return "\n".join(sections)
 
@@ -117,7 +124,7 @@ def splits_table(result: ConvergenceResult, quantities: Sequence[str] = (EARLY, 
     """Return one table per quantity with the parts of every variant's error."""
     parts = []
     for name in quantities:
-        unit, scale = DISPLAY_UNITS[_unit(result, name)]
+        unit, scale = DISPLAY_UNITS[QUANTITIES[name]]
         head = [
             "variant",
             "main cause",
@@ -131,10 +138,6 @@ def splits_table(result: ConvergenceResult, quantities: Sequence[str] = (EARLY, 
         rows = [_split_row(v, name, scale) for v in result.variants]
         parts.append(f"### {QUANTITY_LABELS[name][0].upper()}{QUANTITY_LABELS[name][1:]}\n\n{table(head, rows, left=2)}")
     return "\n".join(parts)
-
-
-def _unit(result: ConvergenceResult, quantity: str) -> str:
-    return next((s.unit for v in result.variants for s in v.splits if s.quantity == quantity), "s" if quantity == HALT else "m")
 
 
 def _split_row(v: VariantStudy, name: str, scale: float) -> list[str]:
@@ -168,8 +171,11 @@ def _fault(run: RunSummary) -> str:
 
 def halting_table(result: ConvergenceResult) -> str:
     """Return a table of whether each variant's halting time converges, and to within what."""
-    head = ["variant", "converges?", "halting error [ms]", "spread [ms]"]
-    return table(head, [_halting_row(v) for v in result.variants], left=2)
+    rows = []
+    for v in result.variants:
+        error = "does not halt" if v.own.ok and v.own.halting_time is None else signed(v.own.halting_time_error, 1e3)
+        rows.append([v.label, halting_verdict(v), error, number(v.spread[HALT], 1e3, 2)])
+    return table(["variant", "converges?", "halting error [ms]", "spread [ms]"], rows, left=2)
 
 
 def halting_verdict(v: VariantStudy) -> str:
@@ -197,11 +203,6 @@ def halting_verdict(v: VariantStudy) -> str:
     )
 
 
-def _halting_row(v: VariantStudy) -> list[str]:
-    error = "does not halt" if v.own.ok and v.own.halting_time is None else signed(v.own.halting_time_error, 1e3)
-    return [v.label, halting_verdict(v), error, number(v.spread[HALT], 1e3, 2)]
-
-
 def _variant(v: VariantStudy, figures: Mapping[str, tuple[str, str]]) -> str:
     parts = [f"## {v.label}, {v.profile}\n\n{v.summary.rstrip('.')}. At its own settings: {v.own.why}.\n"]
     parts += [_ladder(ladder) for ladder in v.ladders] or [f"The adapter offers no ladder ({LADDERS}).\n"]
@@ -213,10 +214,6 @@ def _variant(v: VariantStudy, figures: Mapping[str, tuple[str, str]]) -> str:
             + table(["start", *ERROR_COLUMNS], rows)
         )
     return "\n".join(parts)
-
-
-ERROR_COLUMNS = ("RMS to 0.35 s [mm]", "to 0.7 s [mm]", "halting error [ms]", "drop error [mm]", "remark")
-CHANGE_COLUMNS = ("change of the path to 0.35 s [mm]", "to 0.7 s [mm]", "of the halting time [ms]", "remark")
 
 
 def _error_cells(run: RunSummary) -> list[str]:
@@ -242,8 +239,10 @@ def _ladder(ladder: LadderStudy) -> str:
         "to 0.7 s [mm]",
         "distance to 0.7 s from the finest rung [mm]",
         "from its own limit [mm]",
+        "halting time [s]",
+        "halting error [ms]",
+        "remark",
     ]
-    head += ["halting time [s]", "halting error [ms]", "remark"]
     rows = []
     for rung in ladder.rungs:
         run = rung.run
@@ -271,8 +270,9 @@ def defaults_table(result: ConvergenceResult) -> str:
         "what the setting does",
         "change of the halting time [ms]",
         "RMS to 0.35 s, adapter's value [mm]",
+        "RMS to 0.35 s, default [mm]",
+        "remark",
     ]
-    head += ["RMS to 0.35 s, default [mm]", "remark"]
     rows = []
     for v in result.variants:
         for one in v.defaults:
@@ -290,7 +290,7 @@ def choices_table(result: ConvergenceResult) -> str:
 
 def ladders_table(result: ConvergenceResult) -> str:
     """Return a table with a row per ladder: its ends, and how each quantity behaves along it."""
-    units = {name: DISPLAY_UNITS[_unit(result, name)][0] for name in (EARLY, LATE, HALT)}
+    units = {name: DISPLAY_UNITS[QUANTITIES[name]][0] for name in (EARLY, LATE, HALT)}
     head = ["variant", "setting", "from", "to", "rungs", *(f"{QUANTITY_LABELS[name]} [{units[name]}]" for name in units)]
     rows = []
     for v in result.variants:
@@ -335,16 +335,6 @@ def provenance_table(result: ConvergenceResult) -> str:
         settings.append(f"- **{v.label}**: {each or GAP}\n")
     head = ["variant", "versions", *physics]
     return f"{table(head, rows, left=len(head))}\nSettings, in SI units:\n\n{''.join(settings)}"
-
-
-def _wall_times(result: ConvergenceResult) -> str:
-    total = sum(one.seconds or 0.0 for one in result.clock.run_times)
-    runs = f"{len(result.clock.run_times)} runs took {total:.0f} s in total"
-    return f"Written {result.clock.written}. {runs}; several ran at the same time, so this is not a benchmark.\n"
-
-
-PATH_STYLES = dict(zip(PATH_END_TIMES, (("o", COLOURS[0]), ("s", COLOURS[1])), strict=True))
-"""Path quantity -> marker and colour."""
 
 
 def draw(result: ConvergenceResult) -> dict[str, tuple[str, str, bytes]]:

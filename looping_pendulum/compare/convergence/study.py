@@ -52,7 +52,7 @@ from looping_pendulum.engines.memory import MEMORY_LIMIT
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import label
-from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies
+from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder
 from looping_pendulum.engines.trajectory import supplies_as_rows
 from looping_pendulum.errors import EngineError
 from looping_pendulum.files import write_atomically
@@ -71,6 +71,12 @@ The changes are far smaller than anybody could set up a real apparatus to.
 """
 WATCH_AFTER_HALT = 0.1
 """Simulated time after the reference's halt, so that the rest can be confirmed [s]."""
+PATH_FLOOR = 1e-9
+"""Smallest change of a path that counts [m]: a nanometre."""
+NUMBER_FLOOR = 1e-6
+"""Smallest change of the halting time [s] or of the drop at the halt [m] that counts."""
+SAMPLE_SHIFTS = 8
+"""Number of shifts of the sampling grid, within one interval, with which the reference's own halt is read from samples."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +84,6 @@ class StudyPlan:
     """Runs that the study of one variant consists of."""
 
     engine: Engine
-    studies: Studies
     own: RunTask
     starts: tuple[tuple[str, RunTask], ...]
     ladders: tuple[tuple[Ladder, tuple[RunTask, ...]], ...]
@@ -140,7 +145,6 @@ def plan_variant(engine: Engine, scenario: Scenario, starts: Sequence[tuple[str,
         ladders.append((ladder, tuple(rungs)))
     return StudyPlan(
         engine=engine,
-        studies=studies,
         own=task(engine, "at its own settings"),
         starts=tuple((what, task(engine, what, where)) for what, where in starts),
         ladders=tuple(ladders),
@@ -232,7 +236,8 @@ def evaluate_variant(
     own = measured(plan.own)
     # Each against its own reference: the spread is that of the engine's error, not that of the motion
     starts = [(what, measured(task, changed_references[what])) for what, task in plan.starts]
-    spread = {name: _spread(name, [own, *(m for _, m in starts)]) for name in QUANTITIES}
+    errors = [own.errors, *(run.errors for _, run in starts)]
+    spread = {name: deviation([value for each in errors if (value := each[name]) is not None]) for name in QUANTITIES}
     results = [
         evaluate_ladder(ladder, tuple(measured(task) for task in tasks), plan.engine, spread, floors)
         for ladder, tasks in plan.ladders
@@ -310,11 +315,6 @@ def _variation(what: str, ours: str, other: str, effect: str, own: MeasuredRun, 
     return VariationStudy(what=what, ours=ours, other=other, effect=effect, run=run.summary, change=changes)
 
 
-def _spread(quantity: str, runs: Sequence[MeasuredRun]) -> float | None:
-    """Return the standard deviation of the errors of runs whose starts differ a little; None for fewer than three."""
-    return deviation([value for run in runs if (value := run.errors[quantity]) is not None])
-
-
 def write(result: ConvergenceResult, folder: Path) -> Path:
     """Write convergence.md, convergence.json and the figures below ``folder``; return the report's path."""
     from looping_pendulum.compare.convergence.report import draw, render
@@ -328,13 +328,6 @@ def write(result: ConvergenceResult, folder: Path) -> Path:
     write_atomically(report, render(result, captions))
     return report
 
-
-PATH_FLOOR = 1e-9
-"""Smallest change of a path that counts [m]: a nanometre."""
-NUMBER_FLOOR = 1e-6
-"""Smallest change of the halting time [s] or of the drop at the halt [m] that counts."""
-SAMPLE_SHIFTS = 8
-"""Number of shifts of the sampling grid, within one interval, with which the reference's own halt is read from samples."""
 
 Errors = Mapping[str, Array | None]
 """Quantity -> engine less reference, shape (samples, components); a number is one sample of one component. None: no value."""
@@ -371,7 +364,9 @@ def floors(target: ReferenceTarget) -> dict[str, float]:
 
     For the values of the halt it is the largest error of reading the reference's own halt from samples on shifted grids.
     """
-    grid, worst = _grid(target.scenario), {HALT: NUMBER_FLOOR, DROP: NUMBER_FLOOR}
+    samples = round(target.scenario.duration / SAMPLE_INTERVAL) + 1
+    grid = np.arange(samples, dtype=np.float64) * SAMPLE_INTERVAL
+    worst = {HALT: NUMBER_FLOOR, DROP: NUMBER_FLOOR}
     for shift in np.arange(SAMPLE_SHIFTS) / SAMPLE_SHIFTS * SAMPLE_INTERVAL:
         # Without the last time, which a shift would move beyond the end
         run = target.reference(grid[:-1] + shift)
@@ -385,10 +380,6 @@ def floors(target: ReferenceTarget) -> dict[str, float]:
         if sampled.drop_at_halt is not None and exact_drop is not None:
             worst[DROP] = max(worst[DROP], abs(sampled.drop_at_halt + drop_before_first - exact_drop))
     return dict.fromkeys(PATH_END_TIMES, PATH_FLOOR) | worst
-
-
-def _grid(scenario: Scenario) -> Array:
-    return np.arange(round(scenario.duration / SAMPLE_INTERVAL) + 1, dtype=np.float64) * SAMPLE_INTERVAL
 
 
 def measure_run(key: str, ended: EndedRun | None, target: ReferenceTarget) -> MeasuredRun:
