@@ -20,7 +20,19 @@ from looping_pendulum.compare.stories import events_to_show
 from looping_pendulum.compare.trial import RESIDUAL_UNITS, TrialComparison, distance
 from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.files import optional_output
-from looping_pendulum.pages.chart import BLACK, LIGHT_GREY, Axis, Chart, Curve, Guide, Panel, reach, run_curve, tracked_points
+from looping_pendulum.pages.chart import (
+    BLACK,
+    LIGHT_GREY,
+    Axis,
+    Chart,
+    Curve,
+    Guide,
+    Panel,
+    reach,
+    run_curve,
+    tick,
+    tracked_points,
+)
 from looping_pendulum.pages.palette import Style, styles
 
 PRINTED_HALF_DIGIT = 0.005
@@ -254,7 +266,7 @@ def events_chart(result: ComparisonResult) -> Chart:
             scale="symlog",
             linear_to=LINEAR_DELAY,
             limits=(-furthest, furthest),
-            ticks={value: f"{value:g}" for value in numbers},
+            ticks={value: tick(value) for value in numbers},
         ),
         panels=[
             Panel(
@@ -263,6 +275,7 @@ def events_chart(result: ComparisonResult) -> Chart:
                     limits=(len(rows) - 0.5, -0.5),
                     ticks={k: quantity_label(row.quantity, row.index) for k, row in enumerate(rows)},
                 ),
+                guides=[Guide(x=0.0, colour=BLACK)],
             )
         ],
         size=(8.0, 2.2 + 0.36 * len(rows)),

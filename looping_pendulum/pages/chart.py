@@ -116,6 +116,11 @@ def tracked_points(x: Values, y: Values) -> Curve:
     return Curve(label="tracked points", x=x, y=y, colour=DARK_GREY, marker="o", size=3.2, hollow=True)
 
 
+def tick(value: float) -> str:
+    """Return a number beside an axis, with a minus as long as a plus."""
+    return f"{value:g}".replace("-", "\N{MINUS SIGN}")
+
+
 def reach(values: Sequence[Values]) -> tuple[float, float]:
     """Return the limits of an axis that shows all finite ``values`` with `MARGIN`."""
     known = np.concatenate([np.ravel(np.asarray(v, dtype=float)) for v in values])

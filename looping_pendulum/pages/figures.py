@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.pages.chart import BLACK, DARK_GREY, LIGHT_GREY, Axis, Chart, Curve
+from looping_pendulum.pages.chart import BLACK, DARK_GREY, LIGHT_GREY, Axis, Chart, Curve, tick
 from looping_pendulum.pages.palette import COLOURS, GREY
 
 REFERENCE, INK, SOFT, LINE = "var(--reference)", "var(--ink)", "var(--soft)", "var(--line)"
@@ -81,7 +81,9 @@ def on_page(chart: Chart) -> Figure:
                 y = float(_placed(panel.y, guide.y))
                 shapes.append(look | {"xref": "paper", "x0": 0, "x1": 1, "yref": name, "y0": y, "y1": y})
             else:
-                shapes.append(look | {"x0": guide.x, "x1": guide.x, "yref": "paper", "y0": 0, "y1": 1})
+                x = float(_placed(chart.x, guide.x))
+                shapes.append(look | {"x0": x, "x1": x, "yref": "paper", "y0": 0, "y1": 1})
+            if guide.text:
                 place = {"x": guide.x, "yref": "paper", "y": 1, "yanchor": "bottom", "xanchor": "left"}
                 words.append(place | {"text": guide.text, "showarrow": False, "textangle": -30})
         if panel.disc is not None:
@@ -118,7 +120,7 @@ def _axis(axis: Axis) -> dict[str, Any]:
     ticks = axis.ticks
     if ticks is None and axis.scale == "symlog":
         sizes = [axis.linear_to * 10.0**k for k in range(8)]
-        ticks = {value: f"{value:g}" for value in (*(-size for size in reversed(sizes)), 0.0, *sizes)}
+        ticks = {value: tick(value) for value in (*(-size for size in reversed(sizes)), 0.0, *sizes)}
     if ticks is not None:
         made |= {"tickvals": plain(_placed(axis, list(ticks))), "ticktext": [escaped(word) for word in ticks.values()]}
     return made

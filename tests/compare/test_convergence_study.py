@@ -163,7 +163,7 @@ def test_a_study_is_kept_and_goes_on(tmp_path, scenario, counted):
 
 @pytest.fixture
 def figures_without_pixels(monkeypatch):
-    """Make every figure but draw none, which takes a second each: test_ladder_figures.py and test_appearance.py draw them."""
+    """Make every figure but draw none, which takes a second each: test_figures.py and test_appearance.py draw them."""
     monkeypatch.setattr(plots, "png", lambda figure: b"")
 
 
