@@ -38,7 +38,7 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
     from matplotlib.patches import Circle
 
     for guide in panel.guides:
-        look: dict[str, Any] = {"color": guide.colour, "lw": 0.9, "zorder": GUIDES}
+        look: dict[str, Any] = {"color": guide.colour, "lw": 0.8 if guide.dotted else 0.9, "zorder": GUIDES}
         if guide.dotted:
             look["dashes"] = (1, 2)
         if guide.y is not None:
