@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from benchmarks.pareto import Point, supplied_by_engine
 from benchmarks.stored_study import EngineStudy
-from looping_pendulum.compare.convergence.ladder import ErrorCause
 from looping_pendulum.compare.convergence.report import halting_verdict
-from looping_pendulum.compare.convergence.result import HALT, ErrorSplit, VariantStudy
+from looping_pendulum.compare.convergence.result import HALT, ErrorCause, ErrorSplit, VariantStudy
 from looping_pendulum.compare.tables import number
 
 MARK = "path_0.7s"

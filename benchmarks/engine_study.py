@@ -21,10 +21,10 @@ from benchmarks.stored_study import DOCS, SUMMARY, EngineStudy, Measurement, rea
 from looping_pendulum.cli.terminal import convergence_bars
 from looping_pendulum.compare.convergence.result import ConvergenceResult
 from looping_pendulum.compare.convergence.study import study_convergence, write
-from looping_pendulum.compare.export import write_atomically
-from looping_pendulum.compare.plots import png
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import missing_packages, select
+from looping_pendulum.files import write_atomically
+from looping_pendulum.pages.drawing import png
 from looping_pendulum.scenarios import load
 
 PAGE = DOCS / "engine-study.md"

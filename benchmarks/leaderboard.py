@@ -13,8 +13,8 @@ from typing import Any
 from benchmarks.static_capstan import stored
 from benchmarks.stored_study import DOCS, SUMMARY, EngineStudy, Measurement, read
 from looping_pendulum.compare.convergence.result import VariantStudy
-from looping_pendulum.compare.export import write_atomically
 from looping_pendulum.compare.tables import GAP, number, signed
+from looping_pendulum.files import write_atomically
 
 PAGE = DOCS / "leaderboard.md"
 COMMAND = "python -m benchmarks.leaderboard"

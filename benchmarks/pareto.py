@@ -25,11 +25,11 @@ from matplotlib.figure import Figure
 
 from looping_pendulum.compare.convergence.result import FILE, ConvergenceResult, VariantStudy
 from looping_pendulum.compare.convergence.study import plan_variant
-from looping_pendulum.compare.export import write_atomically
-from looping_pendulum.compare.plots import GREY, legend_below, make_figure, png
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.registry import select
-from looping_pendulum.pages.palette import styles
+from looping_pendulum.files import write_atomically
+from looping_pendulum.pages.drawing import legend_below, make_figure, png
+from looping_pendulum.pages.palette import GREY, styles
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.scenario import Scenario
 

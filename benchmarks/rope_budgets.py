@@ -25,7 +25,6 @@ from benchmarks.pareto import MARK
 from benchmarks.rounding import rounded
 from benchmarks.stored_study import EngineStudy
 from looping_pendulum.compare.convergence.result import PATH_END_TIMES
-from looping_pendulum.compare.export import write_atomically
 from looping_pendulum.engines import registry
 from looping_pendulum.engines.landmarks import run_landmarks
 from looping_pendulum.engines.protocol import Engine, Profile
@@ -33,6 +32,7 @@ from looping_pendulum.engines.registry import all_engines, missing_packages, sel
 from looping_pendulum.engines.static_capstan import measure_capstan_exponent
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import EngineError
+from looping_pendulum.files import write_atomically
 from looping_pendulum.scenarios import load
 
 DATA = Path(__file__).parents[1] / "docs" / "data" / "rope_over_a_cylinder.json"

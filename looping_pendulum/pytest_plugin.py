@@ -277,7 +277,7 @@ class EngineVariant(pytest.Collector):
             write(result, self._report_folder())
 
     def _report_folder(self) -> Path:
-        from looping_pendulum.compare.export import file_stem
+        from looping_pendulum.files import file_stem
 
         report_option = self.config.getoption("--lp-report")
         name = self.path.name.removesuffix(self.path.suffix).removesuffix(".scenario")

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from looping_pendulum.compare.plots import legend_below, make_figure, png
 from looping_pendulum.files import write_atomically
+from looping_pendulum.pages.drawing import legend_below, make_figure, png
 from looping_pendulum.pages.palette import COLOURS
 
 DOCS = Path(__file__).parents[1] / "docs"

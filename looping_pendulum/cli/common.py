@@ -268,7 +268,7 @@ def page_meanwhile(folder: Path) -> Callable[[ComparisonResult, tuple[str, ...]]
 def show_residuals(result: ComparisonResult) -> None:
     """Print what a measured trial says of the reference and of each engine, and what looks like a mistake in it."""
     from looping_pendulum.cli.terminal import new_table, show_table
-    from looping_pendulum.compare.trial_table import short_residual_rows
+    from looping_pendulum.compare.report import short_residual_rows
 
     if result.trial is None:
         return

@@ -140,8 +140,8 @@ def run(
 
     looping-pendulum run two_to_one --out runs/two_to_one
     """
-    from looping_pendulum.compare.export import trajectory_csv
     from looping_pendulum.compare.harness import chosen_engines
+    from looping_pendulum.compare.trajectories import trajectory_csv
     from looping_pendulum.engines.isolation import run_all
     from looping_pendulum.engines.memory import parse_memory
     from looping_pendulum.engines.protocol import Profile

@@ -66,7 +66,7 @@ def demo(
     from looping_pendulum.compare import write
     from looping_pendulum.compare.comparison import with_trial
     from looping_pendulum.compare.harness import chosen_engines
-    from looping_pendulum.compare.stored import stored_result
+    from looping_pendulum.compare.trajectories import stored_result
     from looping_pendulum.engines.protocol import Profile
     from looping_pendulum.files import prepare_output_folder
     from looping_pendulum.teaching import demo as pages
@@ -240,7 +240,7 @@ def live(
 
     looping-pendulum live two_to_one
     """
-    from looping_pendulum.compare.stored import stored_result
+    from looping_pendulum.compare.trajectories import stored_result
     from looping_pendulum.errors import HarnessError
     from looping_pendulum.files import prepare_output_folder
     from looping_pendulum.live.write import write

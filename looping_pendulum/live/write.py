@@ -34,7 +34,7 @@ def render(scenario: Scenario | None = None, *, engine_runs: Mapping[str, Any] |
     Parameters
     ----------
     engine_runs
-        What `teaching.engine_runs.page_data` returns of a comparison on ``scenario``: its runs are drawn beside the page's own.
+        What `teaching.demo.page_data` returns of a comparison on ``scenario``: its runs are drawn beside the page's own.
 
     Raises
     ------

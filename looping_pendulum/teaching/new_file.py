@@ -13,8 +13,19 @@ from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.fields import keys_below, suggest
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.scenarios.schema import file_model
-from looping_pendulum.teaching.answers import Answers, Tree, get, put, yaml_text
-from looping_pendulum.teaching.questions import QUESTIONS, RELEASES, AnswerError, check_quantity, check_release, check_text
+from looping_pendulum.teaching.questions import (
+    QUESTIONS,
+    RELEASES,
+    AnswerError,
+    Answers,
+    Tree,
+    check_quantity,
+    check_release,
+    check_text,
+    get,
+    put,
+    yaml_text,
+)
 
 SCENARIO_HEAD = """\
 # Every number carries its unit. Angles are those of the string to the light mass: 0 deg is straight up, 90 deg is level,

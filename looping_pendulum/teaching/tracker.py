@@ -206,7 +206,7 @@ def _file_of_run(folder: Path, engine: str | None) -> Path:
 
 
 def _motion_of_file(path: Path) -> TrackedMotion:
-    """Return the motion in a CSV file of `compare.export.trajectory_csv`."""
+    """Return the motion in a CSV file of `compare.trajectories.trajectory_csv`."""
     names = ("t", "heavy_x", "heavy_y", "heavy_vx", "heavy_vy", "light_x", "light_y", "light_vx", "light_vy")
     rows = [split_cells(line, ",") for _, line in numbered_lines(_read_text(path))]
     while rows and not any(rows[-1]):

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from looping_pendulum.compare.event_quantities import EVENT_QUANTITIES, event_value
-from looping_pendulum.compare.reference_landmarks import reference_landmarks
+from looping_pendulum.compare.landmarks import EVENT_QUANTITIES, event_value, reference_landmarks
 from looping_pendulum.discrepancy.fit import event_prediction as prediction
 from looping_pendulum.discrepancy.fit.calibration import calibrate
 from looping_pendulum.discrepancy.fit.event_tests import check_event_residuals

@@ -16,9 +16,8 @@ from pydantic_core import PydanticCustomError
 
 from looping_pendulum.compare import baseline
 from looping_pendulum.compare.comparison import compare
-from looping_pendulum.compare.export import trajectory_csv
 from looping_pendulum.compare.result import ComparisonResult
-from looping_pendulum.compare.stored import stored_result
+from looping_pendulum.compare.trajectories import stored_result, trajectory_csv
 from looping_pendulum.discrepancy.first_look.check import take_first_look
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.engines.memory import parse_memory
@@ -329,7 +328,7 @@ def run_run_file(data: bytes) -> None:
     engine = _result().engines[0]
     path = Path("stored") / "trajectories" / f"{file_stem(engine.label, engine.profile)}.csv"
     path.write_bytes(data)
-    with mock.patch("looping_pendulum.compare.stored.run_key", return_value="key"):  # it takes 50 ms
+    with mock.patch("looping_pendulum.compare.trajectories.run_key", return_value="key"):  # it takes 50 ms
         stored_result(Path("stored"), _scenario(), [ENGINE])
     made = tracker.overlay(tracker.find_motion(str(path)))
     assert np.isfinite(made.heavy).all()

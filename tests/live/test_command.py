@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from looping_pendulum.cli.main import app
 from looping_pendulum.compare import write
-from looping_pendulum.compare.stored import stored_result
+from looping_pendulum.compare.trajectories import stored_result
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.live import write as bundles
 from looping_pendulum.live.write import bundle

@@ -17,10 +17,9 @@ from looping_pendulum.measured.readers import read
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.loader import shipped
-from looping_pendulum.teaching.answers import Answers
 from looping_pendulum.teaching.example_folder import FolderError, write_example
 from looping_pendulum.teaching.new_file import new_scenario
-from looping_pendulum.teaching.questions import QUESTIONS, AnswerError
+from looping_pendulum.teaching.questions import QUESTIONS, AnswerError, Answers
 from scripts.make_example_trials import HIDDEN, trials
 from tests.docs_commands import PROJECT
 

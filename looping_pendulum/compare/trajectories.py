@@ -1,8 +1,10 @@
-"""Reads a comparison back from its folder, with its trajectories, so that a page can be made without running engines."""
+"""Trajectories as CSV: written beside a result, and read back with it, so that a page can be made without running engines."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import csv
+import io
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.compare.align import SAME_TIME, align
-from looping_pendulum.compare.export import CSV_COLUMNS, trajectory_files
 from looping_pendulum.compare.json_text import plain
 from looping_pendulum.compare.result import ComparisonResult, ResultSamples, RunProvenance
-from looping_pendulum.compare.run_cache import run_key
+from looping_pendulum.compare.run_cache import run_key, unknown_as_nan
+from looping_pendulum.compare.trial import TrialComparison, residual
 from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.engines.trajectory import (
     UNKNOWN_MODE,
@@ -26,12 +28,68 @@ from looping_pendulum.engines.trajectory import (
     TrajectoryEvent,
 )
 from looping_pendulum.errors import ResultError
+from looping_pendulum.files import file_stems
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.scenarios.scenario import Scenario
 
+CSV_COLUMNS: tuple[tuple[str, Callable[[Trajectory], np.ndarray]], ...] = (
+    ("t [s]", lambda run: run.t),
+    ("light_x [m]", lambda run: run.light_position[:, 0]),
+    ("light_y [m]", lambda run: run.light_position[:, 1]),
+    ("light_vx [m/s]", lambda run: run.light_velocity[:, 0]),
+    ("light_vy [m/s]", lambda run: run.light_velocity[:, 1]),
+    ("heavy_x [m]", lambda run: run.heavy_position[:, 0]),
+    ("heavy_y [m]", lambda run: run.heavy_position[:, 1]),
+    ("heavy_vx [m/s]", lambda run: run.heavy_velocity[:, 0]),
+    ("heavy_vy [m/s]", lambda run: run.heavy_velocity[:, 1]),
+    ("free_length [m]", lambda run: run.free_length),
+    ("wrap_angle [rad]", lambda run: run.wrap_angle),
+    ("string_stretch [m]", lambda run: run.string_stretch),
+    ("string_slip [m]", lambda run: unknown_as_nan(run.string_slip, run)),
+    ("light_tension [N]", lambda run: unknown_as_nan(run.light_tension, run)),
+    ("heavy_tension [N]", lambda run: unknown_as_nan(run.heavy_tension, run)),
+)
+"""Header with unit, and the function that gives the column; a last column ``mode`` has the name of the mode."""
 RETRIED_STATUSES = (RunStatus.INTERRUPTED, RunStatus.TIME_LIMIT, RunStatus.MEMORY_LIMIT)
 """Statuses of runs that are made again, because another try may succeed."""
+
+
+def trajectory_csv(run: Trajectory) -> str:
+    """Return CSV text, one line per sample, with nine significant digits (a nanometre in a metre); unknown values are empty."""
+    columns = np.stack([values(run) for _, values in CSV_COLUMNS], axis=1)
+    out = io.StringIO()
+    out.write(",".join([*(name for name, _ in CSV_COLUMNS), "mode"]) + "\n")
+    modes = {int(mode): mode.name.lower() for mode in Mode} | {UNKNOWN_MODE: ""}
+    for row, mode in zip(columns.tolist(), run.mode.tolist(), strict=True):
+        cells = ["" if value != value else f"{value:.9g}" for value in row]  # only NaN differs from itself
+        out.write(",".join([*cells, modes[mode]]) + "\n")
+    return out.getvalue()
+
+
+def residual_csv(result: ComparisonResult, samples: ResultSamples, trial: TrialComparison) -> str:
+    """Return CSV text of a trial's points, one line per point and coordinate: the measured value, and the residual of each run.
+
+    SI units; a residual is measured less predicted, and empty where the run does not reach.
+    """
+    labels = ["reference", *(result.short_name(e) for e in result.engines)]
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(["channel", "unit", "t [s]", "measured", *(f"residual of {label}" for label in labels)])
+    for comparison in trial.tracks:
+        track = comparison.track
+        off = np.stack([residual(track, run) for run in (samples.reference, *(a.run for a in samples.aligned))])
+        for k, channel in enumerate(track.channels):
+            for i, t in enumerate(track.t):
+                values = [track.values[k][i], *off[:, i, k].tolist()]
+                writer.writerow([channel, track.unit, f"{t:.9g}", *("" if v != v else f"{v:.9g}" for v in values)])
+    return out.getvalue()
+
+
+def trajectory_files(result: ComparisonResult) -> list[str]:
+    """Return a distinct name for the CSV file of each engine's trajectory."""
+    # The reference's file is in the same folder, so that its name is taken, too
+    return [f"{stem}.csv" for stem in file_stems([("reference",), *((e.label, e.profile) for e in result.engines)])[1:]]
 
 
 def stored_result(folder: Path, scenario: Scenario, engines: Sequence[Engine] | None) -> ComparisonResult | None:
@@ -45,19 +103,15 @@ def stored_result(folder: Path, scenario: Scenario, engines: Sequence[Engine] | 
         wanted = scenario.name, scenario.title, scenario.description, plain(scenario.parameters.as_dict()), scenario.duration
         if (result.scenario, result.title, result.description, result.parameters, result.duration) != wanted:
             return None
-        if engines is not None and not _is_of_engines(result, scenario, engines):
-            return None
+        if engines is not None:
+            if result.run_keys != tuple(run_key(engine, scenario) for engine in engines):
+                return None
+            if any(RunStatus[engine.status] in RETRIED_STATUSES for engine in result.engines):
+                return None
         return replace(result, samples=_samples(result, folder / "trajectories"))
     # Whatever is wrong with the files, making the runs again repairs it
     except (OSError, ValueError, KeyError, IndexError, ResultError):
         return None
-
-
-def _is_of_engines(result: ComparisonResult, scenario: Scenario, engines: Sequence[Engine]) -> bool:
-    """Return whether the runs are those that these engines would make."""
-    if result.run_keys != tuple(run_key(engine, scenario) for engine in engines):
-        return False
-    return not any(RunStatus[engine.status] in RETRIED_STATUSES for engine in result.engines)
 
 
 def _samples(result: ComparisonResult, folder: Path) -> ResultSamples:
@@ -96,7 +150,7 @@ def _samples(result: ComparisonResult, folder: Path) -> ResultSamples:
 
 
 def _trajectory(path: Path | None, **fields: Any) -> Trajectory:
-    """Read a file that `export.trajectory_csv` wrote; without a path, return a run without samples."""
+    """Read a file that `trajectory_csv` wrote; without a path, return a run without samples."""
     lines = [] if path is None else path.read_text(encoding="utf-8").splitlines()
     head = [name for name, _ in CSV_COLUMNS]
     if lines and lines[0].split(",") != [*head, "mode"]:
