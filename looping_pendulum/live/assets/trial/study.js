@@ -22,7 +22,7 @@ export function studyYaml(settings, { file, tracks, length, time, rate, run = nu
   const quoted = (/** @type {string} */ words) => JSON.stringify(words);
   const si = (/** @type {string} */ name) => tidy(settings[name]);
   const measured = (/** @type {string} */ name, /** @type {string} */ unit) =>
-    `${si(name)} ${unit}${known[name] > 0 ? ` +/- ${tidy(known[name])} ${unit}` : ""}`;
+    [si(name), unit, ...(known[name] > 0 ? ["+/-", tidy(known[name]), unit] : [])].join(" ");
   const named = Object.entries(tracks).map(([mass, track]) => `${mass}: ${quoted(track)}`);
   const lengths = ["free_length", "hanging_length"].map((name) => `${name}: free from ${si(name)} m`).join(", ");
   const looping = settings.release === "looping";
@@ -30,7 +30,7 @@ export function studyYaml(settings, { file, tracks, length, time, rate, run = nu
     // A record of a swing may begin in its midst, which identify sees if it may believe the clock
     .filter(([name, value]) => looping || (name === "clock_offset" && value))
     // Stated, it is that of the file's own clock
-    .map(([name, value]) => `${name}: free from ${name === "clock_offset" ? `${tidy(value - clockStart)} s` : `${tidy(value)} m`}`);
+    .map(([name, value]) => [`${name}: free from`, ...(name === "clock_offset" ? [tidy(value - clockStart), "s"] : [tidy(value), "m"])].join(" "));
   const options = [
     ...(named.length ? [`tracks: {${named.join(", ")}}`] : []),
     ...(length !== "m" || time !== "s" ? [`units: {length: ${length}, time: ${time}}`] : []),
