@@ -70,6 +70,7 @@ export class Classroom {
     this.lines.addEventListener("drop", (event) => {
       if (!event.dataTransfer?.files.length) return; // text falls where it is dropped
       event.preventDefault();
+      event.stopPropagation(); // elsewhere on the page it would be a trial
       this.add(event.dataTransfer.files);
     });
     element("class-copy").addEventListener("click", () => this.copy());
