@@ -16,7 +16,7 @@ _EXPORT = re.compile(r"^export (?=(?:async )?(?:const|let|class|function)\b)", r
 _NAME = re.compile(r"^export (?:async )?(?:const|let|class|function\*?) (\w+)", re.MULTILINE)
 _NAMES_OF_OTHERS = re.compile(r"^export \{([^}]*)\};\n", re.MULTILINE)
 _OTHER_FORM = re.compile(r"^(?:import|export)\b.*", re.MULTILINE)
-_NESTED_TEMPLATE = re.compile(r"`[^`\n]*\$\{[^}`\n]*`")
+_NESTED_TEMPLATE = re.compile(r"`[^`]*\$\{[^}`]*`")
 
 
 def bundle(entry: str) -> str:

@@ -44,10 +44,14 @@ export function studyYaml(settings, { file, tracks, length, time, rate, run = nu
   const start = tidy(kinetic || resting / 2);
   const friction = resting > kinetic ? `{kinetic_friction: free from ${start}, static_friction: ${tidy(resting)}}` : "free";
   const further = Object.entries(FURTHER_EFFECTS).filter(([name]) => settings[name]);
+  const radius = settings.light_radius ? [", radius:", si("light_radius"), "m"].join(" ") : "";
+  const kind = looping ? "" : ["kind: ", settings.release, ", "].join("");
+  const others = further.map(([name, [effect, unit]]) => ["  ", effect, ": ", si(name), " ", unit, "\n"].join("")).join("");
+  const said = options.map((line) => ["    ", line, "\n"].join("")).join("");
   return `# Written by the page live.html. Where you have measured what is free here, write the value, +/- and its standard error.
 title: ${quoted(file)}
 apparatus:
-  light: {mass: ${measured("light_mass", "kg")}${settings.light_radius ? `, radius: ${si("light_radius")} m` : ""}}
+  light: {mass: ${measured("light_mass", "kg")}${radius}}
   rod: {radius: ${measured("rod_radius", "m")}}
 effects:
   gravity: ${si("gravity")} m/s^2
@@ -55,10 +59,10 @@ effects:
   light_drag: free
   heavy_drag: ${si("heavy_drag")} kg/m
   string_drag: ${si("string_drag")} kg/m^2
-${further.map(([name, [effect, unit]]) => `  ${effect}: ${si(name)} ${unit}\n`).join("")}trials:
+${others}trials:
   - name: mine
     file: ${quoted(file)}
-${options.map((line) => `    ${line}\n`).join("")}    heavy: {mass: ${measured("heavy_mass", "kg")}}
-    release: {${looping ? "" : `kind: ${settings.release}, `}angle: free from ${si("release_angle")} rad, ${lengths}}
+${said}    heavy: {mass: ${measured("heavy_mass", "kg")}}
+    release: {${kind}angle: free from ${si("release_angle")} rad, ${lengths}}
 `;
 }
