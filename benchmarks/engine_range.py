@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.rounding import rounded
-from looping_pendulum.cli.progress import convergence_bars
+from looping_pendulum.cli.terminal import convergence_bars
 from looping_pendulum.compare.align import align
 from looping_pendulum.compare.comparison import compare
 from looping_pendulum.compare.export import write_atomically

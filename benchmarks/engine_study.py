@@ -18,7 +18,7 @@ from benchmarks import ladders_figure, pareto
 from benchmarks.engine_study_page import data_files, page
 from benchmarks.pareto import Point, points
 from benchmarks.stored_study import DOCS, SUMMARY, EngineStudy, Measurement, read, renewed
-from looping_pendulum.cli.progress import convergence_bars
+from looping_pendulum.cli.terminal import convergence_bars
 from looping_pendulum.compare.convergence.result import ConvergenceResult
 from looping_pendulum.compare.convergence.study import study_convergence, write
 from looping_pendulum.compare.export import write_atomically

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from benchmarks.pages import with_browser
-from looping_pendulum.live.bundle import page_script
-from looping_pendulum.live.settings import live_settings
+from looping_pendulum.live.write import live_settings, page_script
 from looping_pendulum.scenarios import load, shipped
 
 MAX_RUN_TIME = 8.0

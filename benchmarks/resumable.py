@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
-from looping_pendulum.cli.progress import ProgressBars
+from looping_pendulum.cli.terminal import ProgressBars
 from looping_pendulum.files import write_atomically
 from looping_pendulum.sweep.executors import in_process, in_processes, on_cluster
 

@@ -8,7 +8,7 @@ import re
 
 import pytest
 
-from looping_pendulum.cli.completion import claim_engine_names
+from looping_pendulum.cli.common import claim_engine_names
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import all_engines, select
 from looping_pendulum.engines.static_capstan import chain_capstan_exponent, measure_capstan_exponent

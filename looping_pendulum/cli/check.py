@@ -19,8 +19,8 @@ from looping_pendulum.cli.common import (
     TimeLimit,
     load_scenario,
     run_and_compare,
+    scenario_names,
 )
-from looping_pendulum.cli.completion import scenario_names
 from looping_pendulum.cli.terminal import new_table, say, show_json, show_table
 from looping_pendulum.errors import ScenarioError
 

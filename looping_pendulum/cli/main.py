@@ -37,23 +37,19 @@ from looping_pendulum.cli.common import (
     page_meanwhile,
     read_marks,
     run_and_compare,
+    scenario_names,
     schema_option,
     show_output_of_failed,
     show_residuals,
     yaml_content,
 )
-from looping_pendulum.cli.completion import scenario_names
 from looping_pendulum.cli.converge import converge
-from looping_pendulum.cli.engines import conformance, engines
+from looping_pendulum.cli.engines import conformance, engines, recipe, repro, versions
 from looping_pendulum.cli.identify import identify, look
-from looping_pendulum.cli.live import live
 from looping_pendulum.cli.maps import map_, maps
 from looping_pendulum.cli.new import new
-from looping_pendulum.cli.progress import ProgressBars
-from looping_pendulum.cli.repro import recipe, repro
-from looping_pendulum.cli.teaching import demo, demonstrations, init, tracker
-from looping_pendulum.cli.terminal import new_table, reset_output, say, say_file, show_json, show_table
-from looping_pendulum.cli.versions import versions
+from looping_pendulum.cli.teaching import demo, demonstrations, init, live, tracker
+from looping_pendulum.cli.terminal import ProgressBars, new_table, reset_output, say, say_file, show_json, show_table
 from looping_pendulum.errors import HarnessError, one_line, shorten
 
 if TYPE_CHECKING:

@@ -17,12 +17,11 @@ from looping_pendulum.cli.common import (
     MemoryLimit,
     Quiet,
     TimeLimit,
+    map_names,
     schema_option,
     yaml_content,
 )
-from looping_pendulum.cli.completion import map_names
-from looping_pendulum.cli.progress import ProgressBars
-from looping_pendulum.cli.terminal import new_table, note, say, say_file, show_json, show_table
+from looping_pendulum.cli.terminal import ProgressBars, new_table, note, say, say_file, show_json, show_table
 
 if TYPE_CHECKING:
     from looping_pendulum.sweep.plan import MapPlan

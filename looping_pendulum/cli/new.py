@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from looping_pendulum.cli.completion import scenario_names
+from looping_pendulum.cli.common import scenario_names
 from looping_pendulum.cli.terminal import say
 from looping_pendulum.errors import HarnessError, printable
 

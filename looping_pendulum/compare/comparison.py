@@ -39,7 +39,7 @@ from looping_pendulum.scenarios.scenario import Scenario
 
 
 class ComparedEventRow(Protocol):
-    """Protocol of one row of a measured event table; `scenarios.measured` reads such rows."""
+    """Protocol of one row of a measured event table; `measured.events` reads such rows."""
 
     @property
     def quantity(self) -> str:

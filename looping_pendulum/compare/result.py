@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any
 from looping_pendulum.compare.json_text import dump, load
 from looping_pendulum.compare.trial import TrialComparison
 from looping_pendulum.engines.landmarks import Landmarks
-from looping_pendulum.pages.notebook import ShownInNotebook
 
 if TYPE_CHECKING:
     from looping_pendulum.compare.align import Aligned
@@ -242,7 +241,7 @@ class ResultSamples:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ComparisonResult(ShownInNotebook):
+class ComparisonResult:
     """One scenario, one reference, several engines."""
 
     scenario: str

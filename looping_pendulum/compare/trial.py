@@ -14,8 +14,8 @@ from types import MappingProxyType
 import numpy as np
 
 from looping_pendulum.engines.trajectory import Trajectory, finite_length, first_samples
+from looping_pendulum.measured.events import MeasuredEventRow
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.scenarios.measured import MeasuredEventRow
 
 LEVEL_TIME = 0.05
 """Time after the release [s] whose points give the level of a mass that hangs at an unknown height.

@@ -12,25 +12,18 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.measured.angular_velocity import rates_from_release
 from looping_pendulum.measured.camera import CAMERA
 from looping_pendulum.measured.displaced_rows import clock_faults
 from looping_pendulum.measured.free_parameter import FreeParameter
-from looping_pendulum.measured.observations import Observations, merge, mirrored, with_event_errors
+from looping_pendulum.measured.observations import Observations, merge, mirrored, rates_from_release, with_event_errors
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Coefficient, Effect
 from looping_pendulum.reference_ode.effects.own import OwnEffect
 from looping_pendulum.reference_ode.parameters import Parameters, Release, effect_tables, is_possible
+from looping_pendulum.scenarios.quantities import APPARATUS, QUANTITIES
 
-APPARATUS_UNITS = MappingProxyType({"light_mass": "kg", "light_radius": "m", "heavy_mass": "kg", "rod_radius": "m"})
-"""Parameters of the apparatus -> SI unit."""
-RELEASE_UNITS = MappingProxyType({"release_angle": "rad", "free_length": "m", "hanging_length": "m", "push_across": "m/s"})
-"""Parameters of a release -> SI unit."""
-DEFAULT_HANGING_LENGTH = 0.03
-"""Initial value of a hanging length that was not measured [m].
-
-It does not influence the motion: it only shifts the measured height of the heavy mass.
-"""
+RELEASE = ("release_angle", "free_length", "hanging_length", "push_across")
+"""Parameters of a release; a study gives the speed of a push with them, not under ``effects``."""
 FREE_SCALE = 1 / 3
 """Scale of a parameter that was not measured, relative to its initial value."""
 PLACEHOLDERS = MappingProxyType(
@@ -211,7 +204,7 @@ class Study:
         # The training trials first, so that a parameter that both share is named after one of these
         for trial in (*self.training, *self.held_out):
             names[trial.name] = {}
-            for parameter in (*self.effects, *APPARATUS_UNITS, *RELEASE_UNITS):
+            for parameter in (*self.effects, *APPARATUS, *RELEASE):
                 known = self.estimate(parameter, trial)
                 acts = _effect_acts_in(brought[parameter], trial) if parameter in brought else _acts_in(parameter, trial)
                 if known is None or not self._is_fitted(parameter, known, trial) or not acts:
@@ -219,7 +212,7 @@ class Study:
                 name = parameter
                 if parameter in trial.estimates:
                     name = f"{trial.name}.{parameter}"
-                    if parameter in APPARATUS_UNITS:  # the same mass, used in several trials, is one parameter
+                    if parameter in APPARATUS:  # the same mass, used in several trials, is one parameter
                         name = owners.setdefault((parameter, known), name)
                 names[trial.name][parameter] = name
         return names
@@ -255,7 +248,7 @@ class Study:
         }
         fields: dict[str, Any] = {"release": trial.release}
         coefficients = {}
-        for name in (*APPARATUS_UNITS, *RELEASE_UNITS, *self.coefficients):
+        for name in (*APPARATUS, *RELEASE, *self.coefficients):
             known = self.estimate(name, trial)
             value = here.get(name, values.get(f"{trial.name}.{name}", values.get(name, known.value if known else None)))
             if name in self.coefficients:
@@ -271,7 +264,8 @@ class Study:
             return self.gravity_range
         if parameter in self.coefficients:
             return self.coefficients[parameter].bounds
-        return (0.0, 2 * math.pi) if parameter == "release_angle" else (0.0, math.inf)
+        kind = QUANTITIES[parameter].kind
+        return kind.low, kind.high
 
     def camera_priors(self, trial: Trial, observations: Observations) -> dict[str, Estimate]:
         """Return the priors of the camera parameters that these observations depend on."""
@@ -336,11 +330,6 @@ def _effect_acts_in(effect: Effect, trial: Trial) -> bool:
     if trial.release is Release.DROP:
         return not effect.needs_string and (on_light if trial.dropped == "light" else on_heavy)
     return on_light or trial.release is not Release.HELD
-
-
-def read_trial(study: Study, trial: Trial) -> Observations:
-    """Read the files of a trial of ``study``, as `read_files` does."""
-    return read_files(study.folder, trial)
 
 
 def read_files(folder: Path, trial: Trial) -> Observations:

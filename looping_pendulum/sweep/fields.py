@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.engines.trajectory import RunStatus
-from looping_pendulum.reference_ode.batch.result import ENDS
+from looping_pendulum.reference_ode.batch.runs import ENDS
 from looping_pendulum.reference_ode.transitions import Event
 
 REFERENCE = "reference"

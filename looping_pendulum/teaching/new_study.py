@@ -10,14 +10,14 @@ from pathlib import Path
 from looping_pendulum.measured import study_io
 from looping_pendulum.measured.observations import DataError
 from looping_pendulum.measured.study import REQUIRED, Study
-from looping_pendulum.measured.study_fields import FREE_STARTS
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.fields import suggest
+from looping_pendulum.scenarios.quantities import QUANTITIES
 from looping_pendulum.teaching.answers import Answers, Tree, get, put, yaml_text
 from looping_pendulum.teaching.new_file import scenario_tree
-from looping_pendulum.teaching.questions import QUESTIONS, AnswerError, check_text
+from looping_pendulum.teaching.questions import QUESTIONS, AnswerError, check_measured, check_text
 from looping_pendulum.teaching.trial_questions import TRIAL_KEYS, check_yes_or_no, trial_file
 
 STUDY_HEAD = """\
@@ -27,15 +27,6 @@ USUAL_EFFECTS = "capstan, light_drag, heavy_drag"
 """Default of the effects that a study declares, beside gravity: those that most experimenters expect."""
 USUAL_EFFECTS_WITHOUT_ROD = {Release.HELD: "light_drag", Release.DROP: "heavy_drag"}
 """Release -> the same for a study of such trials alone."""
-USUAL_ERRORS = {
-    "light.mass": "0.5 %",
-    "heavy.mass": "0.5 %",
-    "rod.radius": "1 %",
-    "release.angle": "0.5 deg",
-    "release.free_length": "1 mm",
-    "release.hanging_length": "1 mm",
-}
-"""Key -> default of its standard error, as measured with a kitchen scale, a ruler and a protractor."""
 MEASURED_PER_TRIAL = {
     Release.LOOPING: ("heavy.mass", "release.angle", "release.free_length", "release.hanging_length"),
     Release.VERTICAL: ("heavy.mass", "release.free_length", "release.hanging_length"),
@@ -127,13 +118,13 @@ def look_at_trials(study: Study) -> tuple[str, ...]:
     # In the order of `identify`: a first look says more of lengths in pixels than that they are implausible
     check = take_first_look(study)
     check.refuse_mistakes()
-    read_inputs(study)
+    read_inputs(study, check.observations)
     return check.warnings
 
 
 def not_measured(answer: Answers) -> list[str]:
     """Return the keys of the measurements that were asked for, of which nobody may have thought if defaults were taken."""
-    return [key for key in answer.asked if key.endswith(tuple(USUAL_ERRORS))]
+    return [key for key in answer.asked if key.endswith(tuple(q.key for q in QUESTIONS.values() if q.usual_error))]
 
 
 def keys_of_fault(study: Study, fault: DataError) -> tuple[str, ...]:
@@ -174,7 +165,7 @@ def _measured(answer: Answers, key: str, question: str, defaults: Tree, before: 
     """Ask for a quantity with its standard error; ``before`` is the answer for the trial before."""
     asked = QUESTIONS[question]
     usual = get(defaults, question) or get(scenario_tree("ten_to_one"), question)
-    return answer(key, lead + asked.text, before or f"{usual} +/- {USUAL_ERRORS[question]}", asked.check_measured)
+    return answer(key, lead + asked.question, before or f"{usual} +/- {asked.usual_error}", check_measured(asked))
 
 
 def check_effects(answer: str) -> str:
@@ -191,7 +182,8 @@ def check_effects(answer: str) -> str:
                 f"found an unknown effect '{effect}', needed some of: {', '.join(EFFECTS)}{suggest(effect, EFFECTS)}"
             )
         first = EFFECTS[effect].coefficients[0]
-        if effect != "gravity" and first.name not in FREE_STARTS and first.default != first.null:
+        has_start = first.name in QUANTITIES and QUANTITIES[first.name].free_start is not None
+        if effect != "gravity" and not has_start and first.default != first.null:
             raise AnswerError(f"found '{effect}', which has no value to start from; add it to the file by hand")
     return ""
 

@@ -9,12 +9,12 @@ from typing import Any
 from looping_pendulum.measured import readers
 from looping_pendulum.measured.clock import RATE_TOLERANCE
 from looping_pendulum.measured.observations import DataError
-from looping_pendulum.measured.readers import MASSES, mass_in_name
-from looping_pendulum.measured.survey import LENGTH_UNITS, FileSurvey, survey
+from looping_pendulum.measured.readers import LENGTH_UNITS, MASSES, FileSurvey, mass_in_name, survey
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.document import quote, shorten
 from looping_pendulum.scenarios.fields import QuantityField, suggest
-from looping_pendulum.scenarios.units import QuantityKind, UnitError, show, to_si
+from looping_pendulum.scenarios.quantities import QUANTITIES
+from looping_pendulum.scenarios.units import UnitError, show, to_si
 from looping_pendulum.teaching.answers import Answers, Tree, put
 from looping_pendulum.teaching.questions import AnswerError, check_release, check_text, read
 
@@ -38,7 +38,7 @@ MAX_PROPOSED, MAX_PROPOSED_SIZE = 20, 2_000_000
 """Largest number of files, and their largest size [bytes], that are looked into for one to propose."""
 NO_TRACK = "-"
 """Answer for a mass that was not tracked."""
-_RATE = QuantityField(QuantityKind(unit="Hz", low=0.0, exclusive_low=True, example="240 Hz"))
+_RATE = QuantityField(QUANTITIES["frame_rate"].kind)
 
 
 def trial_file(answer: Answers, index: int, file: str, before: Sequence[Tree]) -> Tree:

@@ -28,15 +28,15 @@ from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import file_stem
 from looping_pendulum.measured import readers, study_io
-from looping_pendulum.measured.study_fields import MeasuredField
+from looping_pendulum.measured.events import read_event_table
+from looping_pendulum.measured.study_file import MeasuredField
 from looping_pendulum.scenarios import dump, load, load_text
 from looping_pendulum.scenarios.fields import QuantityField
-from looping_pendulum.scenarios.measured import read_event_table
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.scenarios.units import QUANTITY_NOUNS, QuantityKind, show, to_si
 from looping_pendulum.sweep import map_file
 from looping_pendulum.teaching import tracker
-from looping_pendulum.teaching.questions import QUESTIONS
+from looping_pendulum.teaching.questions import QUESTIONS, check_measured, check_quantity
 from tests.fuzz import command_lines, mutation
 from tests.fuzz.mutation import Mutation
 
@@ -86,8 +86,8 @@ def run_quantity(data: bytes) -> None:
     attempts: list[Callable[[], object]] = [
         lambda: MeasuredField(QuantityKind(unit="kg"), start=1.0).estimate(text),
         lambda: MeasuredField(QuantityKind(unit="m")).estimate(text),
-        lambda: QUESTIONS["light.mass"].check_measured(text),
-        lambda: QUESTIONS["release.angle"].check(text),
+        lambda: check_measured(QUESTIONS["light.mass"])(text),
+        lambda: check_quantity(QUESTIONS["release.angle"])(text),
         lambda: parse_memory(text),
     ]
     for attempt in attempts:

@@ -12,8 +12,8 @@ from looping_pendulum.cli.main import app
 from looping_pendulum.compare import write
 from looping_pendulum.compare.stored import stored_result
 from looping_pendulum.errors import HarnessError
-from looping_pendulum.live import bundle as bundles
-from looping_pendulum.live.bundle import bundle
+from looping_pendulum.live import write as bundles
+from looping_pendulum.live.write import bundle
 from looping_pendulum.scenarios import load, shipped
 from looping_pendulum.teaching import demo
 from tests.compare.conftest import quick_figures  # noqa: F401, a fixture

@@ -119,7 +119,7 @@ def test_a_file_is_never_written_over_without_asking(here):
 def test_every_question_has_its_usual_range_inside_what_the_file_takes():
     for question in QUESTIONS.values():
         low, high = question.usual
-        assert 0 <= low < high <= question.maximum
+        assert question.kind.low <= low < high <= question.kind.high
 
 
 def test_a_study_is_written_from_two_trials(here):

@@ -18,8 +18,8 @@ from looping_pendulum.engines.conformance.apparatus import (
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine
 from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.reference_ode import closed_forms
+from looping_pendulum.reference_ode.closed_forms import mechanical_energy
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.reference_ode.invariants import mechanical_energy
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
 ACCELERATION_TOLERANCE = 0.01

@@ -17,14 +17,13 @@ import numpy as np
 
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode import dual
-from looping_pendulum.reference_ode.driver import Driver
 from looping_pendulum.reference_ode.dual import Dual
 from looping_pendulum.reference_ode.effects import GRAVITY
 from looping_pendulum.reference_ode.geometry import Array, light_position, light_velocity
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.sensitivity import DualDriver
 from looping_pendulum.reference_ode.solution import Run, Samples, join_samples
-from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, require_heyoka
+from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, Driver, require_heyoka
 from looping_pendulum.reference_ode.state import State, extra_variables, string_has_thickness, variables
 
 OBSERVABLES = ("x1", "y1", "vx1", "vy1", "y2", "vy2")

@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 
-from looping_pendulum.sweep.uncertainty import uncertain, uncertain_fractions, uncertainty_exponent
+from scripts.answers_parts.uncertainty import uncertain, uncertain_fractions, uncertainty_exponent
 
 EPS = 10.0 ** -np.arange(1.0, 7.6, 0.5)
 

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from looping_pendulum.errors import ParameterError
-from looping_pendulum.reference_ode.lyapunov import OBSERVABLES, TangentMap, solve_tangent_map
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.sensitivity import solve_sensitivities
 from looping_pendulum.reference_ode.solve import solve, solve_at
 from looping_pendulum.scenarios.loader import load
+from scripts.answers_parts.lyapunov import OBSERVABLES, TangentMap, solve_tangent_map
 
 pytest.importorskip("heyoka", reason="exponents need heyoka")
 

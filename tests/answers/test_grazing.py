@@ -5,7 +5,7 @@ import pytest
 
 from looping_pendulum.reference_ode.transitions import Event
 from looping_pendulum.scenarios.loader import load
-from looping_pendulum.sweep.grazing import ParameterLine, approach, find_changes, gap
+from scripts.answers_parts.grazing import ParameterLine, approach, find_changes, gap
 
 CLOSE = 1e-8
 

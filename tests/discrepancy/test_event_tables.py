@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-import warnings
 
 import pytest
 
-from looping_pendulum.errors import RenamedWarning, ScenarioError
-from looping_pendulum.scenarios.measured import find_data, read_event_table
+from looping_pendulum.measured.events import find_data, read_event_table
+from looping_pendulum.measured.observations import DataError
 
 HEAD = "quantity,index,measured,paper_numerical,unit\n"
 
@@ -34,42 +33,28 @@ def test_reads_rows_in_si(table):
     ]
 
 
-def test_the_slip_onset_is_read_under_its_older_name_with_one_notice(table):
-    path = table(f"{HEAD}break_away_time,1,0.62,0.61,s\nbreak_away_time,2,0.9,,s\nhalting_time,1,1.0,,s\n")
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("default")
-        rows = read_event_table(path).rows
-    assert [(r.quantity, r.index) for r in rows] == [("slip_onset_time", 1), ("slip_onset_time", 2), ("halting_time", 1)]
-    assert [(w.category, str(w.message)) for w in caught] == [
-        (RenamedWarning, f"{path}: quantity: break_away_time is now called slip_onset_time; rename it")
-    ]
-    both = table(f"{HEAD}break_away_time,1,0.62,,s\nslip_onset_time,1,0.62,,s\n")
-    with pytest.raises(ScenarioError, match="slip_onset_time 1 a second time"), pytest.warns(RenamedWarning):
-        read_event_table(both)
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (f"# c\n{HEAD}halt,1,x,0.3,s\n", ":3: measured: found 'x', needed a finite number or nothing"),
-        (f"{HEAD}halt,1,nan,0.3,s\n", ":2: measured: found 'nan', needed a finite number or nothing"),
-        (f"{HEAD}halt,1,0.3,1e999,s\n", ":2: paper_numerical: found '1e999', needed a finite number"),
-        (f"{HEAD}halt,0,1,1,s\n", ":2: index: found '0', needed a whole number from 1"),
-        (f"{HEAD}halt,one,1,1,s\n", ":2: index: found 'one', needed a whole number from 1"),
-        (f"{HEAD}halt,1,1,1,furlong\n", ":2: unit: found 'furlong', needed a unit of time, length or angle"),
-        (f"{HEAD},1,1,1,s\n", ":2: quantity: found nothing, needed a name"),
-        (f"{HEAD}halt,1,1,s\n", ":2: found 4 columns, needed 5"),
-        (f"{HEAD}halt,1,1,1,s\nhalt,1,1,1,s\n", ":3: index: found halt 1 a second time (first on line 2)"),
-        ("a,b\n1,2\n", ":1: found columns 'a,b', needed 'quantity,index,measured,paper_numerical,unit'"),
+        (f"# c\n{HEAD}halt,1,x,0.3,s\n", ":3: column measured: found 'x', needed a number or an empty cell"),
+        (f"{HEAD}halt,1,inf,0.3,s\n", ":2: column measured: found 'inf', needed a number or an empty cell"),
+        (f"{HEAD}halt,1,0.3,1e999,s\n", ":2: column paper_numerical: found '1e999', needed a finite number"),
+        (f"{HEAD}halt,0,1,1,s\n", ":2: column index: found '0', needed a whole number from 1"),
+        (f"{HEAD}halt,one,1,1,s\n", ":2: column index: found 'one', needed a whole number from 1"),
+        (f"{HEAD}halt,1,1,1,furlong\n", ":2: column unit: found 'furlong', needed a unit of time, length or angle"),
+        (f"{HEAD},1,1,1,s\n", ":2: column quantity: found nothing, needed a name"),
+        (f"{HEAD}halt,1,1,s\n", ":2: found 4 cells, needed 5"),
+        (f"{HEAD}halt,1,1,1,s\nhalt,1,1,1,s\n", ":3: column index: found halt 1 again (first on line 2)"),
+        ("a,b\n1,2\n", ":1: found columns 'a,b', needed 'quantity,index,value,sigma,unit' or 'quantity,index,measured"),
         ("", ": found no rows, needed"),
-        (HEAD, ": found no rows, needed"),
-        (HEAD.encode() + b"\xff\n", ":2: found the byte 0xff, needed UTF-8 text"),
-        (b"#" * 2_000_000, ": found more than 1024 KiB"),
+        (HEAD, ":1: found no rows below the names of the columns, needed"),
+        (HEAD.encode() + b"\xff\n", ":2: found 1 cells, needed 5"),
+        (b"#" * 2_000_000, ": found more than 1 MiB"),
     ],
 )
 def test_a_faulty_table_gives_its_line(table, text, message):
     path = table(text)
-    with pytest.raises(ScenarioError) as caught:
+    with pytest.raises(DataError) as caught:
         read_event_table(path)
     assert str(caught.value).startswith(f"{path}{message}")
     assert str(caught.value).isprintable()
@@ -79,12 +64,12 @@ def test_checksum_must_agree(table):
     path = table(f"{HEAD}halt,1,0.4,0.38,s\n")
     right = hashlib.sha256(path.read_bytes()).hexdigest()
     assert len(read_event_table(path, right.upper()).rows) == 1
-    with pytest.raises(ScenarioError, match="found SHA-256 .*, needed 000000000000"):
+    with pytest.raises(DataError, match="found SHA-256 .*, needed 000000000000"):
         read_event_table(path, "0" * 64)
 
 
 def test_a_missing_table_is_said(tmp_path):
-    with pytest.raises(ScenarioError, match="cannot be read"):
+    with pytest.raises(DataError, match="cannot be read"):
         read_event_table(tmp_path / "none.csv")
 
 

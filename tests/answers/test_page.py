@@ -2,48 +2,37 @@
 
 import json
 import math
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from looping_pendulum.reference_ode.lyapunov import solve_tangent_map
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios.loader import load
+from scripts.answers_parts import boundaries, common, page, precision, questions
+from scripts.answers_parts.lyapunov import solve_tangent_map
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 pytest.importorskip("heyoka", reason="the summaries are computed with heyoka")
 
 
-@pytest.fixture(scope="module")
-def parts():
-    sys.path.insert(0, str(ROOT / "scripts"))
-    try:
-        from answers_parts import boundaries, common, page, precision, questions
-    finally:
-        sys.path.pop(0)
-    return {"boundaries": boundaries, "common": common, "page": page, "precision": precision, "questions": questions}
+def test_the_committed_page_is_the_rendered_one():
+    assert common.PAGE.read_text() == page.render(), "run `python scripts/answers.py`"
 
 
-def test_the_committed_page_is_the_rendered_one(parts):
-    assert parts["common"].PAGE.read_text() == parts["page"].render(), "run `python scripts/answers.py`"
-
-
-def test_every_figure_that_the_page_shows_exists(parts):
-    text = parts["common"].PAGE.read_text()
+def test_every_figure_that_the_page_shows_exists():
+    text = common.PAGE.read_text()
     shown = [line.split("(")[-1].split(")")[0] for line in text.splitlines() if line.startswith("![")]
     assert len(shown) >= 8
     assert all((ROOT / "docs" / name).is_file() for name in shown)
 
 
-def test_summaries_stay_small(parts):
-    assert sum(f.stat().st_size for f in parts["common"].DATA.iterdir()) < 1_000_000
+def test_summaries_stay_small():
+    assert sum(f.stat().st_size for f in common.DATA.iterdir()) < 1_000_000
 
 
-def test_the_four_halting_times_come_out_again(parts):
+def test_the_four_halting_times_come_out_again():
     """Two solvers, one of them SciPy's, within what each keeps at its tolerance times the growth to the halt (20)."""
-    common = parts["common"]
     for degrees, stored in common.read("four_angles")["scenario"].items():
         p = common.at_angle(common.case("scenario"), float(degrees))
         assert solve(p, tolerance=1e-15).halting_time == pytest.approx(float(stored["reported_time"]), abs=1e-14)
@@ -52,16 +41,14 @@ def test_the_four_halting_times_come_out_again(parts):
         )
 
 
-def test_the_growth_to_the_halt_comes_out_again(parts):
-    common = parts["common"]
+def test_the_growth_to_the_halt_comes_out_again():
     stored = common.read("growth")["scenario"]["at_last_stop"]
     p = common.at_angle(common.case("scenario"), 75.0)
     fresh = solve_tangent_map(p, np.array([stored["t"] + 1e-9]))
     assert fresh.growth[0, 0] == pytest.approx(stored["growth"], rel=1e-6)
 
 
-def test_a_plain_program_comes_out_again(parts):
-    common, precision = parts["common"], parts["precision"]
+def test_a_plain_program_comes_out_again():
     stored = common.read("plain_programs")
     step = stored["steps"].index(0.01)
     p = common.at_angle(common.case("scenario"), 75.0)
@@ -71,8 +58,7 @@ def test_a_plain_program_comes_out_again(parts):
     )
 
 
-def test_changes_along_the_angle_are_where_the_summary_says(parts):
-    common = parts["common"]
+def test_changes_along_the_angle_are_where_the_summary_says():
     changes = common.read("along_the_angle")["equal"]
     base = common.case("scenario")
     for change in changes[:: max(1, len(changes) // 8)]:
@@ -80,9 +66,8 @@ def test_changes_along_the_angle_are_where_the_summary_says(parts):
         assert [common.letters(modes) for modes in sides] == [change["below"], change["above"]]
 
 
-def test_the_lowest_ratio_halts_and_a_millionth_less_does_not(parts):
-    common = parts["common"]
-    data, longest = common.read("lowest_ratio"), parts["questions"].LONGEST_TIME_LIMIT
+def test_the_lowest_ratio_halts_and_a_millionth_less_does_not():
+    data, longest = common.read("lowest_ratio"), questions.LONGEST_TIME_LIMIT
     for name in common.CASES:
         base, stored = common.case(name), data[name]
         for where in (stored["best"], stored["at_75"] | {"angle": 75.0}):
@@ -92,8 +77,7 @@ def test_the_lowest_ratio_halts_and_a_millionth_less_does_not(parts):
             assert solve(below, duration=longest).halting_time is None
 
 
-def test_the_maps_hold_what_single_runs_say(parts):
-    common = parts["common"]
+def test_the_maps_hold_what_single_runs_say():
     base = load("ten_to_one").parameters
     data = common.read_map("halting_map")
     rng = np.random.default_rng(3)
@@ -107,17 +91,16 @@ def test_the_maps_hold_what_single_runs_say(parts):
             assert abs(run.halting_time - stored) <= 0.51 * common.TIME_UNIT
 
 
-def test_masses_times_s_are_drags_over_s(parts):
+def test_masses_times_s_are_drags_over_s():
     """One is the other to the last digits, so the two runs differ by rounding alone."""
-    result = parts["questions"]._mass_drag_equivalence(load("ten_to_one").parameters)
+    result = questions._mass_drag_equivalence(load("ten_to_one").parameters)
     assert result["largest_difference"] < 1e-12
 
 
 @pytest.mark.accurate
 @pytest.mark.parametrize("name", ["growth", "mass_scale", "near_75"])
-def test_a_whole_summary_comes_out_again(parts, name, tmp_path, monkeypatch):
-    common = parts["common"]
-    module = parts["questions"] if hasattr(parts["questions"], name) else parts["boundaries"]
+def test_a_whole_summary_comes_out_again(name, tmp_path, monkeypatch):
+    module = questions if hasattr(questions, name) else boundaries
     stored = common.read(name)
     monkeypatch.setattr(common, "DATA", tmp_path)
     common.write(name, getattr(module, name)())

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from looping_pendulum.errors import MissingPackageError
-from looping_pendulum.reference_ode import extended
-from looping_pendulum.reference_ode.extended import TOLERANCES, solve_extended
 from looping_pendulum.reference_ode.heyoka_library import load_heyoka
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios.loader import load
+from scripts.answers_parts import extended
+from scripts.answers_parts.extended import TOLERANCES, solve_extended
 
 pytest.importorskip("heyoka", reason="extended precision needs heyoka")
 

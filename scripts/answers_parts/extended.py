@@ -15,15 +15,14 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.errors import IntegrationError, MissingPackageError
-from looping_pendulum.reference_ode.driver import Driver
 from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_backend import MAX_STEPS, HeyokaIntegrator, ModeEquations
 from looping_pendulum.reference_ode.heyoka_library import COMPILER_OPTIONS, load_heyoka
-from looping_pendulum.reference_ode.hybrid_system import SingleRunSystem
 from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.reference_ode.rules import HybridSystem
 from looping_pendulum.reference_ode.solution import Run, SegmentSamples
-from looping_pendulum.reference_ode.solve import DURATION, require_heyoka
+from looping_pendulum.reference_ode.solve import DURATION, Driver, require_heyoka
 from looping_pendulum.reference_ode.state import Effects, Signs, State, event_in_phase, full_state
 from looping_pendulum.reference_ode.transitions import Event, Mode
 
@@ -77,7 +76,7 @@ class _ExtendedDriver(Driver):
         number_type = _number_type(precision)
         self.motion = self.motion._replace(y=State(*map(number_type, self.motion.y)))
         # Functions of `math` would round to double precision
-        self.system = SingleRunSystem(Equations(np, self.values, self.effects), Equations(math, self.values, self.effects))
+        self.system = HybridSystem(Equations(np, self.values, self.effects), Equations(math, self.values, self.effects))
         self.integrator = _ExtendedIntegrator(self.values, self.effects, tolerance, number_type)
 
 
