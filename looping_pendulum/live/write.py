@@ -13,6 +13,8 @@ from pathlib import Path
 from posixpath import dirname, join, normpath
 from typing import Any
 
+from rjsmin import jsmin
+
 from looping_pendulum import __version__
 from looping_pendulum.errors import ParameterError, ScenarioError
 from looping_pendulum.files import write_atomically
@@ -110,13 +112,11 @@ _EXPORT = re.compile(r"^export (?=(?:async )?(?:const|let|class|function)\b)", r
 _NAME = re.compile(r"^export (?:async )?(?:const|let|class|function\*?) (\w+)", re.MULTILINE)
 _NAMES_OF_OTHERS = re.compile(r"^export \{([^}]*)\};\n", re.MULTILINE)
 _OTHER_FORM = re.compile(r"^(?:import|export)\b.*", re.MULTILINE)
-_COMMENTS = re.compile(r"^[ ]*(?:/\*\*(?:(?!\*/).)*\*/|//[^\n]*)\n", re.MULTILINE | re.DOTALL)
-"""Comments on lines of their own: a fifth of a page that is to stay small."""
-_INDENT = re.compile(r"(?<=\n) +")
+_NESTED_TEMPLATE = re.compile(r"`[^`]*\$\{[^}`]*`")
 
 
 def bundle(entry: str) -> str:
-    """Return one script that runs the module ``entry`` and all that it imports, each in a function of its own.
+    """Return one script that runs the module ``entry`` and all that it imports, each in a function of its own, minified.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def bundle(entry: str) -> str:
     """
     modules: dict[str, str] = {}
     _add(entry, modules, ())
-    return "\n".join(['"use strict";', *(_wrapped(path, source) for path, source in modules.items())])
+    return jsmin("\n".join(['"use strict";', *(_wrapped(path, source) for path, source in modules.items())]))
 
 
 @cache
@@ -159,12 +159,9 @@ def _resolved(path: str, imported: str) -> str:
 
 
 def _wrapped(path: str, source: str) -> str:
-    """Return a module, without comments and indentation, as a function whose result has what it exports."""
-    # Between backticks, as in the study file that the page writes, spaces at the beginning of a line count
-    parts = _COMMENTS.sub("", source).split("`")
-    if len(parts) % 2 == 0:
-        raise ValueError(f"{path}: found {len(parts) - 1} backticks, needed an even number")
-    source = "`".join(part if i % 2 else _INDENT.sub("", part) for i, part in enumerate(parts))
+    """Return a module as a function whose result has what it exports."""
+    if nested := _NESTED_TEMPLATE.search(source):
+        raise ValueError(f"{path}: found {nested[0]!r}, needed no template within a template, which rjsmin does not tell apart")
     exported = [*_NAME.findall(source), *(name for names in _NAMES_OF_OTHERS.findall(source) for name in _names(names))]
     body = _IMPORT.sub(lambda m: f"const {{ {', '.join(_names(m[1]))} }} = {_variable(_resolved(path, m[2]))};\n", source)
     body = _EXPORT.sub("", _NAMES_OF_OTHERS.sub("", body))

@@ -113,6 +113,21 @@ export function linkOf({ release, values, stored }) {
   return [`release=${release}`, ...parts, ...run].join("&");
 }
 
+/** What begins a code: with other controls than before, or in another order, it needs another number. */
+export const CODE = "LP1:";
+
+/** The state as a short code: the release, and the values in the order of the controls, empty for zero. @param {State} state */
+export function codeOf({ release, values }) {
+  return CODE + [release, ...CONTROLS.map(({ name }) => values[name] || "")].join(";").replace(/;+$/, "");
+}
+
+/** The link that says the same as a code; "" if it is none. @param {string} code */
+export function linkOfCode(code) {
+  if (!code.toUpperCase().startsWith(CODE)) return "";
+  const [release, ...values] = code.slice(CODE.length).split(";");
+  return [`release=${release}`, ...CONTROLS.map(({ key }, i) => `${key}=${values[i] || 0}`)].join("&");
+}
+
 /**
  * Read a link; what it does not name stays as in `state`.
  * @param {string} link

@@ -15,7 +15,7 @@ export function studyYaml(settings, { file, tracks, length, time, rate, run = nu
   const si = (/** @type {string} */ name) => tidy(settings[name]);
   const inUnit = (/** @type {string} */ name) => `${si(name)} ${UNITS[name]}`;
   const measured = (/** @type {string} */ name) =>
-    `${inUnit(name)}${known[name] > 0 ? ` +/- ${tidy(known[name])} ${UNITS[name]}` : ""}`;
+    [inUnit(name), ...(known[name] > 0 ? ["+/-", tidy(known[name]), UNITS[name]] : [])].join(" ");
   const named = Object.entries(tracks).map(([mass, track]) => `${mass}: ${quoted(track)}`);
   const lengths = ["free_length", "hanging_length"].map((name) => `${name}: free from ${inUnit(name)}`).join(", ");
   const looping = settings.release === "looping";
@@ -23,7 +23,7 @@ export function studyYaml(settings, { file, tracks, length, time, rate, run = nu
     // A record of a swing may begin in its midst, which identify sees if it may believe the clock
     .filter(([name, value]) => looping || (name === "clock_offset" && value))
     // Stated, it is that of the file's own clock
-    .map(([name, value]) => `${name}: free from ${name === "clock_offset" ? `${tidy(value - clockStart)} s` : `${tidy(value)} m`}`);
+    .map(([name, value]) => [`${name}: free from`, ...(name === "clock_offset" ? [tidy(value - clockStart), "s"] : [tidy(value), "m"])].join(" "));
   const options = [
     ...(named.length ? [`tracks: {${named.join(", ")}}`] : []),
     ...(length !== "m" || time !== "s" ? [`units: {length: ${length}, time: ${time}}`] : []),
@@ -37,10 +37,14 @@ export function studyYaml(settings, { file, tracks, length, time, rate, run = nu
   const start = tidy(kinetic || resting / 2);
   const friction = resting > kinetic ? `{kinetic_friction: free from ${start}, static_friction: ${tidy(resting)}}` : "free";
   const further = Object.entries(FURTHER_EFFECTS).filter(([name]) => settings[name]);
+  const radius = settings.light_radius ? [", radius:", inUnit("light_radius")].join(" ") : "";
+  const kind = looping ? "" : ["kind: ", settings.release, ", "].join("");
+  const others = further.map(([name, effect]) => ["  ", effect, ": ", inUnit(name), "\n"].join("")).join("");
+  const said = options.map((line) => ["    ", line, "\n"].join("")).join("");
   return `# Written by the page live.html. Where you have measured what is free here, write the value, +/- and its standard error.
 title: ${quoted(file)}
 apparatus:
-  light: {mass: ${measured("light_mass")}${settings.light_radius ? `, radius: ${inUnit("light_radius")}` : ""}}
+  light: {mass: ${measured("light_mass")}${radius}}
   rod: {radius: ${measured("rod_radius")}}
 effects:
   gravity: ${inUnit("gravity")}
@@ -48,10 +52,10 @@ effects:
   light_drag: free
   heavy_drag: ${inUnit("heavy_drag")}
   string_drag: ${inUnit("string_drag")}
-${further.map(([name, effect]) => `  ${effect}: ${inUnit(name)}\n`).join("")}trials:
+${others}trials:
   - name: mine
     file: ${quoted(file)}
-${options.map((line) => `    ${line}\n`).join("")}    heavy: {mass: ${measured("heavy_mass")}}
-    release: {${looping ? "" : `kind: ${settings.release}, `}angle: free from ${inUnit("release_angle")}, ${lengths}}
+${said}    heavy: {mass: ${measured("heavy_mass")}}
+    release: {${kind}angle: free from ${inUnit("release_angle")}, ${lengths}}
 `;
 }
