@@ -10,7 +10,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from looping_pendulum.scenarios.measured import MeasuredEventRow
 from matplotlib.artist import Artist
 from matplotlib.axis import Axis
 from matplotlib.category import StrCategoryFormatter
@@ -35,6 +34,7 @@ from looping_pendulum.engines.trajectory import (
     TrajectoryEvent,
     from_samples,
 )
+from looping_pendulum.measured.events import MeasuredEventRow
 from looping_pendulum.pages import drawing
 from looping_pendulum.reference_ode.geometry import light_position
 from looping_pendulum.reference_ode.parameters import Parameters
