@@ -12,7 +12,7 @@ from looping_pendulum.cli.terminal import new_table, say, show_json, show_table
 from looping_pendulum.errors import EngineError
 
 if TYPE_CHECKING:
-    from looping_pendulum.engines.conformance.suite import CheckResult
+    from looping_pendulum.engines.conformance import CheckResult
     from looping_pendulum.engines.protocol import Profile
 
 

@@ -29,10 +29,7 @@ from looping_pendulum.engines.chain import (
     polygon_radius,
 )
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine, Profile, TunedEngine
-from looping_pendulum.engines.studies import (
-    Studies,
-    studies_from_rows,
-)
+from looping_pendulum.engines.studies import Studies, studies_from_rows
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
 from looping_pendulum.reference_ode.geometry import Array

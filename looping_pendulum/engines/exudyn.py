@@ -21,20 +21,9 @@ from looping_pendulum.engines.chain import (
     point_on_string,
     polygon_friction,
 )
-from looping_pendulum.engines.protocol import (
-    APPLIED_DRAG,
-    SAMPLE_INTERVAL,
-    Engine,
-    Profile,
-    TunedEngine,
-    steps_per_sample,
-)
+from looping_pendulum.engines.protocol import APPLIED_DRAG, SAMPLE_INTERVAL, Engine, Profile, TunedEngine, steps_per_sample
 from looping_pendulum.engines.shipped import shipped_abilities
-from looping_pendulum.engines.studies import (
-    DefaultRow,
-    Studies,
-    studies_from_rows,
-)
+from looping_pendulum.engines.studies import DefaultRow, Studies, studies_from_rows
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
 from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import quantity

@@ -13,19 +13,9 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.engines.chain import NO_STOP, ONE_COEFFICIENT, point_on_string
-from looping_pendulum.engines.protocol import (
-    APPLIED_DRAG,
-    SAMPLE_INTERVAL,
-    Engine,
-    Profile,
-    TunedEngine,
-    groups_per_sample,
-)
+from looping_pendulum.engines.protocol import APPLIED_DRAG, SAMPLE_INTERVAL, Engine, Profile, TunedEngine, groups_per_sample
 from looping_pendulum.engines.shipped import shipped_abilities
-from looping_pendulum.engines.studies import (
-    Studies,
-    studies_from_rows,
-)
+from looping_pendulum.engines.studies import Studies, studies_from_rows
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
 from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import quantity

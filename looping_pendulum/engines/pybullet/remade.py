@@ -15,13 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from looping_pendulum.engines.chain import (
-    MIN_BEADS,
-    MIN_STRAIGHT_LINKS,
-    Point,
-    next_bead_position,
-    point_on_string,
-)
+from looping_pendulum.engines.chain import MIN_BEADS, MIN_STRAIGHT_LINKS, Point, next_bead_position, point_on_string
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.pybullet.links import (
     MAX_JOINTS,

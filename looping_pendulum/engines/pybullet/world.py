@@ -10,11 +10,7 @@ from enum import StrEnum
 from typing import Any, ClassVar
 
 from looping_pendulum.engines.protocol import APPLIED_DRAG, SAMPLE_INTERVAL, Rig, TunedEngine, steps_per_sample
-from looping_pendulum.engines.studies import (
-    ChoiceRow,
-    DefaultRow,
-    LadderRow,
-)
+from looping_pendulum.engines.studies import ChoiceRow, DefaultRow, LadderRow
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
 from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import quantity

@@ -25,12 +25,7 @@ from looping_pendulum.engines.chain import (
     polygon_friction,
     polygon_radius,
 )
-from looping_pendulum.engines.protocol import (
-    Profile,
-    TunedEngine,
-    groups_per_sample,
-    steps_per_sample,
-)
+from looping_pendulum.engines.protocol import Profile, TunedEngine, groups_per_sample, steps_per_sample
 from looping_pendulum.engines.pymunk.space import (
     DEFAULT_RATE,
     DEFAULT_RATE_TEXT,

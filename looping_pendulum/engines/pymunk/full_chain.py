@@ -18,14 +18,7 @@ from looping_pendulum.engines.chain import (
     polygon_friction,
     polygon_radius,
 )
-from looping_pendulum.engines.protocol import (
-    APPLIED_DRAG,
-    Abilities,
-    Profile,
-    TunedEngine,
-    groups_per_sample,
-    steps_per_sample,
-)
+from looping_pendulum.engines.protocol import APPLIED_DRAG, Abilities, Profile, TunedEngine, groups_per_sample, steps_per_sample
 from looping_pendulum.engines.pymunk.space import (
     DEFAULT_COLLISION_SLOP,
     DEFAULT_ITERATIONS,
