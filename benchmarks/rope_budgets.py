@@ -29,7 +29,7 @@ from looping_pendulum.engines import registry
 from looping_pendulum.engines.landmarks import run_landmarks
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.registry import all_engines, missing_packages, select
-from looping_pendulum.engines.static_capstan import measure_capstan_exponent
+from looping_pendulum.engines.tension import measure_capstan_exponent
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import EngineError
 from looping_pendulum.files import write_atomically

@@ -27,7 +27,7 @@ from looping_pendulum.cli.terminal import ProgressBars, new_table, note, say, sh
 from looping_pendulum.errors import EngineError
 
 if TYPE_CHECKING:
-    from looping_pendulum.engines.conformance.suite import CheckResult
+    from looping_pendulum.engines.conformance import CheckResult
     from looping_pendulum.engines.protocol import Profile
     from looping_pendulum.repro.claims import Claim
 

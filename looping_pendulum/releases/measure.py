@@ -21,7 +21,7 @@ from looping_pendulum.engines.memory import MEMORY_LIMIT
 from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import label
-from looping_pendulum.engines.static_capstan import FREE_LENGTH, measure_capstan_exponent
+from looping_pendulum.engines.tension import FREE_LENGTH, measure_capstan_exponent
 from looping_pendulum.engines.trajectory import RunStatus, Trajectory
 from looping_pendulum.errors import EngineError, shorten
 from looping_pendulum.processes import Interpreter

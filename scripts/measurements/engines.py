@@ -13,7 +13,7 @@ import numpy as np
 
 from looping_pendulum.engines.landmarks import run_landmarks
 from looping_pendulum.engines.protocol import Profile, SteppedEngine
-from looping_pendulum.engines.pybullet.settings import RodShape
+from looping_pendulum.engines.pybullet.world import RodShape
 from looping_pendulum.engines.registry import select
 from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration

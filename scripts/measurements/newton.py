@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.engines.protocol import MemoryRecorder, Profile
-from looping_pendulum.engines.static_capstan import measure_capstan_exponent
+from looping_pendulum.engines.tension import measure_capstan_exponent
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.solve import solve_at
 from looping_pendulum.scenarios import load

@@ -11,9 +11,8 @@ import numpy as np
 
 from looping_pendulum.engines.pymunk.chain import PymunkChain
 from looping_pendulum.engines.pymunk.full_chain import PymunkFullChain
-from looping_pendulum.engines.pymunk.full_settings import FullChainVariant
 from looping_pendulum.engines.registry import how_to_get, missing_packages
-from looping_pendulum.engines.static_capstan import CapstanMeasurement, chain_capstan_exponent, measure_capstan_exponent
+from looping_pendulum.engines.tension import CapstanMeasurement, chain_capstan_exponent, measure_capstan_exponent
 from looping_pendulum.errors import MissingPackageError
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.teaching.demonstrations.demonstration import (
@@ -144,7 +143,7 @@ SHORT_SCENARIO: Scenario = replace(TEN_TO_ONE, duration=WATCHED_TIME)
 
 def _soft_chain_case(key: str, label: str, **changes: Any) -> DemonstrationCase:
     settings = {"time_step": STEP, "force_interval": 10, "long_range": 0} | changes
-    engine = PymunkFullChain(variant=FullChainVariant.BEADS).with_settings(**settings)
+    engine = PymunkFullChain(variant="beads").with_settings(**settings)
     return DemonstrationCase(key=key, label=label, run=lambda: simulate(engine, SHORT_SCENARIO))
 
 

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.engines.mujoco.constant_friction import FrictionSize, friction_loss
-from looping_pendulum.engines.mujoco.studies import DEFAULT_TIME_CONSTANT
-from looping_pendulum.engines.mujoco.tendon import MUJOCO_DEFAULTS, MujocoTendon
+from looping_pendulum.engines.mujoco.model import DEFAULT_TIME_CONSTANT
+from looping_pendulum.engines.mujoco.tendon import MUJOCO_DEFAULTS, FrictionSize, MujocoTendon, friction_loss
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.teaching.demonstrations.demonstration import (
     LARGEST_DROP,
