@@ -130,7 +130,7 @@ def bundle(entry: str) -> str:
     """
     modules: dict[str, str] = {}
     _add(entry, modules, ())
-    return jsmin("\n".join(['"use strict";', *(_wrapped(path, source) for path, source in modules.items())]))
+    return str(jsmin("\n".join(['"use strict";', *(_wrapped(path, source) for path, source in modules.items())])))
 
 
 @cache
