@@ -185,7 +185,7 @@ An editor that reads JSON Schema completes the keys and checks the values while 
 ```sh
 looping-pendulum scenarios --schema > scenario.schema.json
 looping-pendulum identify --schema > study.schema.json
-looping-pendulum maps --schema > map.schema.json
+looping-pendulum map --schema > map.schema.json
 ```
 
 With the YAML extension of VS Code, the file's first line is then `# yaml-language-server: $schema=scenario.schema.json`.

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
+import typer.core
 
 from looping_pendulum import __version__
 from looping_pendulum.cli.check import check
@@ -46,7 +47,7 @@ from looping_pendulum.cli.common import (
 from looping_pendulum.cli.converge import converge
 from looping_pendulum.cli.engines import conformance, engines, recipe, repro, versions
 from looping_pendulum.cli.identify import identify, look
-from looping_pendulum.cli.maps import map_, maps
+from looping_pendulum.cli.maps import map_
 from looping_pendulum.cli.new import new
 from looping_pendulum.cli.teaching import demo, demonstrations, init, live, tracker
 from looping_pendulum.cli.terminal import ProgressBars, new_table, reset_output, say, say_file, show_json, show_table
@@ -61,8 +62,53 @@ USAGE_ERROR: Any = typer.BadParameter.__base__
 MAX_MESSAGE_LENGTH = 1000
 """Largest length of an error message [characters]; what the user typed, which it quotes, may be a hundred times longer."""
 
+GROUPS: dict[str, dict[str, str]] = {
+    "See": {
+        "live": "the exact model in a page: sliders, a lesson, films, fits",
+        "demo": "the same page with the runs of all engines in it",
+        "demonstrations": "nine experiments on what each model assumes",
+    },
+    "Begin": {
+        "init": "an example folder: a scenario, two trials, next commands",
+        "new": "a scenario or a study, by answering questions",
+        "scenarios": "the shipped scenarios, one to copy, or the schema",
+    },
+    "Compare engines": {
+        "run": "one scenario: its events, and how each run ends",
+        "compare": "where, when and why each engine departs",
+        "check": "whether engines keep the scenarios' tolerances",
+        "converge": "what each engine's error consists of",
+        "engines": "which engines there are, and how to install others",
+    },
+    "Your film": {
+        "look": "points compared with what a study declares, in seconds",
+        "identify": "the physics that a model of measured trials lacks",
+        "tracker": "a motion as a file that Tracker draws over a video",
+    },
+    "For engine developers": {
+        "conformance": "what every engine must do, tested",
+        "repro": "a claim about an engine as a script without this package",
+        "recipe": "a rope over a rod in an engine alone, as a script",
+        "versions": "many releases of one engine, and what moved",
+    },
+    "Maps": {"map": "how runs end over ranges of one to three quantities"},
+}
+"""Title -> command -> what it does, in a line of a help of 80 columns."""
+
+
+class GroupedCommands(typer.core.TyperGroup):
+    """Commands whose help lists them by what they are for."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write a list for each of `GROUPS`."""
+        for title, commands in GROUPS.items():
+            with formatter.section(title):
+                formatter.write_dl(list(commands.items()))
+
+
 # rich_markup_mode=None: formatting the help with rich would double the time that --help takes
 app = typer.Typer(
+    cls=GroupedCommands,
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -269,7 +315,6 @@ app.command()(repro)
 app.command()(versions)
 app.command()(recipe)
 app.command("map")(map_)
-app.command()(maps)
 
 
 app.command()(identify)
