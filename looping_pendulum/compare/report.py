@@ -160,8 +160,17 @@ def _verdict_sentence(result: ComparisonResult) -> str:
     elif not result.tolerances:
         text = "**No limits are declared** for these engines and this profile, so there is no verdict on the numbers."
     else:
-        text = "**Within tolerance.**"
+        text = _expected_sentence(result)
     return text + (f" Not run: {', '.join(not_run)}." if not_run else "")
+
+
+def _expected_sentence(result: ComparisonResult) -> str:
+    """Say that nothing unexpected happened, and who fails as expected, which is no praise."""
+    feared = [name(e) for e in result.engines if any(t.outcome is ToleranceOutcome.EXPECTED_FAILURE for t in result.judged(e))]
+    if not feared:
+        return "**Within tolerance.**"
+    fail = "fails" if len(feared) == 1 else "fail"
+    return f"**No unexpected result:** {', '.join(feared)} {fail} as expected; all other limits are kept."
 
 
 def _within(result: ComparisonResult, engine: EngineResult) -> str:
