@@ -36,6 +36,9 @@ def track(
     region: Annotated[
         str | None, typer.Option(metavar="X,Y X,Y", help="Look for the masses in this rectangle only [pixels].")
     ] = None,
+    readout: Annotated[
+        str | None, typer.Option(metavar="TIME", help='Of a rolling shutter, from the first row to the last: "10 ms".')
+    ] = None,
     plain: Annotated[bool, typer.Option("--plain", help="Follow whatever moves, without physics.")] = False,
     overlay: Annotated[bool, typer.Option("--overlay", help="Also write the film with the marks on it.")] = False,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the files; default: beside each film.")] = None,
@@ -68,6 +71,7 @@ def track(
         rod=None if rod is None else options.read_place("--rod", rod),
         first=None if start is None else options.read_quantity("--from", start, "s", "1.5 s"),
         last=None if end is None else options.read_quantity("--to", end, "s", "3 s"),
+        readout=None if readout is None else options.read_quantity("--readout", readout, "s", "10 ms"),
         region=None if region is None else options.read_region("--region", region),
     )
     listed = []

@@ -42,6 +42,10 @@ CROSS_COLOUR = (0, 230, 255)
 """Of crosses on the masses themselves."""
 LEAST_ORIGIN_ERROR = 1e-4
 """Smallest error of the rod's centre that is stated [m]: the centre of a mass is not quite that of its picture."""
+HEAVY_OFFSET_ERROR = 5e-4
+"""Usual distance of the heavy mass's centre in the picture from its string, by its shading and its hook [m]."""
+READOUT_ERROR = 2e-4
+"""Error of the rows' delay per length [s/m] that is fitted without being named; `identify` may name a larger delay."""
 CAMERA_LEAST_TILT = math.radians(0.02)
 """Smallest error of the tilt that is stated [rad]."""
 
@@ -105,6 +109,8 @@ def camera_errors(files: FilmFiles) -> dict[str, float]:
             "origin_y": origin[1],
             "tilt": math.radians(float(tree["tilt_error_deg"])),
             "clock_offset": float(tree["release_error_s"]),
+            "heavy_offset_x": HEAVY_OFFSET_ERROR,
+            "readout": READOUT_ERROR,
         }
     except (OSError, ValueError, TypeError, KeyError, ZeroDivisionError):
         return {}
@@ -143,7 +149,17 @@ def camera_lines(track: FilmTrack) -> dict[str, str]:
         "origin_y": f"0 mm +/- {max(millimetres[1], 0.1):.2g} mm",
         "tilt": f"0 deg +/- {math.degrees(max(track.tilt_error, CAMERA_LEAST_TILT)):.2g} deg",
         "clock_offset": f"0 ms +/- {1e3 * track.release_error:.2g} ms",
-    }
+        "heavy_offset_x": f"0 mm +/- {1e3 * HEAVY_OFFSET_ERROR:.2g} mm",
+    } | (
+        {}
+        if track.settings.readout is None
+        else {"readout": f"{delay_per_length(track):.4g} s/m +/- {READOUT_ERROR / 4:.2g} s/m"}
+    )
+
+
+def delay_per_length(track: FilmTrack) -> float:
+    """Return the delay of the picture's rows per length downwards [s/m], 0 if the time of the readout is not known."""
+    return (track.settings.readout or 0.0) * track.scale / track.facts.height
 
 
 def sentence(track: FilmTrack) -> str:
@@ -192,7 +208,7 @@ def facts(track: FilmTrack | PlainTrack) -> dict[str, Any]:
         "angle_deg": math.degrees(track.angle), "hanging_length_m": track.hanging_length, "string_residual_pixels": residual,
         "frames_followed": [first, last], "light_share": track.share, "skipped": track.skipped,
         "points": {name: _summary(p) for name, p in (("light", track.light), ("heavy", track.heavy))},
-        "camera": camera_lines(track), "readout": "not known: state it by --readout or in the study's camera",
+        "camera": camera_lines(track), "readout_s": track.settings.readout,
     }  # fmt: skip
 
 

@@ -90,6 +90,8 @@ class TrackSettings:
     """Time from which on the film is read [s by its clock, from its first frame]."""
     last: float | None = None
     """Time up to which it is read [s]."""
+    readout: float | None = None
+    """Time from the reading of the picture's first row to that of its last [s]; None: not known."""
     region: tuple[int, int, int, int] | None = None
     """Rectangle in which masses are looked for: left, top, right, bottom [pixels]."""
 

@@ -275,6 +275,8 @@ class Study:
             # Heights and angles are measured along the vertical and near the rod, where scale and tilt are all that matters
             picture = ["foreshortening", "shear", "perspective_x", "perspective_y", "distortion", "centre_x", "centre_y"]
             acting = ["origin_x", "origin_y", "scale", "tilt", *picture, *acting]
+            # Of a film that was tracked here, and where the study says so: a table's own program may have corrected them
+            acting += [n for n in ("readout", "heavy_offset_x") if n in trial.camera]
         acting += ["scale", "tilt"] if observations.events else []
         acting += ["tilt"] if "angle" in named else []
         acting += ["origin_y", "scale"] if "height" in named else []
