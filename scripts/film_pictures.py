@@ -16,7 +16,7 @@ from tests.film.renderer import Scene, looping_motion, render
 
 FOLDER = Path(__file__).parents[1] / "docs" / "img"
 WIDTH = 900
-COLOURS = 48
+COLOURS = 160
 PAPER = TrackSettings(free_length=0.58, free_length_error=1e-3)
 
 
@@ -26,7 +26,7 @@ def small(picture: NDArray[np.uint8]) -> bytes:
     if image.width > WIDTH:
         image = image.resize((WIDTH, round(image.height * WIDTH / image.width)), Image.Resampling.LANCZOS)
     stream = io.BytesIO()
-    image.quantize(COLOURS).save(stream, "PNG", optimize=True)
+    image.quantize(COLOURS, Image.Quantize.FASTOCTREE).save(stream, "PNG", optimize=True)
     return stream.getvalue()
 
 

@@ -283,13 +283,15 @@ class _Sample:
             self.step *= 2
 
 
-def survey(path: str | Path, *, frame_rate: float | None = None) -> Survey:
+def survey(path: str | Path, *, frame_rate: float | None = None, needs_rest: bool = True) -> Survey:
     """Decode a film once: its facts, the frames' times, and samples of its pictures.
 
     Parameters
     ----------
     frame_rate
         True frame rate [Hz], for slow motion whose file does not state it.
+    needs_rest
+        Whether a camera that moves is refused.
 
     Raises
     ------
@@ -336,7 +338,7 @@ def survey(path: str | Path, *, frame_rate: float | None = None) -> Survey:
         smalls.offer(index, lambda index=index, small=small: (index, small))
     _refuse_short(file, len(clock), decoder.broken)
     shake = _shake(cv2, [s for _, (_, s) in smalls.kept]) * reduction
-    if shake > MAX_SHAKE * max(size) / 1280:
+    if needs_rest and shake > MAX_SHAKE * max(size) / 1280:
         raise film_error(
             file,
             f"found a camera that moves ({shake:.0f} pixels), needed one that stands still",

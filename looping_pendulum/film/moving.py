@@ -24,6 +24,8 @@ LEAST_NOISE = 0.7
 """Smallest standard deviation of a pixel [levels]; rounding alone gives 0.3."""
 COLOUR_WEIGHT = 2.0
 """Weight of differences of colour, which span half the range that those of brightness do."""
+NOISE_WIDTH = 25
+"""Width over which the noise of pixels is averaged [pixels]."""
 LEAST_AREA = 6
 """Smallest blob [pixels of the search grid]."""
 LARGEST_SHARE = 0.03
@@ -113,7 +115,8 @@ def background(samples: Sequence[Sequence[Bytes]], index: Sequence[int], window:
             distance = _sorted(cv2, [cv2.absdiff(row, usual) for row in each[0]])[len(each[0]) // 2].astype(np.float32)
         middle = [rows[len(rows) // 2] for rows in each]
         medians.append(_sorted(cv2, middle)[1] if len(middle) == 3 else middle[0])
-    noise = np.maximum(cv2.blur(distance * np.float32(1.48), (3, 3)), LEAST_NOISE)
+    # Over more than a string's width: along that of the heavy mass pixels change, and a threshold there would cut it in two
+    noise = np.maximum(cv2.blur(distance * np.float32(1.48), (NOISE_WIDTH, NOISE_WIDTH)), LEAST_NOISE)
     threshold = np.clip(NOISE_FACTOR * noise, LEAST_DIFFERENCE, 255).astype(np.uint8)
     grid = cv2.resize(threshold, _grid_size(medians[0]), interpolation=cv2.INTER_AREA)
     return Background(planes=tuple(medians), threshold=grid, noise=float(np.median(noise)))

@@ -61,7 +61,7 @@ def follow_all(path: str | Path, settings: TrackSettings, progress: Callable[[st
     """
     report = progress or (lambda _, __: None)
     report("reading the film", 0.0)
-    seen = survey(path, frame_rate=settings.frame_rate)
+    seen = survey(path, frame_rate=settings.frame_rate, needs_rest=False)
     n = len(seen.t)
     first = 0 if settings.first is None else int(np.searchsorted(seen.t, settings.first))
     last = n - 1 if settings.last is None else int(np.searchsorted(seen.t, settings.last, side="right")) - 1
