@@ -36,6 +36,7 @@ ELSEWHERE = {
     r"^looping-pendulum converge": "tests/compare/test_convergence_study.py",
     r"^looping-pendulum check$": "tests/test_tolerances.py",
     r"--engine mujoco --marks": "tests/compare/test_trial.py, and docs/demo.md with one variant",
+    r"^looping-pendulum track |films\.yaml": "tests/film, with rendered films",
     r"--install-completion": "tests/test_completion.py",
     r"^looping-pendulum versions ": "tests/releases/test_command.py, with an index and an installer of their own",
     r"^looping-pendulum engines --support --markdown": "tests/engines/test_support.py",

@@ -51,6 +51,7 @@ from looping_pendulum.cli.maps import map_
 from looping_pendulum.cli.new import new
 from looping_pendulum.cli.teaching import demo, demonstrations, init, live, tracker
 from looping_pendulum.cli.terminal import ProgressBars, new_table, reset_output, say, say_file, show_json, show_table
+from looping_pendulum.cli.track import track
 from looping_pendulum.errors import HarnessError, one_line, shorten
 
 if TYPE_CHECKING:
@@ -324,6 +325,7 @@ app.command()(demo)
 app.command()(new)
 app.command()(init)
 app.command()(tracker)
+app.command()(track)
 app.command()(demonstrations)
 
 

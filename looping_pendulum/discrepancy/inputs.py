@@ -14,7 +14,7 @@ from looping_pendulum.discrepancy.fit.residual import trial_data
 from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.measured.observations import DataError, Observations
 from looping_pendulum.measured.record_start import with_free_start
-from looping_pendulum.measured.study import Study, Trial, read_files
+from looping_pendulum.measured.study import Study, Trial, read_trial
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,7 +52,7 @@ def read_inputs(study: Study, known: Mapping[str, Observations] = MappingProxyTy
     DataError
         If a file cannot be used.
     """
-    observed = tuple((t, known.get(t.name) or read_files(study.folder, t)) for t in study.trials)
+    observed = tuple((t, known.get(t.name) or read_trial(study, t)) for t in study.trials)
     for _, o in observed:
         if not o.used:
             raise DataError(f"{o.file}: found no measured value, needed at least one; leave this trial out")

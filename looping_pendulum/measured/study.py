@@ -275,6 +275,8 @@ class Study:
             # Heights and angles are measured along the vertical and near the rod, where scale and tilt are all that matters
             picture = ["foreshortening", "shear", "perspective_x", "perspective_y", "distortion", "centre_x", "centre_y"]
             acting = ["origin_x", "origin_y", "scale", "tilt", *picture, *acting]
+            # Of a film that was tracked here, and where the study says so: a table's own program may have corrected them
+            acting += [n for n in ("readout", "heavy_offset_x") if n in trial.camera]
         acting += ["scale", "tilt"] if observations.events else []
         acting += ["tilt"] if "angle" in named else []
         acting += ["origin_y", "scale"] if "height" in named else []
@@ -332,18 +334,29 @@ def _effect_acts_in(effect: Effect, trial: Trial) -> bool:
     return on_light or trial.release is not Release.HELD
 
 
-def read_files(folder: Path, trial: Trial) -> Observations:
-    """Read a trial's files, whose paths are relative to ``folder``.
+def read_trial(study: Study, trial: Trial) -> Observations:
+    """Read the files of a trial of ``study``, as `read_files` does."""
+    rod = study.estimate("rod_radius", trial)
+    return read_files(study.folder, trial, None if rod is None else rod.value)
+
+
+def read_files(folder: Path, trial: Trial, rod_radius: float | None = None) -> Observations:
+    """Read a trial's files, whose paths are relative to ``folder``; a film needs the rod's radius [m].
 
     Raises
     ------
     DataError
         If a file cannot be used.
     """
+    from looping_pendulum.film.decode import is_film
+    from looping_pendulum.measured.film_points import read_film
     from looping_pendulum.measured.readers import read  # imports units, which takes a while and which fits do not need
 
+    has_film = any(is_film(path) for path, _ in trial.files)
     parts = tuple(
-        read(
+        read_film(folder / path, trial, rod_radius, lambda table: read(table, name=trial.name, starts_at_release=False))
+        if is_film(path)
+        else read(
             folder / path,
             frame_rate=trial.frame_rate,
             clip_rate=trial.clip_rate,
@@ -361,7 +374,8 @@ def read_files(folder: Path, trial: Trial) -> Observations:
     observations = with_event_errors(merge(trial.name, parts), dict(trial.event_errors))
     if len(trial.files) > 1:  # what one mass alone seems to show, both do not
         observations = replace(observations, faults=tuple(clock_faults(observations.channels)))
-    observations = mirrored(observations) if trial.mirrored else observations
+    # The points of a film are as if the light mass had started on the left, on whichever side it did
+    observations = mirrored(observations) if trial.mirrored and not has_film else observations
     length, angle = (trial.estimates.get(name) for name in ("free_length", "release_angle"))
     if trial.release is not Release.HELD or length is None:
         return observations

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from looping_pendulum.film.decode import is_film
 from looping_pendulum.measured import readers, study_io
 from looping_pendulum.measured.clock import RATE_TOLERANCE
 from looping_pendulum.measured.observations import DataError
@@ -258,6 +259,9 @@ def trial_file(answer: Answers, index: int, file: str, before: Sequence[Tree]) -
     """
     at, lead = f"trials.{index + 1}", f"Trial {index + 1}: "
     path = file or answer(f"{at}.file", f"{lead}file of its marks", _usual_file(index, before), check_file)
+    if is_film(path):
+        answer.tell(f"{path}: a film; `identify` tracks it, and `track` shows the marks before: docs/film.md")
+        return {"name": _name(Path(path).stem, before), "file": path}
     if not Path(path).exists():
         tracks = {
             mass: answer(f"{at}.{mass}_track", f"{lead}name of the {mass} mass's track", mass, check_text) for mass in MASSES
@@ -455,7 +459,8 @@ def check_file(path: str) -> str:
         if near:
             raise AnswerError(f"found no file {quote(path)}{near}")
         return f"{path} is not there yet; put it there before `identify`"
-    _survey(path)
+    if not is_film(path):
+        _survey(path)
     return ""
 
 

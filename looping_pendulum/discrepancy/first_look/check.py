@@ -38,7 +38,7 @@ from looping_pendulum.measured.displaced_rows import (
     sentences,
 )
 from looping_pendulum.measured.observations import Channel, DataError, ImplausibleLengthError, Observations
-from looping_pendulum.measured.study import Study, Trial, read_files
+from looping_pendulum.measured.study import Study, Trial, read_trial
 from looping_pendulum.pages.numbers import quantity
 
 MAX_MISFIT_RATIO = 0.7
@@ -83,12 +83,12 @@ def take_first_look(study: Study) -> DeclarationCheck:
     observed, unreadable = [], dict[str, str]()
     for trial in study.trials:
         try:
-            observed.append((trial, read_files(study.folder, trial)))
+            observed.append((trial, read_trial(study, trial)))
         except ImplausibleLengthError as error:
             # Pixels, perhaps. In a unit that is far too short they can be read, and the motion then says how long one is
             readable = dataclasses.replace(trial, units={**trial.units, "length": SHORT_UNIT})
             try:
-                observed.append((readable, read_files(study.folder, readable)))
+                observed.append((readable, read_trial(study, readable)))
             except DataError:
                 raise error from None
             unreadable[trial.name] = str(error)
