@@ -82,6 +82,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "engines": "which engines there are, and how to install others",
     },
     "Your film": {
+        "track": "a film as points of both masses, without a click",
         "look": "points compared with what a study declares, in seconds",
         "identify": "the physics that a model of measured trials lacks",
         "tracker": "a motion as a file that Tracker draws over a video",
