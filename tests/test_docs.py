@@ -80,7 +80,14 @@ def test_the_readme_and_the_help_have_every_command_in_one_group():
     commands = typer.main.get_command(app).commands
     assert groups == {title: list(names) for title, names in GROUPS.items()}
     assert sorted(name for names in GROUPS.values() for name in names) == sorted(commands)
-    with_json = {*groups["Compare engines"], *groups["For engine developers"], *groups["Maps"], "scenarios", "track", "identify"}
+    with_json = {
+        *groups["Compare engines"],
+        *groups["For engine developers"],
+        *groups["Maps"],
+        "scenarios",
+        "track",
+        "identify",
+    }
     assert with_json == {n for n, command in commands.items() if any("--json" in p.opts for p in command.params)}
 
 
