@@ -15,6 +15,7 @@ from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.errors import ScenarioError
 from looping_pendulum.live.write import render
+from looping_pendulum.measured import readers
 from looping_pendulum.measured.study import Estimate
 from looping_pendulum.measured.study_io import load as load_study
 from looping_pendulum.reference_ode.solve import solve
@@ -168,12 +169,30 @@ def test_files_of_the_page(opened, tmp_path):
     with page.expect_download() as download:
         page.click("#save-numbers")
     lines = Path(download.value.path()).read_text(encoding="utf-8").splitlines()
-    assert lines[0].startswith("t,light_x,light_y")
+    assert lines[0].startswith("t [s],light_x [m],light_y [m],")
     reference = solve(load("ten_to_one").parameters).sample([0.3]).light_position[0]
     assert [float(cell) for cell in lines[301].split(",")[1:3]] == pytest.approx(list(reference), abs=1e-7)
     with page.expect_download() as download:
         page.click("#save-picture")
     assert Path(download.value.path()).read_bytes().startswith(b"\x89PNG")
+    assert page.evaluate("live.keeping.words()")[:2] == ["t = 0.000 s", "Angle of the string 113.08 °"]
+
+
+@pytest.mark.parametrize("language", ["en", "de"])
+def test_the_table_of_the_run_is_read_as_a_trial(opened, tmp_path, language):
+    """In German spreadsheets, cells are separated by semicolons, as the comma is the decimal sign."""
+    page = opened.page
+    page.select_option("#language", language)
+    with page.expect_download() as download:
+        page.click("#save-numbers")
+    page.select_option("#language", "en")
+    file = tmp_path / "run.csv"
+    file.write_bytes(Path(download.value.path()).read_bytes())
+    assert (";" in file.read_text(encoding="utf-8")) is (language == "de")
+    channels = {c.name: c for c in readers.read(file).channels}
+    reference = solve(load("ten_to_one").parameters).sample([0.3])
+    assert channels["light_x"].value[300] == pytest.approx(reference.light_position[0, 0], abs=1e-7)
+    assert channels["heavy_y"].value[300] == pytest.approx(reference.heavy_position[0, 1], abs=1e-7)
 
 
 @pytest.mark.accurate  # daily, the other files that the page writes

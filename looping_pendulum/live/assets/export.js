@@ -2,8 +2,10 @@
 
 import { FURTHER_EFFECTS, UNITS } from "../model.js";
 import { simulate } from "../run.js";
+import { colours } from "./canvas.js";
 import { tidy } from "./controls.js";
 import { durationOf } from "./shown_run.js";
+import { shown } from "./texts.js";
 
 const TIME_BETWEEN_ROWS = 1e-3;
 const FRAMES_PER_SECOND = 30;
@@ -37,17 +39,50 @@ export function scenarioYaml(settings, keys, link) {
   return `# Written by the page live.html with the settings\n# ${link}\ntitle: Live\n${lines.join("\n")}\n`;
 }
 
-/** Return the run as a table, a row each millisecond [SI]. @param {Record<string, any>} settings */
+/** Return the run as a table, a row each millisecond, with units; in German with semicolons and decimal commas.
+ * @param {Record<string, any>} settings */
 export function runCsv(settings) {
   const run = simulate(settings, { duration: durationOf(settings.release) });
-  const rows = ["t,light_x,light_y,heavy_x,heavy_y,wrap_angle,light_tension,heavy_tension,mode"];
+  // As spreadsheets of the language have it
+  const separator = shown(0.5).includes(",") ? ";" : ",";
+  const columns = ["t [s]", "light_x [m]", "light_y [m]", "heavy_x [m]", "heavy_y [m]", "wrap_angle [rad]", "light_tension [N]", "heavy_tension [N]"];
+  const rows = [[...columns, "mode"].join(separator)];
   const count = Math.floor(run.endTime / TIME_BETWEEN_ROWS);
   for (let i = 0; i <= count; i++) {
     const s = run.sample(i * TIME_BETWEEN_ROWS);
     const numbers = [i * TIME_BETWEEN_ROWS, ...s.light, ...s.heavy, s.wrapAngle, s.lightTension, s.heavyTension];
-    rows.push([...numbers.map((x) => Number(x.toPrecision(9))), s.mode].join(","));
+    rows.push([...numbers.map((x) => shown(Number(x.toPrecision(9)))), s.mode].join(separator));
   }
   return `${rows.join("\n")}\n`;
+}
+
+/**
+ * Return a picture of the stage with words below it.
+ * @param {HTMLCanvasElement} stage
+ * @param {string[]} words each is kept on one line
+ */
+export function captioned(stage, words) {
+  const size = Math.max(12, Math.round(stage.width / 60));
+  const made = document.createElement("canvas");
+  const c = /** @type {CanvasRenderingContext2D} */ (made.getContext("2d"));
+  const font = `${size}px system-ui, sans-serif`;
+  c.font = font;
+  /** @type {string[]} */
+  const lines = [];
+  for (const part of words) {
+    const longer = lines.length ? `${lines[lines.length - 1]}, ${part}` : part;
+    if (lines.length && c.measureText(longer).width < stage.width - 2 * size) lines[lines.length - 1] = longer;
+    else lines.push(part);
+  }
+  [made.width, made.height] = [stage.width, stage.height + Math.round(1.5 * size * (lines.length + 0.5))];
+  const { ink, panel } = colours();
+  c.fillStyle = panel;
+  c.fillRect(0, 0, made.width, made.height);
+  c.drawImage(stage, 0, 0);
+  c.fillStyle = ink;
+  c.font = font; // a canvas of another size forgets it
+  lines.forEach((line, i) => c.fillText(line, size, stage.height + 1.5 * size * (i + 1)));
+  return made;
 }
 
 /** Kind of film that this browser can make; "" if none. */

@@ -1,9 +1,9 @@
 /** Keep and share: the link, a film and a picture of the stage, the run's numbers, and files that the package reads. */
 
-import { linkOf, settingsOf } from "./controls.js";
-import { film, filmType, runCsv, save, scenarioYaml } from "./export.js";
+import { CONTROLS, linkOf, settingsOf } from "./controls.js";
+import { captioned, film, filmType, runCsv, save, scenarioYaml } from "./export.js";
 import { qrCode } from "./qr.js";
-import { text } from "./texts.js";
+import { fixed, shown, text, withUnit } from "./texts.js";
 
 /** Light modules around a code, as readers need them. */
 const MARGIN = 4;
@@ -31,7 +31,7 @@ export class Keeping {
     const actions = {
       copy: () => this.copyLink(),
       "show-qr": () => this.showCode(),
-      "save-picture": () => this.canvas.toBlob((blob) => blob && save("looping-pendulum.png", blob)),
+      "save-picture": () => captioned(this.canvas, this.words()).toBlob((blob) => blob && save("looping-pendulum.png", blob)),
       "save-film": () => this.startFilm(),
       "save-numbers": () => save("looping-pendulum.csv", new Blob([runCsv(settingsOf(page.state))], { type: "text/csv" })),
       "save-scenario": () => save("live.scenario.yaml", yaml(this.scenario())),
@@ -50,6 +50,14 @@ export class Keeping {
     } catch {
       this.page.say("copied", () => text(isLink ? "notCopied" : "copyCode", { code: shared })); // a page may not be allowed to
     }
+  }
+
+  /** The time and all settings that are not zero, as a picture has them below it. */
+  words() {
+    const { state, player } = this.page;
+    const settings = CONTROLS.filter(({ name }) => state.values[name]).map(({ name, unit }) =>
+      [text(`setting.${name}`), withUnit(shown(state.values[name]), unit)].join(" "));
+    return [`t = ${fixed(player.time, 3)} s`, ...settings];
   }
 
   /** Draw the link or the code for cameras, or hide it. */
