@@ -7,6 +7,7 @@ needs a new folder.
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import datetime
 import json
 import math
@@ -14,14 +15,14 @@ import platform
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
+from benchmarks import rates_page, rounded
 from benchmarks.blind_sample import DEFAULT_COUNTS, KINDS, BlindStudy, draw, planted_values, write_files
-from benchmarks.calibration_summary import NAMED, print_summary, summary
-from benchmarks.resumable import Outcome, run
-from benchmarks.rounding import rounded
+from benchmarks.calibration_summary import NAMED, Outcome, summary
+from looping_pendulum.cli.progress import ProgressBars
 from looping_pendulum.discrepancy.candidates import MIN_SHARE_OF_MULTIPLIED
 from looping_pendulum.discrepancy.evidence.explain import explain
 from looping_pendulum.discrepancy.evidence.prior import MARGIN, VISIBLE, body_of
@@ -41,6 +42,7 @@ from looping_pendulum.measured.study import Study
 from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.effects.check import multiplied_coefficient
+from looping_pendulum.sweep.executors import in_process, in_processes
 from looping_pendulum.versions import MISSING, installed_version
 from tests.discrepancy.expected import PLANTED_LAWS
 
@@ -54,6 +56,14 @@ CLOCK_SET = "was taken as 0"
 RESULT = Path(__file__).parents[1] / "docs" / "data" / "calibration.json"
 
 
+class Task(Protocol):
+    """A frozen dataclass that says all that its outcome depends on."""
+
+    @property
+    def name(self) -> str:
+        """Name of its file, without ending."""
+
+
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the benchmarks on blind studies."""
     group = parser.add_argument_group("blind studies (--only calibration, known-answer, outliers, rivals)")
@@ -64,7 +74,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--seed", type=int, default=0, help="further seed")
     group.add_argument("--work", type=Path, help="folder in which finished studies are kept")
     group.add_argument("--jobs", type=int, default=1, help="processes")
-    group.add_argument("--cluster", help="address of a Dask scheduler, in place of --jobs")
 
 
 def drawn_studies(options: argparse.Namespace) -> list[BlindStudy]:
@@ -85,14 +94,67 @@ def work_folder(options: argparse.Namespace) -> Path:
 def benchmark(options: argparse.Namespace) -> None:
     """Run the studies, print the summary and store it under the set's name in `RESULT`."""
     studies, folder = drawn_studies(options), work_folder(options)
-    outcomes, interrupted = run(
-        studies, solve, folder, jobs=options.jobs, cluster=options.cluster, title=f"calibration, {options.set}"
-    )
+    outcomes, interrupted = run(studies, solve, folder, jobs=options.jobs, title=f"calibration, {options.set}")
     result = summary([(study, outcomes[study.name]) for study in studies if study.name in outcomes])
-    print_summary(options.set, result)
+    block = provenance(options, "calibration") | {"summary": result}
+    if result["studies"]:
+        print(rates_page.block(block))
     if interrupted:
         sys.exit(130)
-    store(RESULT, options.set, provenance(options, "calibration") | {"summary": result})
+    store(RESULT, options.set, block)
+
+
+def run(
+    tasks: Sequence[Task],
+    solve: Callable[[Any], tuple[str, Outcome]],
+    folder: Path,
+    *,
+    jobs: int = 1,
+    title: str = "",
+) -> tuple[dict[str, Outcome], bool]:
+    """Solve tasks; those that ``folder`` has are not solved again.
+
+    Parameters
+    ----------
+    solve
+        Function of a module that returns a task's name and outcome (plain data).
+    jobs
+        Number of processes.
+
+    Returns
+    -------
+    Name -> outcome of all tasks that are finished, in the order of the tasks, and whether Ctrl-C ended the run.
+    """
+    known = {task.name: outcome for task in tasks if (outcome := _stored(folder, task)) is not None}
+    by_name = {task.name: task for task in tasks}
+    waiting = iter([task for task in tasks if task.name not in known])
+    interrupted = False
+    with ProgressBars(time_left=True, line_every_fraction=0.1) as bars:
+        bars.update(title, len(known) / max(len(tasks), 1))
+        try:
+            for name, outcome in in_process(waiting, solve) if jobs == 1 else in_processes(waiting, solve, jobs):
+                known[name] = outcome
+                record = {"task": _as_json(by_name[name]), "outcome": outcome}
+                write_atomically(folder / f"{name}.json", json.dumps(record, indent=1) + "\n")
+                bars.update(f"{title}: {name}", len(known) / len(tasks))
+        except KeyboardInterrupt:
+            interrupted = True
+            print(f"interrupted; {len(known)} of {len(tasks)} are kept in {folder}", file=sys.stderr)
+    return {task.name: known[task.name] for task in tasks if task.name in known}, interrupted
+
+
+def _stored(folder: Path, task: Any) -> Outcome | None:
+    """Return the stored outcome of a task; None: there is none, or it is that of another task of this name."""
+    file = folder / f"{task.name}.json"
+    if not file.exists():
+        return None
+    record = json.loads(file.read_text(encoding="utf-8"))
+    return record["outcome"] if record["task"] == _as_json(task) else None
+
+
+def _as_json(task: Any) -> Any:
+    """Return a task as JSON has it, where a tuple is a list."""
+    return json.loads(json.dumps(dataclasses.asdict(task)))
 
 
 def store(file: Path, key: str, block: dict[str, Any]) -> None:

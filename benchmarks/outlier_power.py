@@ -17,10 +17,9 @@ from unittest import mock
 
 import numpy as np
 
-from benchmarks import calibration
+from benchmarks import calibration, rates_page
 from benchmarks.blind_sample import BlindStudy
-from benchmarks.calibration_summary import NAMED, in_words, proportion
-from benchmarks.resumable import Outcome, run
+from benchmarks.calibration_summary import NAMED, Outcome, proportion
 from looping_pendulum.discrepancy.fit import residual_noise
 
 MIN_SIZE = 0.008
@@ -52,16 +51,13 @@ def benchmark(options: argparse.Namespace) -> None:
         for kind in NOISE_KINDS
         for finds in (True, False)
     ]
-    outcomes, interrupted = run(
-        arms, solve, calibration.work_folder(options), jobs=options.jobs, cluster=options.cluster, title="outliers"
-    )
+    outcomes, interrupted = calibration.run(arms, solve, calibration.work_folder(options), jobs=options.jobs, title="outliers")
     rows = summary([(arm, outcomes[arm.name]) for arm in arms if arm.name in outcomes])
-    for row in rows:
-        print(f"{row['points']:9} search {row['finds_outliers']!s:5} named or tied {in_words(row['named_or_tied'])}, "
-              f"wrong {in_words(row['wrong'])}, relative error of values {row['standard_error_ratio']}")  # fmt: skip
+    block = calibration.provenance(options, "outliers") | {"rows": rows}
+    print(rates_page.outliers_block(block))
     if interrupted:
         sys.exit(130)
-    calibration.store(calibration.RESULT, "outliers", calibration.provenance(options, "outliers") | {"rows": rows})
+    calibration.store(calibration.RESULT, "outliers", block)
 
 
 def solve(arm: Arm) -> tuple[str, Outcome]:

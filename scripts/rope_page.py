@@ -11,9 +11,8 @@ from matplotlib.figure import Figure
 
 from benchmarks import rope_budgets, stored_study
 from benchmarks.engine_study_page import fold
-from benchmarks.pareto import MARK, supplied_by_engine
 from benchmarks.rope_budgets import BUDGETS, STATIC_ONLY, Candidate, best
-from benchmarks.stored_study import EngineStudy
+from benchmarks.stored_study import MARK, EngineStudy, supplied_by_engine
 from looping_pendulum.compare.convergence.result import HALT, VariationStudy
 from looping_pendulum.compare.export import write_atomically
 from looping_pendulum.compare.plots import GREY, legend_below, make_figure, png

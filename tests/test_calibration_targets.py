@@ -9,8 +9,7 @@ import pytest
 
 from benchmarks import calibration, outlier_power
 from benchmarks.blind_sample import draw
-from benchmarks.calibration_summary import proportion, summary, with_upper_bound
-from benchmarks.calibration_targets import TARGETS, Target
+from benchmarks.calibration_summary import TARGETS, Target, proportion, summary, with_upper_bound
 from tests.test_calibration import outcome
 
 STORED = json.loads(calibration.RESULT.read_text(encoding="utf-8"))
@@ -45,7 +44,7 @@ def test_what_was_asked_of_the_search(target):
     ],
 )
 def test_a_target_is_met_within_its_limits(limits, measured, met):
-    assert Target(what="", asked="", measured=lambda _: measured, **limits).is_met({}) is met
+    assert Target(what="", asked="", at="set/share", **limits).is_met({"set": {"share": measured}}) is met
 
 
 def test_targets_are_of_large_effects_and_of_what_is_wrong_alone():
