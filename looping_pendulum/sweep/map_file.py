@@ -22,8 +22,7 @@ from looping_pendulum.scenarios.schema import MAX_DURATION
 from looping_pendulum.scenarios.units import QuantityKind
 from looping_pendulum.scenarios.validation_errors import first_error
 from looping_pendulum.sweep.axis_file import COUNT, MAX_AXES, MAX_RUNS, parameters_schema, read_axis
-from looping_pendulum.sweep.cells import engine_called
-from looping_pendulum.sweep.fields import REFERENCE
+from looping_pendulum.sweep.cells import REFERENCE, engine_called
 from looping_pendulum.sweep.plan import Axis, Grid, MapPlan, Sample
 from looping_pendulum.sweep.quantities import ALLOWED_OVERLAPS, Variable, variables
 

@@ -19,7 +19,7 @@ import zarr.storage
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.batch import solve_batch
 from looping_pendulum.sweep import map_file, open_map, run_map
-from looping_pendulum.sweep.fields import FIELDS
+from looping_pendulum.sweep.cells import FIELDS
 from looping_pendulum.sweep.plan import MapError
 from tests.command_line import can_be_interrupted
 from tests.sweep import fake

@@ -41,8 +41,7 @@ from looping_pendulum.compare.export import write_atomically
 from looping_pendulum.compare.json_text import plain
 from looping_pendulum.compare.result import RunProvenance, SupplyEntry
 from looping_pendulum.compare.run_cache import EndedRun, Progress, RunCache, Runner, RunTask, run_key
-from looping_pendulum.engines.isolation import TIME_LIMIT
-from looping_pendulum.engines.memory import MEMORY_LIMIT
+from looping_pendulum.engines.isolation import MEMORY_LIMIT, TIME_LIMIT
 from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import label

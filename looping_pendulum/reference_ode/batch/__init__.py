@@ -9,7 +9,7 @@ from contextlib import nullcontext
 import numpy as np
 
 from looping_pendulum.errors import IntegratorFallbackWarning, ParameterError
-from looping_pendulum.processes import safe_spawning
+from looping_pendulum.jobs.processes import safe_spawning
 from looping_pendulum.reference_ode.batch.numbers import Columns, column_names
 from looping_pendulum.reference_ode.batch.result import ENDS, FAILED, BatchResult, sequence_hash
 from looping_pendulum.reference_ode.batch.samples import BatchSamples

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.errors import HarnessError
-from looping_pendulum.processes import process_pool
+from looping_pendulum.jobs.processes import process_pool
 from looping_pendulum.reference_ode.batch.numbers import Columns, equation_parameters, parameters_of_run, valid_runs
 from looping_pendulum.reference_ode.batch.result import BYTES_PER_RUN, FAILED, BatchResult, summary
 from looping_pendulum.reference_ode.batch.samples import BatchSamples
