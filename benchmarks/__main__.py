@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks import browser, calibration, identify, known_answer, outlier_power, rivals
+from benchmarks import browser, calibration, identify, known_answer, rivals
 from looping_pendulum.measured.measurement import FIT_TOLERANCE
 from looping_pendulum.reference_ode.batch import sample_batch
 from looping_pendulum.reference_ode.solve import solve_at
@@ -120,7 +120,7 @@ QUICK: dict[str, Callable[[argparse.Namespace], None]] = {
 HOURS: dict[str, Callable[[argparse.Namespace], None]] = {
     "calibration": calibration.benchmark,
     "known-answer": known_answer.benchmark,
-    "outliers": outlier_power.benchmark,
+    "outliers": calibration.outliers,
     "rivals": rivals.benchmark,
 }
 """Benchmarks that run only if they are named."""

@@ -77,14 +77,10 @@ def summary(pairs: Sequence[Pair]) -> dict[str, Any]:
         "unlisted_law": _laws_as_planted(unlisted),
         "unlisted_law_of_found": _laws_as_planted(found),
         "mixed": _shares(of_kind["mixed"]),
-        "mixed_by_size": _power(of_kind["mixed"], lambda pair: f"{pair[0].size:g}"),
         "large": _large(of_kind),
         "false_discoveries": _false_discoveries(judged),
         "stated_probabilities": _stated_probabilities(judged),
         "credible_holds_truth": _held([p for p in judged if p[0].kind == "clean" or (p[1]["visibility"] or 0) >= VISIBLE]),
-        "held_out_error_of_named": _quantiles(
-            [o["held_out_error"] for s, o in judged if s.kind != "clean" and o["judgement"] in NAMED], TIME_QUANTILES
-        ),
         "cpu_seconds": _quantiles([o["cpu_seconds"] for _, o in judged], TIME_QUANTILES),
         "statistics": _statistics([o["statistics"] for _, o in of_kind["clean"] if "statistics" in o]),
     }
@@ -186,8 +182,6 @@ def _single(pairs: Sequence[Pair]) -> dict[str, Any]:
         "all": _shares(pairs),
         "by_size": _power(pairs, lambda pair: f"{pair[0].size:g}"),
         "by_visibility": _by_visibility(pairs),
-        "by_noise": _power(pairs, lambda pair: f"{pair[0].noise:g}"),
-        "by_trials": _power(pairs, lambda pair: str(pair[0].trials)),
         "by_effect": {
             name: _power(group, lambda pair: f"{pair[0].size:g}")
             for name, group in _grouped(pairs, lambda pair: pair[0].hidden[0]).items()
