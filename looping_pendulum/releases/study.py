@@ -190,7 +190,8 @@ class ReleaseStudy:
 
     def run(self, releases: Sequence[Version]) -> ReleasesResult:
         """Run all ``releases``; those that ``folder`` has are not run again. After Ctrl-C, return what there is."""
-        rows = {release: row for release in releases if (row := self._stored_row(release)) is not None}
+        stored = {release: self._read(self._file(str(release)), self._task(str(release))) for release in releases}
+        rows = {release: one.row for release, one in stored.items() if one is not None and one.row is not None}
         waiting = [release for release in releases if release not in rows]
         spread_calls = len(self.engines) * 10  # as `spread_runs`: six of the scenario, four of the capstan test
         self._total, self._ended = len(releases) * len(self.engines) + spread_calls, len(rows) * len(self.engines)
@@ -350,10 +351,6 @@ class ReleaseStudy:
             "versions": [__version__, platform.python_version(), PINS],
         }
         return hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:20]
-
-    def _stored_row(self, release: Version) -> ReleaseRow | None:
-        stored = self._read(self._file(str(release)), self._task(str(release)))
-        return None if stored is None else stored.row
 
     @staticmethod
     def _read(file: Path, task: str) -> StoredRecord | None:
