@@ -55,7 +55,10 @@ def test_ctrl_c_begins_no_further_call_and_keeps_the_results_of_those_that_go_on
     results = run_many(map(partial(partial, many.call), range(50)), 2, cancelled=many.cancelled, meanwhile=interrupt_once)
     assert sorted(results) == sorted(many.begun)
     assert 2 <= len(results) < 50
-    assert [word for word in results.values() if "stopped" not in word][:2] == ["0", "1"]
+    # Which of two calls ends first is not said
+    ended = {i: word for i, word in results.items() if "stopped" not in word}
+    assert len(ended) >= interrupts[0] >= 2
+    assert ended == {i: str(i) for i in ended}
 
 
 def test_what_a_call_raises_is_raised_and_the_others_are_made():
