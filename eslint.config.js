@@ -8,7 +8,7 @@ export default [
     files: ["looping_pendulum/live/assets/**"],
     languageOptions: {
       globals: Object.fromEntries(
-        ["window", "document", "location", "navigator", "self", "Worker", "Blob", "File", "URL", "URLSearchParams", "TextDecoder", "Option", "Theme",
+        ["window", "document", "location", "navigator", "self", "Worker", "Blob", "File", "URL", "URLSearchParams", "TextDecoder", "TextEncoder", "Option", "Theme",
           "IntersectionObserver", "ResizeObserver", "MediaRecorder", "Element", "Path2D", "performance", "requestAnimationFrame", "getComputedStyle",
           "setTimeout", "clearTimeout",
         ].map((name) => [name, "readonly"]),

@@ -28,7 +28,7 @@ import numpy as np
 from benchmarks import rates_page, rounded
 from benchmarks.blind_sample import DEFAULT_COUNTS, KINDS, BlindStudy, draw, planted_values, write_files
 from benchmarks.calibration_summary import NAMED, Outcome, proportion, summary
-from looping_pendulum.cli.progress import ProgressBars
+from looping_pendulum.cli.terminal import ProgressBars
 from looping_pendulum.discrepancy.candidates import MIN_SHARE_OF_MULTIPLIED
 from looping_pendulum.discrepancy.evidence.explain import explain
 from looping_pendulum.discrepancy.evidence.prior import MARGIN, VISIBLE, body_of
@@ -48,7 +48,7 @@ from looping_pendulum.files import write_atomically
 from looping_pendulum.measured.study import Study
 from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.effects import EFFECTS
-from looping_pendulum.reference_ode.effects.check import multiplied_coefficient
+from looping_pendulum.reference_ode.effects.own import multiplied_coefficient
 from looping_pendulum.sweep.executors import in_process, in_processes
 from looping_pendulum.versions import MISSING, installed_version
 from tests.discrepancy.expected import PLANTED_LAWS

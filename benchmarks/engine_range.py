@@ -21,10 +21,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks import rounded
-from looping_pendulum.cli.progress import convergence_bars
+from looping_pendulum.cli.terminal import convergence_bars
 from looping_pendulum.compare.align import align
 from looping_pendulum.compare.comparison import compare
-from looping_pendulum.compare.export import write_atomically
 from looping_pendulum.compare.json_text import plain
 from looping_pendulum.compare.metrics import END_TIME_TOLERANCE
 from looping_pendulum.compare.run_cache import RunCache, Runner, RunTask, run_key
@@ -33,6 +32,7 @@ from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import label, select
 from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.engines.validated import FILE, QUANTITIES, VALIDATED_METRICS, Spread, ValidatedRange, to_plain
+from looping_pendulum.files import write_atomically
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios.metrics import RMS_END_TIMES
 from looping_pendulum.scenarios.scenario import Scenario

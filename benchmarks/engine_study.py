@@ -22,13 +22,13 @@ from pathlib import Path
 
 from benchmarks.engine_study_page import data_files, ladders_figure, page, pareto_figure
 from benchmarks.stored_study import DOCS, MARK, SUMMARY, EngineStudy, Measurement, Point, read, renewed, supplied_by_engine
-from looping_pendulum.cli.progress import convergence_bars
+from looping_pendulum.cli.terminal import convergence_bars
 from looping_pendulum.compare.convergence.result import ConvergenceResult, VariantStudy
 from looping_pendulum.compare.convergence.study import plan_variant, study_convergence, write
-from looping_pendulum.compare.export import write_atomically
-from looping_pendulum.compare.plots import png
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.registry import missing_packages, select
+from looping_pendulum.files import write_atomically
+from looping_pendulum.pages.drawing import png
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.scenario import Scenario
 

@@ -35,7 +35,7 @@ from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured.study_io import load
-from looping_pendulum.reference_ode.effects.installed import ENTRY_POINTS
+from looping_pendulum.reference_ode.effects.own import ENTRY_POINTS
 from tests.discrepancy.expected import DECISIVE, hidden_number
 
 LAWS = "benchmarks.hidden_laws"

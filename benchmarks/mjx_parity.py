@@ -20,12 +20,12 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.compare.export import write_atomically
-from looping_pendulum.engines.mujoco import tendon_rig
-from looping_pendulum.engines.mujoco.tendon_model import model_xml
+from looping_pendulum.engines.mujoco import tendon
+from looping_pendulum.engines.mujoco.model import model_xml
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.registry import select
 from looping_pendulum.engines.trajectory import Trajectory
+from looping_pendulum.files import write_atomically
 from looping_pendulum.reference_ode.geometry import light_position
 from looping_pendulum.scenarios import load
 from looping_pendulum.versions import installed_version
@@ -81,19 +81,19 @@ class MjxStep:
 
 def run(engine: Engine, step: MjxStep | None) -> tuple[Trajectory, float]:
     """Return a run of ``engine`` and its CPU time [s]; with ``step``, that is MuJoCo's step."""
-    original = tendon_rig.TendonRig.__init__
+    original = tendon.TendonRig.__init__
 
     def with_step(rig: Any, *arguments: Any, **options: Any) -> None:
         original(rig, *arguments, **options)
         if step is not None:
             rig._mj_step = step
 
-    tendon_rig.TendonRig.__init__ = with_step  # type: ignore[method-assign]
+    tendon.TendonRig.__init__ = with_step  # type: ignore[method-assign]
     began = time.process_time()
     try:
         made = engine.simulate(dataclasses.replace(load("ten_to_one"), duration=DURATION)).raise_if_failed()
     finally:
-        tendon_rig.TendonRig.__init__ = original  # type: ignore[method-assign]
+        tendon.TendonRig.__init__ = original  # type: ignore[method-assign]
     return made, time.process_time() - began
 
 

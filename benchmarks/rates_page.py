@@ -17,8 +17,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchmarks.calibration_summary import TARGETS, Target
-from looping_pendulum.compare.plots import legend_below, make_figure, png
 from looping_pendulum.files import write_atomically
+from looping_pendulum.pages.drawing import legend_below, make_figure, png
 from looping_pendulum.pages.numbers import amount
 from looping_pendulum.pages.palette import COLOURS
 

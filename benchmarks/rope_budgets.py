@@ -23,14 +23,14 @@ from benchmarks import rounded, stored_study
 from benchmarks.engine_study import SCENARIO
 from benchmarks.stored_study import MARK, EngineStudy
 from looping_pendulum.compare.convergence.result import PATH_END_TIMES
-from looping_pendulum.compare.export import write_atomically
 from looping_pendulum.engines import registry
 from looping_pendulum.engines.landmarks import run_landmarks
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.registry import all_engines, missing_packages, select
-from looping_pendulum.engines.static_capstan import measure_capstan_exponent
+from looping_pendulum.engines.tension import measure_capstan_exponent
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import EngineError
+from looping_pendulum.files import write_atomically
 from looping_pendulum.scenarios import load
 
 DATA = Path(__file__).parents[1] / "docs" / "data" / "rope_over_a_cylinder.json"

@@ -2,6 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class WayOut:
+    """How to put a fault right by keys of a file, which a command line may give as options."""
+
+    words: str
+    """What to do, with "{}" where the keys stand: "choose by {}"."""
+    keys: Mapping[str, str]
+    """Key -> value, "tracks.light" -> "mass A"."""
+    is_example: bool = False
+    """Whether the values are examples, which the author of a file is not shown."""
+
+    def in_file(self) -> str:
+        """Return the words for the author of a file: "choose by 'run: 2'"."""
+        shown = []
+        for group in dict.fromkeys(key.partition(".")[0] for key in self.keys):
+            inside = [f"{key.partition('.')[2]}: {value}" for key, value in self.keys.items() if key.startswith(f"{group}.")]
+            value = f"{{{', '.join(inside)}}}" if inside else self.keys[group]
+            shown.append(f"'{group}'" if self.is_example else f"'{group}: {value}'")
+        return self.words.format(" and ".join(shown))
+
+    def as_options(self, option: str) -> str:
+        """Return the words for a command line whose ``option`` takes KEY=VALUE: "choose by --marks-set 'run=2'"."""
+        return self.words.format(" ".join(f"{option} '{key}={value}'" for key, value in self.keys.items()))
+
 
 class HarnessError(Exception):
     """Base of every error that this package raises on purpose; the command line prints it as one line."""
@@ -14,10 +42,12 @@ class ParameterError(HarnessError, ValueError):
 class FileKeyError(HarnessError, ValueError):
     """A file that the user wrote has a fault."""
 
-    def __init__(self, message: str, path: tuple[str | int, ...] = ()) -> None:
+    def __init__(self, message: str, path: tuple[str | int, ...] = (), problem: str = "") -> None:
         super().__init__(message)
         self.path = path
         """Keys and list indices that lead to the fault in the file; empty if it is in no key."""
+        self.problem = problem
+        """What was found and needed, and a way out, without the place."""
 
 
 class ScenarioError(FileKeyError):
@@ -46,10 +76,6 @@ class IntegratorFallbackWarning(UserWarning):
 
 class ResultError(HarnessError, ValueError):
     """A file is not a result that this version can read."""
-
-
-class RenamedWarning(UserWarning):
-    """A file uses a name that has changed since it was written; it is read under the new name."""
 
 
 def one_line(text: str) -> str:

@@ -1,11 +1,8 @@
-"""How results show themselves in a notebook: one function for each kind of result.
-
-The results stand in lower layers than the reports that some of them are shown by, so they reach this file by its name, from
-`pages.notebook.ShownInNotebook`.
-"""
+"""How a notebook shows results: one function for each kind, registered with IPython, so that results know nothing of it."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +19,15 @@ NOT_NUMBERS = ("title", "description", "inferred", "measured", "tolerances")
 """Keys of a scenario that are not shown in the table of its numbers."""
 
 
+def register() -> None:
+    """Have IPython show results as HTML, if it runs here."""
+    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
+    if shell is not None:
+        formatter = shell.display_formatter.formatters["text/html"]
+        for (module, name), show in FORMATTERS.items():
+            formatter.for_type_by_name(module, name, show)
+
+
 def html(result: Any) -> str:
     """Return the HTML that a notebook shows of ``result``, an instance of one of the classes in `FORMATTERS`.
 
@@ -32,9 +38,10 @@ def html(result: Any) -> str:
     """
     # Base classes, too: a `Solution` is shown as the `Run` that it is
     for kind in type(result).__mro__:
-        if kind.__name__ in FORMATTERS:
-            return FORMATTERS[kind.__name__](result)
-    raise TypeError(f"a notebook cannot show {type(result).__name__}; it can show {', '.join(FORMATTERS)}")
+        if (kind.__module__, kind.__name__) in FORMATTERS:
+            return FORMATTERS[kind.__module__, kind.__name__](result)
+    known = ", ".join(name for _, name in FORMATTERS)
+    raise TypeError(f"a notebook cannot show {type(result).__name__}; it can show {known}")
 
 
 def reference_run(run: Run) -> str:
@@ -123,11 +130,11 @@ def _report_start(sections: Iterable[str]) -> str:
     return str(from_markdown("\n\n".join(sections)))
 
 
-FORMATTERS: dict[str, Callable[[Any], str]] = {
-    "Run": reference_run,
-    "Scenario": scenario,
-    "Trajectory": trajectory,
-    "ComparisonResult": comparison,
-    "Identification": identification,
+FORMATTERS: dict[tuple[str, str], Callable[[Any], str]] = {
+    ("looping_pendulum.reference_ode.solution", "Run"): reference_run,
+    ("looping_pendulum.scenarios.scenario", "Scenario"): scenario,
+    ("looping_pendulum.engines.trajectory", "Trajectory"): trajectory,
+    ("looping_pendulum.compare.result", "ComparisonResult"): comparison,
+    ("looping_pendulum.discrepancy.result", "Identification"): identification,
 }
-"""Name of a class -> what shows it. By name, so that showing a scenario imports nothing of the reports."""
+"""Module and name of a class -> what shows it. By name, so that showing a scenario imports nothing of the reports."""

@@ -136,8 +136,8 @@ class ScenarioFileCollector(pytest.File):
 
     def collect(self) -> Iterable[pytest.Item | pytest.Collector]:
         """Read the scenario, and group its tolerances by engine variant."""
-        from looping_pendulum.engines.limits import expand_tolerances, why_no_tolerances
         from looping_pendulum.engines.protocol import Profile
+        from looping_pendulum.engines.registry import expand_tolerances, why_no_tolerances
         from looping_pendulum.errors import HarnessError
         from looping_pendulum.scenarios import loader
 
@@ -277,7 +277,7 @@ class EngineVariant(pytest.Collector):
             write(result, self._report_folder())
 
     def _report_folder(self) -> Path:
-        from looping_pendulum.compare.export import file_stem
+        from looping_pendulum.files import file_stem
 
         report_option = self.config.getoption("--lp-report")
         name = self.path.name.removesuffix(self.path.suffix).removesuffix(".scenario")

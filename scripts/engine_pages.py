@@ -14,7 +14,7 @@ from looping_pendulum.engines.registry import all_engines, how_to_get, label
 from looping_pendulum.engines.support import kind
 from looping_pendulum.engines.trajectory import supplies_as_rows
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS
-from looping_pendulum.scenarios.scenario import file_key
+from looping_pendulum.scenarios.quantities import file_key
 from looping_pendulum.scenarios.units import pretty
 
 FOLDER = Path(__file__).parents[1] / "docs" / "engines"

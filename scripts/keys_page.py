@@ -16,11 +16,9 @@ from looping_pendulum.measured.camera import CAMERA
 from looping_pendulum.measured.study_file import StudyFile
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, LIBRARY, Coefficient
 from looping_pendulum.reference_ode.effects.closure import CLOSURE
-from looping_pendulum.scenarios.fields import QUANTITY_TEXT, QuantityField, quantity_kind
-from looping_pendulum.scenarios.file_schema import undescribed_schema
-from looping_pendulum.scenarios.scenario import file_key
+from looping_pendulum.scenarios.fields import QUANTITY_TEXT, QuantityField, undescribed_schema
+from looping_pendulum.scenarios.quantities import file_key, quantity_kind, with_unit
 from looping_pendulum.scenarios.schema import file_model
-from looping_pendulum.scenarios.units import pretty
 from looping_pendulum.sweep.map_file import MapFile
 from looping_pendulum.sweep.quantities import RATIOS, variables
 
@@ -137,7 +135,7 @@ def section(model: Any, defaults: Mapping[str, str] = MappingProxyType({})) -> s
 
 def coefficient_default(c: Coefficient) -> str:
     """Return the value of a coefficient that a file leaves out."""
-    return "the kinetic one" if c.name == "static_friction" else f"`{f'{c.default:g} {pretty(c.unit)}'.strip()}`"
+    return "the kinetic one" if c.name == "static_friction" else f"`{with_unit(f'{c.default:g}', c.unit)}`"
 
 
 def coefficient_rows() -> Iterator[list[str]]:
@@ -153,7 +151,7 @@ def coefficient_rows() -> Iterator[list[str]]:
 def camera_rows() -> Iterator[list[str]]:
     """Yield a row for each error of a camera."""
     for c in CAMERA.values():
-        yield [f"`{c.name}`", quantity_kind(c).requirement, f"`{f'{c.null:g} {pretty(c.unit)}'.strip()}`", c.meaning]
+        yield [f"`{c.name}`", quantity_kind(c).requirement, f"`{with_unit(f'{c.null:g}', c.unit)}`", c.meaning]
 
 
 def variable_rows() -> Iterator[list[str]]:
@@ -187,7 +185,7 @@ An editor that reads JSON Schema completes the keys and checks the values while 
 ```sh
 looping-pendulum scenarios --schema > scenario.schema.json
 looping-pendulum identify --schema > study.schema.json
-looping-pendulum maps --schema > map.schema.json
+looping-pendulum map --schema > map.schema.json
 ```
 
 With the YAML extension of VS Code, the file's first line is then `# yaml-language-server: $schema=scenario.schema.json`.

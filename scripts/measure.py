@@ -29,9 +29,9 @@ from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.result import Identification
 from looping_pendulum.engines.landmarks import run_landmarks
 from looping_pendulum.engines.protocol import MemoryRecorder, Profile, SteppedEngine
-from looping_pendulum.engines.pybullet.settings import RodShape
+from looping_pendulum.engines.pybullet.world import RodShape
 from looping_pendulum.engines.registry import select
-from looping_pendulum.engines.static_capstan import measure_capstan_exponent
+from looping_pendulum.engines.tension import measure_capstan_exponent
 from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.errors import EngineError
 from looping_pendulum.measured.study_io import load as load_study

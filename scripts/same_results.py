@@ -66,13 +66,11 @@ def words() -> Texts:
     texts = {"model.js": model_source(), "keys.md": keys_page.page(), "metrics.md": metrics_page.page()}
     texts |= {f"engine-{name}": text for name, text in engine_pages.pages().items()}
     listed = _command("--help")
-    commands = [
-        line.split()[0]
-        for line in listed.partition("Commands:")[2].partition("Exit status")[0].splitlines()
-        if line[2:3].strip()
-    ]
+    from looping_pendulum.cli.main import GROUPS
+
+    commands = [name for group in GROUPS.values() for name in group]
     texts |= {"help.txt": listed} | {f"help-{name}.txt": _command(name, "--help") for name in commands}
-    return texts | {f"schema-{name}.json": _command(name, "--schema") for name in ("scenarios", "identify", "maps")}
+    return texts | {f"schema-{name}.json": _command(name, "--schema") for name in ("scenarios", "identify", "map")}
 
 
 def imports() -> Texts:

@@ -14,8 +14,9 @@ from unittest import mock
 import numpy as np
 import pytest
 import typer
+from typer.testing import CliRunner
 
-from looping_pendulum.cli.main import app
+from looping_pendulum.cli.main import GROUPS, app
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.engines import registry
 from looping_pendulum.files import write_atomically
@@ -65,7 +66,7 @@ def one_line_error(done):
 
 HELPED = """
 import contextlib, io, json, sys
-from looping_pendulum.cli.main import app
+from looping_pendulum.cli.main import GROUPS, app
 heavy = {"numpy", "scipy", "rich", "pint", "matplotlib"}
 imported = sorted((heavy | {"pydantic"}) & set(sys.modules))  # pydantic: typer's own, for a command's options
 help_texts = {}
@@ -75,6 +76,13 @@ for name in sys.argv[1:]:
     help_texts[name] = out.getvalue()
 json.dump([help_texts, imported + sorted(heavy & set(sys.modules))], sys.stdout)
 """
+
+
+def test_the_help_has_a_whole_line_for_each_command():
+    lines = CliRunner(env={"COLUMNS": "80"}).invoke(app, ["--help"]).stdout.splitlines()
+    for group in GROUPS.values():
+        for name, what in group.items():
+            assert [line for line in lines if line.split() == [name, *what.split()]], name
 
 
 def test_help_teaches_and_imports_nothing_heavy():

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from looping_pendulum.cli.completion import VARIANTS, engine_names, map_names, scenario_names
+from looping_pendulum.cli.common import VARIANTS, engine_names, map_names, scenario_names
 from looping_pendulum.engines import registry
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.scenarios import loader

@@ -12,7 +12,7 @@ import typer
 import yaml
 from typer.testing import CliRunner
 
-from looping_pendulum.cli.main import app
+from looping_pendulum.cli.main import GROUPS, app
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import all_engines, label
 from looping_pendulum.reference_ode.solve import available_integrators
@@ -36,6 +36,7 @@ ELSEWHERE = {
     r"^looping-pendulum converge": "tests/compare/test_convergence_study.py",
     r"^looping-pendulum check$": "tests/test_tolerances.py",
     r"--engine mujoco --marks": "tests/compare/test_trial.py, and docs/demo.md with one variant",
+    r"^looping-pendulum track |films\.yaml": "tests/film, with rendered films",
     r"--install-completion": "tests/test_completion.py",
     r"^looping-pendulum versions ": "tests/releases/test_command.py, with an index and an installer of their own",
     r"^looping-pendulum engines --support --markdown": "tests/engines/test_support.py",
@@ -73,13 +74,20 @@ def test_every_command_shown_is_one():
             pytest.fail(f"{command.page}: {command.text}: {error.format_message()}")
 
 
-def test_the_readme_has_every_command_in_one_group():
+def test_the_readme_and_the_help_have_every_command_in_one_group():
     rows = re.findall(r"^\| ([A-Z][^|]+) \| (`[^|]+`) \|", (PROJECT / "README.md").read_text(encoding="utf-8"), re.MULTILINE)
     groups = {name: re.findall(r"`(\w+)`", names) for name, names in rows}
     commands = typer.main.get_command(app).commands
-    assert len(groups) == 6
-    assert sorted(name for names in groups.values() for name in names) == sorted(commands)
-    with_json = {*groups["Compare engines"], *groups["For engine developers"], *groups["Maps"], "scenarios", "identify"}
+    assert groups == {title: list(names) for title, names in GROUPS.items()}
+    assert sorted(name for names in GROUPS.values() for name in names) == sorted(commands)
+    with_json = {
+        *groups["Compare engines"],
+        *groups["For engine developers"],
+        *groups["Maps"],
+        "scenarios",
+        "track",
+        "identify",
+    }
     assert with_json == {n for n, command in commands.items() if any("--json" in p.opts for p in command.params)}
 
 

@@ -24,7 +24,7 @@ def document(*arguments, status=0):
 
 
 def test_lists_are_the_same_as_in_their_tables():
-    for command in ("scenarios", "maps", "engines"):
+    for command in ("scenarios", "map", "engines"):
         (rows,) = [rows for rows in document(command).values() if isinstance(rows, list)]
         table = here(command).stdout
         assert len(rows) > 3
@@ -35,7 +35,7 @@ def test_lists_are_the_same_as_in_their_tables():
 
 def test_a_scenario_as_json_is_its_file():
     assert document("scenarios", "drop")["light"]["mass"] == "10 g"
-    assert document("maps", "quick")["scenario"] == "ten_to_one"
+    assert document("map", "quick", "--print")["scenario"] == "ten_to_one"
 
 
 def test_a_run_as_json_has_its_events_in_si_units():
@@ -97,7 +97,7 @@ def test_every_command_with_results_offers_json():
         if "as_json" in inspect.signature(command.callback).parameters
     }
     assert offering == {
-        "scenarios", "engines", "run", "compare", "check", "conformance", "converge", "map", "maps", "identify", "repro",
+        "scenarios", "engines", "run", "compare", "check", "conformance", "converge", "map", "identify", "repro",
         "versions",
         "recipe",
     }  # fmt: skip

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare.harness import compare_engines
+from looping_pendulum.measured.events import find_data
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import loader
-from looping_pendulum.scenarios.measured import find_data
 
 TEN, TWO = loader.load("ten_to_one"), loader.load("two_to_one")
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from looping_pendulum.compare import harness, page, plots  # noqa: F401, for `_all_is_imported`
+from looping_pendulum.compare import figures, harness  # noqa: F401, for `_all_is_imported`
 from looping_pendulum.engines import registry
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.reference_ode.solve import solve

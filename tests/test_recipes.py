@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from looping_pendulum.cli.completion import recipe_engine_names
+from looping_pendulum.cli.common import recipe_engine_names
 from looping_pendulum.repro.claims import RECIPES, all_claims
 from scripts.rope_page import PAGE, page
 from tests.command_line import here

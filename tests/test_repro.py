@@ -8,10 +8,10 @@ import re
 
 import pytest
 
-from looping_pendulum.cli.completion import claim_engine_names
+from looping_pendulum.cli.common import claim_engine_names
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import all_engines, select
-from looping_pendulum.engines.static_capstan import chain_capstan_exponent, measure_capstan_exponent
+from looping_pendulum.engines.tension import chain_capstan_exponent, measure_capstan_exponent
 from looping_pendulum.repro.claims import all_claims, read_claim
 from scripts.repro_page import PAGE, page
 from tests.command_line import here

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from looping_pendulum.cli import terminal as cli_terminal
-from looping_pendulum.cli.progress import ProgressBars, convergence_bars
-from looping_pendulum.cli.terminal import new_table, say, say_file, show_table
+from looping_pendulum.cli.terminal import ProgressBars, convergence_bars, new_table, say, say_file, show_table
 
 HOSTILE = "[/x][red]\x1b[2J\u202e\u2066\x07\x9b1A\ud800"
 """rich's markup, an escape sequence, bidirectional controls, a bell, an 8-bit control sequence, half a character."""

@@ -8,10 +8,9 @@ import pytest
 
 from looping_pendulum.compare.comparison import compare
 from looping_pendulum.compare.harness import compare_engines
-from looping_pendulum.engines.limits import expand_tolerances
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Reference
-from looping_pendulum.engines.registry import label, missing_packages, select
+from looping_pendulum.engines.registry import expand_tolerances, label, missing_packages, select
 from looping_pendulum.scenarios import loader
 
 LONG = {

@@ -160,21 +160,21 @@ FAULTY = {
 
 @pytest.mark.parametrize("original", FAULTY)
 def test_a_faulty_package_is_left_out_with_one_line(original, monkeypatch, tmp_path):
-    from looping_pendulum.reference_ode.effects import LIBRARY, installed
+    from looping_pendulum.reference_ode.effects import LIBRARY, own
 
     changed, message = FAULTY[original]
     (tmp_path / "looping_pulse.py").write_text(blocks("python")[0].replace(original, changed), encoding="utf-8")
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.delitem(sys.modules, "looping_pulse", raising=False)
-    point = installed.entry_points(group="none")
+    point = own.entry_points(group="none")
     assert not point
 
     class Point:
         name, value = "pulse", "looping_pulse"
         dist = type("Distribution", (), {"name": "looping-pulse"})
 
-    monkeypatch.setattr(installed, "entry_points", lambda group: [Point])
-    effects, (fault,) = installed.installed_effects(LIBRARY)
+    monkeypatch.setattr(own, "entry_points", lambda group: [Point])
+    effects, (fault,) = own.installed_effects(LIBRARY)
     sys.modules.pop("looping_pulse", None)
     assert effects == ()
     assert message in fault
@@ -184,7 +184,7 @@ def test_a_faulty_package_is_left_out_with_one_line(original, monkeypatch, tmp_p
 
 def test_a_faulty_package_is_warned_of_where_a_file_is_read(monkeypatch):
     from looping_pendulum.reference_ode import effects
-    from looping_pendulum.reference_ode.effects.installed import EffectWarning
+    from looping_pendulum.reference_ode.effects.own import EffectWarning
 
     monkeypatch.setattr(effects, "FAULTS", ("the effects of one are left out",))
     with pytest.warns(EffectWarning, match="the effects of one are left out"):

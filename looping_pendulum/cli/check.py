@@ -19,8 +19,8 @@ from looping_pendulum.cli.common import (
     TimeLimit,
     load_scenario,
     run_and_compare,
+    scenario_names,
 )
-from looping_pendulum.cli.completion import scenario_names
 from looping_pendulum.cli.terminal import new_table, say, show_json, show_table
 from looping_pendulum.errors import ScenarioError
 
@@ -48,9 +48,8 @@ def check(
 
     looping-pendulum check mine.yaml --engine pymunk
     """
-    from looping_pendulum.engines.limits import expand_tolerances, why_no_tolerances
     from looping_pendulum.engines.protocol import Profile
-    from looping_pendulum.engines.registry import label, select
+    from looping_pendulum.engines.registry import expand_tolerances, label, select, why_no_tolerances
     from looping_pendulum.scenarios import loader
 
     engine_profile = Profile(profile.value)

@@ -6,20 +6,79 @@ import json
 from collections.abc import Callable, Iterable
 from enum import StrEnum
 from importlib import import_module
+from importlib.metadata import entry_points
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from looping_pendulum.cli.completion import engine_names, scenario_names
-from looping_pendulum.cli.progress import ProgressBars
-from looping_pendulum.cli.terminal import choose_json, choose_quiet, note, say
+from looping_pendulum.cli.terminal import ProgressBars, choose_json, choose_quiet, note, say
 
 if TYPE_CHECKING:
     from looping_pendulum.compare.result import ComparisonResult
     from looping_pendulum.compare.trial import MeasuredTrial
     from looping_pendulum.engines.trajectory import Trajectory
     from looping_pendulum.scenarios.scenario import Scenario
+
+
+VARIANTS = (
+    "reference:heyoka",
+    "reference:scipy",
+    "mujoco:documented",
+    "mujoco:capstan",
+    "mujoco:frictionloss",
+    "mujoco:defaults",
+    "mujoco:effective_mass",
+    "mujoco:drum",
+    "mujoco:beads",
+    "pymunk:chain",
+    "pymunk:beads",
+    "pymunk:segments",
+    "pymunk:defaults",
+    "pybullet:chain",
+    "pybullet:remade",
+    "pybullet:point_to_point",
+    "pybullet:defaults",
+)
+"""Variants of this package's engines; the adapters, which know them, import NumPy. A test compares the two."""
+
+
+def scenario_names() -> list[str]:
+    """Return the names of the shipped scenarios."""
+    return _names("scenarios")
+
+
+def map_names() -> list[str]:
+    """Return the names of the shipped maps."""
+    return _names("sweep", "maps")
+
+
+def _names(*folders: str, suffix: str = ".yaml") -> list[str]:
+    # From the package above, whose import is cheap, as that of the folder's own package is not
+    entries = files("looping_pendulum").joinpath(*folders).iterdir()
+    return sorted(entry.name.removesuffix(suffix) for entry in entries if entry.name.endswith(suffix))
+
+
+def engine_names() -> list[str]:
+    """Return the names of engines and variants; of other packages' engines, only the engine's name is known."""
+    others = sorted({point.name for point in entry_points(group="looping_pendulum.engines")})
+    return [*dict.fromkeys(variant.partition(":")[0] for variant in VARIANTS), *VARIANTS, *others, "all"]
+
+
+def claim_engine_names() -> list[str]:
+    """Return the names of the engines about which `repro` has scripts."""
+    return _script_engine_names("scripts")
+
+
+def recipe_engine_names() -> list[str]:
+    """Return the names of the engines for which `recipe` has scripts."""
+    return _script_engine_names("recipes")
+
+
+def _script_engine_names(folder: str) -> list[str]:
+    return list(dict.fromkeys(name.partition("_")[0] for name in _names("repro", folder, suffix=".py")))
+
 
 OUTSIDE_TOLERANCE, BAD_INPUT, INTERRUPTED = 1, 2, 130
 """Exit statuses beside 0; 130 is the shell's own for a command that Ctrl-C ended."""
@@ -209,7 +268,7 @@ def page_meanwhile(folder: Path) -> Callable[[ComparisonResult, tuple[str, ...]]
 def show_residuals(result: ComparisonResult) -> None:
     """Print what a measured trial says of the reference and of each engine, and what looks like a mistake in it."""
     from looping_pendulum.cli.terminal import new_table, show_table
-    from looping_pendulum.compare.trial_table import short_residual_rows
+    from looping_pendulum.compare.report import short_residual_rows
 
     if result.trial is None:
         return

@@ -17,12 +17,12 @@ from looping_pendulum.cli.common import (
     ProfileName,
     Quiet,
     TimeLimit,
+    engine_names,
     load_scenario,
     report_folder,
+    scenario_names,
 )
-from looping_pendulum.cli.completion import engine_names, scenario_names
-from looping_pendulum.cli.progress import convergence_bars
-from looping_pendulum.cli.terminal import new_table, say, show_json, show_table
+from looping_pendulum.cli.terminal import convergence_bars, new_table, say, show_json, show_table
 
 
 def converge(

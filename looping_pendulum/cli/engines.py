@@ -1,19 +1,35 @@
-"""The commands about the engines themselves: `engines` and `conformance`."""
+"""The commands about the engines themselves: `engines`, `conformance`, `versions`, `repro` and `recipe`."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from looping_pendulum.cli.common import OUTSIDE_TOLERANCE, AsJson, ProfileChoice, ProfileName, Quiet, TimeLimit
-from looping_pendulum.cli.completion import engine_names
-from looping_pendulum.cli.terminal import new_table, say, show_json, show_table
+from looping_pendulum.cli.common import (
+    INTERRUPTED,
+    MAX_JOBS,
+    OUTSIDE_TOLERANCE,
+    AsJson,
+    MemoryLimit,
+    ProfileChoice,
+    ProfileName,
+    Quiet,
+    TimeLimit,
+    claim_engine_names,
+    engine_names,
+    load_scenario,
+    recipe_engine_names,
+    scenario_names,
+)
+from looping_pendulum.cli.terminal import ProgressBars, new_table, note, say, show_json, show_table
 from looping_pendulum.errors import EngineError
 
 if TYPE_CHECKING:
-    from looping_pendulum.engines.conformance.suite import CheckResult
+    from looping_pendulum.engines.conformance import CheckResult
     from looping_pendulum.engines.protocol import Profile
+    from looping_pendulum.repro.claims import Claim
 
 
 def engines(
@@ -123,3 +139,172 @@ def conformance(
             all_good = all_good and verdict.outcome.acceptable
     show_json({"profile": profile, "conforms": all_good, "checks": listed})
     raise typer.Exit(0 if all_good else OUTSIDE_TOLERANCE)
+
+
+def versions(
+    engine: Annotated[
+        str, typer.Argument(metavar="ENGINE", help="Engine whose releases are run (mujoco).", autocompletion=engine_names)
+    ],
+    first: Annotated[
+        str | None, typer.Option("--from", metavar="V", help="Oldest release; default: the first there is.")
+    ] = None,
+    last: Annotated[str | None, typer.Option("--to", metavar="W", help="Newest release; default: the last there is.")] = None,
+    listed: Annotated[
+        str | None, typer.Option("--versions", metavar="V,W,...", help="Only these releases, in place of --from and --to.")
+    ] = None,
+    variant: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Variant of the engine (capstan); repeatable. Default: the main ones."),
+    ] = None,
+    scenario: Annotated[
+        str,
+        typer.Option(metavar="SCENARIO", help="Shipped scenario, or path of a YAML file.", autocompletion=scenario_names),
+    ] = "ten_to_one",
+    profile: ProfileName = ProfileChoice.QUICK,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder for the results and for each ended release; default: report/versions-ENGINE."),
+    ] = None,
+    time_limit: TimeLimit = 900.0,
+    memory_limit: MemoryLimit = "2 GiB",
+    jobs: Annotated[int, typer.Option(metavar="N", min=1, max=MAX_JOBS, help="Number of releases at the same time.")] = 2,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Run many releases of one engine, and name each release in which a number moved by more than its spread.
+
+    pip or uv installs each release with NumPy and SciPy into an environment of its own, which is removed afterwards; nothing
+    is compiled. Each runs the scenario and the static capstan test. The spread is the standard deviation of a number when the
+    start changes by 0.01 deg or 0.1 mm, with the newest release that runs. A release that cannot be installed or run is a row
+    with its error. Writes versions.json and versions.png. Ended releases are kept in DIR: after Ctrl-C, the same command
+    continues from there.
+
+    looping-pendulum versions mujoco --from 3.1 --to 3.3
+    """
+    from looping_pendulum.engines.isolation import parse_memory
+    from looping_pendulum.engines.protocol import Profile
+    from looping_pendulum.files import optional_output, prepare_output_folder, write_atomically
+    from looping_pendulum.releases.figure import png_of
+    from looping_pendulum.releases.installers import list_releases
+    from looping_pendulum.releases.result import FILE, HEADER, move_sentences, rows
+    from looping_pendulum.releases.study import ReleaseStudy, chosen_releases, chosen_variants, distribution_of
+
+    engines = chosen_variants(engine, variant or (), Profile(profile.value))
+    chosen, memory_bytes = load_scenario(scenario), parse_memory(memory_limit)
+    package = distribution_of(engines[0])
+    releases = chosen_releases(package, list_releases(package), first=first, last=last, listed=listed)
+    folder = out or Path("report") / f"versions-{engine}"
+    prepare_output_folder(folder, files=(FILE, "versions.png"), folders=("releases", "environments"))
+    with ProgressBars(time_left=True, line_every_fraction=0.05) as bars:
+        study = ReleaseStudy(
+            engines,
+            chosen,
+            folder,
+            jobs=jobs,
+            time_limit=time_limit,
+            memory_limit=memory_bytes,
+            progress=lambda fraction, description: bars.update(description, fraction),
+        )
+        result = study.run(releases)
+    table = new_table(*HEADER)
+    for row in rows(result):
+        table.add_row(*row)
+    show_table(table)
+    if result.interrupted:
+        note(f"interrupted: {len(result.releases)} of {len(releases)} releases are kept in {folder}; the same command goes on")
+        show_json({"result": result, "file": None})
+        raise typer.Exit(INTERRUPTED)
+    for release, label, sentence in move_sentences(result):
+        say(f"- {release}, {label}, {sentence}")
+    if not result.moves:
+        say("No number moved by more than its spread.")
+    write_atomically(folder / FILE, result.to_json())
+    with optional_output("versions.png"):
+        write_atomically(folder / "versions.png", png_of([result]))
+    say(f"wrote {folder / FILE}")
+    show_json({"result": result, "file": folder / FILE})
+    raise typer.Exit(0 if any(row.ran for row in result.releases) else OUTSIDE_TOLERANCE)
+
+
+OutFile = Annotated[Path | None, typer.Option(metavar="FILE", help="File to write; default: ENGINE_NAME.py.")]
+
+
+def repro(
+    engine: Annotated[
+        str,
+        typer.Argument(metavar="ENGINE", help="Engine whose claims are listed (mujoco).", autocompletion=claim_engine_names),
+    ],
+    variant: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Only claims that concern this variant (documented).")
+    ] = None,
+    claim: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Write the script of this claim (tendon_without_friction).")
+    ] = None,
+    out: OutFile = None,
+    as_json: AsJson = False,
+) -> None:
+    """List the claims about an engine, or write a script that shows one of them to that engine's users.
+
+    The script needs the engine and NumPy only, and not this package. It compares the engine with a closed form; its exit status
+    is 1 while the claim holds, and 0 when the engine has mended it. An existing file is left as it is.
+
+    looping-pendulum repro mujoco --claim tendon_without_friction --out tendon.py
+    """
+    from looping_pendulum.repro.claims import ClaimError, find_claims
+
+    claims = find_claims(engine, variant, claim)
+    if claim is None:
+        if out is not None:
+            raise ClaimError(f"--out: found it without --claim, needed the claim; choose one of `repro {engine}`")
+        _list(claims, "claim")
+    else:
+        _write(claims[0], out, "claim")
+
+
+def recipe(
+    engine: Annotated[
+        str,
+        typer.Argument(metavar="ENGINE", help="Engine whose recipes are listed (pymunk).", autocompletion=recipe_engine_names),
+    ],
+    variant: Annotated[str | None, typer.Option(metavar="NAME", help="Write the recipe of this variant (chain).")] = None,
+    out: OutFile = None,
+    as_json: AsJson = False,
+) -> None:
+    """List the recipes for a rope over a rod in an engine, or write one as a script for that engine's users.
+
+    The script needs the engine only, and not this package. It prints what it reaches and the exact value; its exit status is 0
+    while it reaches it. An existing file is left as it is. The recipes are compared in docs/rope-over-a-cylinder.md.
+
+    looping-pendulum recipe pymunk --variant chain --out rope.py
+    """
+    from looping_pendulum.repro.claims import RECIPES, ClaimError, find_claims
+
+    recipes = find_claims(engine, variant, folder=RECIPES)
+    if variant is None:
+        if out is not None:
+            raise ClaimError(f"--out: found it without --variant, needed the variant; choose one of `recipe {engine}`")
+        _list(recipes, "recipe")
+    else:
+        _write(recipes[0], out, "recipe")
+
+
+def _list(claims: list[Claim], kind: str) -> None:
+    """Print names and titles."""
+    width = max(len(each.name) for each in claims)
+    for each in claims:
+        say(f"{each.name:{width}}  {each.title}")
+    show_json({f"{kind}s": [{kind: each.name, "variant": each.variant, "title": each.title} for each in claims]})
+
+
+def _write(chosen: Claim, out: Path | None, kind: str) -> None:
+    """Write a script where there is no file yet."""
+    from looping_pendulum.files import prepare_output_folder, write_atomically
+    from looping_pendulum.repro.claims import ClaimError
+
+    path = out or Path(chosen.file_name)
+    if path.exists():
+        raise ClaimError(f"{path}: found a file, which is left as it is; needed another name: --out OTHER.py")
+    prepare_output_folder(path.parent, files=(path.name,))
+    write_atomically(path, chosen.source)
+    say(f"wrote {path}; it needs {chosen.package} and not this package. Next: python {path}")
+    show_json({kind: chosen.name, "file": path})

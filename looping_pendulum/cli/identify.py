@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from looping_pendulum.cli.common import INTERRUPTED, AsJson, Quiet, report_folder, schema_option
-from looping_pendulum.cli.progress import ProgressBars
-from looping_pendulum.cli.terminal import new_table, say, show_json, show_table
+from looping_pendulum.cli.terminal import ProgressBars, new_table, say, show_json, show_table
 from looping_pendulum.errors import HarnessError
 
 if TYPE_CHECKING:

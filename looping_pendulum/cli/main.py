@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
+import typer.core
 
 from looping_pendulum import __version__
 from looping_pendulum.cli.check import check
@@ -37,23 +38,20 @@ from looping_pendulum.cli.common import (
     page_meanwhile,
     read_marks,
     run_and_compare,
+    scenario_names,
     schema_option,
     show_output_of_failed,
     show_residuals,
     yaml_content,
 )
-from looping_pendulum.cli.completion import scenario_names
 from looping_pendulum.cli.converge import converge
-from looping_pendulum.cli.engines import conformance, engines
+from looping_pendulum.cli.engines import conformance, engines, recipe, repro, versions
 from looping_pendulum.cli.identify import identify, look
-from looping_pendulum.cli.live import live
-from looping_pendulum.cli.maps import map_, maps
+from looping_pendulum.cli.maps import map_
 from looping_pendulum.cli.new import new
-from looping_pendulum.cli.progress import ProgressBars
-from looping_pendulum.cli.repro import recipe, repro
-from looping_pendulum.cli.teaching import demo, demonstrations, init, tracker
-from looping_pendulum.cli.terminal import new_table, reset_output, say, say_file, show_json, show_table
-from looping_pendulum.cli.versions import versions
+from looping_pendulum.cli.teaching import demo, demonstrations, init, live, tracker
+from looping_pendulum.cli.terminal import ProgressBars, new_table, reset_output, say, say_file, show_json, show_table
+from looping_pendulum.cli.track import track
 from looping_pendulum.errors import HarnessError, one_line, shorten
 
 if TYPE_CHECKING:
@@ -65,8 +63,54 @@ USAGE_ERROR: Any = typer.BadParameter.__base__
 MAX_MESSAGE_LENGTH = 1000
 """Largest length of an error message [characters]; what the user typed, which it quotes, may be a hundred times longer."""
 
+GROUPS: dict[str, dict[str, str]] = {
+    "See": {
+        "live": "the exact model in a page: sliders, a lesson, films, fits",
+        "demo": "the same page with the runs of all engines in it",
+        "demonstrations": "nine experiments on what each model assumes",
+    },
+    "Begin": {
+        "init": "an example folder: a scenario, two trials, next commands",
+        "new": "a scenario or a study, by answering questions",
+        "scenarios": "the shipped scenarios, one to copy, or the schema",
+    },
+    "Compare engines": {
+        "run": "one scenario: its events, and how each run ends",
+        "compare": "where, when and why each engine departs",
+        "check": "whether engines keep the scenarios' tolerances",
+        "converge": "what each engine's error consists of",
+        "engines": "which engines there are, and how to install others",
+    },
+    "Your film": {
+        "track": "a film as points of both masses, without a click",
+        "look": "points compared with what a study declares, in seconds",
+        "identify": "the physics that a model of measured trials lacks",
+        "tracker": "a motion as a file that Tracker draws over a video",
+    },
+    "For engine developers": {
+        "conformance": "what every engine must do, tested",
+        "repro": "a claim about an engine as a script without this package",
+        "recipe": "a rope over a rod in an engine alone, as a script",
+        "versions": "many releases of one engine, and what moved",
+    },
+    "Maps": {"map": "how runs end over ranges of one to three quantities"},
+}
+"""Title -> command -> what it does, in a line of a help of 80 columns."""
+
+
+class GroupedCommands(typer.core.TyperGroup):
+    """Commands whose help lists them by what they are for."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write a list for each of `GROUPS`."""
+        for title, commands in GROUPS.items():
+            with formatter.section(title):
+                formatter.write_dl(list(commands.items()))
+
+
 # rich_markup_mode=None: formatting the help with rich would double the time that --help takes
 app = typer.Typer(
+    cls=GroupedCommands,
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -144,8 +188,8 @@ def run(
 
     looping-pendulum run two_to_one --out runs/two_to_one
     """
-    from looping_pendulum.compare.export import trajectory_csv
     from looping_pendulum.compare.harness import chosen_engines
+    from looping_pendulum.compare.trajectories import trajectory_csv
     from looping_pendulum.engines.isolation import parse_memory, run_all
     from looping_pendulum.engines.protocol import Profile
     from looping_pendulum.engines.reference import ReferenceEngine
@@ -272,7 +316,6 @@ app.command()(repro)
 app.command()(versions)
 app.command()(recipe)
 app.command("map")(map_)
-app.command()(maps)
 
 
 app.command()(identify)
@@ -282,6 +325,7 @@ app.command()(demo)
 app.command()(new)
 app.command()(init)
 app.command()(tracker)
+app.command()(track)
 app.command()(demonstrations)
 
 

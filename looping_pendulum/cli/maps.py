@@ -1,4 +1,4 @@
-"""The commands `map` and `maps`: many runs over ranges of one to three quantities."""
+"""The command `map`: many runs over ranges of one to three quantities."""
 
 from __future__ import annotations
 
@@ -17,12 +17,11 @@ from looping_pendulum.cli.common import (
     MemoryLimit,
     Quiet,
     TimeLimit,
+    map_names,
     schema_option,
     yaml_content,
 )
-from looping_pendulum.cli.completion import map_names
-from looping_pendulum.cli.progress import ProgressBars
-from looping_pendulum.cli.terminal import new_table, note, say, say_file, show_json, show_table
+from looping_pendulum.cli.terminal import ProgressBars, new_table, note, say, say_file, show_json, show_table
 
 if TYPE_CHECKING:
     from looping_pendulum.sweep.plan import MapPlan
@@ -64,43 +63,6 @@ def _duration(seconds: float) -> str:
     return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s" if minutes else f"{rest} s"
 
 
-def maps(
-    name: Annotated[
-        str | None,
-        typer.Argument(metavar="[MAP]", help="Print the YAML file of this map.", autocompletion=map_names),
-    ] = None,
-    schema: Annotated[bool, schema_option("map", "looping_pendulum.sweep.map_file")] = False,
-    as_json: AsJson = False,
-) -> None:
-    """List the shipped maps, print one of them, or print the schema of map files.
-
-    To write your own:  looping-pendulum maps angle_and_ratio > mine.yaml
-    """
-    from looping_pendulum.sweep import map_file
-
-    if name is not None:
-        text = map_file.source_text(name)
-        say_file(text)
-        show_json(yaml_content(text))
-    else:
-        _list_maps()
-
-
-def _list_maps() -> None:
-    """Print a table of the shipped maps."""
-    from looping_pendulum.sweep import map_file
-
-    table = new_table("map", "runs", "over", "title")
-    listed = []
-    for shipped in map_file.shipped():
-        plan = map_file.load(shipped)
-        over = [axis.name for axis in plan.design.axes]
-        table.add_row(shipped, str(plan.runs), ", ".join(over), plan.title)
-        listed.append({"map": shipped, "runs": plan.runs, "over": over, "title": plan.title})
-    show_table(table)
-    show_json({"maps": listed})
-
-
 def map_(
     file: Annotated[
         str | None,
@@ -115,6 +77,8 @@ def map_(
     cluster: Annotated[
         str | None, typer.Option(metavar="tcp://HOST:PORT", help="Run on the workers of this Dask scheduler instead of here.")
     ] = None,
+    to_print: Annotated[bool, typer.Option("--print", help="Print the map file, to change it, and run nothing.")] = False,
+    schema: Annotated[bool, schema_option("map", "looping_pendulum.sweep.map_file")] = False,
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Whether to draw figures.")] = True,
     max_runs: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Refuse a map of more runs; default: 20 million, 20 000 of engines.")
@@ -130,6 +94,7 @@ def map_(
     the stored runs, and ends with the same bytes.
 
     looping-pendulum map quick --out report/quick-map
+    To write your own:  looping-pendulum map quick --print > mine.yaml
     """
     from looping_pendulum.engines.isolation import parse_memory
     from looping_pendulum.files import prepare_output_folder
@@ -138,6 +103,11 @@ def map_(
 
     if file is None:
         _list_maps()
+        return
+    if to_print:
+        text = map_file.source_text(file)
+        say_file(text)
+        show_json(yaml_content(text))
         return
     if cluster is not None:
         executors.check_address(cluster)
@@ -183,3 +153,18 @@ def _show_size(plan: MapPlan) -> None:
     message = f"{plan.runs} runs ({sizes}{engines}: {over}) in {plan.units} chunks, at most {amount(megabytes)} MB"
     note(message)
     sys.stderr.flush()
+
+
+def _list_maps() -> None:
+    """Print a table of the shipped maps."""
+    from looping_pendulum.sweep import map_file
+
+    table = new_table("map", "runs", "over", "title")
+    listed = []
+    for shipped in map_file.shipped():
+        plan = map_file.load(shipped)
+        over = [axis.name for axis in plan.design.axes]
+        table.add_row(shipped, str(plan.runs), ", ".join(over), plan.title)
+        listed.append({"map": shipped, "runs": plan.runs, "over": over, "title": plan.title})
+    show_table(table)
+    show_json({"maps": listed})

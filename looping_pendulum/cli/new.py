@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from looping_pendulum.cli.completion import scenario_names
+from looping_pendulum.cli.common import scenario_names
 from looping_pendulum.cli.terminal import say
 from looping_pendulum.errors import HarnessError, printable
 
 if TYPE_CHECKING:
     from looping_pendulum.measured.study import Study
-    from looping_pendulum.teaching.answers import Answers
+    from looping_pendulum.teaching.questions import Answers
 
 USUAL_SCENARIO = "ten_to_one"
 """Scenario whose numbers are the defaults where none is named."""
@@ -59,10 +59,9 @@ def new(
     looping-pendulum new study my_study.yaml --trial first.csv --trial second.csv
     """
     from looping_pendulum.files import write_atomically
-    from looping_pendulum.teaching.answers import Answers
     from looping_pendulum.teaching.new_file import expected_motion, new_scenario
     from looping_pendulum.teaching.new_study import new_study, not_measured
-    from looping_pendulum.teaching.questions import AnswerError
+    from looping_pendulum.teaching.questions import AnswerError, Answers
 
     study = what is NewFile.STUDY
     path = file or Path("my_study.yaml" if study else "my.scenario.yaml")

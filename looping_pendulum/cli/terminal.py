@@ -1,21 +1,26 @@
-"""Print lines and tables of plain text on a terminal. Commands print through this file alone.
+"""Print lines, tables and progress on a terminal. Commands print through this file alone.
 
 Names, messages and file contents come from strangers: control characters, which may colour or hide what stands on a terminal,
 and bidirectional ones, which may reorder it, are shown as escapes.
 
-What a command prints has three kinds: results (`say`, `show_table`) on standard output, notes and progress (`note`) on standard
-error, and errors (`say` with ``err``), too. The options --json and --quiet choose among them, for all commands here.
+What a command prints has three kinds: results (`say`, `show_table`) on standard output, notes and progress (`note`,
+`ProgressBars`) on standard error, and errors (`say` with ``err``), too. The options --json and --quiet choose among them.
 """
 
 from __future__ import annotations
 
+import math
 import sys
+import time
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from looping_pendulum.errors import printable
+
+if TYPE_CHECKING:
+    from looping_pendulum.engines.trajectory import Trajectory
 
 
 @dataclass(kw_only=True)
@@ -110,3 +115,104 @@ def show_table(table: Any) -> None:
     if not console.is_terminal:
         console = Console(width=200)
     console.print(table)
+
+
+class ProgressBars:
+    """A bar per task on a terminal; elsewhere lines of text now and then, or nothing.
+
+    Parameters
+    ----------
+    time_left
+        Whether to estimate the time that is left: of use where work is spread evenly over the task.
+    keep
+        Whether the bars stay on the terminal at the end.
+    line_every_fraction
+        Without a terminal, print a line whenever the task has advanced by this fraction.
+    line_every_seconds
+        Without a terminal, print a line after this time [s], and one at the end.
+    """
+
+    def __init__(
+        self,
+        *,
+        time_left: bool = False,
+        keep: bool = False,
+        line_every_fraction: float = math.inf,
+        line_every_seconds: float = math.inf,
+    ) -> None:
+        self._time_left = time_left
+        self._keep = keep
+        self._line_every_fraction = line_every_fraction
+        self._line_every_seconds = line_every_seconds
+
+    def __enter__(self) -> ProgressBars:
+        # rich is imported here, as it would double the time that --help takes
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+        console = Console(stderr=True)
+        self.on_terminal = console.is_terminal and not output.quiet
+        columns: list[Any] = [BarColumn(), TaskProgressColumn(), TimeElapsedColumn()]
+        if self._time_left:
+            columns += [TextColumn("left:"), TimeRemainingColumn()]
+        self._bar = Progress(
+            *columns,
+            TextColumn("{task.description}", markup=False),
+            console=console,
+            transient=not self._keep,
+            disable=not self.on_terminal,
+            speed_estimate_period=120.0,  # [s]; longer than the default of 30 s, as a single run may take minutes
+        )
+        self._tasks: dict[str, Any] = {}
+        self._line_fraction = 0.0
+        self._line_time = time.monotonic()
+        self._bar.start()
+        return self
+
+    def __exit__(self, *exception: Any) -> None:
+        self._bar.stop()
+
+    def update(self, description: str, fraction: float, *, task: str = "", line: str = "") -> None:
+        """Show that ``fraction`` of a task is complete.
+
+        Parameters
+        ----------
+        description
+            What is being done, beside the bar.
+        task
+            Which bar; the first update of a task adds one.
+        line
+            Text of the line without a terminal; default: percentage and description.
+        """
+        if task in self._tasks:
+            self._bar.update(self._tasks[task], completed=fraction, description=printable(description))
+        else:
+            # Not add and then update: rich would count a fraction that was complete before for the speed. It annotates an int.
+            self._tasks[task] = self._bar.add_task(printable(description), total=1.0, completed=fraction)  # type: ignore[arg-type]
+        if not self.on_terminal and self._line_is_due(fraction):
+            self._line_fraction, self._line_time = fraction, time.monotonic()
+            note(line or f"{100 * fraction:.0f} %: {description}")
+
+    def _line_is_due(self, fraction: float) -> bool:
+        if fraction >= self._line_fraction + self._line_every_fraction:
+            return True
+        if math.isinf(self._line_every_seconds):
+            return False
+        return fraction >= 1 or time.monotonic() >= self._line_time + self._line_every_seconds
+
+    def update_engine(self, engine: Any, fraction: float) -> None:
+        """Show that ``fraction`` of the run of ``engine`` is complete, on a bar of its own."""
+        label = f"{engine.name}:{engine.variant}"
+        self.update(label, fraction, task=label)
+
+    def show_finished_run(self, run: Trajectory) -> None:
+        """Print a line for a run that has ended, where no bar shows it."""
+        if not self.on_terminal:
+            # A run that was stopped from outside has no times: they are NaN, which does not equal itself.
+            cost = f" ({run.cpu_time:.1f} s of CPU time)" if run.cpu_time == run.cpu_time else ""
+            note(f"{run.label}: {run.status.value}{cost}")
+
+
+def convergence_bars() -> ProgressBars:
+    """Return the display of a study of convergence: one bar with the time left, or a line for every tenth of the work."""
+    return ProgressBars(time_left=True, line_every_fraction=0.1)

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from looping_pendulum.compare.baseline import ResultChanges
 from looping_pendulum.compare.comparison import compare
-from looping_pendulum.compare.export import residual_csv, trajectory_csv, trajectory_files
 from looping_pendulum.compare.result import ComparisonResult
+from looping_pendulum.compare.trajectories import residual_csv, trajectory_csv, trajectory_files
 from looping_pendulum.files import optional_output, write_atomically
 
 __all__ = ["ComparisonResult", "compare", "write", "write_page_meanwhile"]
@@ -24,9 +24,9 @@ def write(result: ComparisonResult, folder: Path | str, changes: ResultChanges |
     figures and there are no CSV files. With ``changes`` since a baseline the report has a section on them, and ``changes.json``
     has them as data. The numbers are written first; a figure or a page that cannot be made is left out with a warning.
     """
-    from looping_pendulum.compare import page
-    from looping_pendulum.compare.plots import draw
-    from looping_pendulum.compare.report import render
+    from looping_pendulum.compare.figures import charts
+    from looping_pendulum.compare.report import render, render_page
+    from looping_pendulum.pages.drawing import draw, png
 
     folder = Path(folder)
     write_atomically(folder / "result.json", result.to_json())
@@ -42,19 +42,24 @@ def write(result: ComparisonResult, folder: Path | str, changes: ResultChanges |
             write_atomically(folder / "residuals.csv", residual_csv(result, result.samples, result.trial))
         else:
             (folder / "residuals.csv").unlink(missing_ok=True)  # of another trial
-    figures = draw(result)
-    for name, (_, png) in figures.items():
-        write_atomically(folder / "figures" / name, png)
+    made = charts(result)
+    captions = {}
+    for chart in made:
+        file = f"figures/{chart.id}.png"
+        with optional_output(file):
+            write_atomically(folder / file, png(draw(chart)))
+            captions[file] = chart.caption
     report = folder / "report.md"
-    write_atomically(report, render(result, {f"figures/{name}": caption for name, (caption, _) in figures.items()}, changes))
+    write_atomically(report, render(result, captions, changes))
     with optional_output("report.html"):
-        write_atomically(folder / "report.html", page.render(result, changes))
+        write_atomically(folder / "report.html", render_page(result, made, changes))
     return report
 
 
 def write_page_meanwhile(result: ComparisonResult, running: tuple[str, ...], folder: Path) -> None:
     """Write report.html with the engines that have ended, and the labels of those that are still ``running``."""
-    from looping_pendulum.compare import page
+    from looping_pendulum.compare.figures import charts
+    from looping_pendulum.compare.report import render_page
 
     with optional_output("report.html"):
-        write_atomically(folder / "report.html", page.render(result, running=running))
+        write_atomically(folder / "report.html", render_page(result, charts(result), running=running))

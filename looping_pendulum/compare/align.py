@@ -31,8 +31,6 @@ class ReferenceSamples:
     """[m], shape (n, 2)."""
     heavy_height: Array
     """[m], shape (n,)."""
-    heavy_speed: Array
-    """Upward [m/s], shape (n,)."""
     free_length: Array
     """[m], shape (n,)."""
     wrap_angle: Array
@@ -96,7 +94,6 @@ def sample_reference(reference: Reference, times: Array) -> ReferenceSamples:
         t=times,
         light_position=in_given_order(samples.light_position),
         heavy_height=in_given_order(samples.heavy_position[:, 1]),
-        heavy_speed=in_given_order(samples.heavy_velocity[:, 1]),
         free_length=in_given_order(samples.free_length),
         wrap_angle=in_given_order(samples.wrap_angle),
         mode=mode[inverse],

@@ -147,7 +147,12 @@ def changes_since(
     relative
         Smallest change of a metric that is listed, as a fraction of its earlier value.
     """
-    changes = [*_scenario(before, after), *_reference(before, after), *_runs(before, after, relative)]
+    old, new = ({**_flatten(result.parameters), "duration": result.duration} for result in (before, after))
+    changes = [
+        *_differences(ChangeKind.SCENARIO, "", old, new),
+        *_reference(before, after),
+        *_runs(before, after, relative),
+    ]
     return ResultChanges(
         scenario=after.scenario,
         baseline=source,
@@ -157,11 +162,6 @@ def changes_since(
         landmark_floors=dict(MIN_LANDMARK_CHANGES),
         changes=tuple(changes),
     )
-
-
-def _scenario(before: ComparisonResult, after: ComparisonResult) -> Iterator[ResultChange]:
-    old, new = _flatten(before.parameters), _flatten(after.parameters)
-    yield from _differences(ChangeKind.SCENARIO, "", old | {"duration": before.duration}, new | {"duration": after.duration})
 
 
 def _reference(before: ComparisonResult, after: ComparisonResult) -> Iterator[ResultChange]:

@@ -5,73 +5,50 @@ from __future__ import annotations
 import dataclasses
 import datetime
 import math
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from looping_pendulum.compare import metrics as measure
 from looping_pendulum.compare.align import Aligned, Reference, align
-from looping_pendulum.compare.comparability import why_not_comparable
-from looping_pendulum.compare.event_quantities import event_value
 from looping_pendulum.compare.json_text import plain
-from looping_pendulum.compare.reference_landmarks import SampledReference, reference_landmarks
+from looping_pendulum.compare.landmarks import SampledReference, event_value, reference_landmarks, why_not_comparable
 from looping_pendulum.compare.result import (
     Clock,
     ComparisonResult,
     EngineResult,
-    InferredEntry,
     MeasuredRow,
     ReferenceResult,
     ResultSamples,
     RunProvenance,
     SupplyEntry,
+    ToleranceOutcome,
+    ToleranceResult,
     WallTime,
 )
 from looping_pendulum.compare.stories import missing_physics, story
-from looping_pendulum.compare.tolerances import NOT_RUN_STATUSES, judge
 from looping_pendulum.compare.trial import MeasuredTrial, compare_trial
 from looping_pendulum.engines.landmarks import Landmarks, run_landmarks
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
-from looping_pendulum.engines.trajectory import Provenance, Trajectory, finite_length, first_samples, supplies_as_rows
+from looping_pendulum.engines.trajectory import (
+    Provenance,
+    RunStatus,
+    Trajectory,
+    finite_length,
+    first_samples,
+    supplies_as_rows,
+)
+from looping_pendulum.measured.events import MeasuredEventRow, MeasuredEventTable
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.scenarios.scenario import Scenario
+from looping_pendulum.scenarios.metrics import METRICS
+from looping_pendulum.scenarios.scenario import Scenario, Tolerance
 
-
-class ComparedEventRow(Protocol):
-    """Protocol of one row of a measured event table; `scenarios.measured` reads such rows."""
-
-    @property
-    def quantity(self) -> str:
-        """Name of the quantity, for example "x1_extremum"."""
-
-    @property
-    def index(self) -> int:
-        """Number of the event among those of its kind, from 1."""
-
-    @property
-    def measured(self) -> float | None:
-        """Measured value, SI; None where not measured."""
-
-    @property
-    def paper_numerical(self) -> float | None:
-        """Value of the paper's own simulation, SI."""
-
-    @property
-    def unit(self) -> str:
-        """SI unit of both values."""
-
-
-class ComparedEventTable(Protocol):
-    """Protocol of a measured event table."""
-
-    @property
-    def rows(self) -> Sequence[ComparedEventRow]:
-        """Rows in the order of the source."""
+NOT_RUN_STATUSES = frozenset({RunStatus.MISSING, RunStatus.UNSUPPORTED, RunStatus.INTERRUPTED})
+"""Statuses of a run that was not made or not finished for reasons outside the engine: its tolerances neither pass nor fail."""
 
 
 def compare(
-    scenario: Scenario, reference: Reference, trajectories: Sequence[Trajectory], measured: ComparedEventTable | None = None
+    scenario: Scenario, reference: Reference, trajectories: Sequence[Trajectory], measured: MeasuredEventTable | None = None
 ) -> ComparisonResult:
     """Compare engines with the reference, and both with a measured event table if there is one; `with_trial` adds a trial.
 
@@ -98,7 +75,7 @@ def compare(
         description=scenario.description,
         parameters=plain(scenario.parameters.as_dict()),
         duration=scenario.duration,
-        inferred=tuple(InferredEntry(parameters=tuple(i.parameters), how=i.how, script=i.script) for i in scenario.inferred),
+        inferred=scenario.inferred,
         reference=ReferenceResult(
             engine=reference_run.engine,
             variant=reference_run.variant,
@@ -110,7 +87,7 @@ def compare(
         ),
         engines=engines,
         tolerances=judge(scenario.tolerances, engines),
-        measured=() if measured is None else _measured(measured, exact_landmarks, engines),
+        measured=() if measured is None else _measured(measured.rows, exact_landmarks, engines),
         measured_source="" if scenario.measured is None else scenario.measured.source,
         clock=Clock(
             written=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
@@ -132,7 +109,7 @@ def with_trial(result: ComparisonResult, trial: MeasuredTrial) -> ComparisonResu
         raise ValueError("this result was read without its trajectories; make it again with `looping-pendulum compare`")
     return dataclasses.replace(
         result,
-        measured=_measured(trial, result.reference.landmarks, result.engines),
+        measured=_measured(trial.rows, result.reference.landmarks, result.engines),
         measured_source=trial.source,
         trial=compare_trial(trial, result.samples.reference, tuple(a.run for a in result.samples.aligned)),
     )
@@ -210,7 +187,7 @@ def _wall_time(run: Trajectory) -> WallTime:
 
 
 def _measured(
-    table: ComparedEventTable, exact_landmarks: Landmarks, engines: tuple[EngineResult, ...]
+    rows: Sequence[MeasuredEventRow], exact_landmarks: Landmarks, engines: tuple[EngineResult, ...]
 ) -> tuple[MeasuredRow, ...]:
     return tuple(
         MeasuredRow(
@@ -222,7 +199,55 @@ def _measured(
             # By its own events: here the reference is compared with a measurement, not with runs that only have samples
             reference=event_value(exact_landmarks, row.quantity, row.index),
             engines=tuple(event_value(e.landmarks, row.quantity, row.index) for e in engines),
-            sigma=plain(getattr(row, "sigma", None)),
+            sigma=plain(row.sigma),
         )
-        for row in table.rows
+        for row in rows
     )
+
+
+def judge(tolerances: Iterable[Tolerance], engines: Iterable[EngineResult]) -> tuple[ToleranceResult, ...]:
+    """Judge each tolerance whose engine and profile are among ``engines``.
+
+    Tolerances of engines that were not run are left out.
+    """
+    runs = {(e.label, e.profile): e for e in engines}
+    return tuple(judge_tolerance(t, runs[t.engine, t.profile]) for t in tolerances if (t.engine, t.profile) in runs)
+
+
+def judge_tolerance(tolerance: Tolerance, run: EngineResult) -> ToleranceResult:
+    """Judge one tolerance against its engine's run."""
+    value = run.metrics[tolerance.metric]
+    outcome, explanation = _outcome(tolerance, run, value)
+    return ToleranceResult(
+        engine=tolerance.engine,
+        profile=tolerance.profile,
+        metric=tolerance.metric,
+        limit=tolerance.limit,
+        value=value,
+        outcome=outcome,
+        explanation=explanation,
+        reason=tolerance.reason,
+        expected_failure=tolerance.expected_failure,
+    )
+
+
+def _outcome(tolerance: Tolerance, run: EngineResult, value: float | None) -> tuple[ToleranceOutcome, str]:
+    # A value decides even if the run was interrupted; only without one it is not judged
+    if value is None and not run.available:
+        return ToleranceOutcome.NOT_RUN, run.status_sentence
+    passes = value is not None and METRICS[tolerance.metric].is_within(value, tolerance.limit)
+    if tolerance.expected_failure:
+        if passes:
+            return ToleranceOutcome.UNEXPECTED_PASS, "passes although a failure is expected; correct the scenario"
+        return ToleranceOutcome.EXPECTED_FAILURE, tolerance.expected_failure
+    if passes:
+        return ToleranceOutcome.PASSED, ""
+    return ToleranceOutcome.FAILED, "" if value is not None else _why_no_value(run)
+
+
+def _why_no_value(run: EngineResult) -> str:
+    if not run.ok:
+        return f"no value: {run.status_sentence}"
+    if run.not_comparable:
+        return f"no value: {run.not_comparable}"
+    return "no value: the run or the reference ends before the time at which the metric is taken"

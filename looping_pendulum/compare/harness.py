@@ -11,12 +11,11 @@ from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.compare.run_cache import run_key
 from looping_pendulum.compare.trial import MeasuredTrial
 from looping_pendulum.engines.isolation import MEMORY_LIMIT, TIME_LIMIT, Progress, run_all
-from looping_pendulum.engines.limits import expand_tolerances
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import Reference
-from looping_pendulum.engines.registry import label, main_engines, select
+from looping_pendulum.engines.registry import expand_tolerances, label, main_engines, select
 from looping_pendulum.engines.trajectory import Trajectory
-from looping_pendulum.scenarios.measured import MeasuredEventTable, find_data, read_event_table
+from looping_pendulum.measured.events import MeasuredEventTable, find_data, read_event_table
 from looping_pendulum.scenarios.scenario import Scenario
 
 

@@ -20,17 +20,6 @@ from looping_pendulum.scenarios.document import quote, shorten
 T = TypeVar("T")
 
 REWRITE_HINT = "write it again with `looping-pendulum compare`"
-RENAMED_IN = 3
-"""Version of both schemas (`compare.result`, `compare.convergence.result`) that introduced the names of `RENAMED`."""
-RENAMED = {
-    "truth": "reference",
-    "truth_values": "reference_values",
-    "break_aways": "slip_onsets",
-    "halting_time_blur": "halting_time_uncertainty",
-}
-"""Key of an older file -> its name now."""
-RENAMED_EVENTS = {"break_away": "slip_onset", "break_away_time": "slip_onset_time"}
-"""Event or event quantity, a value of an older file -> its name now. Keys are apart from these: a title may be any word."""
 
 
 def plain(value: Any) -> Any:
@@ -104,22 +93,10 @@ def load(
     if not isinstance(schema.get("version"), int) or not 0 < schema["version"] <= version:
         mismatch = f"found version {quote(schema.get('version'))}, needed {version} or less"
         raise ResultError(f"{file}: schema: {mismatch}; update looping-pendulum")
-    # Only then: in a file of today, a title may be a word that was a name once
-    if schema["version"] < RENAMED_IN:
-        tree = _renamed(tree)
     try:
         return typing.cast(T, _build(cls, tree, ""))
     except ValueError as error:
         raise ResultError(f"{file}: not as documented: {error}; {rewrite_hint}") from None
-
-
-def _renamed(value: Any) -> Any:
-    """Return the content of an older file with today's names."""
-    if isinstance(value, dict):
-        return {RENAMED.get(key, key): _renamed(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_renamed(item) for item in value]
-    return RENAMED_EVENTS.get(value, value) if isinstance(value, str) else value
 
 
 MAX_NESTING = 64
@@ -157,10 +134,6 @@ def _refuse_unwritable(tree: Any) -> None:
         if not level:
             return
     raise ValueError(f"found more than {MAX_NESTING} levels of nesting, needed a result")
-
-
-def _has_no_default(field: dataclasses.Field[Any]) -> bool:
-    return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
 
 
 _TYPE_NAMES = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
@@ -201,7 +174,8 @@ def _build_dataclass(kind: Any, group: dict[str, Any], where: str) -> Any:
     hints = typing.get_type_hints(kind)
     fields = [f for f in dataclasses.fields(kind) if f.compare]
     for f in fields:
-        if f.name not in group and _has_no_default(f):
+        required = f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
+        if required and f.name not in group:
             raise ValueError(f"{where}: found no {f.name!r}, needed it".removeprefix(": "))
     # A key with a default may be missing, in a file that is older than the key.
     return kind(

@@ -9,7 +9,7 @@ import numpy as np
 
 from looping_pendulum.compare.align import Aligned, Reference, sample_reference
 from looping_pendulum.compare.result import Departure, Tube
-from looping_pendulum.compare.words import events_to_show, mode_description
+from looping_pendulum.compare.stories import events_to_show, mode_description
 from looping_pendulum.engines.landmarks import Landmarks
 from looping_pendulum.engines.trajectory import TrajectoryEvent, finite_length
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
@@ -160,7 +160,7 @@ class ComparedRun:
     tube: Tube
     """Result of `evaluate_tube`."""
     comparable: bool = True
-    """Whether both runs are long enough to compare their halting times (`comparability`)."""
+    """Whether both runs are long enough to compare their halting times (`landmarks.why_not_comparable`)."""
 
     def rms_until(self, end_time: float) -> float | None:
         """Return the root mean square of the light mass's deviation up to ``end_time`` [m]; see `rms_until`."""
@@ -176,7 +176,8 @@ class ComparedRun:
         both_halt = self.landmarks.halting_time is not None and self.reference_landmarks.halting_time is not None
         if not (self.comparable and both_halt):
             return None
-        return _difference(getattr(self.landmarks, landmark), getattr(self.reference_landmarks, landmark))
+        own, expected = getattr(self.landmarks, landmark), getattr(self.reference_landmarks, landmark)
+        return None if own is None or expected is None else _number(own - expected)
 
     @property
     def rebound(self) -> float | None:
@@ -205,10 +206,6 @@ class ComparedRun:
 def metrics(run: ComparedRun) -> dict[str, float | None]:
     """Return every metric of one run, SI; None where it is not defined."""
     return {name: metric.value(run) for name, metric in METRICS.items()}
-
-
-def _difference(own: float | None, expected: float | None) -> float | None:
-    return None if own is None or expected is None else _number(own - expected)
 
 
 def _number(value: float) -> float | None:

@@ -2,19 +2,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from looping_pendulum.compare import baseline, halting_table, paper_table, trial_table
-from looping_pendulum.compare.result import ComparisonResult, EngineResult, RunProvenance, ToleranceOutcome, ToleranceResult
-from looping_pendulum.compare.tables import GAP, fixed, number, table
-from looping_pendulum.compare.words import events_to_show
+from looping_pendulum.compare import baseline
+from looping_pendulum.compare.landmarks import quantity_label
+from looping_pendulum.compare.result import (
+    ComparisonResult,
+    EngineResult,
+    MeasuredRow,
+    RunProvenance,
+    ToleranceOutcome,
+    ToleranceResult,
+)
+from looping_pendulum.compare.stories import events_to_show
+from looping_pendulum.compare.tables import GAP, fixed, number, signed, table
+from looping_pendulum.compare.trial import RESIDUAL_UNITS, RunResidual, TrackComparison
+from looping_pendulum.engines.string_motion import FIRST_REST_RESOLUTION, RESOLUTION
+from looping_pendulum.pages import report as pages
+from looping_pendulum.pages.chart import Chart
+from looping_pendulum.pages.figures import MAX_LINE_POINTS, on_page
 from looping_pendulum.pages.glossary import glossary
+from looping_pendulum.pages.notebook import plain
+from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.scenarios.metrics import METRICS, RMS_END_TIMES, metric_called
 
 # Not "no" alone, with which "not run" and "no limits declared" begin as well
 FAILING_PREFIXES = ("no:", "no (")
 """Beginnings of the table cells that say that an engine is outside tolerance; the report shows them in bold."""
+AXES = {"light_x": "right", "heavy_x": "right", "light_y": "up", "heavy_y": "up", "wrap_angle": "ahead"}
+"""Channel -> direction in which it grows."""
+# Two decimals more than the paper prints for times and lengths, so that smaller differences show, too
+DECIMALS = {"s": 4, "m": 4, "rad": 3}
+PAPER_COLUMN = "paper's numerical"
+"""Column of the paper's own simulation, which only the paper's trials have."""
+HALT_AGREEMENT = 5e-4
+"""Largest difference of two halting times that are called equal [s]: half a sample interval."""
+HALT_DEFINITION = (
+    f"A string halts when it stops sliding and does not slide by more than {quantity(RESOLUTION, 'm')} again until the "
+    "light mass reaches the rod, or the run ends. The time is read from samples, in the same way for the reference and for "
+    "every engine: from the string's slip over the rod where the engine reports it, otherwise from the heavy mass's "
+    "height. The table gives it for several resolutions. Its uncertainty is how far it moves if the "
+    f"{quantity(RESOLUTION, 'm')} are taken a quarter larger or smaller. The last columns give the rebound: how far and "
+    f"how fast the string still moves after the time from which on it stays within {quantity(FIRST_REST_RESOLUTION, 'm')}."
+)
 
 
 def render(
@@ -34,12 +66,32 @@ def render(
     return "\n".join([*before_figures(result, changes), figures_section, *after_figures(result), words])
 
 
+def render_page(
+    result: ComparisonResult,
+    charts: Sequence[Chart],
+    changes: baseline.ResultChanges | None = None,
+    running: Sequence[str] = (),
+) -> str:
+    """Return the report as a page with the same sections; ``running``: labels of engines that are still running."""
+    head, *sections = before_figures(result, changes)
+    if running:
+        head += f"\n**Still running:** {', '.join(running)}. This page is about the others; reload it for these.\n"
+    return pages.render(
+        f"{result.title}: engines against the reference",
+        [head, *sections],
+        [on_page(chart) for chart in charts],
+        after_figures(result),
+        glossary("comparison"),
+        f"Lines join at most {MAX_LINE_POINTS} samples of a run; every number on this page comes from all of them.",
+    )
+
+
 def before_figures(result: ComparisonResult, changes: baseline.ResultChanges | None = None) -> list[str]:
     """Return the sections above the figures, the title first."""
     return [
         f"# {result.title}\n\n{result.description.strip()}\n",
         "## Verdict\n\n" + _verdict(result),
-        *trial_table.render(result),
+        *trial_section(result),
         "## Where, when and why\n\n" + _stories(result),
         *([] if changes is None else ["## Changes since the baseline\n\n" + baseline.render(changes)]),
     ]
@@ -49,10 +101,10 @@ def after_figures(result: ComparisonResult) -> list[str]:
     """Return the sections below the figures, except the glossary."""
     sections = []
     if result.trial is None and (result.measured_source or result.measured):
-        sections.append("## Against the measured events\n\n" + paper_table.render(result))
+        sections.append("## Against the measured events\n\n" + measured_events_table(result))
     return [
         *sections,
-        *halting_table.render(result),
+        *halting_section(result),
         "## Detail\n\n" + _detail(result),
         "## Who supplies the physics\n\n" + _supplies(result),
         "## Tolerances\n\n" + _tolerances(result),
@@ -108,8 +160,17 @@ def _verdict_sentence(result: ComparisonResult) -> str:
     elif not result.tolerances:
         text = "**No limits are declared** for these engines and this profile, so there is no verdict on the numbers."
     else:
-        text = "**Within tolerance.**"
+        text = _expected_sentence(result)
     return text + (f" Not run: {', '.join(not_run)}." if not_run else "")
+
+
+def _expected_sentence(result: ComparisonResult) -> str:
+    """Say that nothing unexpected happened, and who fails as expected, which is no praise."""
+    feared = [name(e) for e in result.engines if any(t.outcome is ToleranceOutcome.EXPECTED_FAILURE for t in result.judged(e))]
+    if not feared:
+        return "**Within tolerance.**"
+    fail = "fails" if len(feared) == 1 else "fail"
+    return f"**No unexpected result:** {', '.join(feared)} {fail} as expected; all other limits are kept."
 
 
 def _within(result: ComparisonResult, engine: EngineResult) -> str:
@@ -179,7 +240,7 @@ def _detail(result: ComparisonResult) -> str:
         rows.append([*row, metric_cell(e, "string_stretch")])
     width = next((f"{e.tube.half_time * 1e3:g} ms and {e.tube.half_width * 1e3:g} mm" for e in result.engines), "")
     text = f"The half-widths of the tube are {width}.\n\n{table(head, rows)}" if width else "No engine was run.\n"
-    return text + "\n" + paper_table.events_table(result)
+    return text + "\n" + events_table(result)
 
 
 def _supplies(result: ComparisonResult) -> str:
@@ -253,3 +314,204 @@ def _times(result: ComparisonResult) -> str:
     ]
     note = f"Written {result.clock.written}. Times differ from run to run; everything else is the same for the same input.\n\n"
     return note + table(head, rows)
+
+
+def residual_rows(result: ComparisonResult) -> tuple[list[str], list[list[str]]]:
+    """Return header and rows of the residuals as plain text, the reference first; empty without tracked points."""
+    if result.trial is None or not result.trial.tracks:
+        return [], []
+    tracks = result.trial.tracks
+    head = ["run"]
+    for comparison in tracks:
+        name, unit = comparison.track.name, RESIDUAL_UNITS[comparison.track.unit].name
+        means = ", ".join(AXES[channel] for channel in comparison.track.channels)
+        head += [f"{name}: RMS residual [{unit}]", f"largest [{unit}] (at [s])", f"mean, {means} [{unit}]", "points"]
+    labels = ["reference", *(result.short_name(e) for e in result.engines)]
+    rows = []
+    for i, label in enumerate(labels):
+        row = [label]
+        for comparison in tracks:
+            row += _residual_cells(comparison, comparison.reference if i == 0 else comparison.engines[i - 1])
+        rows.append(row)
+    return head, rows
+
+
+def short_residual_rows(result: ComparisonResult) -> tuple[list[str], list[list[str]]]:
+    """Return the RMS columns of `residual_rows` alone, which fit a terminal."""
+    head, rows = residual_rows(result)
+    columns = [0, *(i for i, cell in enumerate(head) if "RMS" in cell)]
+    return [head[i] for i in columns if head], [[row[i] for i in columns] for row in rows]
+
+
+def _residual_cells(comparison: TrackComparison, residual: RunResidual) -> list[str]:
+    unit, total = RESIDUAL_UNITS[comparison.track.unit], len(comparison.track.t)
+    points = str(total) if residual.compared == total else f"{residual.compared} of {total}"
+    if residual.rms is None:
+        return [GAP, GAP, GAP, points]
+    scale = unit.per_si_unit
+    means = ", ".join(signed(m, scale, 2) for m in residual.mean)
+    largest = f"{number(residual.largest, scale)} ({fixed(residual.largest_at, 3)})"
+    return [number(residual.rms, scale), largest, means, points]
+
+
+def trial_section(result: ComparisonResult) -> list[str]:
+    """Return the section on the measured trial, or nothing without one."""
+    trial = result.trial
+    if trial is None:
+        return []
+    parts = [f"Trial `{_code(trial.name)}`, read from `{_code(trial.source)}`; times are since the release.\n"]
+    parts += ["".join(f"- {plain(note)}\n" for note in trial.notes)] if trial.notes else []
+    if trial.tracks:
+        head, rows = residual_rows(result)
+        parts.append(
+            "Residual: measured less predicted, at the measured times; the RMS is that of the distance, over the points that a "
+            "run covers.\n"
+        )
+        parts.append(table(head, rows))
+    if result.measured:
+        parts.append(measured_events_table(result, source=False))
+    return ["## Against the measured trial\n\n" + "\n".join(parts)]
+
+
+def _code(text: str) -> str:
+    """Return ``text`` for Markdown's code, which a backtick would end."""
+    return " ".join(text.split()).replace("`", "'")
+
+
+def measured_events_table(result: ComparisonResult, *, source: bool = True) -> str:
+    """Return the side-by-side table, or how to provide the measurements.
+
+    Parameters
+    ----------
+    source
+        Whether to say where the measurements come from.
+    """
+    if not result.measured:
+        return (
+            f"This trial was measured ({result.measured_source}), but its table of measured events is not in the package.\n"
+            "Give the folder that contains it with `--data DIR` or in `$LOOPING_PENDULUM_DATA`.\n"
+        )
+    head = ["quantity", "unit", "measured", PAPER_COLUMN, "reference", *(result.short_name(e) for e in result.engines)]
+    rows = [_measured_row(row) for row in result.measured]
+    rows.append(_rms_row(result))
+    unit = "in thousandths of the unit (ms, mm, mrad)."
+    if any(row.paper_numerical is not None for row in result.measured):
+        otherwise = "or where nothing was measured from the paper's numerical one, "
+        note = f"{otherwise}{unit} The paper prints times to 10 ms and lengths to 10 mm."
+    else:
+        note = unit
+        place = head.index(PAPER_COLUMN)
+        head, *rows = ([*row[:place], *row[place + 1 :]] for row in (head, *rows))
+    origin = f"Source: {result.measured_source}.\n\n" if source and result.measured_source else ""
+    return f"{origin}In brackets: the difference from the measured value, {note}\n\n{table(head, rows, left=2)}"
+
+
+def _measured_row(row: MeasuredRow) -> list[str]:
+    base = row.paper_numerical if row.measured is None else row.measured
+    # As precisely as it is printed: the paper's values to two decimals, others to the second digit of their standard error
+    decimals = 2 if row.sigma is None else min(max(1 - math.floor(math.log10(row.sigma)), 0), 6)
+    cells = [quantity_label(row.quantity, row.index), row.unit, fixed(row.measured, decimals)]
+    if row.measured is None:
+        cells.append(number(row.paper_numerical, digits=4))  # Shown as printed: the paper gives these values more digits.
+    else:
+        cells.append(_with_difference(row.paper_numerical, base, 2))
+    return cells + [_with_difference(v, base, DECIMALS.get(row.unit, 4)) for v in (row.reference, *row.engines)]
+
+
+def _with_difference(value: float | None, base: float | None, decimals: int) -> str:
+    if value is None or base is None:
+        return fixed(value, decimals)
+    return f"{value:.{decimals}f} ({round((value - base) * 1e3):+d})"
+
+
+def _rms_row(result: ComparisonResult) -> list[str]:
+    """Return, per column, the root mean square difference from the measured times, over the times that the column has."""
+    rows = [r for r in result.measured if r.unit == "s" and r.measured is not None]
+    columns = [[r.paper_numerical for r in rows], [r.reference for r in rows]]
+    columns += [[r.engines[i] for r in rows] for i in range(len(result.engines))]
+    cells = []
+    for column in columns:
+        differences = [v - r.measured for v, r in zip(column, rows, strict=True) if v is not None and r.measured is not None]
+        if differences:
+            rms = math.sqrt(sum(d * d for d in differences) / len(differences))
+            cells.append(f"{rms * 1e3:.1f} ({len(differences)} of {len(rows)})")
+        else:
+            cells.append(GAP)
+    return ["RMS difference of the times", "ms", GAP, *cells]
+
+
+def events_table(result: ComparisonResult) -> str:
+    """Return a table of the times of stops, slip onsets and extrema of the reference and each engine."""
+    reference = result.reference.sampled
+    landmarks = [reference, *(e.landmarks for e in result.engines)]
+    ends = [e.end_time or 0.0 for e in result.engines]
+    rows = _series("stop", [[s.time for s in m.stops] for m in landmarks], ends)
+    rows += _series("slip onset", [list(m.slip_onsets) for m in landmarks], ends)
+    rows += _series("x1 extremum", [[e.time for e in m.x1_extrema] for m in landmarks], ends)
+    rows += _series("y1 extremum", [[e.time for e in m.y1_extrema] for m in landmarks], ends)
+    if reference.light_reaches_rod is not None:
+        reached = [[] if m.light_reaches_rod is None else [m.light_reaches_rod] for m in landmarks]
+        rows += _series("light mass reaches rod", reached, ends)
+    if not rows:
+        return ""
+    head = ["event", "reference [s]", *(f"{result.short_name(e)} [ms later]" for e in result.engines)]
+    note = (
+        "Event times of the reference, and how much later (+) or earlier (-) they are in each engine; both are read from\n"
+        "samples in the same way. An event that the reference does not have is given as a time; *after its end*: the run ends\n"
+        "before the event. An engine's run ends a little before the light mass reaches the rod, at a small free length.\n\n"
+    )
+    return note + table(head, rows)
+
+
+def _series(what: str, columns: list[list[float]], ends: list[float]) -> list[list[str]]:
+    """Return the rows of one kind of event: times of the reference and of each engine, whose runs end at ``ends`` [s]."""
+    rows = []
+    for i in range(max(len(c) for c in columns)):
+        values = [c[i] if i < len(c) else None for c in columns]
+        reference = values[0]
+        cells = [_delay_cell(v, reference, end) for v, end in zip(values[1:], ends, strict=True)]
+        rows.append([f"{what} {i + 1}" if max(len(c) for c in columns) > 1 else what, fixed(reference, 4), *cells])
+    return rows
+
+
+def _delay_cell(value: float | None, reference: float | None, end: float) -> str:
+    if value is None:
+        return "after its end" if reference is not None and reference > end else GAP
+    return f"at {value:.4f} s" if reference is None else signed(value - reference, 1e3)
+
+
+def halting_section(result: ComparisonResult) -> list[str]:
+    """Return the section, or nothing where no run halts."""
+    runs = [("reference", result.reference.sampled), *((f"{e.label}, {e.profile}", e.landmarks) for e in result.engines)]
+    # A run with hardly any samples has no landmarks at all
+    runs = [(label, landmarks) for label, landmarks in runs if landmarks.halting_times]
+    if not any(each.time is not None for _, landmarks in runs for each in landmarks.halting_times):
+        return []
+    # The first run stands for all: one detector reads them, with the same resolutions
+    head = ["run", *(f"halts, to within {quantity(each.resolution, 'm')} [s]" for each in runs[0][1].halting_times)]
+    head += ["uncertainty [ms]", "rebound [mm]", "rebound speed, at most [mm/s]"]
+    rows = []
+    for label, landmarks in runs:
+        rebound = landmarks.rebound
+        row = [label, *(fixed(each.time, 4) for each in landmarks.halting_times)]
+        row.append(number(landmarks.halting_time_uncertainty, 1e3, 2))
+        rows.append([*row, *([GAP, GAP] if rebound is None else [number(x, 1e3, 2) for x in (rebound.travel, rebound.speed)])])
+    text = f"{HALT_DEFINITION} {_check_against_events(result)}"
+    return [f"## When does it halt?\n\n{text}\n\n{_not_comparable(result)}{table(head, rows)}"]
+
+
+def _check_against_events(result: ComparisonResult) -> str:
+    """Return how far the reference's halting time from samples is from that of its own events: the detector's error here."""
+    exact, sampled = result.reference.landmarks.halting_time, result.reference.sampled.halting_time
+    if exact is None and sampled is None:
+        return "The reference's exact events contain no halt either."
+    if exact is not None and sampled is not None and abs(sampled - exact) <= HALT_AGREEMENT:
+        error = quantity(abs(sampled - exact), "s")
+        return f"By its exact events the reference halts at {exact:.6f} s, so reading samples has an error of {error} here."
+    exact_words = "does not halt" if exact is None else f"halts at {exact:.4f} s"
+    return f"By its exact events the reference {exact_words}: until then it slides by less than reading samples can resolve."
+
+
+def _not_comparable(result: ComparisonResult) -> str:
+    lines = [f"- {e.label}, {e.profile}: not comparable: {e.not_comparable}.\n" for e in result.engines if e.not_comparable]
+    return "".join(lines) + "\n" if lines else ""

@@ -17,14 +17,13 @@ from typing import TYPE_CHECKING, Any
 from looping_pendulum.compare.json_text import dump, load
 from looping_pendulum.compare.trial import TrialComparison
 from looping_pendulum.engines.landmarks import Landmarks
-from looping_pendulum.pages.notebook import ShownInNotebook
+from looping_pendulum.scenarios.scenario import Inference
 
 if TYPE_CHECKING:
     from looping_pendulum.compare.align import Aligned
     from looping_pendulum.engines.trajectory import Trajectory
 
 SCHEMA_ID = "looping-pendulum/comparison"
-# Since version 2, halting times are the end of the string's sliding; version 3 renamed keys (`json_text.RENAMED`)
 SCHEMA_VERSION = 3
 
 
@@ -202,15 +201,6 @@ class MeasuredRow:
 
 
 @dataclass(frozen=True, kw_only=True)
-class InferredEntry:
-    """Parameters that the source does not print, and how they were inferred."""
-
-    parameters: tuple[str, ...]
-    how: str
-    script: str
-
-
-@dataclass(frozen=True, kw_only=True)
 class WallTime:
     """Wall and CPU time of one run."""
 
@@ -242,7 +232,7 @@ class ResultSamples:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ComparisonResult(ShownInNotebook):
+class ComparisonResult:
     """One scenario, one reference, several engines."""
 
     scenario: str
@@ -252,7 +242,7 @@ class ComparisonResult(ShownInNotebook):
     """`Parameters.as_dict`, SI and radians."""
     duration: float
     """[s]"""
-    inferred: tuple[InferredEntry, ...]
+    inferred: tuple[Inference, ...]
     reference: ReferenceResult
     engines: tuple[EngineResult, ...]
     tolerances: tuple[ToleranceResult, ...]

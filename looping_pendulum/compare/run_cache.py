@@ -18,13 +18,13 @@ from pathlib import Path
 import numpy as np
 
 from looping_pendulum import __version__
-from looping_pendulum.compare.export import file_stem, unknown_as_nan, write_atomically
 from looping_pendulum.compare.json_text import plain
 from looping_pendulum.engines.isolation import MEMORY_LIMIT, run_isolated
 from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.engines.registry import label
 from looping_pendulum.engines.trajectory import COLUMNS, RunStatus, Trajectory, from_samples
 from looping_pendulum.engines.worker import identity
+from looping_pendulum.files import file_stem, write_atomically
 from looping_pendulum.jobs import core_count, run_many
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.versions import installed_version
@@ -280,3 +280,8 @@ class Runner:
         running_tasks = ", ".join(task.what for task in tasks if task.key in running)
         ended_runs = sum(task.key in self.done for task in tasks)
         self.progress(finished / total if total else 1.0, f"{ended_runs} of {len(tasks)} runs; {running_tasks}")
+
+
+def unknown_as_nan(values: np.ndarray | None, run: Trajectory) -> np.ndarray:
+    """Return ``values`` of a run, shape (n,), or NaN at every sample if the engine does not report them."""
+    return np.full(len(run.t), np.nan) if values is None else values

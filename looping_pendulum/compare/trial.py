@@ -14,8 +14,9 @@ from types import MappingProxyType
 import numpy as np
 
 from looping_pendulum.engines.trajectory import Trajectory, finite_length, first_samples
+from looping_pendulum.measured.events import MeasuredEventRow
+from looping_pendulum.pages.numbers import DisplayUnit
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.scenarios.measured import MeasuredEventRow
 
 LEVEL_TIME = 0.05
 """Time after the release [s] whose points give the level of a mass that hangs at an unknown height.
@@ -36,6 +37,9 @@ OFFSET_SHARE = 0.7
 """Part of the RMS that is a constant offset, from which on the report speaks of the axes' origin."""
 MIN_OFFSET = 2e-3
 """Smallest constant offset that the report speaks of [m]: twice what a careful student's tracking is accurate to."""
+
+RESIDUAL_UNITS = {"m": DisplayUnit("mm", 1e3), "rad": DisplayUnit("deg", 57.29577951308232)}
+"""SI unit of a track -> unit in which its residuals are shown."""
 
 _PREDICTED: Mapping[str, Callable[[Trajectory], Array]] = MappingProxyType(
     {
@@ -154,7 +158,11 @@ def compare_trial(trial: MeasuredTrial, reference: Trajectory, runs: tuple[Traje
     compared, notes = [], [*trial.notes, *([hint] if hint else [])]
     for measured in trial.tracks:
         shift = _level_shift(measured, reference) if measured.level_unknown else 0.0
-        track = _raised(measured, shift)
+        raised = tuple(
+            tuple(v + shift for v in values) if name.endswith("_y") else values
+            for name, values in zip(measured.channels, measured.values, strict=True)
+        )
+        track = replace(measured, values=raised)
         comparison = TrackComparison(
             track=track,
             level_shift=shift,
@@ -212,14 +220,6 @@ def _level_shift(track: MeasuredTrack, reference: Trajectory) -> float:
     off = residual(track, reference)[:, [name.endswith("_y") for name in track.channels]][:, 0]
     first = off[np.array(track.t) <= max(LEVEL_TIME, track.t[0])]
     return -float(np.mean(first)) if np.isfinite(first).all() else 0.0
-
-
-def _raised(track: MeasuredTrack, shift: float) -> MeasuredTrack:
-    values = tuple(
-        tuple(v + shift for v in each) if name.endswith("_y") else each
-        for name, each in zip(track.channels, track.values, strict=True)
-    )
-    return replace(track, values=values)
 
 
 def _level_note(comparison: TrackComparison) -> list[str]:

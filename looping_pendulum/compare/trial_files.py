@@ -5,7 +5,6 @@ The camera is taken at its word and undone, never fitted: `identify` fits it.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,27 +17,18 @@ from looping_pendulum.compare.trial import MeasuredTrack, MeasuredTrial
 from looping_pendulum.errors import ScenarioError
 from looping_pendulum.measured import study_io
 from looping_pendulum.measured.camera import Camera
+from looping_pendulum.measured.events import MeasuredEventRow
 from looping_pendulum.measured.observations import Channel, DataError, Observations
-from looping_pendulum.measured.study import Trial, read_files
+from looping_pendulum.measured.study import Trial, read_files, read_trial
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.document import Document, one_line, quote
 from looping_pendulum.scenarios.fields import suggest
-from looping_pendulum.scenarios.measured import MeasuredEventRow
 
 OPTION = "--marks-set"
 """Option of the command line by which a user gives the keys of a trial."""
 KEYS = ("name", "kind", "frame_rate", "clip_rate", "tracks", "units", "run", "dropped", "mirrored", "camera", "event_errors")
 """Keys of a study's trial that say how its files are read."""
 STUDY_SUFFIXES = (".yaml", ".yml")
-_WAYS_OUT = (
-    (re.compile(r"'tracks: \{(\w+): ([^}]*), (light|heavy): ([^}]*)\}'"), rf"{OPTION} 'tracks.\1=\2' {OPTION} 'tracks.\3=\4'"),
-    (re.compile(r"'(tracks|units): \{(\w+): ([^}]*)\}'"), rf"{OPTION} '\1.\2=\3'"),
-    (re.compile(r"'run: (\S+)'"), rf"{OPTION} run=\1"),
-    (re.compile(r"give 'frame_rate'"), f"give {OPTION} 'frame_rate=240 Hz'"),
-    (re.compile(r"say by 'tracks'"), f"say by {OPTION} 'tracks.light=NAME'"),
-    (re.compile(r"check 'tracks' and 'kind'"), f"check {OPTION} tracks.light and kind"),
-)
-"""Way out that an error offers to the author of a study -> the same on the command line."""
 
 
 def read_measured_trial(files: Sequence[str], settings: Sequence[str] = ()) -> MeasuredTrial:
@@ -64,10 +54,7 @@ def read_measured_trial(files: Sequence[str], settings: Sequence[str] = ()) -> M
     try:
         return measured_trial(trial, read_files(Path(), trial))
     except DataError as error:
-        message = str(error)
-        for way_out, option in _WAYS_OUT:
-            message = way_out.sub(option, message)
-        raise DataError(message) from None
+        raise DataError(error.on_command_line(OPTION)) from None
 
 
 def measured_trial(trial: Trial, observations: Observations) -> MeasuredTrial:
@@ -165,10 +152,11 @@ def _trial(files: Sequence[str], given: dict[str, str]) -> Trial:
     named: tuple[tuple[str, dict[str, str]], ...] = tuple((path, {mass: ""}) for mass, _, path in of_mass)
     paths = [path for path, _ in named] + whole
     entry = {"name": Path(paths[0]).stem, "file": paths[0]} | entry
+    doc = Document(file=OPTION, data={"title": "trial", "trials": [entry]}, lines={})
     try:
-        trial = study_io.trial_of(Document(file=OPTION, data={"title": "trial", "trials": [entry]}, lines={}))
+        trial = study_io.trial_of(doc)
     except ScenarioError as error:
-        raise DataError(str(error).replace("trials[0].", "").replace("trials[0]: ", "")) from None
+        raise DataError(str(doc.error(error.path[2:], error.problem))) from None  # without the list of trials
     tracks = trial.files[0][1] if entry.get("tracks") else {}
     return replace(trial, files=(*named, *((file, tracks) for file in whole)))
 
@@ -187,4 +175,4 @@ def _trial_of_study(files: Sequence[str], given: dict[str, str]) -> MeasuredTria
         what = f"no trial {quote(name)} among" if name else "the trials"
         raise DataError(f"{files[0]}: found {what} {', '.join(names)}, needed one of them; choose by {OPTION} name={names[0]}")
     trial = study.trial(name)
-    return measured_trial(trial, read_files(study.folder, trial))
+    return measured_trial(trial, read_trial(study, trial))

@@ -11,7 +11,7 @@ from looping_pendulum.measured.camera import CAMERA, CameraCoefficient
 from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.measured.study import EARTH_GRAVITY, Study, can_act
 from looping_pendulum.reference_ode.effects import Coefficient, Effect, EffectKind
-from looping_pendulum.reference_ode.effects.check import multiplied_coefficient
+from looping_pendulum.reference_ode.effects.own import multiplied_coefficient
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release
 

@@ -19,7 +19,6 @@ from looping_pendulum.discrepancy.trial_results import (
     TrialError,
     TrialFigure,
 )
-from looping_pendulum.pages.notebook import ShownInNotebook
 
 if TYPE_CHECKING:
     from looping_pendulum.discrepancy.first_look.result import DeclarationCheck
@@ -313,7 +312,7 @@ class SmallestVisible:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Identification(ShownInNotebook):
+class Identification:
     """Everything that an identification yields."""
 
     study: str

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 from looping_pendulum.engines.chain import (
     BeadChainSettings,
@@ -21,8 +21,10 @@ from looping_pendulum.engines.chain import (
     polygon_friction,
     polygon_radius,
 )
+from looping_pendulum.engines.protocol import TunedEngine
 from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
 from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.scenarios.scenario import Scenario
 
 MAX_SLACK_FRACTION = 1e-3
 """Largest fraction by which the ends of a straight part may be nearer than its string is long, for its beads to change.
@@ -211,3 +213,16 @@ class BeadRig:
         places = [self._world.position(body) for body in self._bodies]
         stretch = math.fsum(map(math.dist, places[:-1], places[1:])) - math.fsum(self._lengths)
         return stretch, self._slip.read(places, self._lengths)
+
+
+class BeadEngine(TunedEngine):
+    """A chain of beads in an engine of games, whose world is all that differs from one to another."""
+
+    variant = "chain"
+    world: ClassVar[type[Any]]
+    """Class of the engine's `BeadWorld`, called with parameters and settings."""
+    settings: Any
+
+    def build(self, scenario: Scenario) -> BeadRig:
+        """Build the scenario's apparatus at the moment of release."""
+        return BeadRig(scenario.parameters, self.settings, self.world(scenario.parameters, self.settings))

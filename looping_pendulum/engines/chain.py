@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from looping_pendulum.engines.protocol import APPLIED_DRAG, groups_per_sample
+from looping_pendulum.engines.protocol import APPLIED_DRAG, Abilities, groups_per_sample
+from looping_pendulum.engines.shipped import shipped_abilities
+from looping_pendulum.engines.studies import ChoiceRow, LadderRow
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
 from looping_pendulum.reference_ode.cartesian import release_velocity
 from looping_pendulum.reference_ode.geometry import Array, light_position
@@ -32,8 +34,13 @@ NO_STOP = (
     "the rig does not stop where the string leaves the rod (wrap angle 0) or the heavy mass reaches it, as the reference does"
 )
 """Sentences on limits that several chain variants share."""
-BEADS_WEIGH = "beads on the rod weigh something, {:.2g} % of the light mass each; nothing is taken off the masses for them"
-"""Sentence on an addition that all bead chains share; it takes the mass of a bead in percent of the light mass."""
+"""Sentences on limits that several chain variants share."""
+
+CORNER_CHOICES: tuple[ChoiceRow, ...] = (
+    ("contact friction", "corrected for the corners", "mu itself", {"polygon_friction": False}),
+    ("circle of the beads", "corrected for the corners", "R itself", {"polygon_radius": False}),
+)
+"""Choices of an adapter that corrects contacts for the corners of the chain (`polygon_friction`, `polygon_radius`)."""
 
 ADD_THRESHOLD = 0.2
 """A bead is added when its position on the straight string is this near to the rod's polygon, in units of R bend^2.
@@ -84,21 +91,42 @@ class BeadChainSettings:
         return self.steps_per_group * self.time_step
 
 
-def bead_supplies(rod: str, stick_slip: str) -> Supplies:
-    """Return who supplies which physics in a chain with a variable number of beads, over a ``rod`` of this shape."""
-    return Supplies(
-        winding=Supply(
-            by=Supplier.ENGINE,
-            how=f"contact of beads with a {rod}; the adapter adds and removes beads on the straight parts only",
-        ),
-        friction_law=Supply(
-            by=Supplier.ENGINE,
-            how=f"Coulomb friction between beads and {rod.split()[-1]}, its coefficient solved "
-            "from the capstan law for the polygon's corners",
-        ),
-        stick_slip=Supply(by=Supplier.ENGINE, how=f"the same contact: {stick_slip}"),
-        drag=APPLIED_DRAG,
+def bead_abilities(label: str, *, rod: str, stick_slip: str, bead_mass_ratio: float, **declared: Any) -> Abilities:
+    """Return abilities of a chain with a variable number of beads, over a ``rod`` of this shape; see `shipped_abilities`.
+
+    Parameters
+    ----------
+    stick_slip
+        How the contact sticks and slips.
+    bead_mass_ratio
+        Mass of a bead over the light mass, with the quick profile.
+    """
+    winding = f"contact of beads with a {rod}; the adapter adds and removes beads on the straight parts only"
+    friction = (
+        f"Coulomb friction between beads and {rod.split()[-1]}, its coefficient solved from the capstan law for the polygon's "
+        "corners"
     )
+    return shipped_abilities(
+        label,
+        supplies=Supplies(
+            winding=Supply(by=Supplier.ENGINE, how=winding),
+            friction_law=Supply(by=Supplier.ENGINE, how=friction),
+            stick_slip=Supply(by=Supplier.ENGINE, how=f"the same contact: {stick_slip}"),
+            drag=APPLIED_DRAG,
+        ),
+        additions=(
+            f"beads on the rod weigh something, {100 * bead_mass_ratio:.2g} % of the light mass each; nothing is taken "
+            "off the masses for them",
+        ),
+        **declared,
+    )
+
+
+def bend_rungs(settings: Any, bends: Iterable[float]) -> LadderRow:
+    """Return a ladder of the ``bends`` between a bead chain's links on the rod [rad]; a shorter link has a lighter bead."""
+    density = settings.bead_mass_ratio / settings.bend
+    rungs = [{"bend": bend, "bead_mass_ratio": density * bend} for bend in bends]
+    return "bend", "rad", rungs, "a bead's mass, so that the string's mass per length stays"
 
 
 def next_bead_position(bead: Point, mass: Point, link_length: float) -> tuple[float, float]:

@@ -8,14 +8,7 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from looping_pendulum.engines.protocol import (
-    SAMPLE_INTERVAL,
-    Abilities,
-    Engine,
-    MemoryRecorder,
-    Profile,
-    Recorder,
-)
+from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Abilities, Engine, MemoryRecorder, Profile, Recorder
 from looping_pendulum.engines.studies import Ladder, Studies
 from looping_pendulum.engines.trajectory import (
     Provenance,

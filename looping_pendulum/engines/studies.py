@@ -6,13 +6,22 @@ equally reasonable choice changes it, and *a different model* if neither does. `
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
-    from looping_pendulum.engines.protocol import Engine
+    from looping_pendulum.engines.protocol import Engine, SteppedEngine
 
+Changes = Mapping[str, Any]
+"""Settings that change, by the names of their fields -> new values."""
+LadderRow = tuple[str, str, Iterable[float | Changes]] | tuple[str, str, Iterable[float | Changes], str]
+"""Setting, its unit, its rungs, and what `Ladder.follows` says; a rung is a value, or all changes where others follow."""
+DefaultRow = tuple[str, str, str, str, Changes]
+"""Setting, default, ours and effect as in `HiddenDefault`, and the changes that restore the engine's default."""
+ChoiceRow = tuple[str, str, str, Changes]
+"""What, ours and instead as in `AdapterChoice`, and the changes that make the other choice."""
+Row = TypeVar("Row", DefaultRow, ChoiceRow)
 WithSettings = Callable[..., "Engine"]
 """Type of a function ``with_settings(**changes)`` that returns a variant with some settings changed."""
 
@@ -77,7 +86,7 @@ class Studies:
     choices: tuple[AdapterChoice, ...] = ()
 
 
-def ladder(with_settings: WithSettings, setting: str, unit: str, rungs: Iterable[dict[str, Any]], follows: str = "") -> Ladder:
+def ladder(with_settings: WithSettings, setting: str, unit: str, rungs: Iterable[Changes], follows: str = "") -> Ladder:
     """Return a ladder with one engine per rung; a rung is a dict of changed settings, ``setting`` among them."""
     changes_per_rung = tuple(rungs)
     return Ladder(
@@ -87,3 +96,33 @@ def ladder(with_settings: WithSettings, setting: str, unit: str, rungs: Iterable
         engines=tuple(with_settings(**changes) for changes in changes_per_rung),
         follows=follows,
     )
+
+
+def studies_from_rows(
+    engine: SteppedEngine,
+    *,
+    ladders: Iterable[LadderRow],
+    defaults: Iterable[DefaultRow] = (),
+    choices: Iterable[ChoiceRow] = (),
+) -> Studies:
+    """Return the studies that start from the settings of ``engine``."""
+
+    def rungs(setting: str, values: Iterable[float | Changes]) -> Iterable[Changes]:
+        return (value if isinstance(value, Mapping) else {setting: value} for value in values)
+
+    return Studies(
+        ladders=tuple(ladder(engine.with_settings, row[0], row[1], rungs(row[0], row[2]), *row[3:]) for row in ladders),
+        defaults=tuple(
+            HiddenDefault(setting=name, default=default, ours=ours, effect=effect, engine=engine.with_settings(**changes))
+            for name, default, ours, effect, changes in defaults
+        ),
+        choices=tuple(
+            AdapterChoice(what=what, ours=ours, instead=instead, engine=engine.with_settings(**changes))
+            for what, ours, instead, changes in choices
+        ),
+    )
+
+
+def rows_that_differ(settings: Any, rows: Iterable[Row]) -> list[Row]:
+    """Return those of the ``rows``, of defaults or of choices, that change something in ``settings``."""
+    return [row for row in rows if any(getattr(settings, field) != value for field, value in row[-1].items())]

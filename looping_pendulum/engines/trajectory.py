@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.errors import EngineError
-from looping_pendulum.pages.notebook import ShownInNotebook
 from looping_pendulum.reference_ode.geometry import Array, string_coordinates
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
@@ -107,7 +106,7 @@ class TrajectoryEvent:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Trajectory(ShownInNotebook):
+class Trajectory:
     """The motion that one engine computed. A failed run keeps what it has."""
 
     engine: str

@@ -11,10 +11,10 @@ from looping_pendulum.live.expressions import written
 from looping_pendulum.live.symbols import SIGNS, STATE, Model, effects_in, live_effects
 from looping_pendulum.reference_ode import effects as forces
 from looping_pendulum.reference_ode import rules
+from looping_pendulum.reference_ode.closed_forms import kinetic_energy, potential_energy
 from looping_pendulum.reference_ode.effects import GRAVITY
-from looping_pendulum.reference_ode.effects.forces import SIDE_FORCE
+from looping_pendulum.reference_ode.effects.library import SIDE_FORCE
 from looping_pendulum.reference_ode.geometry import light_velocity, vector_xy
-from looping_pendulum.reference_ode.invariants import kinetic_energy, potential_energy
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solution import heavy_mass_position, light_mass_position
 from looping_pendulum.reference_ode.state import Motion, State, event_in_phase, full_state, kinematics, variables

@@ -1,4 +1,5 @@
-"""Writes `model.js`: equations, events and rules of transition as JavaScript, from their one definition in `reference_ode`.
+"""Writes `model.js`: equations, events and rules of transition as JavaScript, from their one definition in `reference_ode`,
+and units, bounds and sliders from `scenarios.quantities`.
 
 ``python -m looping_pendulum.live.generate`` writes the file anew; a test holds that the file in the repository is what it
 writes.
@@ -7,6 +8,7 @@ writes.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import MISSING, fields
 from importlib.resources import files
@@ -15,9 +17,18 @@ from typing import Any
 
 from looping_pendulum.live.expressions import Expression, literal, written
 from looping_pendulum.live.functions import mode_equations, release_function
-from looping_pendulum.live.symbols import MODES, PARAMETERS, SIGNS, STATE, Model, live_coefficients, live_effects
+from looping_pendulum.live.symbols import (
+    FURTHER_EFFECTS,
+    MODES,
+    PARAMETERS,
+    SIGNS,
+    STATE,
+    Model,
+    live_coefficients,
+    live_effects,
+)
+from looping_pendulum.measured.camera import CAMERA
 from looping_pendulum.reference_ode import rules, scipy_backend, solve
-from looping_pendulum.reference_ode.driver import MAX_EVENTS
 from looping_pendulum.reference_ode.parameters import (
     NUMBERS,
     POINT_MASS_END,
@@ -27,7 +38,10 @@ from looping_pendulum.reference_ode.parameters import (
     string_length,
     touching_length,
 )
+from looping_pendulum.reference_ode.solve import MAX_EVENTS
 from looping_pendulum.reference_ode.transitions import END_EVENTS, PHASE_EVENTS, Event, Mode
+from looping_pendulum.scenarios.quantities import QUANTITIES
+from looping_pendulum.scenarios.units import factor, pretty
 
 FILE = "model.js"
 INDENT = "  "
@@ -41,12 +55,13 @@ def main() -> None:
 def model_source() -> str:
     """Return the text of the generated module."""
     lines = [
-        "// Written by `python -m looping_pendulum.live.generate` from looping_pendulum/reference_ode: change that.",
+        "// Written by `python -m looping_pendulum.live.generate` from reference_ode and scenarios.quantities: change them.",
         *_types(),
         *_constants(),
         *_tables_of_dop853(),
         *_names(),
         *_settings(),
+        *_quantities(),
         *_derived(),
         *_faults(),
         *_releases(),
@@ -163,6 +178,38 @@ def _settings() -> Iterator[str]:
     vertical = Parameters(light_mass=1, heavy_mass=1, rod_radius=1, free_length=1, release_angle=1, release=Release.VERTICAL)
     yield "/** Release -> the release angle that it demands [rad].\n * @type {Record<string, number>} */"
     yield f"export const DEMANDED_ANGLES = {json.dumps({vertical.release.value: vertical.release_angle})};"
+
+
+def _quantities() -> Iterator[str]:
+    """Yield what the page needs of the table of quantities, and of the camera's errors."""
+    settings = {name: QUANTITIES[name].kind for name in (*NUMBERS, *live_coefficients())}
+    yield "/** Setting -> its SI unit, as files have it.\n * @type {Record<string, string>} */"
+    yield f"export const UNITS = {json.dumps({name: pretty(kind.unit) for name, kind in settings.items()})};"
+    bounds = {name: (kind.low, kind.high) for name, kind in settings.items()}
+    yield "/** Setting or error of the camera -> least and greatest value [SI].\n * @type {Record<string, [number, number]>} */"
+    yield "export const BOUNDS = {"
+    for name, (low, high) in (bounds | {name: c.bounds for name, c in CAMERA.items()}).items():
+        yield f"{INDENT}{name}: [{_bound(low)}, {_bound(high)}],"
+    yield "};"
+    yield "/** Coefficient of an effect beside those of the paper's model -> the effect.\n * @type {Record<string, string>} */"
+    further = {c.name: effect.name for effect in FURTHER_EFFECTS for c in effect.coefficients}
+    yield f"export const FURTHER_EFFECTS = {json.dumps(further)};"
+    yield "/** Setting -> its slider: the shown unit, that unit in a link, SI units in one of it, and the range in it."
+    entries = "unit: string, unitInLink: string, factor: number, min: number, max: number, step: number"
+    yield f" * @type {{Record<string, {{{entries}}}>}} */"
+    yield "export const SLIDERS = {"
+    for q in QUANTITIES.values():
+        if (slider := q.slider) is not None:
+            shown = slider.unit.replace("deg", "°").replace("^2", "²")
+            entry: dict[str, Any] = {"unit": shown, "unitInLink": slider.unit.replace("/", "_per_").replace("^", "")}
+            entry |= {"factor": float(factor(slider.unit, q.kind.unit)) if slider.unit else 1}
+            entry |= {"min": slider.low, "max": slider.high, "step": slider.step}
+            yield f"{INDENT}{q.name}: {json.dumps(entry, ensure_ascii=False)},"
+    yield "};"
+
+
+def _bound(value: float) -> str:
+    return literal(value) if math.isfinite(value) else f"{'-' if value < 0 else ''}Infinity"
 
 
 def _derived() -> Iterator[str]:

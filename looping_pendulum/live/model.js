@@ -1,4 +1,4 @@
-// Written by `python -m looping_pendulum.live.generate` from looping_pendulum/reference_ode: change that.
+// Written by `python -m looping_pendulum.live.generate` from reference_ode and scenarios.quantities: change them.
 /**
  * Numbers of the apparatus, in SI.
  * @typedef {{light_mass: number, heavy_mass: number, rod_radius: number, free_length: number, release_angle: number, hanging_length: number, light_radius: number, gravity: number, kinetic_friction: number, static_friction: number, light_drag: number, heavy_drag: number, string_drag: number, light_linear_drag: number, heavy_linear_drag: number, wind_speed: number, side_force: number, push_across: number, push_along: number, end_length: number, string_length: number}} Numbers
@@ -104,6 +104,72 @@ export const REQUIRED = ["light_mass", "heavy_mass", "rod_radius", "free_length"
 /** Release -> the release angle that it demands [rad].
  * @type {Record<string, number>} */
 export const DEMANDED_ANGLES = {"vertical": 3.141592653589793};
+/** Setting -> its SI unit, as files have it.
+ * @type {Record<string, string>} */
+export const UNITS = {"light_mass": "kg", "heavy_mass": "kg", "rod_radius": "m", "free_length": "m", "release_angle": "rad", "hanging_length": "m", "light_radius": "m", "gravity": "m/s^2", "kinetic_friction": "", "static_friction": "", "light_drag": "kg/m", "heavy_drag": "kg/m", "string_drag": "kg/m^2", "light_linear_drag": "kg/s", "heavy_linear_drag": "kg/s", "wind_speed": "m/s", "side_force": "N", "push_across": "m/s", "push_along": "m/s"};
+/** Setting or error of the camera -> least and greatest value [SI].
+ * @type {Record<string, [number, number]>} */
+export const BOUNDS = {
+  light_mass: [0, Infinity],
+  heavy_mass: [0, Infinity],
+  rod_radius: [0, Infinity],
+  free_length: [0, Infinity],
+  release_angle: [0, 6.283185307179586],
+  hanging_length: [0, Infinity],
+  light_radius: [0, Infinity],
+  gravity: [0, 100],
+  kinetic_friction: [0, 5],
+  static_friction: [0, 10],
+  light_drag: [0, 1],
+  heavy_drag: [0, 1],
+  string_drag: [0, 1],
+  light_linear_drag: [0, 1],
+  heavy_linear_drag: [0, 10],
+  wind_speed: [-20, 20],
+  side_force: [-10, 10],
+  push_across: [-20, 20],
+  push_along: [-20, 20],
+  origin_x: [-2000, 2000],
+  origin_y: [-2000, 2000],
+  scale: [0.2, 5],
+  tilt: [-3.141592653589793, 3.141592653589793],
+  foreshortening: [0.2, 5],
+  shear: [-1, 1],
+  perspective_x: [-1, 1],
+  perspective_y: [-1, 1],
+  distortion: [-1, 1],
+  centre_x: [-10, 10],
+  centre_y: [-10, 10],
+  clock_offset: [-60, 60],
+  clock_ratio: [0.01, 100],
+  rate_offset: [-1, 1],
+};
+/** Coefficient of an effect beside those of the paper's model -> the effect.
+ * @type {Record<string, string>} */
+export const FURTHER_EFFECTS = {"light_linear_drag": "light_linear_drag", "heavy_linear_drag": "heavy_linear_drag", "wind_speed": "wind", "side_force": "side_force", "push_across": "push_across", "push_along": "push_along"};
+/** Setting -> its slider: the shown unit, that unit in a link, SI units in one of it, and the range in it.
+ * @type {Record<string, {unit: string, unitInLink: string, factor: number, min: number, max: number, step: number}>} */
+export const SLIDERS = {
+  light_mass: {"unit": "g", "unitInLink": "g", "factor": 0.001, "min": 1, "max": 100, "step": 1},
+  light_radius: {"unit": "mm", "unitInLink": "mm", "factor": 0.001, "min": 0, "max": 20, "step": 0.5},
+  rod_radius: {"unit": "mm", "unitInLink": "mm", "factor": 0.001, "min": 1, "max": 40, "step": 0.25},
+  kinetic_friction: {"unit": "", "unitInLink": "", "factor": 1, "min": 0, "max": 1, "step": 0.01},
+  static_friction: {"unit": "", "unitInLink": "", "factor": 1, "min": 0, "max": 1, "step": 0.01},
+  light_drag: {"unit": "g/m", "unitInLink": "g_per_m", "factor": 0.001, "min": 0, "max": 5, "step": 0.05},
+  heavy_drag: {"unit": "g/m", "unitInLink": "g_per_m", "factor": 0.001, "min": 0, "max": 5, "step": 0.05},
+  string_drag: {"unit": "g/m²", "unitInLink": "g_per_m2", "factor": 0.001, "min": 0, "max": 10, "step": 0.05},
+  gravity: {"unit": "m/s²", "unitInLink": "m_per_s2", "factor": 1.0, "min": 1, "max": 25, "step": 0.01},
+  release_angle: {"unit": "°", "unitInLink": "deg", "factor": 0.017453292519943295, "min": 5, "max": 175, "step": 1},
+  free_length: {"unit": "cm", "unitInLink": "cm", "factor": 0.01, "min": 10, "max": 150, "step": 1},
+  hanging_length: {"unit": "cm", "unitInLink": "cm", "factor": 0.01, "min": 1, "max": 30, "step": 0.5},
+  light_linear_drag: {"unit": "g/s", "unitInLink": "g_per_s", "factor": 0.001, "min": 0, "max": 10, "step": 0.1},
+  heavy_linear_drag: {"unit": "g/s", "unitInLink": "g_per_s", "factor": 0.001, "min": 0, "max": 10, "step": 0.1},
+  wind_speed: {"unit": "m/s", "unitInLink": "m_per_s", "factor": 1.0, "min": -3, "max": 3, "step": 0.1},
+  side_force: {"unit": "mN", "unitInLink": "mN", "factor": 0.001, "min": -20, "max": 20, "step": 0.5},
+  push_across: {"unit": "m/s", "unitInLink": "m_per_s", "factor": 1.0, "min": -3, "max": 3, "step": 0.05},
+  push_along: {"unit": "m/s", "unitInLink": "m_per_s", "factor": 1.0, "min": -3, "max": 3, "step": 0.05},
+  mass_ratio: {"unit": "", "unitInLink": "", "factor": 1, "min": 1, "max": 20, "step": 0.1},
+};
 /** Return the settings with the numbers that follow from them.
  * @param {any} p @returns {Numbers} */
 export function withDerived(p) {

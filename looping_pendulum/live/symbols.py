@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import reduce
 from operator import and_
 from types import SimpleNamespace
 from typing import Any, cast
 
-from looping_pendulum.live.expressions import ExpressionGraph, ExpressionMath
-from looping_pendulum.live.symbolic_system import SymbolicSystem
+from looping_pendulum.live.expressions import ExpressionGraph, ExpressionMath, possible_values
 from looping_pendulum.reference_ode.effects import LIBRARY, Effect, Kinematics
-from looping_pendulum.reference_ode.effects.forces import (
+from looping_pendulum.reference_ode.effects.library import (
     HEAVY_LINEAR_DRAG,
     LIGHT_LINEAR_DRAG,
     PUSH_ACROSS,
@@ -19,8 +19,10 @@ from looping_pendulum.reference_ode.effects.forces import (
     SIDE_FORCE,
     WIND,
 )
+from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.parameters import NUMBERS, Parameters, Release, is_possible
-from looping_pendulum.reference_ode.state import Effects, Signs, State
+from looping_pendulum.reference_ode.rules import HybridSystem
+from looping_pendulum.reference_ode.state import Effects, Motion, Signs, State
 from looping_pendulum.reference_ode.transitions import Mode
 
 FURTHER_EFFECTS = (LIGHT_LINEAR_DRAG, HEAVY_LINEAR_DRAG, WIND, SIDE_FORCE, PUSH_ACROSS, PUSH_ALONG)
@@ -101,3 +103,53 @@ class Model:
             **vars(self.p), release=release, coefficients=vars(self.p), effects=self.effects, values=lambda: self.p
         )
         return cast(Parameters, stand_in)
+
+
+class SymbolicSystem(HybridSystem):
+    """The equations of one run on expressions; the mode may be a choice between several."""
+
+    def __init__(self, graph: ExpressionGraph, p: SimpleNamespace, effects: Effects) -> None:
+        super().__init__(Equations(ExpressionMath(graph), p, effects))
+        self._graph = graph
+
+    def where(self, condition: Any, a: Any, b: Any) -> Any:
+        """Return the number ``a`` where ``condition`` holds, else ``b``."""
+        return self._graph.where(condition, a, b)
+
+    def choose(self, condition: Any, a: Motion, b: Motion) -> Motion:
+        """Return the motion ``a`` where ``condition`` holds, else ``b``."""
+        return Motion(
+            mode=self.where(condition, a.mode, b.mode),
+            t=self.where(condition, a.t, b.t),
+            y=State(*self._each(condition, a.y, b.y)),
+            signs=Signs(*self._each(condition, a.signs, b.signs)),
+        )
+
+    def _each(self, condition: Any, a: tuple[Any, ...], b: tuple[Any, ...]) -> list[Any]:
+        return [self.where(condition, x, y) for x, y in zip(a, b, strict=True)]
+
+    def any(self, condition: Any) -> bool:
+        """Return whether ``condition`` may hold."""
+        return condition is not False
+
+    def rates(self, m: Motion) -> State:
+        """Return the derivatives of the state by time."""
+        return State(*self._in_each_mode(m, self.equations.rates))
+
+    def tensions(self, m: Motion) -> tuple[Any, Any]:
+        """Return the tensions in the free string and above the heavy mass [N]."""
+        light, heavy = self._in_each_mode(m, self.equations.tensions)
+        return light, heavy
+
+    def holding_margins(self, m: Motion) -> tuple[Any, Any]:
+        """Return by how much the tensions are inside the friction cone, (down, up) [N]."""
+        down, up = self._in_each_mode(m, self.equations.holding_margins)
+        return down, up
+
+    def _in_each_mode(self, m: Motion, function: Callable[..., tuple[Any, ...]]) -> list[Any]:
+        """Return what ``function`` gives in the mode of ``m``, which may be a choice between several."""
+        modes = [Mode(value) for value in possible_values(m.mode)]
+        result = list(function(modes[-1], *m[1:]))
+        for mode in modes[:-1]:
+            result = self._each(m.mode == mode, function(mode, *m[1:]), tuple(result))
+        return result

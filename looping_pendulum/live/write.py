@@ -5,20 +5,25 @@ The runs of engines come as plain data: who reads results of `compare` stands ab
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib.resources import files
 from pathlib import Path
+from posixpath import dirname, join, normpath
 from typing import Any
+
+from rjsmin import jsmin
 
 from looping_pendulum import __version__
 from looping_pendulum.errors import ParameterError, ScenarioError
 from looping_pendulum.files import write_atomically
-from looping_pendulum.live.bundle import PACKAGE, bundle
-from looping_pendulum.live.settings import absent_effects, live_settings, settings_without_absent_effects
-from looping_pendulum.live.symbols import live_coefficients
+from looping_pendulum.live.symbols import live_coefficients, live_effects
 from looping_pendulum.pages.shell import page
-from looping_pendulum.reference_ode.parameters import NUMBERS
+from looping_pendulum.reference_ode.parameters import NUMBERS, Parameters
 from looping_pendulum.scenarios import loader
-from looping_pendulum.scenarios.scenario import Scenario, file_key
+from looping_pendulum.scenarios.quantities import file_key
+from looping_pendulum.scenarios.scenario import Scenario
 
 FILE = "live.html"
 FIRST = "ten_to_one"
@@ -31,7 +36,7 @@ def render(scenario: Scenario | None = None, *, engine_runs: Mapping[str, Any] |
     Parameters
     ----------
     engine_runs
-        What `teaching.engine_runs.page_data` returns of a comparison on ``scenario``: its runs are drawn beside the page's own.
+        What `teaching.demo.page_data` returns of a comparison on ``scenario``: its runs are drawn beside the page's own.
 
     Raises
     ------
@@ -99,3 +104,103 @@ def _preset(scenario: Scenario, *, shipped: bool, has_runs: bool) -> dict[str, A
         "settings": settings,
         "lacks": list(absent_effects(scenario.parameters)),
     }
+
+
+PACKAGE = "looping_pendulum.live"
+_IMPORT = re.compile(r"^import \{([^}]*)\} from \"(\.[^\"]+)\";\n", re.MULTILINE)
+_EXPORT = re.compile(r"^export (?=(?:async )?(?:const|let|class|function)\b)", re.MULTILINE)
+_NAME = re.compile(r"^export (?:async )?(?:const|let|class|function\*?) (\w+)", re.MULTILINE)
+_NAMES_OF_OTHERS = re.compile(r"^export \{([^}]*)\};\n", re.MULTILINE)
+_OTHER_FORM = re.compile(r"^(?:import|export)\b.*", re.MULTILINE)
+_NESTED_TEMPLATE = re.compile(r"`[^`]*\$\{[^}`]*`")
+
+
+def bundle(entry: str) -> str:
+    """Return one script that runs the module ``entry`` and all that it imports, each in a function of its own, minified.
+
+    Parameters
+    ----------
+    entry
+        Path of the module below the package, "assets/main.js".
+
+    Raises
+    ------
+    ValueError
+        If a module imports or exports in a form other than by names, or modules import one another in a circle.
+    """
+    modules: dict[str, str] = {}
+    _add(entry, modules, ())
+    return str(jsmin("\n".join(['"use strict";', *(_wrapped(path, source) for path, source in modules.items())])))
+
+
+@cache
+def page_script() -> str:
+    """Return the model as one script, for a page: ``loopingPendulum.simulate(settings, {duration})``.
+
+    ``loopingPendulum`` has what `run.js` and `model.js` export.
+    """
+    return bundle("run.js") + "\nconst loopingPendulum = { ...module_model, ...module_run };\n"
+
+
+def _add(path: str, modules: dict[str, str], importers: tuple[str, ...]) -> None:
+    """Add a module after those that it imports."""
+    if path in importers:
+        raise ValueError(f"{path}: found a circle of imports: {' -> '.join((*importers, path))}")
+    if path in modules:
+        return
+    source = files(PACKAGE).joinpath(path).read_text(encoding="utf-8")
+    for imported in _IMPORT.finditer(source):
+        _add(_resolved(path, imported[2]), modules, (*importers, path))
+    modules[path] = source
+
+
+def _resolved(path: str, imported: str) -> str:
+    return normpath(join(dirname(path), imported))
+
+
+def _wrapped(path: str, source: str) -> str:
+    """Return a module as a function whose result has what it exports."""
+    if nested := _NESTED_TEMPLATE.search(source):
+        raise ValueError(f"{path}: found {nested[0]!r}, needed no template within a template, which rjsmin does not tell apart")
+    exported = [*_NAME.findall(source), *(name for names in _NAMES_OF_OTHERS.findall(source) for name in _names(names))]
+    body = _IMPORT.sub(lambda m: f"const {{ {', '.join(_names(m[1]))} }} = {_variable(_resolved(path, m[2]))};\n", source)
+    body = _EXPORT.sub("", _NAMES_OF_OTHERS.sub("", body))
+    if other := _OTHER_FORM.search(body):
+        raise ValueError(f"{path}: found {other[0]!r}, needed imports and exports by names")
+    return f"const {_variable(path)} = (() => {{\n{body}return {{ {', '.join(exported)} }};\n}})();"
+
+
+def _names(listed: str) -> Iterator[str]:
+    return (name for part in listed.split(",") if (name := part.strip()))
+
+
+def _variable(path: str) -> str:
+    return "module_" + re.sub(r"\W", "_", path.removesuffix(".js"))
+
+
+def absent_effects(parameters: Parameters) -> tuple[str, ...]:
+    """Return the names of the effects that act on the apparatus and that the live model does not have."""
+    known = {effect.name for effect in live_effects(parameters.release)}
+    return tuple(effect.name for effect in parameters.effects if effect.name not in known)
+
+
+def live_settings(parameters: Parameters) -> dict[str, float | str]:
+    """Return the settings [SI] by name, for ``loopingPendulum.simulate``.
+
+    Raises
+    ------
+    ParameterError
+        If an effect acts that the live model does not have.
+    """
+    absent = absent_effects(parameters)
+    if absent:
+        known = ", ".join(sorted(effect.name for effect in live_effects(parameters.release)))
+        raise ParameterError(f"effects: found {absent[0]}, which the live model does not have; it has {known}")
+    return settings_without_absent_effects(parameters)
+
+
+def settings_without_absent_effects(parameters: Parameters) -> dict[str, float | str]:
+    """Return the settings of the live model that is nearest to an apparatus: the same, without `absent_effects`."""
+    numbers = {name: float(getattr(parameters, name)) for name in NUMBERS}
+    coefficients = {name: parameters.coefficients[name] for name in live_coefficients()}
+    return {"release": parameters.release.value, **numbers, **coefficients}

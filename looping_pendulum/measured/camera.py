@@ -12,6 +12,9 @@ and the lens moves it along the line from the picture's centre c, at the distanc
 where the last term keeps the rod's centre where it was. It is measured at scale Rot(tilt) v + (origin_x, origin_y). The page on
 the derivation of the equations shows how these follow from the camera's place and direction.
 
+A rolling shutter reads lower rows later: a point that is measured at the height y is pictured readout y earlier than its
+frame's time says, or later below the rod. What is marked on the heavy mass may lie beside the string by heavy_offset_x.
+
 An angular velocity is measured per second of the file's clock, plus rate_offset.
 """
 
@@ -96,6 +99,12 @@ CAMERA = MappingProxyType(
                 error=4e-3, reach=0.1,
             ),
             _coefficient("clock_ratio", "", 1.0, (0.01, 100.0), "true time per measured time", error=0.002, reach=0.3),
+            _coefficient(
+                "readout", "s/m", 0.0, (-0.1, 0.1), "delay of the picture's rows, per length downwards (rolling shutter)",
+                error=2e-4, reach=0.04,
+            ),
+            # No candidate: it moves no point of the light mass
+            _coefficient("heavy_offset_x", "m", 0.0, (-0.1, 0.1), "how far right of the heavy mass its points are", error=5e-4),
             # No candidate either: every fit of angular velocities has it
             _coefficient("rate_offset", "rad/s", 0.0, (-1.0, 1.0), "angular velocity that is measured at rest", error=0.02),
         )
@@ -128,6 +137,8 @@ class Camera:
     centre_y: float = CAMERA["centre_y"].null
     clock_offset: float = CAMERA["clock_offset"].null
     clock_ratio: float = CAMERA["clock_ratio"].null
+    readout: float = CAMERA["readout"].null
+    heavy_offset_x: float = CAMERA["heavy_offset_x"].null
     rate_offset: float = CAMERA["rate_offset"].null
 
     def __post_init__(self) -> None:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from looping_pendulum.errors import WayOut
 from looping_pendulum.measured.noise import scatter
 from looping_pendulum.measured.observations import Channel, DataError, ReadingNotes
 from looping_pendulum.reference_ode.geometry import Array
@@ -75,8 +76,8 @@ class Sheet:
     channels: Mapping[str, Series] = field(default_factory=dict)
 
 
-Refusal = Callable[[int | None, str, str], DataError]
-"""Function of a line's number, a column's name and a message that returns an error about that place."""
+Refusal = Callable[..., DataError]
+"""Function of a line's number, a column's name, a message and perhaps a way out that returns an error about that place."""
 
 
 def timed_channels(
@@ -104,7 +105,8 @@ def timed_channels(
         times = _times_of_frames(sheets, frame_rate, refuse)
         errors = [0.0] * len(sheets)
     elif any(s.time is None for s in sheets):
-        raise refuse(None, "", "found frame numbers but no times, needed the camera's frame rate; give 'frame_rate'")
+        way_out = WayOut(words="give {}", keys={"frame_rate": "240 Hz"}, is_example=True)
+        raise refuse(None, "", "found frame numbers but no times, needed the camera's frame rate", way_out)
     else:
         sheets = [_growing(s, refuse) for s in sheets]
         times, errors = _times_of_clock(sheets, frame_rate, clip_rate, refuse, notes)
@@ -178,7 +180,7 @@ def _times_of_clock(
     grid = frame_grid(longest.time, longest.rounding, stated) if rounding else None
     step = 1 / grid.rate if grid else _typical_step(longest.time)
     if frame_rate is None and step > MAX_TIME_STEP:
-        raise refuse(int(longest.lines[0]), longest.clock, _slow_clock(step))
+        raise refuse(int(longest.lines[0]), longest.clock, *_slow_clock(step))
     file_rate = 1 / step if step else frame_rate
     times: list[Array] = []
     error = 0.0
@@ -213,15 +215,14 @@ def _times_of_clock(
     return [t * factor for t in times], [error * factor] * len(sheets)
 
 
-def _slow_clock(step: float) -> str:
-    """Return what to say of times that are in no seconds."""
+def _slow_clock(step: float) -> tuple[str, WayOut]:
+    """Return what to say of times that are in no seconds, and the way out."""
     found = f"found a row every {step:g} s, needed many a second"
     if abs(step - 1) < 1e-9:
-        return (
-            f"{found}; if times count frames, give the camera's 'frame_rate'; if they are in ms, say so: 'units: {{time: ms}}'"
-        )
+        words = "if times count frames, give the camera's 'frame_rate'; if they are in ms, say so: {}"
+        return found, WayOut(words=words, keys={"units.time": "ms"})
     unit = "us" if step > 1000 else "ms"
-    return f"{found}; if times are in {unit}, say so: 'units: {{time: {unit}}}'"
+    return found, WayOut(words=f"if times are in {unit}, say so: {{}}", keys={"units.time": unit})
 
 
 def _typical_step(time: Array) -> float:

@@ -6,14 +6,15 @@ one line that names file, line and column.
 
 from __future__ import annotations
 
+import csv
 import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from looping_pendulum.errors import WayOut
 from looping_pendulum.measured.observations import DataError
-from looping_pendulum.scenarios import text_table
 from looping_pendulum.scenarios.document import one_line, quote
 
 LARGEST_FILE = 20 * 1024 * 1024
@@ -26,6 +27,11 @@ SAMPLE_LINES = 100
 """Number of lines at either end of a table by which its delimiter is told."""
 LARGEST_NUMBER = 1e100
 """Largest number that is read, and of the smallest that is not zero the inverse: squares are finite in any unit."""
+MAX_LINE_LENGTH = 100_000
+"""Longest line that is read [characters].
+
+A row of measured data has about a hundred, and the csv module refuses a cell of more than 131 072.
+"""
 MAX_LISTED = 5
 """Largest number of names or lines that a sentence lists."""
 _DECIMAL_POINT = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?")
@@ -33,6 +39,9 @@ _DECIMAL_COMMA = re.compile(r"[+-]?(?:[0-9]+(?:,[0-9]+)?|,[0-9]+)(?:[eE][+-]?[0-
 _DIGITS = re.compile(r"[+-]?([0-9]*)[.,]?([0-9]*)(?:[eE]([+-]?[0-9]+))?")
 _SEPARATOR_LINE = re.compile(r'\s*"?sep=(.)"?\s*', re.IGNORECASE)
 _BLANK = re.compile(r"[\s\ufeff]*")
+_WORDS = re.compile(r'"([^"]*)"|([^\s"]+)')
+# Not str.splitlines, which also splits at form feeds and other characters at which editors do not
+_LINE_ENDS = re.compile(r"\r\n|\r|\n")
 _OTHER_FORMATS = {
     b"PK\x03\x04": "a zip archive (a spreadsheet?)",
     b"\xd0\xcf\x11\xe0": "an old spreadsheet",
@@ -72,9 +81,9 @@ class DelimitedText:
     lines: Sequence[TableLine]
     """All other lines that are not empty."""
 
-    def error(self, line: int | None, column: str, message: str) -> DataError:
+    def error(self, line: int | None, column: str, message: str, way_out: WayOut | None = None) -> DataError:
         """Return an error about a place in the file."""
-        return data_error(self.file, line, column, message)
+        return data_error(self.file, line, column, message, way_out)
 
     def number(self, row: TableLine, index: int, column: str) -> float:
         """Return the value of a cell; not a number if it is empty or says that there is none.
@@ -107,10 +116,12 @@ def listed(names: Sequence[str]) -> str:
     return ", ".join(names[:MAX_LISTED]) + more
 
 
-def data_error(file: str, line: int | None, column: str, message: str) -> DataError:
+def data_error(
+    file: str, line: int | None, column: str, message: str, way_out: WayOut | None = None, kind: type[DataError] = DataError
+) -> DataError:
     """Return an error about a place in a file: 'clip.csv:7: column x: found ..., needed ...'."""
     where = f"{file}:{line}" if line else file
-    return DataError(one_line(f"{where}: {'column ' + column + ': ' if column else ''}{message}"))
+    return kind(one_line(f"{where}: {'column ' + column + ': ' if column else ''}{message}"), way_out)
 
 
 def read_bytes(path: str | Path, file: str, largest: int = LARGEST_FILE) -> bytes:
@@ -134,18 +145,18 @@ def read_bytes(path: str | Path, file: str, largest: int = LARGEST_FILE) -> byte
     return raw
 
 
-def read_text(raw: bytes, file: str) -> DelimitedText:
-    """Split the content of a text table into lines of cells.
+def read_text(raw: bytes, file: str, delimiters: Sequence[str] = DELIMITERS) -> DelimitedText:
+    """Split the content of a text table, by one of ``delimiters``, into lines of cells.
 
     Raises
     ------
     DataError
         If it is no text table.
     """
-    numbered = [(n, line.strip("\ufeff")) for n, line in text_table.lines(_decode(raw, file)) if not _BLANK.fullmatch(line)]
+    numbered = [(n, line.strip("\ufeff")) for n, line in numbered_lines(_decode(raw, file)) if not _BLANK.fullmatch(line)]
     for number, line in numbered:
-        if len(line) > text_table.MAX_LINE_LENGTH:
-            message = f"found a line of {len(line)} characters, needed rows of at most {text_table.MAX_LINE_LENGTH}"
+        if len(line) > MAX_LINE_LENGTH:
+            message = f"found a line of {len(line)} characters, needed rows of at most {MAX_LINE_LENGTH}"
             raise data_error(file, number, "", f"{message}; export the data again")
     comments = [(n, line.lstrip().lstrip("#")) for n, line in numbered if line.lstrip().startswith("#")]
     lines = [(n, line) for n, line in numbered if not line.lstrip().startswith("#")]
@@ -155,15 +166,28 @@ def read_text(raw: bytes, file: str) -> DelimitedText:
         lines = lines[1:]
     if not lines:
         raise data_error(file, None, "", "found no rows, needed a table of numbers; export the data again")
-    delimiters = [separator[1]] if separator and separator[1] in DELIMITERS else DELIMITERS
+    delimiters = [separator[1]] if separator and separator[1] in DELIMITERS else delimiters
     delimiter, decimal_comma = _dialect([line for _, line in lines], delimiters)
 
     def split(numbered: list[tuple[int, str]]) -> list[TableLine]:
-        return [TableLine(line=n, cells=text_table.cells(line, delimiter)) for n, line in numbered]
+        return [TableLine(line=n, cells=split_cells(line, delimiter)) for n, line in numbered]
 
     return DelimitedText(
         file=file, delimiter=delimiter, decimal_comma=decimal_comma, comments=split(comments), lines=split(lines)
     )
+
+
+def numbered_lines(text: str) -> list[tuple[int, str]]:
+    """Return the lines of ``text`` with their numbers, from 1, counted as an editor does."""
+    return list(enumerate(_LINE_ENDS.split(text), start=1))
+
+
+def split_cells(line: str, delimiter: str) -> tuple[str, ...]:
+    """Return the cells of a line, at least one, without the spaces around them; the delimiter ' ' means any white space."""
+    if delimiter == " ":
+        words = (quoted or bare for quoted, bare in _WORDS.findall(line)) if '"' in line else line.split()
+        return tuple(words) or ("",)
+    return tuple(cell.strip() for cell in next(csv.reader([line], delimiter=delimiter)))
 
 
 def is_number(text: str, decimal_comma: bool) -> bool:
@@ -216,7 +240,7 @@ def _dialect(lines: Sequence[str], delimiters: Sequence[str]) -> tuple[str, bool
     sample = lines if len(lines) <= 2 * SAMPLE_LINES else [*lines[:SAMPLE_LINES], *lines[-SAMPLE_LINES:]]
     best, most = (delimiters[0], False), -1
     for delimiter in delimiters:
-        rows = [text_table.cells(line, delimiter) for line in sample]
+        rows = [split_cells(line, delimiter) for line in sample]
         for decimal_comma in (False, True):
             counts = [
                 (sum(not c or is_number(c, decimal_comma) for c in cells), len(cells)) for cells in rows if len(cells) > 1

@@ -78,7 +78,7 @@ def predict(sample: SampleFunction, camera: Camera, channels: Sequence[Channel],
     DataError
         If a channel has points, but none of them during the run.
     """
-    times = sample_times(camera.clock_offset, camera.clock_ratio, tuple(channels))
+    times = sample_times(camera.clock_offset, camera.clock_ratio, camera.readout, tuple(channels))
     samples = sample(times.times)
     known = len(samples.t)
     ends_early = known < len(times.times)
@@ -184,10 +184,13 @@ class SampleTimes:
 
 # A fit predicts the same channels thousands of times, mostly by the same clock
 @lru_cache(maxsize=64)
-def sample_times(clock_offset: float, clock_ratio: float, channels: tuple[Channel, ...]) -> SampleTimes:
-    """Return the times at which a run is sampled for the points of channels by a clock."""
+def sample_times(clock_offset: float, clock_ratio: float, readout: float, channels: tuple[Channel, ...]) -> SampleTimes:
+    """Return the times at which a run is sampled for the points of channels by a clock.
+
+    With a rolling shutter, a point's own time follows from the height at which it was measured, which is known well enough.
+    """
     camera = Camera(clock_offset=clock_offset, clock_ratio=clock_ratio)
-    channel_times = {c.name: camera.true_time(c.t) for c in channels}
+    channel_times = {c.name: camera.true_time(c.t) - (readout * _height(c, channels) if readout else 0.0) for c in channels}
     # With 0, because heights are measured from the release
     times = np.unique(np.concatenate([np.maximum(t, 0.0) for t in channel_times.values()] + [np.zeros(1)]))
     return SampleTimes(
@@ -197,6 +200,13 @@ def sample_times(clock_offset: float, clock_ratio: float, channels: tuple[Channe
     )
 
 
+def _height(channel: Channel, channels: tuple[Channel, ...]) -> Array | float:
+    """Return the measured height of the mass at the points of a channel [m], shape (n,); 0 where it was not measured."""
+    mass = channel.name.partition("_")[0]
+    beside = next((c for c in channels if c.name == f"{mass}_y"), None)
+    return 0.0 if beside is None else np.asarray(np.interp(channel.t, beside.t, beside.value))
+
+
 def _series(samples: Samples | SampledRuns, camera: Camera, dropped: str, names: set[str]) -> dict[str, Array]:
     """Return measured values of each channel at the sampled times."""
     series: dict[str, Array] = {}
@@ -204,6 +214,8 @@ def _series(samples: Samples | SampledRuns, camera: Camera, dropped: str, names:
         if f"{mass}_x" in names or f"{mass}_y" in names:
             shown = camera.project(getattr(samples, position))
             series[f"{mass}_x"], series[f"{mass}_y"] = shown[..., 0], shown[..., 1]
+            if mass == "heavy":
+                series["heavy_x"] = series["heavy_x"] + camera.heavy_offset_x
     if "angle" in names:
         series["angle"] = samples.state.wrap_angle - math.pi + camera.tilt
     if "angle_rate" in names:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections import Counter
 from collections.abc import Mapping
@@ -10,7 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from looping_pendulum.errors import HarnessError
+from looping_pendulum.errors import HarnessError, WayOut, one_line
 from looping_pendulum.reference_ode.geometry import Array
 
 UNITS = MappingProxyType(
@@ -33,7 +34,20 @@ An "angle_rate" beside other channels was computed from them, so that only one t
 
 
 class DataError(HarnessError, ValueError):
-    """Raised if a file of measured data cannot be used as it is."""
+    """Raised if a file of measured data cannot be used as it is.
+
+    The message is that for the author of a study; `on_command_line` words its way out for those who give keys as options.
+    """
+
+    def __init__(self, problem: str, way_out: WayOut | None = None) -> None:
+        super().__init__(one_line(f"{problem}; {way_out.in_file()}") if way_out else problem)
+        self.problem = problem
+        """Where, what was found and what was needed."""
+        self.way_out = way_out
+
+    def on_command_line(self, option: str) -> str:
+        """Return the message for a command line on which ``option`` gives keys of a study's trial."""
+        return one_line(f"{self.problem}; {self.way_out.as_options(option)}") if self.way_out else str(self)
 
 
 class ImplausibleLengthError(DataError):
@@ -220,8 +234,8 @@ def merge(name: str, parts: tuple[Observations, ...]) -> Observations:
         for channel in part.channels:
             if channel.name in channels:
                 raise DataError(
-                    f"{part.file}: found {channel.name} again (first in {channels[channel.name][1]}), needed each once; "
-                    "say by 'tracks' which mass is in which file"
+                    f"{part.file}: found {channel.name} again (first in {channels[channel.name][1]}), needed each once",
+                    WayOut(words="say by {} which mass is in which file", keys={"tracks.light": "NAME"}, is_example=True),
                 )
             channels[channel.name] = channel, part.file
     return Observations(
@@ -257,3 +271,35 @@ def with_event_errors(observations: Observations, errors: dict[str, float]) -> O
             raise DataError(f"event error in {unit}: found {sigma}, needed a number above 0")
     events = tuple(replace(e, sigma=errors.get(e.unit, e.sigma)) for e in observations.events)
     return replace(observations, events=events)
+
+
+MAX_RATE_AT_REST = 0.05
+"""Largest angular velocity of a pendulum that a hand holds still, as a part of the largest one of the record."""
+MIN_REST = 0.25
+"""Shortest rest before a release, in periods of a small swing: at a turning point it is as slow for a fiftieth of one."""
+
+
+def rates_from_release(observations: Observations, small_swing_period: float, release_angle: float | None) -> Observations:
+    """Return rates that stand alone from their first motion on, in the direction of a release at the stated angle.
+
+    The sign of a gyroscope's axis is arbitrary, and a record may begin while the pendulum is still held. All other observations
+    are returned as they are.
+
+    Parameters
+    ----------
+    small_swing_period
+        Period of a small swing [s].
+    release_angle
+        Wrap angle of the release [rad]; None: it is not stated, and the direction is left as it is.
+    """
+    if [c.name for c in observations.channels] != ["angle_rate"]:
+        return observations
+    (rates,) = observations.channels
+    speed = np.abs(rates.value)
+    first = int(np.argmax(speed > MAX_RATE_AT_REST * speed.max()))
+    if rates.t[first] - rates.t[0] >= MIN_REST * small_swing_period:
+        at_rest = UnusedValues(count=first, reason="angle_rate: at rest, before the release")
+        rates = dataclasses.replace(rates, t=rates.t[first:], value=rates.value[first:])
+        observations = dataclasses.replace(observations, channels=(rates,), unused=(*observations.unused, at_rest))
+    first_swing = rates.value[np.argmax(np.abs(rates.value) > speed.max() / 2)]
+    return mirrored(observations) if release_angle is not None and first_swing * math.sin(release_angle) < 0 else observations

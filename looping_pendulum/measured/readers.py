@@ -9,14 +9,15 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from looping_pendulum.errors import WayOut
 from looping_pendulum.measured import displaced_rows
-from looping_pendulum.measured.clock import Series, Sheet, timed_channels
+from looping_pendulum.measured.clock import MAX_TIME_STEP, Series, Sheet, timed_channels
 from looping_pendulum.measured.columns import PIXELS, Column, read_columns
 from looping_pendulum.measured.delimited import (
     LARGEST_FILE,
@@ -38,6 +39,7 @@ from looping_pendulum.measured.observations import (
     ReadingNotes,
     Track,
     UnusedValues,
+    value_range,
 )
 from looping_pendulum.measured.tracker_project import LARGEST_ARCHIVE, is_named_project, is_project, read_project
 from looping_pendulum.reference_ode.geometry import Array
@@ -153,7 +155,9 @@ def _of_one_run(text: DelimitedText, columns: list[Column], run: str | None, not
     shown = listed([name or _NO_NAME for name in runs])
     if run is None and len(runs) > 1:
         first = next(filter(None, runs))
-        raise text.error(None, "", f"found the runs {shown}, needed one trial; choose by 'run: {first}'")
+        raise text.error(
+            None, "", f"found the runs {shown}, needed one trial", WayOut(words="choose by {}", keys={"run": str(first)})
+        )
     if run is not None and run not in runs:
         found, way_out = f"found the runs {shown}", "choose one that is there"
         if not any(runs):
@@ -193,7 +197,8 @@ def _sheets(
             continue
         if any(name in channels for channels in timed.values()):
             found = f"found {name} a second time"
-            raise text.error(None, column.label, f"{found}, needed one column for it; say by 'tracks' which is meant")
+            way_out = WayOut(words="say by {} which is meant", keys={"tracks.light": "NAME"}, is_example=True)
+            raise text.error(None, column.label, f"{found}, needed one column for it", way_out)
         frames = [c for c in beside if c.role == "frame"]
         clocks = [c for c in beside if c.role == "t"] or frames
         if not clocks:
@@ -206,8 +211,8 @@ def _sheets(
         timed.setdefault((clock, frame), {})[name] = series
     _leave_out(left_out, "track not asked for", "track not asked for", notes)
     if not timed:
-        needed = "needed one column of them; check 'tracks' and 'kind'"
-        raise text.error(None, "", f"found no positions, angles or heights, {needed}")
+        way_out = WayOut(words="check {}", keys={"tracks.light": "NAME", "kind": "positions"}, is_example=True)
+        raise text.error(None, "", "found no positions, angles or heights, needed one column of them", way_out)
     return [_sheet(text, clock, frame, channels, units, notes) for (clock, frame), channels in timed.items()]
 
 
@@ -278,8 +283,9 @@ def _factor(unit: str, si: str) -> float:
 def _size_of_pixel(file: str, column: str, units: Mapping[str, str]) -> str:
     """Return the stated length of a pixel."""
     if units["length"] == _DEFAULT_UNITS["length"] or units["length"].lower() in PIXELS:
-        needed = "needed the size of one; say so by 'units: {length: 1.4 mm}'"
-        raise ImplausibleLengthError(str(data_error(file, None, column, f"found lengths in pixels, {needed}")))
+        message = "found lengths in pixels, needed the size of one"
+        way_out = WayOut(words="say so by {}", keys={"units.length": "1.4 mm"})
+        raise data_error(file, None, column, message, way_out, ImplausibleLengthError)
     return units["length"]
 
 
@@ -341,8 +347,9 @@ def _mass_of_track(file: str, have: Sequence[Track], tracks: Mapping[str, str] |
     """Return the mass of each track, as asked for or by the track's own name."""
     names = [t.name for t in have]
     shown = listed([f"'{name}'" if name else _NO_NAME for name in names])
-    proposed = ", ".join(f"{mass}: {name or Path(file).stem}" for mass, name in propose_masses(have).items())
-    way_out = f"by their motion, write 'tracks: {{{proposed}}}'"
+    proposed = {f"tracks.{mass}": name or Path(file).stem for mass, name in propose_masses(have).items()}
+    by_motion = WayOut(words="by their motion, write {}", keys=proposed)
+    way_out: WayOut | None = None
     message = ""
     if tracks:
         unknown = [m for m in tracks if m not in MASSES]
@@ -354,14 +361,14 @@ def _mass_of_track(file: str, have: Sequence[Track], tracks: Mapping[str, str] |
         elif len(names) == 1 and len(tracks) == 1 and "" in (*names, *tracks.values()):
             return {names[0]: next(iter(tracks))}
         elif missing and names:
-            message = f"found the tracks {shown}, needed {quote(missing[0])}; {way_out}"
+            message, way_out = f"found the tracks {shown}, needed {quote(missing[0])}", by_motion
         masses = {track: mass for mass, track in tracks.items()}
     else:
         masses = {name: mass for name in names if (mass := mass_in_name(name))}
         if names and not masses:
-            message = f"found the tracks {shown}, needed to know which mass each is; {way_out}"
+            message, way_out = f"found the tracks {shown}, needed to know which mass each is", by_motion
     if message:
-        raise data_error(file, None, "", message)
+        raise data_error(file, None, "", message, way_out)
     return masses
 
 
@@ -408,10 +415,10 @@ def _refuse_implausible_values(file: str, sheet: Sheet) -> None:
         worst = int(np.nanargmax(np.abs(series.value)))
         if abs(series.value[worst]) > limit:
             kind, other = ("angle", "deg") if unit.startswith("rad") else ("length", "cm")
-            values = f"found {series.value[worst]:g} {unit}, needed at most {limit:.4g}"
-            message = f"{values}; if the file is in another unit, say so: 'units: {{{kind}: {other}}}'"
-            error = data_error(file, int(sheet.lines[worst]), series.column, message)
-            raise ImplausibleLengthError(str(error)) if kind == "length" else error
+            message = f"found {series.value[worst]:g} {unit}, needed at most {limit:.4g}"
+            way_out = WayOut(words="if the file is in another unit, say so: {}", keys={f"units.{kind}": other})
+            error = ImplausibleLengthError if kind == "length" else DataError
+            raise data_error(file, int(sheet.lines[worst]), series.column, message, way_out, error)
 
 
 def _from_release(channels: list[Channel], notes: ReadingNotes) -> list[Channel]:
@@ -446,3 +453,106 @@ def _without_inconsistent_rate(channels: list[Channel], notes: ReadingNotes) -> 
     reason = f"column {rate.column!r}: not the rate of the angle (best multiple {ratio:.2g}, correlation {correlation:.2f})"
     notes.unused[reason] += len(rate)
     return [c for c in channels if c is not rate]
+
+
+UNNAMED_TRACKS = {"light": "first", "heavy": "second"}
+"""Names for the two tracks of a file without names of columns, in the order of its columns."""
+LENGTH_UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+"""Units that a file without units may have, each in metres; the first with plausible positions is proposed."""
+PLAUSIBLE_SPAN = 5.0
+"""Largest distance that tracked points plausibly span [m]: a string of 2.5 m to both sides."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FileSurvey:
+    """What a file says of itself."""
+
+    file: str
+    kind: str
+    """"positions", "angle", "drop" or "events", as in `readers.KINDS`."""
+    tracks: tuple[Track, ...] = ()
+    """Tracks in the order of their columns; none if the file has no positions."""
+    has_names: bool = True
+    """Whether the file names its columns."""
+    time_step: float | None = None
+    """Median time between rows, in the file's unit of time; None: it has no times, only numbers of frames."""
+    length_unit: str = ""
+    """Unit that the header gives for lengths; '' if it gives none."""
+    time_unit: str = ""
+    runs: tuple[str, ...] = ()
+    """Names of the runs that the file holds."""
+
+    @property
+    def proposed_length_unit(self) -> str:
+        """Return the header's unit of length, or the largest in which the positions are plausible."""
+        spans = [max(value_range(t.x), value_range(t.y)) for t in self.tracks] or [0.0]
+        plausible = (unit for unit, metres in LENGTH_UNITS.items() if max(spans) * metres <= PLAUSIBLE_SPAN)
+        return self.length_unit or next(plausible, "m")
+
+    @property
+    def proposed_time_unit(self) -> str:
+        """Return the header's unit of time, or s, or ms if that would make rows too rare."""
+        return self.time_unit or ("ms" if self.time_step is not None and self.time_step > MAX_TIME_STEP else "s")
+
+    def proposed_masses(self) -> dict[str, str]:
+        """Return mass -> name of its track: by the names of the tracks, or by their motion."""
+        return propose_masses(self.tracks)
+
+    def starts_on_the_right(self, masses: Mapping[str, str]) -> bool:
+        """Return whether the light mass's first point is to the right of the heavy mass's line: the picture is mirrored."""
+        by_name = {t.name: t for t in self.tracks}
+        if not {"light", "heavy"} <= masses.keys() or not set(masses.values()) <= by_name.keys():
+            return False
+        light, heavy = (by_name[masses[mass]].x for mass in MASSES)
+        return bool(len(light) and len(heavy) and light[0] > np.median(heavy))
+
+
+def survey(path: str | Path) -> FileSurvey:
+    """Look into a file of measured data.
+
+    Raises
+    ------
+    DataError
+        If it cannot be read as a table of positions, angles, heights or events, or as a project of Tracker.
+    """
+    file = os.fspath(path)
+    raw = read_content(path, file)
+    if is_named_project(file) or is_project(raw):
+        project = read_project(raw, file)
+        return FileSurvey(
+            file=file,
+            kind="positions",
+            tracks=project.tracks,
+            time_step=_typical_step(np.concatenate([project.frame_time[t.frame] for t in project.tracks])),
+            length_unit="" if project.length_unit in PIXELS else project.length_unit,
+            time_unit="s",
+        )
+    text = read_text(raw, file)
+    if is_event_table(text):
+        return FileSurvey(file=file, kind="events")
+    has_names = True
+    try:
+        columns = read_columns(text, "auto", (), ReadingNotes())
+    except DataError:
+        # Five columns without names are read if both tracks get names from outside
+        columns = read_columns(text, "auto", tuple(UNNAMED_TRACKS.values()), ReadingNotes())
+        has_names = False
+    roles = {c.role for c in columns}
+    clock = next((c for c in columns if c.role == "t"), None)
+    times = None if clock is None else numbers(text, clock)[0]
+    return FileSurvey(
+        file=file,
+        kind="positions" if roles & {"x", "y"} else "drop" if "height" in roles else "angle",
+        tracks=tuple(tracks_of(text, columns)),
+        has_names=has_names,
+        time_step=None if times is None else _typical_step(times[np.isfinite(times)]),
+        length_unit=next((c.unit for c in columns if c.role in ("x", "y", "height") and c.unit), ""),
+        time_unit=clock.unit if clock else "",
+        runs=tuple(dict.fromkeys(c.run for c in columns if c.is_position and c.run)),
+    )
+
+
+def _typical_step(times: Array) -> float:
+    """Return the median step of times; 0 with fewer than two."""
+    steps = np.diff(np.unique(times))
+    return float(np.median(steps)) if len(steps) else 0.0

@@ -12,25 +12,18 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.measured.angular_velocity import rates_from_release
 from looping_pendulum.measured.camera import CAMERA
 from looping_pendulum.measured.displaced_rows import clock_faults
 from looping_pendulum.measured.free_parameter import FreeParameter
-from looping_pendulum.measured.observations import Observations, merge, mirrored, with_event_errors
+from looping_pendulum.measured.observations import Observations, merge, mirrored, rates_from_release, with_event_errors
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Coefficient, Effect
 from looping_pendulum.reference_ode.effects.own import OwnEffect
 from looping_pendulum.reference_ode.parameters import Parameters, Release, effect_tables, is_possible
+from looping_pendulum.scenarios.quantities import APPARATUS, QUANTITIES
 
-APPARATUS_UNITS = MappingProxyType({"light_mass": "kg", "light_radius": "m", "heavy_mass": "kg", "rod_radius": "m"})
-"""Parameters of the apparatus -> SI unit."""
-RELEASE_UNITS = MappingProxyType({"release_angle": "rad", "free_length": "m", "hanging_length": "m", "push_across": "m/s"})
-"""Parameters of a release -> SI unit."""
-DEFAULT_HANGING_LENGTH = 0.03
-"""Initial value of a hanging length that was not measured [m].
-
-It does not influence the motion: it only shifts the measured height of the heavy mass.
-"""
+RELEASE = ("release_angle", "free_length", "hanging_length", "push_across")
+"""Parameters of a release; a study gives the speed of a push with them, not under ``effects``."""
 FREE_SCALE = 1 / 3
 """Scale of a parameter that was not measured, relative to its initial value."""
 PLACEHOLDERS = MappingProxyType(
@@ -211,7 +204,7 @@ class Study:
         # The training trials first, so that a parameter that both share is named after one of these
         for trial in (*self.training, *self.held_out):
             names[trial.name] = {}
-            for parameter in (*self.effects, *APPARATUS_UNITS, *RELEASE_UNITS):
+            for parameter in (*self.effects, *APPARATUS, *RELEASE):
                 known = self.estimate(parameter, trial)
                 acts = _effect_acts_in(brought[parameter], trial) if parameter in brought else _acts_in(parameter, trial)
                 if known is None or not self._is_fitted(parameter, known, trial) or not acts:
@@ -219,7 +212,7 @@ class Study:
                 name = parameter
                 if parameter in trial.estimates:
                     name = f"{trial.name}.{parameter}"
-                    if parameter in APPARATUS_UNITS:  # the same mass, used in several trials, is one parameter
+                    if parameter in APPARATUS:  # the same mass, used in several trials, is one parameter
                         name = owners.setdefault((parameter, known), name)
                 names[trial.name][parameter] = name
         return names
@@ -255,7 +248,7 @@ class Study:
         }
         fields: dict[str, Any] = {"release": trial.release}
         coefficients = {}
-        for name in (*APPARATUS_UNITS, *RELEASE_UNITS, *self.coefficients):
+        for name in (*APPARATUS, *RELEASE, *self.coefficients):
             known = self.estimate(name, trial)
             value = here.get(name, values.get(f"{trial.name}.{name}", values.get(name, known.value if known else None)))
             if name in self.coefficients:
@@ -271,7 +264,8 @@ class Study:
             return self.gravity_range
         if parameter in self.coefficients:
             return self.coefficients[parameter].bounds
-        return (0.0, 2 * math.pi) if parameter == "release_angle" else (0.0, math.inf)
+        kind = QUANTITIES[parameter].kind
+        return kind.low, kind.high
 
     def camera_priors(self, trial: Trial, observations: Observations) -> dict[str, Estimate]:
         """Return the priors of the camera parameters that these observations depend on."""
@@ -281,6 +275,8 @@ class Study:
             # Heights and angles are measured along the vertical and near the rod, where scale and tilt are all that matters
             picture = ["foreshortening", "shear", "perspective_x", "perspective_y", "distortion", "centre_x", "centre_y"]
             acting = ["origin_x", "origin_y", "scale", "tilt", *picture, *acting]
+            # Of a film that was tracked here, and where the study says so: a table's own program may have corrected them
+            acting += [n for n in ("readout", "heavy_offset_x") if n in trial.camera]
         acting += ["scale", "tilt"] if observations.events else []
         acting += ["tilt"] if "angle" in named else []
         acting += ["origin_y", "scale"] if "height" in named else []
@@ -340,21 +336,27 @@ def _effect_acts_in(effect: Effect, trial: Trial) -> bool:
 
 def read_trial(study: Study, trial: Trial) -> Observations:
     """Read the files of a trial of ``study``, as `read_files` does."""
-    return read_files(study.folder, trial)
+    rod = study.estimate("rod_radius", trial)
+    return read_files(study.folder, trial, None if rod is None else rod.value)
 
 
-def read_files(folder: Path, trial: Trial) -> Observations:
-    """Read a trial's files, whose paths are relative to ``folder``.
+def read_files(folder: Path, trial: Trial, rod_radius: float | None = None) -> Observations:
+    """Read a trial's files, whose paths are relative to ``folder``; a film needs the rod's radius [m].
 
     Raises
     ------
     DataError
         If a file cannot be used.
     """
+    from looping_pendulum.film.decode import is_film
+    from looping_pendulum.measured.film_points import read_film
     from looping_pendulum.measured.readers import read  # imports units, which takes a while and which fits do not need
 
+    has_film = any(is_film(path) for path, _ in trial.files)
     parts = tuple(
-        read(
+        read_film(folder / path, trial, rod_radius, lambda table: read(table, name=trial.name, starts_at_release=False))
+        if is_film(path)
+        else read(
             folder / path,
             frame_rate=trial.frame_rate,
             clip_rate=trial.clip_rate,
@@ -372,7 +374,8 @@ def read_files(folder: Path, trial: Trial) -> Observations:
     observations = with_event_errors(merge(trial.name, parts), dict(trial.event_errors))
     if len(trial.files) > 1:  # what one mass alone seems to show, both do not
         observations = replace(observations, faults=tuple(clock_faults(observations.channels)))
-    observations = mirrored(observations) if trial.mirrored else observations
+    # The points of a film are as if the light mass had started on the left, on whichever side it did
+    observations = mirrored(observations) if trial.mirrored and not has_film else observations
     length, angle = (trial.estimates.get(name) for name in ("free_length", "release_angle"))
     if trial.release is not Release.HELD or length is None:
         return observations

@@ -3,87 +3,290 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Collection, Mapping
 from typing import Annotated, Any
 
-from pydantic import BaseModel, Field, ValidationError
-from pydantic_core import ErrorDetails
+from pydantic import (
+    BaseModel,
+    Field,
+    GetCoreSchemaHandler,
+    PlainValidator,
+    ValidationError,
+    ValidationInfo,
+    WithJsonSchema,
+    create_model,
+)
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, ErrorDetails, PydanticCustomError, core_schema
 
-from looping_pendulum.errors import ScenarioError
 from looping_pendulum.measured.camera import CAMERA
 from looping_pendulum.measured.readers import KINDS
-from looping_pendulum.measured.study import EARTH_GRAVITY, Estimate
-from looping_pendulum.measured.study_fields import (
-    Camera,
-    Effects,
-    MeasuredField,
-    low_and_high,
-    measured_length,
-    measured_mass,
-    text_by_key,
-)
+from looping_pendulum.measured.study import EARTH_GRAVITY, RELEASE, Estimate
 from looping_pendulum.reference_ode import effects as effect_library
-from looping_pendulum.reference_ode.effects.own import OwnEffect
+from looping_pendulum.reference_ode.effects import Coefficient
+from looping_pendulum.reference_ode.effects.own import OwnEffect, effect_of
 from looping_pendulum.reference_ode.parameters import Release
-from looping_pendulum.scenarios import file_schema
 from looping_pendulum.scenarios import own_effects as own_effects_of_file
 from looping_pendulum.scenarios.document import Document, Path, quote
-from looping_pendulum.scenarios.fields import Flag, Group, OneOf, QuantityField, Text, quantity_kind, suggest
+from looping_pendulum.scenarios.fields import (
+    NUMBER_PATTERN,
+    QUANTITY_TEXT,
+    Flag,
+    Group,
+    OneOf,
+    QuantityField,
+    Text,
+    first_error,
+    input_error,
+    model_schema,
+    suggest,
+)
 from looping_pendulum.scenarios.own_effects import KEY, KEY_IN_STUDY, OwnEffects
-from looping_pendulum.scenarios.units import QuantityKind
+from looping_pendulum.scenarios.quantities import APPARATUS, QUANTITIES, Quantity, group_of, quantity_kind
+from looping_pendulum.scenarios.units import QuantityKind, UnitError, show, to_si
+
+MAX_RELATIVE_ERROR = 1000
+"""Largest standard error of a value of a range without an end, in units of the value."""
+_PLUS_MINUS = re.compile(r"\+/-|\+-|±")
+
+
+class MeasuredField(QuantityField):
+    """Pydantic field of a quantity with its standard error."""
+
+    def __init__(self, kind: QuantityKind, start: float | None = None) -> None:
+        super().__init__(kind)
+        self.start = start
+
+    def estimate(self, raw: object) -> Estimate:
+        """Return value and standard error [SI] of an entry of the file."""
+        text = raw.strip() if isinstance(raw, str) else ""
+        if text == "free" or text.startswith("free from "):
+            return self._free(text)
+        inside, bracket, unit = text.removeprefix("(").rpartition(")")
+        parts = _split(inside)
+        if not (text.startswith("(") and bracket and len(parts) == 2):
+            parts, unit = _split(text), ""
+        parts = [part + unit for part in parts]  # in "(65 +/- 1) cm" the unit belongs to both
+        if len(parts) > 2:
+            raise input_error(f"expected one '+/-', got {quote(raw)}; write for example '{self.way_out}'")
+        value = self.read(parts[0] if isinstance(raw, str) else raw)
+        return Estimate(value=value, sigma=self._error(parts[1], value, parts[0]) if len(parts) == 2 else None)
+
+    @property
+    def way_out(self) -> str:
+        """Return a value with its standard error, as an example to copy."""
+        return f"{self.kind.example_text} +/- 1 %"
+
+    def _free(self, text: str) -> Estimate:
+        if text != "free":
+            return Estimate(value=self.read(text.removeprefix("free from ")), free=True)
+        if self.start is None:
+            raise input_error(
+                f"found 'free' without a start, needed one; write for example 'free from {self.kind.example_text}'"
+            )
+        return Estimate(value=self.start, free=True)
+
+    def _error(self, text: str, value: float, value_text: str) -> float:
+        try:
+            if text.endswith("%"):
+                sigma = abs(value) * to_si(text[:-1], "") / 100
+            else:
+                sigma = QuantityKind(unit=self.kind.unit).parse(text)
+        except UnitError as error:
+            detail = f" ({error})" if str(error) else ""
+            message = f"found {quote(text)} after '+/-'{detail}, needed a standard error in the same kind of unit or in %"
+            raise input_error(f"{message}; write for example '{self.way_out}'") from None
+        if sigma <= 0:
+            raise input_error(
+                f"found a standard error of {quote(text)}, needed one above 0; leave '+/-' out if the value is exact"
+            )
+        whole = self.kind.high - self.kind.low
+        is_bounded = math.isfinite(whole)
+        if not math.isfinite(sigma) or sigma > (whole if is_bounded else MAX_RELATIVE_ERROR * abs(value)):
+            most = f"{show(whole, self.kind.unit)}, its whole range" if is_bounded else f"{MAX_RELATIVE_ERROR} times the value"
+            message = f"found a standard error of {quote(text)}, needed at most {most}"
+            raise input_error(f"{message}; if nothing is known of the value, write 'free from {value_text}'")
+        return sigma
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.estimate)
+
+    @property
+    def json_schema(self) -> JsonSchemaValue:
+        """Return the JSON Schema of such a value."""
+        text = {"type": "string", "pattern": rf"^(free( from {NUMBER_PATTERN}.*)?|\(?{NUMBER_PATTERN}.*)$"}
+        parts = "unit and standard error" if self.kind.unit else "standard error"
+        free = "'free'" if self.start is not None else f"'free from {self.kind.example_text}'"
+        return {
+            **(text if self.kind.unit else {"anyOf": [{"type": "number"}, text]}),
+            "examples": [self.way_out],
+            QUANTITY_TEXT: f"{self.kind.requirement}, with its {parts}; or {free}",
+        }
+
+
+def _split(text: str) -> list[str]:
+    """Split at each plus-minus sign; a regular expression that takes spaces off, too, would need quadratic time."""
+    return [part.strip() for part in _PLUS_MINUS.split(text)]
+
+
+def text_by_key(expected: str, keys: Mapping[str, str]) -> PlainValidator:
+    """Return a validator of a mapping from known keys to text; ``keys`` has the meaning of each."""
+
+    def read(raw: object) -> dict[str, str]:
+        example = f"'{{{next(iter(keys))}: ...}}'"
+        if not isinstance(raw, dict) or not raw:
+            raise input_error(f"expected {expected}, got {quote(raw)}; write for example {example}")
+        for key, value in raw.items():
+            if key not in keys:
+                raise input_error(f"found an unknown key, needed one of: {', '.join(keys)}{suggest(key, keys)}", key)
+            if not isinstance(value, str):
+                raise input_error(f"expected text, got {quote(value)}; write for example {example}", key)
+        return dict(raw)
+
+    properties = {key: {"type": "string", "description": meaning} for key, meaning in keys.items()}
+    return PlainValidator(read, json_schema_input_type=_with_schema({"minProperties": 1} | _group_schema(properties)))
+
+
+def low_and_high(kind: QuantityKind, example: str) -> PlainValidator:
+    """Return a validator of a pair of a lowest and a highest value."""
+
+    def read(raw: object) -> tuple[float, float]:
+        if not isinstance(raw, list) or len(raw) != 2:
+            raise input_error(f"expected a lowest and a highest value, got {quote(raw)}; write for example '{example}'")
+        low, high = (QuantityField(kind).read(each) for each in raw)
+        if not low <= high:
+            raise input_error(f"found the lowest value above the highest, needed them in order; write for example '{example}'")
+        return low, high
+
+    words = f"the lowest and the highest value, each {kind.requirement}"
+    schema = {"type": "array", "minItems": 2, "maxItems": 2, "examples": [example], QUANTITY_TEXT: words}
+    return PlainValidator(read, json_schema_input_type=_with_schema(schema))
+
+
+def _group_schema(properties: JsonSchemaValue, *, further: bool = False) -> JsonSchemaValue:
+    """Return the JSON Schema of a group of keys; ``further`` allows keys of any other name."""
+    return {"type": "object", "properties": properties, "additionalProperties": {} if further else False}
+
+
+def _with_schema(schema: JsonSchemaValue) -> Any:
+    """Return a type that pydantic describes by ``schema``."""
+    return Annotated[Any, WithJsonSchema(schema)]
+
+
+def _effects(raw: object, info: ValidationInfo) -> dict[str, Estimate]:
+    """Return coefficient -> estimate of every declared effect; the context gives the file's own effects."""
+    library = effect_library.EFFECTS | {own.name: effect_of(own) for own in info.context or ()}
+    if not isinstance(raw, dict):
+        raise input_error(f"expected effects with their values, got {quote(raw)}; write for example 'light_drag: free'")
+    values: dict[str, Estimate] = {}
+    for effect, content in raw.items():
+        if effect not in library:
+            near = suggest(effect, library)
+            raise input_error(f"found an unknown effect, needed one of: {', '.join(library)}{near}", effect)
+        known = {c.name: c for c in library[effect].coefficients}
+        # A single value is that of the effect's first coefficient, which switches it on
+        group = content if isinstance(content, dict) else {next(iter(known)): content}
+        for name, each in group.items():
+            key = f"{effect}.{name}" if isinstance(content, dict) else effect
+            if name not in known:
+                raise _unknown_key(name, known, key)
+            values[name] = _coefficient_estimate(_coefficient_field(known[name]), each, key)
+    return values
+
+
+def _camera(raw: object) -> dict[str, Estimate]:
+    """Return coefficient -> estimate of every declared error of a camera, which replaces its usual prior."""
+    if not isinstance(raw, dict):
+        raise input_error(f"expected a group of keys ({', '.join(CAMERA)}), got {quote(raw)}; write them indented below it")
+    values = {}
+    for name, each in raw.items():
+        if name not in CAMERA:
+            raise _unknown_key(name, CAMERA, name)
+        values[name] = _coefficient_estimate(_camera_field(CAMERA[name]), each, name)
+    return values
+
+
+def _unknown_key(name: str, known: Collection[str], key: str) -> PydanticCustomError:
+    return input_error(f"found an unknown key, needed one of: {', '.join(known)}{suggest(name, known)}", key)
+
+
+def _coefficient_estimate(field: MeasuredField, raw: object, key: str) -> Estimate:
+    try:
+        return field.estimate(raw)
+    except PydanticCustomError as error:
+        raise input_error(str(error), key) from None
+
+
+def _effects_schema() -> JsonSchemaValue:
+    """Return the JSON Schema of the declared effects; those that a file defines itself may be declared, too."""
+    properties: JsonSchemaValue = {}
+    for effect in effect_library.EFFECTS.values():
+        values = {c.name: _coefficient_field(c).json_schema | {"description": c.meaning} for c in effect.coefficients}
+        properties[effect.name] = {"anyOf": [next(iter(values.values())), _group_schema(values)]}
+    return _group_schema(properties, further=True)
+
+
+def _camera_schema() -> JsonSchemaValue:
+    """Return the JSON Schema of the declared errors of a camera."""
+    return _group_schema({c.name: _camera_field(c).json_schema | {"description": c.meaning} for c in CAMERA.values()})
+
+
+def _coefficient_field(c: Coefficient) -> MeasuredField:
+    known = QUANTITIES.get(c.name)
+    return MeasuredField(quantity_kind(c), c.default if known is None or known.free_start is None else known.free_start)
+
+
+def _camera_field(c: Coefficient) -> MeasuredField:
+    return MeasuredField(quantity_kind(c, example=show(c.null, c.unit)), c.null)
+
+
+Effects = Annotated[dict[str, Estimate], PlainValidator(_effects, json_schema_input_type=_with_schema(_effects_schema()))]
+"""Field type of the declared effects: coefficient -> estimate."""
+Camera = Annotated[dict[str, Estimate], PlainValidator(_camera, json_schema_input_type=_with_schema(_camera_schema()))]
+"""Field type of the declared errors of a camera: coefficient -> estimate."""
+
 
 _RELEASES = tuple(r.value for r in Release)
-_ANGLE = QuantityKind(unit="rad", low=0.0, high=2 * math.pi, exclusive_low=True, example="112 deg")
-_RATE = QuantityField(QuantityKind(unit="Hz", low=0.0, exclusive_low=True, example="240 Hz"))
+_RATE = QuantityField(QUANTITIES["frame_rate"].kind)
 _TIME_ERROR = QuantityField(QuantityKind(unit="s", low=0.0, exclusive_low=True, example="8 ms"))
 _LENGTH_ERROR = QuantityField(QuantityKind(unit="m", low=0.0, exclusive_low=True, example="1 cm"))
 _ANGLE_ERROR = QuantityField(QuantityKind(unit="rad", low=0.0, exclusive_low=True, example="2 deg"))
-_ANGLE_RANGE = QuantityKind(unit="rad", low=0.0, high=2 * math.pi, exclusive_low=True, example="60 deg")
 
 
-class StudyLightGroup(Group):
-    """The light mass, which whips round the rod."""
+class _Release(Group):
+    """How the masses were let go."""
 
-    mass: Annotated[Estimate, measured_mass("10 g")] | None = None
-    """Its mass M1."""
-    radius: Annotated[Estimate, measured_length("5 mm")] | None = None
-    """Its radius; not given: a point."""
+    kind: Annotated[str, OneOf(*_RELEASES)] = Release.LOOPING.value
+    """looping: as in the demonstration; vertical: both hang; held: the heavy mass is clamped; drop: no string."""
 
 
-class StudyHeavyGroup(Group):
-    """The heavy mass, which falls and is caught."""
+def _measured(q: Quantity, description: str = "") -> Any:
+    """Return type and default of a measured quantity's key, as pydantic makes a model of them."""
+    return Annotated[Estimate, MeasuredField(q.kind)] | None, Field(
+        None, description=description or q.description(in_study=True)
+    )
 
-    mass: Annotated[Estimate, measured_mass("100 g")] | None = None
-    """Its mass M2."""
+
+def _group(name: str, meaning: str = "", base: type[Group] = Group, **further: Any) -> Any:
+    """Return the model of a group of measured quantities, by its name in the file."""
+    keys = {q.last_key: _measured(q) for q in group_of(name) if q.name in (*APPARATUS, *RELEASE)} | further
+    return create_model(f"Study{name.capitalize()}Group", __base__=base, __doc__=meaning or base.__doc__, **keys)
 
 
-class StudyRodGroup(Group):
-    """The rod."""
-
-    radius: Annotated[Estimate, measured_length("6.25 mm")] | None = None
-    """Its radius R: half the diameter."""
+StudyLightGroup = _group("light", "The light mass, which whips round the rod.")
+StudyHeavyGroup = _group("heavy", "The heavy mass, which falls and is caught.")
+StudyRodGroup = _group("rod", "The rod.")
+_SPEED = "Speed of the light mass across the string as the motion begins, positive the way it loops; at rest if not given."
+StudyReleaseGroup = _group("release", base=_Release, speed=_measured(QUANTITIES["push_across"], _SPEED))
 
 
 class ApparatusGroup(Group):
     """The apparatus, as measured for all trials; a trial may give another value."""
 
-    light: StudyLightGroup = StudyLightGroup()
-    heavy: StudyHeavyGroup = StudyHeavyGroup()
-    rod: StudyRodGroup = StudyRodGroup()
-
-
-class StudyReleaseGroup(Group):
-    """How the masses were let go."""
-
-    kind: Annotated[str, OneOf(*_RELEASES)] = Release.LOOPING.value
-    """looping: as in the demonstration; vertical: both hang; held: the heavy mass is clamped; drop: no string."""
-    angle: Annotated[Estimate, MeasuredField(_ANGLE)] | None = None
-    """Angle of the string to the light mass: 0 deg is straight up, 90 deg is level, 180 deg is straight down."""
-    free_length: Annotated[Estimate, measured_length("58 cm")] | None = None
-    """String from the rod to the light mass."""
-    hanging_length: Annotated[Estimate, measured_length("3 cm")] | None = None
-    """String from the rod to the heavy mass; fitted if not given."""
-    speed: Annotated[Estimate, MeasuredField(quantity_kind(effect_library.COEFFICIENTS["push_across"]))] | None = None
-    """Speed of the light mass across the string as the motion begins, positive the way it loops; at rest if not given."""
+    light: StudyLightGroup = StudyLightGroup()  # type: ignore[valid-type]
+    heavy: StudyHeavyGroup = StudyHeavyGroup()  # type: ignore[valid-type]
+    rod: StudyRodGroup = StudyRodGroup()  # type: ignore[valid-type]
 
 
 class EventErrorsGroup(Group):
@@ -151,9 +354,9 @@ class TrialGroup(Group):
     """Whether the light mass starts on the right: the camera stood on the other side."""
     held_out: Annotated[bool, Flag()] = False
     """Whether the error before and after is judged on the trial, by fits to the others alone."""
-    light: StudyLightGroup = StudyLightGroup()
-    heavy: StudyHeavyGroup = StudyHeavyGroup()
-    release: StudyReleaseGroup = StudyReleaseGroup()
+    light: StudyLightGroup = StudyLightGroup()  # type: ignore[valid-type]
+    heavy: StudyHeavyGroup = StudyHeavyGroup()  # type: ignore[valid-type]
+    release: StudyReleaseGroup = StudyReleaseGroup()  # type: ignore[valid-type]
     camera: Camera = {}
     """Errors of the camera, with what is known of each."""
     event_errors: EventErrorsGroup = EventErrorsGroup()
@@ -162,11 +365,11 @@ class TrialGroup(Group):
 class LimitsGroup(Group):
     """Limits of the trials that could be done next, for the proposal of the next experiment."""
 
-    release_angle: Annotated[tuple[float, float], low_and_high(_ANGLE_RANGE, "[60 deg, 130 deg]")] | None = None
-    """Smallest and largest angle of release."""
-    mass_ratio: (
-        Annotated[tuple[float, float], low_and_high(QuantityKind(unit="", low=0.0, exclusive_low=True), "[2, 10]")] | None
+    release_angle: (
+        Annotated[tuple[float, float], low_and_high(QUANTITIES["release_angle"].kind, "[60 deg, 130 deg]")] | None
     ) = None
+    """Smallest and largest angle of release."""
+    mass_ratio: Annotated[tuple[float, float], low_and_high(QUANTITIES["mass_ratio"].kind, "[2, 10]")] | None = None
     """Smallest and largest ratio M2/M1."""
     releases: Annotated[list[Annotated[str, OneOf(*_RELEASES)]], Field(min_length=1)] | None = None
     """Kinds of release that are possible; all if not given."""
@@ -195,7 +398,7 @@ class StudyFile(Group):
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a study file, for editors that complete and check YAML."""
-    return file_schema.json_schema(StudyFile, "Looping pendulum study")
+    return model_schema(StudyFile, "Looping pendulum study")
 
 
 def check(doc: Document) -> StudyFile:
@@ -209,7 +412,7 @@ def check(doc: Document) -> StudyFile:
     try:
         return StudyFile.model_validate(doc.data, context=_own_effects(doc))
     except ValidationError as error:
-        raise _first_error(error, doc) from None
+        raise first_error(error, doc, _message) from None
 
 
 def _own_effects(doc: Document) -> tuple[OwnEffect, ...]:
@@ -222,30 +425,9 @@ def _own_effects(doc: Document) -> tuple[OwnEffect, ...]:
     return own_effects
 
 
-def _first_error(error: ValidationError, doc: Document) -> ScenarioError:
-    """Return the error to correct first: an unknown key, which often is the missing one misspelt, otherwise the topmost one."""
-
-    def order(each: ErrorDetails) -> tuple[bool, int]:
-        path = _path(each)
-        lines = [doc.lines[path[:n]] for n in range(len(path), 0, -1) if path[:n] in doc.lines]
-        # An error without a line comes last
-        return each["type"] != "extra_forbidden", lines[0] if lines else 1 << 30
-
-    first = min(error.errors(include_url=False), key=order)
-    return doc.error(_path(first), _message(first))
-
-
-def _path(each: ErrorDetails) -> Path:
-    """Return the keys that lead to the faulty entry."""
-    key = each.get("ctx", {}).get("key")
-    # Pydantic adds the names of validators to a path, which are no keys of the file
-    path = tuple(p for p in each["loc"] if not (isinstance(p, str) and p.startswith("function-")))
-    return (*path, *str(key).split(".")) if key else path
-
-
-def _message(each: ErrorDetails) -> str:
+def _message(each: ErrorDetails, path: Path) -> str:
     """Return a message in the project's words for an error of pydantic."""
-    path, raw = _path(each), each["input"]
+    raw = each["input"]
     if each["type"] == "scenario":
         return each["msg"]
     if each["type"] == "extra_forbidden":

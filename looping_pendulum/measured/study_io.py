@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -13,11 +13,10 @@ import yaml
 from looping_pendulum.errors import FileKeyError, ParameterError, ScenarioError
 from looping_pendulum.measured import study_file
 from looping_pendulum.measured.camera import CAMERA
+from looping_pendulum.measured.events import DATA_VARIABLE, data_folders
 from looping_pendulum.measured.study import (
-    APPARATUS_UNITS,
-    DEFAULT_HANGING_LENGTH,
     EARTH_GRAVITY,
-    RELEASE_UNITS,
+    RELEASE,
     REQUIRED,
     Estimate,
     ExperimentLimits,
@@ -25,29 +24,15 @@ from looping_pendulum.measured.study import (
     Trial,
 )
 from looping_pendulum.measured.study_file import StudyFile, TrialGroup
-from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios import document, own_effects
 from looping_pendulum.scenarios.document import Document, one_line
 from looping_pendulum.scenarios.fields import suggest
-from looping_pendulum.scenarios.measured import DATA_VARIABLE, data_folders
+from looping_pendulum.scenarios.quantities import APPARATUS, QUANTITIES
 from looping_pendulum.scenarios.units import show
 
 _EVENT_UNITS = MappingProxyType({"time": "s", "length": "m", "angle": "rad"})
 """Key of an event's standard error -> SI unit."""
-_PATHS = {"light_mass": ("light", "mass"), "light_radius": ("light", "radius"), "heavy_mass": ("heavy", "mass"),
-          "rod_radius": ("rod", "radius"), "release_angle": ("release", "angle"), "free_length": ("release", "free_length"),
-          "hanging_length": ("release", "hanging_length"), "push_across": ("release", "speed")}  # fmt: skip
-"""Parameter -> its group and key in a study file."""
-
-_EXAMPLES = MappingProxyType(
-    {
-        "light_mass": "10 g +/- 0.05 g",
-        "heavy_mass": "100 g +/- 0.5 g",
-        "rod_radius": "6.25 mm +/- 1 %",
-        "release_angle": "112 deg +/- 0.5 deg",
-        "free_length": "58 cm +/- 1 mm",
-    }
-)
 
 
 class StudyError(FileKeyError):
@@ -80,16 +65,14 @@ def load_text(text: str, name: str, folder: Path | None = None) -> Study:
 
 def _load(raw: bytes, file: str, name: str, folder: Path) -> Study:
     try:
-        doc = document.parse(raw, file)
+        doc = document.parse(raw, file, "a study")
         return _study(study_file.check(doc), doc, name, folder)
-    except ScenarioError as error:  # the parser is shared with scenarios, so its messages speak of one
-        raise StudyError(
-            str(error).replace("needed a scenario; start from a copy of a shipped one", "needed a study"), error.path
-        ) from None
+    except ScenarioError as error:  # the parser is shared with scenarios
+        raise StudyError(str(error), error.path, error.problem) from None
 
 
 def _study(content: StudyFile, doc: Document, name: str, folder: Path) -> Study:
-    apparatus = _estimates(content.apparatus, APPARATUS_UNITS)
+    apparatus = _estimates(content.apparatus, APPARATUS)
     study = Study(
         name=name,
         title=content.title,
@@ -148,16 +131,22 @@ def _check_file_locations(folder: Path, trial: Trial, doc: Document, index: int)
             raise doc.error(where, f"{message}; put it there, or name its folder in ${DATA_VARIABLE}")
 
 
-def _estimates(group: Any, names: Mapping[str, str]) -> dict[str, Estimate]:
+def _estimates(group: Any, names: Iterable[str]) -> dict[str, Estimate]:
     """Return the estimates of those parameters ``names`` that a group of the file gives."""
     estimates = {}
     for name in names:
         value = group
-        for part in _PATHS[name]:
+        for part in _path(name):
             value = getattr(value, part, None)
         if value is not None:
             estimates[name] = value
     return estimates
+
+
+def _path(parameter: str) -> tuple[str, str]:
+    """Return group and key of a parameter in a study file."""
+    group, key = ("release", "speed") if parameter == "push_across" else QUANTITIES[parameter].key.split(".")
+    return group, key
 
 
 def trial_of(doc: Document) -> Trial:
@@ -180,14 +169,15 @@ def _trial(group: TrialGroup, doc: Document, index: int) -> Trial:
         raise doc.error((*path, "tracks"), "found tracks beside a file for each mass, needed one of them; leave one out")
     files = [(file, {mass: ""}) for mass, file in (group.files or {}).items()]
     files = files or [(str(group.file), dict(group.tracks or {}))]
-    release = Release(group.release.kind)
-    estimates = _estimates(group, {**APPARATUS_UNITS, **RELEASE_UNITS})
+    release = Release(vars(group.release)["kind"])
+    estimates = _estimates(group, (*APPARATUS, *RELEASE))
     if release is Release.VERTICAL and "release_angle" in estimates:
         raise doc.error(
             (*path, "release", "angle"), "found an angle, needed none: a vertical release hangs at 180 deg; leave it out"
         )
     if release in (Release.LOOPING, Release.VERTICAL) and "hanging_length" not in estimates:
-        estimates["hanging_length"] = Estimate(value=DEFAULT_HANGING_LENGTH, free=True)
+        # It does not influence the motion: it only shifts the measured height of the heavy mass
+        estimates["hanging_length"] = Estimate(value=Parameters.hanging_length, free=True)
     errors = {_EVENT_UNITS[n]: s for n, s in group.event_errors.model_dump(exclude_none=True).items()}
     return Trial(
         name=group.name or Path(files[0][0]).stem,
@@ -211,7 +201,7 @@ def _check_names(study: Study, doc: Document) -> None:
             raise doc.error(("trials", i, "name"), message)
     if not study.training:
         raise doc.error(("trials",), "found only held-out trials, needed one to learn from; set 'held_out: false' for one")
-    known = [*APPARATUS_UNITS, *RELEASE_UNITS, *study.effects]
+    known = [*APPARATUS, *RELEASE, *study.effects]
     for i, name in enumerate(study.fit or ()):
         if name not in known:
             raise doc.error(("fit", i), f"found '{name}', needed one of: {', '.join(known)}{suggest(name, known)}")
@@ -225,9 +215,9 @@ def _check_trial(study: Study, trial: Trial, doc: Document, index: int) -> None:
     needs = (f"{trial.dropped}_mass",) if trial.release is Release.DROP else REQUIRED[trial.release]
     for name in needs:
         if study.estimate(name, trial) is None:
-            where = ".".join(("apparatus", *_PATHS[name]) if name in APPARATUS_UNITS else _PATHS[name])
-            example = _EXAMPLES[name]
-            message = f"a {trial.release.value} release needed '{where}'; write for example '{_PATHS[name][-1]}: {example}'"
+            where = f"{'apparatus.' if name in APPARATUS else ''}{QUANTITIES[name].key}"
+            example = f"{QUANTITIES[name].last_key}: {QUANTITIES[name].measured_example}"
+            message = f"a {trial.release.value} release needed '{where}'; write for example '{example}'"
             raise doc.error(("trials", index), f"{trial.name}: {message}")
     try:
         study.parameters({}, trial)
@@ -237,7 +227,7 @@ def _check_trial(study: Study, trial: Trial, doc: Document, index: int) -> None:
 
 def dump(study: Study) -> str:
     """Write ``study`` as YAML with units, which loads back to an equal one."""
-    data: dict[str, Any] = {"title": study.title, "apparatus": _tree(study.apparatus, APPARATUS_UNITS)}
+    data: dict[str, Any] = {"title": study.title, "apparatus": _tree(study.apparatus)}
     data["effects"] = {
         effect.name: given
         for effect in study.known_effects
@@ -269,18 +259,18 @@ def _estimate_text(estimate: Estimate, unit: str) -> str:
     return value if estimate.sigma is None else f"{value} +/- {show(estimate.sigma, unit)}"
 
 
-def _tree(estimates: Mapping[str, Estimate], units: Mapping[str, str]) -> dict[str, Any]:
+def _tree(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
     tree: dict[str, Any] = {}
     for name, estimate in estimates.items():
-        group, key = _PATHS[name]
-        tree.setdefault(group, {})[key] = _estimate_text(estimate, units[name])
+        group, key = _path(name)
+        tree.setdefault(group, {})[key] = _estimate_text(estimate, QUANTITIES[name].kind.unit)
     return tree
 
 
 def _trial_tree(trial: Trial) -> dict[str, Any]:
     """Return a trial as nested keys and texts of a study file."""
     by_mass = all(list(tracks.values()) == [""] for _, tracks in trial.files)
-    tree = _tree(trial.estimates, APPARATUS_UNITS | RELEASE_UNITS)
+    tree = _tree(trial.estimates)
     tree["release"] = {"kind": trial.release.value} | tree.get("release", {})
     names = {unit: name for name, unit in _EVENT_UNITS.items()}
     return {

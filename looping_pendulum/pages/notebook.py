@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from importlib import import_module
 
 SPECIAL = str.maketrans({c: f"\\{c}" for c in "\\`*_[]|<>"})
 """Characters that have a meaning in Markdown -> their escapes."""
@@ -26,12 +25,3 @@ def notebook_html(title: str, note: str, *parts: str) -> str:
     from looping_pendulum.pages.markdown import html
 
     return str(html("\n\n".join([f"**{plain(title)}**", *([plain(note)] if note.strip() else []), *parts])))
-
-
-class ShownInNotebook:
-    """A result that a notebook shows as HTML."""
-
-    def _repr_html_(self) -> str:
-        """Return the HTML that a notebook shows."""
-        # By its name: that module knows the reports, which stand above the results that they show.
-        return str(import_module("looping_pendulum.notebook").html(self))

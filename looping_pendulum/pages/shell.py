@@ -100,7 +100,7 @@ def _checked_script(source: str) -> str:
 def _policy(scripts: Sequence[str], *, blob_workers: bool) -> str:
     """Return the content security policy: no requests at all, and only ``scripts`` may run."""
     run = " ".join(f"'sha256-{_digest(source)}'" for source in scripts)
-    workers = "; worker-src blob:" if blob_workers else ""
+    workers = "; worker-src blob:; media-src blob:" if blob_workers else ""
     return f"default-src 'none'; style-src 'unsafe-inline'; img-src data: blob:; script-src {run}{workers}"
 
 

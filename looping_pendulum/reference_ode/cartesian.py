@@ -8,7 +8,6 @@ from collections.abc import Callable
 from looping_pendulum.reference_ode import effects, rules
 from looping_pendulum.reference_ode.effects import GRAVITY, EffectKind, Kinematics
 from looping_pendulum.reference_ode.geometry import light_velocity, next_string_coordinates
-from looping_pendulum.reference_ode.hybrid_system import system_of_floats
 from looping_pendulum.reference_ode.parameters import Parameters
 
 CartesianForce = Callable[[float, float, float, float, float, float], tuple[float, float, float]]
@@ -60,6 +59,6 @@ def release_velocity(parameters: Parameters) -> tuple[float, float, float]:
 
     They are those of the reference: zero unless the light mass is pushed. A push that pulls at a taut string moves both masses.
     """
-    system = system_of_floats(parameters.values(), parameters.effects)
+    system = rules.system_of_floats(parameters.values(), parameters.effects)
     state = rules.release(system, parameters.release, rules.state_at_release(parameters)).y
     return (*light_velocity(math, state.wrap_angle, state.retreat_speed, state.across_speed), state.heavy_speed)

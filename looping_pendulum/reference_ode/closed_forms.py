@@ -1,8 +1,9 @@
-"""Exact solutions of special cases, with which the tests compare every solver and engine."""
+"""Exact solutions of special cases, and the energy that a run conserves, with which tests compare every solver and engine."""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -122,3 +123,26 @@ def release_acceleration(parameters: Parameters) -> tuple[float, float, float]:
     ratio = math.exp(p.coefficients["kinetic_friction"] * theta)
     rate = gravity * (weight * ratio - p.heavy_mass) / (p.heavy_mass + p.light_mass * ratio)
     return (*light_velocity(math, theta, rate, gravity * math.sin(theta)), rate)
+
+
+def kinetic_energy(parameters: Parameters, light_velocity: Any, heavy_velocity: Any) -> Any:
+    """Return the kinetic energy of both masses [J]; velocities as pairs (x, y) of numbers or arrays [m/s]."""
+    (ax, ay), (bx, by) = light_velocity, heavy_velocity
+    return 0.5 * parameters.light_mass * (ax * ax + ay * ay) + 0.5 * parameters.heavy_mass * (bx * bx + by * by)
+
+
+def potential_energy(parameters: Parameters, light_position: Any, heavy_position: Any) -> Any:
+    """Return the potential energy of both masses [J], 0 at the rod's centre; positions as pairs (x, y) [m]."""
+    weighted_height = parameters.light_mass * light_position[1] + parameters.heavy_mass * heavy_position[1]
+    return parameters.coefficients["gravity"] * weighted_height
+
+
+def mechanical_energy(
+    parameters: Parameters, light_position: Array, light_velocity: Array, heavy_position: Array, heavy_velocity: Array
+) -> Array:
+    """Return the kinetic and potential energy of both masses [J], shape (n,); arguments (n, 2), SI.
+
+    It is constant without friction and drag.
+    """
+    kinetic = kinetic_energy(parameters, light_velocity.T, heavy_velocity.T)
+    return np.asarray(kinetic + potential_energy(parameters, light_position.T, heavy_position.T))

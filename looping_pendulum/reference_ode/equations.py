@@ -22,11 +22,9 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 from looping_pendulum.reference_ode import effects as forces
-from looping_pendulum.reference_ode.effects.forces import PIVOT_FRICTION, air_drag_coefficient
-from looping_pendulum.reference_ode.effects.properties import heavy_swing_rates
+from looping_pendulum.reference_ode.effects.library import PIVOT_FRICTION, air_drag_coefficient, heavy_swing_rates
 from looping_pendulum.reference_ode.effects.types import TURN, Kinematics
 from looping_pendulum.reference_ode.state import Effects, Signs, State, extra_variables, kinematics, string_path, winding
-from looping_pendulum.reference_ode.stretch import Springs, light_share, springs
 from looping_pendulum.reference_ode.transitions import Event, Mode
 
 # Without this offset, the phases (`state.Signs.phase`) and `state.TINY_SPEED`, 57 of 2000 random apparatus had a wrong sequence
@@ -60,6 +58,19 @@ class _OutOfPlaneString(NamedTuple):
     """Force on the light mass along the rod other than the string's [N]."""
 
 
+class _Springs(NamedTuple):
+    """Tensions and passing speed of the string at one instant."""
+
+    light_tension: Any
+    """T1 [N]."""
+    heavy_tension: Any
+    """T2 [N]."""
+    passing_speed: Any
+    """q', speed at which string passes to the light side [m/s]."""
+    taut_margin: Any
+    """Sum over both sides of the stretch and tau times its rate, e + tau e' [m]: below 0 there is no tension."""
+
+
 class _ForceBalance(NamedTuple):
     """Forces and inertias of one instant."""
 
@@ -88,7 +99,7 @@ class _ForceBalance(NamedTuple):
     """Speed at which the path on the light side grows, S' [m/s]."""
     out_of_plane: _OutOfPlaneString | None
     """None if the motion is in the plane."""
-    springs: Springs | None
+    springs: _Springs | None
     """None for a string that does not stretch."""
 
 
@@ -125,7 +136,7 @@ class Equations:
     Parameters
     ----------
     xp
-        Functions of the numbers: ``math``, ``numpy``, ``sympy``, ``heyoka``, `dual` or `batch.series`.
+        Functions of the numbers: ``math``, ``numpy``, ``sympy``, ``heyoka``, series (`batch.compiled`), or `dual`.
     p
         Parameters and coefficients by name, numbers or expressions of the kind that ``xp`` takes, as from `Parameters.values`.
     effects
@@ -165,7 +176,7 @@ class Equations:
         stretched = None
         if self.string_stretches:
             path = string_path(xp, y, signs.overlap, p, effects)
-            stretched = springs(mode, y, string_speed, path, sliding_ratio, p)
+            stretched = _springs(mode, y, string_speed, path, sliding_ratio, p)
         return _ForceBalance(
             k=k,
             light_pull=light_pull,
@@ -379,7 +390,7 @@ class Equations:
         """
         xp, p, effects = self.xp, self.p, self.effects
         b = self._force_balance(Mode.SLIDING_DOWN, t, y, signs)
-        share = light_share(string_path(xp, y, signs.overlap, p, effects), 0.0, p)
+        share = _light_share(string_path(xp, y, signs.overlap, p, effects), 0.0, p)
         weight, c = -b.force_on_heavy, p.string_compliance
         return y._replace(light_stretch=weight / b.sliding_ratio * c * share, heavy_stretch=weight * c * (1.0 - share))
 
@@ -387,5 +398,48 @@ class Equations:
         """Return ``y`` with its stretch spread evenly over the string, as it spreads in a string without tension."""
         xp, p, effects = self.xp, self.p, self.effects
         whole = y.light_stretch + y.heavy_stretch
-        share = light_share(string_path(xp, y, signs.overlap, p, effects), y.light_stretch, p)
+        share = _light_share(string_path(xp, y, signs.overlap, p, effects), y.light_stretch, p)
         return y._replace(light_stretch=whole * share, heavy_stretch=whole * (1.0 - share))
+
+
+def _light_share(path: Any, light_stretch: Any, p: SimpleNamespace) -> Any:
+    """Return the share of the string's rest length that is on the light side; ``path``: length of that side [m]."""
+    return (path - light_stretch) / p.string_length
+
+
+def _springs(mode: Mode, y: State, string_speed: Any, path: Any, ratio: Any, p: SimpleNamespace) -> _Springs:
+    """Return tensions and passing speed of a string that stretches: a spring and damper on either side of the rod.
+
+    With e the stretch of a side, S' the speed at which the path on the light side grows, u2 the upward speed of the heavy mass,
+    and q the length of string that has passed to the light side::
+
+        T1 = k1 (e1 + tau e1'),  e1' = S' - q'        T2 = k2 (e2 + tau e2'),  e2' = q' - u2
+
+    The stiffness of a side is k = 1 / (C share), with its share of the string's length and the compliance C of the whole
+    string. While the string slides, q' is the speed that keeps the tensions on the edge of the friction cone, T2 = E T1, an
+    equation that is linear in q'; while the rod holds the string, q' = 0.
+
+    Parameters
+    ----------
+    string_speed
+        Speed S' at which the path on the light side grows [m/s].
+    path
+        Length of string from the top of the rod to the light mass [m].
+    ratio
+        E = T2 / T1 while the string slides; not read in other modes.
+    """
+    tau, share = p.string_loss_time, _light_share(path, y.light_stretch, p)
+    light_stiffness, heavy_stiffness = 1.0 / (p.string_compliance * share), 1.0 / (p.string_compliance * (1.0 - share))
+    # e + tau e' on either side if no string passed
+    held_light, held_heavy = y.light_stretch + tau * string_speed, y.heavy_stretch - tau * y.heavy_speed
+    passing_speed: Any = 0.0
+    if mode.sliding:
+        passing_speed = (ratio * light_stiffness * held_light - heavy_stiffness * held_heavy) / (
+            tau * (heavy_stiffness + ratio * light_stiffness)
+        )
+    return _Springs(
+        light_tension=light_stiffness * (held_light - tau * passing_speed),
+        heavy_tension=heavy_stiffness * (held_heavy + tau * passing_speed),
+        passing_speed=passing_speed,
+        taut_margin=held_light + held_heavy,
+    )

@@ -205,7 +205,11 @@ class HeyokaIntegrator:
                 break
         else:
             raise IntegratorGaveUpError(f"{mode.name.lower()}: no event within {MAX_STEPS} steps, at t = {taylor.time:g} s")
-        return event, taylor.time, run.whole_state(), _segment(run, signs, series, times)
+        # As polynomials in the fraction of each step
+        edges = np.array(times)
+        coefficients = np.array(series) * (np.diff(edges)[:, None] ** run.powers)[:, None, :]
+        segment = Segment(mode=mode, signs=signs, times=edges, coefficients=_full(run, coefficients))
+        return event, taylor.time, run.whole_state(), segment
 
     def advance_sampled(
         self, mode: Mode, t: float, y: State, signs: Signs, until: float, times: Array
@@ -275,13 +279,6 @@ class HeyokaIntegrator:
             state = ", ".join(f"{value:g}" for value in run.integrator.state)
             raise IntegratorGaveUpError(f"{run.mode.name.lower()}: integration broke down ({outcome}) at state {state}")
         return event_in_phase(run.events[number], signs)
-
-
-def _segment(run: _IntegratorOfMode, signs: Signs, series: list[Any], times: list[float]) -> Segment:
-    """Return the segment of Taylor series in time, as polynomials in the fraction of each step."""
-    edges = np.array(times)
-    scale = np.diff(edges)[:, None] ** run.powers
-    return Segment(mode=run.mode, signs=signs, times=edges, coefficients=_full(run, np.array(series) * scale[:, None, :]))
 
 
 def _full(run: _IntegratorOfMode, variables: Array) -> Array:

@@ -14,9 +14,8 @@ from typing import Any, NamedTuple, TypeVar, cast
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Effect
-from looping_pendulum.reference_ode.effects.check import taken_names
-from looping_pendulum.reference_ode.effects.own import OwnEffect, check_name, effect_of, own_effect_from
-from looping_pendulum.reference_ode.effects.properties import MIN_LOSS_TIME
+from looping_pendulum.reference_ode.effects.library import MIN_LOSS_TIME
+from looping_pendulum.reference_ode.effects.own import OwnEffect, check_name, effect_of, own_effect_from, taken_names
 
 Value = TypeVar("Value")
 

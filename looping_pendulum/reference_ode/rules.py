@@ -2,8 +2,8 @@
 
 Each rule is a pure function from one `Motion` to the next and asks for the equations through `HybridSystem`. It decides by
 ``system.where`` and ``system.choose``, so that one run (numbers) and many runs at once (arrays) follow the same lines. Only
-what is the same for all of these runs, such as the event and the effects, is decided by ``if``. A rod that turns has further
-rules, in `rod`.
+what is the same for all of these runs, such as the event and the effects, is decided by ``if``. A batch does not support a rod
+that turns, so its rules are written for one run.
 
 Comparisons with 0 are of three kinds. Coefficients are as given, and signs and the speeds of what rests (or `TINY_SPEED`) were
 assigned, so these comparisons are exact. Tensions and margins are computed and have tolerances (`RELATIVE_TENSION_TOLERANCE`,
@@ -13,13 +13,13 @@ grazed; there both of the possible modes are right to rounding.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+import math
+from types import SimpleNamespace
+from typing import Any
 
-from looping_pendulum.reference_ode import rod
-from looping_pendulum.reference_ode.equations import Impact
-from looping_pendulum.reference_ode.hybrid_system import HybridSystem
+from looping_pendulum.reference_ode.equations import Equations, Impact
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-from looping_pendulum.reference_ode.state import TINY_SPEED, Motion, Signs, State, winding
+from looping_pendulum.reference_ode.state import TINY_SPEED, Effects, Motion, Signs, State, winding
 from looping_pendulum.reference_ode.transitions import Event, Mode, TransitionChoice, next_mode
 
 REST_SERIES_DURATION = 1e-6
@@ -32,6 +32,62 @@ MARGIN_TOLERANCE = 1e-9
 """Margin within which a tension is on the edge of the friction cone where a string that stretches comes to rest [N]."""
 RELATIVE_TENSION_TOLERANCE = 1e-14
 """Tension at release, as a fraction of the light mass's weight, that is zero but for rounding (-6e-17 at 90 deg)."""
+
+
+class HybridSystem:
+    """The equations of one run, as the rules ask them; `batch.system` and the live page's formulas answer in ways of their own.
+
+    Parameters
+    ----------
+    equations
+        The equations over the numbers of the run.
+    decisions
+        The same over floats, from which the next mode is decided; None: the run's numbers are floats.
+    """
+
+    def __init__(self, equations: Equations, decisions: Equations | None = None) -> None:
+        self.equations, self._decisions = equations, decisions or equations
+        self._convert = decisions is not None
+        self.p, self.effects = equations.p, equations.effects
+        self.rod_turns, self.string_stretches = equations.rod_turns, equations.string_stretches
+        self.leaves_plane, self.heavy_mass_swings = equations.leaves_plane, equations.heavy_mass_swings
+        self.pivot_holds = equations.pivot_holds
+
+    def where(self, condition: Any, a: Any, b: Any) -> Any:
+        """Return the number ``a`` where ``condition`` holds, else ``b``."""
+        return a if condition else b
+
+    def choose(self, condition: Any, a: Motion, b: Motion) -> Motion:
+        """Return the motion ``a`` where ``condition`` holds, else ``b``."""
+        return a if condition else b
+
+    def any(self, condition: Any) -> bool:
+        """Return whether ``condition`` holds for at least one run."""
+        return bool(condition)
+
+    def rates(self, m: Motion) -> State:
+        """Return the derivatives of the state by time."""
+        return self.equations.rates(*m)
+
+    def tensions(self, m: Motion) -> tuple[Any, Any]:
+        """Return the tensions in the free string and above the heavy mass [N], as floats."""
+        return self._decisions.tensions(*self._floats(m))
+
+    def holding_margins(self, m: Motion) -> tuple[Any, Any]:
+        """Return by how much the tensions are inside the friction cone, (down, up) [N], as floats."""
+        return self._decisions.holding_margins(*self._floats(m))
+
+    def impact(self, slide: float, m: Motion) -> Impact:
+        """Return the result of an inelastic impulse along the string; arguments as of `Equations.impact`."""
+        return self.equations.impact(slide, m.t, m.y, m.signs)
+
+    def _floats(self, m: Motion) -> Motion:
+        return Motion(m.mode, float(m.t), State(*map(float, m.y)), m.signs) if self._convert else m
+
+
+def system_of_floats(p: SimpleNamespace, effects: Effects) -> HybridSystem:
+    """Return the system of a run whose numbers are floats."""
+    return HybridSystem(Equations(math, p, effects))
 
 
 def state_at_release(start: Parameters) -> State:
@@ -54,7 +110,7 @@ def release(system: HybridSystem, kind: Release, y: State) -> Motion:
     if kind is Release.DROP:
         return m
     if system.string_stretches:
-        y = system.with_stretch_at_rest(m)
+        y = system.equations.with_stretch_at_rest(m.t, m.y, m.signs)
         # What the clamp holds does not stretch
         return (
             m._replace(mode=Mode.CLAMPED, y=y._replace(heavy_stretch=0.0)) if held else m._replace(mode=Mode.SLIDING_DOWN, y=y)
@@ -77,15 +133,7 @@ def release(system: HybridSystem, kind: Release, y: State) -> Motion:
     return system.choose(push < 0, slack, system.choose(pulls, taut, taut._replace(mode=slack.mode)))
 
 
-class RestSeries(NamedTuple):
-    """State after `REST_SERIES_DURATION` as the terms of a series: constant, linear and square."""
-
-    constant: State
-    linear: State
-    square: State
-
-
-def leave_rest(system: HybridSystem, m: Motion) -> tuple[Motion, RestSeries, Any]:
+def leave_rest(system: HybridSystem, m: Motion) -> tuple[Motion, tuple[State, State, State], Any]:
     """Take the first `REST_SERIES_DURATION` by a series where the light mass starts at rest, where |v| is not analytic.
 
     Returns
@@ -93,7 +141,7 @@ def leave_rest(system: HybridSystem, m: Motion) -> tuple[Motion, RestSeries, Any
     after
         The motion after that, or ``m`` with the sign of the light mass's speed where no series is needed.
     series
-        Terms of the series.
+        State after `REST_SERIES_DURATION` as the terms of the series: constant, linear and square.
     by_series
         Whether it was taken.
     """
@@ -119,11 +167,9 @@ def leave_rest(system: HybridSystem, m: Motion) -> tuple[Motion, RestSeries, Any
         slack=rate.heavy_speed - rate.retreat_speed,
         heavy_tilt=rate.heavy_across_speed / system.p.hanging_length if system.heavy_mass_swings else 0.0,
     )
-    series = RestSeries(
-        constant=y,
-        linear=State(*(REST_SERIES_DURATION * r for r in rate)),
-        square=State(*(0.5 * REST_SERIES_DURATION**2 * r for r in second_derivatives)),
-    )
+    linear = State(*(REST_SERIES_DURATION * r for r in rate))
+    square = State(*(0.5 * REST_SERIES_DURATION**2 * r for r in second_derivatives))
+    series = y, linear, square
     signs = m.signs._replace(across=across)
     gone = m._replace(t=REST_SERIES_DURATION, y=State(*(a + b + c for a, b, c in zip(*series, strict=True))), signs=signs)
     signed = system.where(across_at_rest, y.across_speed + TINY_SPEED * across, y.across_speed)
@@ -161,10 +207,13 @@ def apply_event(system: HybridSystem, mode: Mode, event: Event, m: Motion) -> Mo
         return m._replace(signs=m.signs._replace(heavy=heavy), y=m.y._replace(heavy_speed=TINY_SPEED * heavy))
     if event in (Event.SLOWS, Event.CLOSES):
         return m._replace(signs=m.signs._replace(phase=1.0))
+    if event is Event.ROD_SLOWS:
+        return m._replace(signs=m.signs._replace(rod_phase=1.0))
     if event is Event.FIRST_TURN:
         return _cross_first_turn(system, m)
-    if event in (Event.ROD_SLOWS, Event.ROD_CHANGES):
-        return rod.apply_phase_event(system, event, m)
+    if event is Event.ROD_CHANGES:  # it begins or ceases to turn under a string that slides or is slack
+        at_rest = m._replace(y=m.y._replace(rod_speed=0.0))
+        return _turn_if_not_held(system, at_rest) if m.signs.rod else _begin_to_turn(m, m.signs.slide)
     return _change_mode(system, mode, event, following, m)
 
 
@@ -172,14 +221,14 @@ def _change_mode(system: HybridSystem, mode: Mode, event: Event, following: Mode
     """Set the speeds that ``event`` sets, and enter the mode that follows."""
     if system.string_stretches:
         if event is Event.TAUT and mode is Mode.SLACK:
-            m = m._replace(y=system.with_even_stretch(m))
+            m = m._replace(y=system.equations.with_even_stretch(m.y, m.signs))
     elif event is Event.STOP:
         m = _with_string_speed(system, m, m.y.rod_speed if system.rod_turns else 0.0)
     elif event is Event.ROD_STOPS:
         m = _with_string_speed(system, m, 0.0)
         m = m._replace(y=m.y._replace(rod_speed=0.0))
     elif event in (Event.ROD_YIELDS_UP, Event.ROD_YIELDS_DOWN):
-        m = rod.begin_to_turn(m, 1.0 if event is Event.ROD_YIELDS_UP else -1.0)
+        m = _begin_to_turn(m, 1.0 if event is Event.ROD_YIELDS_UP else -1.0)
     elif event is Event.TAUT and mode is Mode.CLAMPED_SLACK:
         m = _after(system, system.impact(0.0, m), m)
     if isinstance(following, Mode):
@@ -217,12 +266,53 @@ def _with_string_speed(system: HybridSystem, m: Motion, speed: Any) -> Motion:
 def stick_or_slide(system: HybridSystem, m: Motion) -> Motion:
     """Return the motion of a string that does not slide now: it sticks if the rod holds it, else begins to slide."""
     if system.rod_turns:
-        return rod.stick_roll_or_slide(system, m)
+        return _stick_roll_or_slide(system, m)
     down, up = system.holding_margins(m._replace(mode=Mode.STICKING))
     # A string that stretches slows down onto the edge of the friction cone, where a margin is 0 but for rounding
     least = -MARGIN_TOLERANCE if system.string_stretches else 0.0
     holds = system.where(up < least, Mode.SLIDING_UP, Mode.STICKING)
     return m._replace(mode=system.where(down < least, Mode.SLIDING_DOWN, holds))
+
+
+def _stick_roll_or_slide(system: HybridSystem, m: Motion) -> Motion:
+    """Return the motion of a string that does not slide now: it sticks, rolls with the rod or slides on it."""
+    at_rest = m.y.rod_speed == 0
+    margins = (0.0, 0.0)
+    if at_rest:
+        m = m._replace(mode=Mode.STICKING, signs=m.signs._replace(rod=0.0))
+        light, heavy = system.tensions(m)
+        margins = system.holding_margins(m)
+        # A string that sticks pulls the rod by T1 - T2, and only the bearing resists
+        if abs(light - heavy) > system.p.bearing_friction:
+            m = _begin_to_turn(m, math.copysign(1.0, light - heavy))
+        elif min(margins) >= 0:
+            return m
+    if m.signs.rod:
+        # On a rod that turns, or now begins to, the string may stick and turn with it
+        rolling = m._replace(mode=Mode.ROLLING)
+        margins = system.holding_margins(rolling)
+        if min(margins) >= 0:
+            return rolling
+    # The string slides. A rod that was at rest turns only if the string's rubbing overcomes its bearing
+    m = m._replace(mode=Mode.SLIDING_DOWN if margins[0] < 0 else Mode.SLIDING_UP)
+    return _turn_if_not_held(system, m._replace(y=m.y._replace(rod_speed=0.0))) if at_rest else m
+
+
+def _begin_to_turn(m: Motion, sign: float) -> Motion:
+    """Return the motion of a rod that begins to turn, towards the light side if ``sign`` is +1."""
+    return m._replace(signs=m.signs._replace(rod=sign, rod_phase=0.0), y=m.y._replace(rod_speed=sign * TINY_SPEED))
+
+
+def _turn_if_not_held(system: HybridSystem, m: Motion) -> Motion:
+    """Return the motion of a rod at rest, which begins to turn if the string rubs it harder than its bearing holds it."""
+    m = m._replace(signs=m.signs._replace(rod=0.0))
+    if m.mode.sliding:
+        slide = 1.0 if m.mode is Mode.SLIDING_UP else -1.0
+        m = m._replace(signs=m.signs._replace(slide=slide))
+        light, heavy = system.tensions(m)
+        if slide * (light - heavy) > system.p.bearing_friction:
+            return _begin_to_turn(m, slide)
+    return m
 
 
 def slide_or_stick_after_impulse(system: HybridSystem, m: Motion) -> Motion:
@@ -239,7 +329,9 @@ def slide_or_stick_after_impulse(system: HybridSystem, m: Motion) -> Motion:
 def _after(system: HybridSystem, impact: Impact, m: Motion) -> Motion:
     """Return ``m`` with the state just after an impact, which may have set the rod in motion."""
     m = m._replace(y=impact.state)
-    return rod.with_sign_of_speed(m) if system.rod_turns else m
+    if system.rod_turns:
+        m = m._replace(signs=m.signs._replace(rod=math.copysign(1.0, m.y.rod_speed) if m.y.rod_speed else 0.0))
+    return m
 
 
 SLIDING = (Mode.SLIDING_DOWN, Mode.SLIDING_UP)
@@ -274,8 +366,8 @@ def begin_sliding(system: HybridSystem, m: Motion) -> Motion:
 
 def enter(system: HybridSystem, m: Motion) -> Motion:
     """Return the motion with the signs and the phase with which its mode begins."""
-    if system.rod_turns:
-        m = rod.with_phase(m)
+    if system.rod_turns and abs(m.y.rod_speed) > TINY_SPEED:  # the rod turns, so its return to rest is watched for
+        m = m._replace(signs=m.signs._replace(rod_phase=1.0))
     m = begin_sliding(system, m)
     slack = _is_one_of(m.mode, SLACK)
     if not system.any(slack):

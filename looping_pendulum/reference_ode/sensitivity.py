@@ -24,15 +24,14 @@ import numpy as np
 
 from looping_pendulum.errors import IntegrationError, ParameterError
 from looping_pendulum.reference_ode import dual, effects
-from looping_pendulum.reference_ode.driver import Driver
 from looping_pendulum.reference_ode.dual import Dual
 from looping_pendulum.reference_ode.effects.types import Effect
 from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_backend import MAX_STEPS, HeyokaIntegrator, ModeEquations
 from looping_pendulum.reference_ode.heyoka_library import COMPILER_OPTIONS, compiled, load_heyoka
-from looping_pendulum.reference_ode.hybrid_system import SingleRunSystem
 from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.reference_ode.rules import HybridSystem
 from looping_pendulum.reference_ode.solution import (
     Run,
     RunEvent,
@@ -42,7 +41,7 @@ from looping_pendulum.reference_ode.solution import (
     join_samples,
     light_mass_position,
 )
-from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, require_heyoka
+from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, Driver, require_heyoka
 from looping_pendulum.reference_ode.state import Effects, Signs, State, event_in_phase, fill_in_heavy_speed, full_state
 from looping_pendulum.reference_ode.transitions import PHASE_ZERO, Event, Mode
 
@@ -224,8 +223,8 @@ class DualDriver(Driver):
         self.variational = _VariationalIntegrator(self.values, self._float_values, count, self.effects, tolerance)
         self.integrator = self.variational
 
-    def _make_system(self) -> SingleRunSystem:
-        return SingleRunSystem(Equations(dual, self.values, self.effects), Equations(math, self._float_values, self.effects))
+    def _make_system(self) -> HybridSystem:
+        return HybridSystem(Equations(dual, self.values, self.effects), Equations(math, self._float_values, self.effects))
 
     @cached_property
     def _float_values(self) -> SimpleNamespace:

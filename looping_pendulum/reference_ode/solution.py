@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.pages.notebook import ShownInNotebook
 from looping_pendulum.reference_ode.effects.types import TURN
 from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.geometry import Array, light_position, light_velocity, xy_pairs
@@ -46,7 +45,7 @@ class RunEvent(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run(ShownInNotebook):
+class Run:
     """Events of a run of the reference, from release to end."""
 
     parameters: Parameters
@@ -144,7 +143,7 @@ class Samples:
     def heavy_velocity(self) -> Array:
         """Velocity (x, y) of the heavy mass [m/s], shape (n, 2)."""
         speed = self.state.heavy_speed
-        if not self._swings:
+        if "heavy_tilt" not in extra_variables(self.run.parameters.effects):
             return xy_pairs(0.0, speed)
         across, cosine, sine = self.state.heavy_across_speed, np.cos(self.state.heavy_tilt), np.sin(self.state.heavy_tilt)
         return xy_pairs(across * cosine - speed * sine, across * sine + speed * cosine)
@@ -157,10 +156,6 @@ class Samples:
     def _overlap(self) -> Any:
         """1 where the string lies on itself, else 0; 0 throughout if it has no thickness."""
         return _overlap(self.state) if string_has_thickness(self.run.parameters.effects) else 0.0
-
-    @cached_property
-    def _swings(self) -> bool:
-        return "heavy_tilt" in extra_variables(self.run.parameters.effects)
 
     @cached_property
     def tensions(self) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ from functools import lru_cache
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
-from looping_pendulum.reference_ode.effects.properties import REST_SPEED
+from looping_pendulum.reference_ode.effects.library import REST_SPEED
 from looping_pendulum.reference_ode.effects.types import TURN, Effect, Kinematics
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.transitions import PHASE_ZERO, Event, Mode

@@ -20,7 +20,7 @@ CAPSTAN = Metric(
     unit="",
     shown_in=PERCENT,
     heading="static capstan error",
-    description="Relative error of ln(T2/T1) over half a turn, the string just sliding (`engines.static_capstan`).",
+    description="Relative error of ln(T2/T1) over half a turn, the string just sliding (`engines.tension`).",
     value=lambda _: None,
     has_sign=True,
 )

@@ -55,7 +55,7 @@ class Document:
         nearest = next((path[:n] for n in range(len(path), 0, -1) if path[:n] in self.lines), ())
         line = f":{self.lines[nearest]}" if nearest else ""
         key = f" {key_text(path)}:" if path else ""
-        return ScenarioError(one_line(f"{self.file}{line}:{key} {message}"), path)
+        return ScenarioError(one_line(f"{self.file}{line}:{key} {message}"), path, message)
 
 
 def key_text(path: Path) -> str:
@@ -77,8 +77,8 @@ def quote(value: object) -> str:
     return f"'{shorten(str(value))}'"
 
 
-def parse(raw: bytes, file: str) -> Document:
-    """Read YAML.
+def parse(raw: bytes, file: str, needed: str = "a scenario; start from a copy of a shipped one") -> Document:
+    """Read YAML; ``needed`` is what an empty file lacks.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def parse(raw: bytes, file: str) -> Document:
         message = f"{file}:{line}: found the character {chr(error.character)!a}, needed plain text; delete it"
         raise ScenarioError(one_line(message)) from None
     if node is None or (isinstance(node, yaml.ScalarNode) and node.value in _NULLS):
-        raise ScenarioError(one_line(f"{file}: found an empty file, needed a scenario; start from a copy of a shipped one"))
+        raise ScenarioError(one_line(f"{file}: found an empty file, needed {needed}"))
     if not isinstance(node, yaml.MappingNode):
         what = "a list" if isinstance(node, yaml.SequenceNode) else f"'{shorten(node.value)}'"
         raise ScenarioError(one_line(f"{file}: found {what}, needed keys with values; write for example 'title: Ten to one'"))

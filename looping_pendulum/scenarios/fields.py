@@ -1,25 +1,27 @@
-"""Field types and groups of which the pydantic models of files are made, and the errors that they raise."""
+"""Field types and groups of which the pydantic models of files are made, their JSON Schemas, and messages on faulty files."""
 
 from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, GetCoreSchemaHandler, GetJsonSchemaHandler
-from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+from pydantic import BaseModel, BeforeValidator, ConfigDict, GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationError
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from pydantic_core import CoreSchema, ErrorDetails, PydanticCustomError, core_schema
 
-from looping_pendulum.errors import one_line
-from looping_pendulum.reference_ode.effects import Coefficient
-from looping_pendulum.scenarios.document import quote
+from looping_pendulum.errors import ScenarioError, one_line
+from looping_pendulum.scenarios.document import Document, Path, quote
+from looping_pendulum.scenarios.quantities import FILE_KEYS
 from looping_pendulum.scenarios.units import QuantityKind, RangeError, UnitError
 
 NUMBER_PATTERN = r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?"
 """Regular expression of a number, as JSON Schema takes it."""
+_NO_KEYS = ("<direct>", "<shape>", "[key]")
+"""Parts that pydantic adds to the place of an error for unions and keys."""
 QUANTITY_TEXT = "x-words"
-"""Temporary key of the JSON Schema for what a key takes; `file_schema.json_schema` moves its text into the description."""
+"""Temporary key of the JSON Schema for what a key takes; `model_schema` moves its text into the description."""
 
 
 def input_error(message: str, key: str = "") -> PydanticCustomError:
@@ -130,11 +132,6 @@ class Flag:
         return {"type": "boolean"}
 
 
-def quantity_kind(c: Coefficient, example: str = "") -> QuantityKind:
-    """Return the kind of a coefficient's values: its unit, its bounds, and an ``example`` for messages."""
-    return QuantityKind(unit=c.unit, low=c.bounds[0], high=c.bounds[1], example=example)
-
-
 def _text(value: object) -> str:
     """Validate a text."""
     if isinstance(value, str):
@@ -155,3 +152,149 @@ class Group(BaseModel):
     """A group of keys; one that is not declared is an error."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+
+class _FileSchema(GenerateJsonSchema):
+    """Generator of a JSON Schema without null: a key is either given or left out."""
+
+    def nullable_schema(self, schema: core_schema.NullableSchema) -> JsonSchemaValue:
+        return self.generate_inner(schema["schema"])
+
+    def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:
+        inner = self.generate_inner(schema["schema"])
+        default = schema.get("default")
+        # An empty text or group is no value that anybody would write into a file
+        if default in (None, "") or not isinstance(default, (str, bool, int, float)):
+            return inner
+        return inner | {"default": default}
+
+
+def undescribed_schema(model: type[BaseModel]) -> dict[str, Any]:
+    """Return the JSON Schema of ``model``, in which the key `QUANTITY_TEXT` says what each quantity takes."""
+    return model.model_json_schema(schema_generator=_FileSchema)
+
+
+def model_schema(model: type[BaseModel], title: str) -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of a file, for editors that complete and check YAML."""
+    schema = undescribed_schema(model)
+    _describe_quantities(schema)
+    return {"$schema": _FileSchema.schema_dialect} | schema | {"title": title}
+
+
+def _describe_quantities(schema: Any) -> None:
+    """Add to the description of each quantity what kind of quantity it is."""
+    if isinstance(schema, dict):
+        quantity = schema.pop(QUANTITY_TEXT, "")
+        if quantity:
+            meaning = schema.get("description", "").rstrip(".")
+            schema["description"] = f"{meaning}. Needed: {quantity}." if meaning else f"Needed: {quantity}."
+    for inner in schema.values() if isinstance(schema, dict) else schema if isinstance(schema, list) else ():
+        _describe_quantities(inner)
+
+
+def first_error(
+    error: ValidationError, doc: Document, message: Callable[[ErrorDetails, Path], str] | type[BaseModel]
+) -> ScenarioError:
+    """Return the error to correct first: an unknown key (often a missing one, misspelt), else the topmost in the file.
+
+    Parameters
+    ----------
+    message
+        Function of pydantic's error and its place that words it; or the model, for the words of scenarios and maps.
+    """
+    errors = [(_path(details), details) for details in error.errors(include_url=False)]
+
+    def order(placed: tuple[Path, ErrorDetails]) -> tuple[bool, int]:
+        path, details = placed
+        lines = [doc.lines[path[:n]] for n in range(len(path), 0, -1) if path[:n] in doc.lines]
+        # An error without a line comes last
+        return details["type"] != "extra_forbidden", lines[0] if lines else 1 << 30
+
+    path, first = min(errors, key=order)
+    return doc.error(path, _message(first, path, message) if isinstance(message, type) else message(first, path))
+
+
+def _path(details: ErrorDetails) -> Path:
+    """Return where in the file an error is, without the parts that pydantic adds for unions, keys and validators."""
+    path = tuple(part for part in details["loc"] if part not in _NO_KEYS and not str(part).startswith("function-"))
+    key = details.get("ctx", {}).get("key")
+    return (*path, *str(key).split(".")) if key else path
+
+
+def _message(details: ErrorDetails, path: Path, model: type[BaseModel]) -> str:
+    """Return a message of what was found and what was needed."""
+    kind, value = details["type"], details["input"]
+    if kind == "scenario":
+        return details["msg"]
+    if kind == "extra_forbidden":
+        return _unknown_key(str(path[-1]), keys_below(model, path[:-1]), path)
+    if kind == "missing":
+        return f"missing, needed {_requirement(model, path)}"
+    if kind == "too_short":
+        return "found an empty list, needed at least one entry; write for example '[release.angle]'"
+    if kind == "list_type":
+        return f"expected a list, got {quote(value)}; begin each entry with '- '"
+    below = keys_below(model, path)
+    if below:
+        return f"expected a group of keys ({', '.join(below)}), got {quote(value)}; write them indented below it"
+    return f"expected a group of keys, got {quote(value)}; write 'key: value' lines indented below it"
+
+
+def _unknown_key(key: str, known: list[str], path: Path) -> str:
+    """Return the message on an unknown key, with the key that may be meant."""
+    hint = suggest(key, known)
+    elsewhere = [k for k in FILE_KEYS.values() if k.rpartition(".")[2] == key]
+    if path[0] == "effects" and key in FILE_KEYS:
+        hint = f"; write it as '{FILE_KEYS[key]}'"
+    elif key in FILE_KEYS and not hint:
+        hint = f"; did you mean '{FILE_KEYS[key]}'?"
+    elif len(elsewhere) == 1 and not hint:
+        hint = f"; did you mean '{elsewhere[0]}'?"
+    choices = f"needed one of: {', '.join(known)}" if known else "and no keys are known here"
+    return f"found an unknown key, {choices}{hint}"
+
+
+def _requirement(model: type[BaseModel], path: Path) -> str:
+    """Return what a missing key takes, with an example."""
+    field = _group_at(model, path[:-1]).model_fields[str(path[-1])]
+    for item in field.metadata:
+        if isinstance(item, QuantityField):
+            return f"{item.kind.requirement}; write for example '{path[-1]}: {item.kind.example_text}'"
+    below = keys_below(model, path)
+    if below:
+        return f"a group of keys ({', '.join(below)})"
+    return f"text; write for example '{path[-1]}: ...'"
+
+
+def keys_below(model: type[BaseModel], path: Path) -> list[str]:
+    """Return the keys that the group at ``path`` may have; none if it is not a group."""
+    group = _group_at(model, path)
+    return [f.alias or name for name, f in group.model_fields.items()] if group is not BaseModel else []
+
+
+def _group_at(model: type[BaseModel], path: Path) -> type[BaseModel]:
+    """Return the model of the group at ``path``; BaseModel itself, which has no fields, if it is not a group."""
+    if not path:
+        return model
+    for name, field in model.model_fields.items():
+        if path[0] in (name, field.alias):
+            below, rest = _model_in(field.annotation), path[1:]
+            is_collection = not _is_model(field.annotation) and path[0] in ("inferred", "tolerances", "own_effects")
+            if is_collection and not rest:
+                return BaseModel
+            # [1:]: a number in the list, or an engine's name, stands between the collection and its group
+            return _group_at(below, rest[1:] if is_collection else rest)
+    return BaseModel
+
+
+def _is_model(annotation: Any) -> bool:
+    """Return whether a field's annotation is itself a model."""
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+
+
+def _model_in(annotation: Any) -> type[BaseModel]:
+    """Return the model inside ``X | None``, ``list[X]`` or ``dict[str, X]``."""
+    if _is_model(annotation):
+        return annotation  # type: ignore[no-any-return]
+    inner = [_model_in(a) for a in getattr(annotation, "__args__", ())]
+    return next((m for m in inner if m is not BaseModel), BaseModel)

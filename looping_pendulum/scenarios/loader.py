@@ -20,20 +20,19 @@ from looping_pendulum.reference_ode.effects.own import OwnEffect, effect_of
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios import document, own_effects, schema
 from looping_pendulum.scenarios.document import Document, one_line
+from looping_pendulum.scenarios.fields import first_error
 from looping_pendulum.scenarios.metrics import METRICS
 from looping_pendulum.scenarios.own_effects import OwnEffectsFile
+from looping_pendulum.scenarios.quantities import FILE_KEYS, file_key, unit_of
 from looping_pendulum.scenarios.scenario import (
-    FILE_KEYS,
     PROFILES,
     Inference,
     MeasuredTrial,
     Scenario,
     Tolerance,
-    file_key,
 )
 from looping_pendulum.scenarios.schema import ScenarioFile, json_schema
 from looping_pendulum.scenarios.units import show
-from looping_pendulum.scenarios.validation_errors import first_error
 
 __all__ = ["dump", "json_schema", "load", "load_text", "shipped"]
 
@@ -238,11 +237,9 @@ def _inferred_entry(inference: Inference) -> dict[str, Any]:
 
 def _yaml_value(parameter: str, value: Any) -> Any:
     """Return the value of a parameter as a file has it, with its unit."""
-    known = effect_library.COEFFICIENTS.get(parameter)
-    units = {"light_mass": "kg", "heavy_mass": "kg", "release_angle": "rad", "release": None}
-    unit = known.unit if known else units.get(parameter, "m")
-    if unit is None:
+    if parameter == "release":
         return str(value.value)
+    unit = unit_of(parameter)
     return show(value, unit) if unit else float(value)
 
 

@@ -11,9 +11,15 @@ from pydantic_core import PydanticCustomError
 
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode import effects as effect_library
-from looping_pendulum.reference_ode.effects.check import check_unit, taken_names
-from looping_pendulum.reference_ode.effects.installed import warn_of
-from looping_pendulum.reference_ode.effects.own import OwnEffect, check_name, effect_of, force_formula
+from looping_pendulum.reference_ode.effects.own import (
+    OwnEffect,
+    check_name,
+    check_unit,
+    effect_of,
+    force_formula,
+    taken_names,
+    warn_of,
+)
 from looping_pendulum.reference_ode.parameters import effect_tables
 from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.fields import Group, QuantityField, Text, input_error

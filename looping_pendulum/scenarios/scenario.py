@@ -4,41 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from types import MappingProxyType
 
 from looping_pendulum.errors import ScenarioError
-from looping_pendulum.pages.notebook import ShownInNotebook
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.scenarios.metrics import METRICS
-
-FILE_KEYS = MappingProxyType(
-    {
-        "light_mass": "light.mass",
-        "light_radius": "light.radius",
-        "light_drag": "light.drag",
-        "heavy_mass": "heavy.mass",
-        "heavy_drag": "heavy.drag",
-        "rod_radius": "rod.radius",
-        "kinetic_friction": "string.kinetic_friction",
-        "static_friction": "string.static_friction",
-        "string_drag": "string.drag",
-        "gravity": "gravity",
-        "release": "release.kind",
-        "release_angle": "release.angle",
-        "free_length": "release.free_length",
-        "hanging_length": "release.hanging_length",
-    }
-)
-"""Name of a parameter or coefficient -> where a scenario file writes it; any other coefficient stands under ``effects``."""
 
 # The values of `engines.protocol.Profile`, which stands in a higher layer and cannot be imported here
 PROFILES = ("quick", "accurate")
 """Profiles for which a tolerance may be given."""
-
-
-def file_key(parameter: str) -> str:
-    """Return the key of a parameter or coefficient in a scenario file: "release_angle" -> "release.angle"."""
-    return FILE_KEYS.get(parameter, f"effects.{parameter}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +66,7 @@ class MeasuredTrial:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scenario(ShownInNotebook):
+class Scenario:
     """One apparatus, one release, and what is expected of an engine that rebuilds it."""
 
     name: str

@@ -26,26 +26,12 @@ from pydantic import (
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode import parameters
 from looping_pendulum.reference_ode.effects import Coefficient
-from looping_pendulum.scenarios import file_schema
 from looping_pendulum.scenarios.document import quote
-from looping_pendulum.scenarios.fields import Group, OneOf, QuantityField, Text, input_error, quantity_kind, suggest
+from looping_pendulum.scenarios.fields import Group, OneOf, QuantityField, Text, input_error, model_schema, suggest
 from looping_pendulum.scenarios.metrics import METRICS
 from looping_pendulum.scenarios.own_effects import OwnEffects
-from looping_pendulum.scenarios.scenario import FILE_KEYS, file_key
+from looping_pendulum.scenarios.quantities import FILE_KEYS, QUANTITIES, Quantity, file_key, group_of, quantity_kind
 from looping_pendulum.scenarios.units import QuantityKind
-
-MAX_DURATION = 3600.0
-"""Longest duration [s]: an hour, far beyond any trial, so that a typing error does not keep an engine busy for days."""
-
-
-def coefficient(name: str) -> QuantityField:
-    """Return the field type of an effect's coefficient, with the bounds that the effect declares."""
-    return _quantity_of(effect_library.COEFFICIENTS[name])
-
-
-def _quantity_of(c: Coefficient) -> QuantityField:
-    """Return the field type of a coefficient."""
-    return QuantityField(quantity_kind(c))
 
 
 def _parameter_key(value: object, info: ValidationInfo) -> str:
@@ -74,10 +60,6 @@ def _sha256(value: object) -> str:
     raise input_error(f"expected 64 hexadecimal digits, got {quote(value)}; copy what 'sha256sum FILE' prints")
 
 
-LENGTH = QuantityField(QuantityKind(unit="m", low=0.0, exclusive_low=True))
-MASS = QuantityField(QuantityKind(unit="kg", low=0.0, exclusive_low=True))
-
-
 class DragShape(Group):
     """Quadratic drag by shape, gamma = C rho A / 2."""
 
@@ -94,73 +76,43 @@ def _drag_form(value: object) -> str:
     return "<shape>" if isinstance(value, dict) else "<direct>"
 
 
-# Tags in brackets, as no key has them: `validation_errors` takes them out of the paths that it shows
-LightDrag = Annotated[
-    Annotated[float, coefficient("light_drag"), Tag("<direct>")] | Annotated[DragShape, Tag("<shape>")],
-    Discriminator(_drag_form),
-]
-HeavyDrag = Annotated[
-    Annotated[float, coefficient("heavy_drag"), Tag("<direct>")] | Annotated[DragShape, Tag("<shape>")],
-    Discriminator(_drag_form),
-]
+def _annotation(q: Quantity) -> Any:
+    """Return the type of a quantity's key; a quadratic drag may be given by a shape, too."""
+    number = Annotated[float, QuantityField(q.kind)]
+    if q.name not in ("light_drag", "heavy_drag"):
+        return number
+    # Tags in brackets, as no key has them: `fields.first_error` takes them out of the paths that it shows
+    return Annotated[
+        Annotated[number, Tag("<direct>")] | Annotated[DragShape, Tag("<shape>")],
+        Discriminator(_drag_form),
+    ]
 
 
-class LightGroup(Group):
-    """The light mass, which whips round the rod."""
-
-    mass: Annotated[float, MASS]
-    """Its mass M1."""
-    radius: Annotated[float, QuantityField(QuantityKind(unit="m", low=0.0, example="5 mm"))] | None = None
-    """Its radius: the run ends when its surface touches the rod. Not given: a point."""
-    drag: LightDrag | None = None
-    """Quadratic drag coefficient gamma1, or the shape from which it follows."""
+def _key_of(q: Quantity) -> Any:
+    """Return type and default of a quantity's key, as pydantic makes a model of them."""
+    shape = ", or the shape from which it follows" if q.name in ("light_drag", "heavy_drag") else ""
+    description = f"{q.description().removesuffix('.')}{shape}."
+    if q.required:
+        return _annotation(q), Field(description=description)
+    return _annotation(q) | None, Field(None, description=description)
 
 
-class HeavyGroup(Group):
-    """The heavy mass, which falls and is caught."""
-
-    mass: Annotated[float, QuantityField(QuantityKind(unit="kg", low=0.0, exclusive_low=True, example="100 g"))]
-    """Its mass M2."""
-    drag: HeavyDrag | None = None
-    """Quadratic drag coefficient gamma2, or the shape from which it follows."""
+def _group(name: str, meaning: str = "", base: type[Group] = Group) -> Any:
+    """Return the model of a group of quantities, by its name in the file."""
+    keys: dict[str, Any] = {q.last_key: _key_of(q) for q in group_of(name)}
+    return create_model(f"{name.capitalize()}Group", __base__=base, __doc__=meaning or base.__doc__, **keys)
 
 
-class RodGroup(Group):
-    """The rod."""
-
-    radius: Annotated[float, LENGTH]
-    """Its radius R: half the diameter."""
-
-
-class StringGroup(Group):
-    """The string, and its friction on the rod."""
-
-    kinetic_friction: Annotated[float, coefficient("kinetic_friction")] | None = None
-    """Friction coefficient while the string slides on the rod."""
-    static_friction: Annotated[float, coefficient("static_friction")] | None = None
-    """Friction coefficient before it slides; the kinetic one if not given."""
-    drag: Annotated[float, coefficient("string_drag")] | None = None
-    """Drag coefficient alpha of the free string, per length."""
-
-
-class ReleaseGroup(Group):
+class _Release(Group):
     """How the masses are let go."""
 
     kind: Annotated[str, OneOf(*(r.value for r in parameters.Release))] = parameters.Release.LOOPING.value
     """looping: as in the demonstration; vertical: both hang; held: the heavy mass is clamped; drop: no string."""
-    angle: Annotated[float, QuantityField(QuantityKind(unit="rad", low=0.0, high=2 * math.pi, exclusive_low=True))] | None = (
-        None
-    )
-    """Angle of the string to the light mass: 0 deg is straight up, 90 deg is level, 180 deg is straight down."""
-    free_length: Annotated[float, QuantityField(QuantityKind(unit="m", low=0.0, exclusive_low=True, example="58 cm"))]
-    """String from the rod to the light mass."""
-    hanging_length: (
-        Annotated[float, QuantityField(QuantityKind(unit="m", low=0.0, exclusive_low=True, example="3 cm"))] | None
-    ) = None
-    """String from the rod to the heavy mass; 3 cm if not given."""
+    # A placeholder for the quantity that is checked here; the table of quantities has its type
+    angle: Any = None
 
     @model_validator(mode="after")
-    def _check_angle(self) -> ReleaseGroup:
+    def _check_angle(self) -> _Release:
         """Require an angle, except for a vertical release, which hangs at 180 deg."""
         vertical = self.kind == parameters.Release.VERTICAL.value
         if self.angle is None and not vertical:
@@ -173,6 +125,15 @@ class ReleaseGroup(Group):
                 f"found {degrees:g} deg, needed no angle: a vertical release hangs at 180 deg; leave it out", "angle"
             )
         return self
+
+
+LightGroup = _group("light", "The light mass, which whips round the rod.")
+HeavyGroup = _group("heavy", "The heavy mass, which falls and is caught.")
+RodGroup = _group("rod", "The rod.")
+StringGroup = _group("string", "The string, and its friction on the rod.")
+ReleaseGroup = _group("release", base=_Release)
+Gravity = _annotation(QUANTITIES["gravity"])
+Duration = _annotation(QUANTITIES["duration"])
 
 
 class InferredGroup(Group):
@@ -242,17 +203,13 @@ class ScenarioFile(Group):
     """A few words."""
     description: Text = ""
     """What there is to see, for a reader who has not seen it."""
-    light: LightGroup
-    heavy: HeavyGroup
-    rod: RodGroup
-    string: StringGroup = StringGroup()
-    gravity: Annotated[float, coefficient("gravity")] | None = None
-    """Acceleration of free fall; 9.81 m/s^2 if not given."""
-    release: ReleaseGroup
-    duration: Annotated[
-        float, QuantityField(QuantityKind(unit="s", low=0.0, high=MAX_DURATION, exclusive_low=True, example="1.05 s"))
-    ]
-    """How long to watch; a run ends sooner if the light mass reaches the rod."""
+    light: LightGroup  # type: ignore[valid-type]
+    heavy: HeavyGroup  # type: ignore[valid-type]
+    rod: RodGroup  # type: ignore[valid-type]
+    string: StringGroup = StringGroup()  # type: ignore[valid-type]
+    gravity: Gravity | None = _key_of(QUANTITIES["gravity"])[1]  # type: ignore[valid-type]
+    release: ReleaseGroup  # type: ignore[valid-type]
+    duration: Duration = _key_of(QUANTITIES["duration"])[1]  # type: ignore[valid-type]
     inferred: list[InferredGroup] = []
     """What the source does not print, and how it was inferred."""
     measured: MeasuredGroup | None = None
@@ -280,7 +237,7 @@ def file_model(own: Iterable[Coefficient] = ()) -> type[ScenarioFile]:
 def _file_model(others: tuple[Coefficient, ...]) -> type[ScenarioFile]:
     """Return the model of a whole file with these coefficients under ``effects``; cached, because building it is slow."""
     fields: dict[str, Any] = {
-        c.name: (Annotated[float, _quantity_of(c)] | None, Field(None, description=c.meaning)) for c in others
+        c.name: (Annotated[float, QuantityField(quantity_kind(c))] | None, Field(None, description=c.meaning)) for c in others
     }
     effects = create_model("EffectsGroup", __base__=Group, __doc__="Coefficients of further effects.", **fields)
     return create_model("ScenarioFile", __base__=ScenarioFile, __doc__=ScenarioFile.__doc__, effects=(effects, effects()))
@@ -288,4 +245,4 @@ def _file_model(others: tuple[Coefficient, ...]) -> type[ScenarioFile]:
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a scenario file, for editors that complete and check YAML."""
-    return file_schema.json_schema(file_model(), "Looping pendulum scenario")
+    return model_schema(file_model(), "Looping pendulum scenario")

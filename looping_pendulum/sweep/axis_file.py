@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.fields import QuantityField, WholeNumber, input_error, suggest
-from looping_pendulum.scenarios.scenario import FILE_KEYS
+from looping_pendulum.scenarios.quantities import FILE_KEYS
 from looping_pendulum.scenarios.units import factor, unit_text
 from looping_pendulum.sweep.plan import Axis
 from looping_pendulum.sweep.quantities import Variable, variables

@@ -21,7 +21,7 @@ from looping_pendulum.engines.registry import select
 from looping_pendulum.engines.trajectory import RunStatus, Trajectory
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode.batch import solve_batch
-from looping_pendulum.reference_ode.batch.result import ENDS, FAILED
+from looping_pendulum.reference_ode.batch.runs import ENDS, FAILED
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.transitions import Event

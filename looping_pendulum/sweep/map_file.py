@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,13 +15,22 @@ from looping_pendulum.engines.registry import how_to_get, label, missing_package
 from looping_pendulum.errors import EngineError, ScenarioError
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE
-from looping_pendulum.scenarios import document, file_schema, loader
+from looping_pendulum.scenarios import document, loader
 from looping_pendulum.scenarios.document import Document, one_line, quote, shorten
-from looping_pendulum.scenarios.fields import Group, OneOf, QuantityField, Text, WholeNumber, input_error, suggest
-from looping_pendulum.scenarios.scenario import FILE_KEYS, Scenario
-from looping_pendulum.scenarios.schema import MAX_DURATION
+from looping_pendulum.scenarios.fields import (
+    Group,
+    OneOf,
+    QuantityField,
+    Text,
+    WholeNumber,
+    first_error,
+    input_error,
+    model_schema,
+    suggest,
+)
+from looping_pendulum.scenarios.quantities import FILE_KEYS, QUANTITIES
+from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.scenarios.units import QuantityKind
-from looping_pendulum.scenarios.validation_errors import first_error
 from looping_pendulum.sweep.axis_file import COUNT, MAX_AXES, MAX_RUNS, parameters_schema, read_axis
 from looping_pendulum.sweep.cells import REFERENCE, engine_called
 from looping_pendulum.sweep.plan import Axis, Grid, MapPlan, Sample
@@ -74,10 +84,7 @@ class MapFile(Group):
     sample: SampleGroup | None = None
     tolerance: Annotated[float, QuantityField(QuantityKind(unit="", low=1e-15, high=1e-3, example="1e-12"))] = TOLERANCE
     """Relative tolerance of a step of the reference."""
-    duration: (
-        Annotated[float, QuantityField(QuantityKind(unit="s", low=0.0, high=MAX_DURATION, exclusive_low=True, example="5 s"))]
-        | None
-    ) = None
+    duration: Annotated[float, QuantityField(replace(QUANTITIES["duration"].kind, example="5 s"))] | None = None
     """Limit on the simulated time of a run; 5 s or the scenario's, whichever is longer."""
     chunk: Count | None = None
     """Most runs that are computed, written and resumed as one."""
@@ -85,7 +92,7 @@ class MapFile(Group):
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a map file, for editors that complete and check YAML."""
-    return file_schema.json_schema(MapFile, "Looping pendulum map")
+    return model_schema(MapFile, "Looping pendulum map")
 
 
 def shipped() -> list[str]:

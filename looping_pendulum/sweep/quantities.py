@@ -7,17 +7,14 @@ from collections import ChainMap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
-from pydantic.fields import FieldInfo
 
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
-from looping_pendulum.scenarios.fields import QuantityField
-from looping_pendulum.scenarios.scenario import FILE_KEYS
-from looping_pendulum.scenarios.schema import ScenarioFile, coefficient
+from looping_pendulum.scenarios.quantities import FILE_KEYS, QUANTITIES, quantity_kind
 from looping_pendulum.scenarios.units import QuantityKind
 
 NOT_VARIABLE = ("release",)
@@ -93,37 +90,16 @@ ALLOWED_OVERLAPS = frozenset({("mass_scale", "mass_ratio")})
 def variables() -> MappingProxyType[str, Variable]:
     """Return every quantity that a map may vary, by name."""
     by_name = {}
-    for name, key in FILE_KEYS.items():
+    for name in FILE_KEYS:
         if name not in NOT_VARIABLE and name not in effect_library.COEFFICIENTS:
-            kind, meaning = _of_scenario(key)
-            by_name[name] = Variable(name=name, kind=kind, meaning=meaning, sets=(name,))
+            q = QUANTITIES[name]
+            by_name[name] = Variable(name=name, kind=q.kind, meaning=f"{q.group}: {q.description()}".rstrip("."), sets=(name,))
     for name, c in effect_library.COEFFICIENTS.items():
-        by_name[name] = Variable(name=name, kind=coefficient(name).kind, meaning=c.meaning, sets=(name,))
+        by_name[name] = Variable(name=name, kind=quantity_kind(c), meaning=c.meaning, sets=(name,))
     for name, r in RATIOS.items():
         kind = QuantityKind(unit="", low=r.low, exclusive_low=r.exclusive_low, example=r.example)
         by_name[name] = Variable(name=name, kind=kind, meaning=r.meaning, sets=r.sets)
     return MappingProxyType(by_name)
-
-
-def _of_scenario(key: str) -> tuple[QuantityKind, str]:
-    """Return the kind and the meaning of the quantity that a scenario file has under ``key``, "release.angle"."""
-    group, _, name = key.partition(".")
-    field = ScenarioFile.model_fields[group]
-    if name:
-        assert field.annotation is not None
-        field = field.annotation.model_fields[name]
-    meaning = f"{group}: {field.description or name}".rstrip(".") if name else (field.description or group).rstrip(".")
-    return _quantity_in(field).kind, meaning
-
-
-def _quantity_in(field: Any) -> QuantityField:
-    """Return the quantity field inside an annotation such as ``Annotated[float, Quantity] | None``."""
-    inside = field.metadata if isinstance(field, FieldInfo) else ()
-    quantity_fields = [mark for mark in (*inside, *getattr(field, "__metadata__", ())) if isinstance(mark, QuantityField)]
-    if quantity_fields:
-        return quantity_fields[0]
-    parts = get_args(field.annotation if isinstance(field, FieldInfo) else field)
-    return next(q for q in map(_quantity_in, parts) if q is not None)
 
 
 def columns(base: Parameters, given: Mapping[str, Array]) -> dict[str, Array]:

@@ -7,8 +7,8 @@ from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path, PurePosixPath
 
-from looping_pendulum.compare.export import write_atomically
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.files import write_atomically
 
 PACKAGE_FILES = resources.files("looping_pendulum.teaching")
 MAP = resources.files("looping_pendulum.sweep") / "maps" / "quick.yaml"

@@ -16,12 +16,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from PIL import Image
 
-from looping_pendulum.compare.plots import TRACKED
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.engines.trajectory import Trajectory, finite_length, first_samples
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import write_atomically
-from looping_pendulum.pages.drawing import without_mathtext
+from looping_pendulum.pages.chart import tracked_points
+from looping_pendulum.pages.drawing import curve_look, without_mathtext
 from looping_pendulum.pages.palette import Style, styles
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release, parameters_from
@@ -180,7 +180,7 @@ class _Stage:
             x, y = (track.channel(f"{mass}_{axis}") for axis in ("x", "y"))
             if x is not None and y is not None:
                 label = None if self._points else "tracked points"
-                (rings,) = self._axes.plot([], [], **TRACKED, label=label, zorder=5)
+                (rings,) = self._axes.plot([], [], **curve_look(tracked_points([], [])), label=label, zorder=5)
                 self._points.append((np.array(track.t), np.array(x), np.array(y), rings))
 
     def draw(self, time: float, slower: float) -> None:

@@ -10,12 +10,22 @@ from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import DURATION, solve
 from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.document import quote
-from looping_pendulum.scenarios.fields import suggest
+from looping_pendulum.scenarios.fields import keys_below, suggest
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.scenarios.schema import file_model
-from looping_pendulum.scenarios.validation_errors import keys_below
-from looping_pendulum.teaching.answers import Answers, Tree, get, put, yaml_text
-from looping_pendulum.teaching.questions import QUESTIONS, RELEASES, AnswerError, check_release, check_text
+from looping_pendulum.teaching.questions import (
+    QUESTIONS,
+    RELEASES,
+    AnswerError,
+    Answers,
+    Tree,
+    check_quantity,
+    check_release,
+    check_text,
+    get,
+    put,
+    yaml_text,
+)
 
 SCENARIO_HEAD = """\
 # Every number carries its unit. Angles are those of the string to the light mass: 0 deg is straight up, 90 deg is level,
@@ -70,7 +80,7 @@ def new_scenario(answer: Answers, *, name: str, like: str) -> tuple[str, Scenari
         default = get(defaults, key)
         # The scenario ``like`` may have no number for a question, as a vertical release has no angle
         default = get(usual, key) if default is None else default
-        put(tree, key, answer(key, question.text, str(default), question.check))
+        put(tree, key, answer(key, question.question, str(default), check_quantity(question)))
     put(tree, "release.kind", kind)
     for key, value in answer.unused.items():
         put(tree, key, value)

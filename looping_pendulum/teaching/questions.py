@@ -1,4 +1,4 @@
-"""The questions of `new`, as data: their order, their texts and the usual range of the answers.
+"""The questions of `new`, as data, and their answers: asked once, checked as they come, kept when another is asked again.
 
 Unit and bounds of each key are those of the scenario file's schema.
 """
@@ -6,18 +6,22 @@ Unit and bounds of each key are those of the scenario file's schema.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any, TypeVar
 
+import yaml
 from pydantic_core import PydanticCustomError
 
-from looping_pendulum.errors import HarnessError
-from looping_pendulum.measured.study_fields import MeasuredField
-from looping_pendulum.reference_ode import effects as effect_library
+from looping_pendulum.errors import FileKeyError, HarnessError
+from looping_pendulum.measured.study_file import MeasuredField
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.fields import QuantityField
-from looping_pendulum.scenarios.scenario import FILE_KEYS
-from looping_pendulum.scenarios.units import QuantityKind, show
+from looping_pendulum.scenarios.quantities import QUANTITIES, Quantity
+from looping_pendulum.scenarios.units import show
+
+Tree = dict[str, Any]
+"""Content of a YAML file, or a group in it."""
+T = TypeVar("T")
 
 
 class AnswerError(HarnessError, ValueError):
@@ -35,57 +39,40 @@ Ask = Callable[[str, str, Check], str]
 """Called with a question, its default and its check; returns an answer that passes."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Question:
-    """A question for one quantity of a scenario or study."""
+QUESTIONS: Mapping[str, Quantity] = MappingProxyType({q.key: q for q in QUANTITIES.values() if q.question})
+"""Key of a scenario file -> the quantity that is asked for, in the order of asking."""
 
-    key: str
-    """Key of the quantity in the file, "light.mass"."""
-    text: str
-    """Text of the question."""
-    unit: str
-    """SI unit; '' for a plain number."""
-    usual: tuple[float, float]
-    """Range of apparatus that fits on a table at school or at home [SI]; outside it there is a warning, not an error."""
-    positive: bool = True
-    """Whether the value must be above 0; otherwise 0 is allowed."""
-    maximum: float = float("inf")
-    """Largest value that the file allows [SI]."""
 
-    def check(self, answer: str) -> str:
-        """Read an answer such as "12 g"; return a warning if it is unusual.
+def check_quantity(q: Quantity) -> Check:
+    """Return a function that reads an answer such as "12 g", and returns a warning if it is unusual.
 
-        Raises
-        ------
-        AnswerError
-            If it is no quantity of this kind.
-        """
-        return self._warning_if_unusual(read(QuantityField(self._kind), answer))
+    It raises `AnswerError` if it is no quantity of this kind.
+    """
+    return lambda answer: _warning_if_unusual(q, read(QuantityField(q.kind), answer))
 
-    def check_measured(self, answer: str) -> str:
-        """Read an answer such as "12 g +/- 1 %"; return a warning if it is unusual, or has no error.
 
-        Raises
-        ------
-        AnswerError
-            If it is no such quantity.
-        """
+def check_measured(q: Quantity) -> Check:
+    """Return a function that reads an answer such as "12 g +/- 1 %", and returns a warning if it is unusual, or has no error.
+
+    It raises `AnswerError` if it is no such quantity.
+    """
+
+    def check(answer: str) -> str:
         try:
-            estimate = MeasuredField(self._kind, start=None).estimate(answer)
+            estimate = MeasuredField(q.kind).estimate(answer)
         except PydanticCustomError as error:
             raise AnswerError(str(error)) from None
         exact = "" if estimate.uncertain else "taken as exact, as no error was given; write for example '+/- 1 %' behind it"
-        return "; ".join(filter(None, (self._warning_if_unusual(estimate.value), exact)))
+        return "; ".join(filter(None, (_warning_if_unusual(q, estimate.value), exact)))
 
-    @property
-    def _kind(self) -> QuantityKind:
-        return QuantityKind(unit=self.unit, low=0.0, high=self.maximum, exclusive_low=self.positive)
+    return check
 
-    def _warning_if_unusual(self, value: float) -> str:
-        low, high = self.usual
-        if low <= value <= high:
-            return ""
-        return f"unusual: most are between {show(low, self.unit)} and {show(high, self.unit)}; is the unit right?"
+
+def _warning_if_unusual(q: Quantity, value: float) -> str:
+    low, high = q.usual
+    if low <= value <= high:
+        return ""
+    return f"unusual: most are between {show(low, q.kind.unit)} and {show(high, q.kind.unit)}; is the unit right?"
 
 
 def read(quantity: QuantityField, answer: str) -> float:
@@ -101,39 +88,6 @@ def read(quantity: QuantityField, answer: str) -> float:
     except PydanticCustomError as error:
         raise AnswerError(str(error)) from None
 
-
-def _coefficient(name: str, text: str, usual: tuple[float, float]) -> Question:
-    c = effect_library.COEFFICIENTS[name]
-    return Question(key=FILE_KEYS[name], text=text, unit=c.unit, usual=usual, positive=False, maximum=c.bounds[1])
-
-
-_DEGREE = 0.017453292519943295
-QUESTIONS: Mapping[str, Question] = MappingProxyType(
-    {
-        q.key: q
-        for q in (
-            Question(key="light.mass", text="Light mass M1, which loops around the rod", unit="kg", usual=(1e-3, 0.2)),
-            Question(key="heavy.mass", text="Heavy mass M2, which falls", unit="kg", usual=(5e-3, 2.0)),
-            Question(key="rod.radius", text="Radius of the rod (half its diameter)", unit="m", usual=(5e-4, 0.05)),
-            _coefficient("kinetic_friction", "Friction coefficient of the string on the rod", (0.05, 1.0)),
-            _coefficient("static_friction", "Friction coefficient of the string before it slides", (0.05, 1.5)),
-            _coefficient("light_drag", "Air drag of the light mass (C rho A / 2)", (0.0, 0.01)),
-            _coefficient("heavy_drag", "Air drag of the heavy mass", (0.0, 0.02)),
-            _coefficient("string_drag", "Air drag of the string, per length", (0.0, 0.01)),
-            Question(
-                key="release.angle",
-                text="Angle of the string at release (90 deg is level, 180 deg straight down)",
-                unit="rad",
-                usual=(30 * _DEGREE, 150 * _DEGREE),
-                maximum=360 * _DEGREE,
-            ),
-            Question(key="release.free_length", text="String from the rod to the light mass", unit="m", usual=(0.1, 3.0)),
-            Question(key="release.hanging_length", text="String from the rod to the heavy mass", unit="m", usual=(5e-3, 1.0)),
-            Question(key="duration", text="How long to watch", unit="s", usual=(0.2, 10.0), maximum=3600.0),
-        )
-    }
-)
-"""Key of a scenario file -> its question, in the order of asking."""
 
 RELEASES = {
     Release.LOOPING.value: "the demonstration: both free",
@@ -168,3 +122,164 @@ def check_text(answer: str) -> str:
     if not answer.strip() or not answer.isprintable():
         raise AnswerError("expected a few words on one line, got nothing readable")
     return ""
+
+
+class Answers:
+    """Asks for answers, except for those that were given beforehand, which are checked in the same way.
+
+    Parameters
+    ----------
+    ask
+        How to ask; see `Ask`.
+    given
+        Key of a question -> answer, which is then not asked: "light.mass" -> "12 g".
+    tell
+        Called with a line for the user, such as what a file says of itself.
+    asks_again
+        Whether a fault leads back to its question; otherwise it is raised.
+    """
+
+    def __init__(
+        self, ask: Ask, given: Mapping[str, str], *, tell: Callable[[str], None] = lambda line: None, asks_again: bool = False
+    ) -> None:
+        self._ask = ask
+        self._given = dict(given)
+        self._tell = tell
+        self._told: set[str] = set()
+        self._asks_again = asks_again
+        self._former: dict[str, str] = {}
+        """Key -> answer that has to be asked again, and is then the default."""
+        self.known: dict[str, str] = {}
+        """Key -> answer that passed its check."""
+        self.asked: list[str] = []
+        """Keys of the questions that were asked, as no answer was given beforehand."""
+
+    def __call__(self, key: str, words: str, default: str, check: Check) -> str:
+        """Return the answer to a question, which is asked if it is not known."""
+        if key in self.known:
+            return self.known[key]
+        answer = self.optional(key, check)
+        if answer is None:
+            answer = self._ask(words, self._former.get(key, default), check)
+            self.asked.append(key)
+        self.known[key] = answer
+        return answer
+
+    def optional(self, key: str, check: Check) -> str | None:
+        """Return an answer that was given beforehand, to a question that is not asked; None if it was not given."""
+        if key in self.known:
+            return self.known[key]
+        if key not in self._given:
+            return None
+        try:
+            check(self._given[key])
+        except AnswerError as error:
+            fault = AnswerError(f"--set {key}: {error}", keys=(key,))
+            if not self._asks_again:
+                raise fault from None
+            self._tell(f"  {fault}")
+            del self._given[key]
+            return None
+        self.known[key] = self._given.pop(key)
+        return self.known[key]
+
+    @property
+    def unused(self) -> dict[str, str]:
+        """Return the answers that were given beforehand and belong to no question so far."""
+        return self._given
+
+    @property
+    def so_far(self) -> dict[str, str]:
+        """Return all answers, those that were to be asked again among them."""
+        return self._former | self._given | self.known
+
+    def tell(self, line: str) -> None:
+        """Show a line to the user, once."""
+        if line not in self._told:
+            self._told.add(line)
+            self._tell(line)
+
+    def write(self, make: Callable[[Answers], T]) -> T:
+        """Return what ``make`` makes of the answers; a fault in these leads back to the questions that it is about.
+
+        Raises
+        ------
+        AnswerError, FileKeyError
+            A fault, where it does not lead back.
+        """
+        while True:
+            try:
+                return make(self)
+            except (AnswerError, FileKeyError) as error:
+                keys = error.keys if isinstance(error, AnswerError) else question_keys(error.path)
+                if not (self._asks_again and self._forget(keys)):
+                    raise
+                self._tell(f"  {error}")
+
+    def _forget(self, keys: tuple[str, ...]) -> bool:
+        """Have the questions asked again whose key is among ``keys`` or in one of these groups; if there is none, have all.
+
+        Returns whether there is anything to ask again. The answers so far are then the defaults.
+        """
+        have = self.known | self._given
+        at_fault = [key for key in have if any(key == k or key.startswith(f"{k}.") for k in keys)] or list(self.known)
+        for key in at_fault:
+            self._former[key] = have[key]
+            self.known.pop(key, None)
+            self._given.pop(key, None)
+        return bool(at_fault)
+
+
+def question_keys(path: tuple[str | int, ...]) -> tuple[str, ...]:
+    """Return the keys of the questions about a place in a scenario or a study.
+
+    ("trials", 0, "release", "angle") is asked as "trials.1.release.angle", and ("apparatus", "rod") as "rod".
+    """
+    if path[:1] == ("trials",) and len(path) > 1:
+        trial = f"trials.{int(path[1]) + 1}"
+        if path[2:] in (("name",), ("file",)):
+            return (f"{trial}.file",)
+        # A trial as a whole contradicts the apparatus
+        return (".".join([trial, *map(str, path[2:])]),) if path[2:] else (f"{trial}.release", f"{trial}.heavy", "light", "rod")
+    key = ".".join(str(part) for part in path if part != "apparatus")
+    return (key.partition(".")[0],) if key.startswith("effects") else (key,) if key else ()
+
+
+def get(tree: Tree, key: str) -> Any:
+    """Return the value of a dotted key, or None."""
+    value: Any = tree
+    for part in key.split("."):
+        value = value.get(part) if isinstance(value, dict) else None
+    return value
+
+
+def put(tree: Tree, key: str, value: Any) -> None:
+    """Set the value of a dotted key, adding the groups that it needs."""
+    *groups, last = key.split(".")
+    for group in groups:
+        if not isinstance(tree.get(group), dict):
+            tree[group] = {}
+        tree = tree[group]
+    tree[last] = value
+
+
+def yaml_text(tree: Tree, order: tuple[str, ...]) -> str:
+    """Return a tree as YAML, its first keys in the given order."""
+    ordered = {key: tree[key] for key in order if key in tree} | tree
+    return str(yaml.dump(_plain(ordered), Dumper=yaml.SafeDumper, sort_keys=False, allow_unicode=True, width=100))
+
+
+def _plain(value: Any) -> Any:
+    """Convert texts of numbers and flags to numbers and flags, as YAML would put the texts in quotes."""
+    if isinstance(value, dict):
+        return {
+            key: inner if key in ("title", "name", "file", "tracks", "run") else _plain(inner) for key, inner in value.items()
+        }
+    if isinstance(value, list):
+        return [_plain(inner) for inner in value]
+    if value in ("true", "false"):
+        return value == "true"
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value

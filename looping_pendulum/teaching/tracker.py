@@ -18,9 +18,10 @@ from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import label, select
 from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.errors import EngineError, HarnessError
+from looping_pendulum.measured.delimited import MAX_LINE_LENGTH, numbered_lines, split_cells
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.solve import DURATION, solve
-from looping_pendulum.scenarios import loader, text_table
+from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.scenario import Scenario
 
 HEADER = ("t", "heavyx", "heavyy", "lightx", "lighty")
@@ -205,9 +206,9 @@ def _file_of_run(folder: Path, engine: str | None) -> Path:
 
 
 def _motion_of_file(path: Path) -> TrackedMotion:
-    """Return the motion in a CSV file of `compare.export.trajectory_csv`."""
+    """Return the motion in a CSV file of `compare.trajectories.trajectory_csv`."""
     names = ("t", "heavy_x", "heavy_y", "heavy_vx", "heavy_vy", "light_x", "light_y", "light_vx", "light_vy")
-    rows = [text_table.cells(line, ",") for _, line in text_table.lines(_read_text(path))]
+    rows = [split_cells(line, ",") for _, line in numbered_lines(_read_text(path))]
     while rows and not any(rows[-1]):
         rows.pop()  # empty lines at the end
     header = [cell.partition(" [")[0] for cell in rows[0]] if rows else []
@@ -245,8 +246,8 @@ def _read_text(path: Path) -> str:
         line = raw.count(b"\n", 0, error.start) + 1
         message = f"{path}:{line}: found the byte 0x{raw[error.start]:02x}, needed UTF-8 text"
         raise TrackerError(f"{message}, as `looping-pendulum run --out` writes it") from None
-    for line, content in text_table.lines(text):
-        if len(content) > text_table.MAX_LINE_LENGTH:
+    for line, content in numbered_lines(text):
+        if len(content) > MAX_LINE_LENGTH:
             raise TrackerError(f"{path}:{line}: found a line of {len(content)} characters, needed a row of numbers")
     return text
 

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.reference_ode.batch import solve_batch
-from looping_pendulum.reference_ode.lyapunov import solve_tangent_map
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import solve
-from looping_pendulum.sweep.grazing import ParameterLine, SequenceChange, approach, find_changes, gap
-from looping_pendulum.sweep.uncertainty import uncertain_fractions, uncertainty_exponent
 
 from .common import CASES, DURATION, PAPER_ANGLES, at_angle, case, letters, rounded
+from .grazing import ParameterLine, SequenceChange, approach, find_changes, gap
+from .lyapunov import solve_tangent_map
+from .uncertainty import uncertain_fractions, uncertainty_exponent
 
 BRACKET_WIDTH = 1e-8
 """Width to which a change is bracketed [rad]; below about 1e-9 rad, rounding decides which events the solver finds."""

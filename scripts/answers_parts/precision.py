@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.reference_ode.equations import Equations
-from looping_pendulum.reference_ode.extended import solve_extended
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solution import Run
 from looping_pendulum.reference_ode.solve import solve
@@ -17,6 +16,7 @@ from looping_pendulum.reference_ode.state import Signs, State
 from looping_pendulum.reference_ode.transitions import Mode
 
 from .common import CASES, DURATION, PAPER_ANGLES, at_angle, case, letters, rounded
+from .extended import solve_extended
 
 TOLERANCES = tuple(10.0**-k for k in range(8, 16))
 SCIPY_TOLERANCES = tuple(10.0**-k for k in range(8, 14))

@@ -11,11 +11,11 @@ from looping_pendulum.reference_ode.batch import ENDS, BatchResult, solve_batch
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.sweep import map_file
-from looping_pendulum.sweep.grazing import ParameterLine, explain
 from looping_pendulum.sweep.plan import MapPlan
 from looping_pendulum.sweep.quantities import columns
 
 from .common import CASES, case, letters, rounded, write_map
+from .grazing import ParameterLine, explain
 
 LOWEST_ANGLES = np.arange(3.0, 136.0, 3.0)
 """Release angles of the search for the lowest ratio [deg]."""

@@ -21,8 +21,8 @@ from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.measured.study_io import load
-from looping_pendulum.reference_ode.extended import solve_extended
 from looping_pendulum.reference_ode.solve import solve_at
+from scripts.answers_parts.extended import solve_extended
 from tests.apparatus import SENSITIVE, TEN_TO_ONE, TWO_TO_ONE
 
 DATA = Path(__file__).with_name("data")

@@ -17,9 +17,9 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import FixedFormatter, FuncFormatter
 
-from looping_pendulum.compare import compare, plots
+from looping_pendulum.compare import compare
 from looping_pendulum.compare.convergence import result as convergence_result
-from looping_pendulum.compare.convergence.measure import ReferenceTarget
+from looping_pendulum.compare.convergence.study import ReferenceTarget
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.discrepancy.report import plots as identify_plots
 from looping_pendulum.engines.trajectory import (
@@ -34,6 +34,8 @@ from looping_pendulum.engines.trajectory import (
     TrajectoryEvent,
     from_samples,
 )
+from looping_pendulum.measured.events import MeasuredEventRow
+from looping_pendulum.pages import drawing
 from looping_pendulum.reference_ode.geometry import light_position
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.transitions import Mode
@@ -174,7 +176,7 @@ def table() -> SimpleNamespace:
         ("wrap_angle_at_halt", 1, None, 4.0, "rad"),
         ("x1_extremum", 99, 0.34, 0.34, "s"),
     )
-    return SimpleNamespace(rows=[SimpleNamespace(**dict(zip(names, row, strict=True))) for row in rows])
+    return SimpleNamespace(rows=[MeasuredEventRow(**dict(zip(names, row, strict=True))) for row in rows])
 
 
 @pytest.fixture
@@ -221,7 +223,7 @@ def texts_alone(figure: Figure) -> bytes:
 @pytest.fixture
 def quick_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every figure is made, but only its texts are drawn: curves and layout take ten times as long."""
-    monkeypatch.setattr(plots, "png", texts_alone)
+    monkeypatch.setattr(drawing, "png", texts_alone)
     monkeypatch.setattr(identify_plots, "png", texts_alone)
 
 

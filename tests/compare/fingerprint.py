@@ -30,6 +30,8 @@ def plain(value: Any) -> Any:
         items = list(value)
         if len(items) > LONG and all(v is None or isinstance(v, int | float | np.number) for v in items):
             return _shortened([math.nan if v is None else float(v) for v in items])
+        if len(items) > LONG and all(isinstance(v, list) and len(v) == 2 for v in items):
+            return [plain(column) for column in zip(*items, strict=True)]
         return [plain(v) for v in items]
     if isinstance(value, int | float | np.number):
         return None if math.isnan(value) else round(float(value), 12)

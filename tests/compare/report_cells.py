@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from looping_pendulum.compare.paper_table import events_table
+from looping_pendulum.compare.report import events_table
 from looping_pendulum.compare.result import Departure, MeasuredRow, ToleranceOutcome, ToleranceResult
 from looping_pendulum.engines.landmarks import HaltingTimeAt, Landmarks, Rebound, Stop
 from looping_pendulum.engines.string_motion import RESOLUTIONS

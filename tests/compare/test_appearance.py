@@ -15,11 +15,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from looping_pendulum.compare import compare, page, plots
-from looping_pendulum.compare.convergence import plots as convergence_plots
-from looping_pendulum.compare.convergence.ladder import SequenceKind
+from looping_pendulum.compare import compare, figures
+from looping_pendulum.compare.convergence import report as convergence_plots
+from looping_pendulum.compare.convergence.result import SequenceKind
 from looping_pendulum.engines.trajectory import RunStatus
-from looping_pendulum.pages.palette import styles
+from looping_pendulum.measured.events import MeasuredEventRow
+from looping_pendulum.pages.drawing import draw
+from looping_pendulum.pages.figures import on_page
 from tests.compare import fingerprint
 
 STORED = Path(__file__).with_name("appearance.json")
@@ -44,24 +46,18 @@ def everything(measured_scenario, reference, make_run, missing, table):
     exact = make_run(engine="drake", profile="accurate")
     rows = [
         *table.rows,
-        SimpleNamespace(quantity="t_A", index=1, measured=0.33, paper_numerical=0.34, unit="s"),
-        SimpleNamespace(quantity="height_change_at_A", index=1, measured=-0.24, paper_numerical=None, unit="m"),
-        SimpleNamespace(quantity="time_light_reaches_rod", index=1, measured=1.0, paper_numerical=1.05, unit="s"),
+        MeasuredEventRow(quantity="t_A", index=1, measured=0.33, paper_numerical=0.34, unit="s"),
+        MeasuredEventRow(quantity="height_change_at_A", index=1, measured=-0.24, paper_numerical=None, unit="m"),
+        MeasuredEventRow(quantity="time_light_reaches_rod", index=1, measured=1.0, paper_numerical=1.05, unit="s"),
     ]
     return compare(measured_scenario, reference, [lower, crashed, exact, missing], SimpleNamespace(rows=rows))
 
 
 def looks(result):
     """Name -> figure, of both kinds."""
-    look, samples = styles(e.label for e in result.engines), result.samples
-    drawn = {
-        "path": plots.path_figure(result, samples, look),
-        "drop": plots.drop_figure(result, samples, look),
-        "divergence": plots.divergence_figure(result, samples, look),
-        "events": plots.events_figure(result, look),
-    }
-    fingerprints = {name: fingerprint.of_figure(figure) for name, figure in drawn.items()}
-    return fingerprints | {f"page {f.id}": fingerprint.plain(dataclasses.asdict(f)) for f in page.figures(result)}
+    charts = figures.charts(result)
+    fingerprints = {chart.id: fingerprint.of_figure(draw(chart)) for chart in charts}
+    return fingerprints | {f"page {chart.id}": fingerprint.plain(dataclasses.asdict(on_page(chart))) for chart in charts}
 
 
 def ladder():
@@ -115,7 +111,7 @@ def lines_of(figure, k=0):
 
 def test_the_divergence_is_the_distance_in_millimetres(full):
     # Oracle: the runs' own samples.
-    drawn = lines_of(plots.divergence_figure(full, full.samples, styles(e.label for e in full.engines)))
+    drawn = lines_of(draw(figures.divergence_chart(full, full.samples)))
     late, reference = full.samples.aligned[0], full.samples.reference
     t, distance = drawn["pymunk:chain"]
     expected = 1e3 * np.hypot(*(late.run.light_position - reference.light_position[: len(late.t)]).T)
@@ -125,9 +121,9 @@ def test_the_divergence_is_the_distance_in_millimetres(full):
 
 
 def test_a_lower_heavy_mass_is_drawn_above_zero_in_the_panel_of_drops(full):
-    figure = plots.drop_figure(full, full.samples, styles(e.label for e in full.engines))
+    figure = draw(figures.drop_chart(full, full.samples))
     late, reference = full.samples.aligned[0], full.samples.reference
-    lines = [line.get_data() for line in figure.axes[1].lines]
+    lines = [line.get_data() for line in figure.axes[1].lines[1:]]  # after the line at zero
     expected = 1e3 * (reference.heavy_position[: len(late.t), 1] - late.run.heavy_position[:, 1])
     assert expected[-1] == pytest.approx(12, abs=0.5)
     np.testing.assert_allclose(lines[0][1], expected, rtol=1e-9, atol=1e-9)
@@ -136,27 +132,24 @@ def test_a_lower_heavy_mass_is_drawn_above_zero_in_the_panel_of_drops(full):
 
 
 def test_measured_drops_are_downward(full):
-    assert plots.measured_drops(full) == [(0.33, 0.24), (0.3512, 0.25)]
+    assert figures.measured_drops(full) == [(0.33, 0.24), (0.3512, 0.25)]
 
 
 def test_event_times_are_drawn_less_the_measured_ones(full):
-    figure = plots.events_figure(full, styles(e.label for e in full.engines))
-    drawn = lines_of(figure)
+    drawn = lines_of(draw(figures.events_chart(full)))
     measured = [row.measured for row in full.measured if row.unit == "s" and row.measured is not None]
     reference = [row.reference for row in full.measured if row.unit == "s" and row.measured is not None]
     expected = [1e3 * (v - m) for v, m in zip(reference, measured, strict=True) if v is not None]
     np.testing.assert_allclose(drawn["reference"][0], expected, rtol=1e-12)
-    (events,) = [f for f in page.figures(full) if f.id == "events"]
-    shown = [x for x in events.traces[1]["x"] if x is not None]
-    np.testing.assert_allclose(shown, expected, atol=6e-4)  # the page rounds to a microsecond
+    (reference,) = [trace for trace in on_page(figures.events_chart(full)).traces if trace["name"] == "reference"]
+    np.testing.assert_allclose([x for x, _ in reference["customdata"]], expected, rtol=1e-5)  # a page has six digits
 
 
 def test_the_star_is_where_the_light_mass_was_at_the_halt(full):
-    figure = plots.path_figure(full, full.samples, styles(e.label for e in full.engines))
+    chart = figures.path_chart(full, full.samples)
     late, halt = full.samples.aligned[0].run, full.engines[0].landmarks.halting_time
     place = [np.interp(halt, late.t, late.light_position[:, k]) for k in (0, 1)]
-    stars = [c.get_offsets()[0] for c in figure.axes[0].collections]
+    stars = [np.ravel(line.get_data()) for line in draw(chart).axes[0].lines if line.get_marker() == "*"]
     assert any(np.allclose(star, place, atol=1e-12) for star in stars)
-    (path,) = [f for f in page.figures(full) if f.id == "path"]
-    pairs = [(t["x"][0], t["y"][0]) for t in path.traces if len(t["x"]) == 1]
+    pairs = [(t["x"][0], t["y"][0]) for t in on_page(chart).traces if len(t["x"]) == 1]
     assert any(np.allclose(pair, place, atol=1e-6) for pair in pairs)

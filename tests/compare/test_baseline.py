@@ -3,22 +3,31 @@
 from __future__ import annotations
 
 import dataclasses
+import enum
 import json
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
 
+import numpy as np
 import pytest
 
-from looping_pendulum.compare import compare, write
+from looping_pendulum.compare import baseline, compare, write
 from looping_pendulum.compare.baseline import (
     MIN_METRIC_CHANGES,
     ChangeKind,
+    ResultChange,
     changes_since,
     heading,
     read_baseline,
     render,
     rows,
+    thresholds,
 )
+from looping_pendulum.compare.json_text import MAX_INTEGER_DIGITS, MAX_NESTING, dump, load, plain
 from looping_pendulum.compare.report import render as render_report
 from looping_pendulum.compare.result import ComparisonResult
+from looping_pendulum.engines.landmarks import Extremum, Landmarks, Stop
 from looping_pendulum.engines.trajectory import Provenance, RunStatus
 from looping_pendulum.errors import ResultError
 
@@ -172,3 +181,324 @@ def test_an_older_file_may_lack_a_key_that_has_a_default(scenario, reference, ma
     tree = json.loads(compare(scenario, reference, [make_run()]).to_json())
     del tree["engines"][0]["landmarks"]["slip_onsets"]
     assert ComparisonResult.from_json(json.dumps(tree)).engines[0].landmarks.slip_onsets == ()
+
+
+ME = "pymunk:chain, quick"
+
+
+@pytest.fixture
+def result(scenario, reference, make_run):
+    return compare(scenario, reference, [make_run(shift=(3e-3, 0.0))])
+
+
+def edited(result, *, reference=None, **engine):
+    (one,) = result.engines
+    true = dataclasses.replace(result.reference, **(reference or {}))
+    return dataclasses.replace(result, engines=(dataclasses.replace(one, **engine),), reference=true)
+
+
+def listed(before, after, **more):
+    return [(c.kind, c.run, c.what, c.unit, c.before, c.after) for c in changes_since(before, after, **more).changes]
+
+
+def made(*changes, **fields):
+    known = {"scenario": "s", "baseline": "old", "baseline_written": "then", "relative": 0.01}
+    floors = {"floors": dict(baseline.MIN_METRIC_CHANGES), "landmark_floors": dict(baseline.MIN_LANDMARK_CHANGES)}
+    return baseline.ResultChanges(changes=tuple(changes), **(known | floors | fields))
+
+
+def change(before, after, unit="m", kind=ChangeKind.METRIC, run=ME, what="x"):
+    return ResultChange(kind=kind, run=run, what=what, unit=unit, before=before, after=after)
+
+
+@pytest.mark.parametrize(
+    ("one", "row"),
+    [
+        (change(2e-3, 3e-3), [ME, "metric: x", "2 mm", "3 mm", "+50 %"]),
+        (change(-2e-3, -3e-3), [ME, "metric: x", "-2 mm", "-3 mm", "-50 %"]),
+        (change(0.1234567, 0.1, "s"), [ME, "metric: x", "123.457 ms", "100 ms", "-19 %"]),
+        (change(1.0, 2.0, "rad"), [ME, "metric: x", "1000 mrad", "2000 mrad", "+100 %"]),
+        (change(0.5, 0.75, ""), [ME, "metric: x", "0.5", "0.75", "+50 %"]),
+        (change(0.0, 0.75, ""), [ME, "metric: x", "0", "0.75", ""]),
+        (change(None, 0.75, ""), [ME, "metric: x", "–", "0.75", ""]),
+        (change(0.75, None, "s"), [ME, "metric: x", "750 ms", "–", ""]),
+        (change(True, False, ""), [ME, "metric: x", "True", "False", ""]),
+        (change(True, 2, ""), [ME, "metric: x", "True", "2", ""]),
+        (change(2, True, ""), [ME, "metric: x", "2", "True", ""]),
+        (change("a", 2.0, "", ChangeKind.SETTING), [ME, "setting: x", "a", "2", ""]),
+        (change(2.0, "a", "", ChangeKind.SETTING), [ME, "setting: x", "2", "a", ""]),
+        (change(1, 3, "", ChangeKind.SCENARIO, run=""), ["scenario", "scenario: x", "1", "3", "+200 %"]),
+        (change(1e-300, 1e300, ""), [ME, "metric: x", "1e-300", "1e300", ""]),
+    ],
+)
+def test_a_row_has_both_values_in_their_unit_and_the_share(one, row):
+    assert rows(made(one)) == [row]
+
+
+@pytest.mark.parametrize(("count", "said"), [(0, "Nothing changed"), (1, "1 change"), (2, "2 changes"), (11, "11 changes")])
+def test_the_heading_counts(count, said):
+    changes = made(*[change(1, 2)] * count)
+    assert heading(changes) == f"{said} since old (written then)."
+    assert heading(dataclasses.replace(changes, baseline="")) == f"{said} since the baseline (written then)."
+    text = render(changes)
+    assert text.startswith(f"{said} since old (written then). Listed: metrics that moved by more than 1 % and")
+    assert text.count(f"| {ME} | metric: x | ") == count
+    assert ("| run | what | before | now | change |\n| --- | --- | --- | --- | ---: |\n" in text) is (count > 0)
+
+
+def test_the_thresholds_are_stated_in_their_units():
+    assert thresholds(made(relative=0.025)) == (
+        "Listed: metrics that moved by more than 2.5 % and more than 0.001 mm, 0.001 ms or 0.001 mrad (1e-6 of a plain "
+        "number); an engine's landmarks by more than 0.1 mm, 0.1 ms or 1 mrad, the reference's by the floors of the metrics; "
+        "any other difference."
+    )
+
+
+@pytest.mark.parametrize(
+    ("was", "now", "seen"),
+    [(0.5, 0.5049, False), (0.5, 0.5051, True), (-0.5, -0.5051, True), (-0.5, -0.5049, False), (None, 0.1, True),
+     (0.1, None, True), (None, None, False), (0.0, 0.9e-6, False), (0.0, 1.1e-6, True)],
+)  # fmt: skip
+def test_a_metric_moves_by_one_percent_of_what_it_was_and_by_its_floor(result, was, now, seen):
+    known = result.engines[0].metrics
+    before, after = (edited(result, metrics=known | {"tube_fraction": value}) for value in (was, now))
+    changes = listed(before, after)
+    assert changes == ([(ChangeKind.METRIC, ME, "tube_fraction", "", was, now)] if seen else [])
+
+
+def test_a_metric_that_only_one_version_knows_says_nothing(result):
+    known = result.engines[0].metrics
+    assert listed(result, edited(result, metrics=known | {"new": 1.0})) == []
+    assert listed(edited(result, metrics=known | {"old": 1.0}), result) == []
+    assert listed(edited(result, metrics=known | {"odd": 1.0}), edited(result, metrics=known | {"odd": 2.0})) == [
+        (ChangeKind.METRIC, ME, "odd", "", 1.0, 2.0)
+    ]
+
+
+MARKS = Landmarks(
+    stops=(Stop(time=0.2, height_change=-0.1), Stop(time=0.4, height_change=-0.3)),
+    slip_onsets=(0.3,),
+    halting_time=0.5,
+    drop_at_halt=0.25,
+    wrap_angle_at_halt=4.0,
+    free_length_at_halt=0.3,
+    light_reaches_rod=0.9,
+    x1_extrema=(Extremum(time=0.1, value=0.2),),
+)
+
+
+@pytest.mark.parametrize(
+    ("moved", "what", "unit", "pair"),
+    [
+        ({"halting_time": 0.50011}, "halting time", "s", (0.5, 0.50011)),
+        ({"halting_time": 0.50009}, None, "", ()),
+        ({"drop_at_halt": 0.25011}, "drop at halt", "m", (0.25, 0.25011)),
+        ({"free_length_at_halt": 0.30009}, None, "", ()),
+        ({"wrap_angle_at_halt": 4.0011}, "wrap angle at halt", "rad", (4.0, 4.0011)),
+        ({"wrap_angle_at_halt": 4.0009}, None, "", ()),
+        ({"light_reaches_rod": None}, "light reaches rod", "s", (0.9, None)),
+        ({"halting_confirmed": True}, "halting confirmed", "", (False, True)),
+        ({"slip_onsets": ()}, "number of slip onsets", "", (1, 0)),
+        ({"slip_onsets": (0.3002,)}, "slip onsets 1, time", "s", (0.3, 0.3002)),
+        ({"stops": (MARKS.stops[0], Stop(time=0.4, height_change=-0.3002))}, "stops 2, height change", "m", (-0.3, -0.3002)),
+        ({"stops": (Stop(time=0.2002, height_change=-0.1), MARKS.stops[1])}, "stops 1, time", "s", (0.2, 0.2002)),
+        ({"x1_extrema": (Extremum(time=0.1, value=0.2002),)}, "x1 extrema 1, value", "m", (0.2, 0.2002)),
+    ],
+)
+def test_every_landmark_has_its_name_unit_and_floor(result, moved, what, unit, pair):
+    before, after = (edited(result, landmarks=marks) for marks in (MARKS, dataclasses.replace(MARKS, **moved)))
+    assert listed(before, after) == ([] if what is None else [(ChangeKind.LANDMARK, ME, what, unit, *pair)])
+
+
+def test_the_references_landmarks_have_finer_floors_and_its_integrator_a_row(result):
+    later = dataclasses.replace(result.reference.landmarks, halting_time=result.reference.landmarks.halting_time + 2e-6)
+    changes = listed(result, edited(result, reference={"landmarks": later, "variant": "other"}))
+    assert [(kind, run, what) for kind, run, what, *_ in changes] == [
+        (ChangeKind.RUN, "reference", "integrator"), (ChangeKind.LANDMARK, "reference", "halting time"),
+    ]  # fmt: skip
+    assert changes[0][4:] == ("reference:closed form", "reference:other")
+
+
+def test_settings_and_seeds_that_come_and_go_are_changes(result):
+    (engine,) = result.engines
+
+    def having(settings, seed=None, versions=None):
+        provenance = dataclasses.replace(engine.provenance, settings=settings, seed=seed, versions=versions or {"a": "1"})
+        return edited(result, provenance=provenance)
+
+    assert listed(having({"a": 1, "b": {"c": 2}}), having({"b": {"c": 3, "d": 4}}, seed=7)) == [
+        (ChangeKind.SETTING, ME, "b.c", "", 2, 3), (ChangeKind.SETTING, ME, "b.d", "", None, 4),
+        (ChangeKind.SETTING, ME, "seed", "", None, 7),
+        (ChangeKind.SETTING, ME, "a", "", 1, None),
+    ]  # fmt: skip
+    assert listed(having({}, versions={"a": "1", "b": "2"}), having({}, versions={"a": "1", "c": "2"})) == [
+        (ChangeKind.VERSION, ME, "c", "", None, "2"), (ChangeKind.VERSION, ME, "b", "", "2", None),
+    ]  # fmt: skip
+    assert listed(having({}, seed=0), having({}, seed=0)) == []
+    assert listed(having({"x": 1.0}), having({"x": 1.0 + 2e-9})) == [(ChangeKind.SETTING, ME, "x", "", 1.0, 1.0 + 2e-9)]
+    assert listed(having({"x": 1.0}), having({"x": 1.0 + 0.5e-9})) == []
+    assert listed(having({"x": 1.0}), having({"x": 1})) == []
+
+
+def test_the_scenario_changes_with_its_duration(result):
+    assert listed(result, dataclasses.replace(result, duration=2.0)) == [(ChangeKind.SCENARIO, "", "duration", "", 1.05, 2.0)]
+
+
+def test_engines_come_first_as_they_are_now_and_then_those_that_are_gone(scenario, reference, make_run):
+    old, new = ([make_run(engine=name) for name in names] for names in ("abc", "dcb"))
+    before, after = compare(scenario, reference, old), compare(scenario, reference, new)
+    changes = [(run, before, after) for kind, run, _, _, before, after in listed(before, after) if kind is ChangeKind.RUN]
+    assert changes == [("d:chain, quick", "not run", "FINISHED"), ("a:chain, quick", "FINISHED", "not run")]
+    bare = compare(scenario, reference, [make_run(profile="")])
+    assert listed(bare, compare(scenario, reference, []))[0][1] == "pymunk:chain"
+
+
+def test_a_limit_that_is_new_or_gone_is_reported_by_its_outcome(scenario, reference, make_run, limit):
+    one = dataclasses.replace(scenario, tolerances=(limit("rms_0.7s", 4e-3),))
+    before, after = compare(one, reference, [make_run()]), compare(scenario, reference, [make_run()])
+    assert listed(before, after) == [(ChangeKind.TOLERANCE, ME, "rms_0.7s", "", "pass", None)]
+    assert listed(after, before) == [(ChangeKind.TOLERANCE, ME, "rms_0.7s", "", None, "pass")]
+    wider = compare(dataclasses.replace(scenario, tolerances=(limit("rms_0.7s", 5e-3),)), reference, [make_run()])
+    assert listed(before, wider) == [(ChangeKind.TOLERANCE, ME, "limit of rms_0.7s", "m", 4e-3, 5e-3)]
+
+
+# ---- files
+
+
+def test_a_file_that_is_far_too_large_is_not_read(tmp_path, monkeypatch):
+    assert baseline.MAX_BASELINE_BYTES == 64 * 2**20
+    monkeypatch.setattr(baseline, "MAX_BASELINE_BYTES", 3 * 2**20)
+    path = tmp_path / "big.json"
+    path.write_bytes(b" " * (3 * 2**20 + 1))
+    with pytest.raises(ResultError, match="found more than 3 MiB, needed a result.json"):
+        read_baseline(path, "made_up")
+    path.write_bytes(b" " * (3 * 2**20))
+    with pytest.raises(ResultError, match="line 1"):
+        read_baseline(path, "made_up")
+
+
+def test_an_error_of_a_baseline_names_its_file_once(tmp_path):
+    path = tmp_path / "result.json"
+    path.write_text("[]")
+    for given in (path, tmp_path):
+        with pytest.raises(ResultError) as caught:
+            read_baseline(given, "made_up")
+        assert str(caught.value).startswith(f"--baseline: {path}: schema: found ")
+        assert str(caught.value).count("result.json") == 1
+    with pytest.raises(ResultError, match=r"Is a directory|No such file"):
+        read_baseline(Path("/nowhere"), "made_up")
+
+
+class Colour(enum.Enum):
+    RED = "red"
+    BLUE = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inner:
+    number: float
+    maybe: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outer:
+    name: str
+    flag: bool = False
+    pair: tuple[str, float] = ("", 0.0)
+    many: tuple[Inner, ...] = ()
+    group: dict[str, float | None] = field(default_factory=dict)
+    hidden: int = field(default=0, compare=False)
+
+
+def test_plain_is_what_json_knows():
+    encoded = plain({"b": (1, 2.5), 3: {2, 1}, "n": math.nan, "i": -math.inf, "a": np.array([1.0, math.nan]), "e": Colour.BLUE})
+    assert encoded == {"3": [1, 2], "a": [1.0, None], "b": [1, 2.5], "e": 2, "i": None, "n": None}
+    assert list(encoded) == ["3", "a", "b", "e", "i", "n"]
+    assert plain([np.float64(2.0), np.int64(3), np.bool_(True), True, None, "x", Colour]) == [
+        2.0, 3, True, True, None, "x", str(Colour),
+    ]  # fmt: skip
+    assert plain("\ud800") == "\\ud800"
+    assert plain(Outer(name="n", hidden=7)) == {"name": "n", "flag": False, "pair": ["", 0.0], "many": [], "group": {}}
+    assert plain(Inner) == str(Inner), "a class is no value"
+
+
+def text(version=1, **tree):
+    return json.dumps({"schema": {"id": "ours", "version": version}} | tree)
+
+
+def read(content, version=3):
+    return load(Outer, content, "ours", version, file="f.json", rewrite_hint="make it anew")
+
+
+def test_there_and_back():
+    whole = Outer(name="ä", flag=True, pair=("p", 2.0), many=(Inner(number=1.0, maybe=3), Inner(number=0.5)), group={"g": None})
+    assert read(dump(whole, "ours", 3)) == whole
+    assert dump(whole, "ours", 3).startswith('{\n  "schema": {\n    "id": "ours",\n    "version": 3\n  },\n  "name": "ä",')
+    assert dump(whole, "ours", 3).endswith("}\n")
+    assert read(text(name="n", many=[{"number": 2}])).many[0] == Inner(number=2.0)
+    assert isinstance(read(text(name="n", many=[{"number": 2}])).many[0].number, float)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("{", "f.json: line 1: "),
+        ("{\n\n x}", "f.json: line 3: "),
+        (text(version=4, name="n"), "f.json: schema: found version '4', needed 3 or less; update looping-pendulum"),
+        (text(version=0, name="n"), "found version '0', needed 3"),
+        (text(version="1", name="n"), "needed 3 or less"),
+        ('{"schema": {"id": "others", "version": 1}}', "needed the id 'ours'"),
+        ('{"schema": "ours"}', "needed the id 'ours'"),
+        ("3", "needed the id 'ours'"),
+        (text(), "f.json: not as documented: found no 'name', needed it; make it anew"),
+        (text(name=3), "not as documented: name: found '3', needed text"),
+        (text(name="n", flag=1), "flag: found '1', needed true or false"),
+        (text(name="n", pair=["a"]), "pair: found 1 values, needed 2"),
+        (text(name="n", pair=["a", True]), r"pair[1]: found 'True', needed a number"),
+        (text(name="n", pair={}), "pair: found a group of keys, needed a list"),
+        (text(name="n", many=[{"number": "x"}]), r"many[0].number: found 'x', needed a number"),
+        (text(name="n", many=[{"number": 1, "maybe": 1.5}]), r"many[0].maybe: found '1.5', needed a whole number"),
+        (text(name="n", many=[{}]), r"many[0]: found no 'number', needed it"),
+        (text(name="n", many=[3]), r"many[0]: found '3', needed an object"),
+        (text(name="n", group={"g": "x"}), "group.g: found 'x', needed a number"),
+        (text(name="n", group=[]), "group: found a list, needed an object"),
+        (text(name="n")[:-1] + ', "x": 1e999}', "f.json: found 1e999, needed a finite number; make it anew"),
+        (text(name="n")[:-1] + ', "x": NaN}', "found NaN, needed a finite number"),
+        (text(name="\ud800"), "which is half a character, needed text"),
+        (text(name="n", **{"\udfff": 1}), "which is half a character, needed text"),
+        (text(name="n", x=[{"y": "\udc00"}]), "which is half a character, needed text"),
+    ],
+)
+def test_what_is_not_as_documented_says_where_and_what_was_needed(content, said):
+    with pytest.raises(ResultError) as caught:
+        read(content)
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_characters_beside_the_halves_are_text():
+    assert read(text(name="\ud7ff\ue000")).name == "\ud7ff\ue000"
+
+
+@pytest.mark.parametrize(("digits", "taken"), [(MAX_INTEGER_DIGITS, True), (MAX_INTEGER_DIGITS + 1, False)])
+def test_a_whole_number_has_at_most_300_digits(digits, taken):
+    content = text(name="n")[:-1] + f', "other": {"1" * digits}}}'
+    if taken:
+        assert read(content).name == "n"
+    else:
+        with pytest.raises(ResultError, match="found a whole number of 301 digits, needed at most 300"):
+            read(content)
+
+
+@pytest.mark.parametrize(("levels", "taken"), [(MAX_NESTING - 1, True), (MAX_NESTING, False)])
+def test_values_are_nested_at_most_64_deep(levels, taken):
+    """The whole is one level; empty lists within lists are the others."""
+    content = text(name="n")[:-1] + f', "other": {"[" * levels}{"]" * levels}}}'
+    if taken:
+        assert read(content).name == "n"
+    else:
+        with pytest.raises(ResultError, match="found more than 64 levels of nesting, needed a result; make it anew"):
+            read(content)
+    endless = text(name="n")[:-1] + f', "other": {"[" * 10**5}'
+    with pytest.raises(ResultError):
+        read(endless)

@@ -7,13 +7,12 @@ import pytest
 
 from looping_pendulum.compare.convergence.ladder import (
     Correction,
-    ErrorCause,
-    SequenceKind,
     classify_sequence,
     refinement_sizes,
     rms_norm,
     split_error,
 )
+from looping_pendulum.compare.convergence.result import DROP, ErrorCause, SequenceKind
 
 H = 0.5 ** np.arange(5)
 
@@ -160,12 +159,12 @@ def correction(change: float, uncertainty: float = 0.01, *, converges: bool = Tr
 )
 def test_an_error_is_split(own, corrections, choices, causes):
     others = {what: number(own + change) for what, change in choices.items()}
-    split = split_error(number(own), number(0), corrections=corrections, choices=others, spread=0.01)
+    split = split_error(number(own), number(0), corrections=corrections, choices=others, spread=0.01, quantity=DROP)
     assert split.causes == causes
     assert split.error == pytest.approx(own)
 
 
 def test_a_spread_as_large_as_the_difference_hides_a_model():
-    seen = split_error(number(0.5), number(0), corrections=[correction(0.0)], choices={}, spread=0.3)
+    seen = split_error(number(0.5), number(0), corrections=[correction(0.0)], choices={}, spread=0.3, quantity=DROP)
     assert seen.causes == (ErrorCause.NOTHING,)
     assert seen.model_uncertainty == pytest.approx(0.6, rel=1e-2)

@@ -9,8 +9,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from looping_pendulum.compare.convergence.ladder import ErrorCause, SequenceFinding, SequenceKind
-from looping_pendulum.compare.convergence.measure import (
+from looping_pendulum.compare.convergence.ladder import SequenceFinding
+from looping_pendulum.compare.convergence.result import DROP, HALT, PATH_END_TIMES, QUANTITIES, ErrorCause, SequenceKind
+from looping_pendulum.compare.convergence.study import (
     NUMBER_FLOOR,
     PATH_FLOOR,
     LadderResult,
@@ -20,16 +21,13 @@ from looping_pendulum.compare.convergence.measure import (
     convergence_verdict,
     correction,
     error_split,
+    evaluate_ladder,
     floors,
     is_contained,
     measure_run,
     reference_target,
     verdict_sentence,
     with_missing_halts,
-)
-from looping_pendulum.compare.convergence.result import DROP, HALT, PATH_END_TIMES, QUANTITIES
-from looping_pendulum.compare.convergence.study import (
-    evaluate_ladder,
 )
 from looping_pendulum.compare.run_cache import EndedRun
 from looping_pendulum.engines.studies import Ladder
@@ -115,7 +113,7 @@ def test_a_target_has_the_halt_that_its_samples_give(goal, closed_form):
 )
 def test_a_run_that_was_not_made_has_no_errors_and_says_why(goal, done, status, why):
     measured_run = measure_run("key", done, goal)
-    assert (measured_run.key, measured_run.ended, measured_run.summary.key) == ("key", False, "key")
+    assert (measured_run.summary.key, measured_run.summary.ok) == ("key", False)
     assert (measured_run.summary.status, measured_run.summary.why, measured_run.summary.ok) == (status, why, False)
     assert measured_run.errors == dict.fromkeys(QUANTITIES)
     assert measured_run.summary.rms == dict.fromkeys(PATH_END_TIMES)
@@ -135,7 +133,7 @@ def test_the_errors_of_a_late_run_are_later_minus_the_reference(goal, make_run, 
     assert (s.status, s.ok, s.why) == ("FINISHED", True, RunStatus.FINISHED.value)
     assert float(measured_run.errors[HALT][0, 0]) == s.halting_time_error
     assert {name: len(measured_run.errors[name]) for name in PATH_END_TIMES} == {EARLY: 351, LATE: 701}
-    assert measured_run.ended
+    assert measured_run.summary.ok
     still = measure_run("key", EndedRun(run=make_run(shift=(3e-3, 4e-3)), seconds=1.0), goal)
     assert still.summary.rms == {name: pytest.approx(5e-3, rel=1e-9) for name in PATH_END_TIMES}
     np.testing.assert_allclose(still.errors[LATE], np.tile([3e-3, 4e-3], (701, 1)))
@@ -145,7 +143,7 @@ def test_a_run_that_broke_off_has_no_halt_and_its_last_words(goal, make_run):
     crashed = make_run(until=0.5, status=RunStatus.CRASHED, message="first\nlast words\n")
     measured_run = measure_run("key", EndedRun(run=crashed, seconds=1.0), goal)
     assert measured_run.summary.why == f"{RunStatus.CRASHED.value}: last words"
-    assert (measured_run.ended, measured_run.summary.ok, measured_run.summary.status) == (False, False, "CRASHED")
+    assert (measured_run.summary.ok, measured_run.summary.status) == (False, "CRASHED")
     assert (measured_run.errors[HALT], measured_run.errors[DROP], measured_run.summary.halting_time) == (None, None, None)
     assert measured_run.errors[LATE] is None
     assert len(measured_run.errors[EARLY]) == 351
@@ -171,7 +169,7 @@ def errors(early=None, late=None, halt=None, drop=None):
 
 
 def measured(key="x", ended=True, **values):
-    return MeasuredRun(key=key, errors=errors(**values), ended=ended, summary=SimpleNamespace(key=key))
+    return MeasuredRun(errors=errors(**values), summary=SimpleNamespace(key=key, ok=ended))
 
 
 def test_a_path_moves_by_a_distance_and_a_number_with_its_sign():

@@ -6,15 +6,12 @@ import math
 
 import pytest
 
-from looping_pendulum.compare.convergence.ladder import SequenceKind
-from looping_pendulum.compare.convergence.measure import (
-    floors,
-)
-from looping_pendulum.compare.convergence.result import HALT, QUANTITIES
+from looping_pendulum.compare.convergence.result import HALT, QUANTITIES, SequenceKind
 from looping_pendulum.compare.convergence.study import (
     changed_starts,
     cut_to_watched,
     evaluate_variant,
+    floors,
     plan_variant,
 )
 from looping_pendulum.compare.run_cache import EndedRun

@@ -8,8 +8,6 @@ from types import SimpleNamespace
 import pytest
 
 from looping_pendulum.compare.convergence import study
-from looping_pendulum.compare.convergence.ladder import ErrorCause, SequenceKind
-from looping_pendulum.compare.convergence.measure import reference_target
 from looping_pendulum.compare.convergence.report import halting_table, opening, render, splits_table
 from looping_pendulum.compare.convergence.result import (
     DROP,
@@ -18,16 +16,19 @@ from looping_pendulum.compare.convergence.result import (
     QUANTITIES,
     ConvergenceResult,
     ConvergenceVerdict,
+    ErrorCause,
     ErrorSplit,
     LadderStudy,
     Rung,
     RunSummary,
     RunTime,
+    SequenceKind,
     StartChange,
     StudyClock,
     VariantStudy,
     VariationStudy,
 )
+from looping_pendulum.compare.convergence.study import reference_target
 from looping_pendulum.compare.result import RunProvenance, SupplyEntry
 from looping_pendulum.compare.run_cache import EndedRun
 from tests.compare.delayed import DelayedEngine
@@ -258,7 +259,7 @@ def test_each_figure_stands_with_its_variant():
 
 def test_a_result_comes_back_from_its_file_and_the_report_is_beside_it(tmp_path, monkeypatch):
     drawn = {"x.png": ("toy:a", "A figure.", b"png")}
-    monkeypatch.setattr("looping_pendulum.compare.convergence.plots.draw", lambda _: drawn)
+    monkeypatch.setattr("looping_pendulum.compare.convergence.report.draw", lambda _: drawn)
     whole = result()
     report = study.write(whole, tmp_path)
     assert report == tmp_path / "convergence.md"

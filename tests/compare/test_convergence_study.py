@@ -14,16 +14,16 @@ from typer.testing import CliRunner
 
 from looping_pendulum.cli.main import app
 from looping_pendulum.compare import run_cache
-from looping_pendulum.compare.convergence import plots
-from looping_pendulum.compare.convergence.ladder import ErrorCause, SequenceKind
-from looping_pendulum.compare.convergence.measure import floors, reference_target
+from looping_pendulum.compare.convergence import report as plots
 from looping_pendulum.compare.convergence.report import halting_verdict, render
-from looping_pendulum.compare.convergence.result import HALT, ConvergenceResult
+from looping_pendulum.compare.convergence.result import HALT, ConvergenceResult, ErrorCause, SequenceKind
 from looping_pendulum.compare.convergence.study import (
     changed_starts,
     cut_to_watched,
     evaluate_variant,
+    floors,
     plan_variant,
+    reference_target,
     study_convergence,
     write,
 )
@@ -163,7 +163,7 @@ def test_a_study_is_kept_and_goes_on(tmp_path, scenario, counted):
 
 @pytest.fixture
 def figures_without_pixels(monkeypatch):
-    """Make every figure but draw none, which takes a second each: test_ladder_figures.py and test_appearance.py draw them."""
+    """Make every figure but draw none, which takes a second each: test_figures.py and test_appearance.py draw them."""
     monkeypatch.setattr(plots, "png", lambda figure: b"")
 
 

@@ -6,7 +6,6 @@ from types import SimpleNamespace
 
 import pytest
 
-from looping_pendulum.compare.convergence.ladder import ErrorCause, SequenceKind
 from looping_pendulum.compare.convergence.report import (
     choices_table,
     defaults_table,
@@ -17,7 +16,7 @@ from looping_pendulum.compare.convergence.report import (
     splits_table,
     verdict_cell,
 )
-from looping_pendulum.compare.convergence.result import DROP, HALT, PATH_END_TIMES
+from looping_pendulum.compare.convergence.result import DROP, HALT, PATH_END_TIMES, ErrorCause, SequenceKind
 
 EARLY, LATE = PATH_END_TIMES
 

@@ -10,7 +10,7 @@ import pytest
 
 from looping_pendulum.compare import compare, write
 from looping_pendulum.compare.run_cache import EndedRun, RunCache, Runner, RunTask, run_key
-from looping_pendulum.compare.stored import stored_result
+from looping_pendulum.compare.trajectories import stored_result
 from looping_pendulum.engines.trajectory import COLUMNS, RunStatus
 from looping_pendulum.reference_ode.transitions import Mode
 from tests.compare.delayed import DelayedEngine
@@ -135,8 +135,8 @@ def test_a_run_without_samples_is_kept_too(kept, make_run):
 @pytest.fixture(autouse=True)
 def no_figures(monkeypatch):
     """Nothing here looks at figures, and they take a second each time."""
-    monkeypatch.setattr("looping_pendulum.compare.plots.draw", lambda result: {})
-    monkeypatch.setattr("looping_pendulum.compare.page.render", lambda *_: "")
+    monkeypatch.setattr("looping_pendulum.compare.figures.charts", lambda result: [])
+    monkeypatch.setattr("looping_pendulum.compare.report.render_page", lambda *_: "")
 
 
 @pytest.fixture

@@ -10,15 +10,14 @@ from scipy.optimize import least_squares
 
 from looping_pendulum.compare.convergence.ladder import (
     Correction,
-    ErrorCause,
     SequenceFinding,
-    SequenceKind,
     classify_sequence,
     deviation,
     refinement_sizes,
     rms_norm,
     split_error,
 )
+from looping_pendulum.compare.convergence.result import DROP, ErrorCause, SequenceKind
 
 H = 0.5 ** np.arange(5)
 
@@ -272,7 +271,7 @@ def split(own=0.5, corrections=((-0.3, 0.01, True),), choices=(), spread=0.03, f
     ]
     others = {what: np.array([[value]]) for what, value in choices}
     return split_error(
-        np.array([[own]]), np.array([[0.1]]), corrections=made, choices=others, spread=spread, floor=floor
+        np.array([[own]]), np.array([[0.1]]), corrections=made, choices=others, spread=spread, floor=floor, quantity=DROP
     )  # fmt: skip
 
 
@@ -318,7 +317,9 @@ def test_at_the_very_limits_a_change_is_not_seen_and_a_choice_explains():
     # Binary fractions: numerics of 0.25 are just the floor, and the choice of 0.5 is just the model's 0.75 less that.
     step = Correction(ladder="step", change=np.array([[-0.25]]), uncertainty=0.0, converges=True)
     choices = {"a": np.array([[1.5]])}
-    parts = split_error(np.array([[1.0]]), np.array([[0.0]]), corrections=[step], choices=choices, spread=None, floor=0.25)
+    parts = split_error(
+        np.array([[1.0]]), np.array([[0.0]]), corrections=[step], choices=choices, spread=None, floor=0.25, quantity=DROP
+    )
     assert parts.causes == (ErrorCause.CHOICE,)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare import compare
-from looping_pendulum.compare.reference_landmarks import SampledReference
+from looping_pendulum.compare.landmarks import SampledReference
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Reference, ReferenceEngine
 from looping_pendulum.engines.string_motion import MIN_REST, RESOLUTION, REST_TIME

@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from pathlib import Path
 
 import numpy as np
+import pint
 import pytest
 
 from looping_pendulum.compare import compare
 from looping_pendulum.compare.align import align, sample_reference
+from looping_pendulum.compare.comparison import judge_tolerance
 from looping_pendulum.compare.metrics import acceleration_error, departures, evaluate_tube, growth_rate, rms_until
+from looping_pendulum.compare.report import limit_and_value
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.parameters import Release
-from looping_pendulum.scenarios.metrics import METRICS
+from looping_pendulum.scenarios import json_schema, load_text
+from looping_pendulum.scenarios.metrics import METRICS, metric_called
+from scripts.metrics_page import PAGE, page
 
 
 def test_a_run_shifted_by_3_mm_has_an_rms_of_3_mm_at_every_mark(scenario, reference, make_run):
@@ -123,3 +129,59 @@ def test_a_run_that_became_nan_keeps_what_it_has(scenario, reference, make_run):
     assert engine.metrics["rms_0.35s"] == pytest.approx(3e-3, rel=1e-12)
     assert engine.metrics["rms_0.7s"] is None
     assert engine.end_time == pytest.approx(0.399)
+
+
+SCENARIO = """
+title: A
+light: {mass: 10 g}
+heavy: {mass: 100 g}
+rod: {radius: 6.25 mm}
+release: {angle: 90 deg, free_length: 60 cm, hanging_length: 3 cm}
+duration: 1 s
+"""
+REGISTRY = pint.UnitRegistry()
+each_metric = pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
+
+
+def test_every_metric_is_computed_in_the_order_of_the_table(scenario, reference, make_run):
+    assert list(compare(scenario, reference, [make_run()]).engines[0].metrics) == list(METRICS)
+
+
+@each_metric
+def test_the_unit_in_which_it_is_shown_is_that_many_of_the_si_unit(metric):
+    # Oracle: pint.
+    assert REGISTRY.Quantity(1.0, metric.unit or "").m_as(metric.shown_in.name) == pytest.approx(
+        metric.shown_in.per_si_unit, rel=1e-12
+    )
+    assert metric.column == f"{metric.heading} [{metric.shown_in.name}]"
+
+
+@each_metric
+def test_a_scenario_may_limit_it_in_the_unit_in_which_it_is_shown(metric, scenario, reference, make_run):
+    written = f"3 {metric.shown_in.name}" if metric.unit else f"{3 / metric.shown_in.per_si_unit}"
+    text = f'{SCENARIO}tolerances: {{"pymunk:chain": {{quick: {{{metric.name}: {{limit: {written}, reason: test}}}}}}}}\n'
+    (tolerance,) = load_text(text, "a").tolerances
+    assert tolerance.limit == pytest.approx(3 / metric.shown_in.per_si_unit, rel=1e-12)
+    judged = judge_tolerance(tolerance, compare(scenario, reference, [make_run()]).engines[0])
+    limit, value = limit_and_value(judged)
+    assert limit == f"{metric.limit_words} 3 {metric.shown_in.name}"
+    assert value.endswith(f" {metric.shown_in.name}") or judged.value is None
+    if judged.value is not None:
+        assert judged.outcome.good is metric.is_within(judged.value, tolerance.limit)
+
+
+@each_metric
+def test_editors_of_scenario_files_show_what_it_is(metric):
+    limits = json_schema()["$defs"]["Limits"]["properties"]
+    assert limits[metric.name]["description"] == metric.description
+    assert metric.description.endswith(".")
+
+
+def test_the_page_of_metrics_is_what_the_table_says():
+    assert PAGE == Path(__file__).parents[2] / "docs" / "metrics.md"
+    assert PAGE.read_text(encoding="utf-8") == page(), "out of date; write it again: python -m scripts.metrics_page"
+
+
+def test_a_metric_of_another_version_is_shown_in_si():
+    unknown = metric_called("later")
+    assert (unknown.name, unknown.unit, unknown.quantity(2.0), unknown.limit_words) == ("later", "", "2 SI", "at most")

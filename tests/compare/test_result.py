@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare import compare, write
-from looping_pendulum.compare.export import CSV_COLUMNS, write_atomically
 from looping_pendulum.compare.report import render
 from looping_pendulum.compare.result import ComparisonResult, ToleranceOutcome
 from looping_pendulum.compare.tables import number, signed
 from looping_pendulum.compare.tables import table as markdown
+from looping_pendulum.compare.trajectories import CSV_COLUMNS
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import ResultError
+from looping_pendulum.files import write_atomically
 from looping_pendulum.pages.palette import COLOURS, styles
 
 
@@ -229,20 +230,3 @@ def test_numbers_for_people():
     assert [number(v) for v in (None, 0.0, 249.26, 0.12345, 1234.5, 3.2e-7)] == ["–", "0", "249", "0.123", "1230", "3.2e-7"]
     assert [signed(v, 1e3) for v in (2e-3, -2e-3, None)] == ["+2", "-2", "–"]
     assert markdown(["a", "b"], [["x|y", "1"]]).splitlines()[-1] == "| x\\|y | 1 |"
-
-
-def test_a_file_of_version_2_is_read_under_todays_names(measured_scenario, reference, make_run, table):
-    """Oracle: the names that version 2 had, put back into today's file by hand."""
-    titled = dataclasses.replace(measured_scenario, title="truth")
-    result = compare(titled, reference, [make_run()], table)
-    tree = json.loads(result.to_json())
-    tree["schema"]["version"] = 2
-    tree["truth"] = tree.pop("reference")
-    for landmarks in (tree["truth"]["landmarks"], tree["truth"]["sampled"], *(e["landmarks"] for e in tree["engines"])):
-        landmarks["break_aways"] = landmarks.pop("slip_onsets")
-        landmarks["halting_time_blur"] = landmarks.pop("halting_time_uncertainty")
-    tree["truth"]["events"] = [["break_away" if name == "slip_onset" else name, time] for name, time in tree["truth"]["events"]]
-    for row in tree["measured"]:
-        row["truth"] = row.pop("reference")
-    assert "slip_onset" not in json.dumps(tree)
-    assert ComparisonResult.from_json(json.dumps(tree)) == ComparisonResult.from_json(result.to_json())

@@ -11,11 +11,11 @@ import pytest
 
 from looping_pendulum.compare import compare
 from looping_pendulum.compare.align import align
-from looping_pendulum.compare.export import trajectory_csv
+from looping_pendulum.compare.comparison import judge_tolerance
 from looping_pendulum.compare.metrics import DEPARTURE_THRESHOLDS, departures, growth_rate
 from looping_pendulum.compare.report import limit_and_value, render, verdict_rows
 from looping_pendulum.compare.result import ToleranceOutcome
-from looping_pendulum.compare.tolerances import judge_tolerance
+from looping_pendulum.compare.trajectories import trajectory_csv
 from looping_pendulum.engines.landmarks import run_landmarks
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.reference_ode.transitions import Mode

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare.align import SAME_TIME
-from looping_pendulum.compare.comparability import why_not_comparable
+from looping_pendulum.compare.landmarks import why_not_comparable
 from looping_pendulum.compare.result import Departure, SupplyEntry
-from looping_pendulum.compare.stories import missing_physics, story
-from looping_pendulum.compare.words import EVENT_DESCRIPTIONS, events_to_show, mode_description
+from looping_pendulum.compare.stories import EVENT_DESCRIPTIONS, events_to_show, missing_physics, mode_description, story
 from looping_pendulum.engines.landmarks import Landmarks, Rebound, Stop
 from looping_pendulum.engines.string_motion import MIN_REST
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE, RunStatus

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare import compare
-from looping_pendulum.compare.event_quantities import EVENT_QUANTITIES, event_value
-from looping_pendulum.compare.paper_table import events_table, quantity_label, render
+from looping_pendulum.compare.landmarks import EVENT_QUANTITIES, event_value, quantity_label
+from looping_pendulum.compare.report import events_table, measured_events_table
 from looping_pendulum.compare.report import render as render_report
 from looping_pendulum.engines.landmarks import Extremum, Landmarks, Stop
+from looping_pendulum.measured.events import MeasuredEventRow
 
 LANDMARKS = Landmarks(
     stops=(Stop(time=0.4, height_change=-0.3), Stop(time=0.7, height_change=-0.2), Stop(time=0.9, height_change=-0.25)),
@@ -75,7 +76,7 @@ def measured(measured_scenario, reference, make_run):
         ("time_light_reaches_rod", 1.0955, None, "s"), ("t_B", 0.6, None, "s"),
     ]  # fmt: skip
     names = ("quantity", "measured", "paper_numerical", "unit")
-    table = SimpleNamespace(rows=[SimpleNamespace(index=1, **dict(zip(names, row, strict=True))) for row in rows])
+    table = SimpleNamespace(rows=[MeasuredEventRow(index=1, **dict(zip(names, row, strict=True))) for row in rows])
     runs = [make_run(delay=2e-3), make_run(engine="mujoco", until=0.3)]
     return compare(measured_scenario, reference, runs, table)
 
@@ -86,7 +87,7 @@ def cells(text, first):
 
 
 def test_differences_from_the_measured_values_are_in_thousandths(measured, closed_form):
-    text = render(measured)
+    text = measured_events_table(measured)
     shown = cells(text, "halting time")
     assert shown[2:4] == ["0.35", "0.34 (-11)"]
     assert shown[4].endswith(f"({round(1e3 * (closed_form.halt - 0.3512)):+d})")
@@ -101,7 +102,7 @@ def test_differences_from_the_measured_values_are_in_thousandths(measured, close
 
 def test_the_rms_of_the_times_is_over_what_a_column_has(measured, closed_form):
     # Oracle: the root of the mean square of the differences from the measured times.
-    shown = cells(render(measured), "RMS difference of the times")
+    shown = cells(measured_events_table(measured), "RMS difference of the times")
     assert shown[3] == f"{1e3 * (0.3512 - 0.34):.1f} (1 of 3)"
     off = (measured.measured[0].reference - 0.3512, 1.1 - 1.0955)
     assert shown[4] == f"{1e3 * math.sqrt((off[0] ** 2 + off[1] ** 2) / 2):.1f} (2 of 3)"

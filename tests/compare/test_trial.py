@@ -9,13 +9,13 @@ import io
 import numpy as np
 import pytest
 
-from looping_pendulum.compare import compare, page, report
+from looping_pendulum.compare import compare, figures, report
 from looping_pendulum.compare.comparison import with_trial
-from looping_pendulum.compare.export import residual_csv
+from looping_pendulum.compare.report import residual_rows
 from looping_pendulum.compare.result import ComparisonResult
+from looping_pendulum.compare.trajectories import residual_csv
 from looping_pendulum.compare.trial import MeasuredTrack, MeasuredTrial
-from looping_pendulum.compare.trial_table import residual_rows
-from looping_pendulum.scenarios.measured import MeasuredEventRow
+from looping_pendulum.measured.events import MeasuredEventRow
 from tests.compare.conftest import rows as closed_form_rows
 
 FRAMES = np.arange(200) / 240
@@ -115,7 +115,7 @@ def test_axes_beside_the_rod_are_noticed(against):
 def test_the_report_speaks_of_no_paper_over_a_trial_of_ones_own(against, measured_scenario):
     row = MeasuredEventRow(quantity="halting_time", index=1, measured=0.351, paper_numerical=None, unit="s", sigma=0.002)
     result = against(dataclasses.replace(tracked(offset=(-6e-3, 8e-3)), rows=(row,)))
-    text, html = report.render(result), page.render(result)
+    text, html = report.render(result), report.render_page(result, figures.charts(result))
     assert "## Against the measured trial" in text
     assert "mine.csv" in text
     assert "paper" not in text.partition("## Words")[0].lower()
@@ -123,7 +123,7 @@ def test_the_report_speaks_of_no_paper_over_a_trial_of_ones_own(against, measure
     assert "0.3510" in text, "as precisely as its standard error"
     table = dict(zip(*(lambda head, body: (head, body[0]))(*residual_rows(result)), strict=False))
     assert table["light mass: RMS residual [mm]"] == "10"
-    assert {figure.id for figure in page.figures(result)} == {"path", "drop", "divergence", "residuals", "events"}
+    assert {chart.id for chart in figures.charts(result)} == {"path", "drop", "divergence", "residuals", "events"}
 
 
 def test_it_reads_back_from_json(against):

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from looping_pendulum.cli import common as cli_common
 from looping_pendulum.cli import main as cli
 from looping_pendulum.cli import terminal as cli_terminal
-from looping_pendulum.compare import compare, plots, write
+from looping_pendulum.compare import compare, figures, write
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.discrepancy.report import plots as identify_plots
 from looping_pendulum.discrepancy.report import writing
@@ -123,8 +123,8 @@ def test_a_figure_that_cannot_be_made_is_a_warning_and_the_rest_is_there(tmp_pat
     def fail(*_):
         raise ValueError("no such font")
 
-    monkeypatch.setattr(plots, "drop_figure", fail)
-    monkeypatch.setattr("looping_pendulum.compare.page.render", fail)
+    monkeypatch.setattr(figures, "drop_chart", fail)
+    monkeypatch.setattr("looping_pendulum.compare.report.render_page", fail)
     with (
         pytest.warns(SkippedOutputWarning, match="drop.png is left out: ValueError: no such font"),
         pytest.warns(match="report.html"),

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from looping_pendulum.compare.event_quantities import EVENT_QUANTITIES, event_value
-from looping_pendulum.compare.reference_landmarks import reference_landmarks
+from looping_pendulum.compare.landmarks import EVENT_QUANTITIES, event_value, reference_landmarks
 from looping_pendulum.discrepancy.fit import event_prediction as prediction
 from looping_pendulum.discrepancy.fit.calibration import calibrate
 from looping_pendulum.discrepancy.fit.event_tests import check_event_residuals
@@ -21,11 +20,11 @@ from looping_pendulum.discrepancy.report.writing import write
 from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.measured.camera import Camera
+from looping_pendulum.measured.events import find_data
 from looping_pendulum.measured.observations import DataError, EventObservation
 from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import loader
-from looping_pendulum.scenarios.measured import find_data
 from tests.blind.cases import CASES, CLEAN
 from tests.discrepancy.blind_study import TWO_RATIOS, WHOLE_LIBRARY, only_candidates
 from tests.discrepancy.event_study import PAPER, write_blind_study, write_paper_study

@@ -28,7 +28,7 @@ from looping_pendulum.discrepancy.report.writing import write
 from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.measured import study_io
 from looping_pendulum.measured.observations import DataError
-from looping_pendulum.measured.study import Estimate, read_trial
+from looping_pendulum.measured.study import Estimate, read_files
 from looping_pendulum.teaching.example_folder import write_example
 from tests.blind import Apparatus
 from tests.blind.camera import Camera, film, tracker_csv
@@ -282,7 +282,7 @@ def test_a_trial_far_from_what_was_declared_is_told_even_if_no_mistake_explains_
 def test_a_trial_without_a_mistake_is_fitted_no_further_than_needed(tmp_path):
     """The first values that are good enough are taken: half of the time of a first look."""
     study = study_io.load(write_study(tmp_path, CASES["side_force"], 1, trials=("ten_a",)))
-    declared = declared_trial(study, study.trials[0], read_trial(study, study.trials[0]))
+    declared = declared_trial(study, study.trials[0], read_files(study.folder, study.trials[0]))
     search = TrialSearch(declared=declared, distance=measured_distance(declared))
     assert search.is_near
     assert "as_declared" not in vars(search)

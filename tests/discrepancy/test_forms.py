@@ -12,7 +12,7 @@ import pytest
 
 from looping_pendulum.measured import study_io
 from looping_pendulum.measured.observations import DataError
-from looping_pendulum.measured.study import read_files, read_trial
+from looping_pendulum.measured.study import read_files
 from tests.discrepancy.real_data import real
 
 CLICKED = {"light": "1", "heavy": "2"}
@@ -32,7 +32,7 @@ def read(form, **changes):
     read_trials = []
     for trial in both:
         files = tuple((path, tracks or known) for path, known in trial.files)
-        read_trials.append(read_trial(study, dataclasses.replace(trial, files=files, **changes)))
+        read_trials.append(read_files(study.folder, dataclasses.replace(trial, files=files, **changes)))
     return read_trials
 
 
@@ -100,7 +100,7 @@ def test_a_long_table_with_pixels():
 def test_what_a_file_does_not_say_is_asked_with_the_names_that_it_has(form, message):
     for trial in trials(form)[1]:
         with pytest.raises(DataError) as caught:
-            read_trial(trials(form)[0], trial)
+            read_files(trials(form)[0].folder, trial)
         assert message in str(caught.value)
 
 

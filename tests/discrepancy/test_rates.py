@@ -13,10 +13,9 @@ from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report import markdown
 from looping_pendulum.discrepancy.result import Verdict
-from looping_pendulum.measured.angular_velocity import rates_from_release
 from looping_pendulum.measured.camera import Camera
 from looping_pendulum.measured.measurement import predict, sampler
-from looping_pendulum.measured.observations import Channel, Observations
+from looping_pendulum.measured.observations import Channel, Observations, rates_from_release
 from looping_pendulum.measured.study import Trial
 from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.parameters import Parameters, Release

@@ -12,8 +12,7 @@ import pytest
 
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured.observations import Channel, merge, mirrored
-from looping_pendulum.measured.readers import DataError, read
-from looping_pendulum.measured.survey import survey
+from looping_pendulum.measured.readers import DataError, read, survey
 
 LIGHT = {"light": "mass A"}
 BOTH = {"light": "mass A", "heavy": "mass B"}

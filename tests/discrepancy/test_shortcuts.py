@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.compare.event_quantities import EVENT_QUANTITIES
+from looping_pendulum.compare.landmarks import EVENT_QUANTITIES
 from looping_pendulum.discrepancy.fit import event_prediction as prediction
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.measured.camera import Camera

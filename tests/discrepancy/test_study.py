@@ -15,7 +15,7 @@ from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured.camera import CAMERA, Camera
 from looping_pendulum.measured.measurement import predict, sampler
 from looping_pendulum.measured.observations import DataError
-from looping_pendulum.measured.study import Estimate, read_trial
+from looping_pendulum.measured.study import Estimate, read_files
 from looping_pendulum.measured.study_io import StudyError, dump, load, load_text
 from looping_pendulum.reference_ode.parameters import Release
 from tests.discrepancy.real_data import real
@@ -261,12 +261,12 @@ def test_trials_are_read_from_the_study_s_folder(tmp_path):
     (tmp_path / "b.csv").write_text(head + "0,.006,-.03,\n.033333,.006,-.03,\n")
     (tmp_path / "d.csv").write_text("t,light_x,light_y\n0,.5,-.2\n.004,.5,-.2\n")
     study = load(tmp_path / "two.yaml")
-    observations = read_trial(study, study.trial("first"))
+    observations = read_files(study.folder, study.trial("first"))
     assert {c.name for c in observations.channels} == {"light_x", "light_y", "heavy_x", "heavy_y"}
     assert observations.channel("light_x").t == pytest.approx([0, 1 / 240], rel=1e-4)
-    assert read_trial(study, study.trial("test")).channel("light_x").value.tolist() == [-0.5, -0.5]  # mirrored
+    assert read_files(study.folder, study.trial("test")).channel("light_x").value.tolist() == [-0.5, -0.5]  # mirrored
     with pytest.raises(DataError, match=r"c.csv: cannot be read"):
-        read_trial(study, study.trial("c"))
+        read_files(study.folder, study.trial("c"))
     priors = study.camera_priors(study.trial("first"), observations)
     assert set(priors) == set(CAMERA) - {"rate_offset"}  # of tracked points, all of the camera matters
 
@@ -284,7 +284,7 @@ trials:
     study = load_text(text, "balls.yaml", Path(path).parent)
     assert load_text(dump(study), "balls.yaml") == study
     one = study.trials[0]
-    observations = read_trial(study, one)
+    observations = read_files(study.folder, one)
     priors = study.camera_priors(one, observations)
     assert set(priors) == {"origin_y", "scale", "clock_offset", "clock_ratio"}
     assert [u.name for u in study.free_parameters()] == ["heavy_mass"]
@@ -315,7 +315,7 @@ trials:
         "free_decay_65cm.free_length",
     ]
     trial = study.trials[0]
-    observations = read_trial(study, trial)
+    observations = read_files(study.folder, trial)
     assert set(study.camera_priors(trial, observations)) == {"clock_offset", "clock_ratio", "tilt"}
     prediction = predict(sampler(study.parameters({}, trial)), Camera(), observations.channels)
     assert np.all(np.isfinite(prediction.values["angle"]))

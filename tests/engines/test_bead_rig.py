@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from looping_pendulum.engines.bead_rig import BeadRigSettings
-from looping_pendulum.engines.box2d.chain import Box2dChain
-from looping_pendulum.engines.rapier.chain import RapierChain
-from looping_pendulum.engines.static_capstan import measure_capstan_exponent
+from looping_pendulum.engines.box2d import Box2dChain
+from looping_pendulum.engines.rapier import RapierChain
+from looping_pendulum.engines.tension import measure_capstan_exponent
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration

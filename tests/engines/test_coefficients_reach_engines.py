@@ -11,7 +11,7 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.engines.conformance.against_reference import EFFECT_CASES
+from looping_pendulum.engines.conformance import EFFECT_CASES
 from looping_pendulum.engines.protocol import STATIC_FRICTION, Profile
 from looping_pendulum.engines.registry import all_engines, label, missing_packages
 from looping_pendulum.errors import EngineError

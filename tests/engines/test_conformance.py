@@ -7,12 +7,17 @@ import functools
 import numpy as np
 import pytest
 
-from looping_pendulum.engines.conformance import CHECKS, CachedEngine, CheckOutcome, run_checks, scenario, skip_reason
-from looping_pendulum.engines.conformance.against_reference import (
+from looping_pendulum.engines.conformance import (
+    CHECKS,
     EFFECT_CASES,
     EFFECT_CHECKS,
     MIN_DISPLACEMENT,
+    CachedEngine,
+    CheckOutcome,
     reference_positions,
+    run_checks,
+    scenario,
+    skip_reason,
 )
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import all_engines, label, missing_packages

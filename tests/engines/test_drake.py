@@ -6,10 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.engines.drake.chain import DrakeChain
-from looping_pendulum.engines.drake.chain_model import SETTINGS, DrakeChainSettings
+from looping_pendulum.engines.drake import SETTINGS, DrakeChain, DrakeChainSettings
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.static_capstan import measure_capstan_exponent
+from looping_pendulum.engines.tension import measure_capstan_exponent
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration

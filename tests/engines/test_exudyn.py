@@ -6,12 +6,16 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.engines.exudyn.cable import ExudynCable
-from looping_pendulum.engines.exudyn.cable_rig import _coordinates_at_release, _node_arcs, _velocities_at_release
-from looping_pendulum.engines.exudyn.reeving import ExudynReeving
-from looping_pendulum.engines.exudyn.settings import CABLE_SETTINGS
+from looping_pendulum.engines.exudyn import (
+    CABLE_SETTINGS,
+    ExudynCable,
+    ExudynReeving,
+    _coordinates_at_release,
+    _node_arcs,
+    _velocities_at_release,
+)
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.static_capstan import measure_capstan_exponent
+from looping_pendulum.engines.tension import measure_capstan_exponent
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.solve import solve, solve_at

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from looping_pendulum.engines.mujoco import engines
-from looping_pendulum.engines.mujoco.tendon import MujocoTendon, TendonVariant, settings_of
-from looping_pendulum.engines.mujoco.tendon_model import TendonSettings
+from looping_pendulum.engines.mujoco.tendon import SETTINGS, MujocoTendon, TendonSettings
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import EngineError
@@ -21,8 +20,7 @@ from tests.apparatus import TEN_TO_ONE, TWO_TO_ONE
 
 pytest.importorskip("mujoco")
 
-SETTINGS = {profile: settings_of(TendonVariant.CAPSTAN, profile) for profile in Profile}
-VARIANTS = (TendonVariant.DOCUMENTED, TendonVariant.CAPSTAN)
+VARIANTS = ("documented", "capstan")
 NO_DRAG = {"light_drag": 0.0, "heavy_drag": 0.0, "string_drag": 0.0}
 
 
@@ -35,7 +33,7 @@ def with_step(time_step):
     return replace(quick, time_step=time_step, string_time_constant=2 * time_step, friction_time_constant=2 * time_step)
 
 
-def run(parameters, duration, *, variant=TendonVariant.CAPSTAN, profile=Profile.QUICK, time_step=None):
+def run(parameters, duration, *, variant="capstan", profile=Profile.QUICK, time_step=None):
     settings = None if time_step is None else with_step(time_step)
     engine = MujocoTendon(variant=variant, profile=profile, settings=settings)
     return engine.simulate(scenario(parameters, duration)).raise_if_failed()
@@ -88,7 +86,7 @@ def test_vertical_release_is_an_atwood_machine(variant, profile):
     # Oracle: closed form, a = g (M2 - M1 E) / (M2 + M1 E), E = exp(mu pi). A leapfrog step is exact for a constant
     # acceleration, so what is left is the share of a constraint that MuJoCo does not enforce at once.
     parameters = TEN_TO_ONE.replace(release="vertical", **NO_DRAG)
-    pull = 0.01 * (math.exp(0.34 * math.pi) if variant is TendonVariant.CAPSTAN else 1.0)
+    pull = 0.01 * (math.exp(0.34 * math.pi) if variant == "capstan" else 1.0)
     expected = 0.5 * 9.81 * (0.1 - pull) / (0.1 + pull)
     trajectory = run(parameters, 0.35, variant=variant, profile=profile)
     share = 1 - SETTINGS[profile].impedance
@@ -175,7 +173,7 @@ def test_two_to_one_reverses_sticks_and_breaks_away_when_the_reference_does(stat
 
 def test_documented_never_halts_and_follows_the_frictionless_reference():
     # Oracle: reference with no friction. Bound: twice the capstan variant's target, as M2 turns sharply here.
-    trajectory = run(TEN_TO_ONE, 0.6, variant=TendonVariant.DOCUMENTED, profile=Profile.ACCURATE)
+    trajectory = run(TEN_TO_ONE, 0.6, variant="documented", profile=Profile.ACCURATE)
     assert rms(light_error(trajectory, TEN_TO_ONE.replace(kinetic_friction=0.0), 0.35)) <= 0.3e-3
     at_rest = np.abs(trajectory.heavy_velocity[1:, 1]) < 1e-4
     assert not np.any(at_rest[1:] & at_rest[:-1])

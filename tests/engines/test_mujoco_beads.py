@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.engines.mujoco.beads import MujocoBeads
-from looping_pendulum.engines.mujoco.beads_model import SETTINGS, BeadSettings
+from looping_pendulum.engines.mujoco.beads import SETTINGS, BeadSettings, MujocoBeads
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import EngineError

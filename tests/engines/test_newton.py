@@ -14,9 +14,7 @@ import numpy as np
 import pytest
 
 from looping_pendulum.engines.isolation import run_isolated
-from looping_pendulum.engines.newton.rig import MAX_WRAP_ANGLE
-from looping_pendulum.engines.newton.settings import SETTINGS, NewtonTendonSettings
-from looping_pendulum.engines.newton.tendon import NewtonTendon
+from looping_pendulum.engines.newton import MAX_WRAP_ANGLE, SETTINGS, NewtonTendon, NewtonTendonSettings
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.trajectory import RunStatus, Supplier
 from looping_pendulum.errors import EngineError

@@ -12,12 +12,16 @@ import pytest
 from looping_pendulum.engines.chain import polygon_radius
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.pybullet import engines
-from looping_pendulum.engines.pybullet.chain import SETTINGS, PybulletChain
-from looping_pendulum.engines.pybullet.chain_model import MAX_LINK_LENGTHENING, PybulletChainSettings, chain_at_release
-from looping_pendulum.engines.pybullet.links import contact_friction, typical_wrap_angle
-from looping_pendulum.engines.pybullet.multibody import MAX_JOINTS
-from looping_pendulum.engines.pybullet.settings import DEFAULT_NEIGHBOUR_MARGIN
-from looping_pendulum.engines.static_capstan import measure_capstan_exponent
+from looping_pendulum.engines.pybullet.chain import (
+    MAX_LINK_LENGTHENING,
+    SETTINGS,
+    PybulletChain,
+    PybulletChainSettings,
+    chain_at_release,
+)
+from looping_pendulum.engines.pybullet.links import MAX_JOINTS, contact_friction, typical_wrap_angle
+from looping_pendulum.engines.pybullet.world import DEFAULT_NEIGHBOUR_MARGIN
+from looping_pendulum.engines.tension import measure_capstan_exponent
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.cartesian import release_velocity
 from looping_pendulum.reference_ode.geometry import light_position

@@ -6,9 +6,15 @@ import numpy as np
 import pytest
 
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.pybullet.chain import SETTINGS, PybulletChain
-from looping_pendulum.engines.pybullet.chain_model import body_masses, chain_at_release
-from looping_pendulum.engines.pybullet.joining import Joining, with_nodes, with_rigid_links
+from looping_pendulum.engines.pybullet.chain import (
+    SETTINGS,
+    Joining,
+    PybulletChain,
+    body_masses,
+    chain_at_release,
+    with_nodes,
+    with_rigid_links,
+)
 from looping_pendulum.engines.pybullet.links import ChainState
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.scenario import Scenario

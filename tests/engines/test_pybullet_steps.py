@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Profile
-from looping_pendulum.engines.pybullet.chain import SETTINGS
-from looping_pendulum.engines.pybullet.chain_model import chain_at_release
-from looping_pendulum.engines.pybullet.chain_rig import (
+from looping_pendulum.engines.pybullet.chain import (
     HALT_DELAY,
     MAX_WAVE_FRACTION,
     MAX_WAVE_FRACTION_AT_CONTACTS,
+    SETTINGS,
+    chain_at_release,
     largest_rod_friction,
     longest_step,
 )

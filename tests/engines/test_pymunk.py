@@ -14,10 +14,9 @@ from looping_pendulum.engines.chain import polygon_radius
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.pymunk import chain as adapter
 from looping_pendulum.engines.pymunk import engines
-from looping_pendulum.engines.pymunk.calls import SETTINGS, PymunkChainSettings
-from looping_pendulum.engines.pymunk.chain import PymunkChain
+from looping_pendulum.engines.pymunk.chain import SETTINGS, PymunkChain, PymunkChainSettings
 from looping_pendulum.engines.reference import Reference
-from looping_pendulum.engines.static_capstan import chain_capstan_exponent, measure_capstan_exponent
+from looping_pendulum.engines.tension import chain_capstan_exponent, measure_capstan_exponent
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.pymunk.full_chain import FullChainRig, PymunkFullChain
-from looping_pendulum.engines.pymunk.full_settings import (
+from looping_pendulum.engines.pymunk.full_chain import (
+    SETTINGS,
+    FullChainRig,
     FullChainSettings,
-    FullChainVariant,
+    PymunkFullChain,
     contact_friction,
-    full_settings,
     link_contact_radius,
 )
-from looping_pendulum.engines.pymunk.release_state import velocity_on_string
-from looping_pendulum.engines.static_capstan import chain_capstan_exponent, measure_capstan_exponent
+from looping_pendulum.engines.pymunk.space import velocity_on_string
+from looping_pendulum.engines.tension import chain_capstan_exponent, measure_capstan_exponent
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.cartesian import release_velocity
@@ -30,10 +30,8 @@ from tests.apparatus import TEN_TO_ONE
 
 pymunk = pytest.importorskip("pymunk")
 
-CAREFUL = (FullChainVariant.BEADS, FullChainVariant.SEGMENTS)
-daily_with_beads = pytest.mark.parametrize(
-    "variant", [FullChainVariant.BEADS, pytest.param(FullChainVariant.SEGMENTS, marks=pytest.mark.accurate)]
-)
+CAREFUL = ("beads", "segments")
+daily_with_beads = pytest.mark.parametrize("variant", ["beads", pytest.param("segments", marks=pytest.mark.accurate)])
 """Daily, test_tolerances.py runs the segments, too."""
 FINE = {"link_length": 3e-3, "time_step": 1e-5}
 """Links of 0.48 rad on the thin rod."""
@@ -61,7 +59,7 @@ def test_segments_wind_up_as_much_string_as_the_circle():
     # Oracle: a closed polygon of n segments that touch the circle in their middles has the circumference of the rod.
     for n in (8, 20, 40):
         bend = 2 * math.pi / n
-        side = 2 * link_contact_radius(FullChainVariant.SEGMENTS, 0.01, bend) * math.tan(bend / 2)
+        side = 2 * link_contact_radius("segments", 0.01, bend) * math.tan(bend / 2)
         assert n * side == pytest.approx(2 * math.pi * 0.01, rel=1e-12)
 
 
@@ -76,7 +74,7 @@ def test_a_segment_with_the_corrected_friction_is_in_equilibrium(bend):
     inwards = math.sin(psi + half) - ratio * math.sin(psi - half)
     turning = (ratio - 1) * math.cos(psi) / math.cos(half)  # about the rod's centre, in units of the circle's radius
     assert turning == pytest.approx(along, rel=1e-12), "friction acts at the circle: its moment is its own size"
-    assert along / inwards == pytest.approx(contact_friction(FullChainVariant.SEGMENTS, mu, bend), rel=1e-12)
+    assert along / inwards == pytest.approx(contact_friction("segments", mu, bend), rel=1e-12)
 
 
 @pytest.mark.accurate  # daily, the test below and the balance of one corrected segment above
@@ -95,8 +93,8 @@ def test_static_capstan_without_the_correction_is_that_of_the_links(variant):
     engine = PymunkFullChain(variant=variant).with_settings(**FINE, polygon_friction=False)
     bend = engine.settings.bend(6.25e-3)
     expected = {
-        FullChainVariant.BEADS: chain_capstan_exponent(0.34, math.pi, bend),
-        FullChainVariant.SEGMENTS: math.pi / bend * math.asinh(0.34 * math.sin(bend)),
+        "beads": chain_capstan_exponent(0.34, math.pi, bend),
+        "segments": math.pi / bend * math.asinh(0.34 * math.sin(bend)),
     }
     assert measure_capstan_exponent(engine, duration=0.1).exponent == pytest.approx(expected[variant], rel=5e-3)
 
@@ -115,7 +113,7 @@ def test_what_the_string_says_of_its_stretch_is_so(variant):
     # Oracle: l + R theta + h = L, from the masses' positions alone. Bound: half a link's sagitta on the rod, R b^2 / 8.
     trajectory, p = fat_rod(variant)
     path = trajectory.free_length + p.rod_radius * trajectory.wrap_angle - trajectory.heavy_position[:, 1] - p.string_length
-    bend = full_settings(variant, Profile.QUICK).bend(p.rod_radius)
+    bend = SETTINGS[variant, Profile.QUICK].bend(p.rod_radius)
     start = trajectory.t <= 0.2 + 1e-9
     assert np.abs(path - trajectory.string_stretch)[start].max() < p.rod_radius * bend**2 / 8 + 5e-4
 
@@ -123,14 +121,14 @@ def test_what_the_string_says_of_its_stretch_is_so(variant):
 @pytest.mark.accurate  # daily by the tolerances of ten_to_one
 def test_the_defaults_stretch_the_string_until_the_run_is_ended():
     # Measured: 5 % of stretch, 33 mm, after 0.07 s; not ended, 0.37 m after 0.23 s.
-    trajectory = run(FullChainVariant.DEFAULTS, TEN_TO_ONE, 0.5)
+    trajectory = run("defaults", TEN_TO_ONE, 0.5)
     assert trajectory.status is RunStatus.STRING_DRIFT
     assert 0.05 < trajectory.t[-1] < 0.1
     assert trajectory.string_stretch[-1] > 0.03
 
 
 def test_the_defaults_are_chipmunks():
-    space, settings = pymunk.Space(), full_settings(FullChainVariant.DEFAULTS, Profile.ACCURATE)
+    space, settings = pymunk.Space(), SETTINGS["defaults", Profile.ACCURATE]
     joint = pymunk.PinJoint(pymunk.Body(1, 1), pymunk.Body(1, 1))
     assert space.iterations == settings.iterations
     assert space.collision_slop == pytest.approx(settings.collision_slop, rel=1e-6)  # Chipmunk computes these with a float 0.1
@@ -145,7 +143,7 @@ def test_a_push_pulls_no_joint_apart(variant, push):
     # by up to a bend: 1 - cos(b) of the sliding speed, and b of the swing's difference between its ends. Beads at rest would be
     # pulled at with the whole sliding speed.
     p = TEN_TO_ONE.replace(rod_radius=0.03, **push)
-    settings = full_settings(variant, Profile.QUICK)
+    settings = SETTINGS[variant, Profile.QUICK]
     rig = FullChainRig(variant, p, settings)
     assert rig.read()[2:4] == pytest.approx(release_velocity(p)[:2])
     assert rig.read()[7] == pytest.approx(release_velocity(p)[2])
@@ -180,23 +178,23 @@ def test_halfway_along_the_free_string_moves_half_as_fast_across():
 
 def test_held_and_dropped_masses():
     # Oracle: the clamped mass stays; without a string the settings of the chain do not matter.
-    held = run(FullChainVariant.BEADS, TEN_TO_ONE.replace(release=Release.HELD), 0.05)
+    held = run("beads", TEN_TO_ONE.replace(release=Release.HELD), 0.05)
     assert np.ptp(held.heavy_position, axis=0).max() == 0.0
     dropped = TEN_TO_ONE.replace(release=Release.DROP)
-    coarse, fine = (run(FullChainVariant.BEADS, dropped, 0.05, link_length=h) for h in (6e-3, 3e-3))
+    coarse, fine = (run("beads", dropped, 0.05, link_length=h) for h in (6e-3, 3e-3))
     assert coarse.light_position.tobytes() == fine.light_position.tobytes()
     assert np.isnan(coarse.string_stretch).all()
 
 
 def test_groups_of_steps_change_nothing_that_shows():
     # Oracle: the same engine with the drag given every step. Bound: 0.06 mm, the chain's.
-    grouped, p = fat_rod(FullChainVariant.BEADS)
-    assert full_settings(FullChainVariant.BEADS, Profile.QUICK).force_interval == 10
-    every = run(FullChainVariant.BEADS, p, 0.1, force_interval=1)
+    grouped, p = fat_rod("beads")
+    assert SETTINGS["beads", Profile.QUICK].force_interval == 10
+    every = run("beads", p, 0.1, force_interval=1)
     assert np.linalg.norm(grouped.light_position[: len(every.t)] - every.light_position, axis=1).max() < 0.06e-3
 
 
-@pytest.mark.parametrize("variant", list(FullChainVariant))
+@pytest.mark.parametrize("variant", ["beads", "segments", "defaults"])
 def test_studies_change_one_thing_at_a_time(variant):
     engine = PymunkFullChain(variant=variant)
     studies = engine.studies()

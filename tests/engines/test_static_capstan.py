@@ -9,7 +9,7 @@ import pytest
 
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import select
-from looping_pendulum.engines.static_capstan import chain_capstan_exponent, measure_capstan_exponent
+from looping_pendulum.engines.tension import chain_capstan_exponent, measure_capstan_exponent
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.solve import available_integrators
 

@@ -12,9 +12,14 @@ import pytest
 
 from looping_pendulum.compare.convergence.report import halting_verdict
 from looping_pendulum.engines import registry
-from looping_pendulum.engines.conformance import CHECKS, CachedEngine, scenario, skip_reason
-from looping_pendulum.engines.conformance.against_reference import error_is_covered_by_refinement
-from looping_pendulum.engines.conformance.apparatus import LOSSLESS
+from looping_pendulum.engines.conformance import (
+    CHECKS,
+    LOSSLESS,
+    CachedEngine,
+    error_is_covered_by_refinement,
+    scenario,
+    skip_reason,
+)
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.studies import Studies
 from looping_pendulum.errors import EngineError

@@ -26,7 +26,7 @@ from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured import study_io
 from looping_pendulum.measured.observations import Observations
-from looping_pendulum.measured.study import read_trial
+from looping_pendulum.measured.study import read_files
 from tests.film_faults.faults import KINDS, NONE, Faulty, nothing
 from tests.film_faults.films import CHANNELS, Array, CleanStudy, Film, Tree, clean_study
 from tests.film_faults.forms import as_written, table_bytes
@@ -236,7 +236,7 @@ def _read(path: Path, faulty: Faulty) -> tuple[list[Reading] | None, list[str]]:
         for _ in range(MAX_FOLLOWED):
             study = study_io.load(path)
             try:
-                observations = read_trial(study, study.trials[number])
+                observations = read_files(study.folder, study.trials[number])
             except HarnessError as error:
                 message = str(error)
                 assert message.strip(), "a refusal says nothing"

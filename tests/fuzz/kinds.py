@@ -16,9 +16,8 @@ from pydantic_core import PydanticCustomError
 
 from looping_pendulum.compare import baseline
 from looping_pendulum.compare.comparison import compare
-from looping_pendulum.compare.export import trajectory_csv
 from looping_pendulum.compare.result import ComparisonResult
-from looping_pendulum.compare.stored import stored_result
+from looping_pendulum.compare.trajectories import stored_result, trajectory_csv
 from looping_pendulum.discrepancy.first_look.check import take_first_look
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.engines.isolation import parse_memory
@@ -28,15 +27,15 @@ from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import file_stem
 from looping_pendulum.measured import readers, study_io
-from looping_pendulum.measured.study_fields import MeasuredField
+from looping_pendulum.measured.events import read_event_table
+from looping_pendulum.measured.study_file import MeasuredField
 from looping_pendulum.scenarios import dump, load, load_text
 from looping_pendulum.scenarios.fields import QuantityField
-from looping_pendulum.scenarios.measured import read_event_table
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.scenarios.units import QUANTITY_NOUNS, QuantityKind, show, to_si
 from looping_pendulum.sweep import map_file
 from looping_pendulum.teaching import tracker
-from looping_pendulum.teaching.questions import QUESTIONS
+from looping_pendulum.teaching.questions import QUESTIONS, check_measured, check_quantity
 from tests.fuzz import command_lines, mutation
 from tests.fuzz.mutation import Mutation
 
@@ -86,8 +85,8 @@ def run_quantity(data: bytes) -> None:
     attempts: list[Callable[[], object]] = [
         lambda: MeasuredField(QuantityKind(unit="kg"), start=1.0).estimate(text),
         lambda: MeasuredField(QuantityKind(unit="m")).estimate(text),
-        lambda: QUESTIONS["light.mass"].check_measured(text),
-        lambda: QUESTIONS["release.angle"].check(text),
+        lambda: check_measured(QUESTIONS["light.mass"])(text),
+        lambda: check_quantity(QUESTIONS["release.angle"])(text),
         lambda: parse_memory(text),
     ]
     for attempt in attempts:
@@ -329,7 +328,7 @@ def run_run_file(data: bytes) -> None:
     engine = _result().engines[0]
     path = Path("stored") / "trajectories" / f"{file_stem(engine.label, engine.profile)}.csv"
     path.write_bytes(data)
-    with mock.patch("looping_pendulum.compare.stored.run_key", return_value="key"):  # it takes 50 ms
+    with mock.patch("looping_pendulum.compare.trajectories.run_key", return_value="key"):  # it takes 50 ms
         stored_result(Path("stored"), _scenario(), [ENGINE])
     made = tracker.overlay(tracker.find_motion(str(path)))
     assert np.isfinite(made.heavy).all()

@@ -73,8 +73,8 @@ FILES = [
     ("study", STUDY.replace("58 cm", "58 cm, hanging_length: 5e300 cm"), "needed a finite number above 0 and at most 1e+09"),
     ("map", MAP.replace("1 mm", "1 nan"), "any.yaml:4: parameters.rod_radius.values: expected a length, got '1 nan'"),
     ("map", MAP.replace("A map", HALF), "any.yaml:1: found '\\ud800'"),
-    ("events", EVENT_TABLES[0].replace(b",s\n", b",nan\n", 1), "any.csv:3: unit: found 'nan', needed a unit of"),
-    ("events", EVENT_TABLES[0].replace(b",s\n", b",/ *\n", 1), "any.csv:3: unit: found '/ *', needed a unit of"),
+    ("events", EVENT_TABLES[0].replace(b",s\n", b",nan\n", 1), "any.csv:3: column unit: found 'nan', needed a unit of"),
+    ("events", EVENT_TABLES[0].replace(b",s\n", b",/ *\n", 1), "any.csv:3: column unit: found '/ *', needed a unit of"),
     # the csv module takes no cell of more than 131 072 characters, which was an error of its own
     ("events", EVENT_TABLES[0].replace(b"27.1", b"1" * 140_000), "any.csv:5: found a line of 140"),
     ("readers", b"t,x,y\n0,1,2\n1," + b"1" * 140_000 + b",2\n", "any.csv:3: found a line of 140004 characters"),

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.live.settings import live_settings
+from looping_pendulum.live.write import live_settings
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solution import Solution
 from looping_pendulum.reference_ode.transitions import Event

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from looping_pendulum.live.bundle import page_script
+from looping_pendulum.live.write import page_script
 from tests.live.cases import RUN_IN_PAGE
 
 FOLDER = Path(__file__).parent

@@ -10,10 +10,10 @@ from typer.testing import CliRunner
 
 from looping_pendulum.cli.main import app
 from looping_pendulum.compare import write
-from looping_pendulum.compare.stored import stored_result
+from looping_pendulum.compare.trajectories import stored_result
 from looping_pendulum.errors import HarnessError
-from looping_pendulum.live import bundle as bundles
-from looping_pendulum.live.bundle import bundle
+from looping_pendulum.live import write as bundles
+from looping_pendulum.live.write import bundle
 from looping_pendulum.scenarios import load, shipped
 from looping_pendulum.teaching import demo
 from tests.compare.conftest import quick_figures  # noqa: F401, a fixture
@@ -92,25 +92,28 @@ def test_a_module_stands_once_and_before_those_that_import_it(tmp_path, monkeypa
         low=low,
     )
     script = bundle("main.js")
-    assert [script.count(f"const module_{name} =") for name in ("low", "middle", "main")] == [1, 1, 1]
-    assert script.index("module_low =") < script.index("module_middle =") < script.index("module_main =")
+    assert [script.count(f"const module_{name}=") for name in ("low", "middle", "main")] == [1, 1, 1]
+    assert script.index("module_low=") < script.index("module_middle=") < script.index("module_main=")
     assert "import" not in script
-    assert "return { a, numbers };" in script
+    assert "return{a,numbers};" in script
 
 
-def test_comments_stay_in_the_source(tmp_path, monkeypatch):
-    kept = 'const a = 1; // of a line\n/** @type {number} */ (a);\nconst url = "https://example.org /** no */";\n'
-    modules(tmp_path, monkeypatch, main=f"/** What\n * it is. */\n  // Why\n{kept}/** What */\n")
+def test_comments_stay_in_the_source_and_what_is_between_quotes_is_kept(tmp_path, monkeypatch):
+    kept = "`a\n  b ${ globalThis.c } // no comment`", '"https://example.org /** no */"', '/[/"] \\//'
+    lines = "".join(f"const kept{i} = {literal}; // of a line\n" for i, literal in enumerate(kept))
+    modules(tmp_path, monkeypatch, main=f"/** What\n * it is. */\n  // Why\n{lines}/** What */\n")
     script = bundle("main.js")
-    assert kept in script
-    assert "What" not in script
-    assert "Why" not in script
+    for literal in kept:
+        assert literal in script
+    for comment in ("What", "Why", "of a line"):
+        assert comment not in script
 
 
 @pytest.mark.parametrize(
     ("sources", "message"),
     [
         ({"main": 'import * as all from "./low.js";\n', "low": ""}, "main.js: found 'import * as all"),
+        ({"main": "const words = `a ${b ? `c` : d}`;\n"}, "main.js: found '`a ${b ? `', needed no template within a template"),
         ({"main": "export default 1;\n"}, "main.js: found 'export default 1;', needed imports and exports by names"),
         (
             {"main": 'import { a } from "./low.js";\n', "low": 'import { b } from "./main.js";\n'},

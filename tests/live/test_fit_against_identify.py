@@ -16,7 +16,7 @@ from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual import check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.live.settings import live_settings
+from looping_pendulum.live.write import live_settings
 from looping_pendulum.measured.study_io import load, load_text
 from looping_pendulum.teaching.example_folder import write_example
 from tests.apparatus import TEN_TO_ONE

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from looping_pendulum.errors import ParameterError
-from looping_pendulum.live.settings import live_settings
+from looping_pendulum.live.write import live_settings
 from looping_pendulum.reference_ode.cartesian import cartesian_force
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import solve

@@ -7,9 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.live.settings import live_settings
-from looping_pendulum.measured.camera import CAMERA
-from looping_pendulum.measured.study import Study, Trial
+from looping_pendulum.live.write import live_settings
 from looping_pendulum.reference_ode.solve import solve_at
 from tests.apparatus import TEN_TO_ONE
 
@@ -80,11 +78,3 @@ def test_a_missing_effect_is_not_called_noise(node):
     [result] = node("fit_trials.mjs", [task(5, truth=TRUTH.replace(side_force=3e-3))])
     assert result["tests"]["pattern"]
     assert result["tests"]["larger"]
-
-
-def test_values_stay_within_the_bounds_of_identify(node):
-    bounds = node("fit_bounds.mjs", None)
-    study = Study(name="", title="", folder=None, apparatus={}, effects={}, trials=(Trial(name="a", files=()),))  # type: ignore[arg-type]
-    for name, (_, low, high) in bounds.items():
-        expected = CAMERA[name].bounds if name in CAMERA else study._bounds(name)
-        assert (low, math.inf if high is None else high) == pytest.approx(expected), name  # JSON has no infinity

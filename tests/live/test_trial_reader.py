@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from looping_pendulum.live.settings import live_settings
+from looping_pendulum.live.write import live_settings
 from looping_pendulum.measured import study_io
 from looping_pendulum.measured.readers import DataError, read
 from looping_pendulum.teaching.example_folder import write_example

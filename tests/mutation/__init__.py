@@ -10,7 +10,14 @@ bound of what the whole suite catches.
 CONVENTIONS = "tests/test_conventions.py"
 FOLDERS = {
     "compare": (
-        ("looping_pendulum/compare", "looping_pendulum/engines/landmarks.py", "looping_pendulum/engines/string_motion.py"),
+        (
+            "looping_pendulum/compare",
+            "looping_pendulum/pages/chart.py",
+            "looping_pendulum/pages/drawing.py",
+            "looping_pendulum/pages/figures.py",
+            "looping_pendulum/engines/landmarks.py",
+            "looping_pendulum/engines/string_motion.py",
+        ),
         ("tests/compare", "tests/engines/test_string_motion.py", "tests/engines/test_string_motion_by_hand.py", CONVENTIONS),
     ),
     "reference_ode": (("looping_pendulum/reference_ode",), ("tests/reference_ode", CONVENTIONS)),

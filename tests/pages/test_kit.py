@@ -10,12 +10,13 @@ import re
 
 import pytest
 
-from looping_pendulum.compare import page as comparison_page
+from looping_pendulum.compare.figures import charts
+from looping_pendulum.compare.report import render_page
 from looping_pendulum.discrepancy.report import page as identification_page
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import ADAPTERS, all_engines, label, main_engines
 from looping_pendulum.pages import markdown
-from looping_pendulum.pages.figures import Figure, escaped, plain
+from looping_pendulum.pages.figures import Figure, escaped, on_page, plain
 from looping_pendulum.pages.palette import COLOURS, DARK_COLOURS, KNOWN_LABELS, styles
 from looping_pendulum.pages.shell import embedded
 from looping_pendulum.teaching import demo
@@ -71,9 +72,13 @@ def test_every_variant_of_this_package_has_a_style_of_its_own_whatever_else_is_s
     assert len({together[one].colour for one in main}) == len(main)
 
 
+def comparison_page(result):
+    return render_page(result, charts(result))
+
+
 PAGES = {
-    "comparison": lambda: comparison_page.render(small_result()),
-    "comparison with points": lambda: comparison_page.render(with_points(small_result())),
+    "comparison": lambda: comparison_page(small_result()),
+    "comparison with points": lambda: comparison_page(with_points(small_result())),
     "identification": lambda: identification_page.render(identification("calm")),
     "demo": lambda: demo.render(small_result()),
     "demo with points": lambda: demo.render(with_points(small_result())),
@@ -112,7 +117,9 @@ def test_plotly_knows_every_key_of_our_figures(name):
     from plotly.graph_objects import Figure as Plotly
 
     calm = identification("calm")
-    figures = comparison_page.figures(small_result()) if name == "comparison" else identification_page.figures(calm)
+    figures = (
+        [on_page(chart) for chart in charts(small_result())] if name == "comparison" else identification_page.figures(calm)
+    )
     for figure in figures:
         traces = [_with_plain_colours(trace) for trace in figure.traces]
         assert Plotly({"data": traces, "layout": _with_plain_colours(figure.layout)}).data
@@ -136,13 +143,13 @@ def test_figures_have_no_nan_and_escape_names():
 
 
 def test_hostile_names_stand_in_no_page_as_they_are():
-    for html in (demo.render(hostile_result()), comparison_page.render(hostile_result())):
+    for html in (demo.render(hostile_result()), comparison_page(hostile_result())):
         assert "<script>alert(1)</script>" not in html
         assert "<img src=x" not in html
     assert "<img src=x" not in identification_page.render(identification(HOSTILE))
 
 
 def test_a_page_without_trajectories_still_has_its_tables():
-    html = comparison_page.render(dataclasses.replace(small_result(), samples=None))
+    html = comparison_page(dataclasses.replace(small_result(), samples=None))
     assert "Plotly" not in html
     assert html.count("<table>") > 3

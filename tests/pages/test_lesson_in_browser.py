@@ -293,3 +293,45 @@ def test_the_lesson_fits_a_narrow_screen(visit, locale):
     for name in PLACES:
         open_step(page, name)
         assert sideways(page) <= 0, name
+
+
+def test_thirty_pupils_are_drawn_as_a_distribution(visit_in):
+    page, _ = opened_lesson(visit_in, "en")
+    choices = ["falls", "halts", "turns"]
+    lines = [
+        f"looping-pendulum class; Pupil {i}; atwood={3 + i / 10}/4.91/{4.6 + i / 50:.2f}; frictionless={choices[i % 3]}/turns"
+        for i in range(30)
+    ]
+    bad = [
+        "hello",
+        "looping-pendulum class; Eve; atwood=<b>/4.91; frictionless=flies",
+        "looping-pendulum class; Pupil 0; atwood=9.81/4.91",
+    ]
+    page.evaluate("document.getElementById('class').open = true")
+    page.fill("#class-lines", "\n".join([*lines, *bad]))
+    # Pupil 0 is asked once, by the last line of that name
+    assert page.inner_text("#class-message") == "Pupils: 30. Lines that are of no pupil: 2."
+    assert page.locator("#class-results circle.said").count() == 30
+    assert page.locator("#class-results rect.measured").count() == 29
+    bars = page.locator("#class-results figure").nth(1)
+    assert bars.locator("svg").get_attribute("aria-label").endswith("it stops and rises again, several times: 10")
+    assert bars.locator("rect.found").count() == 1
+    page.fill("#class-lines", "")
+    assert page.locator("#class-results figure").count() == 0
+
+
+def test_a_pupils_line_is_read_as_it_was_answered(visit_in):
+    page, _ = opened_lesson(visit_in, "en")
+    page.evaluate("document.getElementById('class').open = true")
+    page.evaluate("live.lesson.open(0)")
+    page.fill("#lesson-number", "4,8")
+    page.fill("#lesson-measured", "4.7")
+    page.fill("#class-name", "Ann; B")
+    page.evaluate("live.lesson.change()")
+    page.evaluate("live.player.stopAt(live.player.end())")
+    until(page, "document.getElementById('class-line').textContent.includes('atwood=4.8/')")
+    line = page.inner_text("#class-line")
+    assert re.fullmatch(r"looping-pendulum class; Ann B; atwood=4\.8/4\.9\d?/4\.7.*", line)
+    page.fill("#class-lines", line)
+    assert page.inner_text("#class-message") == "Pupils: 1."
+    page.fill("#class-lines", "")

@@ -30,7 +30,7 @@ MIN_TARGET = 24
 TOUCH = {"has_touch": True, "is_mobile": True}
 
 FOCUSABLE = """() => {
-  const all = [...document.querySelectorAll("a[href], button, input, select, summary, [tabindex='0']")];
+  const all = [...document.querySelectorAll("a[href], button, input, textarea, select, summary, [tabindex='0']")];
   return all.filter((e) => !e.disabled && e.checkVisibility()).map((e) => e.id || e.className || e.textContent.trim());
 }"""
 
@@ -47,7 +47,7 @@ FOCUSED = """() => {
 }"""
 
 SMALL = """(least) => {
-  const all = document.querySelectorAll("button, input, select, summary, canvas[tabindex]");
+  const all = document.querySelectorAll("button, input, textarea, select, summary, canvas[tabindex]");
   const shown = [...all].filter((e) => e.checkVisibility());
   const boxes = shown.map((e) => [e.id || e.textContent, (e.type === "checkbox" ? e.labels[0] : e).getBoundingClientRect()]);
   const cut = ({ left, right }) => left < -1 || right > innerWidth + 1;

@@ -10,7 +10,7 @@ import re
 
 import pytest
 
-from looping_pendulum.live.settings import live_settings
+from looping_pendulum.live.write import live_settings
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import load, shipped
 from tests.pages.conftest import DESKTOP, PHONE, sideways, until

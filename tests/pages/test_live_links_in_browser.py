@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from tests.pages.conftest import until
 from tests.pages.live_page import preset, settled, value
+
+NAMES_IN_CODES = (
+    "release_angle free_length light_mass mass_ratio rod_radius kinetic_friction static_friction light_drag heavy_drag "
+    "string_drag light_linear_drag heavy_linear_drag wind_speed side_force push_across push_along gravity hanging_length "
+    "light_radius"
+).split()
+"""Settings of a code `LP1:...`, in its order."""
 
 
 def test_a_link_leads_to_its_setting_and_back(opened):
@@ -69,3 +77,58 @@ def test_a_bad_link_says_so_and_keeps_the_rest(opened, link, message):
     until(page, "document.getElementById('fault').textContent !== ''")
     assert page.inner_text("#fault").startswith(message)
     assert value(page, "mass_ratio") == 5
+
+
+def test_a_saved_page_gives_a_code_that_any_copy_takes(opened, tmp_path):
+    """Its address, `file:///...`, is a dead link for all others."""
+    page = opened.page
+    preset(page, "two_to_one")
+    state = page.evaluate("live.state")
+    code = page.evaluate("live.keeping.page.address.shared")
+    assert code.startswith("LP1:looping;")
+    assert len(code) < 120
+    preset(page, "drop")
+    page.fill("#code", f"  {code} ")
+    page.dispatch_event("#code", "change")
+    settled(page)
+    assert page.evaluate("live.state") == state
+    assert page.input_value("#code") == page.inner_text("#code-fault") == ""
+    link = "https://example.org/live.html" + page.evaluate("location.hash")
+    preset(page, "drop")
+    page.fill("#code", link)
+    page.dispatch_event("#code", "change")
+    settled(page)
+    assert page.evaluate("live.state") == state
+
+
+def test_a_code_of_the_first_form_stays_readable(opened):
+    """It names no settings: with other controls, or in another order, the form needs another number."""
+    page = opened.page
+    names = page.evaluate("liveControls.map(({ name }) => name)")
+    assert names == NAMES_IN_CODES
+    page.fill("#code", "lp1:looping;20")
+    page.dispatch_event("#code", "change")
+    assert page.inner_text("#fault").startswith("the link: free_length_cm: found '0', needed 10 to 150; ")
+
+
+def test_what_is_no_code_is_named(opened):
+    page = opened.page
+    page.fill("#code", "hello")
+    page.dispatch_event("#code", "change")
+    assert (
+        page.inner_text("#code-fault")
+        == "“hello” is neither a code, which begins with LP1:, nor a link with settings behind #."
+    )
+
+
+def test_the_qr_code_is_the_code(opened):
+    cv2 = pytest.importorskip("cv2", reason="OpenCV, which reads the QR code, is not installed (extra `film`)")
+    page = opened.page
+    page.click("#show-qr")
+    modules = page.evaluate("""() => {
+      const canvas = document.getElementById("qr"), { width, height } = canvas;
+      const { data } = canvas.getContext("2d").getImageData(0, 0, width, height);
+      return Array.from({ length: height }, (_, y) => Array.from({ length: width }, (_, x) => data[4 * (y * width + x)]));
+    }""")
+    picture = np.kron(np.array(modules, dtype=np.uint8), np.ones((6, 6), dtype=np.uint8))
+    assert cv2.QRCodeDetector().detectAndDecode(picture)[0] == page.evaluate("live.keeping.page.address.shared")

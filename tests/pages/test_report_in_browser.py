@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import pytest
 
-from looping_pendulum.compare import page as comparison_page
+from looping_pendulum.compare.figures import charts
+from looping_pendulum.compare.report import render_page
 from looping_pendulum.discrepancy.report import page as identification_page
+from looping_pendulum.pages.figures import on_page
 from tests.pages.axe import violations
 from tests.pages.conftest import DESKTOP, PHONE, sideways, until
 from tests.pages.made_up import identification
@@ -20,7 +22,7 @@ DRAWN = "[...document.querySelectorAll('.figure')].every((box) => box.querySelec
 
 @pytest.fixture(scope="module")
 def comparison(visit_once):
-    return visit_once(comparison_page.render(hostile_result()))
+    return visit_once(render_page(hostile_result(), charts(hostile_result())))
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +33,7 @@ def identified(visit_once):
 def test_comparison_draws_its_figures_and_fetches_nothing(comparison):
     page = comparison.page
     until(page, DRAWN)
-    figures = comparison_page.figures(hostile_result())
+    figures = [on_page(chart) for chart in charts(hostile_result())]
     assert page.locator(".figure").count() == len(figures) == 4
     assert page.locator("#residuals .scatterlayer .trace").count() == 2 * 4, "two bodies, the reference and three runs"
     for figure in figures:
@@ -91,7 +93,7 @@ def test_a_phone_shows_it_without_scrolling_sideways(comparison):
 
 
 def test_sections_start_folded_on_a_phone_and_a_link_opens_one(visit):
-    page = visit(comparison_page.render(hostile_result()), viewport=PHONE).page
+    page = visit(render_page(hostile_result(), charts(hostile_result())), viewport=PHONE).page
     folds = page.locator("details.fold")
     assert folds.count() >= 5
     assert not any(fold.evaluate("(f) => f.open") for fold in folds.all())

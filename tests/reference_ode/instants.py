@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.reference_ode.effects.properties import REST_SPEED
+from looping_pendulum.reference_ode.effects.library import REST_SPEED
 from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.state import Signs, State, extra_variables
 from looping_pendulum.reference_ode.transitions import Mode

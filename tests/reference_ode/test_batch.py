@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from looping_pendulum.errors import IntegrationError, ParameterError
+from looping_pendulum.reference_ode import batch
 from looping_pendulum.reference_ode.batch import (
     ENDS,
     FAILED,
@@ -16,11 +17,9 @@ from looping_pendulum.reference_ode.batch import (
     sample_batch,
     schedule,
     sequence_hash,
-    sharing,
     solve_batch,
 )
-from looping_pendulum.reference_ode.batch.numbers import parameters_of_run
-from looping_pendulum.reference_ode.batch.result import BYTES_PER_RUN, summary
+from looping_pendulum.reference_ode.batch.runs import BYTES_PER_RUN, BatchRuns, SharedBatch, parameters_of_run, summary
 from looping_pendulum.reference_ode.batch.steps import supports_batch
 from looping_pendulum.reference_ode.effects import EFFECTS, EffectKind
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -185,10 +184,10 @@ def test_a_helping_process_takes_what_nobody_has_taken(monkeypatch, mobility):
     """The helper's function runs in this process, so that timing does not matter. With a rod that turns runs are single."""
     turning = {"rod_mobility": np.full(7, mobility)} if mobility else {}
     columns = {"release_angle": np.radians(np.linspace(70.0, 110.0, 7))} | turning
-    job = sharing.SharedBatch.of(BASE, columns, 7, DURATION, TOLERANCE, processes=2)
+    job = SharedBatch.of(BASE, columns, 7, DURATION, TOLERANCE, processes=2)
     job.taken_count.value = 3
-    monkeypatch.setattr(sharing, "_job", job, raising=False)
-    sharing._work_in_helper()
+    monkeypatch.setattr(batch, "_job", job, raising=False)
+    batch._work_in_helper()
     assert job.taken_count.value == 7
     assert job.ended_count.value == 4
     actual = job.result()
@@ -209,9 +208,9 @@ def test_the_runs_of_a_helping_process_that_dies_are_run_again():
     """The helper counts as having taken four of six runs; one of the six is impossible, so it stays failed."""
     columns = {"release_angle": np.radians([70.0, 80.0, 90.0, 100.0, 400.0, 110.0]), "rod_mobility": np.full(6, 10.0)}
     deadly = Deadly(**{field.name: getattr(BASE, field.name) for field in dataclasses.fields(Parameters)})
-    job = sharing.SharedBatch.of(deadly, columns, 6, DURATION, TOLERANCE, processes=2)
+    job = SharedBatch.of(deadly, columns, 6, DURATION, TOLERANCE, processes=2)
     job.taken_count.value = 4
-    sharing.work_together(job, None)
+    batch._work_together(job, None)
     actual = job.result()
     assert_equal(actual, solve_batch(BASE, columns), bound=0.0)
     assert np.flatnonzero(actual.end == FAILED).tolist() == [4]
@@ -219,8 +218,8 @@ def test_the_runs_of_a_helping_process_that_dies_are_run_again():
 
 @pytest.mark.parametrize("processes", [1, 2, 5])
 def test_of_the_last_runs_a_process_takes_only_its_share(processes):
-    job = sharing.SharedBatch.of(BASE, {"heavy_mass": np.ones(1000)}, 1000, DURATION, TOLERANCE, processes)
-    runs, taken = sharing.BatchRuns(job), []
+    job = SharedBatch.of(BASE, {"heavy_mass": np.ones(1000)}, 1000, DURATION, TOLERANCE, processes)
+    runs, taken = BatchRuns(job), []
     while len(some := runs.take(300)):
         taken.append(len(some))
     assert sum(taken) == 1000
@@ -253,7 +252,7 @@ def test_a_run_with_too_many_steps_is_left_to_the_single_integrator(monkeypatch)
     expected = solve_batch(BASE, columns)
     monkeypatch.setattr(schedule, "MAX_STEPS", 20)
     singly = []
-    monkeypatch.setattr(sharing, "solve_without_warning", lambda *a, **k: singly.append(solve(*a, **k)) or singly[-1])
+    monkeypatch.setattr(batch, "solve_without_warning", lambda *a, **k: singly.append(solve(*a, **k)) or singly[-1])
     assert_equal(solve_batch(BASE, columns), expected, bound=1e-9)
     assert len(singly) == 5
 

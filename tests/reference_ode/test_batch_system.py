@@ -1,4 +1,6 @@
-"""Transitions after release and events in a batch agree with the driver of single runs; and how a batch is driven."""
+"""Transitions after release and events in a batch agree with the driver of single runs; how a batch is driven; and its parts:
+Taylor series of expressions, and the search for the first fall of polynomials.
+"""
 
 from __future__ import annotations
 
@@ -9,21 +11,27 @@ import warnings
 import numpy as np
 import pytest
 
-pytest.importorskip("heyoka", reason="without heyoka a batch is a loop over single runs")
+hy = pytest.importorskip("heyoka", reason="without heyoka a batch is a loop over single runs")
 
 from looping_pendulum.errors import IntegratorFallbackWarning, ParameterError  # noqa: E402
 from looping_pendulum.reference_ode import batch, heyoka_backend  # noqa: E402
-from looping_pendulum.reference_ode.batch import compiled, roots, schedule, sharing, solve_batch, steps, system  # noqa: E402
-from looping_pendulum.reference_ode.batch.block import BOOKKEEPING, Block  # noqa: E402
-from looping_pendulum.reference_ode.batch.compiled import LEADING, BatchModel, batch_model  # noqa: E402
-from looping_pendulum.reference_ode.batch.numbers import equation_parameters, parameters_of_run, valid_runs  # noqa: E402
-from looping_pendulum.reference_ode.batch.result import BYTES_PER_RUN, FAILED, BatchResult  # noqa: E402
+from looping_pendulum.reference_ode.batch import compiled, roots, schedule, solve_batch, steps, system  # noqa: E402
+from looping_pendulum.reference_ode.batch.compiled import LEADING, BatchModel, CompiledFunction, SeriesAlgebra, batch_model  # noqa: E402
+from looping_pendulum.reference_ode.batch.roots import first_falling_roots  # noqa: E402
+from looping_pendulum.reference_ode.batch.runs import (  # noqa: E402
+    BYTES_PER_RUN,
+    FAILED,
+    BatchResult,
+    equation_parameters,
+    parameters_of_run,
+    valid_runs,
+)
 from looping_pendulum.reference_ode.batch.steps import stepper  # noqa: E402
-from looping_pendulum.reference_ode.driver import Driver  # noqa: E402
+from looping_pendulum.reference_ode.batch.system import BOOKKEEPING, Block  # noqa: E402
 from looping_pendulum.reference_ode.effects import COEFFICIENTS  # noqa: E402
 from looping_pendulum.reference_ode.parameters import Parameters, Release  # noqa: E402
 from looping_pendulum.reference_ode.rules import REST_SERIES_DURATION  # noqa: E402
-from looping_pendulum.reference_ode.solve import TOLERANCE, solve, solve_at  # noqa: E402
+from looping_pendulum.reference_ode.solve import TOLERANCE, Driver, solve, solve_at  # noqa: E402
 from looping_pendulum.reference_ode.state import TINY_SPEED, Motion, Signs, State  # noqa: E402
 from looping_pendulum.reference_ode.transitions import TABLE, Event, Mode  # noqa: E402
 from tests.apparatus import TEN_TO_ONE  # noqa: E402
@@ -199,7 +207,7 @@ def test_a_step_is_as_long_as_its_last_terms_allow():
 
 
 def test_nothing_but_one_process_works_unasked(monkeypatch):
-    monkeypatch.setattr(batch, "work_together", lambda *_: pytest.fail("a second process"))
+    monkeypatch.setattr(batch, "_work_together", lambda *_: pytest.fail("a second process"))
     assert (
         solve_batch(BASE, {"heavy_mass": np.array([0.1, 0.11]), "heavy_swing": np.full(2, 0.1)}, duration=0.01).end_time[0] > 0
     )
@@ -212,7 +220,7 @@ def test_only_events_count_as_events(monkeypatch):
     counts = [len(run.events) - 1 for run in runs]  # the release is none
     assert counts[0] > counts[1]
     singly = []
-    monkeypatch.setattr(sharing, "solve_without_warning", lambda *a, **k: singly.append(solve(*a, **k)) or singly[-1])
+    monkeypatch.setattr(batch, "solve_without_warning", lambda *a, **k: singly.append(solve(*a, **k)) or singly[-1])
     for most, left in ((max(counts), 0), (max(counts) - 1, 1), (min(counts) - 1, 2)):
         singly.clear()
         monkeypatch.setattr(schedule, "MAX_EVENTS", most)
@@ -310,3 +318,75 @@ def test_a_result_lies_where_processors_read_it_fastest(n):
     assert {name for name in vars(result) if np.isnan(np.asarray(getattr(result, name), dtype=float)).all()} == {
         "halting_time", "halting_wrap_angle", "halting_free_length", "drop", "wrap_angle", "free_length", "end_time",
     }  # fmt: skip
+
+
+def test_series_of_the_elementary_functions():
+    """Oracle: known series of functions of 0.5 + s, s the variable."""
+    algebra = SeriesAlgebra()
+    x = algebra.variable(hy.expression("x"), lambda: algebra.series(1.0))
+    cases = {
+        "exp": (algebra.exp(x), [math.exp(0.5) / math.factorial(n) for n in range(6)]),
+        "sin": (algebra.sin(x), [math.sin(0.5 + n * math.pi / 2) / math.factorial(n) for n in range(6)]),
+        "cos": (algebra.cos(x), [math.cos(0.5 + n * math.pi / 2) / math.factorial(n) for n in range(6)]),
+        "1/x": (1.0 / x, [(-1.0) ** n / 0.5 ** (n + 1) for n in range(6)]),
+        "sqrt(x^3)": (algebra.sqrt(x * x * x), [_binomial(1.5, n) * 0.5 ** (1.5 - n) for n in range(6)]),
+        "(3 - x) x / 2": ((3.0 - x) * x / 2.0, [0.625, 1.0, -0.5, 0.0, 0.0, 0.0]),
+        "-x + 1": (-x + 1.0, [0.5, -1.0, 0.0, 0.0, 0.0, 0.0]),
+    }
+    for name, (series, expected) in cases.items():
+        terms = [hy.expression(0.0) + series[n] for n in range(6)]
+        actual = hy.cfunc(terms, [hy.expression("x")])(np.array([0.5]))
+        np.testing.assert_allclose(actual, expected, rtol=1e-13, atol=1e-15, err_msg=name)
+
+
+def _binomial(a, n):
+    return math.prod((a - k) / (k + 1) for k in range(n))
+
+
+def test_a_compiled_function_gives_each_column_the_same_wherever_it_stands():
+    x, y = hy.make_vars("x", "y")
+    function = CompiledFunction([hy.exp(x) * hy.sin(y) + 1.0 / y, hy.log(x) - y], [x, y])
+    data = np.random.default_rng(0).uniform(0.1, 3.0, (2, 19))
+    whole = function(data)
+    np.testing.assert_allclose(whole, [np.exp(data[0]) * np.sin(data[1]) + 1 / data[1], np.log(data[0]) - data[1]], rtol=1e-14)
+    for i in range(19):
+        np.testing.assert_array_equal(function(data[:, i : i + 1])[:, 0], whole[:, i])
+
+
+def test_equal_operations_are_made_once():
+    algebra = SeriesAlgebra()
+    x = algebra.variable(hy.expression("x"), lambda: algebra.series(1.0))
+    y = algebra.variable(hy.expression("y"), lambda: algebra.series(1.0))
+    assert x * y is y * x
+    assert algebra.sin(x + y) is algebra.sin(y + x)
+
+
+def test_first_falling_roots_are_those_of_a_fine_grid():
+    """Oracle: signs on a grid of 2e-5, and the polynomial's own value at the root."""
+    rng = np.random.default_rng(0)
+    degree, n = 16, 400
+    polynomials = rng.normal(size=(degree + 1, n)) * np.exp(-1.0 * np.arange(degree + 1))[:, None]
+    actual = first_falling_roots(polynomials)
+    grid = np.linspace(0, 1, 50_001)
+    for i in range(n):
+        signs = np.polyval(polynomials[::-1, i], grid) > 0
+        falls = np.flatnonzero(signs[:-1] & ~signs[1:])
+        if falls.size:
+            assert abs(actual[i] - grid[falls[0]]) < 4e-5
+            assert abs(np.polyval(polynomials[::-1, i], actual[i])) < 1e-14
+        else:
+            assert np.isinf(actual[i])
+
+
+def test_a_close_pair_of_roots_is_not_missed():
+    """(x - 0.3)(x - 0.3 - d) falls at 0.3, rises d later; a touch from above, or a rise, is no fall."""
+    gaps = np.array([1e-2, 1e-4, 1e-6])
+    pairs = np.array([0.3 * (0.3 + gaps), -(0.6 + gaps), np.ones(3)])
+    np.testing.assert_allclose(first_falling_roots(pairs), 0.3, rtol=0, atol=1e-9)
+    never = np.array([[0.09 + 1e-9, -0.6, 1.0], [-0.3, 1.0, 0.0], [1.0, 0.0, 0.0]]).T
+    assert np.all(np.isinf(first_falling_roots(never)))
+
+
+def test_a_function_that_starts_at_zero_falls_only_later():
+    """x (0.5 - x) starts at exactly 0, rises and falls at 0.5."""
+    assert first_falling_roots(np.array([[0.0], [0.5], [-1.0]]))[0] == pytest.approx(0.5, abs=1e-15)

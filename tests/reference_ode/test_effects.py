@@ -12,8 +12,8 @@ import pytest
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode import closed_forms
 from looping_pendulum.reference_ode.cartesian import cartesian_force
+from looping_pendulum.reference_ode.closed_forms import mechanical_energy
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS, EffectKind, Kinematics
-from looping_pendulum.reference_ode.invariants import mechanical_energy
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solution import Samples
 from looping_pendulum.reference_ode.solve import DURATION, available_integrators, solve, solve_at

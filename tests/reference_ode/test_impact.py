@@ -9,10 +9,9 @@ import pytest
 
 from looping_pendulum.errors import IntegrationError
 from looping_pendulum.reference_ode import rules
-from looping_pendulum.reference_ode.driver import Driver
 from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.rules import MARGIN_TOLERANCE, RELATIVE_TENSION_TOLERANCE, REST_SERIES_DURATION
-from looping_pendulum.reference_ode.solve import solve, solve_at
+from looping_pendulum.reference_ode.solve import Driver, solve, solve_at
 from looping_pendulum.reference_ode.state import TINY_SPEED, Motion, Signs, State, extra_variables
 from looping_pendulum.reference_ode.transitions import Event, Mode
 from tests.apparatus import TEN_TO_ONE, TWO_TO_ONE
@@ -371,7 +370,7 @@ def test_a_string_begins_to_slide_on_a_rolling_rod_with_its_speed():
 
 @pytest.mark.parametrize("solver", [solve, lambda p, **o: solve_at(p, np.array([0.0, 0.1]), **o)])
 def test_a_run_whose_events_do_not_end_says_where(monkeypatch, solver):
-    monkeypatch.setattr("looping_pendulum.reference_ode.driver.MAX_EVENTS", 2)
+    monkeypatch.setattr("looping_pendulum.reference_ode.solve.MAX_EVENTS", 2)
     with pytest.raises(IntegrationError, match=r"more than 2 events at t = 0\.\d+ s, in mode \w+"):
         solver(TWO_TO_ONE, integrator="scipy", tolerance=1e-8)
     monkeypatch.setattr("looping_pendulum.reference_ode.scipy_backend.MAX_STEPS", 3)

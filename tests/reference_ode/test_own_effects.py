@@ -14,12 +14,10 @@ import sympy
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode import dual
 from looping_pendulum.reference_ode.batch import solve_batch
-from looping_pendulum.reference_ode.batch.compiled import CompiledFunction
-from looping_pendulum.reference_ode.batch.series import SeriesAlgebra
+from looping_pendulum.reference_ode.batch.compiled import CompiledFunction, SeriesAlgebra
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS, EffectKind, own
-from looping_pendulum.reference_ode.effects.check import RESERVED, multiplied_coefficient
 from looping_pendulum.reference_ode.effects.formula import FUNCTIONS, MAX_LENGTH, FormulaError, parse
-from looping_pendulum.reference_ode.effects.own import OwnEffect, effect_of
+from looping_pendulum.reference_ode.effects.own import RESERVED, OwnEffect, effect_of, multiplied_coefficient
 from looping_pendulum.reference_ode.parameters import Parameters, parameters_from
 from looping_pendulum.reference_ode.sensitivity import solve_sensitivities
 from looping_pendulum.reference_ode.solve import available_integrators, solve, solve_at

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from looping_pendulum.errors import ParameterError
+from looping_pendulum.notebook import html
 from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
+from looping_pendulum.reference_ode.closed_forms import mechanical_energy
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS, Kinematics, drag_coefficient
 from looping_pendulum.reference_ode.geometry import light_position, light_velocity, next_string_coordinates, string_coordinates
-from looping_pendulum.reference_ode.invariants import mechanical_energy
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import solve
 from tests.apparatus import TEN_TO_ONE
@@ -227,11 +228,11 @@ def test_beyond_the_first_turn_string_lies_on_string():
 
 def test_a_run_in_a_notebook_tells_its_events():
     run = solve(TEN_TO_ONE)
-    html = run._repr_html_()
-    assert f"halts at {run.halting_time:.6f} s" in html
-    assert f"{float(run.heavy_drop(run.halt.state)):.4f}" in html
-    assert f"{float(run.halt.state.wrap_angle):.4f}" in html
-    assert f"{float(run.halt.state.free_length):.4f}" in html
+    page = html(run)
+    assert f"halts at {run.halting_time:.6f} s" in page
+    assert f"{float(run.heavy_drop(run.halt.state)):.4f}" in page
+    assert f"{float(run.halt.state.wrap_angle):.4f}" in page
+    assert f"{float(run.halt.state.free_length):.4f}" in page
     for event in run.events:
-        assert (f"{event.time:.6f}" in html) or event.event is not None
-    assert "never halts" in solve(TEN_TO_ONE, duration=0.2)._repr_html_()
+        assert (f"{event.time:.6f}" in page) or event.event is not None
+    assert "never halts" in html(solve(TEN_TO_ONE, duration=0.2))

@@ -11,7 +11,6 @@ import scipy.integrate
 
 from looping_pendulum.reference_ode import parameters as parameter_module
 from looping_pendulum.reference_ode import rules, scipy_backend, solution, state
-from looping_pendulum.reference_ode.driver import Driver
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS
 from looping_pendulum.reference_ode.effects.closure import (
     COORDINATES,
@@ -21,12 +20,12 @@ from looping_pendulum.reference_ode.effects.closure import (
     SIDES,
     weight_name,
 )
-from looping_pendulum.reference_ode.effects.properties import REST_SPEED
+from looping_pendulum.reference_ode.effects.library import REST_SPEED
 from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.scipy_backend import CHECKS, DEGREE, ScipyIntegrator
 from looping_pendulum.reference_ode.solution import Segment, SegmentSamples, join_samples
-from looping_pendulum.reference_ode.solve import solve
+from looping_pendulum.reference_ode.solve import Driver, solve
 from looping_pendulum.reference_ode.state import (
     Signs,
     State,

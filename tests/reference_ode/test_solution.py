@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from looping_pendulum.reference_ode.closed_forms import HELD_PERIOD_NODES
-from looping_pendulum.reference_ode.driver import MAX_EVENTS
 from looping_pendulum.reference_ode.solution import Run, RunEvent
-from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, solve, solve_at
+from looping_pendulum.reference_ode.solve import DURATION, MAX_EVENTS, TOLERANCE, solve, solve_at
 from looping_pendulum.reference_ode.state import (
     State,
 )

@@ -9,7 +9,7 @@ import pytest
 
 from looping_pendulum.errors import MissingPackageError, ParameterError
 from looping_pendulum.reference_ode import closed_forms
-from looping_pendulum.reference_ode.invariants import mechanical_energy
+from looping_pendulum.reference_ode.closed_forms import mechanical_energy
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import available_integrators, solve, solve_at
 from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, TABLE, Event, Mode

@@ -10,11 +10,11 @@ from importlib.metadata import version
 import pytest
 from packaging.version import Version
 
-from looping_pendulum.compare.plots import png
 from looping_pendulum.engines.isolation import run_isolated
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import select
+from looping_pendulum.pages.drawing import png
 from looping_pendulum.releases import installers, study
 from looping_pendulum.releases.figure import figure
 from looping_pendulum.releases.installers import ReleaseError, list_releases

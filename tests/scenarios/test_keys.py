@@ -71,7 +71,7 @@ def test_the_page_has_every_key_of_the_models_and_each_has_a_meaning(section):
         assert meaning.strip(" |"), key
 
 
-@pytest.mark.parametrize(("command", "name"), [("scenarios", "scenario"), ("identify", "study"), ("maps", "map")])
+@pytest.mark.parametrize(("command", "name"), [("scenarios", "scenario"), ("identify", "study"), ("map", "map")])
 def test_each_command_prints_the_schema_of_its_files(command, name):
     done = here(command, "--schema")
     assert done.returncode == 0, done.stderr

@@ -14,14 +14,13 @@ from looping_pendulum.reference_ode.effects import Coefficient, Effect, EffectKi
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios import dump, json_schema, load, load_text
 from looping_pendulum.scenarios.metrics import METRICS
+from looping_pendulum.scenarios.quantities import FILE_KEYS, file_key
 from looping_pendulum.scenarios.scenario import (
-    FILE_KEYS,
     PROFILES,
     Inference,
     MeasuredTrial,
     Scenario,
     Tolerance,
-    file_key,
 )
 
 from .test_errors import GOOD

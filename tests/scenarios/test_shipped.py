@@ -11,11 +11,11 @@ from importlib import resources
 
 import pytest
 
+from looping_pendulum.measured.events import find_data, read_event_table
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import dump, json_schema, load, load_text, shipped
 from looping_pendulum.scenarios.document import parse
-from looping_pendulum.scenarios.measured import find_data, read_event_table
-from looping_pendulum.scenarios.scenario import FILE_KEYS
+from looping_pendulum.scenarios.quantities import FILE_KEYS
 
 NAMES = [
     "atwood",

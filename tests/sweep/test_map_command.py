@@ -82,7 +82,7 @@ def test_the_command_maps_and_reports(tmp_path):
 
 def test_the_command_lists_maps_and_refuses_a_typo(tmp_path):
     assert "angle_and_ratio" in CliRunner().invoke(app, ["map"]).stdout
-    assert "title:" in CliRunner().invoke(app, ["maps", "quick"]).stdout
+    assert "title:" in CliRunner().invoke(app, ["map", "quick", "--print"]).stdout
     (tmp_path / "huge.yaml").write_text(GRID.replace("count: 6", "count: 15000").replace("count: 12", "count: 12000"))
     done = CliRunner().invoke(app, ["map", str(tmp_path / "huge.yaml"), "--out", str(tmp_path / "out")])
     assert "found 180000000 runs" in str(done.exception)

@@ -13,12 +13,12 @@ from typer.testing import CliRunner
 from looping_pendulum.cli import main as cli
 from looping_pendulum.cli import teaching as cli_teaching
 from looping_pendulum.compare import ComparisonResult, write
-from looping_pendulum.compare.stored import stored_result
+from looping_pendulum.compare.trajectories import stored_result
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.scenarios import load
 from looping_pendulum.teaching import demo
-from looping_pendulum.teaching.engine_runs import COARSE_RATE, FINE_RATE, page_data
+from looping_pendulum.teaching.demo import COARSE_RATE, FINE_RATE, page_data
 from tests.compare.conftest import quick_figures  # noqa: F401, a fixture
 from tests.pages.small import LABELS, engines, small_result, twin_result
 

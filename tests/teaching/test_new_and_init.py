@@ -17,10 +17,9 @@ from looping_pendulum.measured.readers import read
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.loader import shipped
-from looping_pendulum.teaching.answers import Answers
 from looping_pendulum.teaching.example_folder import FolderError, write_example
 from looping_pendulum.teaching.new_file import new_scenario
-from looping_pendulum.teaching.questions import QUESTIONS, AnswerError
+from looping_pendulum.teaching.questions import QUESTIONS, AnswerError, Answers
 from scripts.make_example_trials import HIDDEN, trials
 from tests.docs_commands import PROJECT
 
@@ -119,7 +118,7 @@ def test_a_file_is_never_written_over_without_asking(here):
 def test_every_question_has_its_usual_range_inside_what_the_file_takes():
     for question in QUESTIONS.values():
         low, high = question.usual
-        assert 0 <= low < high <= question.maximum
+        assert question.kind.low <= low < high <= question.kind.high
 
 
 def test_a_study_is_written_from_two_trials(here):

@@ -14,8 +14,8 @@ from looping_pendulum.cli.main import app
 from looping_pendulum.discrepancy.first_look.result import DeclarationCheck, DeclarationError, NamedMistake
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured import study_io
-from looping_pendulum.measured.study import read_trial
-from looping_pendulum.measured.survey import survey
+from looping_pendulum.measured.readers import survey
+from looping_pendulum.measured.study import read_files
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import load
 from looping_pendulum.teaching.new_study import keys_of_fault
@@ -68,7 +68,7 @@ def test_whatever_the_form_of_the_file_the_same_points_are_read(here, form):
     assert done.exit_code == 0, done.output
     assert "refuse" not in done.output
     study = study_io.load("mine.yaml")
-    observed = read_trial(study, study.trials[0])
+    observed = read_files(study.folder, study.trials[0])
     for i, channel in enumerate(("light_x", "light_y", "heavy_x", "heavy_y"), 1):
         column = np.array(POINTS)[:, i]
         assert observed.channel(channel).value == pytest.approx(column[~np.isnan(column)], rel=1e-6)
@@ -159,7 +159,7 @@ def test_frames_without_times_need_the_frame_rate(here):
     done = run("mine.yaml", "-y", "--trial", "frames.csv", "--set", "trials.1.frame_rate=120 Hz")
     assert done.exit_code == 0, done.output
     study = study_io.load("mine.yaml")
-    assert read_trial(study, study.trials[0]).channel("light_x").time_step == pytest.approx(1 / 120)
+    assert read_files(study.folder, study.trials[0]).channel("light_x").time_step == pytest.approx(1 / 120)
 
 
 def test_a_file_of_heights_or_angles_is_a_drop_or_a_held_pendulum(here):

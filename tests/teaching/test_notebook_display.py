@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from importlib import import_module
 
 import pytest
 
@@ -12,6 +13,7 @@ from looping_pendulum.discrepancy.trial_results import TrialError
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import select
+from looping_pendulum.notebook import FORMATTERS, html
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import load
 
@@ -33,7 +35,7 @@ def harmless(page):
 
 
 def test_a_scenario_shows_its_numbers_with_units():
-    page = harmless(dataclasses.replace(SCENARIO, title=HOSTILE, description=HOSTILE)._repr_html_())
+    page = harmless(html(dataclasses.replace(SCENARIO, title=HOSTILE, description=HOSTILE)))
     assert "<td>light.mass</td>\n<td>10 g</td>" in page
     assert "<td>release.angle</td>\n<td>113.08 deg</td>" in page
     assert "alert(3)" in page
@@ -41,24 +43,24 @@ def test_a_scenario_shows_its_numbers_with_units():
 
 
 def test_an_exact_run_shows_its_events():
-    page = solve(SCENARIO.parameters)._repr_html_()
+    page = html(solve(SCENARIO.parameters))
     assert "halts at 0.381" in page
     assert page.count("<tr>") == 1 + 3  # release, stop, and the light mass reaches the rod
-    assert "never halts" in solve(load("frictionless").parameters)._repr_html_()
+    assert "never halts" in html(solve(load("frictionless").parameters))
 
 
 def test_an_engines_run_shows_how_it_ended_and_who_supplied_what(run):
-    page = harmless(dataclasses.replace(run, message=HOSTILE)._repr_html_())
+    page = harmless(html(dataclasses.replace(run, message=HOSTILE)))
     assert "mujoco:capstan on ten_to_one, quick" in page
     assert "1051 samples" in page or "samples to 1.050 s" in page
     assert "<td>friction law</td>\n<td>adapter</td>" in page
     nothing = dataclasses.replace(run, t=run.t[:0], heavy_position=run.heavy_position[:0])
-    assert "samples" not in nothing._repr_html_()
+    assert "samples" not in html(nothing)
 
 
 def test_a_comparison_shows_its_verdict(run):
     scenario = dataclasses.replace(SCENARIO, title=HOSTILE)
-    page = harmless(compare(scenario, Reference(scenario), [run])._repr_html_())
+    page = harmless(html(compare(scenario, Reference(scenario), [run])))
     assert "Within tolerance" in page
     assert "mujoco:capstan" in page
 
@@ -83,6 +85,11 @@ def test_a_verdict_shows_its_sentence_and_errors():
         smallest_visible=(), next_experiments=(), errors=(error,), events=(), outliers=(), before=fit,
         after=fit, judged_on="held-out trials", data=(), provenance={}, scenario="",
     )  # fmt: skip
-    page = harmless(result._repr_html_())
+    page = harmless(html(result))
     assert "Nothing is missing" in page
     assert "Nothing was added." in page
+
+
+def test_every_class_that_is_shown_is_where_ipython_looks_for_it():
+    for module, name in FORMATTERS:
+        assert hasattr(import_module(module), name)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from looping_pendulum.compare.export import file_stem, trajectory_csv
+from looping_pendulum.compare.trajectories import trajectory_csv
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import select
+from looping_pendulum.files import file_stem
 from looping_pendulum.measured.readers import read
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import load

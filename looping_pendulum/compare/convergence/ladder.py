@@ -13,12 +13,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
 
 import numpy as np
 from scipy import special  # scipy.stats takes a second to import
 from scipy.optimize import minimize_scalar
 
+from looping_pendulum.compare.convergence.result import QUANTITIES, ErrorCause, ErrorSplit, SequenceKind
 from looping_pendulum.reference_ode.geometry import Array
 
 ORDERS = np.linspace(0.05, 8.0, 160)
@@ -42,17 +42,6 @@ CONFIDENCE = 0.975
 """Quantile of Student's t: one-sided, so that intervals have 95 %."""
 SCATTER_RUNGS = 4
 """Number of the finest rungs whose scatter is given if they follow no power law."""
-
-
-class SequenceKind(StrEnum):
-    """Behaviour of a sequence under refinement."""
-
-    CONVERGES = "converges"
-    SETTLED = "no longer changes"
-    WITHIN_SPREAD = "converges no further than its spread"
-    SCATTERS = "does not converge"
-    NEVER = "never happens"
-    UNKNOWN = "not known"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,7 +105,8 @@ def classify_sequence(h: Array, values: Sequence[Array], *, floor: float = 0.0, 
         Standard deviation under small changes of the start; changes within it are not evidence of convergence.
     """
     if len(values) < MIN_RUNGS:
-        return SequenceFinding(kind=SequenceKind.UNKNOWN, why=_too_few(len(values)))
+        have = "run has" if len(values) == 1 else "runs have"
+        return SequenceFinding(kind=SequenceKind.UNKNOWN, why=f"{len(values)} {have} a value, {MIN_RUNGS} are needed")
     settled = _settled(values, floor)
     # The rungs that still move, and the first that does not: their power law has to lead there
     moving = len(values) - settled + 1
@@ -149,10 +139,6 @@ def classify_sequence(h: Array, values: Sequence[Array], *, floor: float = 0.0, 
         uncertainty=math.hypot(half_width, drift, floor),
         scatter=scatter,
     )
-
-
-def _too_few(count: int) -> str:
-    return f"{count} {'run has' if count == 1 else 'runs have'} a value, {MIN_RUNGS} are needed"
 
 
 def _settled(values: Sequence[Array], floor: float) -> int:
@@ -305,16 +291,6 @@ def _not_monotone(values: Sequence[Array]) -> str:
     return "its changes follow no power of the setting"
 
 
-class ErrorCause(StrEnum):
-    """Cause of a part of an error."""
-
-    NOT_CONVERGED = "not converged"
-    MODEL = "different model"
-    CHOICE = "adapter's choice"
-    NOTHING = "nothing beyond its uncertainty"
-    UNKNOWN = "not known"
-
-
 @dataclass(frozen=True, kw_only=True)
 class Correction:
     """Difference that refining one setting to its limit would make."""
@@ -326,31 +302,17 @@ class Correction:
     converges: bool
 
 
-@dataclass(frozen=True, kw_only=True)
-class ErrorParts:
-    """An error in parts, in the quantity's unit; each with its 95 % uncertainty where it has one."""
-
-    error: float
-    numerics: float | None
-    numerics_uncertainty: float | None
-    model: float | None
-    model_uncertainty: float | None
-    choice: float | None
-    choice_of: str
-    spread: float | None
-    causes: tuple[ErrorCause, ...]
-    """Causes of the parts above their uncertainty, the largest first."""
-
-
 def split_error(
     own: Array,
     reference: Array,
     *,
+    quantity: str,
+    without_limit: tuple[str, ...] = (),
     corrections: Sequence[Correction],
     choices: Mapping[str, Array],
     spread: float | None,
     floor: float = 0.0,
-) -> ErrorParts:
+) -> ErrorSplit:
     """Split the distance of ``own`` from ``reference`` into numerics, model and choice.
 
     The error that remains at the limit is attributed to the model, unless another choice of the adapter would change the value
@@ -360,6 +322,10 @@ def split_error(
     ----------
     own, reference
         Value at the variant's settings, and the reference's, shape (samples, components).
+    quantity
+        One of `QUANTITIES`.
+    without_limit
+        Ladders that have no limit, so that there is no correction of them.
     corrections
         One per ladder that has a limit; ladders are assumed to act independently, so that their corrections add up.
     choices
@@ -387,7 +353,9 @@ def split_error(
                 (model, ErrorCause.CHOICE if choice is not None and choice >= model - half_width else ErrorCause.MODEL)
             )
     causes = tuple(cause for _, cause in sorted(parts, key=lambda pair: -pair[0]))
-    return ErrorParts(
+    return ErrorSplit(
+        quantity=quantity,
+        unit=QUANTITIES[quantity],
         error=rms_norm(own - reference),
         numerics=numerics,
         numerics_uncertainty=half_width,
@@ -397,4 +365,5 @@ def split_error(
         choice_of=choice_of,
         spread=spread,
         causes=causes or ((ErrorCause.NOTHING,) if corrections else (ErrorCause.UNKNOWN,)),
+        without_limit=without_limit,
     )

@@ -1,26 +1,38 @@
-"""Renders the report of a convergence study in Markdown from its result alone."""
+"""Renders the report of a convergence study in Markdown, and its figures, one per ladder, from its result alone."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
-from looping_pendulum.compare.convergence.ladder import ErrorCause, SequenceKind
+import numpy as np
+
 from looping_pendulum.compare.convergence.result import (
     DROP,
     HALT,
     PATH_END_TIMES,
+    QUANTITIES,
     ConvergenceResult,
     ConvergenceVerdict,
+    ErrorCause,
     ErrorSplit,
     LadderStudy,
     RunSummary,
+    SequenceKind,
     VariantStudy,
     VariationStudy,
 )
 from looping_pendulum.compare.tables import GAP, fixed, number, signed, table
 from looping_pendulum.errors import EngineError
+from looping_pendulum.files import file_stem, optional_output
+from looping_pendulum.pages.drawing import legend_below, make_figure, png, without_mathtext
 from looping_pendulum.pages.numbers import DISPLAY_UNITS, quantity
+from looping_pendulum.pages.palette import COLOURS, GREY
 from looping_pendulum.scenarios.units import pretty
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 QUANTITY_LABELS = {
     "path_0.35s": "path to 0.35 s",
@@ -55,6 +67,10 @@ HOW_TO_READ_LADDERS = """\
   the start move it as much as refinement does, so that nothing is left to converge.
 - **–**: fewer than three rungs have a value.
 """
+ERROR_COLUMNS = ("RMS to 0.35 s [mm]", "to 0.7 s [mm]", "halting error [ms]", "drop error [mm]", "remark")
+CHANGE_COLUMNS = ("change of the path to 0.35 s [mm]", "to 0.7 s [mm]", "of the halting time [ms]", "remark")
+PATH_STYLES = dict(zip(PATH_END_TIMES, (("o", COLOURS[0]), ("s", COLOURS[1])), strict=True))
+"""Path quantity -> marker and colour."""
 
 
 def render(result: ConvergenceResult, figures: Mapping[str, tuple[str, str]] | None = None) -> str:
@@ -65,6 +81,8 @@ def render(result: ConvergenceResult, figures: Mapping[str, tuple[str, str]] | N
     figures
         Path of a figure, from the report's folder -> (label of its variant, caption).
     """
+    total = sum(one.seconds or 0.0 for one in result.clock.run_times)
+    runs = f"{len(result.clock.run_times)} runs took {total:.0f} s in total"
     sections = [
         f"# {result.title}: what the engines' errors are made of\n\n{opening(result)}",
         "## Verdict\n\n" + splits_table(result),
@@ -74,7 +92,7 @@ def render(result: ConvergenceResult, figures: Mapping[str, tuple[str, str]] | N
         "## Hidden defaults\n\n" + defaults_table(result),
         "## The adapter's choices and their alternatives\n\n" + choices_table(result),
         "## Provenance\n\n" + provenance_table(result),
-        "## Wall times\n\n" + _wall_times(result),
+        f"## Wall times\n\nWritten {result.clock.written}. {runs}; several ran at the same time, so this is not a benchmark.\n",
     ]
     return "\n".join(sections)
 
@@ -106,7 +124,7 @@ def splits_table(result: ConvergenceResult, quantities: Sequence[str] = (EARLY, 
     """Return one table per quantity with the parts of every variant's error."""
     parts = []
     for name in quantities:
-        unit, scale = DISPLAY_UNITS[_unit(result, name)]
+        unit, scale = DISPLAY_UNITS[QUANTITIES[name]]
         head = [
             "variant",
             "main cause",
@@ -120,10 +138,6 @@ def splits_table(result: ConvergenceResult, quantities: Sequence[str] = (EARLY, 
         rows = [_split_row(v, name, scale) for v in result.variants]
         parts.append(f"### {QUANTITY_LABELS[name][0].upper()}{QUANTITY_LABELS[name][1:]}\n\n{table(head, rows, left=2)}")
     return "\n".join(parts)
-
-
-def _unit(result: ConvergenceResult, quantity: str) -> str:
-    return next((s.unit for v in result.variants for s in v.splits if s.quantity == quantity), "s" if quantity == HALT else "m")
 
 
 def _split_row(v: VariantStudy, name: str, scale: float) -> list[str]:
@@ -157,8 +171,11 @@ def _fault(run: RunSummary) -> str:
 
 def halting_table(result: ConvergenceResult) -> str:
     """Return a table of whether each variant's halting time converges, and to within what."""
-    head = ["variant", "converges?", "halting error [ms]", "spread [ms]"]
-    return table(head, [_halting_row(v) for v in result.variants], left=2)
+    rows = []
+    for v in result.variants:
+        error = "does not halt" if v.own.ok and v.own.halting_time is None else signed(v.own.halting_time_error, 1e3)
+        rows.append([v.label, halting_verdict(v), error, number(v.spread[HALT], 1e3, 2)])
+    return table(["variant", "converges?", "halting error [ms]", "spread [ms]"], rows, left=2)
 
 
 def halting_verdict(v: VariantStudy) -> str:
@@ -186,11 +203,6 @@ def halting_verdict(v: VariantStudy) -> str:
     )
 
 
-def _halting_row(v: VariantStudy) -> list[str]:
-    error = "does not halt" if v.own.ok and v.own.halting_time is None else signed(v.own.halting_time_error, 1e3)
-    return [v.label, halting_verdict(v), error, number(v.spread[HALT], 1e3, 2)]
-
-
 def _variant(v: VariantStudy, figures: Mapping[str, tuple[str, str]]) -> str:
     parts = [f"## {v.label}, {v.profile}\n\n{v.summary.rstrip('.')}. At its own settings: {v.own.why}.\n"]
     parts += [_ladder(ladder) for ladder in v.ladders] or [f"The adapter offers no ladder ({LADDERS}).\n"]
@@ -202,10 +214,6 @@ def _variant(v: VariantStudy, figures: Mapping[str, tuple[str, str]]) -> str:
             + table(["start", *ERROR_COLUMNS], rows)
         )
     return "\n".join(parts)
-
-
-ERROR_COLUMNS = ("RMS to 0.35 s [mm]", "to 0.7 s [mm]", "halting error [ms]", "drop error [mm]", "remark")
-CHANGE_COLUMNS = ("change of the path to 0.35 s [mm]", "to 0.7 s [mm]", "of the halting time [ms]", "remark")
 
 
 def _error_cells(run: RunSummary) -> list[str]:
@@ -231,8 +239,10 @@ def _ladder(ladder: LadderStudy) -> str:
         "to 0.7 s [mm]",
         "distance to 0.7 s from the finest rung [mm]",
         "from its own limit [mm]",
+        "halting time [s]",
+        "halting error [ms]",
+        "remark",
     ]
-    head += ["halting time [s]", "halting error [ms]", "remark"]
     rows = []
     for rung in ladder.rungs:
         run = rung.run
@@ -260,8 +270,9 @@ def defaults_table(result: ConvergenceResult) -> str:
         "what the setting does",
         "change of the halting time [ms]",
         "RMS to 0.35 s, adapter's value [mm]",
+        "RMS to 0.35 s, default [mm]",
+        "remark",
     ]
-    head += ["RMS to 0.35 s, default [mm]", "remark"]
     rows = []
     for v in result.variants:
         for one in v.defaults:
@@ -279,7 +290,7 @@ def choices_table(result: ConvergenceResult) -> str:
 
 def ladders_table(result: ConvergenceResult) -> str:
     """Return a table with a row per ladder: its ends, and how each quantity behaves along it."""
-    units = {name: DISPLAY_UNITS[_unit(result, name)][0] for name in (EARLY, LATE, HALT)}
+    units = {name: DISPLAY_UNITS[QUANTITIES[name]][0] for name in (EARLY, LATE, HALT)}
     head = ["variant", "setting", "from", "to", "rungs", *(f"{QUANTITY_LABELS[name]} [{units[name]}]" for name in units)]
     rows = []
     for v in result.variants:
@@ -326,7 +337,87 @@ def provenance_table(result: ConvergenceResult) -> str:
     return f"{table(head, rows, left=len(head))}\nSettings, in SI units:\n\n{''.join(settings)}"
 
 
-def _wall_times(result: ConvergenceResult) -> str:
-    total = sum(one.seconds or 0.0 for one in result.clock.run_times)
-    runs = f"{len(result.clock.run_times)} runs took {total:.0f} s in total"
-    return f"Written {result.clock.written}. {runs}; several ran at the same time, so this is not a benchmark.\n"
+def draw(result: ConvergenceResult) -> dict[str, tuple[str, str, bytes]]:
+    """Draw every figure that the result has data for: file name -> (label of the variant, caption, PNG)."""
+    figures = {}
+    for v in result.variants:
+        for ladder in v.ladders:
+            # A line needs two points, and a logarithmic axis positive values
+            if sum(rung.value > 0 and any(rung.run.rms[path] for path in PATH_END_TIMES) for rung in ladder.rungs) > 1:
+                name = f"{file_stem(v.label, v.profile, ladder.setting)}.png"
+                caption = (
+                    f"{v.label}: error against the reference (full) and against its own limit (dashed) as {ladder.setting} "
+                    "is refined to the right; below, the halting time's error."
+                )
+                with optional_output(f"figures/{name}"):
+                    figures[name] = v.label, caption, png(ladder_figure(v, ladder))
+    return figures
+
+
+def ladder_figure(v: VariantStudy, ladder: LadderStudy) -> Figure:
+    """Draw the errors from the reference and from the ladder's limit against the setting; below, the halting time's error."""
+    halts = any(rung.run.halting_time_error is not None for rung in ladder.rungs)
+    figure, axes = make_figure(7.6, 6.6 if halts else 4.8, rows=(3, 2) if halts else (1,))
+    verdicts = {one.quantity: one for one in ladder.verdicts}
+    _errors(axes[0], v, ladder, verdicts)
+    if halts:
+        _halts(axes[1], v, ladder, verdicts[HALT])
+    last = axes[-1]
+    last.set_xscale("log")
+    values = [rung.value for rung in ladder.rungs if rung.value > 0]
+    # Finer settings are always on the right
+    if values[0] > values[-1]:
+        last.invert_xaxis()
+    last.set_xlabel(f"{ladder.setting}{f' [{ladder.unit}]' if ladder.unit else ''}, finer to the right")
+    axes[0].set_title(without_mathtext(f"{v.label}, {v.profile}: {ladder.setting}"))
+    legend_below(figure, columns=2)
+    return figure
+
+
+def _errors(axes: Axes, v: VariantStudy, ladder: LadderStudy, verdicts: dict[str, ConvergenceVerdict]) -> None:
+    for name, (marker, colour) in PATH_STYLES.items():
+        words, verdict = f"to {PATH_END_TIMES[name]:g} s", verdicts[name]
+        how: dict[str, Any] = {"marker": marker, "color": colour, "ms": 5}
+        axes.plot(*_points(ladder, [r.run.rms[name] for r in ladder.rungs]), label=f"from the reference, {words}", **how)
+        if verdict.kind in (SequenceKind.CONVERGES, SequenceKind.SETTLED):
+            order = "" if verdict.order is None else f", order {verdict.order:.2g}"
+            to_limit = _points(ladder, [r.to_limit[name] for r in ladder.rungs])
+            axes.plot(*to_limit, dashes=(4, 2), mfc="white", label=f"from its own limit, {words}{order}", **how)
+        spread = v.spread[name]
+        if spread is not None and spread > 0:
+            axes.axhline(spread * 1e3, color=colour, lw=0.8, dashes=(1, 2), label=f"spread of small changes, {words}")
+    if ladder.own:
+        axes.axvline(ladder.own, color=GREY, lw=0.9, zorder=1, label="the variant's own setting")
+    axes.set_yscale("log")
+    axes.set_ylabel("RMS distance of the light mass [mm]")
+
+
+def _halts(axes: Axes, v: VariantStudy, ladder: LadderStudy, verdict: ConvergenceVerdict) -> None:
+    known = [
+        (r.value, r.run.halting_time_error * 1e3) for r in ladder.rungs if r.value > 0 and r.run.halting_time_error is not None
+    ]
+    x, y = np.array(known).T
+    spread = v.spread[HALT]
+    bars = None if spread is None else np.full(len(x), 2 * spread * 1e3)
+    axes.errorbar(
+        x,
+        y,
+        yerr=bars,
+        fmt="D-",
+        ms=4,
+        color=COLOURS[2],
+        capsize=3,
+        label="halting time less the reference's; bars: twice its spread",
+    )
+    if verdict.limit_error is not None and verdict.uncertainty is not None:
+        middle, half = verdict.limit_error * 1e3, verdict.uncertainty * 1e3
+        axes.axhspan(middle - half, middle + half, color=COLOURS[2], alpha=0.15, lw=0, label="its limit, 95 %")
+    axes.axhline(0, color="black", lw=1.0)
+    if ladder.own:
+        axes.axvline(ladder.own, color=GREY, lw=0.9, zorder=1)
+    axes.set_ylabel("halting time,\nengine less reference [ms]")
+
+
+def _points(ladder: LadderStudy, values: Sequence[float | None]) -> tuple[list[float], list[float]]:
+    pairs = [(r.value, value * 1e3) for r, value in zip(ladder.rungs, values, strict=True) if value and r.value > 0]
+    return [x for x, _ in pairs], [y for _, y in pairs]

@@ -9,18 +9,14 @@ runs that it leaves out depend on the machine too.) A reader must refuse another
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any
 
-from looping_pendulum.compare.convergence.ladder import ErrorCause, SequenceKind
 from looping_pendulum.compare.json_text import dump, load
 from looping_pendulum.compare.result import RunProvenance
 
 SCHEMA_ID = "looping-pendulum/convergence"
 SCHEMA_VERSION = 3
-"""Since version 2, halting times are the end of the string's sliding; in version 1 they were read from speeds.
-
-Version 3 renamed keys (`compare.json_text.RENAMED`).
-"""
 FILE = "convergence.json"
 
 HALT = "halting_time"
@@ -29,6 +25,27 @@ QUANTITIES = {"path_0.35s": "m", "path_0.7s": "m", HALT: "s", DROP: "m"}
 """Quantity -> SI unit: the path of the light mass from the release to a time, and two values of the halt."""
 PATH_END_TIMES = {"path_0.35s": 0.35, "path_0.7s": 0.7}
 """Path quantity -> time [s] at which the path ends."""
+
+
+class SequenceKind(StrEnum):
+    """Behaviour of a sequence under refinement."""
+
+    CONVERGES = "converges"
+    SETTLED = "no longer changes"
+    WITHIN_SPREAD = "converges no further than its spread"
+    SCATTERS = "does not converge"
+    NEVER = "never happens"
+    UNKNOWN = "not known"
+
+
+class ErrorCause(StrEnum):
+    """Cause of a part of an error."""
+
+    NOT_CONVERGED = "not converged"
+    MODEL = "different model"
+    CHOICE = "adapter's choice"
+    NOTHING = "nothing beyond its uncertainty"
+    UNKNOWN = "not known"
 
 
 @dataclass(frozen=True, kw_only=True)

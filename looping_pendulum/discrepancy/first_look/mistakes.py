@@ -27,9 +27,8 @@ from looping_pendulum.discrepancy.first_look.shifted_rows import (
     row_shift,
     with_rows_together,
 )
-from looping_pendulum.measured.readers import mass_in_name
+from looping_pendulum.measured.readers import mass_in_name, survey
 from looping_pendulum.measured.study import Trial
-from looping_pendulum.measured.survey import survey
 from looping_pendulum.pages.numbers import number, quantity
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.units import UnitError, to_si

@@ -14,8 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from looping_pendulum.compare.event_quantities import EVENT_QUANTITIES, event_value
-from looping_pendulum.compare.reference_landmarks import reference_event_times
+from looping_pendulum.compare.landmarks import EVENT_QUANTITIES, event_value, reference_event_times
 from looping_pendulum.engines.landmarks import EXTREMUM_BAND, Extremum, Landmarks, Stop
 from looping_pendulum.engines.reference import event_names
 from looping_pendulum.engines.string_motion import turning_points

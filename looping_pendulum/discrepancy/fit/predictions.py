@@ -135,7 +135,7 @@ class _Part:
         changes, camera = problem.changes(list(x.T), k)
         columns = {name: np.broadcast_to(values, len(x)) for name, values in base.with_static_friction(changes).items()}
         many, valid = Camera.of_many(camera, len(x))
-        clock = [np.ravel(v) for v in (many.clock_offset, many.clock_ratio) if np.ndim(v)]
+        clock = [np.ravel(v) for v in (many.clock_offset, many.clock_ratio, many.readout) if np.ndim(v)]
         # Rows that differ by the camera alone show the same run
         keys = np.column_stack([*columns.values(), *clock, np.zeros(len(x))])
         seen: dict[bytes, int] = {}
@@ -176,17 +176,19 @@ class _Part:
         given = base.coefficients[name] if name in base.coefficients else getattr(base, name)
         return np.full(len(self.first), given)
 
-    def clocks(self) -> dict[tuple[float, float], NDArray[np.intp]]:
-        """Return (offset, ratio) of a clock -> the runs that are sampled by it."""
-        found: dict[tuple[float, float], list[int]] = {}
-        offset, ratio = (
-            np.broadcast_to(np.ravel(v), len(self.run))[self.first] for v in (self.camera.clock_offset, self.camera.clock_ratio)
+    def clocks(self) -> dict[tuple[float, float, float], NDArray[np.intp]]:
+        """Return (offset, ratio, readout) of a clock -> the runs that are sampled by it."""
+        found: dict[tuple[float, float, float], list[int]] = {}
+        camera = self.camera
+        offset, ratio, readout = (
+            np.broadcast_to(np.ravel(v), len(self.run))[self.first]
+            for v in (camera.clock_offset, camera.clock_ratio, camera.readout)
         )
-        for i, clock in enumerate(zip(offset.tolist(), ratio.tolist(), strict=True)):
+        for i, clock in enumerate(zip(offset.tolist(), ratio.tolist(), readout.tolist(), strict=True)):
             found.setdefault(clock, []).append(i)
         return {clock: np.array(runs, dtype=np.intp) for clock, runs in found.items()}
 
-    def times(self, clocks: Mapping[tuple[float, float], NDArray[np.intp]]) -> list[Array]:
+    def times(self, clocks: Mapping[tuple[float, float, float], NDArray[np.intp]]) -> list[Array]:
         """Return the times at which each run is sampled [s]."""
         found = [np.zeros(0)] * len(self.first)
         for clock, runs in clocks.items():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from looping_pendulum.compare.paper_table import quantity_label
+from looping_pendulum.compare.landmarks import quantity_label
 from looping_pendulum.compare.tables import GAP, number, signed, table
 from looping_pendulum.discrepancy.fit.event_prediction import MISSED_EVENT_ERRORS
 from looping_pendulum.discrepancy.result import Identification

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from looping_pendulum.compare.paper_table import quantity_label
+from looping_pendulum.compare.landmarks import quantity_label
 from looping_pendulum.discrepancy.report.visible_report import size_in_words
 from looping_pendulum.discrepancy.result import Identification, IdentifiedEffect, Unlisted, Verdict
 from looping_pendulum.measured.observations import UNITS

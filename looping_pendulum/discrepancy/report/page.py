@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from looping_pendulum.compare.paper_table import quantity_label
+from looping_pendulum.compare.landmarks import quantity_label
 from looping_pendulum.discrepancy.report import first_look_figure, lead_figure, markdown
 from looping_pendulum.discrepancy.report.event_report import AXIS_LIMIT, off_by
 from looping_pendulum.discrepancy.report.plots import EXPLANATIONS_CAPTION, name_lines

@@ -22,11 +22,10 @@ from looping_pendulum.reference_ode.effects.closure import (
     N_BASIS_FUNCTIONS,
     ROUNDING_DISTANCE,
     coordinates_at,
-    light_mass_position,
     weight_name,
 )
 from looping_pendulum.reference_ode.effects.types import Kinematics
-from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.transitions import Mode
 
 END_MARGIN = 0.5
@@ -89,7 +88,9 @@ class Motions:
     @cached_property
     def positions(self) -> Array:
         """Position (x, y) of the light mass [m], shape (2, n)."""
-        return np.concatenate([np.stack(light_mass_position(np, k, p)) for k, p in self._each_trial], axis=1)
+        return np.concatenate(
+            [np.stack(light_position(np, k.free_length, k.wrap_angle, p.rod_radius)) for k, p in self._each_trial], axis=1
+        )
 
     @cached_property
     def _coordinates(self) -> Array:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from looping_pendulum.engines.mujoco.beads import MujocoBeads
-from looping_pendulum.engines.mujoco.effective_mass import Coordinates, MujocoEffectiveMass
-from looping_pendulum.engines.mujoco.tendon import MujocoTendon, TendonVariant
+from looping_pendulum.engines.mujoco.effective_mass import MujocoEffectiveMass
+from looping_pendulum.engines.mujoco.tendon import MujocoTendon
 from looping_pendulum.engines.protocol import Engine, Profile
 
 
 def engines(profile: Profile) -> list[Engine]:
     """Return every variant of this engine, in ``profile``."""
     return [
-        *(MujocoTendon(variant=variant, profile=profile) for variant in TendonVariant),
-        *(MujocoEffectiveMass(coordinates=coordinates, profile=profile) for coordinates in Coordinates),
+        *(MujocoTendon(variant=variant, profile=profile) for variant in ("documented", "capstan", "frictionloss", "defaults")),
+        *(MujocoEffectiveMass(coordinates=coordinates, profile=profile) for coordinates in ("effective_mass", "drum")),
         MujocoBeads(profile=profile),
     ]

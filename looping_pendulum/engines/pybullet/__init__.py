@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from looping_pendulum.engines.protocol import Engine, Profile
-from looping_pendulum.engines.pybullet.chain import PybulletChain
-from looping_pendulum.engines.pybullet.defaults import PybulletDefaults
+from looping_pendulum.engines.pybullet.chain import PybulletChain, PybulletDefaults
 from looping_pendulum.engines.pybullet.point_to_point import PybulletPointToPoint
 from looping_pendulum.engines.pybullet.remade import PybulletRemade
 

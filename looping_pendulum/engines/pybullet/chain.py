@@ -2,33 +2,481 @@
 
 A Featherstone multibody cannot stretch: a fixed base carries the heavy mass on a vertical slide, and from it one hinge after
 another leads along the string to the light mass. Each link has a small contact sphere at its end, a *node*. The rod is a static
-sphere: it has the rod's section in the plane of motion, and sphere on sphere is Bullet's one exact contact. With the quick
-profile several links away from the rod are joined to one (`joining`).
+sphere: it has the rod's section in the plane of motion, and sphere on sphere is Bullet's one exact contact.
+
+A step of a Featherstone multibody costs about its number of links times its number of contacts. Links must be short where they
+lie on the rod or may soon do so; a straight part needs no short ones. So with the quick profile several links away from the rod
+are joined to one (`Joining`). A long link is split before it reaches the rod, which changes neither positions nor velocities.
+Links that have left the rod are joined, which keeps the chain's momentum.
 """
 
 from __future__ import annotations
 
-from looping_pendulum.engines.additions import measured_additions
-from looping_pendulum.engines.chain import MASS_COMPENSATION, MASS_FRACTION
-from looping_pendulum.engines.protocol import APPLIED_DRAG, FORCES_AND_RELEASE, Abilities, Profile
-from looping_pendulum.engines.pybullet.chain_model import MAX_LINK_LENGTHENING, PybulletChainSettings
-from looping_pendulum.engines.pybullet.chain_rig import PybulletChainRig
-from looping_pendulum.engines.pybullet.multibody import MAX_JOINTS
-from looping_pendulum.engines.pybullet.studies import (
-    choice,
+import math
+import os
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from looping_pendulum.engines.chain import MASS_COMPENSATION, MASS_FRACTION, polygon_radius
+from looping_pendulum.engines.protocol import Profile
+from looping_pendulum.engines.pybullet.links import (
+    MAX_JOINTS,
+    NO_STRETCH_LIMIT,
+    RIPPLE_LIMIT,
+    ChainState,
+    MultibodyRig,
+    contact_friction,
+    free_joints,
+    set_joints,
+    typical_wrap_angle,
+)
+from looping_pendulum.engines.pybullet.world import (
+    DEFAULT_DAMPING,
+    DEFAULT_ITERATIONS,
+    DEFAULT_SPEED_LIMIT,
+    LARGEST_STEP,
+    NO_SPEED_LIMIT,
+    ONE_COEFFICIENT,
+    LongestStep,
+    PybulletVariant,
+    RodShape,
+    World,
+    WorldSettings,
     common_choices,
-    iteration_ladder,
-    multibody_defaults,
-    step_ladder,
+    iteration_rungs,
+    link_supplies,
+    step_rungs,
     world_defaults,
 )
-from looping_pendulum.engines.pybullet.variant import COULOMB_AT_NODES, ONE_COEFFICIENT, PybulletVariant
-from looping_pendulum.engines.studies import AdapterChoice, Ladder, Studies, ladder
-from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
-from looping_pendulum.engines.validated import shipped_range
+from looping_pendulum.engines.shipped import shipped_abilities
+from looping_pendulum.engines.studies import Studies, rows_that_differ, studies_from_rows
+from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import quantity
-from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.reference_ode.cartesian import release_velocity
+from looping_pendulum.reference_ode.geometry import Array, light_position
+from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios.scenario import Scenario
+
+MAX_LINK_LENGTHENING = 1.5
+"""Largest factor by which links may be longer than the settings say, so that a long string fits `MAX_JOINTS`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PybulletChainSettings(WorldSettings):
+    """Numerical settings of the link chain, stable below steps of about link length over sqrt(tension / mass per length)."""
+
+    link_length: float
+    """Length of a link that may slide over the rod [m]; see `chain_at_release` for when links are longer."""
+    outer_link_length: float
+    """Length of a link near the light mass, which at most winds on to the rod [m]; adjusted to end at the light mass."""
+    least_bend: float = 0.2
+    """Smallest angle between links on the rod [rad]: on a thick rod, which needs no shorter ones, links are longer."""
+    sliding_share: float = 0.7
+    """Fraction of the free string, from the rod on, that consists of links of `link_length`."""
+    hanging_link_length: float = 0.015
+    """Length of the links below the rod on the heavy side at release, which never come to lie on it [m]."""
+    relative_inertia: float = 1e-2
+    """Moment of inertia of a link about its end, over its mass times its length squared: small, but not singular."""
+    mass_compensation: float = MASS_COMPENSATION
+    """Fraction of the chain's mass that is subtracted from the light mass, see `engines.chain`."""
+    joint_motors: bool = False
+    """Whether to leave on the motor that PyBullet puts in every joint."""
+    joined_hanging_links: int = 1
+    """Number of links that are joined to one on the heavy mass's side after they left the rod (`joining`); 1: none are."""
+    joined_free_links: int = 1
+    """Number of links that are joined to one on the light mass's side, until they come near the rod; 1: none are."""
+    unjoined_links: float = 3.0
+    """Number of links beyond the string on the rod, on either side, that are not joined."""
+    lengthening_after_halt: float = 1.0
+    """Factor by which steps are longer once the heavy mass hangs still."""
+    divided_step: bool = True
+    """Whether steps are shorter where a wave on the taut chain would pass too much of a link, and longer after the halt."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReleasedChain(ChainState):
+    """The chain at release: positions, velocities, and what each node does where it lies on the rod."""
+
+    bends: Array
+    """Angle that the string turns through at each inner node where it lies on the rod [rad], shape (n - 2,)."""
+    node_circles: Array
+    """Distance of each inner node from the rod's centre where it lies on the rod [m], shape (n - 2,)."""
+
+
+def chain_at_release(parameters: Parameters, settings: PybulletChainSettings) -> ReleasedChain:
+    """Return the chain along the string at release: masses exactly in place, nodes on the rod at their circle.
+
+    A string that needs more joints than PyBullet can hold gets evenly longer links, up to `MAX_LINK_LENGTHENING` times.
+
+    Raises
+    ------
+    EngineError
+        If a link is longer than the rod is thick, or the links would be longer than that.
+    """
+    p, s = parameters, settings
+    inner = max(s.link_length, s.least_bend * p.rod_radius)
+    outer = max(s.outer_link_length, inner)
+    coarser = 1.0
+    while True:
+        if outer * coarser > 2 * p.rod_radius:
+            raise EngineError(
+                f"pybullet:chain: links of {1e3 * outer * coarser:.3g} mm cannot wrap a rod of radius "
+                f"{1e3 * p.rod_radius:.3g} mm; shorten link_length and outer_link_length"
+            )
+        chain = _chain_of_links(p, s, inner * coarser, outer * coarser)
+        joints = len(chain.positions)  # one hinge per link, and the heavy mass's slide
+        if joints <= MAX_JOINTS:
+            return chain
+        # By trial, as the number of links is known only once they are laid
+        coarser *= 1.01
+        if coarser > MAX_LINK_LENGTHENING:
+            raise EngineError(
+                f"pybullet:chain: the string of {p.string_length:.3g} m needs {joints} joints of longer links "
+                f"and PyBullet holds {MAX_JOINTS}; raise link_length or outer_link_length, or shorten the string"
+            )
+
+
+def _chain_of_links(p: Parameters, s: PybulletChainSettings, inner: float, outer: float) -> ReleasedChain:
+    """Return a chain of links of about ``inner`` [m] and, near the light mass, ``outer`` [m]."""
+    light = np.array(light_position(np, p.free_length, p.release_angle, p.rod_radius))
+    heavy = np.array([p.rod_radius, -p.hanging_length])
+    if p.release is Release.VERTICAL:
+        # The wrap angle is constant. Links that divide it reach and leave the rod at the same moments, so that the ripple which
+        # a passing node makes in the string's speed is the same at both ends, and the masses do not feel it.
+        wound = p.rod_radius * p.release_angle
+        inner = wound / math.ceil(wound / inner)
+    on_rod = _nodes_on_rod(p, s, inner)
+    straight = math.dist(on_rod[-1], light)
+    inner_count = round(s.sliding_share * straight / inner)
+    outer_count = max(1, round((straight - inner_count * inner) / outer))
+    hanging_count = max(1, round(math.dist(heavy, on_rod[0]) / s.hanging_link_length))
+    corner = inner_count * inner / straight
+    # First short links, which may slide over the rod, then long ones, which at most wind on to it
+    shares = np.concatenate([np.linspace(0.0, corner, inner_count, endpoint=False), np.linspace(corner, 1.0, outer_count + 1)])
+
+    def along(heavy_end: Array, on_rod: Array, light_end: Array) -> Array:
+        """Return values at all nodes: linear from the heavy end to the rod, ``on_rod``, linear from there to the light end."""
+        hanging = np.linspace(heavy_end, on_rod[0], hanging_count, endpoint=False)
+        return np.concatenate([hanging, on_rod[:-1], on_rod[-1] + shares[:, None] * (light_end - on_rod[-1])])
+
+    # A push turns the free part about its tangent point, and slides the string at the heavy mass's speed.
+    vx, vy, heavy_v = release_velocity(p)
+    sliding = heavy_v / np.hypot(*on_rod.T)[:, None] * np.stack([-on_rod[:, 1], on_rod[:, 0]], axis=1)
+    positions = along(heavy, on_rod, light)
+    velocities = along(np.array([0.0, heavy_v]), sliding, np.array([vx, vy]))
+    lengths = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+    # Hanging links do not come to lie on the rod: their last node bends as the links above it do.
+    lengths_on_rod = np.where(np.arange(len(lengths)) < hanging_count, inner, lengths)
+    local = 0.5 * (lengths_on_rod[1:] + lengths_on_rod[:-1])
+    bends = local / p.rod_radius
+    circles = np.asarray(polygon_radius(p.rod_radius, bends)) if s.polygon else np.full(len(bends), p.rod_radius)
+    return ReleasedChain(positions=positions, velocities=velocities, bends=bends, node_circles=circles)
+
+
+def _nodes_on_rod(p: Parameters, s: PybulletChainSettings, link_length: float) -> Array:
+    """Return the nodes [m] on the rod at release, heavy side first, symmetric about the middle of the wound string."""
+    bend = link_length / p.rod_radius
+    circle = polygon_radius(p.rod_radius, bend) if s.polygon else p.rod_radius
+    links = round(p.release_angle / bend)
+    angles = 0.5 * p.release_angle + bend * (np.arange(links + 1) - 0.5 * links)
+    return np.stack([circle * np.cos(angles), circle * np.sin(angles)], axis=1)
+
+
+def body_masses(p: Parameters, s: PybulletChainSettings, lengths: Array, last_length: float) -> Array:
+    """Return the masses [kg] of the heavy mass, the nodes and the light mass, of a chain with links of ``lengths`` [m].
+
+    A node has half the mass of either link beside it. The light mass has none of its link's, which `mass_compensation`
+    allows for; a last link longer than ``last_length`` [m], that at release, gives it half of the difference.
+    """
+    string_mass = MASS_FRACTION * p.light_mass
+    density = string_mass / lengths.sum()
+    light_mass = p.light_mass - s.mass_compensation * string_mass + 0.5 * density * (lengths[-1] - last_length)
+    return np.concatenate([[p.heavy_mass], density * 0.5 * (lengths[:-1] + lengths[1:]), [light_mass]])
+
+
+def chain_urdf(p: Parameters, s: PybulletChainSettings, chain: ChainState, masses: Array, node_radii: Array) -> str:
+    """Return the multibody as URDF: base, heavy mass on a vertical slide (unless held), links, light mass at the last end.
+
+    Parameters
+    ----------
+    masses
+        Masses of the bodies [kg], see `body_masses`.
+    node_radii
+        Radius of each inner node's contact sphere [m], heavy side first.
+    """
+    lengths = chain.lengths
+    x, y = chain.positions[0]
+    rows = [_link("base", mass=0.0, at=0.0, inertia=0.0)]
+    parent = "base"
+    if p.release is not Release.HELD:
+        parent = "heavy"
+        # The moment of inertia has no influence on a slide, but URDF requires one
+        rows += [_link(parent, mass=p.heavy_mass, at=0.0, inertia=p.heavy_mass * p.rod_radius**2)]
+        rows += [_joint("prismatic", "base", parent, x=x, y=y, turn=0.0, axis="0 1 0")]
+        x = y = 0.0
+    last = len(lengths) - 1
+    turns = np.diff(chain.directions, prepend=0.0)
+    for i, (turn, length, mass) in enumerate(zip(turns, lengths, masses[1:], strict=True)):
+        node_radius = float(node_radii[i]) if i < last else None
+        child = f"link{i}"
+        rows += [_link(child, mass=mass, at=length, inertia=s.relative_inertia * mass * length**2, node_radius=node_radius)]
+        rows += [_joint("continuous", parent, child, x=x, y=y, turn=turn, axis="0 0 1")]
+        parent, x, y = child, length, 0.0
+    return "\n".join(['<robot name="string">', *rows, "</robot>"])
+
+
+def _link(name: str, *, mass: float, at: float, inertia: float, node_radius: float | None = None) -> str:
+    """Return the URDF of a link: a point-like mass ``at`` [m] along it, with a contact sphere there if it is a node."""
+    origin = f'<origin xyz="{float(at)!r} 0 0"/>'
+    i = float(inertia)
+    node = f'<collision>{origin}<geometry><sphere radius="{node_radius!r}"/></geometry></collision>' if node_radius else ""
+    return (
+        f'<link name="{name}"><inertial>{origin}<mass value="{float(mass)!r}"/>'
+        f'<inertia ixx="{i!r}" ixy="0" ixz="0" iyy="{i!r}" iyz="0" izz="{i!r}"/></inertial>{node}</link>'
+    )
+
+
+def _joint(kind: str, parent: str, child: str, *, x: float, y: float, turn: float, axis: str) -> str:
+    # A lower limit above the upper one means none; a slide needs the element to be read at all.
+    limit = f'<limit lower="1" upper="-1" effort="0" velocity="{NO_SPEED_LIMIT!r}"/>' if kind == "prismatic" else ""
+    return (
+        f'<joint name="to_{child}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{float(x)!r} {float(y)!r} 0" rpy="0 0 {float(turn)!r}"/><axis xyz="{axis}"/>{limit}</joint>'
+    )
+
+
+class Joining:
+    """Which nodes of the chain at release exist: all near the rod, and away from it only the ends of long links.
+
+    Parameters
+    ----------
+    chain
+        Chain at release, with all its nodes.
+    joined_links
+        Number of links that one long link replaces, on the heavy mass's side and on the light mass's; 1: none are joined.
+    unjoined_links
+        Number of links that stay short beyond the string on the rod, on either side.
+    rod_radius
+        Radius of the rod [m].
+    """
+
+    def __init__(self, chain: ReleasedChain, joined_links: tuple[int, int], unjoined_links: float, rod_radius: float) -> None:
+        self._last, self._counts = len(chain.positions) - 1, joined_links
+        self._near_square = (chain.node_circles**2 + (unjoined_links * chain.bends * rod_radius) ** 2).tolist()
+        self._short = (0, self._last)
+        self.nodes = list(range(self._last + 1))
+        """Indices, in the chain at release, of the nodes that exist; the first and last one are the masses."""
+
+    def update(self, positions: Sequence[Sequence[float]]) -> bool:
+        """Choose the nodes anew, where those that exist are at ``positions`` [m]; return whether others shall exist now."""
+        near = [
+            i for i, (x, y) in zip(self.nodes[1:-1], positions[1:-1], strict=True) if x * x + y * y < self._near_square[i - 1]
+        ]
+        if not near:
+            return False
+        (heavy_count, light_count), (first, last), end = self._counts, self._short, self._last
+        short = (_short_from(first, near[0], heavy_count), end - _short_from(end - last, end - near[-1], light_count))
+        if short == self._short:
+            return False
+        first, last = self._short = short
+        # Long links are counted from the masses, so that the others stay as they are when one is joined or split
+        self.nodes = [*range(0, first, heavy_count), *range(first, last + 1), *range(end, last, -light_count)[::-1]]
+        return True
+
+
+def _short_from(now: int, near: int, count: int) -> int:
+    """Return from which node on links are short, if they now are from node ``now`` on, and ``near`` is the first near the rod.
+
+    Nodes are counted from a mass. The link before ``near`` is short too; joining waits for two more, so that it is not undone.
+    """
+    if count > 1 and (now > near - 1 or now + count <= near - 3):
+        return max(near - 1, 0) // count * count
+    return now
+
+
+def with_nodes(chain: ChainState, nodes: Sequence[int], kept: Sequence[int], arc: Array) -> ChainState:
+    """Return ``chain``, whose nodes have the indices ``nodes``, with those of indices ``kept``: new ones lie on its links.
+
+    Parameters
+    ----------
+    arc
+        String length from the heavy mass at every index [m].
+    """
+    old, new = arc[list(nodes)], arc[list(kept)]
+    positions, velocities = (
+        np.stack([np.interp(new, old, column) for column in rows.T], axis=1) for rows in (chain.positions, chain.velocities)
+    )
+    return ChainState(positions=positions, velocities=velocities)
+
+
+def with_rigid_links(chain: ChainState, masses: Array, *, held: bool) -> ChainState:
+    """Return ``chain`` with velocities that rigid links allow, after nodes were left out of it.
+
+    Nodes oscillate across the string, so what were neighbours of theirs move towards or away from one another. The velocities
+    become those that are nearest to the present ones in the sense of kinetic energy: the bodies exchange the impulses of rigid
+    links, as in a plastic collision, and their momentum along every possible motion remains.
+
+    Parameters
+    ----------
+    masses
+        Masses of the bodies [kg], heavy mass first.
+    held
+        Whether the heavy mass cannot move; otherwise it moves vertically only.
+    """
+    n = len(chain.positions)
+    motion = np.zeros((n, 2, n))  # of every body, for unit speed of the heavy mass or unit turn rate of a link
+    motion[:, 1, 0] = 0.0 if held else 1.0
+    for link, (dx, dy) in enumerate(np.diff(chain.positions, axis=0).tolist(), start=1):
+        motion[link:, 0, link], motion[link:, 1, link] = -dy, dx
+    weights = np.sqrt(masses)[:, None]
+    rates = np.linalg.lstsq((weights[..., None] * motion).reshape(2 * n, n), (weights * chain.velocities).ravel(), rcond=None)[
+        0
+    ]
+    return ChainState(positions=chain.positions, velocities=motion @ rates)
+
+
+MAX_WAVE_FRACTION = 0.9
+"""Largest fraction of a link that a wave on the chain may pass in one step; a chain of equal links is unstable above 1."""
+REFERENCE_SAMPLES = 2000
+"""Number of samples of the reference's run, of which the largest friction on the rod is taken."""
+MAX_WAVE_FRACTION_AT_CONTACTS = 0.55
+"""Largest fraction of a link that a wave may pass in one step, at the largest rod friction T2 - T1 until the halt.
+
+Contacts are less stable than the chain: at fractions up to 0.54 ten_to_one halts; 15:1 at 130 deg diverged at 0.63.
+"""
+HALT_DELAY = 0.1
+"""How much later than in the reference's run the heavy mass may halt while the step still allows for its fall [s]."""
+
+
+class PybulletChainRig(MultibodyRig):
+    """The apparatus with a string of links in one multibody, which another one replaces when links are joined or split."""
+
+    def __init__(self, parameters: Parameters, settings: PybulletChainSettings) -> None:
+        p, s = parameters, settings
+        chain = chain_at_release(p, s)
+        world = World(p, s)
+        super().__init__(p, world, longest_step(p, s, chain) if s.divided_step else None)
+        self._settings = s
+        self._rod_radius = float(chain.node_circles.min()) - s.node_radius
+        # PyBullet multiplies both coefficients: with 1 here, each node carries that of its contact
+        world.add_rod(self._rod_radius, 1.0)
+        self._node_radii = chain.node_circles - self._rod_radius
+        wrap_angle, law = typical_wrap_angle(p), p.coefficients["kinetic_friction"]
+        self._friction = [
+            # Friction acts where a node touches the rod, tension at the node: their lever arms differ by the node's radius.
+            (contact_friction(law, bend, wrap_angle) if s.polygon else law) * circle / self._rod_radius
+            for bend, circle in zip(chain.bends.tolist(), chain.node_circles.tolist(), strict=True)
+        ]
+        self._arc = np.concatenate([[0.0], np.cumsum(chain.lengths)])
+        self._last_length = float(chain.lengths[-1])
+        self._joining = Joining(chain, (s.joined_hanging_links, s.joined_free_links), s.unjoined_links, p.rod_radius)
+        self._joins = max(s.joined_hanging_links, s.joined_free_links) > 1
+        nodes = self._joining.nodes
+        if self._joins and self._joining.update(chain.positions.tolist()):
+            # At release the straight parts are straight and move as rigid links do
+            self._create_multibody(with_nodes(chain, nodes, self._joining.nodes, self._arc))
+        else:
+            self._create_multibody(chain)
+
+    def advance(self) -> None:
+        """Advance by one sample interval with the effects' forces, and join or split the links that are due."""
+        super().advance()
+        # Meanwhile the string moves by a fraction of the links that stay short beyond the rod
+        if self._joins:
+            self._update_links()
+
+    def _update_links(self) -> None:
+        """Replace the multibody by one with other nodes, if any are due."""
+        nodes, chain = self._joining.nodes, self._chain()
+        if not self._joining.update(chain.positions.tolist()):
+            return
+        kept = self._joining.nodes
+        updated = with_nodes(chain, nodes, kept, self._arc)
+        if not set(nodes) <= set(kept):
+            masses = body_masses(self._parameters, self._settings, updated.lengths, self._last_length)
+            updated = with_rigid_links(updated, masses, held=self._held)
+        # PyBullet cannot add a link to a multibody, so another one takes its place
+        self._world.api.removeBody(self._body, physicsClientId=self._world.client)
+        self._create_multibody(updated)
+
+    def _create_multibody(self, chain: ChainState) -> None:
+        """Create the multibody of the nodes that exist, which are where ``chain`` says."""
+        p, s, world = self._parameters, self._settings, self._world
+        inner = [i - 1 for i in self._joining.nodes[1:-1]]
+        masses = body_masses(p, s, chain.lengths, self._last_length)
+        self._body = _load(world, chain_urdf(p, s, chain, masses, self._node_radii[inner]))
+        links = len(chain.lengths)
+        joints = links + (not self._held)
+        joint_count = world.api.getNumJoints(self._body, physicsClientId=world.client)
+        # PyBullet drops joints beyond its limit without an error
+        if joint_count != joints:
+            raise EngineError(f"pybullet:chain: {joints} joints were given, PyBullet took {joint_count}")
+        self._ends = (joints - 1, 0)
+        free_joints(world, self._body, joints, motors=s.joint_motors)
+        for joint, i in enumerate(inner, start=joints - links):
+            world.set_friction(self._body, joint, self._friction[i])
+        if chain.velocities.any():
+            set_joints(world, self._body, chain, np.zeros(links), sliding=not self._held)
+
+
+def longest_step(parameters: Parameters, settings: PybulletChainSettings, chain: ReleasedChain) -> LongestStep:
+    """Return a function that computes the step [s]: that of the settings or, where it is not stable, an equal part of it.
+
+    A taut chain carries waves at sqrt(tension / mass per length), and an explicit step is stable while they pass less than a
+    link in it. No single step would do for a run: as the light mass whips round on ever less string, its tension
+    M1 (v^2 / l + g) grows without bound. The rod's friction has a largest value until the halt, which is read from the
+    reference's run.
+    """
+    p, s = parameters, settings
+    density = MASS_FRACTION * p.light_mass / float(chain.lengths.sum())
+    shortest = float(chain.lengths.min())
+    gravity, radius_square = p.coefficients["gravity"], p.rod_radius**2
+    friction, halting_time = largest_rod_friction(p)
+    contacts = MAX_WAVE_FRACTION_AT_CONTACTS * shortest * math.sqrt(density / friction) if friction > 0 else math.inf
+
+    def longest(t: float, x: float, y: float, vx: float, vy: float) -> float:
+        # Not less than a link, with which the run has ended
+        free = math.sqrt(max(x * x + y * y - radius_square, shortest * shortest))
+        tension = p.light_mass * ((vx * vx + vy * vy) / free + gravity)
+        lengthening = 1.0 if t < halting_time + HALT_DELAY else s.lengthening_after_halt
+        stable = min(lengthening * contacts, MAX_WAVE_FRACTION * shortest * math.sqrt(density / tension))
+        whole = lengthening * s.time_step
+        return whole / math.ceil(whole / stable)
+
+    return longest
+
+
+def largest_rod_friction(parameters: Parameters) -> tuple[float, float]:
+    """Return the largest friction T2 - T1 [N] of the string on the rod in the reference's run until its halt, and its time [s].
+
+    The time is infinite where the heavy mass does not halt.
+    """
+    if parameters.release is Release.HELD:
+        return 0.0, math.inf
+    run = solve(parameters)
+    until = run.end_time if run.halting_time is None else run.halting_time
+    light, heavy = run.sample(np.linspace(0.0, until, REFERENCE_SAMPLES)).tensions
+    return float(np.nanmax(heavy - light)), math.inf if run.halting_time is None else run.halting_time
+
+
+def _load(world: World, urdf: str) -> int:
+    """Load a body on a fixed base, from a temporary file, as PyBullet reads URDF from files only."""
+    handle, path = tempfile.mkstemp(suffix=".urdf")
+    try:
+        with os.fdopen(handle, "w") as file:
+            file.write(urdf)
+        # Without the flag PyBullet computes the inertias from the collision shapes
+        body: int = world.api.loadURDF(
+            path, useFixedBase=1, flags=world.api.URDF_USE_INERTIA_FROM_FILE, physicsClientId=world.client
+        )
+    finally:
+        os.remove(path)
+    return body
+
 
 SETTINGS = {
     # With 40 iterations, PyBullet's margin and no links joined, ten_to_one takes 2.6 times the CPU time. RMS at 0.35, 0.7 and
@@ -64,54 +512,9 @@ SETTINGS = {
     ),
 }
 
-LINK_LENGTHS = (6e-3, 5.5e-3, 5e-3, 4.5e-3)
-"""Link lengths of the ladder [m]; shorter ones do not fit `MAX_JOINTS` in the ten-to-one trial, and would be lengthened."""
-
-RIPPLE_LIMIT = "links of several millimetres are long for a thin rod: the string's speed over it ripples as nodes pass"
 TWO_TO_ONE_LIMIT = (
     "quick: whether two_to_one comes to rest is chance: of five releases up to 6 nanoradians from its own one never did, and "
     "the others halted 0 to 38 ms late"
-)
-NO_STRETCH_LIMIT = "reduced coordinates cannot stretch: the string stretch is 0 by construction, not a measurement"
-
-WINDING = (
-    "contact of the links' end spheres with a static sphere of the rod's section; quick: the adapter joins and splits links on "
-    "the straight parts only"
-)
-
-_ABILITIES = Abilities(
-    quick_cost=10.0,
-    releases=frozenset(Release),
-    effect_kinds=FORCES_AND_RELEASE,
-    supplies=Supplies(
-        winding=Supply(by=Supplier.ENGINE, how=WINDING),
-        friction_law=Supply(by=Supplier.ENGINE, how=COULOMB_AT_NODES),
-        stick_slip=Supply(by=Supplier.ENGINE, how="Coulomb contact"),
-        drag=APPLIED_DRAG,
-    ),
-    packages=("pybullet",),
-    summary="One Featherstone multibody of links that slides over a static sphere under Coulomb contact.",
-    limits=(
-        ONE_COEFFICIENT,
-        f"at most {MAX_JOINTS} joints are reported rightly: links of a long string are laid up to {MAX_LINK_LENGTHENING:g} "
-        "times longer than the settings say, and a longer string still is refused",
-        "a link that winds on must not be longer than the rod is thick: quick (8 mm links) refuses rods below 4 mm of radius",
-        "explicit steps: where the rod holds back more than at ten_to_one they are shorter than the settings say",
-        RIPPLE_LIMIT,
-        TWO_TO_ONE_LIMIT,
-        NO_STRETCH_LIMIT,
-    ),
-    additions=(
-        f"a string that weighs {100 * MASS_FRACTION:g} % of the light mass, "
-        f"from which {100 * MASS_FRACTION * MASS_COMPENSATION:g} % is taken off",
-        "a contact coefficient and radius solved from the capstan law for the chain's corners: a little of that law is fed in",
-        *measured_additions("pybullet:chain"),
-        "quick: which links away from the rod are one, and when; when links that left the rod are joined, velocities change "
-        "as in a plastic collision",
-        "how long a step is, from the largest T2 - T1 of the reference's run until its halt, and from the time of that halt",
-        "the wrap angle over which that coefficient is right on average: the release's, and a quarter turn for what follows",
-    ),
-    validated=shipped_range("pybullet:chain"),
 )
 
 
@@ -119,48 +522,156 @@ class PybulletChain(PybulletVariant):
     """A chain of links over a static sphere."""
 
     variant = "chain"
-    abilities = _ABILITIES
     settings_by_profile = SETTINGS
     rig = PybulletChainRig
     settings: PybulletChainSettings
+    abilities = shipped_abilities(
+        "pybullet:chain",
+        quick_cost=10.0,
+        supplies=link_supplies(
+            "contact of the links' end spheres with a static sphere of the rod's section; quick: the adapter joins and splits "
+            "links on the straight parts only"
+        ),
+        packages=("pybullet",),
+        summary="One Featherstone multibody of links that slides over a static sphere under Coulomb contact.",
+        limits=(
+            ONE_COEFFICIENT,
+            f"at most {MAX_JOINTS} joints are reported rightly: links of a long string are laid up to {MAX_LINK_LENGTHENING:g} "
+            "times longer than the settings say, and a longer string still is refused",
+            "a link that winds on must not be longer than the rod is thick: quick (8 mm links) refuses rods below 4 mm of "
+            "radius",
+            "explicit steps: where the rod holds back more than at ten_to_one they are shorter than the settings say",
+            RIPPLE_LIMIT,
+            TWO_TO_ONE_LIMIT,
+            NO_STRETCH_LIMIT,
+        ),
+        first_additions=(
+            f"a string that weighs {100 * MASS_FRACTION:g} % of the light mass, "
+            f"from which {100 * MASS_FRACTION * MASS_COMPENSATION:g} % is taken off",
+            "a contact coefficient and radius solved from the capstan law for the chain's corners: a little of that law is fed "
+            "in",
+        ),
+        additions=(
+            "quick: which links away from the rod are one, and when; when links that left the rod are joined, velocities "
+            "change as in a plastic collision",
+            "how long a step is, from the largest T2 - T1 of the reference's run until its halt, and from the time of that "
+            "halt",
+            "the wrap angle over which that coefficient is right on average: the release's, and a quarter turn for what "
+            "follows",
+        ),
+    )
 
     def studies(self) -> Studies:
         """Return ladders of step, link length and iterations, PyBullet's defaults, and the adapter's choices."""
-        s, with_settings = self.settings, self.with_settings
-        return Studies(
-            ladders=(
-                step_ladder(with_settings, s.time_step),
-                self._link_ladder(),
-                iteration_ladder(with_settings, s.solver_iterations),
+        s = self.settings
+        outer = s.outer_link_length / s.link_length
+        # Shorter links do not fit `MAX_JOINTS` in the ten-to-one trial, and would be lengthened
+        lengths = sorted({6e-3, 5.5e-3, 5e-3, 4.5e-3, s.link_length}, reverse=True)
+        links = [{"link_length": h, "outer_link_length": outer * h} for h in lengths]
+        joined = f"joined by {s.joined_hanging_links} below the rod, by {s.joined_free_links} beyond it"
+        separate = {"joined_hanging_links": 1, "joined_free_links": 1}
+        hanging = quantity(s.hanging_link_length, "m", 3)
+        defaults = (
+            *world_defaults(s),
+            (
+                "maxJointVelocity",
+                f"{DEFAULT_SPEED_LIMIT:g} m/s or rad/s",
+                f"{s.speed_limit:g}",
+                "clamp of every joint's speed",
+                {"speed_limit": DEFAULT_SPEED_LIMIT},
             ),
-            defaults=(*world_defaults(with_settings, s), *multibody_defaults(with_settings, s)),
-            choices=(
-                *(c for c in (*common_choices(with_settings, s), self._unjoined()) if c.engine.settings != s),
-                choice(
-                    "links below the rod",
-                    quantity(s.hanging_link_length, "m", 3),
-                    "half as long",
-                    with_settings(hanging_link_length=7.5e-3),
-                ),
-                choice(
-                    "inertia of a link", f"{s.relative_inertia:g} m h^2", "three times", with_settings(relative_inertia=0.03)
-                ),
+            ("joint motors", "on, holding every joint at rest", "off", "friction in every hinge", {"joint_motors": True}),
+            (
+                "friction given together with damping",
+                "ignored: 0.5 stays",
+                "given apart",
+                "the contact coefficient",
+                {"friction_with_damping": True},
             ),
         )
-
-    def _unjoined(self) -> AdapterChoice:
-        s = self.settings
-        ours = f"joined by {s.joined_hanging_links} below the rod, by {s.joined_free_links} beyond it"
-        separate = self.with_settings(joined_hanging_links=1, joined_free_links=1)
-        return choice("links away from the rod", ours, "separate", separate)
-
-    def _link_ladder(self) -> Ladder:
-        ours = self.settings.link_length
-        outer = self.settings.outer_link_length / ours
-        lengths = sorted({*LINK_LENGTHS, ours}, reverse=True)
-        rungs = ({"link_length": h, "outer_link_length": outer * h} for h in lengths)
-        return ladder(self.with_settings, "link_length", "m", rungs, "links that only wind on, in proportion")
+        return studies_from_rows(
+            self,
+            ladders=(
+                step_rungs(s),
+                ("link_length", "m", links, "links that only wind on, in proportion"),
+                iteration_rungs(s),
+            ),
+            defaults=rows_that_differ(s, defaults),
+            choices=(
+                *rows_that_differ(s, (*common_choices(s), ("links away from the rod", joined, "separate", separate))),
+                ("links below the rod", hanging, "half as long", {"hanging_link_length": 7.5e-3}),
+                ("inertia of a link", f"{s.relative_inertia:g} m h^2", "three times", {"relative_inertia": 0.03}),
+            ),
+        )
 
     def end_length(self, scenario: Scenario) -> float:
         """Return the free length [m] at which the run ends: a chain cannot follow once only its last link is left."""
         return max(super().end_length(scenario), self.settings.outer_link_length)
+
+
+PYBULLET_DEFAULTS = PybulletChainSettings(
+    time_step=LARGEST_STEP,
+    link_length=5e-3,
+    outer_link_length=8e-3,
+    solver_iterations=DEFAULT_ITERATIONS,
+    force_interval=1,
+    linear_damping=DEFAULT_DAMPING,
+    angular_damping=DEFAULT_DAMPING,
+    speed_limit=DEFAULT_SPEED_LIMIT,
+    joint_motors=True,
+    rod=RodShape.CYLINDER,
+    friction_with_damping=True,
+    polygon=False,
+    divided_step=False,
+)
+
+
+_MOTORS_HOLD_JOINTS = "joint motors hold every hinge"
+_EFFECTS = (
+    *("light_drag", "heavy_drag", "light_linear_drag", "heavy_linear_drag", "attitude_drag", "wind"),
+    *("side_force", "side_stiffness", "push_across", "push_along"),
+)
+_KNOWN_FAILURES = {
+    "velocity_is_the_rate_of_position": f"measured 66 m/s off, as the chain flies apart after 0.14 s: {_MOTORS_HOLD_JOINTS}",
+    "frictionless_vertical_release_is_an_atwood_machine": f"measured -0.0002 m/s^2 for 8.03: {_MOTORS_HOLD_JOINTS}",
+    "vertical_release_obeys_the_capstan_law": f"measured -0.0002 m/s^2 for 5.80: {_MOTORS_HOLD_JOINTS}",
+    "held_pendulum_swings_to_the_other_side": f"{_MOTORS_HOLD_JOINTS}, and take the pendulum's energy",
+    "string_keeps_its_length": "measured 88 mm off the taut string's path: joint motors hold it bent where it is bent",
+    "release_has_the_exact_acceleration": f"measured no motion of the heavy mass: {_MOTORS_HOLD_JOINTS}",
+    "release_against_friction_has_the_exact_acceleration": f"measured no motion of the heavy mass: {_MOTORS_HOLD_JOINTS}",
+    "energy_is_kept_without_losses": f"measured no motion of the heavy mass: {_MOTORS_HOLD_JOINTS}",
+    "energy_never_grows_with_losses": f"measured no motion of the heavy mass: {_MOTORS_HOLD_JOINTS}",
+    "follows_the_reference_without_losses": "measured 480 mm off at 0.14 s: the chain flies apart",
+    "follows_the_reference_past_the_halt_and_a_full_turn": "measured 220 mm off at 0.42 s: the chain flies apart",
+} | {
+    f"{effect}_acts_as_in_the_reference": f"measured no motion of the heavy mass: {_MOTORS_HOLD_JOINTS}" for effect in _EFFECTS
+}
+"""Checks of `engines.conformance` that it fails, with the measured reason."""
+
+
+class PybulletDefaults(PybulletChain):
+    """The chain with PyBullet's own settings."""
+
+    variant = "defaults"
+    abilities = replace(
+        PybulletChain.abilities,
+        main=False,
+        additions=(
+            f"the string weighs {100 * MASS_FRACTION:g} % of the light mass; "
+            f"{100 * MASS_FRACTION * MASS_COMPENSATION:g} % is taken off that",
+        ),
+        validated=(),
+        known_failures=_KNOWN_FAILURES,
+        summary="The same multibody with PyBullet's defaults: damping, joint motors, speed clamp, a cylinder as rod.",
+        limits=(
+            *(limit for limit in PybulletChain.abilities.limits if limit != TWO_TO_ONE_LIMIT),
+            "PyBullet's own step of 1/240 s is run at 1 ms, where samples fall",
+        ),
+    )
+
+    def __init__(self, *, profile: Profile = Profile.QUICK) -> None:
+        super().__init__(profile=profile, settings=PYBULLET_DEFAULTS)
+
+    def studies(self) -> Studies:
+        """Return no studies: the studies of `chain` measure each default by itself."""
+        return Studies()

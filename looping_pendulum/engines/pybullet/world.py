@@ -1,18 +1,87 @@
-"""A PyBullet server with the rod, its settings and its steps, for every variant: PyBullet's defaults suit toys on a floor."""
+"""What the PyBullet variants share: a server with rod and steps, numerical settings, studies; defaults suit toys on a floor."""
 
 from __future__ import annotations
 
 import math
 import weakref
 from collections.abc import Callable
-from typing import Any
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, ClassVar
 
-from looping_pendulum.engines.protocol import steps_per_sample
-from looping_pendulum.engines.pybullet.settings import RodShape, WorldSettings
+from looping_pendulum.engines.protocol import APPLIED_DRAG, SAMPLE_INTERVAL, Rig, TunedEngine, steps_per_sample
+from looping_pendulum.engines.studies import ChoiceRow, DefaultRow, LadderRow
+from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
 from looping_pendulum.errors import EngineError
+from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import CartesianForce, cartesian_force, release_velocity
 from looping_pendulum.reference_ode.geometry import light_position
-from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.scenarios.scenario import Scenario
+
+NO_SPEED_LIMIT = 1e9
+"""Limit of joint speeds [m/s or rad/s] that is never reached; links turn faster than PyBullet's as they pass over the rod."""
+DEFAULT_SPEED_LIMIT = 100.0
+"""PyBullet's limit of every joint's speed [m/s or rad/s]."""
+DEFAULT_DAMPING = 0.04
+"""PyBullet's linear and angular damping of every body [1/s]."""
+DEFAULT_ITERATIONS = 50
+"""PyBullet's number of solver iterations per step."""
+DEFAULT_NEIGHBOUR_MARGIN = 0.02
+"""PyBullet's contactBreakingThreshold [m]."""
+LARGEST_STEP = 1e-3
+"""Largest step [s]: samples are a millisecond apart and are not interpolated; PyBullet's own step is 1/240 s."""
+
+
+class RodShape(StrEnum):
+    """Collision shape of the rod."""
+
+    SPHERE = "sphere"
+    """Has the rod's section in the plane of motion; sphere on sphere is Bullet's only exact contact."""
+    CYLINDER = "cylinder"
+    """Bullet finds its contacts by a general algorithm, whose points and normals are inexact at sizes of a millimetre."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorldSettings:
+    """Settings that every PyBullet variant has."""
+
+    time_step: float
+    """Length of a step [s]; it must divide the sample interval."""
+    solver_iterations: int
+    """Iterations (sweeps over all constraints) of the solver per step (numSolverIterations)."""
+    force_interval: int = 5
+    """Steps between two updates of the effects' forces; a test compares it with 1."""
+    joint_error_reduction: float = 0.2
+    """Fraction of a joint's position error that a step corrects (Bullet's erp)."""
+    contact_error_reduction: float = 0.2
+    """Fraction of a penetration that a step corrects (contactERP)."""
+    friction_error_reduction: float = 0.2
+    """Fraction of the drift of a sticking contact that a step corrects (frictionERP)."""
+    neighbour_margin: float = DEFAULT_NEIGHBOUR_MARGIN
+    """Margin by which the bounding boxes of the neighbour search exceed the shapes [m] (contactBreakingThreshold).
+
+    With PyBullet's 20 mm a node has a dozen others for neighbours, and sorting them out costs as much as the contacts. Whether
+    spheres touch does not depend on it, but the order does in which the solver sweeps over the contacts.
+    """
+    linear_damping: float = 0.0
+    """Fraction of a body's velocity lost per second."""
+    angular_damping: float = 0.0
+    """Fraction of a body's angular velocity lost per second."""
+    speed_limit: float = NO_SPEED_LIMIT
+    """Largest speed of a multibody's joints [m/s or rad/s] (maxJointVelocity)."""
+    rod: RodShape = RodShape.SPHERE
+    """Collision shape of the rod."""
+    friction_with_damping: bool = False
+    """Whether to set a link's friction and damping in one call.
+
+    PyBullet's documentation allows it, but PyBullet then ignores the friction.
+    """
+    node_radius: float = 2e-4
+    """Radius of a node's contact sphere [m]; the rod is thinner by as much, so that the string's middle lies at its radius."""
+    polygon: bool = True
+    """Whether the rod's radius and coefficient are corrected for the polygon that the links are (`engines.chain`)."""
+
 
 ROD_HALF_LENGTH = 0.01
 """Half the length of a rod that is a cylinder [m]."""
@@ -161,38 +230,29 @@ class WorldStepper:
 
 
 class SteppedRig:
-    """Motion and forces of a rig, as `WorldStepper` needs them."""
+    """A rig that `WorldStepper` steps; its masses are two bodies, unless a subclass reads and moves them otherwise."""
 
-    def read_motion(self) -> tuple[float, float, float, float, float]:
-        """Return the light mass's position [m] and velocity [m/s] and the heavy mass's upward velocity [m/s]."""
-        raise NotImplementedError
+    _light: int
+    _heavy: int
 
-    def apply_forces(self, light: tuple[float, float], heavy: float) -> None:
-        """Apply forces [N] to the light mass, and upward to the heavy one, at their positions."""
-        raise NotImplementedError
-
-
-class FallingRig(SteppedRig):
-    """The two masses without a string."""
-
-    def __init__(self, parameters: Parameters, settings: WorldSettings) -> None:
-        p = parameters
-        self._world = world = World(p, settings)
-        self._stepper = WorldStepper(world, p)
-        vx, vy, heavy_v = release_velocity(p)
-        light = light_position(math, p.free_length, p.release_angle, p.rod_radius)
-        self._light = self._body(p.light_mass, [*light, 0.0], [vx, vy, 0.0])
-        self._heavy = self._body(p.heavy_mass, [p.rod_radius, -p.hanging_length, 0.0], [0.0, heavy_v, 0.0])
+    def __init__(self, parameters: Parameters, world: World, longest_step: LongestStep | None = None) -> None:
+        self._parameters, self._world = parameters, world
+        self._stepper = WorldStepper(world, parameters, longest_step)
+        self._held = parameters.release is Release.HELD
 
     def advance(self) -> None:
         """Advance by one sample interval, with the effects' forces."""
         self._stepper.steps(self._world.steps, self)
 
     def read(self) -> Row:
-        """Return positions [m], velocities [m/s] and string stretch [m]: `COLUMNS` without the time."""
+        """Return positions [m], velocities [m/s], and what else is known of `COLUMNS`, without the time."""
         light, light_v = self._world.body_state(self._light)
         heavy, heavy_v = self._world.body_state(self._heavy)
-        return (*light[:2], *light_v[:2], *heavy[:2], *heavy_v[:2], math.nan)
+        return (*light[:2], *light_v[:2], *heavy[:2], *heavy_v[:2], *self._read_string())
+
+    def _read_string(self) -> Row:
+        """Return the string's stretch and slip over the rod [m]."""
+        raise NotImplementedError
 
     def read_motion(self) -> tuple[float, float, float, float, float]:
         """Return the light mass's position [m] and velocity [m/s] and the heavy mass's upward velocity [m/s]."""
@@ -202,7 +262,23 @@ class FallingRig(SteppedRig):
     def apply_forces(self, light: tuple[float, float], heavy: float) -> None:
         """Apply forces [N] to the light mass, and upward to the heavy one, at their positions."""
         self._world.apply_force(self._light, -1, light, self._world.body_state(self._light)[0])
-        self._world.apply_force(self._heavy, -1, (0.0, heavy), self._world.body_state(self._heavy)[0])
+        if not self._held:
+            self._world.apply_force(self._heavy, -1, (0.0, heavy), self._world.body_state(self._heavy)[0])
+
+
+class FallingRig(SteppedRig):
+    """The two masses without a string."""
+
+    def __init__(self, parameters: Parameters, settings: WorldSettings) -> None:
+        p = parameters
+        super().__init__(p, World(p, settings))
+        vx, vy, heavy_v = release_velocity(p)
+        light = light_position(math, p.free_length, p.release_angle, p.rod_radius)
+        self._light = self._body(p.light_mass, [*light, 0.0], [vx, vy, 0.0])
+        self._heavy = self._body(p.heavy_mass, [p.rod_radius, -p.hanging_length, 0.0], [0.0, heavy_v, 0.0])
+
+    def _read_string(self) -> Row:
+        return (math.nan,)
 
     def _body(self, mass: float, position: list[float], velocity: list[float]) -> int:
         api, client = self._world.api, self._world.client
@@ -210,3 +286,106 @@ class FallingRig(SteppedRig):
         self._world.remove_damping(body)
         api.resetBaseVelocity(body, linearVelocity=velocity, physicsClientId=client)
         return body
+
+
+ONE_COEFFICIENT = "one Coulomb coefficient: of a static friction above the kinetic one, only the kinetic one is represented"
+
+
+def link_supplies(winding: str) -> Supplies:
+    """Return who supplies which physics in a chain of links; ``winding`` says what touches the rod."""
+    friction = (
+        "Coulomb contact at every node; the adapter solves its coefficient from the capstan law for the polygon's corners"
+    )
+    return Supplies(
+        winding=Supply(by=Supplier.ENGINE, how=winding),
+        friction_law=Supply(by=Supplier.ENGINE, how=friction),
+        stick_slip=Supply(by=Supplier.ENGINE, how="Coulomb contact"),
+        drag=APPLIED_DRAG,
+    )
+
+
+class PybulletVariant(TunedEngine):
+    """A variant of the apparatus in PyBullet."""
+
+    name = "pybullet"
+    distribution = "pybullet"
+    rig: ClassVar[type[Any]]
+    """Class of the apparatus with a string, called with parameters and settings."""
+
+    def build(self, scenario: Scenario) -> Rig:
+        """Build the scenario's apparatus at the moment of release."""
+        rig_class = FallingRig if scenario.parameters.release is Release.DROP else self.rig
+        rig: Rig = rig_class(scenario.parameters, self.settings)
+        return rig
+
+
+def step_rungs(settings: WorldSettings) -> LadderRow:
+    """Return a ladder of time steps, from four times to half of the settings' own."""
+    # Whole numbers of steps per sample, and no step below 1 us
+    counts = (min(round(SAMPLE_INTERVAL / settings.time_step / n), round(SAMPLE_INTERVAL / 1e-6)) for n in (4, 2, 1, 0.5))
+    return "time_step", "s", [SAMPLE_INTERVAL / count for count in counts]
+
+
+def iteration_rungs(settings: WorldSettings) -> LadderRow:
+    """Return a ladder of solver iterations that includes the settings' own number."""
+    return "solver_iterations", "", sorted({5, 10, 20, 40, 80, settings.solver_iterations})
+
+
+def world_defaults(settings: WorldSettings) -> tuple[DefaultRow, ...]:
+    """Return PyBullet's defaults that concern every variant."""
+    s = settings
+    return (
+        (
+            "fixedTimeStep",
+            "1/240 s (run at 1 ms, where samples fall)",
+            quantity(s.time_step, "s", 3),
+            "length of a step",
+            {"time_step": LARGEST_STEP},
+        ),
+        (
+            "numSolverIterations",
+            f"{DEFAULT_ITERATIONS}",
+            f"{s.solver_iterations}",
+            "sweeps of the solver",
+            {"solver_iterations": DEFAULT_ITERATIONS},
+        ),
+        (
+            "linearDamping",
+            f"{DEFAULT_DAMPING:g} /s",
+            f"{s.linear_damping:g}",
+            "share of a velocity lost per second",
+            {"linear_damping": DEFAULT_DAMPING},
+        ),
+        (
+            "angularDamping",
+            f"{DEFAULT_DAMPING:g} /s",
+            f"{s.angular_damping:g}",
+            "share of an angular velocity lost per second",
+            {"angular_damping": DEFAULT_DAMPING},
+        ),
+        (
+            "contactBreakingThreshold",
+            f"{1e3 * DEFAULT_NEIGHBOUR_MARGIN:g} mm",
+            f"{1e3 * s.neighbour_margin:g} mm",
+            "how large the boxes are that find neighbours; the sweep's order with them",
+            {"neighbour_margin": DEFAULT_NEIGHBOUR_MARGIN},
+        ),
+        (
+            "rod",
+            "GEOM_CYLINDER, the obvious shape",
+            "GEOM_SPHERE",
+            "which collision algorithm finds the contacts",
+            {"rod": RodShape.CYLINDER},
+        ),
+    )
+
+
+def common_choices(settings: WorldSettings) -> tuple[ChoiceRow, ...]:
+    """Return what an adapter of a chain decides: corrections for corners, the contact, how often forces are updated."""
+    s, share = settings, "share of a penetration taken back in a step"
+    return (
+        ("radius and coefficient", "corrected for the corners", "the circle's own", {"polygon": False}),
+        ("node radius", quantity(s.node_radius, "m", 3), "1 mm", {"node_radius": 1e-3}),
+        ("steps between two updates of the forces", f"{s.force_interval}", "1", {"force_interval": 1}),
+        (share, f"{s.contact_error_reduction:g}", "0.02", {"contact_error_reduction": 0.02}),
+    )

@@ -10,40 +10,107 @@ parts, where they carry no lateral load; beads that touch the rod are moved by C
 from __future__ import annotations
 
 import dataclasses
+import importlib
 import math
+from dataclasses import dataclass
 from typing import Any
 
-from looping_pendulum.engines.additions import measured_additions
 from looping_pendulum.engines.chain import (
-    BEADS_WEIGH,
+    CORNER_CHOICES,
     ONE_COEFFICIENT,
     STRAIGHT_STRING,
     SlipGauge,
-    bead_supplies,
+    bead_abilities,
     point_on_string,
     polygon_friction,
     polygon_radius,
 )
-from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities, Profile, TunedEngine
-from looping_pendulum.engines.pymunk.calls import (
+from looping_pendulum.engines.protocol import Profile, TunedEngine, groups_per_sample, steps_per_sample
+from looping_pendulum.engines.pymunk.space import (
+    DEFAULT_RATE,
+    DEFAULT_RATE_TEXT,
     MAX_SLOP_IN_RADIUS,
-    PUBLIC_ERROR_RATE,
-    SETTINGS,
-    Calls,
-    DirectCalls,
     PublicCalls,
-    PymunkChainSettings,
-    direct_library,
+    SpaceRig,
+    Vector,
+    error_bias_default,
+    iterations_default,
+    masses,
+    slop_default,
+    step_default,
+    velocity_on_string,
 )
-from looping_pendulum.engines.pymunk.release_state import Vector, bead_arcs, masses, velocity_on_string
-from looping_pendulum.engines.pymunk.space_rig import SpaceRig
-from looping_pendulum.engines.pymunk.studies import chain_studies
-from looping_pendulum.engines.studies import Studies
+from looping_pendulum.engines.studies import Studies, studies_from_rows
 from looping_pendulum.engines.trajectory import Provenance
-from looping_pendulum.engines.validated import shipped_range
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios.scenario import Scenario
 
+
+@dataclass(frozen=True, kw_only=True)
+class PymunkChainSettings:
+    """Numerical settings of the bead chain."""
+
+    time_step: float
+    """Length of a step [s]; it must divide the sample interval."""
+    bend: float
+    """Angle between neighbouring links on the rod [rad]; a link is R times this long."""
+    bead_mass_ratio: float
+    """Mass of one bead over the light mass. Lighter: a softer chain; heavier: the string's own inertia shows."""
+    iterations: int = 20
+    """Iterations (sweeps over all constraints) of the solver per step."""
+    impulse_leak: float = 150.0
+    """Rate at which joints forget their warm-start impulse [1/s].
+
+    Warm starting makes the chain act as an undamped spring; the leak damps it.
+    """
+    leak_interval: int = 5
+    """Steps between two leaks of the warm-start impulse, each for the whole interval, as a leak costs a call.
+
+    It must divide `force_interval`.
+    """
+    error_rate: float = 100.0
+    """Rate at which joints correct their length error [1/s]; above `impulse_leak` the chain's oscillations grow."""
+    contact_rate: float = 100.0
+    """Rate at which contacts correct penetration beyond `contact_slop` [1/s]."""
+    bead_radius: float = 1e-3
+    """Radius of a bead [m]; the rod's circle is smaller by as much, so that the bead's centre moves where the string should."""
+    contact_slop: float = 1e-5
+    """Depth to which beads rest in the circle [m]; allowed for in its radius."""
+    force_interval: int = 50
+    """Steps between two updates of the drag forces and of the beads on the straight parts; a test compares it with 1."""
+    polygon_friction: bool = True
+    """Whether the contact's friction is corrected for the polygon that the beads' links are."""
+    polygon_radius: bool = True
+    """Whether the beads' circle is corrected for it."""
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where steps or groups of steps do not divide the sample interval."""
+        if self.force_interval % self.leak_interval:
+            raise ValueError(
+                f"leak_interval: found {self.leak_interval}, needed a divisor of force_interval, {self.force_interval}"
+            )
+        groups_per_sample(self.time_step, self.force_interval)
+
+    @property
+    def steps_per_sample(self) -> int:
+        """Number of steps in one sample interval."""
+        return steps_per_sample(self.time_step)
+
+
+SETTINGS = {
+    Profile.QUICK: PymunkChainSettings(time_step=5e-6, bend=0.28, bead_mass_ratio=2e-4),
+    Profile.ACCURATE: PymunkChainSettings(time_step=2e-6, bend=0.24, bead_mass_ratio=1e-4),
+}
+
+DIRECT_CALLS = ("cpBodyGetPosition", "cpBodyGetVelocity", "cpBodySetForce", "cpSpaceSetCurrentTimeStep", "cpSpaceStep")
+"""Chipmunk functions that pymunk calls itself but does not publish."""
+
+
+PUBLIC_ERROR_RATE = 6.3
+"""Error rate of the joints where the leak is not available [1/s]: Chipmunk's default.
+
+Without the leak nothing damps the chain, so joints must correct their errors no faster.
+"""
 ADD_WITHIN_LINKS = 2.0
 """A bead is added when the outermost one is nearer than this to its tangent point [links].
 
@@ -61,6 +128,68 @@ MAX_SLACK_FRACTION = 1e-3
 
 Beyond it that part hangs slack, and its beads are kept.
 """
+
+
+class DirectCalls(PublicCalls):
+    """Call Chipmunk's functions below pymunk, which alone makes the leaky warm start possible.
+
+    Chipmunk scales warm-start impulses by the new step over the previous one. If the previous step is set to
+    dt / (1 - n leak dt) before a step, Chipmunk keeps the fraction 1 - n leak dt of the impulses, where n is the number of
+    steps between two such settings.
+    """
+
+    def __init__(self, library: Any, space: Any, settings: PymunkChainSettings) -> None:
+        self._library = library
+        self._space = space._space
+        self._time_step = settings.time_step
+        self._interval = settings.leak_interval
+        self._claimed_previous_step = settings.time_step / (1 - self._interval * settings.impulse_leak * settings.time_step)
+
+    def step(self, count: int) -> None:
+        """Take ``count`` steps."""
+        space, time_step, claimed_previous_step = self._space, self._time_step, self._claimed_previous_step
+        set_previous_step, step = self._library.cpSpaceSetCurrentTimeStep, self._library.cpSpaceStep
+        interval = range(self._interval)
+        for _ in range(count // self._interval):
+            set_previous_step(space, claimed_previous_step)
+            for _ in interval:
+                step(space, time_step)
+
+    def position(self, body: Any) -> tuple[float, float]:
+        """Return the position [m] of ``body``: x, y."""
+        position = self._library.cpBodyGetPosition(body._body)
+        return position.x, position.y
+
+    def position_and_velocity(self, body: Any) -> tuple[float, float, float, float]:
+        """Return position [m] and velocity [m/s] of ``body``: x, y, vx, vy."""
+        position = self._library.cpBodyGetPosition(body._body)
+        velocity = self._library.cpBodyGetVelocity(body._body)
+        return position.x, position.y, velocity.x, velocity.y
+
+    def apply_force(self, body: Any, fx: float, fy: float) -> None:
+        """Apply a force [N] to ``body`` during the next step only."""
+        self._library.cpBodySetForce(body._body, (fx, fy))
+
+
+def direct_library() -> Any:
+    """Return Chipmunk's functions below pymunk, or None where this version of pymunk lacks one of `DIRECT_CALLS`."""
+    try:
+        library = importlib.import_module("pymunk._chipmunk").lib
+    except (ImportError, AttributeError):
+        return None
+    return library if all(hasattr(library, name) for name in DIRECT_CALLS) else None
+
+
+def bead_arcs(parameters: Parameters, link_length: float, margin: float) -> list[float]:
+    """Return the distances [m] of the beads from the light mass along the string at release, a link apart.
+
+    Beads lie on the rod and ``margin`` links beyond it on either side, but a link or more from either mass.
+    """
+    first = parameters.free_length - margin * link_length
+    wound = parameters.rod_radius * parameters.release_angle
+    count = math.ceil(wound / link_length + 2 * margin)
+    arcs = (first + i * link_length for i in range(count + 1))
+    return [arc for arc in arcs if link_length <= arc <= parameters.string_length - link_length]
 
 
 class _BeadString:
@@ -98,7 +227,7 @@ class _BeadString:
             for i, ((a, b), length) in enumerate(zip(pairs, self.lengths, strict=True))
         ]
 
-    def update_beads(self, calls: Calls) -> None:
+    def update_beads(self, calls: PublicCalls) -> None:
         """Add or remove a bead on either straight part, so that there are beads where the string will meet the rod."""
         if self._needs_update(calls, 1, 2):
             self._update_first_end(calls)
@@ -108,7 +237,7 @@ class _BeadString:
             self._update_first_end(calls)
             self._reverse()
 
-    def _needs_update(self, calls: Calls, outermost: int, second: int) -> bool:
+    def _needs_update(self, calls: PublicCalls, outermost: int, second: int) -> bool:
         """Return whether the outermost bead of a side is near its tangent point, or the second one far from it."""
         if self._tangent_distance(calls, outermost) < ADD_WITHIN_LINKS * self._link_length:
             return True
@@ -119,7 +248,7 @@ class _BeadString:
         for row in (self.bodies, self._links, self.lengths):
             row.reverse()
 
-    def _update_first_end(self, calls: Calls) -> None:
+    def _update_first_end(self, calls: PublicCalls) -> None:
         """Add or remove a bead on the straight part at the row's first end."""
         if self._tangent_distance(calls, 1) < ADD_WITHIN_LINKS * self._link_length:
             if self.lengths[0] > 2 * self._link_length:
@@ -131,12 +260,12 @@ class _BeadString:
         ):
             self._remove_bead()
 
-    def _tangent_distance(self, calls: Calls, index: int) -> float:
+    def _tangent_distance(self, calls: PublicCalls, index: int) -> float:
         """Return the length [m] of the tangent from body ``index`` to the rod; 0 on the rod."""
         x, y = calls.position(self.bodies[index])
         return math.sqrt(max(x * x + y * y - self._rod_radius**2, 0.0))
 
-    def _add_bead(self, calls: Calls) -> None:
+    def _add_bead(self, calls: PublicCalls) -> None:
         """Put a new bead where the outermost one is, and move the outermost one a link towards the mass.
 
         So the straight part keeps its joint, and with it the warm-start impulse that carries the mass.
@@ -199,7 +328,7 @@ class _BeadString:
         self.lengths[0] = length
         self._links[0].max = length
 
-    def read(self, calls: Calls) -> tuple[float, float]:
+    def read(self, calls: PublicCalls) -> tuple[float, float]:
         """Return the string's stretch beyond its rest length (negative: it hangs slack) and its slip over the rod [m]."""
         places = [calls.position(body) for body in self.bodies]
         stretch = math.fsum(map(math.dist, places[:-1], places[1:])) - math.fsum(self.lengths)
@@ -250,37 +379,31 @@ class PymunkChainRig(SpaceRig):
         return (math.nan, math.nan) if self._string is None else self._string.read(self._calls)
 
 
-_LIMITS = (
-    ONE_COEFFICIENT,
-    "damps its joints through a private pymunk call (a leaky warm start); where a pymunk lacks it the chain is softer (at ten "
-    "to one, quick: 0.99 mm of stretch for 0.13 mm) and provenance.settings says leaky_warm_start: False",
-    STRAIGHT_STRING,
-    "a slack string that jerks taut bounces: the chain takes the pull as a spring, where the reference's pull is inelastic",
-)
-
-
 class PymunkChain(TunedEngine):
     """Chain of beads over a static circle."""
 
     name = "pymunk"
     distribution = "pymunk"
     variant = "chain"
-    abilities = Abilities(
-        quick_cost=7.0,
-        releases=frozenset(Release),
-        effect_kinds=FORCES_AND_RELEASE,
-        supplies=bead_supplies("static circle", "the solver clamps friction to its cone"),
-        packages=("pymunk",),
-        summary="Point beads on pin joints over a static circle, a slide joint for each straight part of the string.",
-        limits=_LIMITS,
-        additions=(
-            *measured_additions("pymunk:chain"),
-            BEADS_WEIGH.format(100 * SETTINGS[Profile.QUICK].bead_mass_ratio),
-        ),
-        validated=shipped_range("pymunk:chain"),
-    )
     settings_by_profile = SETTINGS
     settings: PymunkChainSettings
+    abilities = bead_abilities(
+        "pymunk:chain",
+        quick_cost=7.0,
+        rod="static circle",
+        stick_slip="the solver clamps friction to its cone",
+        packages=("pymunk",),
+        summary="Point beads on pin joints over a static circle, a slide joint for each straight part of the string.",
+        limits=(
+            ONE_COEFFICIENT,
+            "damps its joints through a private pymunk call (a leaky warm start); where a pymunk lacks it the chain is softer "
+            "(at ten to one, quick: 0.99 mm of stretch for 0.13 mm) and provenance.settings says leaky_warm_start: False",
+            STRAIGHT_STRING,
+            "a slack string that jerks taut bounces: the chain takes the pull as a spring, where the reference's pull is "
+            "inelastic",
+        ),
+        bead_mass_ratio=SETTINGS[Profile.QUICK].bead_mass_ratio,
+    )
 
     def __init__(self, *, profile: Profile = Profile.QUICK, settings: PymunkChainSettings | None = None) -> None:
         super().__init__(profile=profile, settings=settings)
@@ -294,7 +417,49 @@ class PymunkChain(TunedEngine):
 
     def studies(self) -> Studies:
         """Return the ladders of refinement, Chipmunk's defaults one at a time, and the adapter's choices."""
-        return chain_studies(self.settings, self.with_settings)
+        s = self.settings
+        # No rung is coarser than the settings: joints are springs that soften with the square of the step, and a string that
+        # has stretched by millimetres halts by another motion
+        factors = (1, 2, 4, 8)
+        masses = [{"bead_mass_ratio": s.bead_mass_ratio / n**2, "time_step": s.time_step / n} for n in factors]
+        return studies_from_rows(
+            self,
+            ladders=(
+                ("time_step", "s", [s.time_step / n for n in factors]),
+                ("bend", "rad", [s.bend / math.sqrt(n) for n in factors]),
+                ("bead_mass_ratio", "", masses, "the step, as the root of a bead's mass, so that the joints stay as stiff"),
+                ("iterations", "", [s.iterations * n for n in factors]),
+            ),
+            defaults=(
+                step_default(s, leak_interval=1),
+                iterations_default(s),
+                slop_default(s, "contact_slop"),
+                (
+                    "collision_bias",
+                    DEFAULT_RATE_TEXT,
+                    f"{s.contact_rate:g} /s",
+                    "how fast a bead too deep in the circle comes out",
+                    {"contact_rate": DEFAULT_RATE},
+                ),
+                error_bias_default(s),
+                (
+                    "warm start",
+                    "each joint starts from its last impulse",
+                    f"a share of {s.impulse_leak:g} /s of it is forgotten",
+                    "what damps the spring that the joints act as",
+                    {"impulse_leak": 0.0},
+                ),
+            ),
+            choices=(
+                ("bead mass", f"{s.bead_mass_ratio:g} M1", "half", {"bead_mass_ratio": s.bead_mass_ratio / 2}),
+                ("bead mass", f"{s.bead_mass_ratio:g} M1", "double", {"bead_mass_ratio": s.bead_mass_ratio * 2}),
+                *CORNER_CHOICES,
+                ("bead radius", f"{1e3 * s.bead_radius:g} mm", "half", {"bead_radius": s.bead_radius / 2}),
+                ("forces and beads updated", f"every {s.force_interval} steps", "every 10", {"force_interval": 10}),
+                ("leak of the warm start", f"{s.impulse_leak:g} /s", "double", {"impulse_leak": 2 * s.impulse_leak}),
+                ("leak of the warm start", f"every {s.leak_interval} steps", "every step", {"leak_interval": 1}),
+            ),
+        )
 
     def provenance(self) -> Provenance:
         """Return versions, settings and suppliers, and whether the warm start leaks (pymunk had the private call)."""

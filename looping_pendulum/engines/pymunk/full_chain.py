@@ -3,29 +3,221 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from looping_pendulum.engines.chain import MASS_COMPENSATION, SlipGauge, point_on_string
-from looping_pendulum.engines.protocol import Profile, SteppedEngine
-from looping_pendulum.engines.pymunk.abilities import full_abilities
-from looping_pendulum.engines.pymunk.calls import MAX_SLOP_IN_RADIUS, PublicCalls
-from looping_pendulum.engines.pymunk.full_settings import (
-    FullChainSettings,
-    FullChainVariant,
-    contact_friction,
-    full_settings,
-    link_contact_radius,
+from looping_pendulum.engines.chain import (
+    CORNER_CHOICES,
+    MASS_COMPENSATION,
+    MASS_FRACTION,
+    ONE_COEFFICIENT,
+    SlipGauge,
+    point_on_string,
+    polygon_friction,
+    polygon_radius,
 )
-from looping_pendulum.engines.pymunk.release_state import Vector, masses, velocity_on_string
-from looping_pendulum.engines.pymunk.space_rig import SpaceRig
-from looping_pendulum.engines.pymunk.studies import full_studies
-from looping_pendulum.engines.studies import Studies
+from looping_pendulum.engines.protocol import APPLIED_DRAG, Abilities, Profile, TunedEngine, groups_per_sample, steps_per_sample
+from looping_pendulum.engines.pymunk.space import (
+    DEFAULT_COLLISION_SLOP,
+    DEFAULT_ITERATIONS,
+    DEFAULT_RATE,
+    DEFAULT_TIME_STEP,
+    MAX_SLOP_IN_RADIUS,
+    PublicCalls,
+    SpaceRig,
+    Vector,
+    error_bias_default,
+    iterations_default,
+    masses,
+    slop_default,
+    step_default,
+    velocity_on_string,
+)
+from looping_pendulum.engines.shipped import shipped_abilities
+from looping_pendulum.engines.studies import Studies, rows_that_differ, studies_from_rows
+from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios.scenario import Scenario
-from looping_pendulum.versions import installed_version
+
+
+@dataclass(frozen=True, kw_only=True)
+class FullChainSettings:
+    """Numerical settings of a chain of links along the whole string."""
+
+    time_step: float
+    """Length of a step [s]; it must divide the sample interval."""
+    link_length: float
+    """Length of a link [m]; adjusted so that equal links make up the string."""
+    iterations: int
+    """Iterations (sweeps over all constraints) of the solver per step."""
+    long_range: int
+    """Longest span, in links, of the slide joints that pass the pull over 2, 4, 8, ... links at once; 0: none."""
+    mass_fraction: float = 0.01
+    """Mass of the whole chain over the light mass. Lighter: a softer chain; heavier: the string's own inertia shows."""
+    error_rate: float = DEFAULT_RATE
+    """Rate at which joints correct their length error [1/s]; Chipmunk's `error_bias` is exp(-rate).
+
+    Nothing damps the chain, so a high rate makes it oscillate: of the quick profile's held pendulum, 30 costs 1 % of its
+    energy and 100 costs 12 %.
+    """
+    collision_slop: float = 1e-5
+    """Depth to which links rest in the circle [m]; its radius is larger by as much, up to `MAX_SLOP_IN_RADIUS`."""
+    bead_radius: float = 1e-3
+    """Half of the links' thickness [m]; the circle is that much smaller, so that their middle runs where the string should."""
+    polygon_friction: bool = True
+    """Whether the contact's friction is corrected for the polygon that the links are."""
+    polygon_radius: bool = True
+    """Whether the circle's radius is corrected for it."""
+    force_interval: int = 10
+    """Steps between two updates of the drag forces."""
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where steps or groups of steps do not divide the sample interval."""
+        groups_per_sample(self.time_step, self.force_interval)
+
+    @property
+    def steps_per_sample(self) -> int:
+        """Number of steps in one sample interval."""
+        return steps_per_sample(self.time_step)
+
+    def bend(self, rod_radius: float) -> float:
+        """Return the angle between neighbouring links on a rod of ``rod_radius`` [m], in rad."""
+        return self.link_length / rod_radius
+
+
+_DEFAULTS = FullChainSettings(
+    time_step=DEFAULT_TIME_STEP,
+    link_length=6e-3,
+    iterations=DEFAULT_ITERATIONS,
+    long_range=0,
+    collision_slop=DEFAULT_COLLISION_SLOP,
+    polygon_friction=False,
+    polygon_radius=False,
+    force_interval=1,
+)
+
+SETTINGS = {
+    ("beads", Profile.QUICK): FullChainSettings(
+        time_step=2e-5, link_length=6e-3, iterations=10, long_range=64, error_rate=30.0
+    ),
+    ("beads", Profile.ACCURATE): FullChainSettings(
+        time_step=4e-6, link_length=3e-3, iterations=10, long_range=64, error_rate=100.0
+    ),
+    ("segments", Profile.QUICK): FullChainSettings(
+        time_step=2e-5, link_length=5e-3, iterations=10, long_range=64, error_rate=30.0, bead_radius=0.0
+    ),
+    ("segments", Profile.ACCURATE): FullChainSettings(
+        time_step=4e-6, link_length=3e-3, iterations=10, long_range=64, error_rate=100.0, bead_radius=0.0
+    ),
+    ("defaults", Profile.QUICK): _DEFAULTS,
+    ("defaults", Profile.ACCURATE): _DEFAULTS,
+}
+"""Variant and profile -> settings. The defaults variant has one for both profiles, as it shows what the defaults do."""
+
+
+def contact_friction(variant: str, friction: float, bend: float) -> float:
+    """Return the contact friction with which a polygon of links obeys the capstan law of a circle.
+
+    Beads touch the circle where the string bends: `engines.chain.polygon_friction`. A rigid segment touches it in its middle,
+    and the string bends at its ends. Let joint forces grow by exp(mu b) from one end to the other, at the same angle to the
+    radius at both: then the segment's three equations of equilibrium give m = sinh(mu b) / sin(b). That is above mu, where the
+    beads' coefficient is below it.
+    """
+    if variant == "segments":
+        return math.sinh(friction * bend) / math.sin(bend)
+    return polygon_friction(friction, bend)
+
+
+def link_contact_radius(variant: str, rod_radius: float, bend: float) -> float:
+    """Return the distance from the rod's centre [m] at which the links' middle lines must touch it to wind up R per radian.
+
+    Segments of length h = R b on a circle of radius r turn the string by b where r tan(b/2) = h / 2.
+    """
+    if variant == "segments":
+        return rod_radius * (bend / 2) / math.tan(bend / 2)
+    return float(polygon_radius(rod_radius, bend))
+
+
+def _abilities(variant: str, links: str, friction: str, summary: str, limit: str, **declared: Any) -> Abilities:
+    """Return the abilities of a variant whose ``links`` touch the rod, with ``friction`` between them and the circle."""
+    return shipped_abilities(
+        f"pymunk:{variant}",
+        supplies=Supplies(
+            winding=Supply(by=Supplier.ENGINE, how=f"contact of {links} along the whole string with a static circle"),
+            friction_law=Supply(by=Supplier.ENGINE, how=f"Coulomb friction between {links} and circle, {friction}"),
+            stick_slip=Supply(by=Supplier.ENGINE, how="the same contact: the solver clamps friction to its cone"),
+            drag=APPLIED_DRAG,
+        ),
+        packages=("pymunk",),
+        summary=summary,
+        limits=(ONE_COEFFICIENT, limit),
+        additions=(
+            f"the string weighs {100 * MASS_FRACTION:g} % of the light mass; {100 * MASS_FRACTION * MASS_COMPENSATION:g} % is "
+            "taken off that",
+        ),
+        main=False,
+        **declared,
+    )
+
+
+_SOLVED = "its coefficient solved from the capstan law for the polygon's corners"
+_SPRING = (
+    "nothing damps its joints, which act as a spring: the string rings along its length, and the halted heavy mass with it"
+)
+_STRETCHES = "measured to stretch by more than its budget after 0.06 s, which ends the run"
+_LETS_FALL = "a string that stretches lets fall"
+_LOST_EFFECTS = ("light_drag", "heavy_drag", "light_linear_drag", "heavy_linear_drag", "attitude_drag", "wind", "side_force")
+_ABILITIES = {
+    "beads": _abilities(
+        "beads",
+        "beads",
+        _SOLVED,
+        "Point beads on pin joints along the whole string, slide joints over many; public calls only.",
+        _SPRING,
+    ),
+    "segments": _abilities(
+        "segments",
+        "segments",
+        _SOLVED,
+        "Rigid segments on pivot joints along the whole string, slide joints over many; public calls only.",
+        _SPRING,
+        known_failures={
+            "follows_the_reference_past_the_halt_and_a_full_turn": "measured 5.8 mm off at 0.42 s, for 5.7 mm: it rings",
+        },
+    ),
+    "defaults": _abilities(
+        "defaults",
+        "beads",
+        "uncorrected",
+        "Point beads on pin joints along the whole string, with every setting of Chipmunk left as it comes.",
+        "the string stretches without bound: no run of it says anything of a string",
+        known_failures={
+            "samples_every_millisecond_from_rest": _STRETCHES,
+            "runs_to_its_end": _STRETCHES,
+            "frictionless_vertical_release_is_an_atwood_machine": f"measured 9.56 for 8.03 m/s^2: {_LETS_FALL}",
+            "vertical_release_obeys_the_capstan_law": f"measured 9.56 for 5.80 m/s^2: {_LETS_FALL}",
+            "friction_holds_the_string_of_a_small_overweight": f"measured 12 mm in 0.1 s: {_LETS_FALL}",
+            "held_pendulum_swings_to_the_other_side": "the light mass falls all the way: the string that should turn it "
+            "stretches",
+            "string_keeps_its_length": "measured 22 mm of stretch after 0.15 s",
+            "release_has_the_exact_acceleration": "measured free fall of the light mass: no string pulls it",
+            "release_against_friction_has_the_exact_acceleration": "measured free fall of the light mass: no string pulls it",
+            "energy_never_grows_with_losses": "measured 1.1 % of what the heavy mass gave, where 1 % is allowed",
+            "energy_is_kept_without_losses": "measured 1.6 % of what the heavy mass gave, where 1 % is allowed",
+            "follows_the_reference_without_losses": "measured 21 mm off at 0.06 s",
+            "follows_the_reference_past_the_halt_and_a_full_turn": "measured 10 mm off at 0.05 s",
+            "error_is_covered_by_refinement": "its finer runs break off like its own: the string stretches without bound",
+        }
+        | {
+            f"{effect}_acts_as_in_the_reference": "measured on one mass only: a string that stretches does not pull the other"
+            for effect in (*_LOST_EFFECTS, "side_stiffness")
+        },
+    ),
+}
+"""Variant -> what it can do."""
 
 
 class _Beads:
@@ -204,7 +396,7 @@ def _rigid_motion(start: Vector, end: Vector, start_velocity: Vector, end_veloci
 class FullChainRig(SpaceRig):
     """The apparatus in one Chipmunk space."""
 
-    def __init__(self, variant: FullChainVariant, parameters: Parameters, settings: FullChainSettings) -> None:
+    def __init__(self, variant: str, parameters: Parameters, settings: FullChainSettings) -> None:
         import pymunk
         import pymunk.batch
 
@@ -228,7 +420,7 @@ class FullChainRig(SpaceRig):
             rod = pymunk.Circle(space.static_body, radius - s.bead_radius + allowed)
             rod.friction = contact_friction(variant, friction, bend) if s.polygon_friction else friction
             space.add(rod)
-            if variant is FullChainVariant.SEGMENTS:
+            if variant == "segments":
                 # Segments touch the circle in their middle, so their joints lie farther from its centre than ``radius``
                 self._chain = _Segments(space, p, s, nodes, math.hypot(radius, s.link_length / 2))
             else:
@@ -248,13 +440,14 @@ class FullChainRig(SpaceRig):
         return self._chain.read(light, bodies[first : first + self._chain.links], heavy)
 
 
-class PymunkFullChain(SteppedEngine):
+class PymunkFullChain(TunedEngine):
     """Chain of links along the whole string, over a static circle.
 
     Parameters
     ----------
     variant
-        What the links are, see `FullChainVariant`.
+        What the links are: "beads" on pin joints, rigid "segments" on pivot joints, or "defaults", as beads, with everything
+        else left as Chipmunk has it.
     profile
         Chooses the settings.
     settings
@@ -262,28 +455,44 @@ class PymunkFullChain(SteppedEngine):
     """
 
     name = "pymunk"
+    distribution = "pymunk"
+    settings: FullChainSettings
 
     def __init__(
-        self,
-        *,
-        variant: str = FullChainVariant.BEADS,
-        profile: Profile = Profile.QUICK,
-        settings: FullChainSettings | None = None,
+        self, *, variant: str = "beads", profile: Profile = Profile.QUICK, settings: FullChainSettings | None = None
     ) -> None:
-        chosen = FullChainVariant(variant)
-        self.variant = chosen.value
-        self.profile = profile
-        self.settings: FullChainSettings = settings if settings is not None else full_settings(chosen, profile)
-        self.abilities = full_abilities(chosen)
+        super().__init__(profile=profile, settings=settings if settings is not None else SETTINGS[variant, profile])
+        self.variant, self.abilities = variant, _ABILITIES[variant]
 
     def build(self, scenario: Scenario) -> FullChainRig:
         """Build the scenario's apparatus at the moment of release."""
-        return FullChainRig(FullChainVariant(self.variant), scenario.parameters, self.settings)
+        return FullChainRig(self.variant, scenario.parameters, self.settings)
 
     def studies(self) -> Studies:
-        """Return the ladders of refinement, Chipmunk's defaults one at a time, and the adapter's choices."""
-        return full_studies(FullChainVariant(self.variant), self.settings, self.with_settings)
-
-    def versions(self) -> dict[str, str]:
-        """Return the version of pymunk."""
-        return {"pymunk": installed_version("pymunk")}
+        """Return ladders, Chipmunk's defaults and the adapter's choices; "defaults" varies its step only, which is none."""
+        s = self.settings
+        if self.variant == "defaults":
+            return studies_from_rows(self, ladders=(("time_step", "s", (1e-3, 5e-4, 2e-4, 1e-4)),))
+        return studies_from_rows(
+            self,
+            ladders=(
+                ("time_step", "s", (5e-5, 2e-5, 1e-5, 5e-6)),
+                ("link_length", "m", (8e-3, 6e-3, 4e-3, 3e-3)),
+                ("iterations", "", (5, 10, 20, 40)),
+                ("mass_fraction", "", (0.04, 0.02, 0.01, 0.005)),
+            ),
+            defaults=(
+                step_default(s),
+                *rows_that_differ(s, (iterations_default(s),)),
+                slop_default(s, "collision_slop"),
+                error_bias_default(s),
+            ),
+            choices=(
+                ("long-range joints", f"up to {s.long_range} links", "none", {"long_range": 0}),
+                ("string mass", f"{s.mass_fraction:g} M1", "half", {"mass_fraction": s.mass_fraction / 2}),
+                CORNER_CHOICES[0],
+                ("circle of the links", "corrected for the corners", "R itself", {"polygon_radius": False}),
+                ("links' half thickness", f"{1e3 * s.bead_radius:g} mm", "0.5 mm", {"bead_radius": 5e-4}),
+                ("forces updated", f"every {s.force_interval} steps", "every step", {"force_interval": 1}),
+            ),
+        )

@@ -1,7 +1,7 @@
 /** The address of the page, which holds all settings, and the language if one was chosen. */
 
 import { RELEASES } from "../model.js";
-import { linkOf, readLink } from "./controls.js";
+import { codeOf, linkOf, linkOfCode, readLink } from "./controls.js";
 import { text } from "./texts.js";
 
 /**
@@ -21,14 +21,33 @@ export class Address {
   /** What the address says of the settings, and of the language if one was chosen. */
   get hash() {
     const { state, speech } = this.page;
-    return `#${linkOf(state)}${speech.chosen && `&lang=${speech.chosen}`}`;
+    return ["#", linkOf(state), speech.chosen && "&lang=", speech.chosen].join("");
+  }
+
+  /** What can be given to others: the address where the page was served, and of a saved file a code. */
+  get shared() {
+    return location.protocol === "file:" ? codeOf(this.page.state) : location.href;
+  }
+
+  /** Take a code, or an address, from somebody else; return whether it is one. @param {string} words */
+  take(words) {
+    const code = words.trim();
+    const link = linkOfCode(code) || code.split("#")[1];
+    if (!link) return false;
+    this.show(link);
+    this.write();
+    return true;
   }
 
   read() {
-    const { page } = this;
     const link = location.hash.slice(1);
-    page.speech.speak(new URLSearchParams(link).get("lang") ?? "");
-    if (!link || `#${link}` === this.hash) return;
+    this.page.speech.speak(new URLSearchParams(link).get("lang") ?? "");
+    if (link && `#${link}` !== this.hash) this.show(link);
+  }
+
+  /** Show what a link says. @param {string} link */
+  show(link) {
+    const { page } = this;
     const { state, faults } = readLink(link, page.state);
     const { release, values } = state;
     page.history.settle();

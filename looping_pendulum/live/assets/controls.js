@@ -1,6 +1,6 @@
-/** The settings that can be changed: their ranges and units, and the state of them all. */
+/** The settings that can be changed, by the table of quantities, and the state of them all. */
 
-import { RELEASES } from "../model.js";
+import { RELEASES, SLIDERS } from "../model.js";
 
 /**
  * @typedef {{name: string, key: string, unit: string, factor: number, min: number, max: number, step: number,
@@ -11,30 +11,20 @@ import { RELEASES } from "../model.js";
  *   lacks: string[]}} Preset `lacks`: effects of the scenario that the model does not have
  */
 
-const DEGREE = Math.PI / 180;
+/** Settings that can be changed, in the order of the page; those that are seldom needed. */
+const MAIN = [
+  "release_angle", "free_length", "light_mass", "mass_ratio", "rod_radius", "kinetic_friction", "static_friction", "light_drag",
+];
+const MORE = [
+  "heavy_drag", "string_drag", "light_linear_drag", "heavy_linear_drag", "wind_speed", "side_force", "push_across", "push_along",
+  "gravity", "hanging_length", "light_radius",
+];
 
 /** @type {Control[]} */
-export const CONTROLS = [
-  control("release_angle", "deg", "°", DEGREE, 5, 175, 1),
-  control("free_length", "cm", "cm", 1e-2, 10, 150, 1),
-  control("light_mass", "g", "g", 1e-3, 1, 100, 1),
-  control("mass_ratio", "", "", 1, 1, 20, 0.1),
-  control("rod_radius", "mm", "mm", 1e-3, 1, 40, 0.25),
-  control("kinetic_friction", "", "", 1, 0, 1, 0.01),
-  control("static_friction", "", "", 1, 0, 1, 0.01),
-  control("light_drag", "g_per_m", "g/m", 1e-3, 0, 5, 0.05),
-  control("heavy_drag", "g_per_m", "g/m", 1e-3, 0, 5, 0.05, true),
-  control("string_drag", "g_per_m2", "g/m²", 1e-3, 0, 10, 0.05, true),
-  control("light_linear_drag", "g_per_s", "g/s", 1e-3, 0, 10, 0.1, true),
-  control("heavy_linear_drag", "g_per_s", "g/s", 1e-3, 0, 10, 0.1, true),
-  control("wind_speed", "m_per_s", "m/s", 1, -3, 3, 0.1, true),
-  control("side_force", "mN", "mN", 1e-3, -20, 20, 0.5, true),
-  control("push_across", "m_per_s", "m/s", 1, -3, 3, 0.05, true),
-  control("push_along", "m_per_s", "m/s", 1, -3, 3, 0.05, true),
-  control("gravity", "m_per_s2", "m/s²", 1, 1, 25, 0.01, true),
-  control("hanging_length", "cm", "cm", 1e-2, 1, 30, 0.5, true),
-  control("light_radius", "mm", "mm", 1e-3, 0, 20, 0.5, true),
-];
+export const CONTROLS = [...MAIN, ...MORE].map((name) => {
+  const { unitInLink, ...slider } = SLIDERS[name];
+  return { name, key: unitInLink ? `${name}_${unitInLink}` : name, ...slider, more: MORE.includes(name) };
+});
 const BY_NAME = new Map(CONTROLS.map((one) => [one.name, one]));
 
 /** Control that a name stands for. @param {string} name @returns {Control} */
@@ -42,14 +32,6 @@ export function controlOf(name) {
   const found = BY_NAME.get(name);
   if (!found) throw new RangeError(`${name}: no such control`);
   return found;
-}
-
-/** @returns {Control} */
-function control(
-  /** @type {string} */ name, /** @type {string} */ unitInKey, /** @type {string} */ unit,
-  /** @type {number} */ factor, /** @type {number} */ min, /** @type {number} */ max, /** @type {number} */ step, more = false,
-) {
-  return { name, key: unitInKey ? `${name}_${unitInKey}` : name, unit, factor, min, max, step, more };
 }
 
 /** Number without the noise of its last digits. @param {number} x */
@@ -129,6 +111,21 @@ export function linkOf({ release, values, stored }) {
   const parts = CONTROLS.map(({ name, key }) => `${key}=${values[name]}`);
   const run = stored === undefined ? [] : [`stored=${encodeURIComponent(stored)}`];
   return [`release=${release}`, ...parts, ...run].join("&");
+}
+
+/** What begins a code: with other controls than before, or in another order, it needs another number. */
+export const CODE = "LP1:";
+
+/** The state as a short code: the release, and the values in the order of the controls, empty for zero. @param {State} state */
+export function codeOf({ release, values }) {
+  return CODE + [release, ...CONTROLS.map(({ name }) => values[name] || "")].join(";").replace(/;+$/, "");
+}
+
+/** The link that says the same as a code; "" if it is none. @param {string} code */
+export function linkOfCode(code) {
+  if (!code.toUpperCase().startsWith(CODE)) return "";
+  const [release, ...values] = code.slice(CODE.length).split(";");
+  return [`release=${release}`, ...CONTROLS.map(({ key }, i) => `${key}=${values[i] || 0}`)].join("&");
 }
 
 /**

@@ -1,24 +1,14 @@
 /** Files that the page writes: a picture, the run's numbers, a scenario. */
 
+import { FURTHER_EFFECTS, UNITS } from "../model.js";
 import { simulate } from "../run.js";
 import { tidy } from "./controls.js";
 import { durationOf } from "./shown_run.js";
 
 const TIME_BETWEEN_ROWS = 1e-3;
 const FRAMES_PER_SECOND = 30;
-/** Parameter -> its unit in a scenario file. @type {Record<string, string>} */
-const UNITS = {
-  light_mass: "kg", heavy_mass: "kg", rod_radius: "m", free_length: "m", hanging_length: "m", light_radius: "m", release_angle: "rad",
-  light_drag: "kg/m", heavy_drag: "kg/m", string_drag: "kg/m^2", light_linear_drag: "kg/s", heavy_linear_drag: "kg/s",
-  wind_speed: "m/s", push_across: "m/s", push_along: "m/s", side_force: "N", gravity: "m/s^2", kinetic_friction: "", static_friction: "",
-};
 /** What a scenario without a string does not have. */
 const OF_THE_STRING = ["kinetic_friction", "static_friction", "string_drag"];
-/** Settings that are left out of a scenario while they are 0. */
-const LEFT_OUT_AT_ZERO = [
-  "light_radius", "light_linear_drag", "heavy_linear_drag", "wind_speed", "push_across", "push_along", "side_force",
-];
-
 /**
  * Return the settings as a scenario file, which `looping-pendulum compare` runs.
  * @param {Record<string, any>} settings
@@ -36,7 +26,7 @@ export function scenarioYaml(settings, keys, link) {
   };
   for (const [name, unit] of Object.entries(UNITS)) {
     const value = tidy(settings[name]);
-    if (LEFT_OUT_AT_ZERO.includes(name) && value === 0) continue;
+    if (value === 0 && (name === "light_radius" || name in FURTHER_EFFECTS)) continue;
     if (release === "vertical" && name === "release_angle") continue;
     if (release === "drop" && OF_THE_STRING.includes(name)) continue;
     put(keys[name], unit ? `${value} ${unit}` : `${value}`);

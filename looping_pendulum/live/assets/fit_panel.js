@@ -1,7 +1,7 @@
 /** The fit of a trial: its button, and its result in words. */
 
 import { controlOf, settingsOf } from "./controls.js";
-import { fixed, shown, text } from "./texts.js";
+import { fixed, shown, text, withUnit } from "./texts.js";
 import { studyYaml } from "./trial/study.js";
 import { MEASURED } from "./trial_panel.js";
 
@@ -86,7 +86,7 @@ export class FitPanel {
       this.element("fit-message").textContent = words();
       this.element("fit-table").replaceChildren(...rows.map(({ name, unit, words }) => {
         const label = labelOf(name);
-        return Object.assign(document.createElement("li"), { textContent: `${label}: ${words()}${unit ? ` ${unit}` : ""}` });
+        return Object.assign(document.createElement("li"), { textContent: `${label}: ${withUnit(words(), unit)}` });
       }));
     };
     this.message();

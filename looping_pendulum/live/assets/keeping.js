@@ -2,7 +2,11 @@
 
 import { linkOf, settingsOf } from "./controls.js";
 import { film, filmType, runCsv, save, scenarioYaml } from "./export.js";
+import { qrCode } from "./qr.js";
 import { text } from "./texts.js";
+
+/** Light modules around a code, as readers need them. */
+const MARGIN = 4;
 
 /**
  * @typedef {{state: import("./controls.js").State, data: {keys: Record<string, string>}, player: import("./player.js").Player,
@@ -18,11 +22,15 @@ export class Keeping {
     this.canvas = /** @type {HTMLCanvasElement} */ (element("stage"));
     /** Ends the film that is being made. @type {(() => void) | null} */
     this.stopFilm = null;
+    this.code = /** @type {HTMLCanvasElement} */ (element("qr"));
+    const field = /** @type {HTMLInputElement} */ (element("code"));
+    field.addEventListener("change", () => this.take(field));
     const yaml = (/** @type {string} */ content) => new Blob([content], { type: "application/yaml" });
     element("save-film").hidden = !filmType();
     /** @type {Record<string, () => void>} */
     const actions = {
       copy: () => this.copyLink(),
+      "show-qr": () => this.showCode(),
       "save-picture": () => this.canvas.toBlob((blob) => blob && save("looping-pendulum.png", blob)),
       "save-film": () => this.startFilm(),
       "save-numbers": () => save("looping-pendulum.csv", new Blob([runCsv(settingsOf(page.state))], { type: "text/csv" })),
@@ -34,12 +42,35 @@ export class Keeping {
 
   async copyLink() {
     this.page.address.write();
+    const { shared } = this.page.address;
+    const isLink = shared.includes("#");
     try {
-      await navigator.clipboard.writeText(location.href);
-      this.page.say("copied", () => text("copied"));
+      await navigator.clipboard.writeText(shared);
+      this.page.say("copied", () => text(isLink ? "copied" : "copiedCode", { code: shared }));
     } catch {
-      this.page.say("copied", () => text("notCopied")); // a page from a folder may not be allowed to
+      this.page.say("copied", () => text(isLink ? "notCopied" : "copyCode", { code: shared })); // a page may not be allowed to
     }
+  }
+
+  /** Draw the link or the code for cameras, or hide it. */
+  showCode() {
+    const modules = this.code.hidden ? qrCode(this.page.address.shared) : null;
+    this.code.hidden = modules === null;
+    if (!modules) return;
+    this.code.width = this.code.height = modules.length + 2 * MARGIN;
+    const c = /** @type {CanvasRenderingContext2D} */ (this.code.getContext("2d"));
+    c.fillStyle = "white";
+    c.fillRect(0, 0, this.code.width, this.code.height);
+    c.fillStyle = "black";
+    modules.forEach((row, y) => row.forEach((isDark, x) => isDark && c.fillRect(x + MARGIN, y + MARGIN, 1, 1)));
+  }
+
+  /** @param {HTMLInputElement} field with a code or a link from somebody else */
+  take(field) {
+    const found = field.value;
+    const isTaken = found.trim() !== "" && this.page.address.take(found);
+    this.page.say("code-fault", isTaken || !found ? "" : () => text("badCode", { found }));
+    if (isTaken) field.value = "";
   }
 
   /** Play from the release and film the stage until it ends or is stopped. */

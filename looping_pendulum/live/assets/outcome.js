@@ -1,6 +1,6 @@
 /** What came of a run, in words, as buttons and as a table. */
 
-import { fixed, language, text } from "./texts.js";
+import { fixed, language, text, withUnit } from "./texts.js";
 
 /** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
 
@@ -35,7 +35,7 @@ function signed(change, digits) {
 
 /** @param {import("./shown_run.js").ShownEvent} event */
 export function wordsOf({ kind, time }) {
-  return `${fixed(time, 3)} s: ${text(`event.${kind}`)}`;
+  return [withUnit(fixed(time, 3), "s"), text(`event.${kind}`)].join(": ");
 }
 
 /** Fill a list with buttons that go to the events of a run. @param {HTMLElement} list @param {DrawnRun} run

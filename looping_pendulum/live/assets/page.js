@@ -6,6 +6,7 @@ import { CONTROLS, admit, linkOf, settingsOf, stateOf, withValue } from "./contr
 import { listenToStage, releasedAt } from "./dragging.js";
 import { EngineRuns } from "./engine_runs/engine_runs.js";
 import { EventLog } from "./event_log.js";
+import { FilmPanel } from "./film/panel.js";
 import { FitPanel } from "./fit_panel.js";
 import { History } from "./history.js";
 import { Speech } from "./language.js";
@@ -70,7 +71,8 @@ class Page {
     this.map = new HaltMap(map, cursor, startWorker, pick, () => this.wake());
     this.address = new Address(this);
     this.log = new EventLog(element("event-log"));
-    this.trial = new TrialPanel(element, () => this.change());
+    this.trial = new TrialPanel(element, () => this.change(), (file) => this.film.open(file));
+    this.film = new FilmPanel(element, this);
     this.fit = new FitPanel(element, this.trial, startWorker, () => this.state, (values) => this.takeFit(values));
     this.keeping = new Keeping(element, this);
     this.lesson = new LessonPanel(element, this);
@@ -358,6 +360,7 @@ class Page {
   draw() {
     const { time } = this.player;
     const runs = this.activeRuns;
+    this.film.follow(time);
     runs?.draw(time);
     const film = this.lesson.points;
     const points = film ? { light: film, heavy: [] } : { light: this.trial.points("light"), heavy: this.trial.points("heavy") };
@@ -367,6 +370,7 @@ class Page {
       time,
       forces: this.checked("forces") && this.state.stored === undefined,
       runs,
+      film: this.film,
       points: { light: points.light.map(([, x, y]) => [x, y]), heavy: points.heavy.map(([, x, y]) => [x, y]) },
       now: { light: nearest(points.light, time), heavy: nearest(points.heavy, time) },
     });

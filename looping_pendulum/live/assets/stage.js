@@ -10,8 +10,9 @@ import { fixed, shown, text } from "./texts.js";
 /** @typedef {{x: (x: number) => number, y: (y: number) => number, scale: number}} View from metres to pixels */
 /**
  * @typedef {{run: DrawnRun, ghost: DrawnRun | null, time: number, forces: boolean, points: {light: number[][], heavy: number[][]},
- *   now: {light: number[] | null, heavy: number[] | null}, runs: import("./engine_runs/engine_runs.js").EngineRuns | null}} Scene
- *   `runs`: stored runs, the reference's among them, which are drawn in place of the page's own; null without any
+ *   now: {light: number[] | null, heavy: number[] | null}, runs: import("./engine_runs/engine_runs.js").EngineRuns | null,
+ *   film: import("./film/panel.js").FilmPanel}} Scene
+ *   `film`: drawn under all else. `runs`: stored runs, the reference's among them, which are drawn in place of the page's own; null without any
  */
 
 /** The box stays as it is while the motion fills more than this share of it. */
@@ -56,6 +57,7 @@ export class Stage {
     if (!(width > side && height > 0)) return; // the page is being laid out, or has no room
     this.fit(scene, width - side, height);
     const { view } = this;
+    scene.film.draw(c, view);
     this.scaleBar(c, height);
     if (ghost) this.apparatus(c, ghost, time, true);
     this.trackedPoints(c, scene);

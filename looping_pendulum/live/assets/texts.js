@@ -53,5 +53,8 @@ export function shown(number) {
   return String(number).replace(".", LANGUAGES[state.language].decimalSign);
 }
 
+/** A number in words, and its unit if it has one. @param {string} number @param {string} unit */
+export const withUnit = (number, unit) => (unit ? `${number} ${unit}` : number);
+
 /** A number with some digits behind the decimal sign. @param {number} number @param {number} digits */
 export const fixed = (number, digits) => shown(number.toFixed(digits));

@@ -2,6 +2,7 @@
 
 import { colours, fitted, polyline, ticks, write } from "./canvas.js";
 import { parsed } from "./controls.js";
+import { FilmPanel } from "./film/panel.js";
 import { fixed, shown, text } from "./texts.js";
 import { DataError, readTrial, tracksOf } from "./trial/reader.js";
 
@@ -32,8 +33,8 @@ const FIELD_OF_KEY = [
 
 /** Reads the file again whenever what is said about it changes. */
 export class TrialPanel {
-  /** @param {(id: string) => HTMLElement} element @param {() => void} onChange */
-  constructor(element, onChange) {
+  /** @param {(id: string) => HTMLElement} element @param {() => void} onChange @param {(file: File) => void} onFilm */
+  constructor(element, onChange, onFilm) {
     this.element = element;
     this.onChange = onChange;
     /** @type {{name: string, bytes: Uint8Array} | null} */
@@ -58,7 +59,9 @@ export class TrialPanel {
     document.addEventListener("drop", (event) => {
       event.preventDefault();
       const dropped = event.dataTransfer?.files;
-      if (dropped?.length) this.open(dropped[0]);
+      if (!dropped?.length) return;
+      if (FilmPanel.isFilm(dropped[0])) onFilm(dropped[0]);
+      else this.open(dropped[0]);
     });
   }
 

@@ -4,21 +4,33 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Collection, Iterable, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import nullcontext
 
 import numpy as np
 
-from looping_pendulum.errors import IntegratorFallbackWarning, ParameterError
-from looping_pendulum.jobs.processes import safe_spawning
-from looping_pendulum.reference_ode.batch.numbers import Columns, column_names
-from looping_pendulum.reference_ode.batch.result import ENDS, FAILED, BatchResult, sequence_hash
+from looping_pendulum.errors import HarnessError, IntegratorFallbackWarning, ParameterError
+from looping_pendulum.jobs.processes import process_pool, safe_spawning
+from looping_pendulum.reference_ode.batch.runs import (
+    ENDS,
+    FAILED,
+    BatchResult,
+    BatchRuns,
+    Columns,
+    Progress,
+    SharedBatch,
+    column_names,
+    parameters_of_run,
+    sequence_hash,
+    summary,
+)
 from looping_pendulum.reference_ode.batch.samples import BatchSamples
-from looping_pendulum.reference_ode.batch.sharing import BatchRuns, Progress, SharedBatch, work, work_together
+from looping_pendulum.reference_ode.batch.schedule import Schedule
 from looping_pendulum.reference_ode.batch.steps import supports_batch
 from looping_pendulum.reference_ode.effects import EFFECTS, Effect, EffectKind
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, available_integrators
+from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, available_integrators, solve_without_warning
 
 __all__ = [
     "ENDS",
@@ -79,9 +91,9 @@ def solve_batch(
     with safe_spawning() if worker_count > 1 else nullcontext():  # shared memory starts a process of its own
         job = SharedBatch.of(base, columns, n, duration, tolerance, worker_count)
     if job.processes == 1:
-        work(BatchRuns(job, progress))
+        _work(BatchRuns(job, progress))
     else:
-        work_together(job, progress)
+        _work_together(job, progress)
     result = job.result()
     count = int(np.count_nonzero(result.handed_over))
     if count:
@@ -117,7 +129,7 @@ def sample_batch(
         raise ParameterError(f"times: found those of {len(times)} runs, needed {n}")
     samples = BatchSamples.at([np.asarray(t, dtype=float) for t in times])
     acting = _compiled_together(base, columns)
-    work(BatchRuns(SharedBatch.of(base, columns, n, duration, tolerance, 1, acting)), samples)
+    _work(BatchRuns(SharedBatch.of(base, columns, n, duration, tolerance, 1, acting)), samples)
     return samples
 
 
@@ -169,3 +181,73 @@ def _checked_length(base: Parameters, columns: Columns) -> int:
         listed = ", ".join(f"{name} {length}" for name, length in lengths.items())
         raise ParameterError(f"columns: found lengths {listed}, needed the same for all")
     return next(iter(lengths.values()))
+
+
+def _work(runs: BatchRuns, samples: BatchSamples | None = None) -> None:
+    """Take runs until none are left, and fill in their results, and their samples if any are wanted."""
+    job, result = runs.job, runs.job.result()
+    effects = job.base.effects_with(job.acting.union(name for name in job.names if name in job.base.coefficients))
+    if "heyoka" in available_integrators() and supports_batch(effects):
+        Schedule(runs, effects, samples).run()
+        taken = runs.taken_here()
+        # A run that failed here is solved once more by itself, where SciPy may take over from heyoka
+        remaining = iter(taken[result.end[taken] == FAILED].tolist())
+    else:
+        remaining = runs.take_single()
+    for i in remaining:
+        try:
+            run = solve_without_warning(
+                parameters_of_run(job.base, runs.columns, i), duration=float(job.durations[i]), tolerance=job.tolerance
+            )
+        except (HarnessError, ArithmeticError):
+            pass  # the run stays marked as failed
+        else:
+            if samples is not None:
+                times = samples.t[samples.part(i)]
+                samples.put(i, run.sample(times[times <= run.end_time]))
+            for name, value in summary(run).items():
+                getattr(result, name)[i] = value
+        runs.report_ended(1)
+
+
+def _work_together(job: SharedBatch, progress: Progress | None) -> None:
+    """Do the same as `_work` in several processes. Runs of a process that dies are solved again in this one."""
+    # One fewer, as this process works, too
+    with process_pool(job.processes - 1, _keep_job, (job,)) as pool:
+        others = [pool.submit(_work_in_helper) for _ in range(job.processes - 1)]
+        try:
+            _work(BatchRuns(job, progress))
+            for other in others:
+                other.result()
+        except BrokenProcessPool:
+            _rerun_unfinished(job)
+    if progress is not None:
+        progress(job.n, job.n)
+
+
+def _rerun_unfinished(job: SharedBatch) -> None:
+    """Solve the runs without a result in this process."""
+    result = job.result()
+    # A run that failed by itself looks like one that was never solved; it fails again
+    unfinished = np.flatnonzero(result.end == FAILED)
+    columns = {name: values[unfinished] for name, values in job.columns().items()}
+    rest = SharedBatch.of(
+        job.base, columns, len(unfinished), job.durations[unfinished], job.tolerance, processes=1, acting=job.acting
+    )
+    _work(BatchRuns(rest))
+    result.put(unfinished, rest.result())
+
+
+_job: SharedBatch
+"""Batch of this process, if it is a helping one."""
+
+
+def _keep_job(job: SharedBatch) -> None:
+    """Keep the batch, which can be passed only when a process starts: shared memory cannot be sent to it later."""
+    global _job
+    _job = job
+
+
+def _work_in_helper() -> None:
+    """Take part in the work of the batch of this process."""
+    _work(BatchRuns(_job))

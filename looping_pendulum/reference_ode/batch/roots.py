@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import lru_cache
 from math import comb
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -104,21 +104,12 @@ def horner(coefficients: Sequence[Any] | Array, x: Any) -> Any:
     return value
 
 
-class RootExpressions(NamedTuple):
-    """Expressions from which the roots of a polynomial in [0, 1] are found."""
+def _root_expressions(hy: Any, c: list[Any]) -> list[Any]:
+    """Return expressions from which the roots in [0, 1] of a polynomial are found; ``c``: coefficients of ascending powers.
 
-    bernstein: list[Any]
-    """Coefficients in the Bernstein basis; the first and the last are the values at 0 and 1."""
-    root: Any
-    """Root at which `NEWTON_STEPS` of Newton's method arrive; it may lie outside [0, 1]."""
-    last_step: Any
-    """Length of the last of these steps."""
-
-
-def root_expressions(c: list[Any]) -> RootExpressions:
-    """Return the expressions of the polynomial with coefficients ``c`` of ascending powers."""
-    hy = load_heyoka()
-
+    They are the coefficients in the Bernstein basis, of which the first and the last are the values at 0 and 1; the root at
+    which `NEWTON_STEPS` of Newton's method arrive, which may lie outside [0, 1]; and the length of the last of these steps.
+    """
     degree = len(c) - 1
     bernstein = [hy.sum([comb(k, j) / comb(degree, j) * c[j] for j in range(k + 1)]) for k in range(degree + 1)]
     before = x = c[0] / (c[0] - bernstein[-1])  # start at the root of the secant through 0 and 1
@@ -127,18 +118,17 @@ def root_expressions(c: list[Any]) -> RootExpressions:
         for coefficient in c[-3::-1]:
             value, slope = value * x + coefficient, slope * x + value
         before, x = x, x - value / slope
-    return RootExpressions(bernstein, x, absolute_value(x - before))
+    return [*bernstein, x, absolute_value(x - before)]
 
 
 @lru_cache(maxsize=8)
 def _compiled_root_expressions(degree: int) -> CompiledFunction:
-    """Compile `root_expressions`; inputs: coefficients of ascending powers; outputs: the fields of `RootExpressions`."""
+    """Compile `_root_expressions`; inputs: coefficients of ascending powers."""
 
     def make() -> CompiledFunction:
         hy = load_heyoka()
         c = [hy.expression(f"c{k}") for k in range(degree + 1)]
-        expressions = root_expressions(c)
-        return CompiledFunction([*expressions.bernstein, expressions.root, expressions.last_step], c)
+        return CompiledFunction(_root_expressions(hy, c), c)
 
     return compiled(("roots", degree), (), make)
 

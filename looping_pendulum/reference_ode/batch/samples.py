@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.reference_ode.batch.block import Block
 from looping_pendulum.reference_ode.batch.compiled import CompiledFunction, absolute_value
 from looping_pendulum.reference_ode.batch.roots import ROOT_TOLERANCE, first_falling_roots, horner
 from looping_pendulum.reference_ode.batch.steps import Stepper
+from looping_pendulum.reference_ode.batch.system import Block
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_library import compiled, load_heyoka
 from looping_pendulum.reference_ode.solution import Samples
@@ -206,26 +206,25 @@ def _sampler(row_count: int, order: int) -> CompiledFunction:
 
     Inputs: the terms of each variable and of the time, and the times.
     """
-    return compiled(("sampler", row_count, order, TOGETHER, NEWTON_STEPS), (), lambda: _make_sampler(row_count, order))
 
+    def make() -> CompiledFunction:
+        hy = load_heyoka()
+        terms = [[hy.expression(f"c{i}_{k}") for k in range(order + 1)] for i in range(row_count)]
+        *motion, time = terms
+        targets = [hy.expression(f"target_{i}") for i in range(TOGETHER)]
+        fractions, last_steps = [], []
+        for target in targets:
+            x = (target - time[0]) / hy.sum(time[1:])
+            for _ in range(NEWTON_STEPS):
+                value, slope = time[-1] * x + time[-2], time[-1]
+                for coefficient in time[-3::-1]:
+                    value, slope = value * x + coefficient, slope * x + value
+                step = (target - value) / slope
+                last_step = hy.select(hy.gt(slope, 0.0), absolute_value(step), math.inf)
+                x = hy.select(hy.lt(x + step, 0.0), 0.0, hy.select(hy.gt(x + step, 1.0), 1.0, x + step))
+            fractions.append(x)
+            last_steps.append(last_step)
+        outputs = [horner(each, x) for each in motion for x in fractions]
+        return CompiledFunction([*outputs, *last_steps], [*(term for each in terms for term in each), *targets])
 
-def _make_sampler(row_count: int, order: int) -> CompiledFunction:
-    hy = load_heyoka()
-
-    terms = [[hy.expression(f"c{i}_{k}") for k in range(order + 1)] for i in range(row_count)]
-    *motion, time = terms
-    targets = [hy.expression(f"target_{i}") for i in range(TOGETHER)]
-    fractions, last_steps = [], []
-    for target in targets:
-        x = (target - time[0]) / hy.sum(time[1:])
-        for _ in range(NEWTON_STEPS):
-            value, slope = time[-1] * x + time[-2], time[-1]
-            for coefficient in time[-3::-1]:
-                value, slope = value * x + coefficient, slope * x + value
-            step = (target - value) / slope
-            last_step = hy.select(hy.gt(slope, 0.0), absolute_value(step), math.inf)
-            x = hy.select(hy.lt(x + step, 0.0), 0.0, hy.select(hy.gt(x + step, 1.0), 1.0, x + step))
-        fractions.append(x)
-        last_steps.append(last_step)
-    outputs = [horner(each, x) for each in motion for x in fractions]
-    return CompiledFunction([*outputs, *last_steps], [*(term for each in terms for term in each), *targets])
+    return compiled(("sampler", row_count, order, TOGETHER, NEWTON_STEPS), (), make)

@@ -7,23 +7,19 @@ with the longest queue is done next, for all runs in it, so that each call works
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
 from itertools import pairwise
-from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from looping_pendulum.reference_ode.batch import system
-from looping_pendulum.reference_ode.batch.block import BOOKKEEPING, Block
 from looping_pendulum.reference_ode.batch.compiled import LEADING, batch_model, drop
-from looping_pendulum.reference_ode.batch.result import ENDS, HASH_START, BatchResult, update_hash
+from looping_pendulum.reference_ode.batch.runs import ENDS, HASH_START, BatchResult, BatchRuns, Index, update_hash
 from looping_pendulum.reference_ode.batch.samples import BatchSamples, SampleLog
 from looping_pendulum.reference_ode.batch.steps import NO_EVENT, stepper
-from looping_pendulum.reference_ode.driver import MAX_EVENTS
-from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.batch.system import BOOKKEEPING, Block
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.rules import REST_SERIES_DURATION
+from looping_pendulum.reference_ode.solve import MAX_EVENTS
 from looping_pendulum.reference_ode.state import Effects, State
 from looping_pendulum.reference_ode.transitions import END_EVENTS, PHASE_EVENTS, PHASE_ZERO, Event, Mode
 
@@ -33,66 +29,29 @@ MIN_PENDING_EVENTS = 8
 """Number of runs, or a tenth of them if that is more, whose next step may hold an event before the stepping of a block ends."""
 MAX_STEPS = 20_000
 """Number of steps of a run after which it counts as failed."""
-Index = NDArray[np.int64]
-"""Indices of runs in the batch, shape (n,)."""
 _SHARED_STEP_MODES = {Mode.SLIDING_UP: Mode.SLIDING_DOWN}
 """Mode -> mode whose compiled step it shares: the direction of sliding is an input, the sign `slide`."""
+_Task = tuple[bool, Mode]
+"""Key of a queue: what its runs do next, and the mode whose compiled step is used for it (`_SHARED_STEP_MODES`).
+
+True: advance to the event that may lie in the next step; False: take steps until one may hold an event.
+"""
 _BROKEN_DOWN = -2
 """Value in place of a combination of mode, event and phase: the run breaks down."""
-
-
-class BatchTask(NamedTuple):
-    """What the next task of a run does, and the mode for which it is done; the key of a queue."""
-
-    to_event: bool
-    """Whether it advances to the event that may lie in the next step; else it takes steps until one may hold an event."""
-    mode: Mode
-    """Mode whose compiled step is used (`_SHARED_STEP_MODES`)."""
-
-
-class RunSource(Protocol):
-    """Where the runs come from: this process takes some at a time."""
-
-    @property
-    def run_count(self) -> int:
-        """Number of all runs."""
-
-    def take_valid(self, most: int) -> tuple[Index, Mapping[str, Any]]:
-        """Return the next runs, at most ``most``, and their parameters by name: one value, or one per run.
-
-        No runs are returned if none are left.
-        """
-
-    def parameter_values(self, runs: Index) -> Mapping[str, Any]:
-        """Return the parameters of these runs, by name."""
-
-    def report_ended(self, runs: int) -> None:
-        """Count ``runs`` more runs that have ended."""
 
 
 class Schedule:
     """Integrates the runs of a source, and fills in their results."""
 
-    def __init__(
-        self,
-        source: RunSource,
-        result: BatchResult,
-        effects: Effects,
-        release: Release,
-        durations: Array,
-        tolerance: float,
-        samples: BatchSamples | None = None,
-    ) -> None:
-        """Prepare; ``result`` has an entry for every run of the batch, of which those that are taken here are filled in.
-
-        So have ``samples``, if any are wanted.
-        """
-        self._source, self._result = source, result
+    def __init__(self, source: BatchRuns, effects: Effects, samples: BatchSamples | None = None) -> None:
+        """Prepare; the batch's result, and ``samples`` if any are wanted, are filled in for the runs that are taken here."""
+        job = source.job
+        self._source, self._result = source, job.result()
         self._log = None if samples is None else SampleLog(samples)
         self._model = batch_model(effects, source.parameter_values(np.arange(0)))
-        self._durations, self._tolerance = durations, tolerance
-        self._kind = release
-        self._queues: dict[BatchTask, list[Block]] = defaultdict(list)
+        self._durations, self._tolerance = job.durations, job.tolerance
+        self._kind = job.base.release
+        self._queues: dict[_Task, list[Block]] = defaultdict(list)
         self._running_count = 0
 
     def run(self) -> None:
@@ -108,14 +67,16 @@ class Schedule:
                         task, longest = candidate, length
                 if task is None:
                     more = self._release(longest)
-                elif task.to_event:
-                    self._advance_to_event(task.mode, Block.joined(self._queues.pop(task)))
                 else:
-                    self._step(task.mode, self._queues.pop(task))
+                    blocks, (to_event, mode) = self._queues.pop(task), task
+                    if to_event:
+                        self._advance_to_event(mode, Block.joined(blocks))
+                    else:
+                        self._step(mode, blocks)
             if self._log is not None:
                 self._log.finish()
 
-    def _enqueue(self, task: BatchTask, block: Block) -> None:
+    def _enqueue(self, task: _Task, block: Block) -> None:
         """Put runs into the queue of a task."""
         if len(block):
             self._queues[task].append(block)
@@ -127,7 +88,7 @@ class Schedule:
             if mode is Mode.ENDED:
                 self._running_count -= len(columns)
             else:
-                self._enqueue(BatchTask(False, _SHARED_STEP_MODES.get(mode, mode)), block.take(columns))
+                self._enqueue((False, _SHARED_STEP_MODES.get(mode, mode)), block.take(columns))
 
     def _release(self, most: int) -> bool:
         """Release the next runs; return whether there were any."""
@@ -182,8 +143,8 @@ class Schedule:
             if not moving_count or len(clear) - moving_count > max_waiting:
                 break
         # [:n]: without the columns that only fill the last vector
-        self._enqueue(BatchTask(False, mode), block.take(np.flatnonzero(clear[:n])))
-        self._enqueue(BatchTask(True, mode), block.take(np.flatnonzero(~clear[:n])))
+        self._enqueue((False, mode), block.take(np.flatnonzero(clear[:n])))
+        self._enqueue((True, mode), block.take(np.flatnonzero(~clear[:n])))
 
     def _advance_to_event(self, mode: Mode, block: Block) -> None:
         """Advance to the first event within the next step and apply it, or to the end of the step if there is none."""

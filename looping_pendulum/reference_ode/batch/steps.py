@@ -20,12 +20,12 @@ from looping_pendulum.reference_ode.batch.compiled import (
     LEADING,
     BatchModel,
     CompiledFunction,
+    Series,
     Symbols,
     absolute_value,
     expression,
 )
 from looping_pendulum.reference_ode.batch.roots import first_falling_roots, horner
-from looping_pendulum.reference_ode.batch.series import Series
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_library import compiled, load_heyoka
 from looping_pendulum.reference_ode.state import Effects, State, extra_variables, full_state, variables

@@ -1,7 +1,8 @@
-"""The rules of transition for many runs at once: their equations as `rules` asks them, on the columns of a block."""
+"""The rules of transition for many runs at once: a table of runs, and their equations as `rules` asks them, on its columns."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,14 +11,69 @@ from numpy.typing import NDArray
 
 from looping_pendulum.reference_ode import rules
 from looping_pendulum.reference_ode.batch import compiled
-from looping_pendulum.reference_ode.batch.block import Block
 from looping_pendulum.reference_ode.batch.compiled import LEADING, BatchModel
-from looping_pendulum.reference_ode.effects.forces import PIVOT_FRICTION
-from looping_pendulum.reference_ode.equations import Impact
+from looping_pendulum.reference_ode.equations import Equations, Impact
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release
-from looping_pendulum.reference_ode.state import Motion, Signs, State, extra_variables
+from looping_pendulum.reference_ode.state import Motion, Signs, State
 from looping_pendulum.reference_ode.transitions import Event, Mode
+
+BOOKKEEPING = ("run", "mode", "steps", "events")
+"""Rows that the equations do not read: index of the run, its mode, and its numbers of steps and events."""
+_ROW = {name: row for row, name in enumerate((*BOOKKEEPING, *LEADING))}
+
+
+class Block:
+    """Some runs as a table: a row for each of `BOOKKEEPING`, `LEADING` and the apparatus' parameters, a column for each run."""
+
+    def __init__(self, table: Array) -> None:
+        """Wrap ``table``, shape (rows, n), without copying it."""
+        self.table = table
+
+    @classmethod
+    def joined(cls, blocks: Sequence[Block], pad_to_vectors: bool = False) -> Block:
+        """Return the columns of all blocks, one block after another.
+
+        With ``pad_to_vectors``, copies of the last column follow, so that the number of columns is a multiple of the SIMD size.
+        """
+        tables = [block.table for block in blocks]
+        if pad_to_vectors:
+            tables += compiled.padding_columns(tables[-1], sum(map(len, blocks)))
+        return cls(np.concatenate(tables, axis=1) if len(tables) > 1 else tables[0])
+
+    def __len__(self) -> int:
+        columns: int = self.table.shape[1]
+        return columns
+
+    def __getitem__(self, name: str) -> Array:
+        row: Array = self.table[_ROW[name]]
+        return row
+
+    def __setitem__(self, name: str, values: Array | float) -> None:
+        self.table[_ROW[name]] = values
+
+    @property
+    def inputs(self) -> Array:
+        """Rows that the equations read: `LEADING` and the apparatus' parameters. A view: changes reach the table."""
+        return self.table[len(BOOKKEEPING) :]
+
+    @property
+    def runs(self) -> NDArray[np.int64]:
+        """Indices of the runs in the batch, shape (n,)."""
+        # Stored as a float, as the table is one array for the compiled functions; exact up to 2^53
+        return self["run"].astype(np.int64)
+
+    def view(self, start: int, end: int) -> Block:
+        """Return some columns as a view: changes reach this block."""
+        return Block(self.table[:, start:end])
+
+    def take(self, columns: NDArray[np.int64]) -> Block:
+        """Return a copy of some columns."""
+        return Block(self.table.take(columns, axis=1))
+
+    def present_modes(self) -> list[Mode]:
+        """Return the modes that at least one run is in."""
+        return [Mode(int(mode)) for mode in np.unique(self["mode"])]
 
 
 def release(model: BatchModel, kind: Release, block: Block, push_along: Array, push_across: Array) -> None:
@@ -42,24 +98,23 @@ def apply_event(model: BatchModel, block: Block, mode: Mode, event: Event) -> No
     _store(rules.apply_event(BatchSystem(model, block), mode, event, _motion(block)), block)
 
 
-class BatchSystem:
-    """The equations of the runs of a block, as `rules` asks them; numbers are arrays of shape (n,), or the same for all."""
+class BatchSystem(rules.HybridSystem):
+    """The equations of the runs of a block; numbers are arrays of shape (n,), or the same for all.
 
-    rod_turns = string_stretches = False  # what a batch does not support
+    A batch supports neither a rod that turns nor a string that stretches.
+    """
 
     def __init__(self, model: BatchModel, block: Block) -> None:
         self._model, self._inputs = model, block.inputs
-        self.effects = model.effects
-        self.pivot_holds = PIVOT_FRICTION in model.effects
-        own = extra_variables(model.effects)
-        self.leaves_plane, self.heavy_mass_swings = "sideways" in own, "heavy_tilt" in own
         parameters = self._inputs[len(LEADING) :]
-        self.p = SimpleNamespace(**{name: parameters[row] for row, name in enumerate(model.names)})
+        p = SimpleNamespace(**{name: parameters[row] for row, name in enumerate(model.names)})
+        super().__init__(Equations(np, p, model.effects))
 
-    where = staticmethod(np.where)
+    def where(self, condition: Any, a: Any, b: Any) -> Any:
+        """Return ``a`` where ``condition`` holds, else ``b``."""
+        return np.where(condition, a, b)
 
-    @staticmethod
-    def choose(condition: Any, a: Motion, b: Motion) -> Motion:
+    def choose(self, condition: Any, a: Motion, b: Motion) -> Motion:
         """Return the motion ``a`` where ``condition`` holds, else ``b``."""
 
         def pick(x: Any, y: Any) -> Any:
@@ -73,8 +128,7 @@ class BatchSystem:
             signs=Signs(*map(pick, a.signs, b.signs)),
         )
 
-    @staticmethod
-    def any(condition: Any) -> bool:
+    def any(self, condition: Any) -> bool:
         """Return whether ``condition`` holds for at least one run."""
         return bool(np.any(condition))
 
@@ -103,12 +157,6 @@ class BatchSystem:
         """Return the result of an inelastic impulse along the string; arguments as of `Equations.impact`."""
         *state, sliding = compiled.impact(self._model, slide)(self._columns(m))
         return Impact(State(*state), sliding)
-
-    def with_stretch_at_rest(self, m: Motion) -> State:
-        """Refuse: a batch does not support a string that stretches."""
-        raise NotImplementedError
-
-    with_even_stretch = with_stretch_at_rest
 
     def _columns(self, m: Motion) -> Array:
         """Return the inputs of the compiled functions: those of the block, with this motion."""

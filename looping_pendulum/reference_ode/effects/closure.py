@@ -12,6 +12,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from looping_pendulum.reference_ode.effects.types import Coefficient, Effect, EffectKind, Kinematics
+from looping_pendulum.reference_ode.geometry import light_position
 
 N_BASIS_FUNCTIONS = 12
 """Number of radial basis functions, Gaussians whose centres are one width (standard deviation) apart."""
@@ -54,12 +55,6 @@ def _closure_coefficient(name: str, meaning: str, unit: str = "", bound: float =
     return Coefficient(name=name, unit=unit, default=0.0, null=0.0, bounds=(-bound, bound), meaning=meaning)
 
 
-def light_mass_position(xp: Any, k: Kinematics, p: SimpleNamespace) -> tuple[Any, Any]:
-    """Return x and y of the light mass from the rod's centre, for a thin string [m]."""
-    cosine, sine = xp.cos(k.wrap_angle), xp.sin(k.wrap_angle)
-    return p.rod_radius * cosine - k.free_length * sine, p.rod_radius * sine + k.free_length * cosine
-
-
 def _from_point(xp: Any, x: Any, y: Any, p: SimpleNamespace) -> tuple[Any, Any, Any]:
     """Return the vector from the closure's point to the light mass, and its rounded length [m]."""
     dx, dy = x - p.closure_point_x, y - p.closure_point_y
@@ -72,7 +67,7 @@ def coordinates_at(xp: Any, k: Kinematics, p: SimpleNamespace) -> tuple[Any, ...
     The normal load is the pull of the light mass on its string, M1 (w^2 / l - g cos(theta)), which presses the string on the
     rod: the tension at that end without the acceleration along the string, which would follow from the friction in turn.
     """
-    x, y = light_mass_position(xp, k, p)
+    x, y = light_position(xp, k.free_length, k.wrap_angle, p.rod_radius)
     pull = k.across_speed * k.across_speed / k.free_length - p.gravity * xp.cos(k.wrap_angle)
     return (
         k.time,
@@ -108,7 +103,7 @@ def _on_side(basis_functions: list[Any], p: SimpleNamespace, side: str) -> Any:
 
 def _gradient(xp: Any, k: Kinematics, p: SimpleNamespace) -> tuple[Any, Any]:
     """Return the gradient of the coordinate if that is a place, (along, across)."""
-    dx, dy, distance = _from_point(xp, *light_mass_position(xp, k, p), p)
+    dx, dy, distance = _from_point(xp, *light_position(xp, k.free_length, k.wrap_angle, p.rod_radius), p)
     to_right = p.closure_of_horizontal_position + p.closure_of_distance * dx / distance
     upward = p.closure_of_height + p.closure_of_distance * dy / distance
     cosine, sine = xp.cos(k.wrap_angle), xp.sin(k.wrap_angle)

@@ -89,9 +89,10 @@ def _built(node: ast.expr, text: str, known: Collection[str], used: set[str], de
     match node:
         # bool is a kind of int in Python, and True is no number in a formula
         case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
-            return partial(_constant, _finite(value, text))
+            number = _finite(value, text)
+            return lambda xp, values: number
         case ast.Name(id=name) if name in CONSTANTS:
-            return partial(_constant, CONSTANTS[name])
+            return lambda xp, values: CONSTANTS[name]
         case ast.Name(id=name) if name in known:
             used.add(name)
             return lambda xp, values: values[name]
@@ -105,7 +106,8 @@ def _built(node: ast.expr, text: str, known: Collection[str], used: set[str], de
         case ast.BinOp(op=ast.Pow(), left=base, right=exponent):
             return partial(_power, built(base), _whole_number(exponent, text))
         case ast.BinOp(op=op, left=left, right=right) if type(op) in OPERATORS:
-            return partial(_binary, OPERATORS[type(op)], built(left), built(right))
+            operate, a, b = OPERATORS[type(op)], built(left), built(right)
+            return lambda xp, values: operate(a(xp, values), b(xp, values))
         case ast.Call(func=ast.Name(id=function), args=[argument], keywords=[]) if function in FUNCTIONS:
             return partial(_call, function, built(argument))
     raise FormulaError(
@@ -140,14 +142,6 @@ def _whole_number(node: ast.expr, text: str) -> int:
         f"found the exponent {shorten(_source(node, text))!r}, needed a whole number up to {MAX_POWER}; write other "
         "powers with sqrt(), or as exp(a * log(x))"
     )
-
-
-def _constant(value: float, xp: Any, values: Values) -> float:
-    return value
-
-
-def _binary(operation: Callable[[Any, Any], Any], left: _Evaluate, right: _Evaluate, xp: Any, values: Values) -> Any:
-    return operation(left(xp, values), right(xp, values))
 
 
 def _power(base: _Evaluate, exponent: int, xp: Any, values: Values) -> Any:

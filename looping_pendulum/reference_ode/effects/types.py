@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import cached_property
 from typing import Any, NamedTuple
 
 TURN = 2 * math.pi
@@ -162,8 +161,4 @@ class Effect:
         """Return whether the effect acts, given the names of the coefficients that are not at their null value."""
         if self.switch:
             return self.switch in off_null
-        return not off_null.isdisjoint(self._names)
-
-    @cached_property
-    def _names(self) -> tuple[str, ...]:
-        return tuple(c.name for c in self.coefficients)
+        return any(c.name in off_null for c in self.coefficients)

@@ -11,13 +11,12 @@ import numpy as np
 
 from looping_pendulum.engines.pymunk.chain import PymunkChain
 from looping_pendulum.engines.pymunk.full_chain import PymunkFullChain
-from looping_pendulum.engines.pymunk.full_settings import FullChainVariant
 from looping_pendulum.engines.registry import how_to_get, missing_packages
-from looping_pendulum.engines.static_capstan import CapstanMeasurement, chain_capstan_exponent, measure_capstan_exponent
+from looping_pendulum.engines.tension import CapstanMeasurement, chain_capstan_exponent, measure_capstan_exponent
 from looping_pendulum.errors import MissingPackageError
-from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.teaching.demonstrations.demonstration import (
+    TEN_TO_ONE,
     Claim,
     Demonstration,
     DemonstrationCase,
@@ -25,9 +24,12 @@ from looping_pendulum.teaching.demonstrations.demonstration import (
     FigureCurve,
     MeasuredColumn,
     MeasuredValues,
+    Runs,
+    curves_over_time,
+    reference_case,
+    rms_distance,
     simulate,
 )
-from looping_pendulum.teaching.demonstrations.measures import Runs, reference_case, rms_distance
 
 FRICTION = 0.34
 """Friction coefficient between beads and rod."""
@@ -136,12 +138,12 @@ STEP = 1e-4
 """Length of a step of the stretchy chains [s]."""
 WATCHED_TIME = 0.1
 """Time from the release that is simulated [s]."""
-SHORT_SCENARIO: Scenario = replace(load("ten_to_one"), duration=WATCHED_TIME)
+SHORT_SCENARIO: Scenario = replace(TEN_TO_ONE, duration=WATCHED_TIME)
 
 
 def _soft_chain_case(key: str, label: str, **changes: Any) -> DemonstrationCase:
     settings = {"time_step": STEP, "force_interval": 10, "long_range": 0} | changes
-    engine = PymunkFullChain(variant=FullChainVariant.BEADS).with_settings(**settings)
+    engine = PymunkFullChain(variant="beads").with_settings(**settings)
     return DemonstrationCase(key=key, label=label, run=lambda: simulate(engine, SHORT_SCENARIO))
 
 
@@ -204,11 +206,6 @@ STRETCHY = Demonstration(
         x="time [s]",
         y="string too long by [mm]",
         caption="How much longer than its links the string is. Fewer sweeps and lighter beads make a softer spring.",
-        curves=lambda runs, cases: [
-            FigureCurve(label=case.label, x=runs[key].t, y=1e3 * runs[key].string_stretch, reference=case.reference)
-            for key, case in cases.items()
-        ],
+        curves=curves_over_time(lambda run: 1e3 * run.string_stretch),
     ),
 )
-
-__all__ = ["POLYGON", "STRETCHY"]

@@ -9,35 +9,29 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.engines.mujoco.constant_friction import FrictionSize, friction_loss
-from looping_pendulum.engines.mujoco.studies import DEFAULT_TIME_CONSTANT
-from looping_pendulum.engines.mujoco.tendon import MUJOCO_DEFAULTS, MujocoTendon
-from looping_pendulum.scenarios import load
+from looping_pendulum.engines.mujoco.model import DEFAULT_TIME_CONSTANT
+from looping_pendulum.engines.mujoco.tendon import MUJOCO_DEFAULTS, FrictionSize, MujocoTendon, friction_loss
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.teaching.demonstrations.demonstration import (
+    LARGEST_DROP,
+    PARAMETERS,
+    TEN_TO_ONE,
     Claim,
     Demonstration,
     DemonstrationCase,
     DemonstrationFigure,
     FigureCurve,
     MeasuredColumn,
-    simulate,
-)
-from looping_pendulum.teaching.demonstrations.measures import (
     Runs,
     curves_over_time,
     drop_curves,
     first_index_apart,
     halting_time,
     halting_time_of,
-    largest_drop,
     reference_case,
     rms_distance,
+    simulate,
 )
-
-TEN_TO_ONE: Scenario = load("ten_to_one")
-PARAMETERS = TEN_TO_ONE.parameters
-LARGEST_DROP = MeasuredColumn(key="lowest", header="M2 falls at most [cm]", measure=largest_drop, digits=".1f")
 
 
 def _tendon_case(key: str, label: str, scenario: Scenario = TEN_TO_ONE, **options: Any) -> DemonstrationCase:
@@ -291,6 +285,16 @@ def _halting_delay(runs: Runs, key: str) -> float | None:
     return None if own is None or true is None or key == "reference" else 1e3 * (own - true)
 
 
+def _curves_after_halt(runs: Runs, cases: Mapping[str, DemonstrationCase]) -> Sequence[FigureCurve]:
+    curves = []
+    for key, case in cases.items():
+        run = runs[key]
+        seen = (run.t >= 0.36) & (run.t <= CREEP_TO)
+        y = 1e3 * (run.heavy_position[:, 1] - run.heavy_position[:, 1].min())
+        curves.append(FigureCurve(label=case.label, x=run.t[seen], y=np.minimum(y[seen], 10.0), reference=case.reference))
+    return curves
+
+
 _SOFT = {"impedance": MUJOCO_DEFAULTS.impedance, "least_impedance": MUJOCO_DEFAULTS.least_impedance}
 
 CREEP = Demonstration(
@@ -344,19 +348,6 @@ CREEP = Demonstration(
         x="time [s]",
         y="M2 above its lowest point [mm]",
         caption="The heavy mass after it was caught. Softened friction lets it creep up; the reference stands still.",
-        curves=lambda runs, cases: _curves_after_halt(runs, cases),
+        curves=_curves_after_halt,
     ),
 )
-
-
-def _curves_after_halt(runs: Runs, cases: Mapping[str, DemonstrationCase]) -> Sequence[FigureCurve]:
-    curves = []
-    for key, case in cases.items():
-        run = runs[key]
-        seen = (run.t >= 0.36) & (run.t <= CREEP_TO)
-        y = 1e3 * (run.heavy_position[:, 1] - run.heavy_position[:, 1].min())
-        curves.append(FigureCurve(label=case.label, x=run.t[seen], y=np.minimum(y[seen], 10.0), reference=case.reference))
-    return curves
-
-
-__all__ = ["CONSTANT_FRICTION", "CREEP", "FORGOTTEN_TURNS", "TENDON_WITHOUT_FRICTION"]

@@ -10,8 +10,8 @@ from typing import Any
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from looping_pendulum.compare.export import write_atomically
 from looping_pendulum.compare.tables import table
+from looping_pendulum.files import write_atomically
 from looping_pendulum.pages.drawing import png
 from looping_pendulum.pages.palette import COLOURS, DASHES, MARKERS
 from looping_pendulum.pages.shell import page

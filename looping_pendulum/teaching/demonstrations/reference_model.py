@@ -13,26 +13,23 @@ from looping_pendulum.reference_ode.closed_forms import halted_free_length, spir
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.teaching.demonstrations.demonstration import (
+    LARGEST_DROP,
+    PARAMETERS,
+    TEN_TO_ONE,
     Claim,
     Demonstration,
     DemonstrationFigure,
-    FigureCurve,
     MeasuredColumn,
     MeasuredValues,
-)
-from looping_pendulum.teaching.demonstrations.measures import (
     Runs,
+    curves_over_time,
     drop_curves,
     halting_time,
     halting_time_of,
-    largest_drop,
     reference_case,
     rms_distance,
 )
 
-TEN_TO_ONE: Scenario = load("ten_to_one")
-PARAMETERS = TEN_TO_ONE.parameters
-LARGEST_DROP = MeasuredColumn(key="lowest", header="M2 falls at most [cm]", measure=largest_drop, digits=".1f")
 FRAME = 1e3 / 240
 """Time between two frames of a phone's slow motion [ms]."""
 
@@ -217,10 +214,7 @@ DRAG = Demonstration(
         x="time [s]",
         y="M1's height [cm]",
         caption="The light mass's height. The three agree up to the halt; then less drag runs ahead, loop by loop.",
-        curves=lambda runs, cases: [
-            FigureCurve(label=case.label, x=runs[key].t, y=100 * runs[key].light_position[:, 1], reference=case.reference)
-            for key, case in cases.items()
-        ],
+        curves=curves_over_time(lambda run: 100 * run.light_position[:, 1]),
     ),
 )
 
@@ -311,5 +305,3 @@ STRING_ON_STRING = Demonstration(
         curves=drop_curves,
     ),
 )
-
-__all__ = ["BREAK_AWAY", "DRAG", "STRING_ON_STRING"]

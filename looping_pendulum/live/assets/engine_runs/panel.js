@@ -114,7 +114,7 @@ export function momentsAndSources(data, onTime) {
     if (run.gap) item.append(html("span", {}, text("notRun")), ": ", html("span", { lang }, run.gap));
     else if (!run.events.length) item.append(text("noMoments", { time: fixed(run.end ?? 0, 3) }));
     for (const { kind, t } of run.gap ? [] : run.events) {
-      const button = html("button", { type: "button", className: "moment" }, `${text(`moment.${kind}`)} ${fixed(t, 4)} s`);
+      const button = html("button", { type: "button", className: "moment" }, [text(`moment.${kind}`), fixed(t, 4), "s"].join(" "));
       button.addEventListener("click", () => onTime(t));
       item.append(button, " ");
     }

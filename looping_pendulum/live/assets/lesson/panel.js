@@ -2,7 +2,8 @@
 
 import { parsed, same, settingsOf } from "../controls.js";
 import { ShownRun } from "../shown_run.js";
-import { fixed, shown, text } from "../texts.js";
+import { fixed, shown, text, withUnit } from "../texts.js";
+import { Classroom } from "./classroom.js";
 import { TYPICAL_SCATTER, filmedPoints, madeUpTrial } from "./made_up.js";
 import { STEPS, distanceOf, filmedState, isOfRatioStep, judgeRatio, judgeTrial, lowestRatio, placeOfRatio, trialState } from "./steps.js";
 
@@ -33,6 +34,10 @@ export class LessonPanel {
     this.predictions = STEPS.map(() => "");
     /** What was predicted when the step's run began. */
     this.kept = STEPS.map(() => "");
+    /** What a run said then, and what the student measured. */
+    this.found = STEPS.map(() => "");
+    this.measured = STEPS.map(() => "");
+    this.classroom = new Classroom(element, () => this.results);
     /** @type {Answer[]} */
     this.answers = STEPS.map(() => ({ words: () => "", verdict: "" }));
     /** What a step set, and beside which state its run is shown. @type {{state: State, beside: State | null} | null} */
@@ -85,8 +90,9 @@ export class LessonPanel {
     for (const part of ["text", "question"]) say(`lesson-${part}`, text(`lesson.${step.name}.${part}`));
     say("lesson-change", text(step.task === "trial" ? "lessonMakeTrial" : "lessonChange"));
     for (const id of ["lesson-check", "lesson-go"]) this.element(id).hidden = !step.task;
-    this.element("lesson-options").replaceChildren(...(step.options.length ? this.choices(step) : [this.numberField(step)]));
+    this.element("lesson-options").replaceChildren(...(step.options.length ? this.choices(step) : this.numberFields(step)));
     this.showAnswer();
+    this.classroom.show();
   }
 
   /** @param {Step} step */
@@ -102,18 +108,27 @@ export class LessonPanel {
   }
 
   /** @param {Step} step */
-  numberField({ unit }) {
-    const field = Object.assign(document.createElement("input"), { type: "text", id: "lesson-number", inputMode: "decimal", autocomplete: "off" });
-    field.value = shown(this.predictions[this.place]);
-    field.addEventListener("input", () => this.predict(field.value));
-    const label = document.createElement("label");
-    label.append(unit ? text("lessonNumber", { unit }) : text("lessonPlainNumber"), field);
-    return label;
+  numberFields({ unit }) {
+    const words = unit ? text("lessonNumber", { unit }) : text("lessonPlainNumber");
+    return [
+      numberField("lesson-number", words, this.predictions[this.place], (typed) => this.predict(typed)),
+      numberField("lesson-measured", text("lessonMeasured"), this.measured[this.place], (typed) => {
+        const number = parsed(typed);
+        this.measured[this.place] = number > 0 ? String(number) : "";
+        this.classroom.show();
+      }),
+    ];
   }
 
   /** @param {string} said an option, or a number as it was typed */
   predict(said) {
     this.predictions[this.place] = said;
+  }
+
+  /** Name of each step that was answered or measured -> what was said of it. */
+  get results() {
+    const known = STEPS.map(({ name }, i) => ({ name, said: this.found[i] && this.kept[i], found: this.found[i], measured: this.measured[i] }));
+    return new Map(known.filter(({ said, measured }) => said || measured).map(({ name, ...result }) => [name, result]));
   }
 
   /** The prediction of the open step; where there is none, that is said, and it is "". */
@@ -216,14 +231,16 @@ export class LessonPanel {
   answer(step, { found, right, values }, more = () => "") {
     const place = STEPS.indexOf(step);
     const said = this.kept[place];
+    this.found[place] = String(found);
     const worded = (/** @type {string | number} */ answer) =>
-      step.options.length ? text(`lesson.${step.name}.${answer}`) : `${shown(answer)}${step.unit && ` ${step.unit}`}`;
+      step.options.length ? text(`lesson.${step.name}.${answer}`) : withUnit(shown(answer), step.unit);
     this.tell(() => [
       text(step.task === "trial" ? "lessonSaidOfFit" : "lessonSaid", { said: worded(said), found: worded(found) }),
       text(right ? "lessonRight" : "lessonWrong"),
       text(`lesson.${step.name}.why`, values),
       more(),
     ].join(" ").trim(), right ? "right" : "wrong", place);
+    this.classroom.show();
   }
 
   check() {
@@ -306,4 +323,14 @@ export class LessonPanel {
     this.page.trial.open(new File([csv], MADE_UP_FILE));
     this.tell(() => text("lessonTrialMade"));
   }
+}
+
+/** @param {string} id @param {string} words @param {string} value @param {(typed: string) => void} onInput */
+function numberField(id, words, value, onInput) {
+  const field = Object.assign(document.createElement("input"), { type: "text", id, inputMode: "decimal", autocomplete: "off" });
+  field.value = shown(value);
+  field.addEventListener("input", () => onInput(field.value));
+  const label = document.createElement("label");
+  label.append(words, field);
+  return label;
 }

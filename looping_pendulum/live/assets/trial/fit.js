@@ -4,6 +4,7 @@
  * trial.
  */
 
+import { BOUNDS } from "../../model.js";
 import { noiseOf } from "./noise.js";
 import { FITTED_CHANNELS, measured, runFor, samplesOf, timesOf } from "./prediction.js";
 import { testResiduals } from "./residual_tests.js";
@@ -26,23 +27,20 @@ import { dot, inverse, normalMatrix, range, sumOfSquares } from "./statistics.js
  * @typedef {{values: number[], converged: boolean, cost: number}} Minimum
  */
 
-/**
- * Parameter that a fit may change -> the change by which its slope is computed, and the least and greatest value, which are
- * those of `identify` [SI].
- */
-export const PARAMETERS = /** @type {Record<string, [number, number, number]>} */ ({
-  kinetic_friction: [1e-5, 0, 5],
-  light_drag: [1e-7, 0, 1],
-  release_angle: [1e-5, 0, 2 * Math.PI],
-  free_length: [1e-6, 0, Infinity],
-  hanging_length: [1e-6, 0, Infinity],
-  origin_x: [1e-6, -2e3, 2e3],
-  origin_y: [1e-6, -2e3, 2e3],
-  clock_offset: [1e-6, -60, 60],
-  light_mass: [1e-7, 0, Infinity],
-  heavy_mass: [1e-6, 0, Infinity],
-  rod_radius: [1e-7, 0, Infinity],
-});
+/** Parameter that a fit may change -> the change by which its slope is computed [SI]. @type {Record<string, number>} */
+export const CHANGES = {
+  kinetic_friction: 1e-5,
+  light_drag: 1e-7,
+  release_angle: 1e-5,
+  free_length: 1e-6,
+  hanging_length: 1e-6,
+  origin_x: 1e-6,
+  origin_y: 1e-6,
+  clock_offset: 1e-6,
+  light_mass: 1e-7,
+  heavy_mass: 1e-6,
+  rod_radius: 1e-7,
+};
 /** Those that are measured before a trial; without a standard error of what was measured they are not fitted. */
 const MEASURED = ["light_mass", "heavy_mass", "rod_radius"];
 /** Shares of the time up to which points are fitted, one after the other: late points alone lead astray. */
@@ -64,7 +62,7 @@ const MAX_DAMPING = 1e9;
 export function fit(given) {
   const task = { ...given, channels: given.channels.filter(({ name }) => FITTED_CHANNELS.includes(name)) };
   const shown = new Set(task.channels.map(({ name }) => name));
-  const names = Object.keys(PARAMETERS).filter((name) =>
+  const names = Object.keys(CHANGES).filter((name) =>
     name === "hanging_length" ? shown.has("heavy_y") : !MEASURED.includes(name) || task.known[name] > 0,
   );
   /** @type {Record<string, number>} */
@@ -139,7 +137,7 @@ function descend(problem, start, { tolerance, central }) {
     const matrix = normalMatrix(slopes);
     const gradient = slopes.map((slope) => dot(slope, residuals));
     // What presses against a bound stays there; it would bend the step of all others
-    const free = problem.names.map((name, i) => within(name, values[i] + Math.sign(gradient[i]) * PARAMETERS[name][0]) !== values[i]);
+    const free = problem.names.map((name, i) => within(name, values[i] + Math.sign(gradient[i]) * CHANGES[name]) !== values[i]);
     const stepFor = (/** @type {number} */ damped) =>
       inverse(matrix.map((row, i) => row.map((x, j) => (i === j ? x * (1 + damped) : free[i] && free[j] ? x : 0)))).map((row, i) =>
         free[i] && row[i] < Infinity ? dot(row, gradient) : 0,
@@ -164,7 +162,7 @@ function descend(problem, start, { tolerance, central }) {
 
 /** @param {string} name @param {number} value */
 function within(name, value) {
-  const [, low, high] = PARAMETERS[name];
+  const [low, high] = BOUNDS[name];
   return Math.min(high, Math.max(low, value));
 }
 
@@ -226,7 +224,7 @@ function slopesOf(problem, values, here, central) {
   const { names, sigma, task, times } = problem;
   const known = names.filter((name) => task.known[name] > 0);
   return names.map((name, i) => {
-    const change = PARAMETERS[name][0];
+    const change = CHANGES[name];
     const at = (/** @type {number} */ value) => {
       if (value === values[i]) return here.predicted;
       const moved = values.map((one, k) => (k === i ? value : one));

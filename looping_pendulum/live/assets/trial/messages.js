@@ -27,7 +27,8 @@ export function inQuotes(value) {
 /** A value of a file as messages name it. @param {string} value */
 export function quote(value) {
   const characters = [...value];
-  return `'${characters.length <= MAX_QUOTED ? value : `${characters.slice(0, MAX_QUOTED - 3).join("")}...`}'`;
+  const quoted = characters.length <= MAX_QUOTED ? value : [...characters.slice(0, MAX_QUOTED - 3), "..."].join("");
+  return `'${quoted}'`;
 }
 
 /** Largest number of names or lines that a sentence lists. */
@@ -55,7 +56,8 @@ function rounded(x, digits) {
   const [mantissa, exponent] = x.toExponential(digits - 1).split("e");
   const further = x.toExponential(digits + 20).split("e")[0].slice(-21);
   const last = Number(mantissa.at(-1));
-  return `${/^50*$/.test(further) && last % 2 ? `${mantissa.slice(0, -1)}${last - 1}` : mantissa}e${exponent}`;
+  const toEven = /^50*$/.test(further) && last % 2 ? [mantissa.slice(0, -1), last - 1].join("") : mantissa;
+  return `${toEven}e${exponent}`;
 }
 
 /** A number in a sentence. @param {number} x @param {number} [digits] */
@@ -68,6 +70,7 @@ export const inSentence = (x, digits) => shown(general(x, digits));
  * @param {string} message
  */
 export function dataError(file, line, column, message) {
-  const whole = `${line ? `${file}:${line}` : file}: ${column ? text("file.inColumn", { column, message }) : message}`;
+  const place = line ? `${file}:${line}` : file;
+  const whole = `${place}: ${column ? text("file.inColumn", { column, message }) : message}`;
   return new DataError(whole.replace(UNPRINTABLE, escaped));
 }

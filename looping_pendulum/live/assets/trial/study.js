@@ -1,15 +1,7 @@
 /** Writes the study of a trial for `identify`, with what the page knows. */
 
+import { FURTHER_EFFECTS, UNITS } from "../../model.js";
 import { tidy } from "../controls.js";
-
-/**
- * Coefficient of an effect beside those of the paper's model -> the effect, and its unit.
- * @type {Record<string, [string, string]>}
- */
-const FURTHER_EFFECTS = {
-  light_linear_drag: ["light_linear_drag", "kg/s"], heavy_linear_drag: ["heavy_linear_drag", "kg/s"], wind_speed: ["wind", "m/s"],
-  side_force: ["side_force", "N"], push_across: ["push_across", "m/s"], push_along: ["push_along", "m/s"],
-};
 
 /**
  * Return a study whose calibration is the page's fit: it believes the same numbers, and what the page fits is free in it.
@@ -21,16 +13,17 @@ const FURTHER_EFFECTS = {
 export function studyYaml(settings, { file, tracks, length, time, rate, run = null, mirrored, start: clockStart = 0, camera, known }) {
   const quoted = (/** @type {string} */ words) => JSON.stringify(words);
   const si = (/** @type {string} */ name) => tidy(settings[name]);
-  const measured = (/** @type {string} */ name, /** @type {string} */ unit) =>
-    `${si(name)} ${unit}${known[name] > 0 ? ` +/- ${tidy(known[name])} ${unit}` : ""}`;
+  const inUnit = (/** @type {string} */ name) => `${si(name)} ${UNITS[name]}`;
+  const measured = (/** @type {string} */ name) =>
+    [inUnit(name), ...(known[name] > 0 ? ["+/-", tidy(known[name]), UNITS[name]] : [])].join(" ");
   const named = Object.entries(tracks).map(([mass, track]) => `${mass}: ${quoted(track)}`);
-  const lengths = ["free_length", "hanging_length"].map((name) => `${name}: free from ${si(name)} m`).join(", ");
+  const lengths = ["free_length", "hanging_length"].map((name) => `${name}: free from ${inUnit(name)}`).join(", ");
   const looping = settings.release === "looping";
   const free = Object.entries(camera)
     // A record of a swing may begin in its midst, which identify sees if it may believe the clock
     .filter(([name, value]) => looping || (name === "clock_offset" && value))
     // Stated, it is that of the file's own clock
-    .map(([name, value]) => `${name}: free from ${name === "clock_offset" ? `${tidy(value - clockStart)} s` : `${tidy(value)} m`}`);
+    .map(([name, value]) => [`${name}: free from`, ...(name === "clock_offset" ? [tidy(value - clockStart), "s"] : [tidy(value), "m"])].join(" "));
   const options = [
     ...(named.length ? [`tracks: {${named.join(", ")}}`] : []),
     ...(length !== "m" || time !== "s" ? [`units: {length: ${length}, time: ${time}}`] : []),
@@ -44,21 +37,25 @@ export function studyYaml(settings, { file, tracks, length, time, rate, run = nu
   const start = tidy(kinetic || resting / 2);
   const friction = resting > kinetic ? `{kinetic_friction: free from ${start}, static_friction: ${tidy(resting)}}` : "free";
   const further = Object.entries(FURTHER_EFFECTS).filter(([name]) => settings[name]);
+  const radius = settings.light_radius ? [", radius:", inUnit("light_radius")].join(" ") : "";
+  const kind = looping ? "" : ["kind: ", settings.release, ", "].join("");
+  const others = further.map(([name, effect]) => ["  ", effect, ": ", inUnit(name), "\n"].join("")).join("");
+  const said = options.map((line) => ["    ", line, "\n"].join("")).join("");
   return `# Written by the page live.html. Where you have measured what is free here, write the value, +/- and its standard error.
 title: ${quoted(file)}
 apparatus:
-  light: {mass: ${measured("light_mass", "kg")}${settings.light_radius ? `, radius: ${si("light_radius")} m` : ""}}
-  rod: {radius: ${measured("rod_radius", "m")}}
+  light: {mass: ${measured("light_mass")}${radius}}
+  rod: {radius: ${measured("rod_radius")}}
 effects:
-  gravity: ${si("gravity")} m/s^2
+  gravity: ${inUnit("gravity")}
   capstan: ${friction}
   light_drag: free
-  heavy_drag: ${si("heavy_drag")} kg/m
-  string_drag: ${si("string_drag")} kg/m^2
-${further.map(([name, [effect, unit]]) => `  ${effect}: ${si(name)} ${unit}\n`).join("")}trials:
+  heavy_drag: ${inUnit("heavy_drag")}
+  string_drag: ${inUnit("string_drag")}
+${others}trials:
   - name: mine
     file: ${quoted(file)}
-${options.map((line) => `    ${line}\n`).join("")}    heavy: {mass: ${measured("heavy_mass", "kg")}}
-    release: {${looping ? "" : `kind: ${settings.release}, `}angle: free from ${si("release_angle")} rad, ${lengths}}
+${said}    heavy: {mass: ${measured("heavy_mass")}}
+    release: {${kind}angle: free from ${inUnit("release_angle")}, ${lengths}}
 `;
 }

@@ -1,0 +1,196 @@
+"""Trajectories as CSV: written beside a result, and read back with it, so that a page can be made without running engines."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from looping_pendulum.compare.align import SAME_TIME, align
+from looping_pendulum.compare.json_text import plain
+from looping_pendulum.compare.result import ComparisonResult, ResultSamples, RunProvenance
+from looping_pendulum.compare.run_cache import run_key, unknown_as_nan
+from looping_pendulum.compare.trial import TrialComparison, residual
+from looping_pendulum.engines.protocol import Engine
+from looping_pendulum.engines.trajectory import (
+    UNKNOWN_MODE,
+    Provenance,
+    RunStatus,
+    Supplier,
+    Supplies,
+    Supply,
+    Trajectory,
+    TrajectoryEvent,
+)
+from looping_pendulum.errors import ResultError
+from looping_pendulum.files import file_stems
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.transitions import Mode
+from looping_pendulum.scenarios.scenario import Scenario
+
+CSV_COLUMNS: tuple[tuple[str, Callable[[Trajectory], np.ndarray]], ...] = (
+    ("t [s]", lambda run: run.t),
+    ("light_x [m]", lambda run: run.light_position[:, 0]),
+    ("light_y [m]", lambda run: run.light_position[:, 1]),
+    ("light_vx [m/s]", lambda run: run.light_velocity[:, 0]),
+    ("light_vy [m/s]", lambda run: run.light_velocity[:, 1]),
+    ("heavy_x [m]", lambda run: run.heavy_position[:, 0]),
+    ("heavy_y [m]", lambda run: run.heavy_position[:, 1]),
+    ("heavy_vx [m/s]", lambda run: run.heavy_velocity[:, 0]),
+    ("heavy_vy [m/s]", lambda run: run.heavy_velocity[:, 1]),
+    ("free_length [m]", lambda run: run.free_length),
+    ("wrap_angle [rad]", lambda run: run.wrap_angle),
+    ("string_stretch [m]", lambda run: run.string_stretch),
+    ("string_slip [m]", lambda run: unknown_as_nan(run.string_slip, run)),
+    ("light_tension [N]", lambda run: unknown_as_nan(run.light_tension, run)),
+    ("heavy_tension [N]", lambda run: unknown_as_nan(run.heavy_tension, run)),
+)
+"""Header with unit, and the function that gives the column; a last column ``mode`` has the name of the mode."""
+RETRIED_STATUSES = (RunStatus.INTERRUPTED, RunStatus.TIME_LIMIT, RunStatus.MEMORY_LIMIT)
+"""Statuses of runs that are made again, because another try may succeed."""
+
+
+def trajectory_csv(run: Trajectory) -> str:
+    """Return CSV text, one line per sample, with nine significant digits (a nanometre in a metre); unknown values are empty."""
+    columns = np.stack([values(run) for _, values in CSV_COLUMNS], axis=1)
+    out = io.StringIO()
+    out.write(",".join([*(name for name, _ in CSV_COLUMNS), "mode"]) + "\n")
+    modes = {int(mode): mode.name.lower() for mode in Mode} | {UNKNOWN_MODE: ""}
+    for row, mode in zip(columns.tolist(), run.mode.tolist(), strict=True):
+        cells = ["" if value != value else f"{value:.9g}" for value in row]  # only NaN differs from itself
+        out.write(",".join([*cells, modes[mode]]) + "\n")
+    return out.getvalue()
+
+
+def residual_csv(result: ComparisonResult, samples: ResultSamples, trial: TrialComparison) -> str:
+    """Return CSV text of a trial's points, one line per point and coordinate: the measured value, and the residual of each run.
+
+    SI units; a residual is measured less predicted, and empty where the run does not reach.
+    """
+    labels = ["reference", *(result.short_name(e) for e in result.engines)]
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(["channel", "unit", "t [s]", "measured", *(f"residual of {label}" for label in labels)])
+    for comparison in trial.tracks:
+        track = comparison.track
+        off = np.stack([residual(track, run) for run in (samples.reference, *(a.run for a in samples.aligned))])
+        for k, channel in enumerate(track.channels):
+            for i, t in enumerate(track.t):
+                values = [track.values[k][i], *off[:, i, k].tolist()]
+                writer.writerow([channel, track.unit, f"{t:.9g}", *("" if v != v else f"{v:.9g}" for v in values)])
+    return out.getvalue()
+
+
+def trajectory_files(result: ComparisonResult) -> list[str]:
+    """Return a distinct name for the CSV file of each engine's trajectory."""
+    # The reference's file is in the same folder, so that its name is taken, too
+    return [f"{stem}.csv" for stem in file_stems([("reference",), *((e.label, e.profile) for e in result.engines)])[1:]]
+
+
+def stored_result(folder: Path, scenario: Scenario, engines: Sequence[Engine] | None) -> ComparisonResult | None:
+    """Return the comparison in ``folder``, with trajectories, if it is of these ``engines`` on this ``scenario``.
+
+    None if there is none, if it is of another input or version, if a run was cut short, or if a file cannot be read. With
+    ``engines`` None it may be of any engines and versions, and of runs that were cut short.
+    """
+    try:
+        result = ComparisonResult.from_json((folder / "result.json").read_text(encoding="utf-8"))
+        wanted = scenario.name, scenario.title, scenario.description, plain(scenario.parameters.as_dict()), scenario.duration
+        if (result.scenario, result.title, result.description, result.parameters, result.duration) != wanted:
+            return None
+        if engines is not None:
+            if result.run_keys != tuple(run_key(engine, scenario) for engine in engines):
+                return None
+            if any(RunStatus[engine.status] in RETRIED_STATUSES for engine in result.engines):
+                return None
+        return replace(result, samples=_samples(result, folder / "trajectories"))
+    # Whatever is wrong with the files, making the runs again repairs it
+    except (OSError, ValueError, KeyError, IndexError, ResultError):
+        return None
+
+
+def _samples(result: ComparisonResult, folder: Path) -> ResultSamples:
+    """Read the trajectories of ``result`` from their CSV files."""
+    exact = result.reference
+    reference = _trajectory(
+        folder / "reference.csv",
+        engine=exact.engine,
+        variant=exact.variant,
+        profile="",
+        scenario=result.scenario,
+        events=tuple(TrajectoryEvent(name=name, time=time) for name, time in exact.events),
+        provenance=_provenance(exact.provenance),
+    )
+
+    def at(times: Array) -> Trajectory:
+        # Times were rounded when the files were written, so that equal ones may differ in their last digits
+        place = np.clip(np.searchsorted(reference.t, times - SAME_TIME), 0, len(reference.t) - 1)
+        return _rows(reference, place[np.abs(reference.t[place] - times) < SAME_TIME])
+
+    runs = [
+        _trajectory(
+            # A run without samples has no file
+            folder / file if e.samples else None,
+            engine=e.engine,
+            variant=e.variant,
+            profile=e.profile,
+            scenario=result.scenario,
+            status=RunStatus[e.status],
+            message=e.message,
+            provenance=_provenance(e.provenance),
+        )
+        for e, file in zip(result.engines, trajectory_files(result), strict=True)
+    ]
+    return ResultSamples(reference=reference, aligned=tuple(align(run, at) for run in runs))
+
+
+def _trajectory(path: Path | None, **fields: Any) -> Trajectory:
+    """Read a file that `trajectory_csv` wrote; without a path, return a run without samples."""
+    lines = [] if path is None else path.read_text(encoding="utf-8").splitlines()
+    head = [name for name, _ in CSV_COLUMNS]
+    if lines and lines[0].split(",") != [*head, "mode"]:
+        raise ResultError(f"{path}: found other columns, needed {','.join(head)},mode")
+    cells = [line.split(",") for line in lines[1:]]
+    numbers = np.array([[float(c) if c else np.nan for c in row[: len(head)]] for row in cells]).reshape(-1, len(head))
+    column = dict(zip((name.partition(" [")[0] for name in head), numbers.T, strict=True))
+
+    def pair(mass: str, quantity: str = "") -> Array:
+        return np.column_stack([column[f"{mass}_{quantity}x"], column[f"{mass}_{quantity}y"]])
+
+    def if_known(name: str) -> Array | None:
+        return None if np.isnan(column[name]).all() else column[name]
+
+    modes = [UNKNOWN_MODE if not row[-1] else Mode[row[-1].upper()] for row in cells]
+    return Trajectory(
+        t=column["t"],
+        light_position=pair("light"),
+        light_velocity=pair("light", "v"),
+        heavy_position=pair("heavy"),
+        heavy_velocity=pair("heavy", "v"),
+        free_length=column["free_length"],
+        wrap_angle=column["wrap_angle"],
+        string_stretch=column["string_stretch"],
+        string_slip=if_known("string_slip"),
+        mode=np.array(modes, dtype=np.int8),
+        light_tension=if_known("light_tension"),
+        heavy_tension=if_known("heavy_tension"),
+        **fields,
+    )
+
+
+def _rows(run: Trajectory, indices: np.ndarray) -> Trajectory:
+    """Return ``run`` at the samples ``indices``."""
+    names = ("t", "light_position", "light_velocity", "heavy_position", "heavy_velocity", "free_length", "wrap_angle", "mode")
+    changed: dict[str, Any] = {name: getattr(run, name)[indices] for name in (*names, "string_stretch")}
+    return replace(run, **changed)
+
+
+def _provenance(stored: RunProvenance) -> Provenance:
+    # The result has these names with spaces, for its readers
+    supplies = {s.what.replace(" ", "_"): Supply(by=Supplier(s.by), how=s.how) for s in stored.supplies}
+    return Provenance(versions=stored.versions, settings=stored.settings, supplies=Supplies(**supplies), seed=stored.seed)

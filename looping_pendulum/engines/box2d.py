@@ -1,0 +1,268 @@
+"""Box2D 3, through pyb2d3: beads that slide over a static circle under Coulomb contact; no capstan law is fed in.
+
+Offered through the entry point that a third party uses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from looping_pendulum.engines.bead_rig import BeadEngine, BeadRigSettings, Vector
+from looping_pendulum.engines.chain import CORNER_CHOICES, NO_STOP, ONE_COEFFICIENT, STRAIGHT_STRING, bead_abilities, bend_rungs
+from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine, Profile
+from looping_pendulum.engines.studies import Studies, studies_from_rows
+from looping_pendulum.pages.numbers import quantity
+from looping_pendulum.reference_ode.parameters import Parameters
+
+
+@dataclass(frozen=True, kw_only=True)
+class Box2dChainSettings(BeadRigSettings):
+    """Numerical settings of the bead chain, in SI units. The directions of the contacts stay as they are for a step."""
+
+    sub_steps: int
+    """Number of sub-steps of the solver in a step, in each of which every joint and contact is solved twice."""
+    contact_hertz: float = 1e6
+    """Frequency of the contacts [Hz]; Box2D takes a quarter of the sub-steps' frequency if that is lower."""
+    contact_damping_ratio: float = 10.0
+    """Damping ratio of the contacts."""
+    push_speed: float = 3.0
+    """Largest speed at which a contact drives out a bead that is too deep in the rod [m/s]."""
+    length_unit: float = 1e-2
+    """Length of Box2D's metre [m]. Its contacts are found within 0.02 of it, and no joint is shorter than 0.005 of it."""
+    time_unit: float = 1e-4
+    """Length of Box2D's second [s], in which joints have a frequency of 60, or an eighth of the sub-steps' if that is less.
+
+    pyb2d3 cannot set it, so a short second makes the joints stiff.
+    """
+    sleeping: bool = False
+    """Whether bodies that move slowly for a while fall asleep, until something wakes them."""
+    continuous: bool = False
+    """Whether a bead that would pass into the rod within a step is stopped at its surface for that step."""
+
+
+SETTINGS = {
+    Profile.QUICK: Box2dChainSettings(time_step=1e-5, sub_steps=4, bend=0.28, bead_mass_ratio=2e-4),
+    Profile.ACCURATE: Box2dChainSettings(time_step=4e-6, sub_steps=4, bend=0.2, bead_mass_ratio=1e-4),
+}
+
+
+MIN_LENGTH = 1e-2
+"""Shortest length to which a straight part may go slack, in Box2D's metres; Box2D allows none below its slop, 0.005."""
+BEADS = -1
+"""Collision group of the beads: shapes of the same negative group never touch."""
+
+
+class Box2dWorld:
+    """A world of Box2D that speaks SI units, and in which only beads and the rod touch each other.
+
+    Box2D's lengths are SI over `Box2dChainSettings.length_unit`, its times over `time_unit`, its masses are kilograms.
+    """
+
+    def __init__(self, parameters: Parameters, settings: Box2dChainSettings) -> None:
+        import pyb2d3
+
+        self._box2d, self._settings = pyb2d3, settings
+        self._length, self._time = settings.length_unit, settings.time_unit
+        self._speed = self._length / self._time
+        self._force = self._length / self._time**2  # for a mass of 1 kg
+        self._step, self._sub_steps = settings.time_step / self._time, settings.sub_steps
+        self._world = pyb2d3.World(gravity=(0.0, -parameters.coefficients["gravity"] / self._force))
+        self._world.sleeping_enabled = settings.sleeping
+        self._world.continuous_enabled = settings.continuous
+        self._world.set_contact_tuning(
+            settings.contact_hertz * self._time, settings.contact_damping_ratio, settings.push_speed / self._speed
+        )
+
+    def add_rod(self, radius: float, friction: float) -> None:
+        """Add a static circle of ``radius`` [m] at the origin, and let beads have the ``friction`` on it."""
+        self._friction = friction
+        self._add_circle(self._world.create_static_body(position=(0.0, 0.0)), radius)
+
+    def add_bead(self, position: Vector, velocity: Vector, mass: float) -> Any:
+        """Add a bead of ``mass`` [kg]."""
+        bead = self.add_mass(position, velocity, mass)
+        self._add_circle(bead, self._settings.bead_radius, group_index=BEADS)
+        # A shape adds its own mass to its body
+        self._set_mass(bead, mass)
+        return bead
+
+    def add_mass(self, position: Vector, velocity: Vector, mass: float) -> Any:
+        """Add a body of ``mass`` [kg] that touches nothing and does not turn."""
+        body = self._world.create_dynamic_body(
+            position=self._scaled(position, self._length),
+            linear_velocity=self._scaled(velocity, self._speed),
+            fixed_rotation=True,
+        )
+        self._set_mass(body, mass)
+        return body
+
+    def add_held(self, position: Vector) -> Any:
+        """Add a body that is held at ``position`` [m]."""
+        return self._world.create_static_body(position=self._scaled(position, self._length))
+
+    def add_link(self, a: Any, b: Any, length: float) -> Any:
+        """Join two bodies by a link of ``length`` [m], which pulls and pushes."""
+        return self._world.create_distance_joint(a, b, length=length / self._length)
+
+    def add_straight(self, a: Any, b: Any, length: float) -> Any:
+        """Join two bodies by a straight part of the string, of ``length`` [m], which only pulls."""
+        longest = length / self._length
+        # Box2D sees to limits only where a spring is enabled; one of 0 Hz exerts no force
+        return self._world.create_distance_joint(
+            a, b, length=longest, enable_spring=True, hertz=0.0, enable_limit=True, min_length=MIN_LENGTH, max_length=longest
+        )
+
+    @staticmethod
+    def remove_link(link: Any) -> None:
+        """Remove a link or a straight part."""
+        link.destroy()
+
+    @staticmethod
+    def remove_bead(bead: Any) -> None:
+        """Remove a bead that no link joins any more."""
+        bead.destroy()
+
+    def step(self, count: int, forces: Sequence[tuple[Any, Vector]]) -> None:
+        """Take ``count`` steps, during which these ``forces`` [N] act on bodies."""
+        scaled = [(body, (fx / self._force, fy / self._force)) for body, (fx, fy) in forces]
+        for _ in range(count):
+            # Box2D forgets a force after a step
+            for body, force in scaled:
+                body.apply_force_to_center(force)
+            self._world.step(self._step, self._sub_steps)
+
+    def position(self, body: Any) -> Vector:
+        """Return the position [m] of ``body``."""
+        x, y = body.position
+        return x * self._length, y * self._length
+
+    def velocity(self, body: Any) -> Vector:
+        """Return the velocity [m/s] of ``body``."""
+        vx, vy = body.linear_velocity
+        return vx * self._speed, vy * self._speed
+
+    def _add_circle(self, body: Any, radius: float, **collision: int) -> None:
+        shape = self._box2d.shape_def(
+            # Box2D takes the geometric mean of two coefficients, which for equal ones is their own
+            material=self._box2d.surface_material(friction=self._friction, restitution=0.0),
+            filter=self._box2d.make_filter(**collision),
+        )
+        body.create_shape(shape, self._box2d.circle(radius=radius / self._length))
+
+    def _set_mass(self, body: Any, mass: float) -> None:
+        data = self._box2d.MassData()
+        data.mass, data.center, data.rotational_inertia = mass, (0.0, 0.0), 0.0
+        body.mass_data = data
+
+    @staticmethod
+    def _scaled(vector: Vector, unit: float) -> Vector:
+        return vector[0] / unit, vector[1] / unit
+
+
+_LIMITS = (
+    ONE_COEFFICIENT,
+    "Box2D computes in single precision: each sub-step rounds velocities, so that more and shorter ones than those of the "
+    "accurate profile make the path worse",
+    "pyb2d3 gives no access to Box2D's stiffness of joints, 60 Hz; the adapter makes them stiff by time units of 0.1 ms",
+    STRAIGHT_STRING,
+    NO_STOP,
+)
+
+
+class Box2dChain(BeadEngine):
+    """A chain of beads over a static circle."""
+
+    name = "box2d"
+    distribution = "pyb2d3"
+    world = Box2dWorld
+    settings_by_profile = SETTINGS
+    settings: Box2dChainSettings
+    abilities = bead_abilities(
+        "box2d:chain",
+        quick_cost=8.0,
+        rod="static circle",
+        stick_slip="the solver clamps friction to its cone",
+        packages=("pyb2d3",),
+        summary="Point beads on distance joints over a static circle, one joint for each straight part of the string.",
+        limits=_LIMITS,
+        bead_mass_ratio=SETTINGS[Profile.QUICK].bead_mass_ratio,
+        known_failures={
+            "samples_every_millisecond_from_rest": "places are in single precision: measured 12 nm off at release",
+        },
+        main=False,
+    )
+
+    def studies(self) -> Studies:
+        """Return ladders of step, sub-steps, links and mass, Box2D's defaults, and the adapter's choices."""
+        s = self.settings
+        sub_step = s.time_step / s.sub_steps
+        steps = [{"time_step": dt, "sub_steps": max(round(dt / sub_step), 1)} for dt in (4e-5, 2e-5, 1e-5, 5e-6)]
+        return studies_from_rows(
+            self,
+            ladders=(
+                ("time_step", "s", steps, "the number of sub-steps, so that their length stays"),
+                ("sub_steps", "", (2, 4, 8, 16)),
+                bend_rungs(s, (0.4, 0.28, 0.2, 0.14)),
+                ("bead_mass_ratio", "", (8e-4, 4e-4, 2e-4, 1e-4)),
+            ),
+            defaults=(
+                (
+                    "timeStep",
+                    "none; 1 ms is finer than the 1/60 s of its guides",
+                    quantity(s.time_step, "s", 3),
+                    "length of a step, during which a contact keeps its direction",
+                    {"time_step": SAMPLE_INTERVAL, "steps_per_group": 1},
+                ),
+                (
+                    "jointHertz",
+                    "60 Hz",
+                    f"{60e-3 / s.time_unit:g} kHz, by units of {quantity(s.time_unit, 's', 3)}; "
+                    "an eighth of the sub-steps' if less",
+                    "how stiff joints are; pyb2d3 gives no access to it",
+                    {"time_unit": 1.0},
+                ),
+                (
+                    "contactHertz",
+                    "30 Hz",
+                    "a quarter of the sub-steps' frequency",
+                    "how stiff contacts are",
+                    {"contact_hertz": 30.0},
+                ),
+                (
+                    "lengthUnitsPerMeter",
+                    "1: no joint is shorter than 5 mm",
+                    f"units of {quantity(s.length_unit, 'm', 3)}",
+                    "the length of which the shortest joint is 0.005",
+                    {"length_unit": 1.0},
+                ),
+                (
+                    "enableSleep",
+                    "on",
+                    "off",
+                    "bodies below 0.05 length units per time unit are stopped after 0.5 time units",
+                    {"sleeping": True},
+                ),
+                (
+                    "enableContinuous",
+                    "on",
+                    "off",
+                    "beads that would pass into the rod within a step are stopped at its surface",
+                    {"continuous": True},
+                ),
+            ),
+            choices=(
+                ("bead mass", f"{s.bead_mass_ratio:g} M1", "half", {"bead_mass_ratio": s.bead_mass_ratio / 2}),
+                ("length unit", quantity(s.length_unit, "m", 3), "1 mm", {"length_unit": 1e-3}),
+                *CORNER_CHOICES,
+                ("bead radius", quantity(s.bead_radius, "m", 3), "0.5 mm", {"bead_radius": 5e-4}),
+                ("contact damping ratio", f"{s.contact_damping_ratio:g}", "1", {"contact_damping_ratio": 1.0}),
+                ("steps between two updates of drag and beads", f"{s.steps_per_group}", "1", {"steps_per_group": 1}),
+            ),
+        )
+
+
+def engines(profile: Profile) -> list[Engine]:
+    """Return every variant of this engine with the settings of ``profile``."""
+    return [Box2dChain(profile=profile)]

@@ -1,0 +1,624 @@
+"""Exudyn: a cable of finite elements over a circle with friction, and its reeving system without; no law is fed in.
+
+Offered through the entry point that a third party uses.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from looping_pendulum.engines.chain import (
+    MASS_COMPENSATION,
+    MASS_FRACTION,
+    NO_STOP,
+    ONE_COEFFICIENT,
+    SlipGauge,
+    point_on_string,
+    polygon_friction,
+)
+from looping_pendulum.engines.protocol import APPLIED_DRAG, SAMPLE_INTERVAL, Engine, Profile, TunedEngine, steps_per_sample
+from looping_pendulum.engines.shipped import shipped_abilities
+from looping_pendulum.engines.studies import DefaultRow, Studies, studies_from_rows
+from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
+from looping_pendulum.errors import EngineError
+from looping_pendulum.pages.numbers import quantity
+from looping_pendulum.reference_ode.cartesian import CartesianForce, cartesian_force, release_velocity
+from looping_pendulum.reference_ode.geometry import Array, light_position, next_string_coordinates
+from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.scenarios.scenario import Scenario
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolverSettings:
+    """Settings of Exudyn's implicit solver, a generalised-alpha method with Newton's iterations."""
+
+    time_step: float
+    """Longest time step [s]; it must divide the sample interval. A step in which the iterations fail is halved, and again."""
+    spectral_radius: float = 0.6
+    """Factor by which the method damps oscillations that are much faster than a step; 1 damps nothing."""
+    relative_tolerance: float = 1e-6
+    """Decrease of the residual at which Newton's iterations end."""
+    contact_tolerance: float = 1e-3
+    """Largest change of a contact's force [N] between iterations over the contacts' states, with which a step is accepted."""
+    contact_iterations: int = 20
+    """Largest number of these iterations in a step."""
+    modified_newton: bool = False
+    """Whether the Jacobian is kept from step to step until the iterations fail to converge with it."""
+
+    def __post_init__(self) -> None:
+        """Raise EngineError where a step does not divide the sample interval."""
+        steps_per_sample(self.time_step)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CableSettings(SolverSettings):
+    """Numerical settings of the cable."""
+
+    bend: float
+    """Angle that an element spans on the rod [rad]; an element is R times this long."""
+    segments: int
+    """Number of straight contact segments in an element; each touches the rod with its middle."""
+    contact_stiffness: float
+    """Stiffness of the contact of a segment with the rod [N/m]."""
+    friction_stiffness: float
+    """Stiffness of a sticking segment along the rod [N/m]; 0: it does not stick, and creeps if there is a velocity penalty."""
+    friction_velocity_penalty: float = 0.0
+    """Friction of a segment per sliding speed, until it reaches the friction coefficient's share of the load [N s/m]."""
+    axial_stiffness: float
+    """Stiffness of the string, EA [N]: force per strain."""
+    axial_damping: float
+    """Damping of the string [N s]: force per rate of strain."""
+    bending_stiffness: float
+    """Stiffness of the string against bending, EI [N m^2]."""
+    integration: int = 2
+    """Exudyn's useReducedOrderIntegration: 0 and 1 are Gauss's rules, 2 mixes Lobatto's with Gauss's."""
+    mass_fraction: float = MASS_FRACTION
+    """Mass of the string over the light mass."""
+    initial_tension: float = 0.1
+    """Tension of the string before release [N], without which a string that bends so easily would first buckle."""
+    polygon: bool = True
+    """Whether the rod's radius and friction are corrected for the polygon of the contact segments."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReevingSettings(SolverSettings):
+    """Numerical settings of the reeving system."""
+
+    axial_stiffness: float
+    """Stiffness of the rope, EA [N]: force per strain."""
+    axial_damping: float
+    """Damping of the rope [N s]: force per rate of strain."""
+    push_force: float = 1e-3
+    """Exudyn's regularizationForce: the largest force with which a slack rope pushes [N]; negative: no bound."""
+
+
+CABLE_SETTINGS = {
+    Profile.QUICK: CableSettings(
+        time_step=1e-4,
+        bend=0.64,
+        segments=4,
+        contact_stiffness=1e4,
+        friction_stiffness=3e3,
+        axial_stiffness=1e3,
+        axial_damping=1.0,
+        bending_stiffness=1e-8,
+    ),
+    Profile.ACCURATE: CableSettings(
+        time_step=5e-5,
+        bend=0.32,
+        segments=4,
+        contact_stiffness=1e4,
+        friction_stiffness=3e3,
+        axial_stiffness=2e3,
+        axial_damping=2.0,
+        bending_stiffness=1e-8,
+    ),
+}
+
+REEVING_SETTINGS = {
+    Profile.QUICK: ReevingSettings(time_step=1e-4, axial_stiffness=1e4, axial_damping=10.0),
+    Profile.ACCURATE: ReevingSettings(time_step=1e-5, axial_stiffness=1e5, axial_damping=30.0),
+}
+
+
+Vector = tuple[float, float]
+"""x and y components, in the unit of the quantity."""
+MIN_TIME_STEP = 1e-8
+"""Shortest step that is tried where Newton's iterations fail [s]."""
+UNUSED_RADIUS = 0.01
+"""Radius of gyration of the masses [m], which strings pull at their centres, so that they never turn."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mass:
+    """A point mass, by the numbers under which Exudyn knows its parts."""
+
+    node: int
+    marker: int
+    load: int
+    weight: float
+    """[N]"""
+
+
+class ExudynSystem:
+    """The two masses, the rod's centre, and the solver; a variant adds the string before `start`."""
+
+    def __init__(self, parameters: Parameters, settings: SolverSettings, *, light_mass: float, end_length: float) -> None:
+        import exudyn
+        from exudyn import itemInterface
+
+        p = parameters
+        self.exudyn, self.items, self._settings = exudyn, itemInterface, settings
+        self._container = exudyn.SystemContainer()
+        self.mbs = self._container.AddSystem()
+        self._force: CartesianForce | None = cartesian_force(p)
+        self._has_string = p.release is not Release.DROP
+        self._gravity = p.coefficients["gravity"]
+        self._samples = 0
+        self._end_distance, self._has_ended = math.hypot(end_length, p.rod_radius), False
+        vx, vy, heavy_vy = release_velocity(p)
+        ground = self.mbs.AddObject(itemInterface.ObjectGround())
+        self.rod_marker = self.mbs.AddMarker(itemInterface.MarkerBodyRigid(bodyNumber=ground))
+        self._light_position = light_position(math, p.free_length, p.release_angle, p.rod_radius)
+        self._heavy_position = (p.rod_radius, -p.hanging_length)
+        self.light = self._add_mass(self._light_position, (vx, vy), light_mass)
+        self.heavy: Mass | None = None
+        if p.release is Release.HELD:
+            self.heavy_marker = self.mbs.AddMarker(
+                itemInterface.MarkerBodyRigid(bodyNumber=ground, localPosition=[*self._heavy_position, 0.0])
+            )
+        else:
+            self.heavy = self._add_mass(self._heavy_position, (0.0, heavy_vy), p.heavy_mass)
+            self.heavy_marker = self.heavy.marker
+
+    def start(self, before_step: Callable[[tuple[float, ...]], None] | None = None) -> None:
+        """Assemble the system and start the solver, at the moment of release.
+
+        ``before_step`` is called before each step with what `read_masses` returns.
+        """
+        self._before_step = before_step
+        s, exudyn = self._settings, self.exudyn
+        self.mbs.Assemble()
+        self._simulation = exudyn.SimulationSettings()
+        self._simulation.solution.file.write = False
+        self._simulation.solution.sensors.active = False
+        self._simulation.linearSolver.solverType = exudyn.LinearSolverType.EigenSparse
+        integration = self._simulation.timeIntegration
+        # Samples share one solver, so that accelerations are continued from one to the next; see `advance`
+        integration.numberOfSteps, integration.endTime = round(SAMPLE_INTERVAL / s.time_step), SAMPLE_INTERVAL
+        integration.verboseMode, integration.stepInformation = 0, 0
+        integration.minimumStepSize = MIN_TIME_STEP
+        integration.adaptiveStepRecoverySteps = 2
+        integration.generalizedAlpha.spectralRadius = s.spectral_radius
+        integration.discontinuous.iterationTolerance = s.contact_tolerance
+        integration.discontinuous.maxIterations = s.contact_iterations
+        integration.newton.useModifiedNewton = s.modified_newton
+        integration.newton.relativeTolerance = s.relative_tolerance
+        self.mbs.SetPreStepUserFunction(self._prepare_step)
+        self._solver = exudyn.MainSolverImplicitSecondOrder()
+        if not self._solver.InitializeSolver(self.mbs, self._simulation):
+            raise EngineError("exudyn: the solver could not be started")
+
+    def advance(self) -> None:
+        """Advance by one sample interval, or until the light mass reaches the rod."""
+        self._samples += 1
+        # A solver ends its steps a little before or after, by rounding; a remainder must not become a step of its own
+        self._solver.it.endTime = self._samples * SAMPLE_INTERVAL - 1e-3 * self._settings.time_step
+        if not self._solver.SolveSteps(self.mbs, self._simulation) and not self._has_ended:
+            raise EngineError(
+                f"exudyn: found no solution at {self.mbs.systemData.GetTime():.6f} s with steps down to {MIN_TIME_STEP:g} s, "
+                "needed one; shorten the time step"
+            )
+
+    def read_masses(self) -> tuple[float, ...]:
+        """Return positions [m] and velocities [m/s] of both masses, the light one's first."""
+        heavy = (*self._heavy_position, 0.0, 0.0) if self.heavy is None else self._read(self.heavy)
+        return (*self._read(self.light), *heavy)
+
+    def _add_mass(self, position: Sequence[float], velocity: Vector, mass: float) -> Mass:
+        items, mbs = self.items, self.mbs
+        # A rigid body that nothing turns, because a reeving system takes no point masses
+        node = mbs.AddNode(items.NodeRigidBody2D(referenceCoordinates=[*position, 0.0], initialVelocities=[*velocity, 0.0]))
+        mbs.AddObject(items.ObjectRigidBody2D(mass=mass, inertia=mass * UNUSED_RADIUS**2, nodeNumber=node))
+        marker, weight = mbs.AddMarker(items.MarkerNodeRigid(nodeNumber=node)), mass * self._gravity
+        load = mbs.AddLoad(items.LoadForceVector(markerNumber=marker, loadVector=[0.0, -weight, 0.0]))
+        return Mass(node=node, marker=marker, load=load, weight=weight)
+
+    def _read(self, mass: Mass) -> tuple[float, ...]:
+        variable = self.exudyn.OutputVariableType
+        x, y, _ = self.mbs.GetNodeOutput(mass.node, variable.Position)
+        vx, vy, _ = self.mbs.GetNodeOutput(mass.node, variable.Velocity)
+        return float(x), float(y), float(vx), float(vy)
+
+    def _prepare_step(self, mbs: Any, time: float) -> bool:
+        """Set the effects' forces on the masses; Exudyn calls it before each step, and stops where this returns False."""
+        masses = self.read_masses()
+        # Nearer to the rod than that, a reeving system finds no tangent, and a cable bends by a turn within a segment
+        self._has_ended = self._has_string and math.hypot(masses[0], masses[1]) <= self._end_distance
+        if self._has_ended:
+            return False
+        if self._before_step is not None:
+            self._before_step(masses)
+        if self._force is not None:
+            x, y, vx, vy, _, _, _, heavy_vy = masses
+            fx, fy, heavy_fy = self._force(time, x, y, vx, vy, heavy_vy)
+            mbs.SetLoadParameter(self.light.load, "loadVector", [fx, fy - self.light.weight, 0.0])
+            if self.heavy is not None:
+                mbs.SetLoadParameter(self.heavy.load, "loadVector", [0.0, heavy_fy - self.heavy.weight, 0.0])
+        return True
+
+
+IN_CONTACT, NO_CONTACT = -1e-6, 0.1
+"""Gaps [m] from which the search for contact starts, for segments that lie on the rod at release, and for the others."""
+UNDEFINED = -2.0
+"""Exudyn's number for a segment of which it is not known yet whether it sticks or slides."""
+
+
+class ExudynCableRig:
+    """The apparatus with a cable of finite elements."""
+
+    def __init__(self, parameters: Parameters, settings: CableSettings, end_length: float) -> None:
+        self._parameters, self._settings = parameters, settings
+        self._has_string = parameters.release is not Release.DROP
+        taken_off = MASS_COMPENSATION * settings.mass_fraction if self._has_string else 0.0
+        self._system = ExudynSystem(
+            parameters, settings, light_mass=(1 - taken_off) * parameters.light_mass, end_length=end_length
+        )
+        if self._has_string:
+            self._slip = SlipGauge()
+            self._add_string()
+        self._system.start()
+
+    def advance(self) -> None:
+        """Advance by one sample interval."""
+        self._system.advance()
+
+    def read(self) -> tuple[float, ...]:
+        """Return positions [m], velocities [m/s], string stretch and slip [m]: `COLUMNS` without the time."""
+        return (*self._system.read_masses(), *self._read_string())
+
+    def _add_string(self) -> None:
+        """Add nodes and elements along the taut string, with the release's velocities, and pin its ends to the masses."""
+        system, mbs, items = self._system, self._system.mbs, self._system.items
+        arcs = _node_arcs(self._parameters, self._settings.bend)
+        self._lengths = np.diff(arcs)
+        self._reference = _coordinates_at_release(self._parameters, arcs)
+        velocities = _velocities_at_release(self._parameters, arcs)
+        nodes = [
+            mbs.AddNode(items.NodePoint2DSlope1(referenceCoordinates=place.tolist(), initialVelocities=velocity.tolist()))
+            for place, velocity in zip(self._reference, velocities, strict=True)
+        ]
+        self._first_node = nodes[0]
+        middles = 0.5 * (arcs[1:] + arcs[:-1])
+        p = self._parameters
+        on_rod = (middles > p.free_length) & (middles < p.free_length + p.rod_radius * p.release_angle)
+        for pair, length, touches in zip(zip(nodes[:-1], nodes[1:], strict=True), self._lengths, on_rod, strict=True):
+            self._add_element(pair, float(length), touches=bool(touches))
+        for node, marker in ((nodes[0], system.light.marker), (nodes[-1], system.heavy_marker)):
+            end = mbs.AddMarker(items.MarkerNodePosition(nodeNumber=node))
+            mbs.AddObject(items.ObjectJointRevolute2D(markerNumbers=[marker, end]))
+
+    def _add_element(self, nodes: tuple[int, int], length: float, *, touches: bool) -> None:
+        """Add an element of ``length`` [m] and its contact with the rod."""
+        p, s, mbs, items = self._parameters, self._settings, self._system.mbs, self._system.items
+        cable = mbs.AddObject(
+            items.ObjectANCFCable2D(
+                nodeNumbers=list(nodes),
+                length=length,
+                massPerLength=s.mass_fraction * p.light_mass / p.string_length,
+                axialStiffness=s.axial_stiffness,
+                axialDamping=s.axial_damping,
+                bendingStiffness=s.bending_stiffness,
+                # The unloaded string is straight, and shorter by what the initial tension stretches it
+                strainIsRelativeToReference=0.0,
+                referenceAxialStrain=-s.initial_tension / s.axial_stiffness,
+                useReducedOrderIntegration=s.integration,
+            )
+        )
+        shape = mbs.AddMarker(items.MarkerBodyCable2DShape(bodyNumber=cable, numberOfSegments=s.segments))
+        state = [IN_CONTACT if touches else NO_CONTACT] * s.segments + [UNDEFINED] * s.segments + [0.0] * s.segments
+        data = mbs.AddNode(items.NodeGenericData(initialCoordinates=state, numberOfDataCoordinates=len(state)))
+        friction, bend = p.coefficients["kinetic_friction"], length / s.segments / p.rod_radius
+        mbs.AddObject(
+            items.ObjectContactFrictionCircleCable2D(
+                markerNumbers=[self._system.rod_marker, shape],
+                nodeNumber=data,
+                numberOfContactSegments=s.segments,
+                contactStiffness=s.contact_stiffness,
+                frictionStiffness=s.friction_stiffness,
+                frictionVelocityPenalty=s.friction_velocity_penalty,
+                frictionCoefficient=polygon_friction(friction, bend) if s.polygon else friction,
+                # Segments are chords: where their ends lie on the rod, their middles are nearer to its centre
+                circleRadius=p.rod_radius * math.cos(bend / 2) if s.polygon else p.rod_radius,
+            )
+        )
+
+    def _read_string(self) -> tuple[float, float]:
+        """Return the string's stretch beyond its length at release and its slip over the rod [m]."""
+        if not self._has_string:
+            return math.nan, math.nan
+        mbs = self._system.mbs
+        first = mbs.GetNodeODE2Index(self._first_node)
+        moved = mbs.systemData.GetODE2Coordinates()[first : first + self._reference.size]
+        nodes = self._reference + np.asarray(moved).reshape(-1, 4)
+        places, slopes = nodes[:, :2], nodes[:, 2:]
+        lengths = self._lengths
+        # Of a cubic with these end points and slopes; Simpson's rule for its length
+        middle = 1.5 * np.diff(places, axis=0) / lengths[:, None] - 0.25 * (slopes[1:] + slopes[:-1])
+        speeds, middle_speeds = np.linalg.norm(slopes, axis=1), np.linalg.norm(middle, axis=1)
+        stretched = lengths * (speeds[:-1] + 4 * middle_speeds + speeds[1:]) / 6
+        return float(stretched.sum() - lengths.sum()), self._slip.read(places.tolist(), lengths.tolist())
+
+
+def _node_arcs(p: Parameters, bend: float) -> Array:
+    """Return the nodes' positions along the string, from the light mass [m], with nodes where it meets the rod at release."""
+    arcs = [np.zeros(1)]
+    for part in (p.free_length, p.rod_radius * p.release_angle, p.hanging_length):
+        elements = max(round(part / (bend * p.rod_radius)), 1)
+        arcs.append(arcs[-1][-1] + part * np.arange(1, elements + 1) / elements)
+    return np.concatenate(arcs)
+
+
+def _coordinates_at_release(p: Parameters, arcs: Array) -> Array:
+    """Return position and slope of the nodes of the taut string, shape (n, 4); slopes point towards the heavy mass."""
+    angles = _angles(p, arcs)
+    places = np.array([point_on_string(p, arc, p.rod_radius) for arc in arcs])
+    return np.column_stack([places, np.sin(angles), -np.cos(angles)])
+
+
+def _velocities_at_release(p: Parameters, arcs: Array) -> Array:
+    """Return the rates of these coordinates, shape (n, 4): the string slides over the rod, and is straight beside it."""
+    vx, vy, heavy_vy = release_velocity(p)
+    angles = _angles(p, arcs)
+    rates = -heavy_vy * np.column_stack(
+        [np.sin(angles), -np.cos(angles), -np.cos(angles) / p.rod_radius, -np.sin(angles) / p.rod_radius]
+    )
+    rates[arcs > p.free_length + p.rod_radius * p.release_angle, 2:] = 0.0
+    free = arcs < p.free_length
+    at_rod = rates[~free][0, :2]
+    rate = (at_rod - (vx, vy)) / p.free_length
+    rates[free] = np.column_stack([np.array([vx, vy]) + arcs[free, None] * rate, np.tile(rate, (int(free.sum()), 1))])
+    return rates
+
+
+def _angles(p: Parameters, arcs: Array) -> Array:
+    """Return the angle on the rod at which the string's direction is that of each point [rad]."""
+    return np.clip(p.release_angle - (arcs - p.free_length) / p.rod_radius, 0.0, p.release_angle)
+
+
+VELOCITY_PENALTY = 1.0
+"""Friction per sliding speed without sticking [N s/m], with which a segment that carries 50 mN creeps at 17 mm/s."""
+PUSH = 0.1
+"""Exudyn's default of the force with which a slack rope may push [N]."""
+
+
+def _spectral_radius_default(s: SolverSettings) -> DefaultRow:
+    effect = "how little fast oscillations are damped"
+    return "spectralRadius", "0.9", f"{s.spectral_radius:g}", effect, {"spectral_radius": 0.9}
+
+
+class ExudynCable(TunedEngine):
+    """A cable of finite elements over a circle."""
+
+    name = "exudyn"
+    distribution = "exudyn"
+    variant = "cable"
+    settings_by_profile = CABLE_SETTINGS
+    settings: CableSettings
+    abilities = shipped_abilities(
+        "exudyn:cable",
+        quick_cost=70.0,
+        supplies=Supplies(
+            winding=Supply(by=Supplier.ENGINE, how="contact of the cable's segments with a circle"),
+            friction_law=Supply(
+                by=Supplier.ENGINE,
+                how="Coulomb friction between segments and circle, its coefficient solved for their corners",
+            ),
+            stick_slip=Supply(by=Supplier.ENGINE, how="the same contact: a sticking segment is held by a spring"),
+            drag=APPLIED_DRAG,
+        ),
+        packages=("exudyn",),
+        summary="An elastic cable of ANCF elements with mass along the whole string, over a circle with friction.",
+        limits=(
+            ONE_COEFFICIENT,
+            "the string stretches like a soft thread, by a millimetre or two at ten_to_one where it catches the light mass",
+            "a slack string buckles: then Newton's iterations need short steps, or fail",
+            NO_STOP,
+        ),
+        additions=(
+            "the string weighs 1 % of the light mass; 0.4 % is taken off that",
+            "the string is slightly taut before its release, lest it buckle",
+        ),
+        known_failures={
+            "vertical_release_obeys_the_capstan_law": "measured an acceleration 1.2 % too large: friction is 2 % too small; "
+            "elements half as long bring a third of it back, and contacts four times as stiff lose half as much again",
+        },
+        main=False,
+    )
+
+    def build(self, scenario: Scenario) -> ExudynCableRig:
+        """Build the scenario's apparatus at the moment of release."""
+        return ExudynCableRig(scenario.parameters, self.settings, self.end_length(scenario))
+
+    def studies(self) -> Studies:
+        """Return ladders of step, elements, stiffnesses and mass, Exudyn's defaults, and the adapter's choices."""
+        s = self.settings
+        segment, damping_time = s.bend / s.segments, s.axial_damping / s.axial_stiffness
+        bends = [{"bend": bend, "segments": max(round(bend / segment), 1)} for bend in (0.64, 0.45, 0.32, 0.22)]
+        axial = [{"axial_stiffness": ea, "axial_damping": damping_time * ea} for ea in (2.5e2, 5e2, 1e3, 2e3)]
+        return studies_from_rows(
+            self,
+            ladders=(
+                ("time_step", "s", (5e-4, 2e-4, 1e-4, 5e-5)),
+                ("bend", "rad", bends, "the number of segments of an element, so that their length stays about"),
+                ("contact_stiffness", "N/m", (2.5e3, 5e3, 1e4, 2e4)),
+                ("friction_stiffness", "N/m", (7.5e2, 1.5e3, 3e3, 6e3)),
+                ("axial_stiffness", "N", axial, "the string's damping, so that its damping time stays"),
+            ),
+            defaults=(
+                _spectral_radius_default(s),
+                (
+                    "useModifiedNewton",
+                    "on",
+                    "off",
+                    "the Jacobian is kept from step to step, which contacts that open and close make wrong",
+                    {"modified_newton": True},
+                ),
+                (
+                    "discontinuous.iterationTolerance",
+                    "1 N",
+                    quantity(s.contact_tolerance, "N", 3),
+                    "the error of a contact's force that a step is accepted with: one that begins to slide is held too hard",
+                    {"contact_tolerance": 1.0},
+                ),
+                (
+                    "useReducedOrderIntegration",
+                    "0",
+                    f"{s.integration}",
+                    "elements that bend must stretch, so that they resist bending round the rod",
+                    {"integration": 0},
+                ),
+                (
+                    "frictionStiffness",
+                    "0; without a velocity penalty, 0 by default too, there is no friction",
+                    quantity(s.friction_stiffness, "N/m", 3),
+                    f"nothing sticks; with a velocity penalty of {VELOCITY_PENALTY:g} N s/m it creeps",
+                    {"friction_stiffness": 0.0, "friction_velocity_penalty": VELOCITY_PENALTY},
+                ),
+            ),
+            choices=(
+                (
+                    "bending stiffness",
+                    quantity(s.bending_stiffness, "N m^2", 3),
+                    "double",
+                    {"bending_stiffness": 2 * s.bending_stiffness},
+                ),
+                ("string mass", f"{100 * s.mass_fraction:g} % of M1", "half", {"mass_fraction": s.mass_fraction / 2}),
+                ("initial tension", quantity(s.initial_tension, "N", 3), "half", {"initial_tension": s.initial_tension / 2}),
+                ("axial damping", quantity(s.axial_damping, "N s", 3), "half", {"axial_damping": s.axial_damping / 2}),
+                ("rod's radius and friction", "corrected for the segments", "as they are", {"polygon": False}),
+            ),
+        )
+
+
+AXIS = (0.0, 0.0, -1.0)
+"""The sheave's axis: its sign says on which side of the rod the rope passes."""
+
+
+class ExudynReevingRig:
+    """The apparatus with a reeving system over one sheave."""
+
+    def __init__(self, parameters: Parameters, settings: ReevingSettings, end_length: float) -> None:
+        p, s = parameters, settings
+        self._parameters, self._settings = p, s
+        self._has_string = p.release is not Release.DROP
+        self._system = system = ExudynSystem(p, s, light_mass=p.light_mass, end_length=end_length)
+        self._wrap_angle, self._turns = p.release_angle, 0
+        if self._has_string:
+            self._rope = system.mbs.AddObject(
+                system.items.ObjectConnectorReevingSystemSprings(
+                    markerNumbers=[system.light.marker, system.rod_marker, system.heavy_marker],
+                    stiffnessPerLength=s.axial_stiffness,
+                    dampingPerLength=s.axial_damping,
+                    referenceLength=p.string_length,
+                    regularizationForce=s.push_force,
+                    sheavesAxes=system.exudyn.Vector3DList([list(AXIS)] * 3),
+                    sheavesRadii=[0.0, p.rod_radius, 0.0],
+                )
+            )
+        self._system.start(self._count_turns if self._has_string else None)
+
+    def advance(self) -> None:
+        """Advance by one sample interval."""
+        self._system.advance()
+
+    def read(self) -> tuple[float, ...]:
+        """Return positions [m], velocities [m/s], string stretch and slip [m]: `COLUMNS` without the time."""
+        masses = self._system.read_masses()
+        if not self._has_string:
+            return (*masses, math.nan, math.nan)
+        p = self._parameters
+        stretch = self._string_length(masses) - p.string_length
+        return (*masses, stretch, -masses[5] - p.hanging_length)
+
+    def _string_length(self, masses: tuple[float, ...]) -> float:
+        """Return the length of the shortest way from mass to mass over the rod, as often around it as the string is [m]."""
+        radius = self._parameters.rod_radius
+        free_length, self._wrap_angle = next_string_coordinates(masses[0], masses[1], radius, self._wrap_angle)
+        return free_length + radius * self._wrap_angle - masses[5]
+
+    def _count_turns(self, masses: tuple[float, ...]) -> None:
+        """Shorten the rope by the turns that lie on the rod when the coming step ends; Exudyn forgets whole turns."""
+        p, (x, y, vx, vy) = self._parameters, masses[:4]
+        _, self._wrap_angle = next_string_coordinates(x, y, p.rod_radius, self._wrap_angle)
+        step = self._settings.time_step
+        _, angle = next_string_coordinates(x + step * vx, y + step * vy, p.rod_radius, self._wrap_angle)
+        turns = math.floor(angle / (2 * math.pi))
+        if turns != self._turns:
+            self._turns = turns
+            length = p.string_length - 2 * math.pi * p.rod_radius * turns
+            self._system.mbs.SetObjectParameter(self._rope, "referenceLength", length)
+
+
+class ExudynReeving(TunedEngine):
+    """A reeving system over one sheave."""
+
+    name = "exudyn"
+    distribution = "exudyn"
+    variant = "reeving"
+    settings_by_profile = REEVING_SETTINGS
+    settings: ReevingSettings
+    abilities = shipped_abilities(
+        "exudyn:reeving",
+        quick_cost=1.0,
+        supplies=Supplies(
+            winding=Supply(
+                by=Supplier.ENGINE, how="a rope tangent to a sheave; the adapter counts turns, by the rope's length"
+            ),
+            friction_law=Supply(by=Supplier.NOBODY, how="a reeving system's tension is the same on both sides of a sheave"),
+            stick_slip=Supply(by=Supplier.NOBODY, how="nothing to stick to"),
+            drag=APPLIED_DRAG,
+        ),
+        packages=("exudyn",),
+        summary="One elastic rope without mass and without friction, over a sheave.",
+        limits=(
+            "without friction the heavy mass never halts",
+            "a slack rope pushes a little: Exudyn bounds its push, but its solver needs some",
+            NO_STOP,
+        ),
+        additions=("the rope is a turn shorter or longer in the step in which the wrap angle passes a whole turn",),
+        main=False,
+    )
+
+    def build(self, scenario: Scenario) -> ExudynReevingRig:
+        """Build the scenario's apparatus at the moment of release."""
+        return ExudynReevingRig(scenario.parameters, self.settings, self.end_length(scenario))
+
+    def studies(self) -> Studies:
+        """Return ladders of step and stiffness, Exudyn's defaults, and the adapter's choices."""
+        s = self.settings
+        return studies_from_rows(
+            self,
+            ladders=(("time_step", "s", (5e-4, 2e-4, 1e-4, 5e-5)), ("axial_stiffness", "N", (2.5e3, 5e3, 1e4, 2e4))),
+            defaults=(
+                _spectral_radius_default(s),
+                (
+                    "regularizationForce",
+                    quantity(PUSH, "N", 3),
+                    quantity(s.push_force, "N", 3),
+                    "the force with which a slack rope pushes",
+                    {"push_force": PUSH},
+                ),
+            ),
+            choices=(("rope damping", quantity(s.axial_damping, "N s", 3), "half", {"axial_damping": s.axial_damping / 2}),),
+        )
+
+
+def engines(profile: Profile) -> list[Engine]:
+    """Return every variant of this engine with the settings of ``profile``."""
+    return [ExudynCable(profile=profile), ExudynReeving(profile=profile)]

@@ -1,0 +1,247 @@
+"""Rapier, through rapier3d: beads that slide over a fixed cylinder under Coulomb contact; no capstan law is fed in.
+
+Offered through the entry point that a third party uses.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from looping_pendulum.engines.bead_rig import BeadEngine, BeadRigSettings, Vector
+from looping_pendulum.engines.chain import CORNER_CHOICES, NO_STOP, ONE_COEFFICIENT, STRAIGHT_STRING, bead_abilities, bend_rungs
+from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine, Profile
+from looping_pendulum.engines.studies import Studies, studies_from_rows
+from looping_pendulum.pages.numbers import quantity
+from looping_pendulum.reference_ode.parameters import Parameters
+
+
+@dataclass(frozen=True, kw_only=True)
+class RapierChainSettings(BeadRigSettings):
+    """Numerical settings of the bead chain, in SI units."""
+
+    iterations: int
+    """Number of times that joints and contacts are solved in a sub-step (num_internal_pgs_iterations)."""
+    sub_steps: int = 1
+    """Number of sub-steps of the solver in a step, for which contacts keep their directions (num_solver_iterations)."""
+    contact_hertz: float = 1e6
+    """Frequency of the contacts with the rod [Hz] (static_contact_softness), as high as Rapier's of joints."""
+    friction_in_bias_pass: bool = True
+    """Whether friction is solved before places move in a sub-step, too, and not only after it."""
+    contact_recycling: bool = False
+    """Whether a contact keeps its direction until its bodies have moved by 50 mm against each other."""
+    sleeping: bool = False
+    """Whether bodies that move slowly for a while fall asleep, until something wakes them."""
+    locked_plane: bool = False
+    """Whether the bodies' axis z is locked, by which friction loses a third; without it they stay in the plane all the same."""
+
+
+SETTINGS = {
+    Profile.QUICK: RapierChainSettings(time_step=1e-5, iterations=32, bend=0.28, bead_mass_ratio=1e-4),
+    Profile.ACCURATE: RapierChainSettings(time_step=1e-5, iterations=64, bend=0.2, bead_mass_ratio=1e-4),
+}
+
+
+ROD, BEAD = 1, 2
+"""Collision groups, as bits."""
+
+
+class RapierWorld:
+    """A world of Rapier in SI units, in which only beads and the rod touch each other."""
+
+    def __init__(self, parameters: Parameters, settings: RapierChainSettings) -> None:
+        import rapier3d
+
+        self._rapier, self._settings = rapier3d, settings
+        self._world = rapier3d.PhysicsWorld(gravity=(0.0, -parameters.coefficients["gravity"], 0.0))
+        # A few dozen bodies are too few for more, and the other processor has another engine to run
+        self._world.set_num_threads(1)
+        solver = self._world.integration_parameters
+        solver.dt = settings.time_step
+        solver.num_solver_iterations = settings.sub_steps
+        solver.num_internal_pgs_iterations = settings.iterations
+        solver.friction_in_bias_pass = settings.friction_in_bias_pass
+        solver.contact_recycling = settings.contact_recycling
+        solver.static_contact_softness = rapier3d.SpringCoefficients(natural_frequency=settings.contact_hertz)
+
+    def add_rod(self, radius: float, friction: float) -> None:
+        """Add a fixed cylinder of ``radius`` [m] along z through the origin, and let beads have the ``friction`` on it."""
+        self._friction = friction
+        # Rapier's cylinders lie along y
+        cylinder = self._rapier.Collider.cylinder(radius, radius).rotation((math.pi / 2, 0.0, 0.0))
+        self._world.add_body(self._rapier.RigidBody.fixed(), [self._with_material(cylinder, member=ROD, touches=BEAD)])
+
+    def add_bead(self, position: Vector, velocity: Vector, mass: float) -> Any:
+        """Add a bead of ``mass`` [kg]."""
+        ball = self._rapier.Collider.ball(self._settings.bead_radius)
+        return self._add(position, velocity, mass, [self._with_material(ball, member=BEAD, touches=ROD)])
+
+    def add_mass(self, position: Vector, velocity: Vector, mass: float) -> Any:
+        """Add a body of ``mass`` [kg] that touches nothing."""
+        return self._add(position, velocity, mass, [])
+
+    def add_held(self, position: Vector) -> Any:
+        """Add a body that is held at ``position`` [m]."""
+        return self._world.add_body(self._rapier.RigidBody.fixed().translation((*position, 0.0)))
+
+    def add_link(self, a: Any, b: Any, length: float) -> Any:
+        """Join two bodies by a rope of ``length`` [m], which only pulls."""
+        return self._world.impulse_joints.insert(a, b, self._rapier.RopeJoint(length))
+
+    # Rapier's joints keep a distance only from above, so links between beads are ropes, too
+    add_straight = add_link
+
+    def remove_link(self, link: Any) -> None:
+        """Remove a rope."""
+        self._world.impulse_joints.remove(link)
+
+    def remove_bead(self, bead: Any) -> None:
+        """Remove a bead that no rope joins any more."""
+        self._world.remove_body(bead)
+
+    def step(self, count: int, forces: Sequence[tuple[Any, Vector]]) -> None:
+        """Take ``count`` steps, during which these ``forces`` [N] act on bodies."""
+        for handle, (fx, fy) in forces:
+            body = self._world.rigid_bodies[handle]
+            # Rapier keeps a force for all later steps
+            body.reset_forces()
+            body.add_force((fx, fy, 0.0))
+        for _ in range(count):
+            self._world.step()
+
+    def position(self, body: Any) -> Vector:
+        """Return the position [m] of ``body``."""
+        place = self._world.rigid_bodies[body].translation
+        return place.x, place.y
+
+    def velocity(self, body: Any) -> Vector:
+        """Return the velocity [m/s] of ``body``."""
+        velocity = self._world.rigid_bodies[body].linvel
+        return velocity.x, velocity.y
+
+    def _add(self, position: Vector, velocity: Vector, mass: float, colliders: list[Any]) -> Any:
+        body = (
+            self._rapier.RigidBody.dynamic()
+            .translation((*position, 0.0))
+            .linvel((*velocity, 0.0))
+            .additional_mass(mass)
+            .can_sleep(self._settings.sleeping)
+            .enabled_translations((True, True, not self._settings.locked_plane))
+            .enabled_rotations((False, False, False))
+        )
+        return self._world.add_body(body, colliders)
+
+    def _with_material(self, collider: Any, *, member: int, touches: int) -> Any:
+        group = self._rapier.Group
+        return (
+            # Rapier takes the mean of two coefficients, which for equal ones is their own
+            collider.density(0.0)
+            .friction(self._friction)
+            .collision_groups(self._rapier.InteractionGroups(group(member), group(touches)))
+        )
+
+
+_LIMITS = (
+    ONE_COEFFICIENT,
+    "rapier3d computes in single precision, and PyPI has no Rapier of double precision: each step rounds places and "
+    "velocities, so that the accurate profile is hardly better than the quick one, and shorter steps make the path worse",
+    STRAIGHT_STRING,
+    NO_STOP,
+)
+
+
+class RapierChain(BeadEngine):
+    """A chain of beads over a fixed cylinder."""
+
+    name = "rapier"
+    distribution = "rapier3d"
+    world = RapierWorld
+    settings_by_profile = SETTINGS
+    settings: RapierChainSettings
+    abilities = bead_abilities(
+        "rapier:chain",
+        quick_cost=8.0,
+        rod="fixed cylinder",
+        stick_slip="the solver clamps friction to its cone",
+        packages=("rapier3d",),
+        summary="Point beads on ropes over a fixed cylinder, one rope for each straight part of the string.",
+        limits=_LIMITS,
+        bead_mass_ratio=SETTINGS[Profile.QUICK].bead_mass_ratio,
+        known_failures={
+            "samples_every_millisecond_from_rest": "places are in single precision: measured 8 nm off at release",
+        },
+        main=False,
+    )
+
+    def studies(self) -> Studies:
+        """Return ladders of step, iterations, links and mass, Rapier's defaults, and the adapter's choices."""
+        s = self.settings
+        return studies_from_rows(
+            self,
+            ladders=(
+                ("time_step", "s", (4e-5, 2e-5, 1e-5, 5e-6)),
+                ("iterations", "", (8, 16, 32, 64)),
+                bend_rungs(s, (0.4, 0.28, 0.2, 0.14)),
+                ("bead_mass_ratio", "", (4e-4, 2e-4, 1e-4, 5e-5)),
+            ),
+            defaults=(
+                (
+                    "dt",
+                    "1/60 s; 1 ms, the sample interval, is as long as a step may be here",
+                    quantity(s.time_step, "s", 3),
+                    "length of a step, during which a contact keeps its direction",
+                    {"time_step": SAMPLE_INTERVAL, "steps_per_group": 1},
+                ),
+                (
+                    "num_internal_pgs_iterations",
+                    "1",
+                    f"{s.iterations}",
+                    "how often joints and contacts are solved in a sub-step; joints begin each time without a force",
+                    {"iterations": 1},
+                ),
+                ("num_solver_iterations", "4", f"{s.sub_steps}", "number of sub-steps in a step", {"sub_steps": 4}),
+                (
+                    "static_contact_softness",
+                    "60 Hz",
+                    f"{1e-6 * s.contact_hertz:g} MHz, as for joints",
+                    "how stiff contacts with fixed bodies are",
+                    {"contact_hertz": 60.0},
+                ),
+                (
+                    "friction_in_bias_pass",
+                    "off",
+                    "on",
+                    "whether friction is solved before places move, too; without it a held string creeps twice as far",
+                    {"friction_in_bias_pass": False},
+                ),
+                (
+                    "contact_recycling",
+                    "on",
+                    "off",
+                    "a contact keeps its direction until its bodies have moved by 0.05 length units",
+                    {"contact_recycling": True},
+                ),
+                (
+                    "can_sleep",
+                    "on",
+                    "off",
+                    "bodies below 0.05 length units per second are stopped after 0.5 s",
+                    {"sleeping": True},
+                ),
+            ),
+            choices=(
+                ("bead mass", f"{s.bead_mass_ratio:g} M1", "double", {"bead_mass_ratio": 2 * s.bead_mass_ratio}),
+                ("plane of motion", "kept, as nothing pushes out of it", "axis z locked", {"locked_plane": True}),
+                *CORNER_CHOICES,
+                ("bead radius", quantity(s.bead_radius, "m", 3), "0.5 mm", {"bead_radius": 5e-4}),
+                ("contact frequency", f"{1e-6 * s.contact_hertz:g} MHz", "10 kHz", {"contact_hertz": 1e4}),
+                ("steps between two updates of drag and beads", f"{s.steps_per_group}", "1", {"steps_per_group": 1}),
+            ),
+        )
+
+
+def engines(profile: Profile) -> list[Engine]:
+    """Return every variant of this engine with the settings of ``profile``."""
+    return [RapierChain(profile=profile)]

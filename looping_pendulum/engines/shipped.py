@@ -1,0 +1,57 @@
+"""Abilities of the adapters of this package, with what was measured of them: what they add, and their range of scenarios."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities
+from looping_pendulum.engines.validated import shipped_range
+from looping_pendulum.pages.numbers import amount
+from looping_pendulum.reference_ode.parameters import Release
+
+FILE = "additions.json"
+"""File beside this module with what `benchmarks.additions` measured: variant -> rows of an addition and errors.
+
+Errors are the root mean square distances of the light mass from the reference on ten_to_one with the quick profile,
+up to 0.35 s and up to 0.7 s [m]; those without the addition are null where that run did not come to its proper end.
+"""
+SIGNIFICANT_DIGITS = 2
+"""Significant digits of an error in a sentence; whole millimetres are not rounded further."""
+
+
+def shipped_abilities(
+    label: str, *, first_additions: tuple[str, ...] = (), additions: tuple[str, ...] = (), **declared: Any
+) -> Abilities:
+    """Return abilities of the variant ``label``, "mujoco:beads": all releases, forces and pushes, and what was measured of it.
+
+    ``first_additions`` come before the measured ones, ``additions`` after them; ``declared`` are further fields of `Abilities`.
+    """
+    return Abilities(
+        additions=(*first_additions, *measured_additions(label), *additions),
+        validated=shipped_range(label),
+        **({"releases": frozenset(Release), "effect_kinds": FORCES_AND_RELEASE} | declared),
+    )
+
+
+def measured_additions(label: str) -> tuple[str, ...]:
+    """Return sentences on what the adapter of the variant ``label`` adds; empty: none was measured."""
+    return tuple(_sentence(**row) for row in _measured().get(label, ()))
+
+
+@cache
+def _measured() -> dict[str, list[dict[str, Any]]]:
+    rows: dict[str, list[dict[str, Any]]] = json.loads(files(__package__).joinpath(FILE).read_text(encoding="utf-8"))
+    return rows
+
+
+def _sentence(what: str, errors: list[float], errors_without: list[float] | None) -> str:
+    """Return a sentence on one addition, with the errors with and without it."""
+    if errors_without is None:
+        return f"{what}: without it ten_to_one does not come to its proper end"
+    without, ours = (
+        " / ".join(amount(error, 1e3, SIGNIFICANT_DIGITS) for error in each) + " mm" for each in (errors_without, errors)
+    )
+    return f"{what}: without it ten_to_one is off by {without} up to 0.35 / 0.7 s, with it by {ours}"

@@ -1,0 +1,376 @@
+"""Find what moves before a still background: the background, the blobs of each picture that differ from it, and their paths."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from looping_pendulum.film.decode import Picture, imaging
+from looping_pendulum.reference_ode.geometry import Array
+
+Bytes = NDArray[np.uint8]
+
+GRID_SIZE = 360
+"""Shorter side of the picture in which blobs are looked for [pixels]; their centres are then measured in the full one."""
+NOISE_FACTOR = 5.0
+"""Difference from the background, in standard deviations of a pixel, from which on a pixel has changed."""
+LEAST_DIFFERENCE = 12.0
+"""The same in levels of 255: encoders leave differences of up to ten around what moves."""
+LEAST_NOISE = 0.7
+"""Smallest standard deviation of a pixel [levels]; rounding alone gives 0.3."""
+COLOUR_WEIGHT = 2.0
+"""Weight of differences of colour, which span half the range that those of brightness do."""
+NOISE_WIDTH = 25
+"""Width over which the noise of pixels is averaged [pixels]."""
+LEAST_AREA = 6
+"""Smallest blob [pixels of the search grid]."""
+LARGEST_SHARE = 0.03
+"""Largest blob, as a share of the picture: a mass is smaller, an arm is not."""
+CORE_SHARE = 0.45
+"""Share of a blob's own contrast that a pixel needs to belong to its core, which sheds a shadow or a string that touches it."""
+COVERED = (0.3, 0.8)
+"""Shares of a blob's median contrast that count as nothing and as all in its centre.
+
+The lower one is above noise, shadow and string. Above the upper one, shading and lines of the background would pull the centre.
+"""
+LEAST_SAMPLES, MOST_SAMPLES = 9, 15
+"""Fewest and most pictures of which the median is taken."""
+MARGIN = 3
+"""Pixels around a blob that are looked at for its centre."""
+MAX_BLOBS = 40
+"""Most blobs of one picture; if there are more, the largest are kept."""
+FLICKER = 0.004
+"""Relative change of the whole picture's brightness from which on it is corrected."""
+
+
+class Blob(NamedTuple):
+    """A connected part of a picture that differs from the background."""
+
+    frame: int
+    x: float
+    """Centre, weighted by how much of each pixel is covered [pixels]."""
+    y: float
+    area: float
+    """[pixels]"""
+    contrast: float
+    """Mean difference from the background [levels of 255]."""
+    length: float
+    """Extent along its longer axis, four standard deviations of its pixels [pixels]."""
+    width: float
+    """The same across it."""
+    at_edge: bool
+    """Whether it touches the edge of the picture, so that a part may be missing."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Background:
+    """The picture without the masses, and where a change would be noticed."""
+
+    planes: tuple[Bytes, ...]
+    """Brightness, and both colours at half the size if there are any."""
+    threshold: Bytes
+    """Least difference of a changed pixel, on the search grid."""
+    noise: float
+    """Median standard deviation of a pixel [levels]."""
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Return width and height [pixels]."""
+        height, width = self.planes[0].shape
+        return width, height
+
+
+def background(samples: Sequence[Sequence[Bytes]], index: Sequence[int], window: tuple[int, int], *, sure: bool) -> Background:
+    """Return the picture without the masses: the median during the fall, in which neither rests.
+
+    Parameters
+    ----------
+    samples
+        Planes of some pictures.
+    index
+        Their frames' numbers.
+    window
+        First and last frame of the fall.
+    sure
+        Whether the window is known. If it is a guess, the median of three medians is taken, of the pictures before, during and
+        after it: where a mass rests in one of them, the other two outvote it.
+    """
+    cv2 = imaging()
+    number = np.asarray(index)
+    before, after = number < window[0], number > window[1]
+    groups = [np.flatnonzero(chosen) for chosen in (~before & ~after, before, after)]
+    if len(groups[0]) < LEAST_SAMPLES:
+        groups[0] = np.arange(len(number))
+    groups = [_spread(number, group, MOST_SAMPLES) for group in groups[: 1 if sure else 3] if len(group) >= 3]
+    medians = []
+    for plane in range(len(samples[0])):
+        each = [_sorted(cv2, [samples[int(k)][plane] for k in group]) for group in groups]
+        if plane == 0:
+            # The median distance from the median, as a mass may cover a pixel in a third of the pictures
+            usual = each[0][len(each[0]) // 2]
+            distance = _sorted(cv2, [cv2.absdiff(row, usual) for row in each[0]])[len(each[0]) // 2].astype(np.float32)
+        middle = [rows[len(rows) // 2] for rows in each]
+        medians.append(_sorted(cv2, middle)[1] if len(middle) == 3 else middle[0])
+    # Over more than a string's width: along that of the heavy mass pixels change, and a threshold there would cut it in two
+    noise = np.maximum(cv2.blur(distance * np.float32(1.48), (NOISE_WIDTH, NOISE_WIDTH)), LEAST_NOISE)
+    threshold = np.clip(NOISE_FACTOR * noise, LEAST_DIFFERENCE, 255).astype(np.uint8)
+    grid = cv2.resize(threshold, _grid_size(medians[0]), interpolation=cv2.INTER_AREA)
+    return Background(planes=tuple(medians), threshold=grid, noise=float(np.median(noise)))
+
+
+def _spread(number: NDArray[np.intp], group: NDArray[np.intp], most: int) -> NDArray[np.intp]:
+    """Return at most so many members of a group of pictures, evenly spread over time: more were kept where much moves."""
+    places = np.linspace(number[group[0]], number[group[-1]], most)
+    chosen: NDArray[np.intp] = group[np.unique(np.argmin(np.abs(number[group][:, None] - places), axis=0))]
+    return chosen
+
+
+def _sorted(cv2: Any, pictures: Sequence[Bytes]) -> list[Bytes]:
+    """Sort each pixel's values by comparing neighbours in turn: whole pictures at a time, ten times quicker than a median."""
+    rows = list(pictures)
+    for turn in range(len(rows)):
+        for k in range(turn % 2, len(rows) - 1, 2):
+            rows[k], rows[k + 1] = cv2.min(rows[k], rows[k + 1]), cv2.max(rows[k], rows[k + 1])
+    return rows
+
+
+def _grid_size(luma: Bytes) -> tuple[int, int]:
+    height, width = luma.shape
+    step = max(1, round(min(height, width) / GRID_SIZE))
+    return width // step, height // step
+
+
+class Difference:
+    """Difference of one picture from the background."""
+
+    def __init__(self, planes: Sequence[Bytes], ground: Background) -> None:
+        cv2 = imaging()
+        self._cv2 = cv2
+        still = ground.planes[0]
+        some = (slice(4, None, 16), slice(4, None, 16))
+        gain = float(np.median(planes[0][some].astype(np.float32) / np.maximum(still[some], 1)))
+        if abs(gain - 1) > FLICKER:
+            still = cv2.convertScaleAbs(still, alpha=gain)
+        self.luma: Bytes = cv2.absdiff(planes[0], still)
+        self.colours: list[Bytes] = [cv2.absdiff(p, g) for p, g in zip(planes[1:], ground.planes[1:], strict=True)]
+
+    def on_grid(self, size: tuple[int, int]) -> Bytes:
+        """Return the difference at the size of the search grid."""
+        cv2 = self._cv2
+        total = self.luma if size == self.luma.shape[::-1] else cv2.resize(self.luma, size, interpolation=cv2.INTER_AREA)
+        for colour in self.colours:
+            weighted = cv2.convertScaleAbs(colour, alpha=COLOUR_WEIGHT)
+            if weighted.shape != total.shape:
+                weighted = cv2.resize(weighted, size, interpolation=cv2.INTER_LINEAR)
+            total = cv2.max(total, weighted)
+        return np.asarray(total)
+
+    def part(self, x0: int, y0: int, x1: int, y1: int) -> Bytes:
+        """Return the difference in a rectangle of the full picture; its left and upper edges are even."""
+        cv2 = self._cv2
+        total = self.luma[y0:y1, x0:x1]
+        for colour in self.colours:
+            patch = colour[y0 // 2 : (y1 + 1) // 2, x0 // 2 : (x1 + 1) // 2]
+            wide = cv2.resize(patch, (2 * patch.shape[1], 2 * patch.shape[0]), interpolation=cv2.INTER_LINEAR)
+            total = cv2.max(total, cv2.convertScaleAbs(wide[: y1 - y0, : x1 - x0], alpha=COLOUR_WEIGHT))
+        return np.asarray(total)
+
+
+def find_blobs(frame: int, difference: Difference, ground: Background, region: Bytes | None = None) -> list[Blob]:
+    """Return the blobs of one picture, largest first.
+
+    Parameters
+    ----------
+    region
+        Where blobs are looked for, not 0, on the search grid; None: everywhere.
+    """
+    cv2 = imaging()
+    grid_size = ground.threshold.shape[::-1]
+    step = ground.size[0] / grid_size[0]
+    on_grid = cv2.blur(difference.on_grid(grid_size), (3, 3))
+    changed = cv2.compare(on_grid, ground.threshold, cv2.CMP_GT)
+    if region is not None:
+        changed = cv2.bitwise_and(changed, region)
+    changed = cv2.morphologyEx(changed, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    count, label, stats, _ = cv2.connectedComponentsWithStats(changed, connectivity=8)
+    largest = LARGEST_SHARE * grid_size[0] * grid_size[1]
+    kept = [j for j in range(1, count) if LEAST_AREA <= stats[j, cv2.CC_STAT_AREA] <= largest]
+    kept.sort(key=lambda j: -stats[j, cv2.CC_STAT_AREA])
+    blobs = []
+    for j in kept[:MAX_BLOBS]:
+        x, y, w, h = (int(v) for v in stats[j, :4])
+        blob = _measured(frame, difference, ground, label[y : y + h, x : x + w] == j, (x, y, w, h), step)
+        if blob is not None:
+            blobs.append(blob)
+    return blobs
+
+
+def _measured(
+    frame: int, difference: Difference, ground: Background, mask: NDArray[np.bool_], box: tuple[int, int, int, int], step: float
+) -> Blob | None:
+    """Measure one blob in the full picture: its centre weighted by how much of each pixel it covers."""
+    cv2 = imaging()
+    width, height = ground.size
+    x, y, w, h = box
+    x0, y0 = (max(int(v * step) - MARGIN, 0) & ~1 for v in (x, y))
+    x1, y1 = min(int((x + w) * step) + MARGIN, width), min(int((y + h) * step) + MARGIN, height)
+    part = difference.part(x0, y0, x1, y1)
+    framed = np.zeros((y1 - y0, x1 - x0), np.uint8)
+    own = cv2.resize(mask.astype(np.uint8), (max(round(w * step), 1), max(round(h * step), 1)), interpolation=cv2.INTER_NEAREST)
+    left, top = round(x * step) - x0, round(y * step) - y0
+    own = own[: framed.shape[0] - top, : framed.shape[1] - left]
+    framed[top : top + own.shape[0], left : left + own.shape[1]] = own
+    inside = part[framed > 0]
+    if not len(inside):
+        return None
+    full = float(np.percentile(inside, 90))
+    core = cv2.compare(part, CORE_SHARE * full, cv2.CMP_GT)
+    count, label, stats, _ = cv2.connectedComponentsWithStats(
+        cv2.bitwise_and(core, cv2.dilate(framed, None) * 255), connectivity=8
+    )
+    if count < 2:
+        return None
+    best = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
+    area = float(stats[best, cv2.CC_STAT_AREA])
+    # With a rim of two pixels, which a moving or soft edge covers in part
+    own = cv2.dilate((label == best).astype(np.uint8), np.ones((5, 5), np.uint8))
+    usual = float(np.median(part[label == best]))
+    cover = np.clip((part / usual - COVERED[0]) / (COVERED[1] - COVERED[0]), 0, 1) * own
+    total = float(cover.sum())
+    if total <= 0:
+        return None
+    columns, rows = np.arange(part.shape[1]), np.arange(part.shape[0])
+    by_column, by_row = cover.sum(axis=0), cover.sum(axis=1)
+    cx, cy = float(by_column @ columns) / total, float(by_row @ rows) / total
+    xx = float(by_column @ (columns - cx) ** 2) / total
+    yy = float(by_row @ (rows - cy) ** 2) / total
+    xy = float((rows - cy) @ cover @ (columns - cx)) / total
+    middle, spread = 0.5 * (xx + yy), float(np.hypot(0.5 * (xx - yy), xy))
+    return Blob(
+        frame=frame,
+        x=x0 + cx,
+        y=y0 + cy,
+        area=area,
+        contrast=float(part[label == best].mean()),
+        length=4 * float(np.sqrt(middle + spread)),
+        width=4 * float(np.sqrt(max(middle - spread, 0.0))),
+        at_edge=x0 <= 1 or y0 <= 1 or x1 >= width - 1 or y1 >= height - 1,
+    )
+
+
+Blobs = dict[int, list[Blob]]
+"""Frame -> its blobs."""
+
+
+def blobs_of(
+    pictures: Iterable[Picture],
+    ground: Background,
+    *,
+    skip: NDArray[np.bool_] | None = None,
+    region: Bytes | None = None,
+    watch: Callable[[int], tuple[float, float] | None] | None = None,
+    half: int = 0,
+    progress: Callable[[int], None] | None = None,
+) -> tuple[Blobs, dict[int, tuple[tuple[int, int], Bytes]]]:
+    """Return the blobs of pictures, and what surrounds one place in each.
+
+    Parameters
+    ----------
+    skip
+        Frames that are left out, as copies.
+    region
+        Where blobs are looked for, on the search grid.
+    watch
+        Returns the place in a frame whose surroundings are wanted [pixels]; None: not in this frame.
+    half
+        Half the size of the surroundings [pixels].
+    progress
+        Called with the number of each frame.
+
+    Returns
+    -------
+    blobs
+        Frame -> blobs.
+    surroundings
+        Frame -> left upper corner [pixels] and the difference from the background, shape (rows, columns).
+    """
+    found: Blobs = {}
+    surroundings = {}
+    for picture in pictures:
+        if progress is not None:
+            progress(picture.frame)
+        if skip is not None and skip[picture.frame]:
+            continue
+        difference = Difference(picture.planes[: len(ground.planes)], ground)
+        found[picture.frame] = find_blobs(picture.frame, difference, ground, region)
+        place = None if watch is None else watch(picture.frame)
+        if place is not None:
+            width, height = ground.size
+            x0, y0 = (max(int(v) - half, 0) & ~1 for v in place)
+            x1, y1 = min(x0 + 2 * half, width), min(y0 + 2 * half, height)
+            if x1 - x0 > half and y1 - y0 > half:
+                surroundings[picture.frame] = (x0, y0), difference.part(x0, y0, x1, y1).copy()
+    return found, surroundings
+
+
+Path = NDArray[np.float64]
+"""Rows (frame, x, y, area, contrast, length, width) of one thing that moves, by frame."""
+
+MAX_GAP_SECONDS = 0.017
+"""Time for which a path may be lost and found again [s], and two frames at least."""
+LEAST_POINTS = 3
+"""Fewest points of a path."""
+FIRST_SPEED = 3000.0
+"""Largest speed of a blob with no past [pixels per second in a picture 1280 wide]."""
+
+
+def paths(blobs: Blobs, t: Array, width: float) -> list[Path]:
+    """Link blobs to paths: each continues where its last points lead, with the nearest blob of a similar size.
+
+    Parameters
+    ----------
+    t
+        Time of each frame [s].
+    width
+        Longer side of the picture [pixels].
+    """
+    unit = width / 1280
+    usual = float(np.median(np.diff(t)))
+    live: list[list[Blob]] = []
+    done: list[list[Blob]] = []
+    for k in sorted(blobs):
+        here, taken = blobs[k], set()
+        live.sort(key=lambda path: -len(path))
+        for path in live:
+            place, gate = _expected(path, t, t[k], unit)
+            costs = [
+                (float(np.hypot(b.x - place[0], b.y - place[1])) + 4 * unit * abs(np.log(b.area / path[-1].area)), j)
+                for j, b in enumerate(here)
+                if j not in taken
+            ]
+            cost, j = min(costs, default=(np.inf, -1))
+            if cost < gate:
+                path.append(here[j])
+                taken.add(j)
+        limit = max(MAX_GAP_SECONDS, 2.5 * usual)
+        done += [path for path in live if t[k] - t[path[-1].frame] > limit]
+        live = [path for path in live if t[k] - t[path[-1].frame] <= limit]
+        live += [[b] for j, b in enumerate(here) if j not in taken]
+    return [np.array([b[:7] for b in path], dtype=float) for path in done + live if len(path) >= LEAST_POINTS]
+
+
+def _expected(path: list[Blob], t: Array, now: float, unit: float) -> tuple[Array, float]:
+    """Return where a path should continue [pixels], and how far from there it may [pixels]."""
+    last = np.array(path[-1][1:3])
+    dt = now - t[path[-1].frame]
+    if len(path) == 1:
+        return last, 10 * unit + FIRST_SPEED * unit * dt
+    speed = (last - np.array(path[-2][1:3])) / (t[path[-1].frame] - t[path[-2].frame])
+    if len(path) > 3:
+        earlier = (np.array(path[-2][1:3]) - np.array(path[-3][1:3])) / (t[path[-2].frame] - t[path[-3].frame])
+        speed = speed + (speed - earlier) * min(dt / (t[path[-1].frame] - t[path[-2].frame]), 1.5)
+    return last + speed * dt, 5 * unit + 0.35 * float(np.hypot(*speed)) * dt

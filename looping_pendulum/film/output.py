@@ -1,0 +1,396 @@
+"""Write what was found in a film: the table of points, what the film is, the contact sheet, and the film with its marks."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from looping_pendulum.files import write_atomically
+from looping_pendulum.film.decode import FilmError, Picture, decoding, imaging, pictures_of
+from looping_pendulum.film.plain import PlainTrack
+from looping_pendulum.film.track import FilmTrack, Points, film_window
+from looping_pendulum.reference_ode.geometry import Array
+
+TABLE_COLUMNS = (
+    "t [s]",
+    "light_x [m]",
+    "light_y [m]",
+    "heavy_x [m]",
+    "heavy_y [m]",
+    "light_error [m]",
+    "heavy_error [m]",
+    "flag",
+)
+"""Columns of the table; readers of measured data take the first five."""
+LONG_STREAK = 6.0
+"""Length of a streak beyond the mass's own width from which on its point is flagged [pixels of a picture 1280 wide]."""
+SHEET_WIDTH = 1280
+"""Width of the contact sheet [pixels]."""
+TILES = 8
+"""Enlarged frames on the contact sheet."""
+LIGHT_COLOUR, HEAVY_COLOUR, ROD_COLOUR, INK, PAPER = (0, 0, 230), (230, 110, 0), (0, 150, 0), (40, 40, 40), (255, 255, 255)
+"""Blue, green and red."""
+CROSS_COLOUR = (0, 230, 255)
+"""Of crosses on the masses themselves."""
+LEAST_ORIGIN_ERROR = 1e-4
+"""Smallest error of the rod's centre that is stated [m]: the centre of a mass is not quite that of its picture."""
+HEAVY_OFFSET_ERROR = 5e-4
+"""Usual distance of the heavy mass's centre in the picture from its string, by its shading and its hook [m]."""
+READOUT_ERROR = 2e-4
+"""Error of the rows' delay per length [s/m] that is fitted without being named; `identify` may name a larger delay."""
+CAMERA_LEAST_TILT = math.radians(0.02)
+"""Smallest error of the tilt that is stated [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilmFiles:
+    """Files that belong to a film, beside it."""
+
+    table: Path
+    facts: Path
+    sheet: Path
+    overlay: Path
+
+
+def files_of(film: str | Path, folder: Path | None = None) -> FilmFiles:
+    """Return the names of the files that tracking writes: beside the film, or in ``folder``."""
+    path = Path(film)
+    base = (folder or path.parent) / path.stem
+    return FilmFiles(
+        table=base.with_name(f"{path.stem}.csv"),
+        facts=base.with_name(f"{path.stem}.film.json"),
+        sheet=base.with_name(f"{path.stem}.track.png"),
+        overlay=base.with_name(f"{path.stem}.overlay.mp4"),
+    )
+
+
+def refuse_foreign_table(files: FilmFiles) -> None:
+    """Refuse to write over a table that tracking did not write: it may be somebody's work of an hour.
+
+    Raises
+    ------
+    FilmError
+        If there is such a table.
+    """
+    try:
+        with files.table.open(encoding="utf-8", errors="replace") as stream:
+            head = stream.readline(400)
+    except OSError:
+        return
+    if not head.startswith("t [s],"):
+        raise FilmError(f"{files.table}: found a table of another program, needed room for the points; rename it, or use --out")
+
+
+def is_newer(files: FilmFiles, film: str | Path) -> bool:
+    """Return whether the table beside a film was written after it."""
+    try:
+        return files.table.stat().st_mtime_ns >= Path(film).stat().st_mtime_ns
+    except OSError:
+        return False
+
+
+def camera_errors(files: FilmFiles) -> dict[str, float]:
+    """Return the standard errors [SI] of the camera's parameters that the facts beside a table state; none without them."""
+    try:
+        tree = json.loads(files.facts.read_text(encoding="utf-8"))
+        per_metre = float(tree["scale_pixels_per_m"])
+        origin = [max(float(v) / per_metre, LEAST_ORIGIN_ERROR) for v in tree["rod_error_pixels"]]
+        return {
+            "scale": float(tree["scale_relative_error"]),
+            "origin_x": origin[0],
+            "origin_y": origin[1],
+            "tilt": math.radians(float(tree["tilt_error_deg"])),
+            "clock_offset": float(tree["release_error_s"]),
+            "heavy_offset_x": HEAVY_OFFSET_ERROR,
+            "readout": READOUT_ERROR,
+        }
+    except (OSError, ValueError, TypeError, KeyError, ZeroDivisionError):
+        return {}
+
+
+def table(track: FilmTrack) -> str:
+    """Return the table of points from the release on, as CSV: metres from the rod's axis, and seconds from the release."""
+    rows = [",".join(TABLE_COLUMNS)]
+    masses = (track.light, track.heavy)
+    index = [{int(k): i for i, k in enumerate(mass.frame)} for mass in masses]
+    metres = [track.metres(mass.place) for mass in masses]
+    long_streak = LONG_STREAK * track.facts.width / 1280
+    for k in range(len(track.t)):
+        now = track.t[k] - track.release
+        at = [places.get(k) for places in index]
+        if now < 0 or at == [None, None]:
+            continue
+        cells, errors, flags = [f"{now:.6f}"], [], []
+        for mass, place, i, name in zip(masses, metres, at, ("light", "heavy"), strict=True):
+            cells += ["", ""] if i is None else [f"{v:.6f}" for v in place[i]]
+            errors.append("" if i is None else f"{mass.error[i] / track.scale:.6f}")
+            if i is None:
+                flags.append(f"no {name}")
+            elif mass.streak[i] > long_streak:
+                flags.append(f"{name} streak")
+        rows.append(",".join([*cells, *errors, "; ".join(flags)]))
+    return "\n".join(rows) + "\n"
+
+
+def camera_lines(track: FilmTrack) -> dict[str, str]:
+    """Return what a study says of this film's camera: the errors of scale, origin, tilt and clock."""
+    millimetres = [1e3 * error / track.scale for error in track.rod_error]
+    return {
+        "scale": f"1 +/- {100 * track.scale_error:.2g} %",
+        "origin_x": f"0 mm +/- {max(millimetres[0], 0.1):.2g} mm",
+        "origin_y": f"0 mm +/- {max(millimetres[1], 0.1):.2g} mm",
+        "tilt": f"0 deg +/- {math.degrees(max(track.tilt_error, CAMERA_LEAST_TILT)):.2g} deg",
+        "clock_offset": f"0 ms +/- {1e3 * track.release_error:.2g} ms",
+        "heavy_offset_x": f"0 mm +/- {1e3 * HEAVY_OFFSET_ERROR:.2g} mm",
+    } | (
+        {}
+        if track.settings.readout is None
+        else {"readout": f"{delay_per_length(track):.4g} s/m +/- {READOUT_ERROR / 4:.2g} s/m"}
+    )
+
+
+def delay_per_length(track: FilmTrack) -> float:
+    """Return the delay of the picture's rows per length downwards [s/m], 0 if the time of the readout is not known."""
+    return (track.settings.readout or 0.0) * track.scale / track.facts.height
+
+
+def sentence(track: FilmTrack) -> str:
+    """Say in one line what was found."""
+    residual = 1.4826 * float(np.median(np.abs(track.string_residual)))
+    return (
+        f"{track.path}: light mass in {track.share:.0%} of the frames after the release, "
+        f"{residual:.2f} pixels from a taut string; "
+        f"scale {track.scale:.1f} pixels per metre +/- {track.scale_error:.2%} by {track.scale_source}; released at "
+        f"{track.release:.3f} s; {track.facts.rate:.4g} frames per second, {track.facts.rate_source}"
+        + ("; mirrored, as the light mass starts on the right" if track.side < 0 else "")
+    )
+
+
+def study_lines(track: FilmTrack, file: str) -> str:
+    """Return the lines of a study for this film's trial, to copy."""
+    angle, hanging = math.degrees(track.angle), 1e3 * track.hanging_length
+    camera = ", ".join(f"{key}: {value}" for key, value in camera_lines(track).items())
+    length = "" if track.settings.free_length is None else f", free_length: {_length(track)}"
+    return "\n".join((
+        f"  - file: {file}",
+        f"    release: {{kind: looping, angle: {angle:.2f} deg +/- 0.3 deg{length},",
+        f"      hanging_length: {hanging:.1f} mm +/- 1 mm}}",
+        f"    camera: {{{camera}}}",
+    ))  # fmt: skip
+
+
+def _length(track: FilmTrack) -> str:
+    assert track.settings.free_length is not None
+    error = track.settings.free_length_error
+    return f"{100 * track.settings.free_length:.6g} cm" + (f" +/- {1e3 * error:.3g} mm" if error else "")
+
+
+def facts(track: FilmTrack | PlainTrack) -> dict[str, Any]:
+    """Return what the film is and what was found in it, as plain data in SI units and pixels."""
+    tree: dict[str, Any] = {"film": Path(track.path).name, **asdict(track.facts)}
+    if isinstance(track, PlainTrack):
+        return tree | {"things": [{"name": name, "frames": len(p.frame)} for name, p in track.things.items()]}
+    residual = 1.4826 * float(np.median(np.abs(track.string_residual)))
+    first, last = film_window(track)
+    return tree | {
+        "rod_pixels": list(track.rod), "rod_error_pixels": list(track.rod_error), "scale_pixels_per_m": track.scale,
+        "scale_relative_error": track.scale_error, "scale_source": track.scale_source, "tilt_deg": math.degrees(track.tilt),
+        "tilt_error_deg": math.degrees(track.tilt_error), "tilt_source": "the vertical on which the heavy mass falls",
+        "mirrored": track.side < 0, "release_s": track.release, "release_error_s": track.release_error,
+        "angle_deg": math.degrees(track.angle), "hanging_length_m": track.hanging_length, "string_residual_pixels": residual,
+        "frames_followed": [first, last], "light_share": track.share, "skipped": track.skipped,
+        "points": {name: _summary(p) for name, p in (("light", track.light), ("heavy", track.heavy))},
+        "camera": camera_lines(track), "readout_s": track.settings.readout,
+    }  # fmt: skip
+
+
+def _summary(points: Points) -> dict[str, float]:
+    return {
+        "frames": len(points.frame),
+        "median_error_pixels": float(np.median(points.error)),
+        "longest_streak_pixels": float(points.streak.max()),
+    }
+
+
+def write(track: FilmTrack, files: FilmFiles, *, overlay: bool = False) -> list[Path]:
+    """Write table, facts and contact sheet, with ``overlay`` the film with its marks, too; return their paths."""
+    write_atomically(files.table, table(track))
+    write_atomically(files.facts, _json(facts(track)))
+    write_atomically(files.sheet, _png(contact_sheet(track)))
+    written = [files.table, files.facts, files.sheet]
+    if overlay:
+        write_overlay(track, files.overlay)
+        written.append(files.overlay)
+    return written
+
+
+def write_plain(track: PlainTrack, files: FilmFiles) -> list[Path]:
+    """Write the table of things that move and the facts of their film; return the paths."""
+    write_atomically(files.table, track.table())
+    write_atomically(files.facts, _json(facts(track)))
+    return [files.table, files.facts]
+
+
+def _json(tree: dict[str, Any]) -> str:
+    return json.dumps(tree, indent=1, default=float) + "\n"
+
+
+def _png(picture: NDArray[np.uint8]) -> bytes:
+    return bytes(imaging().imencode(".png", picture)[1])
+
+
+def contact_sheet(track: FilmTrack) -> NDArray[np.uint8]:
+    """Return the picture by which a person checks the points: the paths, eight frames enlarged, the string's residual."""
+    cv2 = imaging()
+    height, width = track.ground.planes[0].shape
+    shrink = SHEET_WIDTH / width if width >= height else 0.5 * SHEET_WIDTH / width
+    scene = cv2.cvtColor(
+        cv2.resize(track.ground.planes[0], None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA), cv2.COLOR_GRAY2BGR
+    )
+    scene = cv2.addWeighted(scene, 0.55, np.full_like(scene, 255), 0.45, 0)
+    for points, colour in ((track.light, LIGHT_COLOUR), (track.heavy, HEAVY_COLOUR)):
+        for x, y in points.place * shrink:
+            _dot(cv2, scene, x, y, 1.5, colour)
+    cv2.circle(
+        scene, _fixed(np.array(track.rod) * shrink), int(16 * max(track.rod_radius * shrink, 2)), ROD_COLOUR, 2, cv2.LINE_AA, 4
+    )
+    if width < height:
+        scene = cv2.copyMakeBorder(scene, 0, 0, 0, SHEET_WIDTH - scene.shape[1], cv2.BORDER_CONSTANT, value=PAPER)
+    residual = 1.4826 * float(np.median(np.abs(track.string_residual)))
+    head = np.full((58, SHEET_WIDTH, 3), 255, np.uint8)
+    lines = (
+        f"{Path(track.path).name}: light mass (red) in {track.share:.0%} of the frames, heavy mass blue, rod green",
+        f"scale {track.scale:.1f} px/m +/- {track.scale_error:.2%}, string within {residual:.2f} px, "
+        f"release at {track.release:.3f} s, "
+        f"{track.facts.rate:.4g} frames/s, angle {math.degrees(track.angle):.1f} deg",
+    )
+    for i, text in enumerate(lines):
+        _write(cv2, head, text, 10, 22 + 24 * i, 0.55)
+    return np.vstack([head, scene, _tiles(cv2, track), _residual_plot(cv2, track)])
+
+
+def _tiles(cv2: Any, track: FilmTrack) -> NDArray[np.uint8]:
+    """Return eight frames from the release on, enlarged around the light mass."""
+    index = {int(k): i for i, k in enumerate(track.light.frame)}
+    frames = track.light.frame[track.t[track.light.frame] >= track.release]
+    frames = frames if len(frames) >= TILES else track.light.frame
+    wanted = {int(k) for k in frames[np.linspace(0, len(frames) - 1, TILES).astype(int)]}
+    half = max(int(0.07 * track.scale), 24)
+    side = SHEET_WIDTH // 4
+    tiles = []
+    heavy = {int(k): i for i, k in enumerate(track.heavy.frame)}
+    for picture in pictures_of(track.path, min(wanted), max(wanted)):
+        if picture.frame not in wanted:
+            continue
+        centre = track.light.place[index[picture.frame]]
+        tile = cv2.cvtColor(
+            cv2.getRectSubPix(_colours(cv2, picture), (2 * half, 2 * half), tuple(float(v) for v in centre)), cv2.COLOR_RGB2BGR
+        )
+        tile = cv2.resize(tile, (side, side), interpolation=cv2.INTER_CUBIC)
+        zoom = side / (2 * half)
+        marks = [(centre, CROSS_COLOUR)]
+        if picture.frame in heavy:
+            marks.append((track.heavy.place[heavy[picture.frame]], CROSS_COLOUR))
+        for place, colour in marks:
+            x, y = (place - centre + half) * zoom
+            if 0 <= x < side and 0 <= y < side:
+                _cross(cv2, tile, x, y, 14, colour)
+        _write(cv2, tile, f"frame {picture.frame}, {track.t[picture.frame] - track.release:.3f} s", 6, 18, 0.5)
+        tiles.append(cv2.copyMakeBorder(tile[1:-1, 1:-1], 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=PAPER))
+    while len(tiles) < TILES:
+        tiles.append(np.full((side, side, 3), 255, np.uint8))
+    return np.vstack([np.hstack(tiles[:4]), np.hstack(tiles[4:TILES])])
+
+
+def _residual_plot(cv2: Any, track: FilmTrack) -> NDArray[np.uint8]:
+    """Return a plot of the departure of the string's length from the taut one over time."""
+    plot = np.full((170, SHEET_WIDTH, 3), 255, np.uint8)
+    t = track.t[track.light.frame] - track.release
+    e = track.string_residual
+    reach = max(1.0, float(np.ceil(np.percentile(np.abs(e), 98))))
+    left, right, middle, tall = 70, SHEET_WIDTH - 15, 85, 62
+    span = max(float(t[-1] - t[0]), 1e-9)
+    for level in (-reach, 0.0, reach):
+        y = int(middle - tall * level / reach)
+        cv2.line(plot, (left, y), (right, y), (200, 200, 200), 1)
+        _write(cv2, plot, f"{level:+.0f} px", 8, y + 5, 0.45)
+    for now, value in zip(t, e, strict=True):
+        _dot(
+            cv2,
+            plot,
+            left + (right - left) * (now - t[0]) / span,
+            middle - tall * float(np.clip(value / reach, -1.1, 1.1)),
+            2,
+            LIGHT_COLOUR,
+        )
+    _write(cv2, plot, f"length of the string less that of a taut one, from {t[0]:.2f} s to {t[-1]:.2f} s", left, 165, 0.45)
+    return plot
+
+
+def write_overlay(track: FilmTrack, path: Path) -> None:
+    """Write the film from the release on with its marks, at 30 frames a second."""
+    cv2, av = imaging(), decoding()
+    index = [{int(k): i for i, k in enumerate(points.frame)} for points in (track.light, track.heavy)]
+    first, last = film_window(track)
+    width, height = (track.facts.width // 2 * 2, track.facts.height // 2 * 2)
+    part = path.with_name(f".{path.name}.part")
+    try:
+        with av.open(str(part), "w", format="mp4") as container:
+            stream = container.add_stream("libx264", rate=Fraction(30))
+            stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+            stream.options = {"crf": "23", "preset": "veryfast"}
+            for picture in pictures_of(track.path, first, last):
+                shown = np.ascontiguousarray(_colours(cv2, picture)[:height, :width, ::-1])
+                for places, points, colour in zip(index, (track.light, track.heavy), (LIGHT_COLOUR, HEAVY_COLOUR), strict=True):
+                    if (i := places.get(picture.frame)) is not None:
+                        _cross(cv2, shown, float(points.place[i][0]), float(points.place[i][1]), 12, colour)
+                cv2.circle(
+                    shown, _fixed(np.array(track.rod)), int(16 * max(track.rod_radius, 2)), ROD_COLOUR, 1, cv2.LINE_AA, 4
+                )
+                container.mux(stream.encode(av.VideoFrame.from_ndarray(shown, format="bgr24")))
+            container.mux(stream.encode())
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _colours(cv2: Any, picture: Picture) -> NDArray[np.uint8]:
+    """Return a picture in red, green and blue."""
+    height, width = picture.luma.shape
+    wide = [cv2.resize(p, (width, height), interpolation=cv2.INTER_LINEAR) for p in (picture.red, picture.blue)]
+    return np.asarray(cv2.cvtColor(cv2.merge([picture.luma, *wide]), cv2.COLOR_YCrCb2RGB))
+
+
+def _fixed(place: Array) -> tuple[int, int]:
+    """Return a place in sixteenths of a pixel, as OpenCV draws it with ``shift`` 4."""
+    return round(float(place[0]) * 16), round(float(place[1]) * 16)
+
+
+def _dot(cv2: Any, picture: NDArray[np.uint8], x: float, y: float, radius: float, colour: tuple[int, ...]) -> None:
+    cv2.circle(picture, _fixed(np.array([x, y])), int(16 * radius), colour, -1, cv2.LINE_AA, 4)
+
+
+def _cross(cv2: Any, picture: NDArray[np.uint8], x: float, y: float, reach: float, colour: tuple[int, ...]) -> None:
+    """Draw a cross that leaves its middle open, so that what it marks is seen."""
+    for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        ends = [_fixed(np.array([x + r * dx, y + r * dy])) for r in (0.3 * reach, reach)]
+        cv2.line(picture, *ends, colour, 1, cv2.LINE_AA, 4)
+
+
+def _write(cv2: Any, picture: NDArray[np.uint8], text: str, x: int, y: int, size: float) -> None:
+    shown = text.encode("ascii", "replace").decode()
+    cv2.putText(picture, shown, (x, y), cv2.FONT_HERSHEY_SIMPLEX, size, PAPER, 3, cv2.LINE_AA)
+    cv2.putText(picture, shown, (x, y), cv2.FONT_HERSHEY_SIMPLEX, size, INK, 1, cv2.LINE_AA)
+
+
+def names(paths: Iterable[Path]) -> str:
+    """Return paths as a list in words."""
+    return ", ".join(str(p) for p in paths)

@@ -1,0 +1,118 @@
+"""Follow whatever moves in a film, without physics: a ball, a cart, a bob; pixels and seconds, or metres by a rule."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from looping_pendulum.film.decode import FilmError, FilmFacts, Survey, film_error, pictures, survey
+from looping_pendulum.film.moving import Background, Blobs, background, blobs_of, paths
+from looping_pendulum.film.track import Points, TrackSettings
+from looping_pendulum.reference_ode.geometry import Array
+
+MAX_THINGS = 8
+"""Most things that are written."""
+LEAST_WAY = 0.04
+"""Shortest way of a thing, as a share of the picture's longer side: what only trembles is no motion."""
+LEAST_FRAMES = 6
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlainTrack:
+    """Things that move in a film, the one that goes farthest first."""
+
+    path: str
+    facts: FilmFacts
+    settings: TrackSettings
+    t: Array
+    """Time of each frame from that of the first [s]."""
+    things: Mapping[str, Points]
+    """Name -> its points: "A", "B" and so on."""
+
+    def table(self) -> str:
+        """Return the things' points over time as CSV, y upwards: in pixels, or in metres if a rule was shown."""
+        rule = self.settings.scale
+        unit, scale = "px", 1.0
+        if rule is not None:
+            unit, scale = "m", float(np.hypot(rule.end[0] - rule.start[0], rule.end[1] - rule.start[1])) / rule.length
+        names = [f"{name}_{axis} [{unit}]" for name in self.things for axis in "xy"]
+        rows = [",".join(["t [s]", "frame", *names])]
+        index = {name: {int(k): i for i, k in enumerate(p.frame)} for name, p in self.things.items()}
+        for k in sorted(set().union(*index.values())):
+            cells = [f"{self.t[k]:.6f}", str(k)]
+            for name, points in self.things.items():
+                i = index[name].get(k)
+                x, y = (np.nan, np.nan) if i is None else points.place[i] / scale
+                cells += ["", ""] if i is None else [f"{x:.6g}", f"{self.facts.height / scale - y:.6g}"]
+            rows.append(",".join(cells))
+        return "\n".join(rows) + "\n"
+
+
+def follow_all(path: str | Path, settings: TrackSettings, progress: Callable[[str, float], None] | None = None) -> PlainTrack:
+    """Follow everything that moves before a still background.
+
+    Raises
+    ------
+    FilmError
+        If the film cannot be read, or nothing moves in it.
+    """
+    report = progress or (lambda _, __: None)
+    report("reading the film", 0.0)
+    seen = survey(path, frame_rate=settings.frame_rate, needs_rest=False)
+    n = len(seen.t)
+    first = 0 if settings.first is None else int(np.searchsorted(seen.t, settings.first))
+    last = n - 1 if settings.last is None else int(np.searchsorted(seen.t, settings.last, side="right")) - 1
+    if last - first < LEAST_FRAMES:
+        raise film_error(seen.path, "found fewer than seven frames between --from and --to, needed the motion", "correct them")
+    ground = _ground(seen, first, last)
+    report("following what moves", 0.4)
+    blobs, _ = blobs_of(
+        pictures(seen, first, last), ground, skip=seen.repeated,
+        progress=lambda k: report("following what moves", 0.4 + 0.5 * (k - first) / max(last - first, 1)),
+    )  # fmt: skip
+    things = _things(seen, blobs, settings)
+    if not things:
+        raise FilmError(
+            f"{seen.path}: found nothing that moves, needed something; is it the right film? Shorten it by --from and --to"
+        )
+    return PlainTrack(path=seen.path, facts=seen.facts, settings=settings, t=seen.t, things=things)
+
+
+def _ground(seen: Survey, first: int, last: int) -> Background:
+    kept = [p for p in seen.kept if first <= p.frame <= last]
+    if len(kept) < 9:
+        wanted = set(np.linspace(first, last, 15).astype(int).tolist())
+        kept = [
+            p._replace(luma=p.luma.copy(), blue=p.blue.copy(), red=p.red.copy())
+            for p in pictures(seen, first, last)
+            if p.frame in wanted
+        ]
+    third = (last - first) // 3
+    return background([p.planes for p in kept], [p.frame for p in kept], (first + third, last - third), sure=False)
+
+
+def _things(seen: Survey, blobs: Blobs, settings: TrackSettings) -> dict[str, Points]:
+    """Return the paths that go farthest, times their contrast, with names."""
+    width = max(seen.facts.width, seen.facts.height)
+    found = []
+    for path in paths(blobs, seen.t, width):
+        way = float(np.hypot(np.ptp(path[:, 1]), np.ptp(path[:, 2])))
+        if way < LEAST_WAY * width or len(path) < LEAST_FRAMES:
+            continue
+        shown = settings.light
+        if shown is not None and not np.any(
+            (path[:, 0] == shown.frame) & (np.hypot(path[:, 1] - shown.x, path[:, 2] - shown.y) < 0.02 * width)
+        ):
+            continue
+        found.append((way * float(np.median(path[:, 4])), path))
+    found.sort(key=lambda each: -each[0])
+    return {
+        chr(ord("A") + i): Points(
+            frame=path[:, 0].astype(int), place=path[:, 1:3], error=np.full(len(path), 0.3),
+            streak=np.maximum(path[:, 5] - path[:, 6], 0.0),
+        )
+        for i, (_, path) in enumerate(found[:MAX_THINGS])
+    }  # fmt: skip

@@ -1,0 +1,473 @@
+"""Track a film of a looping pendulum: the function to call, what it is told, and what it returns."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from looping_pendulum.film import pendulum
+from looping_pendulum.film.decode import FilmError, FilmFacts, Picture, Survey, film_error, pictures, survey
+from looping_pendulum.film.moving import (
+    LEAST_SAMPLES,
+    MOST_SAMPLES,
+    Background,
+    Blobs,
+    Bytes,
+    background,
+    blobs_of,
+    paths,
+)
+from looping_pendulum.film.moving import Path as MovingPath
+from looping_pendulum.film.pendulum import Fall, LightMass, String
+from looping_pendulum.reference_ode.geometry import Array
+
+ReportProgress = Callable[[str, float], None]
+"""Function of what is being done, and of the share that is complete."""
+
+SECONDS_BEFORE = 0.3
+"""Time before the release from which on pictures are searched [s]."""
+SECONDS_AFTER = 3.0
+"""Time after the release up to which they are [s]; by then the light mass is wound up."""
+CENTRE_ERROR = 0.05
+"""Error of a centre that a picture leaves at least [pixels]: what a codec does to an edge."""
+NOISE_ERROR = 0.3
+"""Error of a disc's centre, in radii over radii: its noise over its contrast times this [pixels]."""
+STREAK_ERROR = 0.03
+"""Error along a streak, as a share of what it is longer than wide."""
+LENGTH_ERROR = 0.2
+"""Error of the string's length by where the masses' centres are taken to be, constant through a film [pixels]."""
+RELEASE_ERROR = 6e-4
+"""Error of the release by the law of its first tenth of a second, which is not quite that of `pendulum.release` [s]."""
+SHOWN_ERROR = 1.4
+"""Error of a length between two places that a person has shown [pixels]."""
+FIRST_WINDOWS = ((0.1, 0.6), (0.3, 0.9), (0.05, 0.3))
+"""Where in the film the fall may be at first, as shares of its frames."""
+
+
+class ScaleRule(NamedTuple):
+    """A length in the picture that a person knows."""
+
+    start: tuple[float, float]
+    """[pixels], y downwards."""
+    end: tuple[float, float]
+    length: float
+    """[m]"""
+
+
+class Shown(NamedTuple):
+    """A mass that a person shows in a frame."""
+
+    x: float
+    """[pixels]"""
+    y: float
+    frame: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackSettings:
+    """What is known of the apparatus, and what a person has shown in the film."""
+
+    free_length: float | None = None
+    """String from the rod to the light mass at the release [m]."""
+    free_length_error: float = 0.0
+    """Its standard error [m]."""
+    rod_radius: float = 6.25e-3
+    """[m]"""
+    frame_rate: float | None = None
+    """True frame rate [Hz]; None: as the film says."""
+    scale: ScaleRule | None = None
+    light: Shown | None = None
+    heavy: Shown | None = None
+    rod: tuple[float, float] | None = None
+    """Centre of the rod [pixels]."""
+    first: float | None = None
+    """Time from which on the film is read [s by its clock, from its first frame]."""
+    last: float | None = None
+    """Time up to which it is read [s]."""
+    readout: float | None = None
+    """Time from the reading of the picture's first row to that of its last [s]; None: not known."""
+    region: tuple[int, int, int, int] | None = None
+    """Rectangle in which masses are looked for: left, top, right, bottom [pixels]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Points:
+    """One mass in the frames in which it was found."""
+
+    frame: NDArray[np.intp]
+    """Shape (n,)."""
+    place: Array
+    """Centre [pixels], y downwards, shape (n, 2)."""
+    error: Array
+    """Standard error per axis [pixels], shape (n,)."""
+    streak: Array
+    """Length of the streak beyond the mass's own width [pixels], shape (n,)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FilmTrack:
+    """Both masses in a film, and how pixels become metres."""
+
+    path: str
+    facts: FilmFacts
+    settings: TrackSettings
+    t: Array
+    """Time of each frame from that of the first [s], by the true rate, shape (frames,)."""
+    light: Points
+    heavy: Points
+    side: int
+    """1: the heavy mass hangs on the right of the rod; -1: on the left, so that the table is mirrored."""
+    rod: tuple[float, float]
+    """Centre of the rod [pixels]."""
+    rod_error: tuple[float, float]
+    """Its standard errors [pixels]."""
+    rod_radius: float
+    """[pixels]"""
+    scale: float
+    """[pixels per m]"""
+    scale_error: float
+    """Its standard error, relative, with that of the declared length."""
+    scale_source: str
+    """Where it comes from, in words."""
+    tilt: float
+    """Angle of the heavy mass's vertical in the picture, by which the table is turned back, counterclockwise [rad]."""
+    tilt_error: float
+    """Its standard error [rad]."""
+    release: float
+    """Time of the release [s] from the first frame."""
+    release_error: float
+    """Its standard error [s]."""
+    angle: float
+    """Angle of the string at the release, from straight up [rad]."""
+    hanging_length: float
+    """From the rod's height to the heavy mass's centre at the release [m]."""
+    string_residual: Array
+    """Departure of the string's length from the taut one at each point of the light mass [pixels], shape (n,)."""
+    share: float
+    """Share of the frames from the release on, over `pendulum.SHARE_SECONDS`, in which the light mass was found."""
+    skipped: dict[str, int]
+    """Why points are missing -> number of frames."""
+    ground: Background = field(repr=False)
+    """The picture without the masses."""
+    remarks: tuple[str, ...] = ()
+
+    def metres(self, place: Array) -> Array:
+        """Return positions [m] from the rod's centre, x right and y up along the heavy mass's vertical, of pixels (n, 2).
+
+        The light mass starts on the left: a film of the other side is mirrored.
+        """
+        d = (np.asarray(place) - np.array(self.rod)) / self.scale
+        right, up = d[..., 0], -d[..., 1]
+        cosine, sine = math.cos(self.tilt), math.sin(self.tilt)
+        x, y = cosine * right + sine * up, -sine * right + cosine * up
+        return np.stack([self.side * x, y], axis=-1)
+
+
+def track(path: str | Path, settings: TrackSettings, progress: ReportProgress | None = None) -> FilmTrack:
+    """Track both masses through a film.
+
+    Raises
+    ------
+    FilmError
+        If the film cannot be read, or the masses are not found in it beyond doubt; the message says what would help.
+    """
+    report = progress or (lambda _, __: None)
+    report("reading the film", 0.0)
+    seen = survey(path, frame_rate=settings.frame_rate)
+    if settings.free_length is None and settings.scale is None:
+        raise film_error(seen.path, "found no length that tells the scale, needed one", 'add for example --free-length "58 cm"')
+    try:
+        return _Tracking(seen, settings, report).result()
+    except FilmError as error:
+        text = str(error)
+        raise FilmError(text if text.startswith(seen.path) else f"{seen.path}: {text}") from None
+
+
+class _Tracking:
+    """The stages of one film's tracking."""
+
+    def __init__(self, seen: Survey, settings: TrackSettings, report: ReportProgress) -> None:
+        self.seen, self.settings, self.report = seen, settings, report
+        self.t, self.facts = seen.t, seen.facts
+        self.size = seen.facts.width, seen.facts.height
+        self.unit = max(self.size) / 1280
+        n = len(self.t)
+        self.first = 0 if settings.first is None else int(np.searchsorted(self.t, settings.first))
+        self.last = n - 1 if settings.last is None else int(np.searchsorted(self.t, settings.last, side="right")) - 1
+        if self.last - self.first < 5:
+            raise FilmError("found fewer than six frames between --from and --to, needed the whole motion; correct them")
+
+    def result(self) -> FilmTrack:
+        window, sure = self._window()
+        for attempt in (1, 2):
+            ground = self._background(window, sure=sure)
+            first, last = self._span(window)
+            blobs = self._blobs(ground, first, last)
+            moving = paths(blobs, self.t, max(self.size))
+            try:
+                fall = self._fall(blobs, moving)
+            except FilmError:
+                if attempt == 2 or self._covers(first, last):
+                    raise
+                window, sure = (self.first, self.last), False
+                continue
+            # A background of other pictures is needed only if the masses rested in those that were taken for the fall's
+            common = min(fall.last, window[1]) - max(fall.first, window[0])
+            if common > 0.5 * (max(fall.last, window[1]) - min(fall.first, window[0])):
+                break
+            window, sure = (fall.first, fall.last), True
+        return self._tied(ground, blobs, moving, fall, last)
+
+    def _covers(self, first: int, last: int) -> bool:
+        return first <= self.first and last >= self.last
+
+    def _window(self) -> tuple[tuple[int, int], bool]:
+        """Return first and last frame of the fall, as reduced pictures show it, and whether they do."""
+        index = self.seen.small_index
+        inside = np.flatnonzero((index >= self.first) & (index <= self.last))
+        small = [(self.seen.small[i],) for i in inside]
+        number = [int(index[i]) for i in inside]
+        height = self.seen.small.shape[1]
+        best: tuple[float, tuple[int, int]] | None = None
+        for low, high in FIRST_WINDOWS:
+            guess = (number[int(low * (len(number) - 1))], number[int(high * (len(number) - 1))])
+            ground = background(small, number, guess, sure=False)
+            films = (
+                Picture(k, *planes, *planes[:0], np.empty(0, np.uint8), np.empty(0, np.uint8))
+                for k, planes in zip(number, small, strict=True)
+            )
+            blobs, _ = blobs_of(films, ground, skip=self.seen.repeated)
+            found = pendulum.falls(paths(blobs, self.t, max(self.seen.small.shape[1:])), height)
+            if found:
+                path = found[0]
+                score = float(np.ptp(path[:, 2])) * float(np.median(path[:, 4]))
+                y = path[:, 2]
+                begins = int(path[np.argmax(y > y.min() + 0.5), 0])
+                ends = int(path[np.argmax(y > y.min() + 0.9 * np.ptp(y)), 0])
+                if best is None or score > 1.2 * best[0]:
+                    best = score, (begins, ends)
+        if best is not None:
+            return best[1], True
+        return (number[int(0.1 * (len(number) - 1))], number[int(0.9 * (len(number) - 1))]), False
+
+    def _span(self, window: tuple[int, int]) -> tuple[int, int]:
+        """Return the frames that are searched for blobs."""
+        t0 = self.t[window[0]]
+        first = max(int(np.searchsorted(self.t, t0 - SECONDS_BEFORE)), self.first)
+        last = min(int(np.searchsorted(self.t, t0 + SECONDS_AFTER, side="right")), self.last)
+        return first, last
+
+    def _background(self, window: tuple[int, int], *, sure: bool) -> Background:
+        kept = [p for p in self.seen.kept if self.first <= p.frame <= self.last]
+        during = sum(window[0] <= p.frame <= window[1] for p in kept)
+        if during < LEAST_SAMPLES:  # of a long film too few were kept there
+            wanted = set(np.linspace(window[0], window[1], MOST_SAMPLES).astype(int).tolist()) - {p.frame for p in kept}
+            kept += [
+                Picture(p.frame, *(plane.copy() for plane in p.planes))
+                for p in pictures(self.seen, window[0], window[1])
+                if p.frame in wanted
+            ]
+            kept.sort(key=lambda p: p.frame)
+        return background([p.planes for p in kept], [p.frame for p in kept], window, sure=sure)
+
+    def _blobs(self, ground: Background, first: int, last: int) -> Blobs:
+        def progress(frame: int) -> None:
+            self.report("following the masses", 0.4 + 0.5 * (frame - first) / max(last - first, 1))
+
+        region = self._region(ground)
+        blobs, _ = blobs_of(pictures(self.seen, first, last), ground, skip=self.seen.repeated, region=region, progress=progress)
+        if not any(blobs.values()):
+            raise FilmError("found nothing that moves, needed both masses; is it the right film, and has it the release in it?")
+        return blobs
+
+    def _region(self, ground: Background) -> Bytes | None:
+        if self.settings.region is None:
+            return None
+        height, width = ground.threshold.shape
+        x0, y0, x1, y1 = (round(v * width / self.size[0]) for v in self.settings.region)
+        region = np.zeros((height, width), np.uint8)
+        region[max(y0, 0) : max(y1, 0), max(x0, 0) : max(x1, 0)] = 255
+        return region
+
+    def _fall(self, blobs: Blobs, moving: Sequence[MovingPath]) -> Fall:
+        candidates = pendulum.falls(moving, self.size[1])
+        shown = self.settings.heavy
+        if shown is not None:
+            near = [
+                p
+                for p in moving
+                if np.any((p[:, 0] == shown.frame) & (np.hypot(p[:, 1] - shown.x, p[:, 2] - shown.y) < 20 * self.unit))
+            ]
+            if not near:
+                raise FilmError(
+                    f"found nothing that moves at {shown.x:g},{shown.y:g} in frame {shown.frame}, needed the heavy mass; "
+                    "correct --heavy"
+                )
+            candidates = near + [p for p in candidates if not any(p is q for q in near)]
+        if not candidates:
+            many = len(moving)
+            found = "a single thing that moves" if many == 1 else f"{many} things that move"
+            raise FilmError(
+                f"found {found}, none of them straight down, needed the heavy mass; is it in the picture, and the camera "
+                "upright? Show it by --heavy X,Y@FRAME, or follow whatever moves by --plain"
+            )
+        return pendulum.heavy_mass(blobs, candidates, self.t, self.unit)
+
+    def _tied(self, ground: Background, blobs: Blobs, moving: Sequence[MovingPath], fall: Fall, last: int) -> FilmTrack:
+        """Find the string, and with it the light mass; then all that follows from both."""
+        settings, t, unit = self.settings, self.t, self.unit
+        heights = fall.heights(len(t))
+        ratio = self._ratio(fall)
+        until = min(max(fall.last + 3, int(np.searchsorted(t, t[fall.first] + 0.45))), last)
+        seed = None if settings.light is None else (settings.light.frame, settings.light.x, settings.light.y)
+        tries: list[tuple[float, LightMass, String, Array, Array]] = []
+        for proposal in pendulum.vote(blobs, fall, heights, ratio, self.size, until, settings.rod):
+            string, light = proposal, None
+            start = 0.5 * math.pi
+            for _ in range(3):
+                light = pendulum.follow(blobs, moving, fall, heights, string, t, unit, seed)
+                if light is None or len(light.blobs) < 6:
+                    break
+                start = _bearing_at_rest(light, fall)
+                string, residual, covariance = pendulum.refined(
+                    light, heights, fall, string, ratio, unit, start, rod_fixed=settings.rod is not None
+                )
+            if light is None or len(light.blobs) < 6:
+                continue
+            scatter = 1.4826 * float(np.median(np.abs(residual)))
+            tries.append((len(light.blobs) - 10 * scatter / unit, light, string, residual, covariance))
+            if len(light.blobs) > 0.8 * np.sum(light.frames[-1] >= np.array(sorted(blobs))) and scatter < unit:
+                break
+        if not tries:
+            raise FilmError(
+                "found the heavy mass, but nothing on a taut string, needed the light mass; "
+                "show it by --light X,Y@FRAME and the rod by --rod X,Y"
+            )
+        _, light, string, residual, covariance = max(tries, key=lambda each: each[0])
+        return self._finished(ground, blobs, fall, heights, light, string, residual, covariance)
+
+    def _ratio(self, fall: Fall) -> float:
+        """Return the rod's radius over the free length; where a rule gives the scale, a usual length will do."""
+        return self.settings.rod_radius / (self.settings.free_length or 0.5)
+
+    def _finished(
+        self, ground: Background, blobs: Blobs, fall: Fall, heights: Array, light: LightMass, string: String,
+        residual: Array, covariance: Array,
+    ) -> FilmTrack:  # fmt: skip
+        settings, t, unit = self.settings, self.t, self.unit
+        span = [k for k in blobs if k >= fall.first and t[k] < t[fall.first] + pendulum.SHARE_SECONDS]
+        found = set(light.frames.tolist())
+        share = sum(k in found for k in span) / max(len(span), 1)
+        scatter = 1.4826 * float(np.median(np.abs(residual)))
+        sweep = float(np.ptp(light.phi))
+        if share < pendulum.MIN_SHARE or scatter > pendulum.MAX_STRING_RESIDUAL * unit or sweep < pendulum.MIN_SWEEP:
+            raise FilmError(
+                f"found no light mass beyond doubt (in {share:.0%} of the frames, {scatter:.1f} pixels from a taut string, "
+                f"through {math.degrees(sweep):.0f} deg), needed half the frames, "
+                f"{pendulum.MAX_STRING_RESIDUAL * unit:.1f} pixels and 115 deg; show it by --light X,Y@FRAME and the "
+                "rod by --rod X,Y, or film with more light and contrast"
+            )
+        rest_seen = int(np.sum(fall.rows[:, 0] <= fall.first)) >= 3
+        heavy_points, heavy_wrong = self._points(
+            fall.rows[:, 0].astype(int), fall.rows[:, 1:3], fall.rows[:, 4], np.zeros(len(fall.rows)), ground
+        )
+        streak = np.array([max(b.length - b.width, 0.0) for b in light.blobs])
+        light_points, light_wrong = self._points(
+            light.frames, light.points, np.array([b.contrast for b in light.blobs]), streak, ground
+        )
+        kept = np.isin(light.frames, light_points.frame)
+        released, release_error = pendulum.release(t, heavy_points.frame, heavy_points.place[:, 1], fall.first + 3)
+        start = _bearing_at_rest(light, fall)
+        at_release = string.constant - string.radius * start
+        if settings.scale is not None:
+            rule = settings.scale
+            pixels = math.hypot(rule.end[0] - rule.start[0], rule.end[1] - rule.start[1])
+            scale, scale_error, source = pixels / rule.length, SHOWN_ERROR / pixels, "a length shown in the picture"
+        else:
+            assert settings.free_length is not None
+            if not rest_seen:
+                raise FilmError(
+                    "found the masses moving from the first frame on, needed the release, at which the free length is known; "
+                    'let the film begin before it, or show a length by --scale "X,Y X,Y = 1 m"'
+                )
+            scale, source = at_release / settings.free_length, "the free length at the release"
+            scale_error = math.hypot(
+                math.hypot(math.sqrt(covariance[2, 2]), LENGTH_ERROR) / at_release,
+                settings.free_length_error / settings.free_length,
+            )
+        radius = settings.rod_radius * scale
+        skipped = {
+            "copies of the frame before": int(np.sum(self.seen.repeated)),
+            "light mass not found, or not beyond doubt": len(span) - sum(k in found for k in span),
+            "light mass off the course of its neighbours": light_wrong,
+            "heavy mass off the course of its neighbours": heavy_wrong,
+        }
+        tilt = math.atan(fall.slope)
+        heavy_rest = heights[fall.first]
+        track = FilmTrack(
+            path=self.seen.path, facts=self.facts, settings=settings, t=t, light=light_points, heavy=heavy_points,
+            side=string.side, rod=string.rod, rod_error=(math.sqrt(covariance[0, 0]), math.sqrt(covariance[1, 1])),
+            rod_radius=radius, scale=scale, scale_error=scale_error, scale_source=source, tilt=tilt,
+            tilt_error=_tilt_error(fall, unit), release=released, release_error=math.hypot(release_error, RELEASE_ERROR),
+            angle=0.0, hanging_length=0.0,
+            string_residual=residual[kept], share=share, skipped=skipped, ground=ground,
+        )  # fmt: skip
+        hanging = -float(track.metres(np.array([fall.column(heavy_rest), heavy_rest]))[1])
+        # From straight up, against the sense of the loops, in which the string leaves at right angles to its bearing
+        return replace(track, angle=start - track.side * tilt, hanging_length=hanging)
+
+    def _points(
+        self, frame: NDArray[np.intp], place: Array, contrast: Array, streak: Array, ground: Background
+    ) -> tuple[Points, int]:
+        """Return the points of a mass, without those that their neighbours contradict, and how many these are."""
+        expected = CENTRE_ERROR + NOISE_ERROR * ground.noise / contrast + STREAK_ERROR * streak
+        keep = np.ones(len(frame), dtype=bool)
+        factor = 1.0
+        for _ in range(3):
+            chosen = np.flatnonzero(keep)
+            distance, leverage = pendulum.from_cubic(self.t[frame[chosen]], place[chosen])
+            relative = distance / (leverage * expected[chosen])
+            known = np.isfinite(relative)
+            if not known.any():
+                break
+            # The median distance of a normal law in two dimensions is 1.18 standard deviations
+            factor = float(np.clip(np.median(relative[known]) / 1.18, 1.0, 10))
+            wrong = chosen[known & (relative > pendulum.OUTLIER_SIGMAS * 1.4 * factor) & (distance > 0.5 * self.unit)]
+            if not len(wrong):
+                break
+            # The worst first: it leads its neighbours' cubics astray, too
+            order = np.argsort(-np.nan_to_num(relative[np.searchsorted(chosen, wrong)]))
+            dropped: list[int] = []
+            for w in wrong[order]:
+                if all(abs(int(w) - d) > 4 for d in dropped):
+                    dropped.append(int(w))
+            keep[dropped] = False
+        points = Points(frame=frame[keep], place=place[keep], error=factor * expected[keep], streak=streak[keep])
+        return points, int(np.sum(~keep))
+
+
+def _bearing_at_rest(light: LightMass, fall: Fall) -> float:
+    """Return the bearing of the string at the release [rad]."""
+    order = np.argsort(light.frames)
+    before = light.phi[light.frames <= fall.first]
+    return float(np.median(before[-15:])) if len(before) >= 2 else float(light.phi[order[0]])
+
+
+def _tilt_error(fall: Fall, unit: float) -> float:
+    """Return the standard error of the heavy mass's vertical [rad]: it swings a little, and its points scatter."""
+    y = fall.rows[:, 2]
+    x = fall.rows[:, 1] - fall.column(y)
+    spread = max(float(np.std(y)), 1.0)
+    scatter = max(1.4826 * float(np.median(np.abs(x - np.median(x)))), 0.1)
+    return float(np.hypot(scatter * 3 / math.sqrt(len(y)) / spread, 0.3 * unit / float(np.ptp(y))))
+
+
+def film_window(track: FilmTrack) -> tuple[int, int]:
+    """Return the first and last frame in which both masses were followed."""
+    return int(min(track.light.frame[0], track.heavy.frame[0])), int(max(track.light.frame[-1], track.heavy.frame[-1]))

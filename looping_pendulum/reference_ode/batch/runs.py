@@ -1,0 +1,331 @@
+"""The runs of a batch: their parameters and results as arrays, and the memory that its processes share."""
+
+from __future__ import annotations
+
+import dataclasses
+import multiprocessing
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.parameters import (
+    NUMBERS,
+    POINT_MASS_END,
+    Parameters,
+    Release,
+    effect_tables,
+    string_length,
+    touching_length,
+)
+from looping_pendulum.reference_ode.solution import Run
+from looping_pendulum.reference_ode.transitions import Event, Mode
+
+Columns = Mapping[str, Array]
+"""Name, one of `column_names` -> one value per run, shape (n,), SI."""
+Index = NDArray[np.int64]
+"""Indices of runs in the batch, shape (n,)."""
+_SPAWN = multiprocessing.get_context("spawn")
+"""Source of shared memory for a `process_pool`, whose processes are spawned."""
+Progress = Callable[[int, int], None]
+"""Called with the number of runs that have ended and the number of all runs."""
+ENDS: tuple[str, ...] = (
+    Event.LIGHT_REACHES_ROD,
+    Event.HEAVY_REACHES_ROD,
+    Event.UNWRAPPED,
+    Event.TIME_UP,
+    "failed",
+)
+"""Values of `BatchResult.end`, by index: the event that ended a run, or "failed"."""
+FAILED = ENDS.index("failed")
+
+# Offset basis and prime of the 64-bit FNV-1a hash
+HASH_START, _HASH_FACTOR = np.uint64(0xCBF29CE484222325), np.uint64(0x100000001B3)
+
+
+def column_names(base: Parameters) -> tuple[str, ...]:
+    """Return the names that a column may have."""
+    return (*NUMBERS, *base.coefficients)
+
+
+def parameters_of_run(base: Parameters, columns: Columns, i: int) -> Parameters:
+    """Return the parameters of run ``i``."""
+    return base.replace(**{name: float(values[i]) for name, values in columns.items()})
+
+
+def equation_parameters(base: Parameters, columns: Columns) -> dict[str, Any]:
+    """Return every parameter that the equations read, by name: one value, or one per run.
+
+    Derived ones (`end_length`, `string_length`) and the defaults are those of `Parameters`.
+    """
+    values: dict[str, Any] = {name: getattr(base, name) for name in NUMBERS} | dict(base.coefficients)
+    values |= base.with_static_friction({name: np.asarray(column, dtype=float) for name, column in columns.items()})
+    # As in `Parameters.replace`, a vertical release keeps its angle
+    if base.release is Release.VERTICAL:
+        values["release_angle"] = base.release_angle
+    light_radius, rod_radius = values["light_radius"], values["rod_radius"]
+    point = POINT_MASS_END * rod_radius
+    values["end_length"] = np.where(np.greater(light_radius, 0), touching_length(light_radius, rod_radius), point)
+    values["string_length"] = string_length(
+        values["free_length"], rod_radius, values["release_angle"], values["hanging_length"], values["heavy_swing"]
+    )
+    return values
+
+
+def valid_runs(base: Parameters, values: Mapping[str, Any], n: int) -> NDArray[np.bool_]:
+    """Return which of ``n`` runs have values that `Parameters` accepts."""
+    valid = np.ones(n, dtype=bool)
+    for requirement in effect_tables(base.own_effects).requirements(base.coefficients):
+        valid &= requirement.is_met(values)
+    return valid
+
+
+@dataclass(frozen=True, kw_only=True)
+class BatchResult:
+    """Result of each run; every array has shape (n,). A failed run has nan, zero counts and a sequence of 0."""
+
+    halting_time: Array
+    """Start of the sticking that lasts until the light mass reaches the rod [s]; nan without one."""
+    halting_wrap_angle: Array
+    """Wrap angle at that time [rad]; nan without one."""
+    halting_free_length: Array
+    """Free length at that time [m]; nan without one."""
+    drop: Array
+    """How far the heavy mass is below its release at the end [m]."""
+    wrap_angle: Array
+    """Wrap angle at the end [rad]."""
+    free_length: Array
+    """Free length at the end [m]."""
+    stops: NDArray[np.int32]
+    """How often the heavy mass's speed became zero."""
+    slip_count: NDArray[np.int32]
+    """How often a sticking string began to slide."""
+    slack_intervals: NDArray[np.int32]
+    """How often the string was, or became, slack."""
+    end: NDArray[np.int8]
+    """How the run ended, as an index into `ENDS`."""
+    end_time: Array
+    """Time at which the run ended [s]."""
+    sequence: NDArray[np.uint64]
+    """Hash of the sequence of modes (`sequence_hash`)."""
+    handed_over: NDArray[np.int8]
+    """1 where heyoka gave up and SciPy solved the run, else 0."""
+
+    def __len__(self) -> int:
+        return len(self.end)
+
+    @classmethod
+    def empty(cls, n: int) -> BatchResult:
+        """Return results of ``n`` runs, all marked as failed until they are filled in."""
+        result = cls.over(bytearray(n * BYTES_PER_RUN), n)
+        result.clear()
+        return result
+
+    @classmethod
+    def over(cls, memory: Any, n: int) -> BatchResult:
+        """Return the results of ``n`` runs as views of ``memory``, a buffer of ``n * BYTES_PER_RUN`` bytes.
+
+        Processes may share the buffer.
+        """
+        columns, offset = {}, 0
+        # Largest items first: then every column is aligned, whatever n is
+        for name in sorted((field.name for field in dataclasses.fields(cls)), key=lambda name: -_column_type(name)[0].itemsize):
+            kind = _column_type(name)[0]
+            columns[name] = np.frombuffer(memory, kind, count=n, offset=offset)
+            offset += n * kind.itemsize
+        return cls(**columns)
+
+    def clear(self) -> None:
+        """Mark all runs as failed."""
+        for field in dataclasses.fields(self):
+            getattr(self, field.name)[:] = _column_type(field.name)[1]
+
+    def put(self, runs: NDArray[np.int64], part: BatchResult) -> None:
+        """Fill in the results ``part`` of ``runs``."""
+        for field in dataclasses.fields(self):
+            getattr(self, field.name)[runs] = getattr(part, field.name)
+
+
+_COLUMN_TYPES: dict[str, tuple[Any, float]] = {
+    "stops": (np.int32, 0),
+    "slip_count": (np.int32, 0),
+    "slack_intervals": (np.int32, 0),
+    "end": (np.int8, FAILED),
+    "sequence": (np.uint64, 0),
+    "handed_over": (np.int8, 0),
+}
+
+
+def _column_type(name: str) -> tuple[np.dtype[Any], float]:
+    """Return the type of a column of results, and its value for a run that failed."""
+    kind, start = _COLUMN_TYPES.get(name, (np.float64, np.nan))
+    return np.dtype(kind), start
+
+
+BYTES_PER_RUN = sum(_column_type(field.name)[0].itemsize for field in dataclasses.fields(BatchResult))
+"""Memory that the results of one run take [B]."""
+
+
+def sequence_hash(modes: Iterable[int]) -> int:
+    """Return the 64-bit FNV-1a hash of a sequence of modes."""
+    value = HASH_START
+    with np.errstate(over="ignore"):  # the product is taken modulo 2^64
+        for mode in modes:
+            value = update_hash(value, np.uint64(mode))
+    return int(value)
+
+
+def update_hash(value: Any, mode: Any) -> Any:
+    """Return the hash of a sequence with one mode more (numbers or arrays of np.uint64)."""
+    return (value ^ mode) * _HASH_FACTOR
+
+
+def summary(run: Run) -> dict[str, Any]:
+    """Return the entries of a `BatchResult` for one run."""
+    end, halt = run.end, run.halt
+    assert end.event is not None
+    slack = (Mode.SLACK, Mode.CLAMPED_SLACK)
+    return {
+        "halting_time": np.nan if halt is None else halt.time,
+        "halting_wrap_angle": np.nan if halt is None else halt.state.wrap_angle,
+        "halting_free_length": np.nan if halt is None else halt.state.free_length,
+        "drop": run.heavy_drop(end.state),
+        "wrap_angle": end.state.wrap_angle,
+        "free_length": end.state.free_length,
+        "stops": len(run.stops),
+        "slip_count": sum(event.event in (Event.SLIP_ONSET_DOWN, Event.SLIP_ONSET_UP) for event in run.events),
+        "slack_intervals": sum(mode in slack for mode in run.modes),
+        "end": ENDS.index(end.event),
+        "end_time": run.end_time,
+        "sequence": sequence_hash(run.modes),
+        "handed_over": int(bool(run.handed_over)),
+    }
+
+
+class _LocalCounter:
+    """A counter with the interface of `multiprocessing.Value`, for a batch that only this process works on."""
+
+    value = 0
+
+    def get_lock(self) -> AbstractContextManager[None]:
+        """Return a lock that never waits."""
+        return nullcontext()
+
+
+@dataclass(frozen=True, kw_only=True)
+class SharedBatch:
+    """A batch in memory that all its processes share."""
+
+    base: Parameters
+    names: tuple[str, ...]
+    """Names of the columns."""
+    n: int
+    """Number of runs."""
+    durations: Array
+    """Limit on the simulated time of each run [s], shape (n,)."""
+    tolerance: float
+    acting: frozenset[str]
+    """Coefficients whose effects are compiled in even at their null values."""
+    processes: int
+    column_buffer: Any
+    """Values of the columns, one column after another."""
+    result_buffer: Any
+    """Memory of the results (`BatchResult.over`)."""
+    taken_count: Any
+    """Number of runs that some process has taken; runs are taken in the order of their indices."""
+    ended_count: Any
+    """Number of runs that have ended."""
+
+    @classmethod
+    def of(
+        cls,
+        base: Parameters,
+        columns: Columns,
+        n: int,
+        duration: float | Array,
+        tolerance: float,
+        processes: int,
+        acting: frozenset[str] = frozenset(),
+    ) -> SharedBatch:
+        """Return a batch of which no run has been taken yet."""
+        value_count, result_bytes = n * len(columns), n * BYTES_PER_RUN
+        alone = processes == 1
+        job = cls(
+            base=base,
+            names=tuple(columns),
+            n=n,
+            durations=np.broadcast_to(np.asarray(duration, dtype=float), n),
+            tolerance=tolerance,
+            acting=acting,
+            processes=processes,
+            column_buffer=np.empty(value_count) if alone else _SPAWN.RawArray("d", value_count),
+            result_buffer=bytearray(result_bytes) if alone else _SPAWN.RawArray("b", result_bytes),
+            taken_count=_LocalCounter() if alone else _SPAWN.Value("q", 0),
+            ended_count=_LocalCounter() if alone else _SPAWN.Value("q", 0),
+        )
+        for name, values in job.columns().items():
+            values[:] = columns[name]
+        job.result().clear()
+        return job
+
+    def columns(self) -> dict[str, Array]:
+        """Return the columns by name, as views of the shared memory."""
+        values = np.frombuffer(self.column_buffer) if self.n else np.empty(0)
+        return dict(zip(self.names, values.reshape(len(self.names), self.n), strict=True))
+
+    def result(self) -> BatchResult:
+        """Return the results, a view of the shared memory, which other processes fill in, too."""
+        return BatchResult.over(self.result_buffer, self.n)
+
+
+class BatchRuns:
+    """The runs of a batch as one process takes them, with their parameters."""
+
+    def __init__(self, job: SharedBatch, progress: Progress | None = None) -> None:
+        self.job, self.run_count, self._progress = job, job.n, progress
+        self.columns = job.columns()
+        self._taken_here: list[Index] = []
+
+    def take(self, most: int) -> Index:
+        """Take the next runs, at most ``most``, and of the last ones only a share, so that all processes end together."""
+        taken = self.job.taken_count
+        with taken.get_lock():
+            start = taken.value
+            taken.value = end = start + min(most, -(-(self.run_count - start) // self.job.processes))  # rounded up
+        runs = np.arange(start, end)
+        self._taken_here.append(runs)
+        return runs
+
+    def taken_here(self) -> Index:
+        """Return the indices of all runs that this process has taken."""
+        return np.concatenate([*self._taken_here, np.arange(0)])
+
+    def parameter_values(self, runs: Index) -> dict[str, Any]:
+        """Return every parameter of ``runs`` that the equations read, by name: one value, or one per run."""
+        return equation_parameters(self.job.base, {name: values[runs] for name, values in self.columns.items()})
+
+    def take_valid(self, most: int) -> tuple[Index, dict[str, Any]]:
+        """Take the next runs; return those whose values `Parameters` accepts, and their parameters. The others stay failed."""
+        while len(runs := self.take(most)):
+            values = self.parameter_values(runs)
+            valid = valid_runs(self.job.base, values, len(runs))
+            if valid.any():
+                return runs[valid], {name: v[valid] if np.ndim(v) else v for name, v in values.items()}
+        return runs, {}
+
+    def take_single(self) -> Iterator[int]:
+        """Take the next runs one by one."""
+        while len(run := self.take(1)):
+            yield int(run[0])
+
+    def report_ended(self, runs: int) -> None:
+        """Count ``runs`` more runs that have ended, and report the progress."""
+        # Read, then written: without the lock two processes might count as one
+        with self.job.ended_count.get_lock():
+            self.job.ended_count.value = ended = self.job.ended_count.value + runs
+        if self._progress is not None:
+            self._progress(ended, self.run_count)

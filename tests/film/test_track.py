@@ -1,0 +1,197 @@
+"""Tracked points against the renderer's truth; the bounds are those that the tracker must reach."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from looping_pendulum.cli.main import app
+from looping_pendulum.film import options, output
+from looping_pendulum.film.decode import FilmError, survey
+from looping_pendulum.film.track import TrackSettings, track
+from looping_pendulum.measured.readers import read
+from tests.film.conftest import SHORT
+from tests.film.renderer import Scene, render
+
+WRONG = 6.0
+"""Distance from the truth at which a point is on something else [px of a picture 1280 wide]."""
+PAPER = TrackSettings(free_length=0.58, free_length_error=1e-3)
+
+
+def errors(points, truth_places, truth):
+    """Distances [px] of a mass's points from the truth, of the frames from the release on, and the share of these frames."""
+    after = truth.t[points.frame] >= 0
+    distance = np.linalg.norm(points.place - truth_places[points.frame], axis=1)[after]
+    return distance, len(distance) / np.sum((truth.t >= 0) & ~truth.repeated)
+
+
+def rms_per_axis(distance):
+    return np.sqrt(np.mean(distance**2) / 2)
+
+
+@pytest.fixture(scope="module")
+def tracked(ordinary):
+    return track(ordinary[0], PAPER)
+
+
+def test_an_ordinary_film_gives_both_masses_in_all_frames_to_a_third_of_a_pixel(tracked, ordinary):
+    for name in ("light", "heavy"):
+        distance, share = errors(getattr(tracked, name), getattr(ordinary[1], name), ordinary[1])
+        assert distance.max() < WRONG / 2
+        assert rms_per_axis(distance) < 0.3
+        assert share >= 0.99
+
+
+def test_a_nasty_film_gives_nine_tenths_of_the_frames_and_no_wrong_mark(nasty):
+    found = track(nasty[0], PAPER)
+    distance, share = errors(found.light, nasty[1].light, nasty[1])
+    assert share >= 0.9
+    assert rms_per_axis(distance) < 1.0
+    assert distance.max() < WRONG
+
+
+def test_rod_scale_release_and_angle_are_found_without_a_click(tracked, ordinary):
+    truth = ordinary[1]
+    assert np.abs(np.array(tracked.rod) - truth.rod).max() < 1.0
+    assert abs(tracked.scale / truth.scale - 1) < 2 * tracked.scale_error
+    k = int(np.argmin(np.abs(truth.t)))
+    assert abs(tracked.release - (tracked.t[k] - truth.t[k])) < 3 * tracked.release_error
+    assert np.degrees(tracked.angle) == pytest.approx(112, abs=0.3)  # the simulator's
+    assert tracked.hanging_length == pytest.approx(0.05, abs=1e-3)
+    assert abs(tracked.tilt) < 3 * tracked.tilt_error
+
+
+def test_readers_take_the_table(tracked, ordinary, tmp_path):
+    files = output.files_of(ordinary[0], tmp_path)
+    output.write(tracked, files)
+    points = read(files.table)
+    truth = ordinary[1]
+    assert {c.name for c in points.channels} == {"light_x", "light_y", "heavy_x", "heavy_y"}
+    channel = points.channel("light_x")
+    true_x = truth.motion.at(np.clip(channel.t, 0, None))[0][:, 0]
+    assert np.sqrt(np.mean((channel.value - true_x) ** 2)) < 1.5e-3  # 0.3 px, and 1 ms of the clock at 3 m/s
+    facts = json.loads(files.facts.read_text())
+    assert (facts["width"], facts["height"], facts["codec"], facts["mirrored"]) == (1280, 720, "h264", False)
+    assert files.sheet.read_bytes().startswith(b"\x89PNG")
+    assert set(output.camera_errors(files)) == {
+        "scale", "origin_x", "origin_y", "tilt", "clock_offset", "heavy_offset_x", "readout"
+    }  # fmt: skip
+
+
+def test_a_study_takes_a_film_and_reads_its_table_the_second_time(ordinary, tmp_path, monkeypatch):
+    from looping_pendulum.measured.study import read_trial
+    from looping_pendulum.measured.study_io import load
+
+    film = tmp_path / "trial.mp4"
+    film.write_bytes(ordinary[0].read_bytes())
+    (tmp_path / "study.yaml").write_text(
+        "title: a film\napparatus: {light: {mass: 10 g}, heavy: {mass: 100 g}, rod: {radius: 6.25 mm}}\n"
+        "trials: [{file: trial.mp4, release: {angle: 112 deg, free_length: 58 cm +/- 1 mm}}]\n"
+    )
+    study = load(tmp_path / "study.yaml")
+    first = read_trial(study, study.trials[0])
+    monkeypatch.setattr("looping_pendulum.film.track.track", None)  # a second tracking would fail
+    second = read_trial(study, study.trials[0])
+    assert np.array_equal(first.channel("light_y").value, second.channel("light_y").value)
+    assert first.camera_errors["scale"] == pytest.approx(1 / 580, rel=0.3)
+
+
+def test_the_command_prints_the_lines_of_a_study(ordinary, tmp_path):
+    arguments = ["track", str(ordinary[0]), "--free-length", "58 cm +/- 1 mm", "--out", str(tmp_path), "--overlay"]
+    done = CliRunner().invoke(app, arguments)
+    assert done.exit_code == 0, done.output
+    assert "camera: {scale: 1 +/- 0.1" in done.output
+    assert {p.name for p in tmp_path.iterdir()} == {"trial.csv", "trial.film.json", "trial.track.png", "trial.overlay.mp4"}
+
+
+def test_plain_follows_without_physics(ordinary, tmp_path):
+    done = CliRunner().invoke(app, ["track", str(ordinary[0]), "--plain", "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    assert (tmp_path / "trial.csv").read_text().startswith("t [s],frame,A_x [px],A_y [px]")
+
+
+def test_a_table_of_another_program_is_not_overwritten(ordinary, tmp_path):
+    (tmp_path / "trial.csv").write_text("mass A\nt,x,y\n0,1,2\n")
+    done = CliRunner().invoke(app, ["track", str(ordinary[0]), "--free-length", "58 cm", "--out", str(tmp_path)])
+    assert isinstance(done.exception, FilmError)
+    assert (tmp_path / "trial.csv").read_text().startswith("mass A")
+
+
+def _still(tmp_path, motion):
+    path = tmp_path / "still.mp4"
+    render(path, Scene(**{**SHORT, "duration": 0.001}), motion)
+    return path
+
+
+def test_bad_films_are_refused_in_one_line_with_a_way_out(ordinary, tmp_path, motion):
+    raw = ordinary[0].read_bytes()
+    cut = tmp_path / "cut.mp4"
+    cut.write_bytes(raw[: len(raw) // 2])
+    text = tmp_path / "text.mp4"
+    text.write_text("no film")
+    cases = {
+        tmp_path / "none.mp4": "no such file",
+        tmp_path: "a folder",
+        text: "no film that can be read",
+        cut: "no film that can be read",
+        _still(tmp_path, motion): "found",
+    }
+    for path, said in cases.items():
+        with pytest.raises(FilmError) as raised:
+            track(path, PAPER)
+        assert said in str(raised.value)
+        assert "\n" not in str(raised.value)
+        assert ";" in str(raised.value)
+
+
+def test_a_picture_is_no_film(tmp_path):
+    import cv2
+
+    path = tmp_path / "photo.png"
+    cv2.imwrite(str(path), np.zeros((120, 160, 3), np.uint8))
+    with pytest.raises(FilmError, match="single picture"):
+        track(path, PAPER)
+
+
+def test_damaged_headers_give_no_traceback(ordinary, tmp_path):
+    raw = ordinary[0].read_bytes()
+    random = np.random.default_rng(5)
+    header = raw.rfind(b"moov")  # its tables of sizes and times are what a decoder trusts
+    for trial in range(8):
+        damaged = bytearray(raw)
+        for at in random.integers(header if trial % 2 else 0, len(raw) if trial % 2 else 400, size=6):
+            damaged[at] = int(random.integers(256))
+        path = tmp_path / "damaged.mp4"
+        path.write_bytes(bytes(damaged))
+        with contextlib.suppress(FilmError):  # any other error fails the test
+            survey(path)
+
+
+@pytest.mark.parametrize(
+    ("read_option", "text"),
+    [
+        (lambda t: options.read_length("--free-length", t), "58"),
+        (lambda t: options.read_length("--free-length", t), "-1 cm"),
+        (lambda t: options.read_length("--free-length", t), "58 cm +/- 2 kg"),
+        (lambda t: options.read_rule("--scale", t), "640,120 640,120 = 1 m"),
+        (lambda t: options.read_rule("--scale", t), "640,120 = 1 m"),
+        (lambda t: options.read_shown("--light", t), "343,438"),
+        (lambda t: options.read_place("--rod", t), "790;262"),
+        (lambda t: options.read_region("--region", t), "100,80 90,700"),
+        (lambda t: options.read_rate("--frame-rate", t), "0 Hz"),
+    ],
+)
+def test_a_wrong_option_is_named_with_an_example(read_option, text):
+    with pytest.raises(FilmError, match=r"^--[a-z-]+: found '.*', needed .*; write for example --"):
+        read_option(text)
+
+
+def test_options_are_read():
+    assert options.read_length("--free-length", "58 cm +/- 1 mm") == pytest.approx((0.58, 1e-3))
+    assert options.read_rule("--scale", "640,120 640,920 = 1 m").length == 1.0
+    assert options.read_shown("--light", "343,438@72") == (343.0, 438.0, 72)
+    assert options.read_rate("--frame-rate", "240") == options.read_rate("--frame-rate", "240 Hz") == 240.0

@@ -1,0 +1,132 @@
+"""A film in the live page: under the model and on its clock, tracked from two clicks, and fitted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from looping_pendulum.reference_ode.solve import solve_at
+from looping_pendulum.scenarios import loader
+from tests.pages.conftest import until
+from tests.pages.live_page import settled
+
+RATE, LEAD, FRAMES = 120, 8, 60
+"""Frames a second, frames before the release, and all of them."""
+FRICTION = 0.3431
+"""Of the shipped scenario."""
+SIZE = 400
+"""Sides of the picture [px]."""
+PIXEL = 0.0034
+"""Length of a pixel [m]."""
+AXIS = (205.0, 120.0)
+"""Place of the rod's axis in the picture [px]."""
+LARGEST_ERROR = 1.0
+"""Largest distance of a found point from its mass [px]."""
+
+
+def disc(picture, place, radius, colour):
+    """Draw a disc whose edge is as smooth as a camera's."""
+    y, x = np.mgrid[: picture.shape[0], : picture.shape[1]]
+    share = np.clip(radius + 0.5 - np.hypot(x - place[0], y - place[1]), 0, 1)[..., None]
+    picture[:] = picture * (1 - share) + share * np.array(colour)
+
+
+@pytest.fixture(scope="module")
+def film(tmp_path_factory):
+    """A film of a trial, and where the masses are in each frame [px], shape (frames, 4)."""
+    av = pytest.importorskip("av", reason="PyAV, which writes the film, is not installed (extra `film`)")
+    run = solve_at(loader.load("ten_to_one").parameters, np.maximum(np.arange(FRAMES) - LEAD, 0) / RATE)
+    places = np.hstack([AXIS + p * (1 / PIXEL, -1 / PIXEL) for p in (run.light_position, run.heavy_position)])
+    wall = np.random.default_rng(1).uniform(90, 130, (SIZE, SIZE, 3))
+    path = tmp_path_factory.mktemp("film") / "trial.mp4"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", rate=RATE, width=SIZE, height=SIZE, pix_fmt="yuv420p", options={"crf": "18"})
+        for place in places:
+            picture = wall.copy()
+            disc(picture, AXIS, 3, (60, 60, 60))
+            disc(picture, place[:2], 5, (230, 60, 30))
+            disc(picture, place[2:], 9, (40, 120, 230))
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture.astype(np.uint8), format="rgb24")))
+        container.mux(stream.encode())
+    return path, places
+
+
+def click(page, x, y):
+    """Click a place of the picture [px]."""
+    at = page.evaluate(
+        """([x, y]) => {
+      const { film, stage } = live, scale = (film.scale ?? film.guess) * stage.view.scale;
+      document.getElementById("stage").scrollIntoView();
+      const box = document.getElementById("stage").getBoundingClientRect();
+      return [box.left + stage.view.x(0) + (x - film.axis.x) * scale, box.top + stage.view.y(0) + (y - film.axis.y) * scale];
+    }""",
+        [x, y],
+    )
+    page.mouse.click(*at)
+    until(page, "!live.film.film.busy")
+    settled(page)
+
+
+def show(page, frame):
+    page.evaluate("(time) => live.film.showAt(time)", (frame + 0.5) / RATE)
+    until(page, "!live.film.film.busy")
+    settled(page)
+
+
+def test_a_film_is_tracked_from_two_clicks_and_fitted(opened, film):
+    path, places = film
+    page = opened.page
+    page.set_input_files("#film-file", str(path))
+    until(page, "/per second|cannot/.test(document.getElementById('film-message').textContent)", seconds=30)
+    if "cannot" in page.inner_text("#film-message"):
+        pytest.skip("this browser shows no H.264")
+    assert f"{SIZE} × {SIZE}, {RATE}.0" in page.inner_text("#film-message").replace(f"{RATE}.00", f"{RATE}.0")
+    page.click("#film-axis")
+    click(page, *AXIS)
+    page.click("#film-scale")
+    click(page, 50, 300)
+    assert page.inner_text("#film-message").startswith("First type the known length")
+    page.fill("#film-length", "34")
+    click(page, 50, 300)
+    click(page, 150, 300)
+    assert page.evaluate("live.film.scale") == pytest.approx(PIXEL, rel=1e-3)
+    show(page, LEAD)
+    page.click("#film-release")
+    for mass, start in (("light", 0), ("heavy", 2)):
+        show(page, LEAD)
+        page.click(f"#film-{mass}")
+        for frame in (LEAD, LEAD + 1):
+            click(page, *places[frame, start : start + 2])
+        page.click("#film-find")
+        until(page, "!live.film.searching", seconds=60)
+        marks = page.evaluate("(mass) => live.film.marks[mass].map(({ time, x, y }) => [time, x, y])", mass)
+        frames = np.round(np.array(marks)[:, 0] * RATE).astype(int)
+        assert frames.tolist() == list(range(LEAD, FRAMES))
+        assert np.abs(np.array(marks)[:, 1:] - places[frames, start : start + 2]).max() < LARGEST_ERROR
+    # Arrow keys move the newest mark by a tenth of a pixel
+    before = page.evaluate("live.film.newest.x")
+    page.press("#stage", "ArrowRight")
+    assert page.evaluate("live.film.newest.x") == pytest.approx(before + 0.1)
+    # The film follows the model's clock
+    page.evaluate("live.player.stopAt(0.2)")
+    until(page, f"Math.abs(live.film.film.time - {LEAD / RATE + 0.2}) < 0.01")
+    page.click("#film-use")
+    until(page, "live.trial.trial !== null")
+    page.click("#trial-fit")
+    until(page, "document.getElementById('fit-table').children.length > 0", seconds=60)
+    friction = page.evaluate("live.state.values.kinetic_friction")
+    assert friction == pytest.approx(FRICTION, rel=0.05)
+    page.click("#film-remove")
+    assert page.evaluate("live.film.film") is None
+
+
+def test_what_is_no_film_says_so(opened, tmp_path):
+    page = opened.page
+    path = tmp_path / "notes.mp4"
+    path.write_bytes(b"no film")
+    page.set_input_files("#film-file", str(path))
+    until(page, "document.getElementById('film-message').textContent.includes('cannot')")
+    assert page.inner_text("#film-message").startswith(
+        "notes.mp4: this browser cannot show it. Needed is a film in MP4 (H.264)"
+    )
+    assert not page.is_visible("#film-tools")
