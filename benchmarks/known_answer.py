@@ -30,7 +30,7 @@ from benchmarks.rivals import best_additions, delta_bic
 from looping_pendulum.discrepancy.candidates import Candidate
 from looping_pendulum.discrepancy.evidence.explanation import addition_steps
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate, minimise
-from looping_pendulum.discrepancy.fit.predictions import alone
+from looping_pendulum.discrepancy.fit.problem import alone
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.errors import HarnessError

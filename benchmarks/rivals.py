@@ -30,9 +30,9 @@ from looping_pendulum.discrepancy.evidence.explanation import Addition, Parts, a
 from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid
 from looping_pendulum.discrepancy.evidence.templates import columns, templates
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate
+from looping_pendulum.discrepancy.fit.data import TrialData
 from looping_pendulum.discrepancy.fit.held_out import check_held_out
-from looping_pendulum.discrepancy.fit.predictions import alone
-from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
+from looping_pendulum.discrepancy.fit.problem import Problem, alone
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
 from looping_pendulum.discrepancy.inputs import Inputs, read_inputs
 from looping_pendulum.errors import HarnessError

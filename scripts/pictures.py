@@ -17,7 +17,7 @@ import numpy as np
 from looping_pendulum.discrepancy.evidence.explanation import NOTHING, addition_steps, explained
 from looping_pendulum.discrepancy.evidence.search import Search
 from looping_pendulum.discrepancy.fit.calibration import calibrate
-from looping_pendulum.discrepancy.fit.predictions import alone
+from looping_pendulum.discrepancy.fit.problem import alone
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report.markdown import probability_in_words

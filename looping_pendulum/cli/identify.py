@@ -15,7 +15,7 @@ from looping_pendulum.cli.terminal import ProgressBars, new_table, say, show_jso
 from looping_pendulum.errors import HarnessError
 
 if TYPE_CHECKING:
-    from looping_pendulum.discrepancy.first_look.result import DeclarationCheck
+    from looping_pendulum.discrepancy.first_look.check import DeclarationCheck
     from looping_pendulum.discrepancy.workers import Workers
 
 
@@ -36,14 +36,14 @@ def look(
 
     looping-pendulum look trials/study.yaml
     """
-    from looping_pendulum.discrepancy.first_look import picture
     from looping_pendulum.discrepancy.first_look.check import take_first_look
+    from looping_pendulum.discrepancy.report import figures
     from looping_pendulum.files import prepare_output_folder
     from looping_pendulum.measured import study_io
 
     loaded = study_io.load(study)
     folder = out or Path("report") / loaded.name
-    prepare_output_folder(folder, files=(picture.NAME,))  # refuse an unusable folder before the work, not after it
+    prepare_output_folder(folder, files=(figures.FIRST_LOOK,))  # refuse an unusable folder before the work, not after it
     check = take_first_look(loaded)
     for sentence in dict.fromkeys(sentence for trial in check.trials for sentence in trial.reading):
         trials = ", ".join(f"'{trial.trial}'" for trial in check.trials if sentence in trial.reading)
@@ -64,7 +64,7 @@ def look(
 @contextmanager
 def stop_at_mistakes(folder: Path) -> Iterator[None]:
     """Where the points contradict the study, write the picture into ``folder`` and say how to go on."""
-    from looping_pendulum.discrepancy.first_look.result import DeclarationError
+    from looping_pendulum.discrepancy.first_look.check import DeclarationError
 
     try:
         yield
@@ -76,14 +76,14 @@ def stop_at_mistakes(folder: Path) -> Iterator[None]:
 
 def _write_picture(check: DeclarationCheck, folder: Path) -> Path | None:
     """Write the picture of a first look; None: there is nothing to draw."""
-    from looping_pendulum.discrepancy.first_look import picture
+    from looping_pendulum.discrepancy.report import figures
     from looping_pendulum.files import optional_output, write_atomically
 
-    with optional_output(picture.NAME):
-        image = picture.draw(check)
+    with optional_output(figures.FIRST_LOOK):
+        image = figures.draw_first_look(check)
         if image is not None:
-            write_atomically(folder / picture.NAME, image)
-            return folder / picture.NAME
+            write_atomically(folder / figures.FIRST_LOOK, image)
+            return folder / figures.FIRST_LOOK
     return None
 
 

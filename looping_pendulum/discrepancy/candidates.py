@@ -126,24 +126,19 @@ def candidates(study: Study, fitted: Iterable[FreeParameter], camera: Iterable[s
     for effect in study.known_effects:
         if effect.kind is EffectKind.CLOSURE or not any(can_act(effect, r) for r in releases):
             continue
+        # All but the first coefficient of a further effect only shape what the first one switches on
         listed += [
-            _effect_candidate(study, effect, c, trials, nulls) for c in effect.coefficients if not _is_companion(effect, c)
+            _effect_candidate(study, effect, c, trials, nulls)
+            for c in effect.coefficients
+            if effect.in_base_model or c is effect.coefficients[0]
         ]
     if releases - {Release.DROP}:
+        # The ratio of the masses and the rod change only a motion in which both masses take part
+        has_both = bool(releases & {Release.LOOPING, Release.VERTICAL})
         measured = {p for p in APPARATUS for t in study.trials if study.estimate(p, t) is not None}
-        listed += [_apparatus_candidate(p, trials) for p in APPARATUS if p in measured and _affects_motion(p, releases)]
+        listed += [_apparatus_candidate(p, trials) for p in APPARATUS if p in measured and (p == "free_length" or has_both)]
     listed += [_camera_candidate(p, p.candidate_reach, trials) for p in map(CAMERA.__getitem__, camera) if p.candidate_reach]
     return tuple(c for c in listed if (c.parameter, c.role) not in taken)
-
-
-def _is_companion(effect: Effect, c: Coefficient) -> bool:
-    """Return whether a coefficient only shapes an effect that the effect's first coefficient switches on."""
-    return not effect.in_base_model and effect.coefficients[0] is not c
-
-
-def _affects_motion(parameter: str, releases: set[Release]) -> bool:
-    """Return whether a parameter of the apparatus influences the motion in any of these releases."""
-    return parameter == "free_length" or bool(releases & {Release.LOOPING, Release.VERTICAL})
 
 
 def _effect_candidate(

@@ -7,23 +7,48 @@ import dataclasses
 import math
 import platform
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+
+import numpy as np
 
 from looping_pendulum import __version__
-from looping_pendulum.discrepancy.evidence.explain import explain
+from looping_pendulum.discrepancy.evidence.explain import Explanations, Judged, explain
+from looping_pendulum.discrepancy.evidence.prior import least_distance
 from looping_pendulum.discrepancy.first_look.check import take_first_look
-from looping_pendulum.discrepancy.fit.residual import check_residuals
-from looping_pendulum.discrepancy.identification import Conclusion, identification
+from looping_pendulum.discrepancy.fit.calibration import Fit
+from looping_pendulum.discrepancy.fit.data import TrialData, noises_of
+from looping_pendulum.discrepancy.fit.held_out import position_slices, rms
+from looping_pendulum.discrepancy.fit.likelihood import stated_interval
+from looping_pendulum.discrepancy.fit.residual import ModelTest, check_residuals, event_rms_by_unit, failures_in_words
+from looping_pendulum.discrepancy.formulas import FittedFormula, describe_unlisted_force, refit
 from looping_pendulum.discrepancy.inputs import Inputs, read_inputs
 from looping_pendulum.discrepancy.next_experiment import best_experiments
-from looping_pendulum.discrepancy.result import Experiment, Identification, Verdict
-from looping_pendulum.discrepancy.unlisted.description import describe_unlisted_force
-from looping_pendulum.discrepancy.unlisted.formula import FittedFormula
-from looping_pendulum.discrepancy.unlisted.formula import refit as refit_formulas
+from looping_pendulum.discrepancy.result import (
+    CorrelatedError,
+    EventResidual,
+    Experiment,
+    FitReport,
+    FittedParameter,
+    Identification,
+    IdentifiedEffect,
+    Outliers,
+    RankedExplanation,
+    RecordStart,
+    SmallestVisible,
+    TrialError,
+    TrialFigure,
+    UnlistedLaw,
+    Verdict,
+)
+from looping_pendulum.discrepancy.verdict_sentence import effect_in_words, verdict_notes, verdict_sentence
 from looping_pendulum.discrepancy.workers import Workers, default_process_count, one_blas_thread
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.measured.observations import BODIES
 from looping_pendulum.measured.study import Study
 from looping_pendulum.reference_ode.effects import EFFECTS
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.scenarios import loader
+from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.versions import MISSING, installed_version
 
 FractionCallback = Callable[[str, float], None]
@@ -32,6 +57,10 @@ STEP_SHARE = 0.2
 """Share of the work that is left which a step counts for."""
 REPORT_SHARE = 0.97
 """Share of the work from which on only the result is put together, which the time limit does not end."""
+MAX_EXPLANATIONS = 12
+"""Explanations in the result beside that nothing is missing, if not more of them are credible."""
+_FitsOfTrial = tuple[Fit, Fit, int, bool]
+"""Fit of the declared model, of the repaired one, index of the trial in them, and whether it is held out."""
 
 
 class OutOfTimeError(HarnessError, TimeoutError):
@@ -88,10 +117,15 @@ def identify(
             raise _OutOfTime
         progress(what, share)
 
+    pool: contextlib.AbstractContextManager[Workers]
+    if isinstance(workers, Workers):
+        pool = contextlib.nullcontext(workers)
+    else:
+        pool = Workers(default_process_count() if workers is None else workers)
     progress("reading", 0.0)
     try:
         # First, so that the worker processes start and import meanwhile
-        with one_blas_thread(), _pool(workers) as team:
+        with one_blas_thread(), pool as team:
             first_look = take_first_look(study)
             if not anyway:
                 first_look.refuse_mistakes()
@@ -105,12 +139,6 @@ def identify(
     return dataclasses.replace(result, notes=(*first_look.notes, *result.notes), first_look=first_look)
 
 
-def _pool(workers: int | Workers | None) -> contextlib.AbstractContextManager[Workers]:
-    if isinstance(workers, Workers):
-        return contextlib.nullcontext(workers)
-    return Workers(default_process_count() if workers is None else workers)
-
-
 def _identify(inputs: Inputs, seed: int, progress: FractionCallback, workers: Workers) -> Identification:
     """Identify; an interrupt after the calibration ends the search, one before it or while models are judged is raised."""
     done = 0.0
@@ -121,12 +149,13 @@ def _identify(inputs: Inputs, seed: int, progress: FractionCallback, workers: Wo
         progress(what, done)
         done += STEP_SHARE * (REPORT_SHARE - done)
 
+    study = inputs.study
     found, start_costs = explain(inputs, seed, workers, report)
     progress("reporting", REPORT_SHARE)
     before = found.judged(found.nothing)
     has_repair = found.verdict not in (Verdict.NO_MISSING_EFFECT, Verdict.UNEXPLAINED) and found.best is not found.nothing
     after = found.judged(found.best) if has_repair else before
-    force = None
+    unlisted = None
     law = next((r.explanation for r in found.ranked if r.credible and r.explanation.parts.law), None)
     if law and has_repair:
         is_best = law is found.best
@@ -134,11 +163,11 @@ def _identify(inputs: Inputs, seed: int, progress: FractionCallback, workers: Wo
         formulas: list[FittedFormula] = []
         try:
             if not found.interrupted:
-                formulas = refit_formulas(without, recovered, inputs.held_out, workers)
+                formulas = refit(without, recovered, inputs.held_out, workers)
         except KeyboardInterrupt:
             found.interrupted = True
-        force = describe_unlisted_force(recovered, formulas, before.held_out.worst)
-        if force.formula and formulas[0].held_out and is_best:
+        unlisted = describe_unlisted_force(recovered, formulas, before.held_out.worst)
+        if unlisted.formula and formulas[0].held_out and is_best:
             fit = formulas[0].fit
             after = dataclasses.replace(after, fit=fit, training=fit, held_out=formulas[0].held_out, tests=check_residuals(fit))
     ties = [r for r in found.ranked if r.credible and not r.explanation.parts.law]
@@ -147,19 +176,325 @@ def _identify(inputs: Inputs, seed: int, progress: FractionCallback, workers: Wo
         # An interrupt now costs the advice on the next trial, but not the verdict
         with contextlib.suppress(KeyboardInterrupt):
             names = [tuple(sorted(r.explanation.key)) or ("nothing",) for r in ties]
-            experiments = best_experiments(inputs.study, [r.fit for r in ties], names, workers)
-    return identification(
-        inputs.study,
-        [o.summary() for _, o in inputs.observed],
-        seed,
-        Conclusion(found=found, before=before, after=after, start_costs=start_costs, experiments=experiments, unlisted=force),
-        _provenance(),
+            experiments = best_experiments(study, [r.fit for r in ties], names, workers)
+
+    explanations = _explanations(found)
+    effects = next((e.effects for e in explanations), ()) if has_repair else ()
+    # Of every trial: fits of the declared and of the repaired model, the trial's index in them, and whether it is held out
+    fits = [(before.training, after.training, k, False) for k in range(len(before.training.problem.data))]
+    fits += [(b, a, 0, True) for b, a in zip(before.held_out.fits, after.held_out.fits, strict=True)]
+    outliers, errors, noise = _outliers(fits), _errors(before, after), _correlated_noise(after)
+    visible = found.search.smallest_visible(after.explanation)
+    packages = ("numpy", "scipy", "heyoka", *sorted({e.package for e in EFFECTS.values() if e.package}))
+    versions = {package: installed_version(package) for package in packages}
+    return Identification(
+        study=study.name,
+        title=study.title,
+        seed=seed,
+        verdict=found.verdict,
+        sentence=verdict_sentence(
+            found.verdict,
+            effects,
+            [e for e in explanations if e.credible],
+            unlisted,
+            errors,
+            failures=failures_in_words(_tests(before)),
+            own_effects=bool(before.fit.problem.study.own_effects),
+        ),
+        notes=verdict_notes(
+            found.verdict, explanations, [(c.name, c.bounds_reason) for c in found.search.ruled_out], noise, outliers
+        ),
+        effects=effects,
+        explanations=explanations,
+        unlisted=unlisted,
+        correlated_noise=noise,
+        smallest_visible=tuple(
+            SmallestVisible(
+                name=v.candidate.name,
+                value=v.value,
+                unit=v.candidate.unit,
+                acts_on=v.candidate.acts_on,
+                null_value=v.candidate.null,
+                motion=v.motion,
+            )
+            for v in visible
+            if not v.can_hide
+        ),
+        can_hide=tuple(sorted(v.candidate.name for v in visible if v.can_hide)),
+        next_experiments=experiments,
+        errors=errors,
+        events=_events(fits),
+        outliers=outliers,
+        record_starts=_record_starts(fits),
+        before=_fit_report(before, start_costs),
+        after=_fit_report(after, start_costs if after is before else ()),
+        judged_on="held-out trials" if before.held_out.fits else "held-out blocks of time",
+        data=tuple(o.summary() for _, o in inputs.observed),
+        provenance={"looping-pendulum": __version__, "python": platform.python_version()}
+        | {package: version for package, version in versions.items() if version != MISSING},
+        scenario=_scenario(study, after, effects),
+        trial_figures=tuple(_trial_figure(*pair) for pair in fits if pair[0].problem.data[pair[2]].channels),
     )
 
 
-def _provenance() -> dict[str, str]:
-    """Return package -> version."""
-    packages = ("numpy", "scipy", "heyoka", *sorted({e.package for e in EFFECTS.values() if e.package}))
-    versions = {package: installed_version(package) for package in packages}
-    installed = {package: version for package, version in versions.items() if version != MISSING}
-    return {"looping-pendulum": __version__, "python": platform.python_version()} | installed
+def _explanations(found: Explanations) -> tuple[RankedExplanation, ...]:
+    declared, least = found.nothing.log_posterior, least_distance(len(found.search.library))
+    rows = []
+    count = max(MAX_EXPLANATIONS, len(found.credible))
+    for r in (r for i, r in enumerate(found.ranked) if i < count or r.explanation is found.nothing):
+        values, errors, law = r.fit.values, r.fit.errors, r.explanation.parts.law
+        effects = tuple(
+            IdentifiedEffect(
+                name=c.name,
+                kind=c.kind,
+                acts_on=c.acts_on,
+                depends_on=c.depends_on,
+                formula=c.formula,
+                source=c.source,
+                parameter=c.parameter,
+                meaning=c.role.value,
+                value=values[c.name],
+                error=errors[c.name],
+                # Where the model is far from linear in an effect, a standard error misleads: of static friction that holds all
+                # is known but that it is large enough. It misleads, too, where the evidence only just suffices: noise has
+                # enlarged most of these values.
+                interval=stated_interval(r.fit, c.name, c.null, least) if r.credible else None,
+                null_value=c.null,
+                unit=c.unit,
+                companions=tuple((k.name, values[k.name], errors[k.name]) for k in c.companions),
+            )
+            for c in sorted(r.explanation.parts.effects, key=lambda c: c.name)
+        )
+        rows.append(
+            RankedExplanation(
+                effects=effects,
+                law=UnlistedLaw(acts_on=law.target, depends_on=law.coordinate, multiplied_by=law.factor) if law else None,
+                probability=r.probability,
+                log10_odds=(r.explanation.log_posterior - declared) / math.log(10),
+                credible=r.credible,
+            )
+        )
+    return tuple(rows)
+
+
+def _correlated_noise(model: Judged) -> tuple[CorrelatedError, ...]:
+    """Return the errors of tracked points that last longer than a frame, which a model's data are taken to have."""
+    data = model.fit.problem.data
+    channels = {body: [c for d in data for c in d.channels if c.name in names] for body, names in BODIES.items()}
+    return tuple(
+        CorrelatedError(
+            body=body,
+            amplitude=noise.amplitude,
+            unit=channels[body][0].unit,
+            correlation_time=noise.correlation_time,
+            points=noise.correlation_time / channels[body][0].time_step,
+        )
+        for body, noise in noises_of(data).items()
+    )
+
+
+def _outliers(fits: Sequence[_FitsOfTrial]) -> tuple[Outliers, ...]:
+    """Return the tracked points of each trial and body that the fits left out as outliers."""
+    rows = []
+    for _, fit, k, held_out in fits:
+        d = fit.problem.data[k]
+        residual = d.value - fit.problem.predict(fit.x, k)
+        for names in BODIES.values():
+            channels = [c for c in d.channels if c.name in names and d.is_outlier[d.slices[c.name]].any()]
+            if not channels:
+                continue
+            # One coordinate of a point may be missing, or stand in another row
+            t = np.unique(np.concatenate([c.t for c in channels]))
+            is_outlier, distance = np.zeros(len(t), dtype=bool), np.zeros(len(t))
+            for c in channels:
+                at, part = np.searchsorted(t, c.t), d.slices[c.name]
+                is_outlier[at] |= d.is_outlier[part]
+                distance[at] = np.hypot(distance[at], residual[part])
+            index = np.flatnonzero(is_outlier)
+            # Cut where an index is left out, so that each run is one interval of time
+            runs = np.split(index, 1 + np.flatnonzero(np.diff(index) > 1))
+            rows.append(
+                Outliers(
+                    trial=d.trial.name,
+                    held_out=held_out,
+                    channels=tuple(c.name for c in channels),
+                    count=len(index),
+                    of=len(t),
+                    intervals=tuple((float(t[run[0]]), float(t[run[-1]])) for run in runs),
+                    largest_distance=float(np.max(distance[index])),
+                    unit=channels[0].unit,
+                )
+            )
+    return tuple(rows)
+
+
+def _record_starts(fits: Sequence[_FitsOfTrial]) -> tuple[RecordStart, ...]:
+    """Return how the motion begins in the records that begin in mid-swing."""
+    starts = []
+    for _, fit, k, held_out in fits:
+        trial = fit.problem.data[k].trial
+        if not trial.in_mid_swing:
+            continue
+        parameters, _ = fit.problem.parameters_and_camera(fit.x, k)
+        errors = {n.parameter: fit.errors[n.name] for n in fit.problem.free_parameters if trial.name in n.trials}
+        starts.append(
+            RecordStart(
+                trial=trial.name,
+                held_out=held_out,
+                time=float(fit.problem.data[k].t.min()),
+                angle=parameters.release_angle,
+                angle_error=errors.get("release_angle", 0.0),
+                speed=parameters.coefficients["push_across"],
+                speed_error=errors.get("push_across", 0.0),
+            )
+        )
+    return tuple(starts)
+
+
+def _errors(before: Judged, after: Judged) -> tuple[TrialError, ...]:
+    """Return the errors of both models for every trial, or for all held-out blocks of time together."""
+    # Of each trial or of all blocks: name, whether it is held out, unit, and of both models RMS, chi2 per value, RMS of events
+    models, held_out = (before, after), before.held_out
+    rows = []
+    for k, d in enumerate(before.training.problem.data):
+        fits = [m.training for m in models]
+        each = [(rms(fit, k), _chi2(fit, k), event_rms_by_unit(fit, k)) for fit in fits]
+        rows.append((d.trial.name, False, _unit_of_position(d), each))
+    for i, name in enumerate(held_out.names if held_out.fits else ()):
+        each = [(m.held_out.rms[i], m.held_out.chi2[i], event_rms_by_unit(m.held_out.fits[i], 0)) for m in models]
+        rows.append((name, True, _unit_of_position(held_out.fits[i].problem.data[0]), each))
+    # Blocks of time are judged together and have no fits of their own
+    if not held_out.fits:
+        units = {_unit_of_position(d) for d in before.training.problem.data if d.channels}
+        each = [(m.held_out.rms[0], m.held_out.chi2[0], {}) for m in models]
+        rows.append(("blocks of time", True, units.pop() if len(units) == 1 else "", each))
+    return tuple(
+        TrialError(
+            trial=name,
+            held_out=is_held_out,
+            rms_before=rms_before,
+            rms_after=rms_after,
+            standardised_rms_before=math.sqrt(chi2_before),
+            standardised_rms_after=math.sqrt(chi2_after),
+            events_before=events_before,
+            events_after=events_after,
+            unit=unit,
+        )
+        for name, is_held_out, unit, (
+            (rms_before, chi2_before, events_before),
+            (rms_after, chi2_after, events_after),
+        ) in rows
+    )
+
+
+def _unit_of_position(d: TrialData) -> str:
+    """Return the SI unit of the data that `held_out.rms` is of; empty: there are several, or no channels."""
+    parts = position_slices(d)
+    units = {c.unit for c in d.channels if d.slices[c.name] in parts}
+    return units.pop() if len(units) == 1 else ""
+
+
+def _chi2(fit: Fit, k: int) -> float:
+    """Return chi-square per value of trial ``k``."""
+    # Values that are left out have an infinite sigma, so that their zeros would lower the mean
+    return float(np.mean(np.square(_standardised(fit, k)[np.isfinite(fit.problem.data[k].sigma)])))
+
+
+def _standardised(fit: Fit, k: int) -> Array:
+    """Return the residuals of trial ``k`` in units of their standard errors."""
+    d = fit.problem.data[k]
+    return d.standardise(d.value - fit.problem.predict(fit.x, k))
+
+
+def _events(fits: Sequence[_FitsOfTrial]) -> tuple[EventResidual, ...]:
+    rows = []
+    for before, after, k, held_out in fits:
+        data = before.problem.data[k]
+        # Not `predict`, which puts an event that does not happen far off, for the fit's sake
+        predicted = [fit.problem.predict_events(fit.x, k).tolist() for fit in (before, after)] if data.events else [[], []]
+        for row, by_declared, by_repaired in zip(data.events, *predicted, strict=True):
+            rows.append(
+                EventResidual(
+                    trial=data.trial.name,
+                    held_out=held_out,
+                    quantity=row.quantity,
+                    index=row.index,
+                    unit=row.unit,
+                    measured=row.value,
+                    sigma=row.sigma,
+                    before=by_declared if math.isfinite(by_declared) else None,
+                    after=by_repaired if math.isfinite(by_repaired) else None,
+                )
+            )
+    return tuple(rows)
+
+
+def _fit_report(model: Judged, start_costs: tuple[float, ...]) -> FitReport:
+    fit = model.fit
+    values, errors, at_bounds, tests = fit.values, fit.errors, set(fit.at_bounds), _tests(model)
+    return FitReport(
+        parameters=tuple(
+            FittedParameter(
+                name=n.name,
+                value=values[n.name],
+                error=errors[n.name],
+                measured=n.init_value,
+                measured_error=n.sigma,
+                at_bound=n.name in at_bounds,
+            )
+            for n in fit.problem.free_parameters
+        ),
+        correlations=fit.correlations(),
+        condition_number=fit.condition,
+        chi2_per_dof=model.tests.chi2_per_dof,
+        held_out_chi2=model.held_out.worst,
+        failed_tests=failures_in_words(tests),
+        start_costs=start_costs,
+        tests=tests,
+    )
+
+
+def _tests(model: Judged) -> tuple[ModelTest, ...]:
+    return (*model.tests.results, *model.held_out.results)
+
+
+def _scenario(study: Study, model: Judged, effects: Sequence[IdentifiedEffect]) -> str:
+    """Return the first training trial under the repaired model as the text of a scenario file."""
+    parameters, _ = model.fit.problem.parameters_and_camera(model.fit.x, 0)
+    d = model.fit.problem.data[0]
+    camera = ", ".join(effect_in_words(e) for e in effects if e.acts_on == "camera")
+    added = ", ".join(effect_in_words(e) for e in effects if e.acts_on != "camera") or "nothing"
+    text = f"Fitted to the trials of the study '{study.name}', as trial '{d.trial.name}'. Added to what was declared: {added}."
+    if camera:
+        text += f" The camera's own errors are no part of a scenario: {camera}."
+    return loader.dump(
+        Scenario(
+            name=f"{study.name}_repaired",
+            title=f"{study.title}: repaired model",
+            description=text,
+            parameters=parameters.without_absent_own_effects(),
+            duration=float(d.t.max()),
+        )
+    )
+
+
+def _trial_figure(before: Fit, after: Fit, k: int, held_out: bool) -> TrialFigure:
+    """Return the arrays of a trial's figure."""
+    d = before.problem.data[k]
+    is_outlier = after.problem.data[k].is_outlier
+
+    def by_channel(values: Array) -> dict[str, Array]:
+        return {name: values[part] for name, part in d.slices.items()}
+
+    return TrialFigure(
+        trial=d.trial.name,
+        held_out=held_out,
+        channels=tuple(d.slices),
+        t=by_channel(d.t),
+        measured=by_channel(d.value),
+        before=by_channel(before.problem.predict(before.x, k)),
+        after=by_channel(after.problem.predict(after.x, k)),
+        residual_before=by_channel(np.where(is_outlier, np.nan, _standardised(before, k))),
+        residual_after=by_channel(np.where(is_outlier, np.nan, _standardised(after, k))),
+        outliers={name: is_outlier[part] for name, part in d.slices.items()},
+    )

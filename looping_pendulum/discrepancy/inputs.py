@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from looping_pendulum.discrepancy.candidates import Candidate, candidates
+from looping_pendulum.discrepancy.fit.data import TrialData, trial_data
 from looping_pendulum.discrepancy.fit.event_prediction import check_event_rows
-from looping_pendulum.discrepancy.fit.problem import Problem, TrialData, free_parameters_of
-from looping_pendulum.discrepancy.fit.residual import trial_data
+from looping_pendulum.discrepancy.fit.problem import Problem, free_parameters_of
 from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.measured.observations import DataError, Observations
 from looping_pendulum.measured.record_start import with_free_start

@@ -12,8 +12,8 @@ from functools import cached_property
 import numpy as np
 
 from looping_pendulum.discrepancy.fit.calibration import Fit
-from looping_pendulum.discrepancy.fit.predictions import jacobian_at
-from looping_pendulum.discrepancy.fit.problem import Problem, TrialData, free_parameters_of
+from looping_pendulum.discrepancy.fit.data import TrialData
+from looping_pendulum.discrepancy.fit.problem import Problem, free_parameters_of, jacobian_at
 from looping_pendulum.discrepancy.result import MIN_SEPARATION, Experiment
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.errors import HarnessError
@@ -102,9 +102,9 @@ def _trials(study: Study) -> Iterator[Trial]:
         for angle in angles if release is not Release.VERTICAL else angles[:1]:
             own = dict(template.estimates)
             heavy = template.estimates.get("heavy_mass") or study.apparatus.get("heavy_mass")
-            own["heavy_mass"] = Estimate(
-                value=float(ratio) * light.value, sigma=_relative_error(heavy) * float(ratio) * light.value
-            )
+            # Half a percent where no error is stated
+            error = heavy.sigma / heavy.value if heavy and heavy.sigma else 0.005
+            own["heavy_mass"] = Estimate(value=float(ratio) * light.value, sigma=error * float(ratio) * light.value)
             angle_known = own.pop("release_angle", None) or Estimate(value=0.0, sigma=math.radians(1))
             if release is not Release.VERTICAL:
                 own["release_angle"] = Estimate(value=float(angle), sigma=angle_known.sigma or math.radians(0.5))
@@ -129,11 +129,6 @@ def _held_trials(study: Study) -> Iterator[Trial]:
         yield dataclasses.replace(
             template, name=TRIAL_NAME, estimates=own, camera={}, held_out=False, mirrored=False, in_mid_swing=False
         )
-
-
-def _relative_error(known: Estimate | None) -> float:
-    """Return the relative standard error of an estimate; half a percent where none is stated."""
-    return known.sigma / known.value if known and known.sigma else 0.005
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,27 +1,145 @@
 """The result of an identification as plain data: the report, the figures and verdict.json are made of this one object.
 
-SI and radians throughout, unless a unit is given. `verdict_file` writes it as verdict.json.
+SI and radians throughout, unless a unit is given. verdict.json has ``schema`` {id, version}, then the fields of
+`Identification` by their names, as documented there; null for what is not known or not finite. Fields marked `compare=False`
+(arrays for figures) are left out.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
-from looping_pendulum.discrepancy.fit.model_test import ModelTest
-from looping_pendulum.discrepancy.trial_results import (
-    CorrelatedError,
-    EventResidual,
-    Outliers,
-    RecordStart,
-    TrialError,
-    TrialFigure,
-)
+import numpy as np
+from numpy.typing import NDArray
+
+from looping_pendulum.compare import json_text
+from looping_pendulum.discrepancy.fit.residual import ModelTest
+from looping_pendulum.errors import ResultError
+from looping_pendulum.pages.numbers import amount, quantity
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.scenarios.document import quote
 
 if TYPE_CHECKING:
-    from looping_pendulum.discrepancy.first_look.result import DeclarationCheck
+    from looping_pendulum.discrepancy.first_look.check import DeclarationCheck
+
+SCHEMA_ID = "looping-pendulum/identification"
+SCHEMA_VERSION = 9
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialError:
+    """How far the declared and the repaired model are from one trial."""
+
+    trial: str
+    held_out: bool
+    rms_before: float | None
+    """RMS residual of the calibrated declared model [unit]: of the light mass's position where it was tracked, else of all
+    channels; None: the trial has only events."""
+    rms_after: float | None
+    """The same of the repaired model [unit]."""
+    standardised_rms_before: float
+    """RMS residual of the calibrated declared model in units of the noise; 1 is the best possible."""
+    standardised_rms_after: float
+    """The same of the repaired model."""
+    events_before: Mapping[str, float]
+    """SI unit -> RMS of measured less predicted events of that unit, by the calibrated declared model."""
+    events_after: Mapping[str, float]
+    """The same by the repaired model."""
+    unit: str = "m"
+    """SI unit of the RMS residuals; empty: channels of several units together."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outliers:
+    """Tracked points of one body in one trial that do not show it, and so were left out of all fits and tests."""
+
+    trial: str
+    held_out: bool
+    channels: tuple[str, ...]
+    """Channels of the body."""
+    count: int
+    of: int
+    """Number of tracked points of the body, outliers included."""
+    intervals: tuple[tuple[float, float], ...]
+    """First and last time of each run of neighbouring outliers, by the file's clock [s]."""
+    largest_distance: float
+    """Largest distance of an outlier from the repaired model [unit]."""
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class EventResidual:
+    """One measured event beside the predictions of both models."""
+
+    trial: str
+    held_out: bool
+    quantity: str
+    index: int
+    unit: str
+    measured: float
+    """Measured value [unit]."""
+    sigma: float
+    """Standard error [unit]."""
+    before: float | None
+    """Prediction of the calibrated declared model [unit]; None: the event does not happen in its run."""
+    after: float | None
+    """The same of the repaired model."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordStart:
+    """Start of the motion in a record that begins in mid-swing, at its first tracked point, by the repaired model."""
+
+    trial: str
+    held_out: bool
+    time: float
+    """Time of the first tracked point by the file's clock [s]."""
+    angle: float
+    """Wrap angle there [rad]; pi: straight down."""
+    angle_error: float
+    """Standard error [rad]; 0: stated as exact."""
+    speed: float
+    """Speed of the light mass across its string there [m/s], positive as the wrap angle grows."""
+    speed_error: float
+    """Standard error [m/s]; 0: stated as exact."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CorrelatedError:
+    """Errors of one body's tracked points that last longer than a frame, as of a tracker that wanders over its mark."""
+
+    body: str
+    """Body, of `observations.BODIES`."""
+    amplitude: float
+    """Standard deviation of these errors, each coordinate [unit]."""
+    unit: str
+    """SI unit of `amplitude`."""
+    correlation_time: float
+    """Time in which they change [s]."""
+    points: float
+    """The same in tracked points."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrialFigure:
+    """Arrays of one trial for the figures: channel -> values; residuals in units of noise."""
+
+    trial: str
+    held_out: bool
+    channels: tuple[str, ...]
+    t: Mapping[str, Array]
+    measured: Mapping[str, Array]
+    before: Mapping[str, Array]
+    after: Mapping[str, Array]
+    residual_before: Mapping[str, Array]
+    """NaN for outliers."""
+    residual_after: Mapping[str, Array]
+    outliers: Mapping[str, NDArray[np.bool_]]
+    """Which values were left out as outliers."""
 
 
 class Verdict(StrEnum):
@@ -257,13 +375,9 @@ class Formula:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Unlisted:
+class Unlisted(UnlistedLaw):
     """An unknown force, which no effect of the library is."""
 
-    acts_on: str
-    depends_on: str
-    multiplied_by: str
-    """Factor of the force beside the function of the coordinate: "constant", or a speed."""
     unit: str
     """Unit of the coordinate."""
     profiles: tuple[ForceProfile, ...]
@@ -292,8 +406,7 @@ class Unlisted:
     def in_words(self) -> str:
         """What it is and what it depends on, as part of a sentence."""
         place = "" if self.point is None else f" from x = {self.point[0]:.3f} m, y = {self.point[1]:.3f} m"
-        law = UnlistedLaw(acts_on=self.acts_on, depends_on=self.depends_on, multiplied_by=self.multiplied_by)
-        return f"{law.in_words}{place}"
+        return f"{super().in_words}{place}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -309,6 +422,11 @@ class SmallestVisible:
     """Value at which the effect is absent [unit]; 1 for a factor."""
     motion: float
     """RMS change of the predictions by this change, all else unchanged [units of noise]: what the fitted parameters hide."""
+
+    @property
+    def in_words(self) -> str:
+        """The value with its unit; of a factor, as a percentage."""
+        return f"{amount(self.value, 100)} %" if not self.unit and self.null_value == 1 else quantity(self.value, self.unit)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -363,6 +481,11 @@ class Identification:
     """Comparison of the points with the declaration before any fit; what looked wrong there is among the notes."""
 
     @property
+    def has_repair(self) -> bool:
+        """Whether the repaired model differs from the declared one."""
+        return self.verdict is not Verdict.NO_MISSING_EFFECT and bool(self.effects or self.unlisted)
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of the added effects."""
         return tuple(e.name for e in self.effects)
@@ -378,3 +501,29 @@ class Identification:
         if self.verdict is not Verdict.AMBIGUOUS:
             return ()
         return tuple(e.effects for e in self.credible if e.effects and not e.law)
+
+
+def dump(result: Identification) -> str:
+    """Write a result as JSON text."""
+    return json_text.dump(result, SCHEMA_ID, SCHEMA_VERSION)
+
+
+def load(text: str) -> dict[str, Any]:
+    """Read the text of a verdict.json as plain data, under the field names of its `Identification`.
+
+    Raises
+    ------
+    ResultError
+        If the text is no JSON, is no verdict.json, or is of another version.
+    """
+    try:
+        tree = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ResultError(f"verdict.json: {error}; write it again with `looping-pendulum identify`") from None
+    schema = tree.pop("schema", None) if isinstance(tree, dict) else None
+    if not isinstance(schema, dict) or schema.get("id") != SCHEMA_ID:
+        raise ResultError(f"verdict.json: schema: found {quote(schema)}, needed the id {SCHEMA_ID!r}")
+    if schema.get("version") != SCHEMA_VERSION:
+        problem = f"found version {quote(schema.get('version'))}, needed {SCHEMA_VERSION}"
+        raise ResultError(f"verdict.json: schema: {problem}; write it again with `looping-pendulum identify`")
+    return cast(dict[str, Any], tree)

@@ -4,9 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from looping_pendulum.discrepancy.outlier_summary import outliers_in_words
-from looping_pendulum.discrepancy.result import IdentifiedEffect, RankedExplanation, Unlisted, Verdict
-from looping_pendulum.discrepancy.trial_results import CorrelatedError, Outliers, TrialError
+from looping_pendulum.discrepancy.result import (
+    CorrelatedError,
+    IdentifiedEffect,
+    Outliers,
+    RankedExplanation,
+    TrialError,
+    Unlisted,
+    Verdict,
+)
 from looping_pendulum.pages.numbers import amount, quantity, uncertain
 
 BODY_IN_WORDS = {
@@ -155,7 +161,7 @@ def verdict_notes(
         added = explanation_in_words(nearest, with_values=False)
         notes.append(f"The model comes nearest with {added}, but what is left does not look like noise.")
     notes += [_correlated_noise_in_words(errors)] if errors else []
-    notes += [outliers_in_words(outliers)] if outliers else []
+    notes += [_outliers_in_words(outliers)] if outliers else []
     return tuple(notes)
 
 
@@ -200,4 +206,14 @@ def _correlated_noise_in_words(errors: Sequence[CorrelatedError]) -> str:
     return (
         f"The tracked points are off by about {each}, as when a tracker wanders over its mark; an effect that looks like this "
         "cannot be seen in these data."
+    )
+
+
+def _outliers_in_words(outliers: Sequence[Outliers]) -> str:
+    """Return a sentence about the points that were left out, of which there must be some."""
+    count, of = sum(o.count for o in outliers), sum(o.of for o in outliers)
+    largest = max(outliers, key=lambda o: o.largest_distance)
+    return (
+        f"{count} of {of} tracked points do not show the mass, being off by up to "
+        f"{quantity(largest.largest_distance, largest.unit)} beside neighbours that are not; they were left out."
     )

@@ -44,8 +44,11 @@ LEAST_ORIGIN_ERROR = 1e-4
 """Smallest error of the rod's centre that is stated [m]: the centre of a mass is not quite that of its picture."""
 HEAVY_OFFSET_ERROR = 5e-4
 """Usual distance of the heavy mass's centre in the picture from its string, by its shading and its hook [m]."""
-READOUT_ERROR = 2e-4
-"""Error of the rows' delay per length [s/m] that is fitted without being named; `identify` may name a larger delay."""
+READOUT_ERROR, KNOWN_READOUT_ERROR = 5e-3, 5e-5
+"""Error of the rows' delay per length [s/m] where the time of the readout is not known, and where it is stated.
+
+A phone reads its picture in 3 to 16 ms, which shows about 1.5 m: without room for it, a delay of 3.5 ms looked like a force.
+"""
 CAMERA_LEAST_TILT = math.radians(0.02)
 """Smallest error of the tilt that is stated [rad]."""
 
@@ -143,6 +146,7 @@ def table(track: FilmTrack) -> str:
 def camera_lines(track: FilmTrack) -> dict[str, str]:
     """Return what a study says of this film's camera: the errors of scale, origin, tilt and clock."""
     millimetres = [1e3 * error / track.scale for error in track.rod_error]
+    readout = KNOWN_READOUT_ERROR if track.settings.readout is not None else READOUT_ERROR
     return {
         "scale": f"1 +/- {100 * track.scale_error:.2g} %",
         "origin_x": f"0 mm +/- {max(millimetres[0], 0.1):.2g} mm",
@@ -150,11 +154,8 @@ def camera_lines(track: FilmTrack) -> dict[str, str]:
         "tilt": f"0 deg +/- {math.degrees(max(track.tilt_error, CAMERA_LEAST_TILT)):.2g} deg",
         "clock_offset": f"0 ms +/- {1e3 * track.release_error:.2g} ms",
         "heavy_offset_x": f"0 mm +/- {1e3 * HEAVY_OFFSET_ERROR:.2g} mm",
-    } | (
-        {}
-        if track.settings.readout is None
-        else {"readout": f"{delay_per_length(track):.4g} s/m +/- {READOUT_ERROR / 4:.2g} s/m"}
-    )
+        "readout": f"{delay_per_length(track):.4g} s/m +/- {readout:.2g} s/m",
+    }
 
 
 def delay_per_length(track: FilmTrack) -> float:

@@ -168,7 +168,7 @@ def keys_of_fault(study: Study, fault: DataError) -> tuple[str, ...]:
 
     Those about one trial's data are enough if the fault names that trial, and no value of the apparatus.
     """
-    from looping_pendulum.discrepancy.first_look.result import DeclarationError
+    from looping_pendulum.discrepancy.first_look.check import DeclarationError
 
     if isinstance(fault, DeclarationError) and not all(m.keys.startswith(KEYS_OF_DATA) for m in fault.check.mistakes):
         return ()  # a mass, a radius, a track

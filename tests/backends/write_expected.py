@@ -16,8 +16,7 @@ from benchmarks.rivals import best_additions
 from looping_pendulum.discrepancy.evidence.explanation import Explanation, Parts, addition_steps, explained
 from looping_pendulum.discrepancy.evidence.marginal import NoiseGrid
 from looping_pendulum.discrepancy.fit.calibration import Fit, minimise
-from looping_pendulum.discrepancy.fit.predictions import alone
-from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.discrepancy.fit.problem import Problem, alone
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.measured.study_io import load

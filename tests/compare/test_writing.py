@@ -15,7 +15,7 @@ from looping_pendulum.cli import main as cli
 from looping_pendulum.cli import terminal as cli_terminal
 from looping_pendulum.compare import compare, figures, write
 from looping_pendulum.compare.result import ComparisonResult
-from looping_pendulum.discrepancy.report import plots as identify_plots
+from looping_pendulum.discrepancy.report import figures as identify_figures
 from looping_pendulum.discrepancy.report import writing
 from looping_pendulum.discrepancy.workers import Workers
 from looping_pendulum.engines.trajectory import RunStatus
@@ -106,7 +106,7 @@ def test_names_that_look_alike_have_files_of_their_own(tmp_path, scenario, refer
     assert len({path.read_text() for path in (tmp_path / "trajectories").iterdir()}) == 4  # and the reference
     one, other = (made_up.identification(name) for name in ("a/b", "a-b"))
     both = dataclasses.replace(one, trial_figures=one.trial_figures + other.trial_figures, errors=one.errors + other.errors)
-    assert sum("trial" in name for name in identify_plots.draw(both)) == 2
+    assert sum("trial" in name for name in identify_figures.draw(both)) == 2
 
 
 def test_file_names_are_short_distinct_and_as_they_were():
@@ -132,7 +132,7 @@ def test_a_figure_that_cannot_be_made_is_a_warning_and_the_rest_is_there(tmp_pat
         report = write(compare(scenario, reference, [make_run()]), tmp_path / "compare")
     assert "path.png" in report.read_text()
     assert "drop.png" not in report.read_text()
-    monkeypatch.setattr(identify_plots, "trial_figure", fail)
+    monkeypatch.setattr(identify_figures, "draw_trial", fail)
     with pytest.warns(SkippedOutputWarning, match="trial-one.png"):
         report = writing.write(made_up.identification("one"), tmp_path / "identify")
     assert len(list((tmp_path / "identify" / "figures").iterdir())) == 5
@@ -143,7 +143,7 @@ def test_the_verdict_is_written_before_anything_is_drawn(tmp_path, monkeypatch, 
     def fail(*_):
         raise stop
 
-    monkeypatch.setattr(identify_plots, "draw", fail)
+    monkeypatch.setattr(identify_figures, "draw", fail)
     with pytest.raises(stop):
         writing.write(made_up.identification("one"), tmp_path)
     assert {"repaired.yaml", "verdict.json"} <= {path.name for path in tmp_path.iterdir()}

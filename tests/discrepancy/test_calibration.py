@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from looping_pendulum.discrepancy.fit.calibration import calibrate, minimise
-from looping_pendulum.discrepancy.fit.predictions import jacobian_at
-from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.discrepancy.fit.problem import Problem, jacobian_at
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.measured.study_io import load

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.blind_sample import draw, write_files
-from looping_pendulum.discrepancy.fit.correlated_noise import CorrelatedNoise, Whitening
+from looping_pendulum.discrepancy.fit.data import CorrelatedNoise, Whitening
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.report.markdown import render
 from looping_pendulum.discrepancy.result import Verdict

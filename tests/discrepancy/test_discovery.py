@@ -14,12 +14,11 @@ from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid
 from looping_pendulum.discrepancy.evidence.prior import body_of
 from looping_pendulum.discrepancy.fit.calibration import calibrate
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
+from looping_pendulum.discrepancy.formulas import PREFIX, CoordinateRange, forms
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report.markdown import render
 from looping_pendulum.discrepancy.result import Verdict
-from looping_pendulum.discrepancy.unlisted.formula import PREFIX
-from looping_pendulum.discrepancy.unlisted.simplify import CoordinateRange, forms
 from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.cartesian import cartesian_force
 from looping_pendulum.reference_ode.effects.closure import N_BASIS_FUNCTIONS, weight_name

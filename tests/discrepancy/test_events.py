@@ -12,8 +12,8 @@ from scipy.optimize import brentq
 from looping_pendulum.compare.landmarks import EVENT_QUANTITIES, event_value, reference_landmarks
 from looping_pendulum.discrepancy.fit import event_prediction as prediction
 from looping_pendulum.discrepancy.fit.calibration import calibrate
-from looping_pendulum.discrepancy.fit.event_tests import check_event_residuals
 from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.discrepancy.fit.residual import check_event_residuals
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report.writing import write

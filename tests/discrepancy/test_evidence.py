@@ -14,14 +14,13 @@ from looping_pendulum.discrepancy.evidence import prior
 from looping_pendulum.discrepancy.evidence.explanation import NOTHING, Parts, explained, raw
 from looping_pendulum.discrepancy.evidence.laws import covariance_root, laws_beside, with_law
 from looping_pendulum.discrepancy.evidence.marginal import MAX_DECREASE, SETTINGS, Marginal, NoiseGrid
+from looping_pendulum.discrepancy.evidence.motions import COORDINATES_OF, TARGETS, Closure, factors_of
 from looping_pendulum.discrepancy.evidence.search import Search, posterior
 from looping_pendulum.discrepancy.evidence.templates import templates
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate
-from looping_pendulum.discrepancy.fit.predictions import jacobian_at
-from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.discrepancy.fit.problem import Problem, jacobian_at
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.discrepancy.unlisted.closures import COORDINATES_OF, TARGETS, Closure, factors_of
 from looping_pendulum.discrepancy.workers import Workers, one_blas_thread
 from looping_pendulum.measured.study_io import load
 from tests.blind.cases import CASES

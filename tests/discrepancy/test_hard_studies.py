@@ -103,6 +103,7 @@ def drag_by_attitude(folder):
         return identify(load(write_files(study, folder)), workers=1)
 
 
+@pytest.mark.accurate  # a minute
 def test_an_effect_that_multiplies_a_drag_of_zero_is_tried_where_that_is_not_zero(tmp_path):
     """Two blind studies ended as an unlisted force: beside no drag the effect changed nothing, and was not fitted."""
     result = drag_by_attitude(tmp_path)

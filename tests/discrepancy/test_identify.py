@@ -10,13 +10,12 @@ import pytest
 from typer.testing import CliRunner
 
 from looping_pendulum.cli import main as cli
-from looping_pendulum.discrepancy import verdict_file
 from looping_pendulum.discrepancy.evidence.explain import explain
 from looping_pendulum.discrepancy.fit.likelihood import cost_rise
 from looping_pendulum.discrepancy.identify import OutOfTimeError, identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report.writing import write
-from looping_pendulum.discrepancy.result import Identification, Verdict
+from looping_pendulum.discrepancy.result import SCHEMA_ID, SCHEMA_VERSION, Identification, Verdict, dump
 from looping_pendulum.measured.study_io import load
 from looping_pendulum.scenarios import loader
 from tests.blind.cases import CASES, CLEAN, CLEAN_VARIED, with_signature
@@ -124,7 +123,7 @@ def test_files_are_as_promised_and_the_same_again(tmp_path, ambiguous):
     assert "(`ambiguous`)" in report
     assert all((tmp_path / "a" / part.split(")")[0]).exists() for part in report.split("](")[1:])
     tree = json.loads((tmp_path / "a" / "verdict.json").read_text(encoding="utf-8"))
-    assert tree["schema"] == {"id": verdict_file.SCHEMA_ID, "version": verdict_file.SCHEMA_VERSION}
+    assert tree["schema"] == {"id": SCHEMA_ID, "version": SCHEMA_VERSION}
     fields = {f.name for f in dataclasses.fields(Identification) if f.compare}
     assert set(tree) == fields | {"schema"}
     scenario = loader.load(tmp_path / "a" / "repaired.yaml")
@@ -141,7 +140,7 @@ def test_what_was_hidden_is_named_from_two_trials(tmp_path):
 def test_one_process_finds_the_same_bytes_as_two(tmp_path):
     study = load(write_study(tmp_path, CASES["linear_drag"], 1, trials=TWO_RATIOS))
     alone, shared = (identify(study, workers=count) for count in (1, 2))
-    assert verdict_file.dump(alone) == verdict_file.dump(shared)
+    assert dump(alone) == dump(shared)
     assert alone.scenario == shared.scenario
 
 

@@ -8,7 +8,7 @@ import json
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.fit.outliers import HALF_WINDOW, find_outliers
+from looping_pendulum.discrepancy.fit.residual_noise import HALF_WINDOW, find_outliers
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.report.markdown import render
 from looping_pendulum.discrepancy.report.writing import write

@@ -8,8 +8,14 @@ import numpy as np
 import pytest
 
 from looping_pendulum.discrepancy.fit.calibration import calibrate_steps
-from looping_pendulum.discrepancy.fit.predictions import MIN_BATCH, MIN_BATCH_OF_OWN_MODEL, alone, predict, together
-from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.discrepancy.fit.problem import (
+    MIN_BATCH,
+    MIN_BATCH_OF_OWN_MODEL,
+    Problem,
+    alone,
+    predict_requests,
+    together,
+)
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured.camera import CAMERA
@@ -43,7 +49,7 @@ def in_batches(monkeypatch):
     def predicted(requests):
         with monkeypatch.context() as patch:
             patch.setattr(Problem, "predict", lambda *_: pytest.fail("a single run"))
-            return predict(requests)
+            return predict_requests(requests)
 
     return predicted
 

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.fit.residual import trial_data
+from looping_pendulum.discrepancy.fit.data import trial_data
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report import markdown

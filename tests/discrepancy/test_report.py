@@ -9,14 +9,22 @@ import re
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.fit.event_tests import EventTest
+from looping_pendulum.compare.json_text import plain
 from looping_pendulum.discrepancy.fit.held_out import HeldOutTest
-from looping_pendulum.discrepancy.fit.model_test import ModelTest, failures_in_words
-from looping_pendulum.discrepancy.fit.residual import GroupTest, ResidualTests
-from looping_pendulum.discrepancy.report import lead_figure, markdown, next_steps, page, plots, unlisted_report, visible_report
-from looping_pendulum.discrepancy.result import Experiment, RankedExplanation, SmallestVisible, UnlistedLaw, Verdict
-from looping_pendulum.discrepancy.trial_results import CorrelatedError
+from looping_pendulum.discrepancy.fit.residual import EventTest, GroupTest, ModelTest, ResidualTests, failures_in_words
+from looping_pendulum.discrepancy.report import figures, markdown, next_steps
+from looping_pendulum.discrepancy.result import (
+    CorrelatedError,
+    Experiment,
+    RankedExplanation,
+    SmallestVisible,
+    UnlistedLaw,
+    Verdict,
+    dump,
+    load,
+)
 from looping_pendulum.discrepancy.verdict_sentence import MAX_TIES, verdict_notes, verdict_sentence
+from looping_pendulum.errors import ResultError
 from tests.compare.conftest import quick_figures  # noqa: F401, a fixture
 from tests.pages import made_up as pages
 
@@ -120,7 +128,7 @@ def test_a_report_begins_with_the_sentence_the_picture_and_what_to_do_next(verdi
     assert blocks[1].strip().startswith("## Verdict: ")
     assert blocks[2].strip() == result.sentence
     assert blocks[3].strip().startswith("![")
-    assert blocks[3].strip().endswith(f"](figures/{lead_figure.NAME})")
+    assert blocks[3].strip().endswith(f"](figures/{markdown.MOTION})")
     assert blocks[5].strip() == "## What to do next"
     assert blocks[6].startswith("1. ")
     assert report.index("## Tests") > report.index("## Explanations that were compared")
@@ -128,7 +136,7 @@ def test_a_report_begins_with_the_sentence_the_picture_and_what_to_do_next(verdi
 
 @functools.cache
 def pictures(verdict):
-    return {f"figures/{name}": drawing for name, drawing in plots.draw(made_up(verdict)).items()}
+    return {f"figures/{name}": drawing for name, drawing in figures.draw(made_up(verdict)).items()}
 
 
 @pytest.mark.usefixtures("quick_figures")
@@ -140,7 +148,7 @@ def test_no_sentence_has_test_statistics(verdict):
     for text in (
         result.sentence,
         *result.notes,
-        lead_figure.caption(result),
+        figures.motion_caption(result),
         *(caption for caption, _ in pictures(verdict).values()),
     ):
         assert not STATISTICS.search(text), text
@@ -338,13 +346,13 @@ def test_the_headline_says_that_nothing_may_be_missing():
 
 def test_the_figure_of_explanations_has_a_bar_for_each_that_adds_something():
     result = made_up(Verdict.IDENTIFIED)
-    figure = page.explanations_figure(result)
+    figure = figures.explanations_on_page(result)
     (bars,) = figure.traces
     assert bars["x"] == [70.0, 68.3, 69.1]
     assert bars["text"] == ["98.0 %", "2.0 %", "\N{EN DASH}"]
-    assert bars["marker"]["color"] == [page.AFTER, page.SOFT, page.SOFT]
+    assert bars["marker"]["color"] == [figures.ON_PAGE["after"], figures.SOFT, figures.SOFT]
     assert figure.layout["yaxis"]["ticktext"] == ["swing", "clock_ratio", "swing + clock_ratio"]
-    (axes,) = plots.explanations_figure(result).axes
+    (axes,) = figures.draw_explanations(result).axes
     assert [bar.get_width() for bar in axes.patches] == bars["x"][::-1]  # Matplotlib draws from below
     assert [label.get_text() for label in axes.get_yticklabels()] == figure.layout["yaxis"]["ticktext"][::-1]
 
@@ -353,41 +361,41 @@ def test_explanations_of_one_name_have_bars_of_their_own():
     """They were drawn over each other: the words for a law do not say by which speed it is multiplied."""
     same = tuple(explanation(law=PULSE, odds=odds) for odds in (3.0, 2.0, 1.0))
     result = dataclasses.replace(made_up(Verdict.UNLISTED), explanations=(*same, NOTHING))
-    (axes,) = plots.explanations_figure(result).axes
+    (axes,) = figures.draw_explanations(result).axes
     assert len({bar.get_y() for bar in axes.patches}) == 3
-    assert len(set(page.explanations_figure(result).traces[0]["y"])) == 3
+    assert len(set(figures.explanations_on_page(result).traces[0]["y"])) == 3
 
 
 def test_the_long_name_of_a_law_stands_in_lines():
     """It was cut off before the coordinate, and a phone showed its end alone."""
     result = dataclasses.replace(made_up(Verdict.UNLISTED), explanations=(explanation(OTHER, law=BRAKE), NOTHING))
     name = "clock_ratio + unlisted force on the heavy mass as a function of the retreat speed"
-    (shown,) = page.explanations_figure(result).layout["yaxis"]["ticktext"]
+    (shown,) = figures.explanations_on_page(result).layout["yaxis"]["ticktext"]
     assert shown.replace("<br>", " ") == name
-    assert max(map(len, shown.split("<br>"))) <= page.LABEL_WIDTH
-    (axes,) = plots.explanations_figure(result).axes
+    assert max(map(len, shown.split("<br>"))) <= figures.LABEL_WIDTH
+    (axes,) = figures.draw_explanations(result).axes
     assert [label.get_text().split("\n") for label in axes.get_yticklabels()] == [
         ["clock_ratio + unlisted force on the heavy mass as", "a function of the retreat speed"]
     ]
     endless = explanation(dataclasses.replace(EFFECT, name="a" * 260))
-    assert len(plots.name_lines(endless, page.LABEL_WIDTH)) == plots.MAX_LINES
+    assert len(figures.name_lines(endless, figures.LABEL_WIDTH)) == figures.MAX_LINES
 
 
 def test_without_a_second_explanation_there_is_no_figure_of_them():
     for verdict, others in ((Verdict.IDENTIFIED, True), (Verdict.NO_MISSING_EFFECT, True), (Verdict.NO_MISSING_EFFECT, False)):
         result = made_up(verdict)
         result = result if others else dataclasses.replace(result, explanations=result.explanations[:1])
-        assert ("explanations" in [figure.id for figure in page.figures(result)]) == others
+        assert ("explanations" in [figure.id for figure in figures.on_page(result)]) == others
 
 
 def test_the_report_says_whether_the_repaired_model_has_the_unlisted_force():
     result = dataclasses.replace(made_up(Verdict.UNLISTED), verdict=Verdict.AMBIGUOUS)
     first, second = explanation(law=PULSE), explanation(EFFECT)
-    with_force = unlisted_report.section(dataclasses.replace(result, explanations=(first, second)))
-    without = unlisted_report.section(dataclasses.replace(result, explanations=(second, first)))
+    with_force = markdown.unlisted_force(dataclasses.replace(result, explanations=(first, second)))
+    without = markdown.unlisted_force(dataclasses.replace(result, explanations=(second, first)))
     assert "The repaired model has these, since no simple formula explains" in with_force
-    assert unlisted_report.IN_NO_REPAIRED_MODEL in without
-    assert unlisted_report.IN_NO_REPAIRED_MODEL not in with_force
+    assert markdown.IN_NO_REPAIRED_MODEL in without
+    assert markdown.IN_NO_REPAIRED_MODEL not in with_force
 
 
 def test_every_test_stands_in_the_table_with_its_limit():
@@ -396,9 +404,9 @@ def test_every_test_stands_in_the_table_with_its_limit():
 
 
 def test_the_ten_that_hide_best_are_listed_with_their_units():
-    section = visible_report.section(made_up(Verdict.NO_MISSING_EFFECT))
+    section = markdown.smallest_visible(made_up(Verdict.NO_MISSING_EFFECT))
     rows = [line for line in section.splitlines() if line.startswith("| effect_")]
-    assert len(rows) == visible_report.MAX_ROWS
+    assert len(rows) == markdown.MAX_VISIBLE
     assert "0.001 m/s^2" in rows[1]
     assert "The other 2 are in `verdict.json`" in section
     assert "No size of rod_mobility would be sure to show" in section
@@ -413,17 +421,17 @@ def test_without_positions_the_picture_is_the_residual_over_time():
         for name in ("t", "measured", "before", "after", "residual_before", "residual_after", "outliers")
     }
     falling = dataclasses.replace(result, trial_figures=(dataclasses.replace(picture, channels=("height",), **heights),))
-    (figure,) = page.first_figures(falling)
+    (figure,) = figures.first_on_page(falling)
     assert [trace["name"] for trace in figure.traces] == ["declared model", "repaired model"]
     assert len(figure.traces[0]["x"]) == len(t)
-    assert lead_figure.draw(falling, {"before": "red", "after": "blue"}).axes[0].get_ylabel().startswith("height")
+    assert figures.draw_motion(falling).axes[0].get_ylabel().startswith("height")
 
 
 def test_residual_vectors_lead_to_the_points_magnified():
     (picture,) = made_up(Verdict.IDENTIFIED).trial_figures
     off = {name: values + 0.01 for name, values in picture.measured.items()}
     picture = dataclasses.replace(picture, before=off)
-    vectors, factor = lead_figure.residual_vectors(picture, "light")
+    vectors, factor = figures.residual_vectors(picture, "light")
     assert factor == 10.0  # 0.1 of a motion of 2 m by 14 mm, rounded down to 1, 2 or 5 times a power of ten
     assert np.allclose(vectors["before"].tips - vectors["before"].path, -factor * 0.01)
     assert len(vectors["before"].path) == len(picture.t["light_x"]) - 1  # without the outlier
@@ -476,3 +484,28 @@ def test_an_unlisted_force_of_time_is_asked_for_in_the_same_release():
     result = dataclasses.replace(result, unlisted=dataclasses.replace(result.unlisted, depends_on="time", unit="s"))
     step = "film the same release again. Does it act again between 100 ms and 300 ms, where it is clearly not zero?\n"
     assert f"1. Measure more of it: {step}" in next_steps.section(result)
+
+
+def test_a_file_is_read_as_it_was_written():
+    result = pages.identification("a name")
+    assert load(dump(result)) == plain(result)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "verdict.json: Expecting property name"),
+        ("[]", "schema: found 'None', needed the id 'looping-pendulum/identification'"),
+        ('{"schema": {"id": "looping-pendulum/result", "version": 9}}', "needed the id 'looping-pendulum/identification'"),
+        ('{"schema": {"id": "looping-pendulum/identification", "version": 8}}', "found version '8', needed 9; write it again"),
+        (
+            '{"schema": {"id": "looping-pendulum/identification", "version": 10}}',
+            "found version '10', needed 9; write it again",
+        ),
+        ('{"schema": {"id": "looping-pendulum/identification"}}', "found version 'None', needed 9; write it again"),
+    ],
+)
+def test_what_is_no_verdict_file_is_refused(text, message):
+    with pytest.raises(ResultError) as error:
+        load(text)
+    assert message in str(error.value)

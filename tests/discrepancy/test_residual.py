@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from looping_pendulum.discrepancy.fit.calibration import calibrate
-from looping_pendulum.discrepancy.fit.model_test import failures_in_words
 from looping_pendulum.discrepancy.fit.problem import Problem
-from looping_pendulum.discrepancy.fit.residual import _test_group, check_residuals
+from looping_pendulum.discrepancy.fit.residual import _test_group, check_residuals, failures_in_words
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.measured.study_io import load

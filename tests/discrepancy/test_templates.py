@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from benchmarks.blind_sample import draw, write_files
-from looping_pendulum.discrepancy.evidence.changes import _chosen, _next_try, finer
 from looping_pendulum.discrepancy.evidence.explanation import raw
 from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid
 from looping_pendulum.discrepancy.evidence.prior import VISIBLE
-from looping_pendulum.discrepancy.evidence.templates import columns, smallest_visible, templates
+from looping_pendulum.discrepancy.evidence.templates import _chosen, _next_try, columns, finer, smallest_visible, templates
 from looping_pendulum.discrepancy.fit.calibration import calibrate, minimise
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.inputs import read_inputs

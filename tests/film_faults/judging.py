@@ -19,8 +19,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from looping_pendulum.discrepancy.first_look.check import take_first_look
-from looping_pendulum.discrepancy.first_look.result import DeclarationCheck
+from looping_pendulum.discrepancy.first_look.check import DeclarationCheck, take_first_look
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.errors import HarnessError

@@ -7,17 +7,20 @@ import dataclasses
 import numpy as np
 
 from looping_pendulum.discrepancy.result import (
+    EventResidual,
     FitReport,
     FittedParameter,
     ForceProfile,
     Identification,
     IdentifiedEffect,
+    Outliers,
     RankedExplanation,
+    TrialError,
+    TrialFigure,
     Unlisted,
     UnlistedLaw,
     Verdict,
 )
-from looping_pendulum.discrepancy.trial_results import EventResidual, Outliers, TrialError, TrialFigure
 
 
 def identification(name: str) -> Identification:

@@ -12,7 +12,8 @@ import pytest
 
 from looping_pendulum.compare.figures import charts
 from looping_pendulum.compare.report import render_page
-from looping_pendulum.discrepancy.report import page as identification_page
+from looping_pendulum.discrepancy.report import figures as identification_figures
+from looping_pendulum.discrepancy.report import writing as identification_page
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import ADAPTERS, all_engines, label, main_engines
 from looping_pendulum.pages import markdown
@@ -118,7 +119,7 @@ def test_plotly_knows_every_key_of_our_figures(name):
 
     calm = identification("calm")
     figures = (
-        [on_page(chart) for chart in charts(small_result())] if name == "comparison" else identification_page.figures(calm)
+        [on_page(chart) for chart in charts(small_result())] if name == "comparison" else identification_figures.on_page(calm)
     )
     for figure in figures:
         traces = [_with_plain_colours(trace) for trace in figure.traces]

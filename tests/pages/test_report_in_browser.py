@@ -10,7 +10,7 @@ import pytest
 
 from looping_pendulum.compare.figures import charts
 from looping_pendulum.compare.report import render_page
-from looping_pendulum.discrepancy.report import page as identification_page
+from looping_pendulum.discrepancy.report import figures, writing
 from looping_pendulum.pages.figures import on_page
 from tests.pages.axe import violations
 from tests.pages.conftest import DESKTOP, PHONE, sideways, until
@@ -27,7 +27,7 @@ def comparison(visit_once):
 
 @pytest.fixture(scope="module")
 def identified(visit_once):
-    return visit_once(identification_page.render(identification(HOSTILE)), viewport=PHONE, color_scheme="dark")
+    return visit_once(writing.render(identification(HOSTILE)), viewport=PHONE, color_scheme="dark")
 
 
 def test_comparison_draws_its_figures_and_fetches_nothing(comparison):
@@ -111,7 +111,7 @@ def test_sections_are_open_on_a_desktop(comparison):
 def test_identification_draws_every_figure(identified):
     until(identified.page, DRAWN)
     result = identification(HOSTILE)
-    drawn = [f.id for f in (*identification_page.first_figures(result), *identification_page.figures(result))]
+    drawn = [f.id for f in (*figures.first_on_page(result), *figures.on_page(result))]
     assert drawn == ["motion-0", "motion-1", "errors", "trial-0", "events", "explanations", "unlisted"]
     for name in drawn:
         assert identified.page.locator(f"#{name} .trace").count() > 0

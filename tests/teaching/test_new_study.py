@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from looping_pendulum.cli.main import app
-from looping_pendulum.discrepancy.first_look.result import DeclarationCheck, DeclarationError, NamedMistake
+from looping_pendulum.discrepancy.first_look.check import DeclarationCheck, DeclarationError, NamedMistake
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured import study_io
 from looping_pendulum.measured.readers import survey

@@ -8,8 +8,7 @@ from importlib import import_module
 import pytest
 
 from looping_pendulum.compare.comparison import compare
-from looping_pendulum.discrepancy.result import FitReport, Identification, Verdict
-from looping_pendulum.discrepancy.trial_results import TrialError
+from looping_pendulum.discrepancy.result import FitReport, Identification, TrialError, Verdict
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import select

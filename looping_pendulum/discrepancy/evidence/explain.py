@@ -9,7 +9,6 @@ from functools import cached_property
 
 import numpy as np
 
-from looping_pendulum.discrepancy.evidence.changes import compile_for, steps_together
 from looping_pendulum.discrepancy.evidence.explanation import (
     NOTHING,
     Explanation,
@@ -21,19 +20,21 @@ from looping_pendulum.discrepancy.evidence.explanation import (
     without_steps,
 )
 from looping_pendulum.discrepancy.evidence.marginal import NoiseGrid
+from looping_pendulum.discrepancy.evidence.motions import Closure, motions
 from looping_pendulum.discrepancy.evidence.prior import CREDIBLE, LAW_PREDICTS
 from looping_pendulum.discrepancy.evidence.search import Search, in_words, posterior
+from looping_pendulum.discrepancy.evidence.templates import compile_for, steps_together
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate_steps
+from looping_pendulum.discrepancy.fit.data import TrialData
 from looping_pendulum.discrepancy.fit.held_out import HeldOutTest, check_held_out
-from looping_pendulum.discrepancy.fit.predictions import alone, together
-from looping_pendulum.discrepancy.fit.problem import TrialData
+from looping_pendulum.discrepancy.fit.problem import alone, together
 from looping_pendulum.discrepancy.fit.residual import ResidualTests
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import Inputs
 from looping_pendulum.discrepancy.result import Verdict
-from looping_pendulum.discrepancy.unlisted.force import RecoveredForce
-from looping_pendulum.discrepancy.unlisted.motions import motions
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
+from looping_pendulum.reference_ode.effects.closure import N_BASIS_FUNCTIONS
+from looping_pendulum.reference_ode.geometry import Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,6 +63,39 @@ class Judged:
     held_out: HeldOutTest
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RecoveredForce:
+    """A closure that was fitted to the training trials and tested on held-out data."""
+
+    closure: Closure
+    fit: Fit
+    """Its weights are the last of the free parameters."""
+    log_bayes_factor: float
+    """Log of the factor by which it makes the data of all trials more probable."""
+    coordinates: Array
+    """Values of the coordinate along the training trials, where it matters, shape (n,)."""
+    held_out: HeldOutTest
+
+    @cached_property
+    def weights(self) -> Array:
+        """Weights of all sides [N], shape (sides, N_BASIS_FUNCTIONS)."""
+        values = self.fit.values
+        return np.array([values[n] for n in self.closure.names]).reshape(-1, N_BASIS_FUNCTIONS)
+
+    def covariance(self, side: int) -> Array:
+        """Return the covariance of a side's weights [N^2], shape (N_BASIS_FUNCTIONS, N_BASIS_FUNCTIONS)."""
+        problem = self.fit.problem
+        index = [problem.names.index(n) for n in self.closure.names[side * N_BASIS_FUNCTIONS : (side + 1) * N_BASIS_FUNCTIONS]]
+        scale = np.array([problem.free_parameters[i].scale for i in index])
+        return np.asarray(self.fit.covariance[np.ix_(index, index)] * np.outer(scale, scale))
+
+    def standard_error(self, side: int, s: Array) -> Array:
+        """Return the standard error of a side's profile at coordinates ``s``, shape of ``s``."""
+        basis = self.closure.basis_functions(s)
+        variance = np.einsum("ij,jk,ik->i", basis, self.covariance(side), basis)
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)))  # rounding can leave a variance slightly negative
+
+
 class Explanations:
     """What may be missing, by its probability.
 
@@ -81,7 +115,8 @@ class Explanations:
         while True:
             probabilities = posterior(self._fitted)
             self.best = self._fitted[probabilities[0][0]]
-            self.credible = _credible(probabilities)
+            before = np.cumsum([0.0, *(p for _, p in probabilities)])
+            self.credible = tuple(key for (key, _), p in zip(probabilities, before, strict=False) if p < CREDIBLE)
             laws = [] if self.interrupted else [self._fitted[key] for key in self.credible if self._fitted[key].parts.law]
             try:
                 unconfirmed = [e for e in laws if not self._predicts(e)]
@@ -236,14 +271,3 @@ def _declared(inputs: Inputs, seed: int, workers: Workers) -> tuple[Fit, tuple[f
     starts = [problem.prior_mean, np.clip(second, problem.low, problem.high)]
     fits = together([calibrate_steps(problem, start) for start in starts])
     return refit_with_estimated_noise(min(fits, key=lambda f: f.cost)), tuple(f.cost for f in fits)
-
-
-def _credible(probabilities: list[tuple[Key, float]]) -> tuple[Key, ...]:
-    """Return the smallest set of explanations that has `prior.CREDIBLE` of the probability."""
-    found, total = [], 0.0
-    for key, p in probabilities:
-        found.append(key)
-        total += p
-        if total >= CREDIBLE:
-            break
-    return tuple(found)

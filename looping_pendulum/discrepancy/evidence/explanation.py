@@ -16,12 +16,12 @@ from scipy.special import logsumexp
 from looping_pendulum.discrepancy.candidates import Candidate
 from looping_pendulum.discrepancy.evidence.laws import Law, with_law
 from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid, sigma_of
+from looping_pendulum.discrepancy.evidence.motions import Closure
 from looping_pendulum.discrepancy.evidence.prior import log_occam, log_prior
 from looping_pendulum.discrepancy.evidence.templates import Template
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate_steps, minimise_steps
-from looping_pendulum.discrepancy.fit.predictions import Steps
-from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
-from looping_pendulum.discrepancy.unlisted.closures import Closure
+from looping_pendulum.discrepancy.fit.data import TrialData
+from looping_pendulum.discrepancy.fit.problem import Problem, Steps
 from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.reference_ode.geometry import Array
 

@@ -18,12 +18,22 @@ from scipy.linalg import block_diag
 from scipy.special import logsumexp
 
 from looping_pendulum.discrepancy.evidence.marginal import NoiseGrid, sigma_of
+from looping_pendulum.discrepancy.evidence.motions import (
+    COORDINATES_OF,
+    N_PULSES,
+    POINT_SCALE,
+    TARGETS,
+    Closure,
+    Motions,
+    factors_of,
+    motions,
+    point_parameters,
+    respond,
+    weight_parameters,
+)
 from looping_pendulum.discrepancy.evidence.prior import LENGTHS, POINT_SIGMA, RIDGES, log_occam, log_share
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.problem import Problem
-from looping_pendulum.discrepancy.unlisted.closures import COORDINATES_OF, TARGETS, Closure, factors_of
-from looping_pendulum.discrepancy.unlisted.force import POINT_SCALE, point_parameters, weight_parameters
-from looping_pendulum.discrepancy.unlisted.motions import N_PULSES, Motions, motions, respond
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.reference_ode.effects.closure import N_BASIS_FUNCTIONS
 from looping_pendulum.reference_ode.geometry import Array
@@ -53,16 +63,6 @@ class Law:
     def log_odds(self) -> float:
         """Log Bayes factor and share of the prior."""
         return self.log_bayes_factor + log_share(self.closure)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LawAndEffect:
-    """A law and a template beside a fit, by the linear model."""
-
-    law: Law
-    """With the weights that are most probable beside the template, and the Bayes factor of both over the fit without them."""
-    template: int
-    amount: float
 
 
 def covariance_root(length: float, sides: int) -> Array:
@@ -132,8 +132,16 @@ class Laws:
         best = np.unravel_index(int(np.argmax(weighted)), log_bf.shape)
         return self._law(closure, spectra, best, log_bf, float(logsumexp(weighted) - math.log(log_bf[0].size)))
 
-    def with_effects(self, law: Law, allowed: Sequence[bool]) -> list[LawAndEffect]:
-        """Return a law beside each template, shape (m,) of them; ``allowed`` says which amounts may be negative."""
+    def with_effects(self, law: Law, allowed: Sequence[bool]) -> list[tuple[Law, int, float]]:
+        """Return a law beside each template: the law, the template's index, and its amount.
+
+        The law has the weights that are most probable beside the template, and the Bayes factor of both over the fit without.
+
+        Parameters
+        ----------
+        allowed
+            Which amounts may be negative, shape (m,).
+        """
         spectra = self._spectra(law.closure)
         logs, amounts = [], []
         for beside, of_setting in zip(self._beside, spectra, strict=True):
@@ -155,7 +163,7 @@ class Laws:
             a = float(amount[(*best, t)])
             if a > 0 or allowed[t]:
                 beside_it = self._law(law.closure, spectra, best, log_bf[..., t], float(mixed[t]), t, a)
-                found.append(LawAndEffect(law=dataclasses.replace(beside_it, mixed=law.mixed), template=t, amount=a))
+                found.append((dataclasses.replace(beside_it, mixed=law.mixed), t, a))
         return found
 
     def _law(
@@ -174,8 +182,10 @@ class Laws:
         b = self._to_others(closure, beside)[1]
         step[self._free] = beside.inverse @ (known - b[:, 1 : 1 + self._p].T @ weights)
         at_best = float(logsumexp(log_bf[:, i, j] + self._log_weights))
+        # A point is two fitted numbers, which cost what the Bayesian information criterion takes for them
+        cost_of_point = 0.5 * len(closure.point_coefficients) * math.log(self.fit.problem.count)
         return Law(
-            closure=closure, log_bayes_factor=mixed - self._cost_of_point(closure), ridge=ridge, length=LENGTHS[i],
+            closure=closure, log_bayes_factor=mixed - cost_of_point, ridge=ridge, length=LENGTHS[i],
             mixed=mixed - at_best, weights=weights, step=step, decrease=decrease,
         )  # fmt: skip
 
@@ -188,10 +198,6 @@ class Laws:
             q = q - amount * projected[:, 1 + template]
             by_template = 2 * amount * others[0, 1 + template] - amount**2 * others[1 + template, 1 + template]
         return float(by_template + np.sum(q**2 * ridge**2 / (1 + ridge**2 * eigenvalues)))
-
-    def _cost_of_point(self, closure: Closure) -> float:
-        # A point is two fitted numbers, which cost what the Bayesian information criterion takes for them
-        return 0.5 * len(closure.point_coefficients) * math.log(self.fit.problem.count)
 
     def _spectra(self, closure: Closure) -> list[list[_Spectrum]]:
         """Return for each setting and correlation length: eigenvalues, projections of residuals and templates, and weights."""

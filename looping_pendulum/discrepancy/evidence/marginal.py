@@ -15,8 +15,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from looping_pendulum.discrepancy.evidence.prior import AMPLITUDES, FRAMES, P_LASTING
-from looping_pendulum.discrepancy.fit.correlated_noise import CorrelatedNoise, Whitening
-from looping_pendulum.discrepancy.fit.problem import TrialData
+from looping_pendulum.discrepancy.fit.data import CorrelatedNoise, TrialData, Whitening
 from looping_pendulum.measured.observations import BODIES
 from looping_pendulum.reference_ode.geometry import Array
 

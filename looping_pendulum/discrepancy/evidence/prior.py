@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from looping_pendulum.discrepancy.unlisted.closures import COORDINATES_OF, TARGETS, Closure, factors_of
+from looping_pendulum.discrepancy.evidence.motions import COORDINATES_OF, TARGETS, Closure, factors_of
 from looping_pendulum.reference_ode.geometry import Array
 
 # How likely

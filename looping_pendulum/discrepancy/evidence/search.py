@@ -11,7 +11,6 @@ import numpy as np
 from scipy.special import logsumexp
 
 from looping_pendulum.discrepancy.candidates import Candidate
-from looping_pendulum.discrepancy.evidence.changes import steps_together
 from looping_pendulum.discrepancy.evidence.explanation import (
     NOTHING,
     Addition,
@@ -45,9 +44,16 @@ from looping_pendulum.discrepancy.evidence.prior import (
     log_occam,
     log_prior,
 )
-from looping_pendulum.discrepancy.evidence.templates import Template, Visible, columns, smallest_visible, templates
+from looping_pendulum.discrepancy.evidence.templates import (
+    Template,
+    Visible,
+    columns,
+    smallest_visible,
+    steps_together,
+    templates,
+)
 from looping_pendulum.discrepancy.fit.calibration import Fit
-from looping_pendulum.discrepancy.fit.predictions import Steps, alone, together
+from looping_pendulum.discrepancy.fit.problem import Steps, alone, together
 from looping_pendulum.discrepancy.fit.residual import ResidualTests, check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import data_with_noise_of_residuals
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
@@ -280,9 +286,9 @@ class Search:
                 continue
             seen.add(which)
             self._offer_law(e, law)
-            for both in laws.with_effects(law, [t.linear for t in found]) if found else ():
-                if found[both.template].value(both.amount) is not None:
-                    self._offer_law(e, both.law, (found[both.template],), (both.amount,))
+            for beside_it, t, amount in laws.with_effects(law, [t.linear for t in found]) if found else ():
+                if found[t].value(amount) is not None:
+                    self._offer_law(e, beside_it, (found[t],), (amount,))
 
     def _offer_law(self, e: Explanation, law: Law, beside: tuple[Template, ...] = (), amounts: tuple[float, ...] = ()) -> None:
         """Offer a law, and the templates beside which it was looked at."""
@@ -324,13 +330,18 @@ class Search:
             if self._is_usable(a.parent) and not is_said_nearer:
                 log_posterior, slack = self._expected(a, least)
                 # What adds nothing to a part of it is no explanation of its own
-                if log_posterior + slack > limit and log_posterior + slack > self._best_part(a.key):
+                parts_of_it = [e.log_posterior for key, e in self.fitted.items() if key < a.key]
+                parts_of_it += [b.log_posterior for key, b in self.possible.items() if key < a.key]
+                if log_posterior + slack > max(limit, *parts_of_it):
                     found.append((log_posterior, a))
         found += [(math.inf, a) for a in self._untried()]
         chosen: dict[Key, Addition] = {}
         for _, a in sorted(found, key=lambda one: -one[0]):
             # First a part of it: more parts may only make up for what the linear model does not show of one
-            first = a if self._is_next(a) else max(self._parts(a), key=lambda b: b.log_posterior, default=a)
+            first, smaller = a, [a.key - {part} for part in a.key]
+            if not any(key in self.fitted for key in smaller):
+                parts = (self.possible[key] for key in smaller if key in self.possible)
+                first = max(parts, key=lambda b: b.log_posterior, default=a)
             if len(chosen) < MAX_TOGETHER and not any(key < first.key for key in chosen):
                 chosen.setdefault(first.key, first)
         return list(chosen.values())
@@ -345,14 +356,6 @@ class Search:
         left = LEAST_TRIED[self.best.parts.law is not None] - tried
         return sorted(singles, key=lambda a: -a.log_posterior)[: max(left, 0)]
 
-    def _is_next(self, a: Addition) -> bool:
-        """Return whether an explanation adds one part to one that was fitted."""
-        return any(a.key - {part} in self.fitted for part in a.key)
-
-    def _parts(self, a: Addition) -> list[Addition]:
-        """Return what may be fitted of an explanation with one part less."""
-        return [self.possible[a.key - {part}] for part in a.key if a.key - {part} in self.possible]
-
     def _is_usable(self, parent: Explanation) -> bool:
         """Return whether a linear model beside an explanation says enough of what is near the best.
 
@@ -360,11 +363,6 @@ class Search:
         """
         best = self.best
         return best.log_z - parent.log_z < 4 * LARGE_MISFIT or (parent.key < best.key and len(parent.key) == len(best.key) - 1)
-
-    def _best_part(self, key: Key) -> float:
-        """Return the largest log posterior of what an explanation adds something to."""
-        parts = [e.log_posterior for k, e in self.fitted.items() if k < key]
-        return max([*parts, *(a.log_posterior for k, a in self.possible.items() if k < key)])
 
     def _start_of(self, a: Addition) -> Explanation:
         """Return the most probable explanation between an addition's parent and what it makes that was fitted exactly."""

@@ -3,30 +3,42 @@
 A mistake is named if undoing it alone brings the points near the declared motion, and nothing less does: the study's
 uncertain values (friction, drag, what was measured with an error) are fitted both with and without it. Effects that the
 declared model lacks are left to the fit of `identify`. They move the points by centimetres, a mistake by decimetres, and they
-do not vanish with another unit or another sign.
+do not vanish with another unit or another sign. A declared value of unusual size may be right, and is worth a second look.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from looping_pendulum.discrepancy.first_look.declared_trial import DeclaredTrial, declared_trial
-from looping_pendulum.discrepancy.first_look.misfit import FittedMisfit, measured_distance, problem_of_trial
-from looping_pendulum.discrepancy.first_look.mistakes import LENGTHS, SAME_ROWS, is_left_open
-from looping_pendulum.discrepancy.first_look.plausible import implausible_values
-from looping_pendulum.discrepancy.first_look.result import DeclarationCheck, NamedMistake, TrialCheck
-from looping_pendulum.discrepancy.first_look.row_times import wrong_times
-from looping_pendulum.discrepancy.first_look.shifted_rows import CLEAR_SHIFT_RATIO, row_shift, shifts_by_motion, without_shift
-from looping_pendulum.discrepancy.first_look.trial_search import (
+from looping_pendulum.discrepancy.first_look.misfit import (
+    DeclaredTrial,
+    Distance,
+    FittedMisfit,
+    declared_trial,
+    measured_distance,
+    problem_of_trial,
+)
+from looping_pendulum.discrepancy.first_look.mistakes import (
+    LENGTHS,
     MAX_GOOD_MISFIT,
     MAX_RIVAL_DISTANCE,
     MAX_RIVAL_RATIO,
+    SAME_ROWS,
     Explanation,
     TrialSearch,
+    is_left_open,
+)
+from looping_pendulum.discrepancy.first_look.row_times import (
+    CLEAR_SHIFT_RATIO,
+    row_shift,
+    shifts_by_motion,
+    without_shift,
+    wrong_times,
 )
 from looping_pendulum.discrepancy.fit.event_prediction import check_event_rows
 from looping_pendulum.discrepancy.workers import one_blas_thread
@@ -40,7 +52,11 @@ from looping_pendulum.measured.displaced_rows import (
 from looping_pendulum.measured.observations import Channel, DataError, ImplausibleLengthError, Observations
 from looping_pendulum.measured.study import Study, Trial, read_trial
 from looping_pendulum.pages.numbers import quantity
+from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.scenarios.quantities import QUANTITIES
 
+CHECKED = ("light_mass", "heavy_mass", "rod_radius", "free_length")
+"""Parameters whose values are compared with their usual range."""
 MAX_MISFIT_RATIO = 0.7
 """Largest misfit without a mistake, as a share of that with it, at which the mistake is named.
 
@@ -70,6 +86,81 @@ MIN_ORIGIN_SIGMAS = 10.0
 """The same in standard errors of the declared place."""
 ORIGIN = ("origin_x", "origin_y")
 """Parameters of the camera that say where the rod's centre is."""
+
+
+class DeclarationError(DataError):
+    """Tracked points and declaration contradict each other; `check` says how."""
+
+    def __init__(self, check: DeclarationCheck) -> None:
+        super().__init__("; ".join(m.text for m in check.mistakes))
+        self.check = check
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NamedMistake:
+    """A mistake that the points show."""
+
+    trials: tuple[str, ...]
+    names: tuple[str, ...]
+    """Names of `mistakes.Mistake`; several if the points do not tell which of them was made."""
+    keys: str
+    """Keys of the study that mend it, with their values in the first of these trials."""
+    text: str
+    """One line: where, what was found, what was needed, and the key that mends it."""
+    corrected: Mapping[str, Distance] = field(default_factory=dict)
+    """Trial -> distance of its points without the mistake; empty: only the origin is elsewhere."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrialCheck:
+    """Comparison of one trial."""
+
+    trial: str
+    distance: Distance | None
+    """Distance of its points from the declared motion; None: the trial was not looked at."""
+    reason: str = ""
+    """Why it was not looked at."""
+    reading: tuple[str, ...] = ()
+    """What was assumed or put right when its files were read."""
+
+    @property
+    def text(self) -> str:
+        """Return in one line how near the points are."""
+        if self.distance is None:
+            return f"trial '{self.trial}': not looked at, {self.reason}"
+        return (
+            f"trial '{self.trial}': in the first {quantity(self.distance.window, 's')} the points are "
+            f"{self.distance.text} from the declared motion, before anything is fitted"
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DeclarationCheck:
+    """Result of a first look at a study."""
+
+    trials: tuple[TrialCheck, ...]
+    mistakes: tuple[NamedMistake, ...] = ()
+    """What looks wrong."""
+    warnings: tuple[str, ...] = ()
+    """Declared values of unusual size, in one line each; they do not contradict the points."""
+    observations: Mapping[str, Observations] = field(default_factory=dict, repr=False, compare=False)
+    """Trial -> what its files hold, read as they are declared."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Return everything that looks wrong or unusual, in one sentence each."""
+        return tuple(f"At first look: {text}." for text in (*(m.text for m in self.mistakes), *self.warnings))
+
+    def refuse_mistakes(self) -> None:
+        """Raise what looks wrong, if anything does.
+
+        Raises
+        ------
+        DeclarationError
+            If there is a mistake; its message is one line.
+        """
+        if self.mistakes:
+            raise DeclarationError(self)
 
 
 def take_first_look(study: Study) -> DeclarationCheck:
@@ -141,11 +232,11 @@ def check_declaration(study: Study, observed: Iterable[tuple[Trial, Observations
     if not mistakes or any(e.fit.largest <= MAX_GOOD_MISFIT and "times" not in e.undone.factors for e in others):
         mistakes = _named(searches)
     named = {trial for mistake in mistakes for trial in mistake.trials}
-    far = (_far_text(s) for s in searches if s.name not in named and _is_far(s))
+    far = filter(None, (_far_text(s) for s in searches if s.name not in named))
     return DeclarationCheck(
         trials=tuple(checks),
         mistakes=mistakes,
-        warnings=(*implausible_values([s.declared for s in searches]), *far),
+        warnings=(*_implausible_values([s.declared for s in searches]), *far),
     )
 
 
@@ -205,13 +296,9 @@ class _Model:
                 apart = np.append(True, np.diff(t[order]) > 0)
                 return dataclasses.replace(channel, t=t[order][apart], value=channel.value[order][apart])
 
-            self._at[wrong] = _otherwise(search, search.declared.with_channels(at_own_times))
+            # Its fit begins at the same shifts
+            self._at[wrong] = TrialSearch(declared=search.declared.with_channels(at_own_times), distance=search.distance)
         return self._at[wrong]
-
-
-def _otherwise(search: TrialSearch, declared: DeclaredTrial) -> TrialSearch:
-    """Return the search with other points, the fit of which begins at the same shifts."""
-    return TrialSearch(declared=declared, distance=search.distance)
 
 
 def _is_nearer(search: TrialSearch, corrected: TrialSearch) -> bool | None:
@@ -324,14 +411,14 @@ def _mistake(names: tuple[str, ...], members: Sequence[tuple[TrialSearch, list[E
     return NamedMistake(trials=trials, names=names, keys=keys, text=text, corrected={s.name: e[0].distance for s, e in members})
 
 
-def _is_far(search: TrialSearch) -> bool:
-    """Return whether a trial is farther from what was declared than an effect may move it."""
-    # Points that are scattered by metres fit everything within their noise
-    return search.distance.is_cut_off or (not search.is_near and search.as_declared.largest > FAR)
-
-
 def _far_text(search: TrialSearch) -> str:
-    """Return that a trial is far from what was declared, though no one mistake mends it."""
+    """Return that a trial is farther from what was declared than an effect may move it, though no one mistake explains it.
+
+    Empty: it is not.
+    """
+    # Points that are scattered by metres fit everything within their noise
+    if not search.distance.is_cut_off and (search.is_near or search.as_declared.largest <= FAR):
+        return ""
     if not math.isfinite(search.distance.rms):
         reason = search.distance.reason
         return f"trial '{search.name}': cannot be compared, as {reason}; check this trial's frame_rate, unit of time and camera"
@@ -380,3 +467,22 @@ def _origin_mistake(searches: Sequence[TrialSearch]) -> NamedMistake:
         keys=keys,
         text=f"{_where(trials)}: found the rod's centre near x = {x}, y = {y}; needed the axes' origin there, or '{keys}'",
     )
+
+
+def _implausible_values(declared: Sequence[DeclaredTrial]) -> Iterator[str]:
+    """Yield a line for every declared value of unusual size in a trial whose light mass loops."""
+    said = set()
+    for each in declared:
+        if each.trial.release is not Release.LOOPING:
+            continue
+        for parameter in CHECKED:
+            q, known = QUANTITIES[parameter], each.estimate(parameter)
+            (low, high), unit = q.usual, q.kind.unit
+            if known is None or low <= known.value <= high or (parameter, known) in said:
+                continue
+            said.add((parameter, known))
+            example = f"{q.group}: {{{q.last_key}: {q.kind.example_text}}}"
+            yield (
+                f"trial '{each.trial.name}': found a {parameter.replace('_', ' ')} of {quantity(known.value, unit)}, which is "
+                f"unusual ({quantity(low, unit)} to {quantity(high, unit)}); check its unit, as in '{example}'"
+            )

@@ -13,8 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from looping_pendulum.discrepancy.fit.predictions import Steps, alone, jacobian_at
-from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.discrepancy.fit.problem import Problem, Steps, alone, jacobian_at
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.geometry import Array
 

@@ -6,17 +6,14 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise_steps
-from looping_pendulum.discrepancy.fit.event_tests import max_held_out_chi2
-from looping_pendulum.discrepancy.fit.model_test import ModelTest
-from looping_pendulum.discrepancy.fit.predictions import Steps, together
-from looping_pendulum.discrepancy.fit.problem import Problem, TrialData, noises_of
-from looping_pendulum.discrepancy.fit.residual import CHI2_SCATTER_SIGMAS
+from looping_pendulum.discrepancy.fit.data import TrialData, noises_of
+from looping_pendulum.discrepancy.fit.problem import Problem, Steps, together
+from looping_pendulum.discrepancy.fit.residual import CHI2_SCATTER_SIGMAS, ModelTest, max_held_out_chi2
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.measured.free_parameter import FreeParameter
@@ -151,27 +148,22 @@ def _fit_held_out_trial(fit: Fit, data: TrialData, own: Sequence[FreeParameter])
 def _check_held_out_blocks(fit: Fit, workers: Workers) -> HeldOutTest:
     """Leave out two of `BLOCK_COUNT` blocks of time at once, refit, and test their prediction by its covariance."""
     results = workers.map_together(_check_blocks_together, fit, range(BLOCK_COUNT // 2))
-    blocks = [block for block in results if block]
-    rms_of_blocks = [block.rms for block in blocks if block.rms is not None]
+    names, chi2, counts, rms_of_blocks = zip(*(block for block in results if block), strict=True)
+    known = [size for size in rms_of_blocks if size is not None]
     return HeldOutTest(
-        names=tuple(block.name for block in blocks),
-        chi2=(float(np.average([block.chi2 for block in blocks], weights=[block.values for block in blocks])),),
+        names=names,
+        chi2=(float(np.average(chi2, weights=counts)),),
         counts=(fit.problem.count,),
         limits=(_max_chi2(fit),),
-        rms=(float(np.sqrt(np.mean(np.square(rms_of_blocks)))) if rms_of_blocks else None,),
+        rms=(float(np.sqrt(np.mean(np.square(known)))) if known else None,),
     )
 
 
-class _Blocks(NamedTuple):
-    """How well two blocks of time are predicted by a fit to the others."""
+_Blocks = tuple[str, float, int, float | None]
+"""How well two blocks of time are predicted by a fit to the others.
 
-    name: str
-    chi2: float
-    """Chi2 per value."""
-    values: int
-    """Number of values."""
-    rms: float | None
-    """Root mean square residual [SI]; None: there are only events."""
+Their names, chi2 per value, number of values, and root mean square residual [SI], None if there are only events.
+"""
 
 
 def _check_blocks_together(fit: Fit, firsts: Sequence[int]) -> list[_Blocks | None]:
@@ -210,13 +202,9 @@ def _check_two_blocks(fit: Fit, first: int) -> Steps[_Blocks | None]:
     # What is left out of fits, as an outlier, is no part of their error
     is_point &= np.isfinite(np.concatenate([d.sigma for d in problem.data])[rows])
     off = (np.concatenate([d.value for d in problem.data]) - predicted[0])[rows]
-    return _Blocks(
-        name=f"blocks {first + 1} and {first + 1 + half} of {BLOCK_COUNT}",
-        chi2=square / count,
-        values=count,
-        # twice the mean square of a coordinate is that of a distance in the plane
-        rms=math.sqrt(2 * float(np.mean(off[is_point] ** 2))) if is_point.any() else None,
-    )
+    # Twice the mean square of a coordinate is that of a distance in the plane
+    size = math.sqrt(2 * float(np.mean(off[is_point] ** 2))) if is_point.any() else None
+    return f"blocks {first + 1} and {first + 1 + half} of {BLOCK_COUNT}", square / count, count, size
 
 
 def _square_of_prediction(residuals: Array, jacobian: Array, covariance: Array) -> float:

@@ -1,33 +1,35 @@
-"""The least-squares problem of a fit: free parameters, data of all trials, priors; residuals and their derivatives.
+"""The least-squares problem of a fit: free parameters, data, priors; residuals, their derivatives, and many predictions.
 
-A parameter has the value init_value + scale x, with x of order one. Its prior is a further row of the residuals.
+A parameter has the value init_value + scale x, with x of order one. Its prior is a further row of the residuals. What is
+measured is predicted at many parameters of many problems at once, their runs in a batch, and fits take their steps together.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.discrepancy.fit.correlated_noise import CorrelatedNoise, Whitening
-from looping_pendulum.discrepancy.fit.event_prediction import EventRun, event_times, with_missed_events
+from looping_pendulum.discrepancy.fit.data import TrialData
+from looping_pendulum.discrepancy.fit.event_prediction import EventRun, with_missed_events
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured.camera import CAMERA, Camera
 from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
-from looping_pendulum.measured.measurement import FIT_TOLERANCE, predict
-from looping_pendulum.measured.observations import BODIES, Channel, EventObservation
+from looping_pendulum.measured.measurement import FIT_TOLERANCE, SampledRuns, predict, predict_many, sample_times
 from looping_pendulum.measured.study import Study, Trial
-from looping_pendulum.reference_ode.batch import supports
+from looping_pendulum.reference_ode.batch import compiled_alone, sample_batch, supports
+from looping_pendulum.reference_ode.effects import EffectKind
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.reference_ode.parameters import NUMBERS, Parameters, Release
 from looping_pendulum.reference_ode.solution import Samples
 from looping_pendulum.reference_ode.solve import available_integrators, solve_at
+from looping_pendulum.reference_ode.state import Effects
 
 DIFFERENCE_STEP = 1e-3
 """Step of finite differences, in units of the scale.
@@ -35,104 +37,16 @@ DIFFERENCE_STEP = 1e-3
 Derivatives are good to about 2e-4 as long as the sequence of events stays the same.
 """
 _TIMES, _CAMERA = ParameterRole.TIMES, ParameterRole.CAMERA  # for an inner loop
+MIN_BATCH, MIN_BATCH_OF_OWN_MODEL = 3, 12
+"""Number of runs of one trial that are asked for at once, from which on they are made in a batch: where all further effects
+share one compiled model, and where an effect needs a model of its own, which a fit is worth, but not what a few values do.
 
+What a batch costs beside its runs is as much as some eight single ones. But whether a run is part of one may not depend on what
+else is asked for, as a single run differs from it in the last digits, and results are the same for any number of processes.
+"""
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class TrialData:
-    """Data of one trial as one vector: its channels, end to end, then its events."""
-
-    trial: Trial
-    channels: tuple[Channel, ...]
-    events: tuple[EventObservation, ...] = ()
-    sigma: Array
-    """Standard deviation of every value's white noise [SI], shape (n,); infinite: left out of the fit."""
-    outliers: NDArray[np.bool_] | None = None
-    """Values that are left out because they do not show the mass, shape (n,); None: none were looked for yet."""
-    correlated: Mapping[str, CorrelatedNoise] = field(default_factory=dict)
-    """Channel -> the correlated part of its noise, beside the white one of `sigma`; channels without one are left out."""
-
-    @property
-    def is_outlier(self) -> NDArray[np.bool_]:
-        """Return which values are left out as outliers, shape (n,); none if none were looked for."""
-        return np.zeros(len(self.sigma), dtype=bool) if self.outliers is None else self.outliers
-
-    @cached_property
-    def value(self) -> Array:
-        """Return the measured values [SI], shape (n,)."""
-        return np.concatenate([*(c.value for c in self.channels), [e.value for e in self.events]])
-
-    @cached_property
-    def t(self) -> Array:
-        """Return the measured times [s], shape (n,); that of an event is when it happened by its table."""
-        times = np.concatenate([np.zeros(0), *(c.t for c in self.channels)])
-        return np.concatenate([times, event_times(self.events, float(times.max(initial=0.0)))])
-
-    @cached_property
-    def slices(self) -> dict[str, slice]:
-        """Return channel -> its part of the vector."""
-        ends = np.cumsum([0] + [len(c) for c in self.channels]).tolist()
-        return {c.name: slice(a, b) for c, a, b in zip(self.channels, ends, ends[1:], strict=False)}
-
-    @cached_property
-    def _whitening(self) -> dict[str, Whitening]:
-        return {c.name: Whitening(c.t, self.sigma[self.slices[c.name]], self.correlated[c.name])
-                for c in self.channels if c.name in self.correlated}  # fmt: skip
-
-    def standardise(self, difference: Array) -> Array:
-        """Return differences from the values in units of the noise, shape (n,) or (n, m) as given; 0: left out."""
-        standardised = np.asarray(difference / (self.sigma if difference.ndim == 1 else self.sigma[:, None]))
-        for name, whitening in self._whitening.items():
-            standardised[self.slices[name]] = whitening(difference[self.slices[name]])
-        return standardised
-
-    def with_noises(self, noises: Mapping[str, CorrelatedNoise]) -> TrialData:
-        """Return data with white noise alone as data with correlated parts, of which the white one is made smaller.
-
-        Parameters
-        ----------
-        noises
-            Body, of `observations.BODIES`, -> its correlated noise; bodies with white noise alone are left out.
-        """
-        sigma, correlated = self.sigma.copy(), {}
-        for c in self.channels:
-            noise = next((n for body, n in noises.items() if c.name in BODIES[body]), None)
-            if noise is not None and len(c) > 1:
-                correlated[c.name] = noise
-                sigma[self.slices[c.name]] = noise.white_sigma(self.sigma[self.slices[c.name]], c.time_step)
-        return dataclasses.replace(self, sigma=sigma, correlated=correlated)
-
-    @property
-    def log_determinant(self) -> float:
-        """Return the logarithm of the determinant of the noise's covariance, without values that are left out."""
-        kept = np.isfinite(self.sigma)
-        for name in self._whitening:
-            kept[self.slices[name]] = False
-        white = 2 * float(np.sum(np.log(self.sigma[kept])))
-        return white + sum(w.log_determinant for w in self._whitening.values())
-
-    @property
-    def event_slice(self) -> slice:
-        """Return the part of the vector that holds the events."""
-        return slice(len(self.value) - len(self.events), len(self.value))
-
-    def until(self, time: float) -> TrialData:
-        """Return only the data up to ``time`` [s]."""
-        kept = self.t <= time
-        if kept.all():
-            return self
-        channels = tuple(
-            dataclasses.replace(c, t=c.t[: (n := int(np.searchsorted(c.t, time, side="right")))], value=c.value[:n])
-            for c in self.channels
-        )
-        events = tuple(e for e, k in zip(self.events, kept[self.event_slice], strict=True) if k)
-        outliers = None if self.outliers is None else self.outliers[kept]
-        return dataclasses.replace(self, channels=channels, events=events, sigma=self.sigma[kept], outliers=outliers)
-
-
-def noises_of(data: Iterable[TrialData]) -> dict[str, CorrelatedNoise]:
-    """Return body -> correlated noise of its tracked points, which is the same in all trials."""
-    named = {name: noise for d in data for name, noise in d.correlated.items()}
-    return {body: named[n] for body, names in BODIES.items() for n in names if n in named}
+PLACES = ("rod_radius", "free_length", "release_angle", "hanging_length", "heavy_swing", "string_thickness")
+"""Parameters that say, beside the state, where the masses are."""
 
 
 def free_parameters_of(study: Study, trials: Sequence[tuple[Trial, Any]]) -> tuple[FreeParameter, ...]:
@@ -384,3 +298,209 @@ class Problem:
 def _between(value: Any, low: Any, high: Any) -> Any:
     """Return a number, or an array, cut off at bounds."""
     return min(max(value, low), high) if isinstance(value, float) else np.clip(value, low, high)
+
+
+T = TypeVar("T")
+Request = tuple[Problem, Array]
+"""A problem and parameters of it, shape (m, p)."""
+Steps = Generator[Request, Array, T]
+"""Asks for predictions, is sent each, shape (m, n), and returns a result at last."""
+
+
+def predict_requests(requests: Sequence[Request]) -> list[Array]:
+    """Return what is predicted of all trials of each problem at its parameters, shape (m, n); nan: a trial's model cannot run.
+
+    Single runs are made where they are few, for swings of a held pendulum, which heyoka alone passes through turning points at
+    once, for tables of events, which a batch does not keep, for a rod that turns and for a string that stretches. All others
+    are one batch for the declared model's effects, one for further ones, and one for each effect that has a model of its own.
+    """
+    found = [np.full((len(x), problem.measured_rows), np.nan) for problem, x in requests]
+    groups: dict[tuple[Any, ...], list[_Part]] = {}
+    for into, (problem, x) in zip(found, requests, strict=True):
+        end = 0
+        for k, d in enumerate(problem.data):
+            begin, end = end, end + len(d.value)
+            part = _Part.of(problem, x, k, into[:, begin:end])
+            groups.setdefault(part.model, []).append(part)
+    for model, parts in groups.items():
+        if model:
+            _predict_together(parts)
+        else:
+            for part in parts:
+                _predict_singly(part)
+    return found
+
+
+def jacobian_at(problem: Problem, x: Array) -> Array:
+    """Return minus the derivative of the residuals at ``x``, shape (n + p, p), by central differences."""
+    rows = problem.rows_of_jacobian(x)
+    return problem.jacobian_of(x, rows, predict_requests([(problem, rows)])[0])
+
+
+def together(steps: Sequence[Steps[T]]) -> list[T]:
+    """Take the steps of many fits in step, each step of all one call of `predict_requests`; return their results.
+
+    Raises
+    ------
+    HarnessError
+        That of the first fit, in their order, that has one.
+    """
+    found = _run(steps)
+    for error in (r for r in found if isinstance(r, HarnessError)):
+        raise error
+    return [r for r in found if not isinstance(r, HarnessError)]
+
+
+def alone(steps: Steps[T]) -> T:
+    """Take the steps of one fit; return its result, or raise its error."""
+    (result,) = _run([steps])
+    if isinstance(result, HarnessError):
+        raise result
+    return result
+
+
+def _run(steps: Sequence[Steps[T]]) -> list[T | HarnessError]:
+    results: dict[int, T | HarnessError] = {}
+    waiting = list(enumerate(steps))
+    answers: list[Any] = [None] * len(waiting)
+    while waiting:
+        asking, requests = [], []
+        for (i, one), answer in zip(waiting, answers, strict=True):
+            try:
+                requests.append(one.send(answer))
+                asking.append((i, one))
+            except StopIteration as end:
+                results[i] = end.value
+            except HarnessError as error:
+                results[i] = error
+        waiting, answers = asking, predict_requests(requests)
+    return [results[i] for i in range(len(steps))]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Part:
+    """A trial at many parameters."""
+
+    problem: Problem
+    x: Array
+    k: int
+    columns: Mapping[str, Array]
+    """Parameters of the model that differ between the rows, shape (m,) each."""
+    camera: Camera
+    """Of all rows."""
+    valid: NDArray[np.bool_]
+    """Which rows have possible cameras, shape (m,)."""
+    into: Array
+    """Where the predictions are wanted, shape (m, n)."""
+    first: NDArray[np.intp]
+    """A row of each run that is made."""
+    run: NDArray[np.intp]
+    """Run of each row, an index into ``first``."""
+
+    @classmethod
+    def of(cls, problem: Problem, x: Array, k: int, into: Array) -> _Part:
+        """Return a trial as a part; arguments as the fields."""
+        base = problem.base[k]
+        changes, camera = problem.changes(list(x.T), k)
+        columns = {name: np.broadcast_to(values, len(x)) for name, values in base.with_static_friction(changes).items()}
+        many, valid = Camera.of_many(camera, len(x))
+        clock = [np.ravel(v) for v in (many.clock_offset, many.clock_ratio, many.readout) if np.ndim(v)]
+        # Rows that differ by the camera alone show the same run
+        keys = np.column_stack([*columns.values(), *clock, np.zeros(len(x))])
+        seen: dict[bytes, int] = {}
+        run = np.array([seen.setdefault(row.tobytes(), len(seen)) for row in keys], dtype=np.intp)
+        first = np.array([int(np.flatnonzero(run == i)[0]) for i in range(len(seen))], dtype=np.intp)
+        return cls(problem=problem, x=x, k=k, columns=columns, camera=many, valid=valid, into=into, first=first, run=run)
+
+    @property
+    def base(self) -> Parameters:
+        """Parameters that do not differ between the rows."""
+        return self.problem.base[self.k]
+
+    @property
+    def model(self) -> tuple[Any, ...]:
+        """What the runs of one batch have in common; empty: these runs are made one by one."""
+        d = self.problem.data[self.k]
+        names = [name for name in self.columns if name in self.base.coefficients]
+        alone = compiled_alone(self.effects)
+        least = MIN_BATCH_OF_OWN_MODEL if alone else MIN_BATCH
+        if len(self.first) < least or d.events or not d.channels or self.base.release is Release.HELD:
+            return ()
+        if not supports(self.base, names):
+            return ()
+        further = [effect for effect in self.effects if not effect.in_base_model]
+        has_closure = any(effect.kind is EffectKind.CLOSURE for effect in further)
+        return self.base.release, self.base.own_effects, bool(further), has_closure, alone
+
+    @cached_property
+    def effects(self) -> Effects:
+        """Effects that act in any of the runs."""
+        return self.base.effects_with([name for name in self.columns if name in self.base.coefficients])
+
+    def value(self, name: str) -> Array:
+        """Return a parameter of all runs, shape (runs,)."""
+        if name in self.columns:
+            return self.columns[name][self.first]
+        base = self.base
+        given = base.coefficients[name] if name in base.coefficients else getattr(base, name)
+        return np.full(len(self.first), given)
+
+    def clocks(self) -> dict[tuple[float, float, float], NDArray[np.intp]]:
+        """Return (offset, ratio, readout) of a clock -> the runs that are sampled by it."""
+        found: dict[tuple[float, float, float], list[int]] = {}
+        camera = self.camera
+        offset, ratio, readout = (
+            np.broadcast_to(np.ravel(v), len(self.run))[self.first]
+            for v in (camera.clock_offset, camera.clock_ratio, camera.readout)
+        )
+        for i, clock in enumerate(zip(offset.tolist(), ratio.tolist(), readout.tolist(), strict=True)):
+            found.setdefault(clock, []).append(i)
+        return {clock: np.array(runs, dtype=np.intp) for clock, runs in found.items()}
+
+    def times(self, clocks: Mapping[tuple[float, float, float], NDArray[np.intp]]) -> list[Array]:
+        """Return the times at which each run is sampled [s]."""
+        found = [np.zeros(0)] * len(self.first)
+        for clock, runs in clocks.items():
+            wanted = sample_times(*clock, self.problem.data[self.k].channels).times
+            for run in runs:
+                found[run] = wanted
+        return found
+
+
+def _predict_together(parts: Sequence[_Part]) -> None:
+    """Make the runs of all parts as one batch, and fill in what they predict."""
+    base = parts[0].base
+    bases = {id(part.base): vars(part.base.values()) for part in parts}.values()
+    differing = {name for part in parts for name in part.columns} | {"gravity"}  # at least one column
+    differing |= {n for n in (*NUMBERS, *base.coefficients) if any(values[n] != vars(base.values())[n] for values in bases)}
+    columns = {name: np.concatenate([part.value(name) for part in parts]) for name in sorted(differing)}
+    clocks = [part.clocks() for part in parts]
+    times = [t for part, by_clock in zip(parts, clocks, strict=True) for t in part.times(by_clock)]
+    # A millisecond longer, so that a run does not end just before the last point
+    duration = np.array([t[-1] + 1e-3 for t in times])
+    samples = sample_batch(base, columns, times, duration=duration, tolerance=FIT_TOLERANCE)
+    begin = 0
+    for part, by_clock in zip(parts, clocks, strict=True):
+        d = part.problem.data[part.k]
+        for clock, runs in by_clock.items():
+            wanted = sample_times(*clock, d.channels)
+            index = begin + runs
+            at = samples.start[index][:, None] + np.arange(len(wanted.times))
+            places = SimpleNamespace(**{n: part.value(n)[runs][:, None] for n in PLACES})
+            sampled = SampledRuns(samples.state[:, at], samples.count[index], places, part.effects)
+            place = np.full(len(part.first), -1, dtype=np.intp)
+            place[runs] = np.arange(len(runs))
+            rows = np.flatnonzero(place[part.run] >= 0)
+            values = predict_many(sampled, place[part.run[rows]], part.camera.take(rows), d.channels, wanted, d.trial.dropped)
+            values[~part.valid[rows]] = np.nan
+            part.into[rows] = values
+        begin += len(part.first)
+
+
+def _predict_singly(part: _Part) -> None:
+    """Fill in what a trial's runs predict, made one by one; a problem keeps the last run for rows that show the same."""
+    for row in np.argsort(part.run, kind="stable"):
+        try:
+            part.into[row] = part.problem.predict(part.x[row], part.k)
+        except (HarnessError, ValueError, ArithmeticError):
+            part.into[row] = np.nan

@@ -1,4 +1,16 @@
-"""Estimate the noise of tracked points from the residuals of a fit, and leave out points that do not show the mass."""
+"""Estimate the noise of tracked points from the residuals of a fit, and leave out points that do not show the mass.
+
+These are single points, and blocks in which the tracker followed something else. Their distances are measured from where the
+neighbours lead one to expect the residual, not from the model: what a model lacks moves the residuals of many neighbouring
+points together and smoothly, so that it is never taken for an outlier. Of these distances d, a part 1 - e is Gaussian noise in
+the plane and a part e lies anywhere in the picture, of area A (Hogg, Bovy and Lang, arXiv:1008.4686, section 3):
+
+    p(d) = (1 - e) exp(-d^2 / 2) / (2 pi sigma^2) + e / A        d in units of sigma
+
+The share e is fitted by expectation-maximisation. A point that is an outlier with a probability above a half is left out of the
+fit altogether, as a mark on another object carries no information about the mass; all others keep their full weight. A
+Student-t law would lower the weight of every point a little off, and with it that of an effect's onset.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +19,12 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise_steps
-from looping_pendulum.discrepancy.fit.outliers import find_outliers
-from looping_pendulum.discrepancy.fit.predictions import Steps, alone
-from looping_pendulum.discrepancy.fit.problem import TrialData
+from looping_pendulum.discrepancy.fit.data import TrialData
+from looping_pendulum.discrepancy.fit.problem import Steps, alone
 from looping_pendulum.measured.noise import GAUSSIAN_MAD
 from looping_pendulum.measured.observations import BODIES
 from looping_pendulum.reference_ode.geometry import Array
@@ -25,6 +37,27 @@ MAX_STEP_RATIO = 1.5
 """Time steps longer than this many median steps are gaps."""
 MAX_DIFFERENCE_SIGMAS = 4.0
 """Standardised size at which differences are clipped."""
+HALF_WINDOW = 6
+"""Neighbours on each side whose median tells where a point is expected.
+
+Over twelve frames at 240 frames/s even a string that lacks drag or friction moves its residual nearly along a line.
+"""
+TYPICAL_WINDOW = 15
+"""Points on each side among which a distance is typical or not."""
+MAX_BLOCK = 60
+"""Longest block of points on another object [points]: a quarter of a second at 240 frames/s."""
+EDGE_POINTS = 5
+"""Points before and after a block from which its expected place is interpolated."""
+MIN_BLOCK_SHARE = 0.8
+"""Share of the points of a block that must be off by more than noise: the mass may cross what the tracker followed."""
+MIN_SHARE = 1e-4
+"""Smallest share of outliers that is assumed [1], so that the first one of a film can be found."""
+MAX_SHARE = 0.2
+"""Largest share of outliers. With more of them it is not the mass that was tracked, and the residuals should show it."""
+MAX_ITERATIONS = 50
+"""Iterations of expectation-maximisation; it ends after some ten."""
+MEDIAN_VARIANCE = math.pi / 2
+"""Variance of a median of many Gaussian values, in units of that of their mean."""
 
 
 def with_noise_of_residuals(fit: Fit) -> Fit:
@@ -192,3 +225,141 @@ def _speed(fit: Fit, k: int, channel: str) -> Array:
         return np.asarray(np.abs(state.across_speed / state.free_length)[at])
     heavy = channel.startswith("heavy") or (channel == "height" and fit.problem.data[k].trial.dropped == "heavy")
     return np.asarray(np.linalg.norm(samples.heavy_velocity if heavy else samples.light_velocity, axis=1)[at])
+
+
+def find_outliers(residual: Array, sigma: Array, area: float) -> NDArray[np.bool_]:
+    """Return which points of one body are outliers, shape (n,).
+
+    Parameters
+    ----------
+    residual
+        Measured minus predicted position, in the order of time [m], shape (n, components).
+    sigma
+        Standard deviation of each component of a point [m], shape (n,).
+    area
+        Area in which an outlier may lie [m^components].
+    """
+    if len(residual) < 2 * HALF_WINDOW + 1:
+        return np.zeros(len(residual), dtype=bool)
+    single = _single(residual, sigma, area, np.zeros(len(residual), dtype=bool))
+    blocks = _blocks(residual, sigma, single, area)
+    # Beside a block the neighbours led astray: what is left is looked at again without it
+    return blocks | _single(residual, sigma, area, blocks) if blocks.any() else single
+
+
+def _single(residual: Array, sigma: Array, area: float, left_out: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which points are far from where their neighbours, without those ``left_out``, lead one to expect them."""
+    gone = left_out.copy()
+    while (~gone).sum() > 2 * HALF_WINDOW:
+        rest = np.flatnonzero(~gone)
+        square, improbable = _improbable(_distance_from_neighbours(rest, residual[rest]), sigma[rest], area, rough=True)
+        # An outlier leads its neighbours astray, so that of those that are near each other only the worst goes at a time
+        padded = np.pad(np.where(improbable, square, 0.0), HALF_WINDOW)
+        worst = improbable & (square >= sliding_window_view(padded, 2 * HALF_WINDOW + 1).max(axis=1))
+        if not worst.any():
+            break
+        gone[rest[worst]] = True
+    single = gone & ~left_out
+    return single if single.mean() <= MAX_SHARE else np.zeros_like(single)
+
+
+def _improbable(distance: Array, sigma: Array, area: float, *, rough: bool = False) -> tuple[Array, NDArray[np.bool_]]:
+    """Return squared distances in units of noise, and where a point is an outlier with a probability above a half.
+
+    Parameters
+    ----------
+    rough
+        Whether distances that are typical of their surroundings count as noise, however large they are: with few frames in a
+        swing that the model misses, the neighbours do not lead to the point.
+    """
+    components = distance.shape[1]
+    spread = math.sqrt(1 + MEDIAN_VARIANCE / (2 * HALF_WINDOW))  # the median that is subtracted scatters, too
+    standardised = distance / (spread * sigma[:, None])
+    typical = _typical_size(standardised) if rough else np.ones(len(distance))
+    square = np.asarray(np.sum((standardised / typical[:, None]) ** 2, axis=1))
+    log_noise = -0.5 * square - components * np.log(math.sqrt(2 * math.pi) * spread * typical * sigma)
+    share = MIN_SHARE
+    probability = np.zeros(len(distance))
+    for _ in range(MAX_ITERATIONS):
+        log_outlier = math.log(share) - math.log(area)
+        # Clipped, because the exponential of more than 709 is infinite in double precision
+        probability = 1 / (1 + np.exp(np.clip(log_noise + math.log1p(-share) - log_outlier, -700, 700)))
+        new = float(np.clip(probability.mean(), MIN_SHARE, MAX_SHARE))
+        if abs(new - share) < 1e-3 * share:
+            break
+        share = new
+    return square, np.asarray(probability > 0.5)
+
+
+def _typical_size(standardised: Array) -> Array:
+    """Return the size that is typical around each point, shape (n,): a running median in units of noise, at least 1."""
+    width = min(TYPICAL_WINDOW, (len(standardised) - 1) // 2)
+    padded = np.pad(np.abs(standardised), ((width, width), (0, 0)), mode="reflect")
+    windows = sliding_window_view(padded, 2 * width + 1, axis=0)
+    return np.asarray(np.maximum(GAUSSIAN_MAD * np.median(windows, axis=2).max(axis=1), 1.0))
+
+
+def _distance_from_neighbours(place: NDArray[np.int_], residual: Array) -> Array:
+    """Return how far each point is from where its neighbours lead one to expect it, shape (n, components).
+
+    Of several expectations the nearest counts: the median of the neighbours on both sides, which is right where the residual
+    changes at a steady rate; that of those before and of those after, of which one is right where the residual jumps, for a
+    bumped camera or an event that the model misses; and a parabola, which is right where the residual bends. At the ends, where
+    one side lacks neighbours, a line stands for the first.
+    """
+    n, width = len(residual), HALF_WINDOW
+    padded = np.pad(residual, ((width, width), (0, 0)), constant_values=np.nan)
+    windows = sliding_window_view(padded, 2 * width + 1, axis=0)
+    before, after = windows[..., :width], windows[..., width + 1 :]
+    expected = [np.median(part, axis=2) for part in (np.concatenate([before, after], axis=2), before, after)]
+    first = np.clip(np.arange(n) - width, 0, n - 2 * width - 1)
+    nearest = first[:, None] + np.arange(2 * width + 1)
+    others = nearest[nearest != np.arange(n)[:, None]].reshape(n, 2 * width)
+    steps, values = place[others] - place[:, None], residual[others]
+    ends = np.array([*range(width), *range(n - width, n)])
+    expected[0][ends] = _theil_sen(steps[ends], values[ends])
+    powers = steps[..., None] ** np.arange(3.0)
+    transposed = powers.swapaxes(1, 2)
+    expected.append(np.linalg.solve(transposed @ powers, transposed @ values)[:, 0])  # least squares
+    distance = residual - np.array(expected)
+    size = np.nan_to_num(np.linalg.norm(distance, axis=2), nan=np.inf)
+    return np.asarray(distance[size.argmin(axis=0), np.arange(n)])
+
+
+def _theil_sen(x: NDArray[np.int_], values: Array) -> Array:
+    """Return the values at x = 0 of lines by the medians of slopes and of remainders (Theil and Sen), shape (k, components).
+
+    Each of the k lines goes through points of its own, ``x`` of shape (k, points) and ``values`` of (k, points, components).
+    """
+    i, j = np.triu_indices(x.shape[1], 1)
+    slope = np.median((values[:, j] - values[:, i]) / (x[:, j] - x[:, i])[..., None], axis=1)
+    return np.asarray(np.median(values - slope[:, None] * x[..., None], axis=1))
+
+
+def _blocks(residual: Array, sigma: Array, single: NDArray[np.bool_], area: float) -> NDArray[np.bool_]:
+    """Return which points belong to blocks that leave the expected place in one jump and come back to it in another."""
+    n = len(residual)
+    mask = np.zeros(n, dtype=bool)
+    kept = np.flatnonzero(~single)
+    step = np.diff(residual[kept], axis=0)
+    scatter = math.sqrt(2) * np.maximum(sigma[kept][1:], sigma[kept][:-1])
+    # A jump counts as an outlier counts, so that both have one threshold
+    jumps = 1 + np.flatnonzero(_improbable(step, scatter, area, rough=True)[1])
+    for k, start in enumerate(jumps):
+        for end in jumps[k + 1 :]:
+            # The jumps are in order, so all that follow are too far as well
+            if end - start > MAX_BLOCK:
+                break
+            if start < EDGE_POINTS or end + EDGE_POINTS > len(kept):
+                continue
+            before, after = (np.median(residual[kept[part]], axis=0) for part in (
+                slice(start - EDGE_POINTS, start), slice(end, end + EDGE_POINTS)))  # fmt: skip
+            inside = kept[start:end]
+            way = (np.arange(len(inside)) + 1)[:, None] / (len(inside) + 1)
+            distance = residual[inside] - (before + way * (after - before))
+            _, off = _improbable(distance, sigma[inside], area)
+            returns = np.linalg.norm(after - before) < 0.5 * np.median(np.linalg.norm(distance, axis=1))
+            if returns and off.mean() >= MIN_BLOCK_SHARE:
+                mask[kept[start] : kept[end - 1] + 1] = True
+                break
+    return mask

@@ -8,26 +8,24 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
+from looping_pendulum.compare.landmarks import quantity_label
 from looping_pendulum.compare.tables import GAP, number, signed, table
-from looping_pendulum.discrepancy.record_start_summary import record_starts_in_words
-from looping_pendulum.discrepancy.report import (
-    event_report,
-    lead_figure,
-    next_steps,
-    tests_report,
-    unlisted_report,
-    visible_report,
-)
+from looping_pendulum.discrepancy.fit.event_prediction import MISSED_EVENT_ERRORS
+from looping_pendulum.discrepancy.fit.residual import ModelTest
+from looping_pendulum.discrepancy.report import next_steps
 from looping_pendulum.discrepancy.result import (
     MIN_SEPARATION,
+    EventResidual,
     FitReport,
+    ForceProfile,
     Identification,
     IdentifiedEffect,
     RankedExplanation,
+    Unlisted,
     Verdict,
 )
-from looping_pendulum.discrepancy.verdict_sentence import limits_in_words
-from looping_pendulum.pages.numbers import DISPLAY_UNITS, quantity, uncertain, unit_in_words
+from looping_pendulum.discrepancy.verdict_sentence import BODY_IN_WORDS, limits_in_words
+from looping_pendulum.pages.numbers import DISPLAY_UNITS, amount, quantity, uncertain, unit_in_words
 
 HEADLINES = {
     Verdict.NO_MISSING_EFFECT: "Nothing is missing that these data could show",
@@ -39,6 +37,19 @@ HEADLINES = {
 }
 PERHAPS_NOTHING = "Something may be missing, and these data allow several explanations"
 """Headline of an ambiguous verdict where one of the explanations is that nothing is missing."""
+MOTION, EVENTS = "motion.png", "events.png"
+"""File names of the first figure: of one trial or, if nothing was tracked, of the events."""
+SIDES = {
+    "along": "along the string, towards the rod",
+    "across": "across the string, the way it loops",
+    "heavy": "on the heavy mass, upward",
+    "gradient": "the way in which the coordinate grows",
+    "friction": "coefficient of friction",
+}
+"""Direction of a force (`ForceProfile.side`) -> words."""
+IN_NO_REPAIRED_MODEL = "It is one of several explanations; the repaired model has the most probable one, without this force."
+MAX_VISIBLE = 10
+"""Effects in the table of what these data could show."""
 
 
 def render(result: Identification, figures: Mapping[str, str] | None = None) -> str:
@@ -51,7 +62,7 @@ def render(result: Identification, figures: Mapping[str, str] | None = None) -> 
     """
     images = {path: f"![{caption}]({path})\n\n*{caption}*\n" for path, caption in (figures or {}).items()}
     # If nothing was tracked, the events are all that there is to see
-    first = images.pop(f"figures/{lead_figure.NAME if result.trial_figures else 'events.png'}", "")
+    first = images.pop(f"figures/{MOTION if result.trial_figures else EVENTS}", "")
     title, verdict, *others = before_figures(result)
     rest = "## Figures\n\n" + "\n".join(images.values()) if images else ""
     return "\n".join(s for s in [title, verdict, first, *others, rest, *after_figures(result)] if s)
@@ -59,58 +70,53 @@ def render(result: Identification, figures: Mapping[str, str] | None = None) -> 
 
 def before_figures(result: Identification) -> list[str]:
     """Return the sections above the figures, the title and the verdict first; some are empty."""
+    headline = HEADLINES[result.verdict]
+    if result.verdict is Verdict.AMBIGUOUS and not all(e.names for e in result.credible):
+        headline = PERHAPS_NOTHING
     return [
         f"# {result.title}\n",
-        f"## Verdict: {_headline(result)} (`{result.verdict.value}`)\n\n{result.sentence}\n",
+        f"## Verdict: {headline} (`{result.verdict.value}`)\n\n{result.sentence}\n",
         next_steps.section(result),
         "## Further remarks\n\n" + "".join(f"- {note}\n" for note in result.notes) if result.notes else "",
         _effects(result),
-        unlisted_report.section(result),
+        unlisted_force(result),
         "## Error before and after\n\n" + _errors(result),
-        record_starts_in_words(result.record_starts),
-        visible_report.correlated_noise_section(result),
+        _record_starts(result),
+        _correlated_noise(result),
         _outliers(result),
-        event_report.section(result),
+        _events(result),
         _ties(result),
     ]
 
 
 def after_figures(result: Identification) -> list[str]:
     """Return the sections below the figures; some are empty."""
+    versions = ", ".join(f"{k} {v}" for k, v in sorted(result.provenance.items()))
+    origin = f"Study `{result.study}`, seed {result.seed}; {versions}. The same input and seed give the same bytes.\n"
     return [
         "## Explanations that were compared\n\n" + _explanations(result),
-        visible_report.section(result),
-        tests_report.section(result),
+        smallest_visible(result),
+        _tests(result),
         "## Declared model, calibrated\n\n" + _fit(result.before),
         "## Repaired model\n\n" + _fit(result.after) if result.effects or result.unlisted else "",
         "## Data\n\n" + "".join(f"- {line}\n" for line in result.data),
-        "## Provenance\n\n" + _provenance(result),
+        "## Provenance\n\n" + origin,
     ]
-
-
-def _headline(result: Identification) -> str:
-    if result.verdict is Verdict.AMBIGUOUS and not all(e.names for e in result.credible):
-        return PERHAPS_NOTHING
-    return HEADLINES[result.verdict]
 
 
 def _effects(result: Identification) -> str:
     if not result.effects:
         return ""
-    note = "At its null value an effect is absent.\n\n"
-    return f"## What was added\n\n{note}{_effect_table(result.effects)}"
-
-
-def _effect_table(effects: tuple[IdentifiedEffect, ...]) -> str:
     head = ["effect", "kind", "acts on", "depends on", "formula", "value", "standard error", "95 % interval", "null value",
             "unit"]  # fmt: skip
     rows = [
         [e.name, e.kind, e.acts_on, ", ".join(e.depends_on) or GAP, f"`{e.formula}`", number(e.value, digits=5),
          number(e.error, digits=2), limits_in_words(*e.interval_95, _to_four_digits) or GAP, number(e.null_value),
          unit_in_words(e.unit) or GAP]
-        for e in effects
+        for e in result.effects
     ]  # fmt: skip
-    return table(head, rows, left=5) + _notes(effects)
+    note = "At its null value an effect is absent.\n\n"
+    return f"## What was added\n\n{note}{table(head, rows, left=5)}{_notes(result.effects)}"
 
 
 def _to_four_digits(value: float) -> str:
@@ -128,6 +134,49 @@ def _notes(effects: Iterable[IdentifiedEffect]) -> str:
     return note
 
 
+def unlisted_force(result: Identification) -> str:
+    """Return the section on the unlisted force; empty without one."""
+    force = result.unlisted
+    if force is None:
+        return ""
+    unit, name = force.unit, force.depends_on.replace("_", " ")
+    head = ["direction", f"largest at {name} [{unit}]", f"largest [{force.value_unit or 1}]", f"significant between [{unit}]",
+            "formula"]  # fmt: skip
+    rows = [
+        [SIDES[p.side], number(p.largest_at), number(p.largest), _significant_range(p), f"`{p.formula}`"]
+        for p in force.profiles
+    ]
+    model = IN_NO_REPAIRED_MODEL
+    if result.explanations[0].law and force.formula is None:
+        model = "The repaired model has these, since no simple formula explains held-out data as well."
+    elif result.explanations[0].law:
+        model = (
+            "The repaired model has the formula, which explains the data better than these; its parameters are fitted to the "
+            "trajectories together with those of the declared model."
+        )
+    text = (
+        "## The unlisted force\n\n"
+        f"It is a {force.in_words} (s in the formula), and acts {force.phase}. It was found as a sum of radial "
+        f"basis functions of that coordinate. {model} "
+        "*Significant*: above two standard errors.\n\n" + table(head, rows, left=1)
+    )
+    if force.formula is None:
+        return text
+    head = ["parameter", "value", "standard error", "unit"]
+    rows = [
+        [n.name.replace("_", ", "), number(n.value, digits=4), number(n.error, digits=2), n.unit]
+        for n in force.formula.parameters
+    ]
+    note = (
+        "A pulse is a Gaussian, whose width is its standard deviation; a pass is an odd pulse, which changes sign at its place."
+    )
+    return f"{text}\n{table(head, rows, left=1)}\n{note}\n"
+
+
+def _significant_range(p: ForceProfile) -> str:
+    return GAP if p.significant_from is None else f"{number(p.significant_from)} and {number(p.significant_to)}"
+
+
 def _errors(result: Identification) -> str:
     units = ", ".join(DISPLAY_UNITS[unit].name for unit in sorted({e.unit for e in result.errors}) if unit in DISPLAY_UNITS)
     units = units or GAP
@@ -143,6 +192,40 @@ def _errors(result: Identification) -> str:
         f"repaired model. Fits that have not seen the {result.judged_on} predict these here.\n\n"
     )
     return note + table(head, rows, left=2)
+
+
+def _record_starts(result: Identification) -> str:
+    """Return the section on records that begin in mid-swing; empty if none does."""
+    lines = [
+        f"- {s.trial}: at {number(s.time, digits=4)} s by the file's clock, the first tracked point, the wrap angle is "
+        f"{uncertain(math.degrees(s.angle), math.degrees(s.angle_error), 'deg')} (180 deg is straight down) and the light mass "
+        f"moves across its string at {uncertain(s.speed, s.speed_error, 'm/s')}.\n"
+        for s in result.record_starts
+    ]
+    if not lines:
+        return ""
+    note = (
+        "These records begin in mid-swing, so that the motion begins at their first tracked point. Its angle and speed are "
+        "fitted unless the study states them (`release: {angle: ..., speed: ...}`); they are no push.\n\n"
+    )
+    return "## Start of the records\n\n" + note + "".join(lines)
+
+
+def _correlated_noise(result: Identification) -> str:
+    """Return the section on errors that last longer than a frame; empty if there are none."""
+    if not result.correlated_noise:
+        return ""
+    head = ["tracked points of", "typically off by", "for about", "that is"]
+    rows = [
+        [BODY_IN_WORDS[e.body], quantity(e.amplitude, e.unit), quantity(e.correlation_time, "s"), f"{amount(e.points)} points"]
+        for e in result.correlated_noise
+    ]
+    note = (
+        "The tracked points do not only scatter from frame to frame. Neighbouring ones are off in the same direction, as when "
+        "a tracker or a hand wanders over the mark. The tests allow for it; the price is that a small effect can hide behind "
+        "it. Marks that are set anew in every frame, on a larger picture, would make it smaller.\n\n"
+    )
+    return "## Errors that last longer than a frame\n\n" + note + table(head, rows, left=1)
 
 
 def _outliers(result: Identification) -> str:
@@ -164,6 +247,38 @@ def _outliers(result: Identification) -> str:
 
 def _interval(first: float, last: float) -> str:
     return number(first, digits=4) if first == last else f"{number(first, digits=4)} to {number(last, digits=4)}"
+
+
+def _events(result: Identification) -> str:
+    """Return the section on events; empty if none was measured."""
+    if not result.events:
+        return ""
+    head = ["trial", "held out?", "event", "unit", "measured", "+/-", "declared model", "off by", "repaired model", "off by"]
+    rows = [
+        [e.trial, "yes" if e.held_out else "no", quantity_label(e.quantity, e.index), e.unit or GAP,
+         number(e.measured, digits=4), number(e.sigma, digits=2), number(e.before, digits=4), off_by(e, e.before),
+         number(e.after, digits=4), off_by(e, e.after)]
+        for e in result.events
+    ]  # fmt: skip
+    note = (
+        "Off by: measured less predicted, in standard errors. An event without a prediction does not happen in that model's "
+        f"run, and counts as missed by {MISSED_EVENT_ERRORS:g} standard errors.\n\n"
+    )
+    text = "## Events\n\n" + note + table(head, rows, left=4) + "\n"
+    rows = [
+        [e.trial, "yes" if e.held_out else "no", DISPLAY_UNITS[unit].name,
+         *(number(errors.get(unit), DISPLAY_UNITS[unit].per_si_unit) for errors in (e.events_before, e.events_after))]
+        for e in result.errors
+        for unit in sorted({*e.events_before, *e.events_after})
+        if unit in DISPLAY_UNITS
+    ]  # fmt: skip
+    head = ["trial", "held out?", "unit", "RMS of its events, declared model", "repaired model"]
+    return text + table(head, rows, left=3) if rows else text
+
+
+def off_by(event: EventResidual, predicted: float | None) -> str:
+    """Return measured less predicted in standard errors, in words."""
+    return "does not happen" if predicted is None else signed((event.measured - predicted) / event.sigma, digits=2)
 
 
 def _ties(result: Identification) -> str:
@@ -235,6 +350,82 @@ def _explanations(result: Identification) -> str:
     return note + table(head, rows, left=1)
 
 
+def smallest_visible(result: Identification) -> str:
+    """Return the section on the smallest visible effects; empty if there are none."""
+    visible = result.smallest_visible
+    if not visible:
+        return ""
+    hiding = ""
+    if result.can_hide:
+        hiding = (
+            f" No size of {', '.join(result.can_hide)} would be sure to show: what is fitted with it can keep it from "
+            "acting, as friction in a bearing does, or a drag or friction of zero that it multiplies."
+        )
+    head = ["effect", "acts on", "smallest size that would show", "moves the masses by [noise]"]
+    rows = [[v.name, v.acts_on, v.in_words, number(v.motion, digits=2)] for v in visible[:MAX_VISIBLE]]
+    rest = f" The other {len(visible) - MAX_VISIBLE} are in `verdict.json`." if len(visible) > MAX_VISIBLE else ""
+    note = (
+        "An effect that is smaller than this may be there without a trace. The first of the list can hide best: an effect of "
+        "that size moves the masses by the most, but the fitted masses, lengths, friction and camera settings make up for it. "
+        f"A percentage is that of the value itself.{rest}{hiding}\n\n"
+    )
+    return "## What these data could show\n\n" + note + table(head, rows, left=2)
+
+
+def _tests(result: Identification) -> str:
+    """Return the section on the numbers behind the verdict: every test of the declared and of the repaired model."""
+    models = {"declared model": result.before.tests}
+    if result.has_repair:
+        models["repaired model"] = result.after.tests
+    head = ["tested", "number", "limit", *(f"{word}{name}" for name in models for word in ("", "passes, "))]
+    by_test: dict[tuple[str, ...], dict[str, ModelTest]] = {}
+    for name, tests in models.items():
+        for t in tests:
+            limit = f"{'at least' if t.limit_is_lower else 'at most'} {number(t.limit)}"
+            by_test.setdefault((t.subject, t.statistic, limit), {})[name] = t
+    rows = []
+    for test, results in by_test.items():
+        of_models = [results.get(name) for name in models]
+        cells = [(GAP, GAP) if t is None else (number(t.value), "yes" if t.passes else "no") for t in of_models]
+        rows.append([*test, *(cell for pair in cells for cell in pair)])
+    note = (
+        "Whether the residuals look like noise, in size and in every part of the motion, and whether a fit of the training "
+        "trials predicts the held-out data. The verdict rests on the probabilities above; a model whose residuals fail is said "
+        "to leave something unexplained.\n\n"
+    )
+    text = "## Tests\n\n" + note + table(head, rows, left=3)
+    return text if result.unlisted is None else f"{text}\n{_tests_of_force(result.unlisted)}"
+
+
+def _tests_of_force(force: Unlisted) -> str:
+    """Return the tables of the numbers behind the unlisted force, and of all formulas that were refitted."""
+    f = force.formula
+    rows = [
+        ["the model with radial basis functions over that without", "ln of the Bayes factor", number(force.log_bayes_factor)],
+        ["declared model on held-out data", "chi2 per value", number(force.held_out_chi2_before)],
+        ["repaired model on held-out data", "chi2 per value", number(force.held_out_chi2_after)],
+    ]
+    if f is not None:
+        rows += [
+            ["formula over the declared model", "delta BIC", number(f.delta_bic)],
+            ["formula over the radial basis functions", "delta BIC", number(f.delta_bic - f.delta_bic_of_profile)],
+        ]
+    text = "### The unlisted force\n\n" + table(["compared", "number", "value"], rows, left=2)
+    if not force.formulas:
+        return text
+    head = ["formula", "depends on", "multiplied by", "accepted?", "delta BIC", "delta BIC of RBF", "held-out chi2/n", "of RBF"]
+    rows = [
+        [f.form, *(word.replace("_", " ") for word in (f.depends_on, f.multiplied_by)), "yes" if f.accepted else "no",
+         f"{f.delta_bic:.1f}", f"{f.delta_bic_of_profile:.1f}", number(f.held_out_chi2), number(f.held_out_chi2_of_profile)]
+        for f in force.formulas
+    ]  # fmt: skip
+    return (
+        text
+        + "\nFormulas that were refitted to the trajectories (RBF: the radial basis functions that each was fitted to):\n\n"
+        + table(head, rows, left=4)
+    )
+
+
 def _fit(fit: FitReport) -> str:
     head = ["parameter", "value [SI]", "standard error", "measured or start", "+/-", "moved by [its +/-]", "remark"]
     rows = []
@@ -257,8 +448,3 @@ def _fit(fit: FitReport) -> str:
         pairs = "; ".join(f"{a} and {b} {c:+.3f}" for a, b, c in fit.correlations)
         text += f"\nCorrelations of parameters above 0.9: {pairs}.\n"
     return text
-
-
-def _provenance(result: Identification) -> str:
-    versions = ", ".join(f"{k} {v}" for k, v in sorted(result.provenance.items()))
-    return f"Study `{result.study}`, seed {result.seed}; {versions}. The same input and seed give the same bytes.\n"

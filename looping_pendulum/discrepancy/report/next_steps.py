@@ -8,7 +8,6 @@ from collections.abc import Callable
 import numpy as np
 
 from looping_pendulum.compare.landmarks import quantity_label
-from looping_pendulum.discrepancy.report.visible_report import size_in_words
 from looping_pendulum.discrepancy.result import Identification, IdentifiedEffect, Unlisted, Verdict
 from looping_pendulum.measured.observations import UNITS
 from looping_pendulum.pages.numbers import amount, number, quantity
@@ -44,7 +43,7 @@ def section(result: Identification) -> str:
 
 
 def _after_no_missing_effect(result: Identification) -> list[str]:
-    examples = ", ".join(f"{v.name} below {size_in_words(v)}" for v in result.smallest_visible[:EXAMPLES])
+    examples = ", ".join(f"{v.name} below {v.in_words}" for v in result.smallest_visible[:EXAMPLES])
     hidden = [f"Remember what could still hide: {examples}. *What these data could show* lists more."] if examples else []
     return [
         *hidden,

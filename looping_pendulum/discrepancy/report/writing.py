@@ -1,15 +1,16 @@
-"""Write the files of an identification to a folder."""
+"""Write the files of an identification to a folder: the same report as Markdown and as a page, with its figures."""
 
 from __future__ import annotations
 
 import warnings
 from pathlib import Path
 
-from looping_pendulum.discrepancy.report import markdown, page, plots
-from looping_pendulum.discrepancy.result import Identification
-from looping_pendulum.discrepancy.verdict_file import dump
+from looping_pendulum.discrepancy.report import figures, markdown
+from looping_pendulum.discrepancy.result import Identification, dump
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.files import optional_output, write_atomically
+from looping_pendulum.pages import report as pages
+from looping_pendulum.pages.glossary import glossary
 
 FILES, FOLDERS = ("verdict.json", "repaired.yaml", "report.md", "report.html"), ("figures",)
 """Files and folders that `write` makes."""
@@ -21,12 +22,12 @@ def write(result: Identification, folder: Path, workers: Workers = SERIAL) -> Pa
     The verdict is written first, so that it is there whatever else fails; a figure or a page that cannot be made is left out
     with a warning. An idle one of the ``workers`` draws meanwhile.
     """
-    figures = workers.begin(_draw, None, [result])
+    drawings = workers.begin(_draw, None, [result])
     write_atomically(folder / "verdict.json", dump(result))
     write_atomically(folder / "repaired.yaml", result.scenario)
     with optional_output("report.html"):
-        write_atomically(folder / "report.html", page.render(result))
-    [(drawn, skipped)] = workers.finish(figures)
+        write_atomically(folder / "report.html", render(result))
+    [(drawn, skipped)] = workers.finish(drawings)
     for warning in skipped:
         warnings.warn(warning, stacklevel=2)
     for name, (_, image) in drawn.items():
@@ -40,5 +41,18 @@ def _draw(_: None, result: Identification) -> tuple[dict[str, tuple[str, bytes]]
     """Return all figures, and the warnings about those that are left out."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        figures = plots.draw(result)
-    return figures, [w.message for w in caught]
+        drawn = figures.draw(result)
+    return drawn, [w.message for w in caught]
+
+
+def render(result: Identification) -> str:
+    """Return the page as HTML: the sections of report.md, and interactive figures."""
+    return pages.render(
+        f"{result.title}: what the model lacks",
+        markdown.before_figures(result),
+        figures.on_page(result),
+        markdown.after_figures(result),
+        glossary("identification"),
+        "Residual: measured less predicted. Grey bands: two standard errors, which contain 95 % of mere noise.",
+        figures.first_on_page(result),
+    )

@@ -1,5 +1,5 @@
 /**
- * Finds tracked points that do not show the mass, as `identify` does (`discrepancy/fit/outliers.py`, which says why): single
+ * Finds tracked points that do not show the mass, as `identify` does (`discrepancy/fit/residual_noise.py`, which says why): single
  * ones, and blocks in which the tracker followed something else. Distances are from where the neighbours lead one to expect a
  * residual.
  */

@@ -1,4 +1,11 @@
-"""The motion of all trials by a fit: where closures act along it, and how the data respond to pulses of force at all times."""
+"""Closures, as laws of unknown form are called, and the motion of all trials by a fit.
+
+A closure says where a law acts, and what it is a function of. The motion says where along it closures act, and how the data
+respond to pulses of force at all times. A law may be a force on a mass or a change of the friction of the string on the rod.
+While the string slides, a force on the heavy mass and one along the light mass's string move everything alike, so a force as a
+function of *time* cannot name its body; as a function of the *state* it can, and the ranking says which of both the data
+prefer.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.fit.calibration import Fit
-from looping_pendulum.discrepancy.fit.predictions import predict
-from looping_pendulum.discrepancy.fit.problem import Problem
-from looping_pendulum.discrepancy.unlisted.closures import TARGETS, Closure
+from looping_pendulum.discrepancy.fit.problem import Problem, predict_requests
+from looping_pendulum.discrepancy.result import STRING_ON_ROD
 from looping_pendulum.measured.free_parameter import FreeParameter
+from looping_pendulum.measured.study import Estimate, Study
 from looping_pendulum.reference_ode.effects.closure import (
     COORDINATES,
+    FACTORS,
     N_BASIS_FUNCTIONS,
     ROUNDING_DISTANCE,
     coordinates_at,
@@ -28,6 +36,38 @@ from looping_pendulum.reference_ode.effects.types import Kinematics
 from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.transitions import Mode
 
+STRING = STRING_ON_ROD
+"""Target of a law of the string: a change of its coefficient of friction."""
+TARGETS: dict[str, tuple[str, ...]] = {
+    "light mass, along the string": ("along",),
+    "light mass, across the string": ("across",),
+    "light mass": ("along", "across"),
+    "light mass, to the right": ("gradient",),
+    "light mass, upward": ("gradient",),
+    "light mass, away from a point": ("gradient",),
+    "heavy mass": ("heavy",),
+    STRING: ("friction",),
+}
+"""Where an unknown law may act -> sides of the closure in `reference_ode.effects.closure`."""
+_OF_LIGHT_MASS = ("time", "free_length", "wrap_angle", "retreat_speed", "across_speed")
+COORDINATES_OF: dict[str, tuple[str, ...]] = {
+    "light mass, along the string": _OF_LIGHT_MASS,
+    "light mass, across the string": _OF_LIGHT_MASS,
+    "light mass": _OF_LIGHT_MASS,
+    "light mass, to the right": ("horizontal_position",),
+    "light mass, upward": ("height",),
+    "light mass, away from a point": ("distance",),
+    "heavy mass": ("time", "retreat_speed", "hanging_length"),
+    STRING: ("wrap_angle", "slip_speed", "normal_load"),
+}
+"""Target -> coordinates of which a law there is searched for: time, and the place and speeds of what it acts on."""
+assert {c for names in COORDINATES_OF.values() for c in names} <= set(COORDINATES)
+POINT_SCALE = 0.01
+"""Unit of a point's coordinates in a fit [m]."""
+MAX_SHIFT = 0.3
+"""Largest distance of a fitted point from where the linear model has it, in each direction [m]."""
+WEAK_PRIOR = 1e6
+"""Prior standard deviation, in scales of a parameter, that leaves it to the data."""
 END_MARGIN = 0.5
 """By how many spacings the basis functions reach beyond either end of the coordinate's range."""
 MIN_SPACING = 1e-4
@@ -46,6 +86,92 @@ POINT_MARGIN = 0.2
 """Share of the light mass's range by which this grid is larger on every side."""
 MAX_POINT_TRIALS = 50
 """Points that are tried from the best of the grid."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Closure:
+    """A sum of radial basis functions of one coordinate, times a factor, as an unknown force or change of friction."""
+
+    coordinate: str
+    """Name of the coordinate, of `COORDINATES`."""
+    factor: str
+    """Name of the factor, of `FACTORS`."""
+    target: str
+    """Where it acts, of `TARGETS`."""
+    first_centre: float
+    """Coordinate of the first basis function's centre."""
+    spacing: float
+    """Distance of neighbouring centres, which is also each basis function's width, in units of the coordinate."""
+    point: tuple[float, float] | None = None
+    """Point (x, y) from which the coordinate "distance" is measured [m]; None for the other coordinates."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the weights, side by side."""
+        return tuple(weight_name(side, i) for side in TARGETS[self.target] for i in range(N_BASIS_FUNCTIONS))
+
+    @property
+    def centres(self) -> Array:
+        """Coordinates of the centres, shape (N_BASIS_FUNCTIONS,)."""
+        return np.asarray(self.first_centre + self.spacing * np.arange(N_BASIS_FUNCTIONS), dtype=np.float64)
+
+    @property
+    def coefficients(self) -> dict[str, float]:
+        """Coefficients of the effect beside its weights: which coordinate, factor and point, and where the centres are."""
+        return {
+            f"closure_of_{self.coordinate}": 1.0,
+            f"closure_by_{self.factor}": 1.0,
+            "closure_scale": 1 / self.spacing,
+            "closure_start": self.first_centre / self.spacing,
+            **self.point_coefficients,
+        }
+
+    @property
+    def point_coefficients(self) -> dict[str, float]:
+        """Coefficients that say where the point is; empty without one."""
+        return dict(zip(("closure_point_x", "closure_point_y"), self.point, strict=True)) if self.point else {}
+
+    def added_to(self, study: Study) -> Study:
+        """Return ``study`` with this closure among its effects, its weights still zero."""
+        fixed = {n: Estimate(value=v) for n, v in self.coefficients.items()}
+        return dataclasses.replace(study, effects={**study.effects, **fixed})
+
+    def basis_functions(self, s: Array) -> Array:
+        """Return every basis function at coordinates ``s`` of shape (n,), shape (n, N_BASIS_FUNCTIONS)."""
+        return np.asarray(np.exp(-0.5 * ((s[:, None] - self.centres) / self.spacing) ** 2), dtype=np.float64)
+
+    def profile(self, weights: Array, s: Array) -> Array:
+        """Return the weighted sum at coordinates ``s``, shape of ``s``; [N], or [N s/m] times a speed; [1] for friction."""
+        return np.asarray(self.basis_functions(s) @ weights)
+
+
+def factors_of(target: str) -> tuple[str, ...]:
+    """Return the factors with which a law is searched for: friction and a force along a gradient have none."""
+    if target == "heavy mass":
+        return FACTORS[:2]  # while the string is taut, the first speed is its own
+    return FACTORS if TARGETS[target][0] in ("along", "across") else FACTORS[:1]
+
+
+def point_parameters(closure: Closure, trials: tuple[str, ...], prior: float = WEAK_PRIOR) -> list[FreeParameter]:
+    """Return x and y of the point from which a closure's distance is measured as free parameters; empty without one.
+
+    Their standard deviation is ``prior`` times `POINT_SCALE`.
+    """
+    return [
+        FreeParameter(
+            name=name, parameter=name, trials=trials, init_value=value, scale=POINT_SCALE, prior=prior,
+            bounds=(value - MAX_SHIFT, value + MAX_SHIFT),
+        )
+        for name, value in closure.point_coefficients.items()
+    ]  # fmt: skip
+
+
+def weight_parameters(closure: Closure, trials: tuple[str, ...], scale: float) -> list[FreeParameter]:
+    """Return a closure's weights as free parameters, of standard deviation ``scale``."""
+    return [
+        FreeParameter(name=n, parameter=n, trials=trials, init_value=0.0, scale=scale, prior=1.0, bounds=(-1e6, 1e6))
+        for n in closure.names
+    ]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -202,7 +328,9 @@ def respond(shared: tuple[Problem, Array, float], batches: Sequence[tuple[str, i
         at = np.tile(np.append(x, np.zeros(len(added))), (1 + len(added), 1))
         at[1:, len(x) :] = np.eye(len(added))
         requests.append((pulsed, at))
-    return [_columns(problem, *request, predicted) for request, predicted in zip(requests, predict(requests), strict=True)]
+    return [
+        _columns(problem, *request, predicted) for request, predicted in zip(requests, predict_requests(requests), strict=True)
+    ]
 
 
 def _columns(problem: Problem, pulsed: Problem, at: Array, predicted: Array) -> Array:

@@ -1,0 +1,687 @@
+"""Formulas of an unlisted force: those of a few families, their refit to the trajectories, and the force as plain data.
+
+Which formulas suit a force follows from the linearised model about its radial basis functions. The best are refitted with all
+parameters of the declared model. A formula acts through the radial basis functions that are fitted to it, so the reference,
+the engines and the repaired scenario run it by the same code as the force that it replaces; the parameters of the fit are those
+of the formula. It has all directions of a force at once: a pulse has one place and one width, and a height in every direction.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import itertools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from looping_pendulum.discrepancy.evidence.explain import RecoveredForce
+from looping_pendulum.discrepancy.evidence.motions import (
+    END_MARGIN,
+    STRING,
+    TARGETS,
+    WEAK_PRIOR,
+    Closure,
+    motions,
+    point_parameters,
+)
+from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, minimise_steps
+from looping_pendulum.discrepancy.fit.data import TrialData
+from looping_pendulum.discrepancy.fit.held_out import HeldOutTest, check_held_out
+from looping_pendulum.discrepancy.fit.problem import Problem, Steps, together
+from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
+from looping_pendulum.discrepancy.result import ForceProfile, Formula, FormulaParameter, Unlisted, value_unit
+from looping_pendulum.discrepancy.workers import SERIAL, Workers
+from looping_pendulum.measured.free_parameter import FreeParameter
+from looping_pendulum.measured.study import Study, Trial
+from looping_pendulum.pages.numbers import number
+from looping_pendulum.reference_ode.effects.closure import COORDINATES, N_BASIS_FUNCTIONS, weight_name
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.parameters import Parameters
+
+PROFILE_POINTS = 60
+"""Points of a profile in the result."""
+COORDINATE_UNITS = {
+    "time": "s",
+    "free_length": "m",
+    "wrap_angle": "rad",
+    "retreat_speed": "m/s",
+    "across_speed": "m/s",
+    "slip_speed": "m/s",
+    "normal_load": "N",
+    "hanging_length": "m",
+    "horizontal_position": "m",
+    "height": "m",
+    "distance": "m",
+}
+"""Coordinate -> its SI unit."""
+FACTOR_TEXTS = {"constant": "", "retreat_speed": "-u", "across_speed": "-w"}
+"""Factor -> its text before a formula; u is the light mass's speed away from the rod along the string, w across it.
+
+A factor is minus the speed, so a positive function of the coordinate brakes.
+"""
+
+assert set(COORDINATE_UNITS) == set(COORDINATES)
+NO_FORMULA = "no simple formula; twelve radial basis functions"
+"""Text in a formula's place where none is accepted."""
+SIGNIFICANT_ERRORS = 2.0
+"""Standard errors that a force must exceed at a coordinate to be reported as significant there."""
+MOSTLY, SELDOM = 0.8, 0.2
+"""Shares of the force's size while the string slides, from and up to which it is said to act then, or not then."""
+MAX_REFITS = 3
+"""Formulas that are refitted to the trajectories, those of the lowest predicted BIC."""
+BIC_MARGIN = 10.0
+"""Difference of BIC within which formulas count as equally good on the training data."""
+PREFIX = "force_"
+"""Prefix of the names of a formula's parameters in a fit."""
+POLYNOMIAL_MARGIN = 2.0
+"""By how many spacings the basis functions reach beyond either end of the coordinate's range where they stand for a polynomial.
+
+A polynomial does not fall off at the ends of the range as a sum of basis functions does.
+"""
+PULSE_SPACING = 0.6
+"""Spacing of the basis functions that stand for a pulse, in widths of the pulse."""
+PROJECTION_POINTS = 120
+"""Points at which a profile is projected on basis functions by least squares."""
+START_WIDTHS = (0.4, 1.0, 2.5)
+"""Start values of the width of a pulse or step, in spacings of the fitted basis functions."""
+MIN_WIDTH = 0.2
+"""Lower bound of the width of a pulse or step, in spacings of the fitted basis functions."""
+
+
+def describe_unlisted_force(force: RecoveredForce, formulas: Sequence[FittedFormula], held_out_chi2_before: float) -> Unlisted:
+    """Describe an unlisted force.
+
+    Parameters
+    ----------
+    force
+        The force as radial basis functions.
+    formulas
+        Formulas of it that were refitted to the trajectories; if the first is accepted, it is described, too.
+    held_out_chi2_before
+        Largest chi2 per value of held-out data under the declared model.
+    """
+    formula = formulas[0] if formulas and formulas[0].accepted else None
+    held_out = formula.held_out if formula and formula.held_out else force.held_out
+    closure = force.closure
+    return Unlisted(
+        acts_on=closure.target,
+        depends_on=closure.coordinate,
+        multiplied_by=closure.factor,
+        unit=COORDINATE_UNITS[closure.coordinate],
+        profiles=tuple(_profile(force, formula, i) for i in range(len(TARGETS[closure.target]))),
+        formula=_formula(formula) if formula else None,
+        formulas=tuple(_formula(f) for f in formulas),
+        phase=_phase(force),
+        log_bayes_factor=force.log_bayes_factor,
+        held_out_chi2_before=held_out_chi2_before,
+        held_out_chi2_after=held_out.worst,
+        point=closure.point,
+    )
+
+
+def _formula(fitted: FittedFormula) -> Formula:
+    closure = fitted.force.closure
+    rows = zip(fitted.form.terms, fitted.values, fitted.errors, strict=True)
+    return Formula(
+        form=fitted.form.name,
+        depends_on=closure.coordinate,
+        multiplied_by=closure.factor,
+        parameters=tuple(
+            FormulaParameter(
+                name=t.name, value=float(v), error=float(e), unit=_unit(t, closure, COORDINATE_UNITS[closure.coordinate])
+            )
+            for t, v, e in rows
+        ),
+        delta_bic=fitted.delta_bic,
+        delta_bic_of_profile=fitted.delta_bic_of_profile,
+        held_out_chi2=fitted.held_out.worst if fitted.held_out else None,
+        held_out_chi2_of_profile=fitted.force.held_out.worst,
+        accepted=fitted.accepted,
+    )
+
+
+def _unit(term: FormulaTerm, closure: Closure, coordinate: str) -> str:
+    if term.of_coordinate:
+        return coordinate
+    force = value_unit(closure.target, closure.factor)
+    per = f"({coordinate})" if "/" in coordinate else coordinate
+    if not term.power:
+        return force
+    return f"{force or '1'}/{per}" + (f"^{term.power}" if term.power > 1 else "")
+
+
+def _profile(force: RecoveredForce, formula: FittedFormula | None, index: int) -> ForceProfile:
+    s = np.linspace(force.coordinates.min(), force.coordinates.max(), PROFILE_POINTS)
+    value, error = force.closure.profile(force.weights[index], s), force.standard_error(index, s)
+    significant = s[np.abs(value) > SIGNIFICANT_ERRORS * error]
+    formula_values = formula.form.profile(formula.values, s)[index] if formula else None
+    in_model = value if formula_values is None else formula_values
+    return ForceProfile(
+        side=TARGETS[force.closure.target][index],
+        coordinate=tuple(s.tolist()),
+        value=tuple(value.tolist()),
+        error=tuple(error.tolist()),
+        largest=float(in_model[np.argmax(np.abs(in_model))]),
+        largest_at=float(s[np.argmax(np.abs(in_model))]),
+        significant_from=float(significant.min()) if significant.size else None,
+        significant_to=float(significant.max()) if significant.size else None,
+        formula=_text(formula, index) if formula else NO_FORMULA,
+        fitted_formula_values=None if formula_values is None else tuple(formula_values.tolist()),
+    )
+
+
+def _text(fitted: FittedFormula, index: int) -> str:
+    """Return the formula of one side with the values of its parameters."""
+    text = fitted.form.texts[index]
+    values = {t.name: number(v, digits=4) for t, v in zip(fitted.form.terms, fitted.values, strict=True)}
+    factor = FACTOR_TEXTS[fitted.force.closure.factor]
+    filled = text.format(**values)
+    return f"{factor} ({filled})" if factor and text != "0" else filled
+
+
+def _phase(force: RecoveredForce) -> str:
+    """Return the phase of the motion in which most of the force acts: while the string slides, while it does not, or both."""
+    runs = motions(force.fit)
+    s = runs.coordinate(force.closure.coordinate, force.closure.point)
+    size = np.sqrt(sum(force.closure.profile(w, s) ** 2 for w in force.weights))
+    share = float(size[runs.sliding].sum() / max(size.sum(), 1e-300))
+    if force.closure.target == STRING:
+        share = 1.0  # friction acts where the string slides
+    if share > MOSTLY:
+        return "while the string slides"
+    return "while the string does not slide" if share < SELDOM else "while the string slides and while it does not"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FittedFormula:
+    """A formula that was refitted to the trajectories."""
+
+    prediction: PredictedFormula
+    fit: Fit
+    delta_bic: float
+    """Decrease of the Bayesian information criterion from the declared model."""
+    delta_bic_of_profile: float
+    """The same of the radial basis functions that the formula was fitted to."""
+    held_out: HeldOutTest | None = None
+    """Held-out test of the formula; None: not made, since a better formula was accepted or its delta BIC is too far behind."""
+
+    @property
+    def form(self) -> FormulaFamily:
+        """Kind of formula."""
+        return self.prediction.form
+
+    @property
+    def force(self) -> RecoveredForce:
+        """The force as radial basis functions, which the formula was fitted to."""
+        return self.prediction.force
+
+    @property
+    def values(self) -> Array:
+        """Fitted values of its terms [SI]."""
+        values = self.fit.values
+        return np.array([values[PREFIX + t.name] for t in self.form.terms])
+
+    @property
+    def errors(self) -> Array:
+        """Standard errors of its terms [SI]."""
+        errors = self.fit.errors
+        return np.array([errors[PREFIX + t.name] for t in self.form.terms])
+
+    @property
+    def accepted(self) -> bool:
+        """Whether its delta BIC is larger than its basis functions', and it explains held-out data as well as they do."""
+        if self.delta_bic <= self.delta_bic_of_profile or self.held_out is None or not self.held_out.passes:
+            return False
+        scatter = [math.sqrt(2 / n) for n in self.held_out.counts]  # standard deviation of chi2 per value of n values
+        rows = zip(self.held_out.chi2, self.force.held_out.chi2, scatter, strict=True)
+        return all(own <= of_profile + s for own, of_profile, s in rows)
+
+
+def refit(
+    base: Fit,
+    force: RecoveredForce,
+    held_out: Sequence[tuple[TrialData, Sequence[FreeParameter]]],
+    workers: Workers = SERIAL,
+) -> list[FittedFormula]:
+    """Refit a force's formulas of lowest predicted BIC to the trajectories; return them, largest delta BIC first.
+
+    Of those within `BIC_MARGIN` of the best, the first that is accepted on held-out data goes to the front.
+    """
+    predictions = predict_formulas(force, np.concatenate([d.sigma for d in base.problem.data]))[:MAX_REFITS]
+    results = workers.map_together(_refit_together, base, predictions)
+    formulas = sorted((f for f in results if f), key=lambda f: -f.delta_bic)
+    for i, formula in enumerate(formulas):
+        if formula.delta_bic < formulas[0].delta_bic - BIC_MARGIN:
+            break
+        final = with_noise_of_residuals(formula.fit)
+        formulas[i] = judged = dataclasses.replace(formula, fit=final, held_out=check_held_out(final, held_out))
+        if judged.accepted:
+            return [judged, *formulas[:i], *formulas[i + 1 :]]
+    return formulas
+
+
+def _delta_bic_of_profile(base: Fit, force: RecoveredForce) -> float:
+    """Return the delta BIC of radial basis functions, with their effective number of parameters."""
+    p = force.fit.problem
+    added = [i for i, name in enumerate(p.names) if name not in base.problem.names]
+    weights = [p.names.index(name) for name in force.closure.names]
+    # The posterior covariance of the weights over that of their prior is the part of them that the data do not determine, so
+    # their number less that part is their effective number of parameters.
+    root = p.prior_weights[np.ix_(weights, weights)]
+    effective = len(added) - float(np.trace(root @ force.fit.covariance[np.ix_(weights, weights)] @ root.T))
+    of_prior = force.fit.residuals[[p.measured_rows + i for i in added]]
+    return base.cost - (force.fit.cost - float(of_prior @ of_prior)) - effective * math.log(base.problem.count)
+
+
+def _refit_together(base: Fit, predictions: Sequence[PredictedFormula]) -> list[FittedFormula | None]:
+    """Refit formulas to the trajectories, in step."""
+    return together([_refit(base, prediction) for prediction in predictions])
+
+
+def _refit(base: Fit, prediction: PredictedFormula) -> Steps[FittedFormula | None]:
+    """Refit one formula to the trajectories from its predicted values; None if the model cannot run."""
+    problem = _problem(base, prediction)
+    names = base.problem.names
+    n_added = len(problem.free_parameters) - len(names)
+    # The other parameters start where the fit with radial basis functions left them
+    of_force = prediction.force.fit
+    start = np.concatenate([of_force.x[[of_force.problem.names.index(n) for n in names]], np.zeros(n_added)])
+    try:
+        fit = yield from minimise_steps(problem, start)
+    except FitError:
+        return None
+    delta_bic = base.cost - fit.cost - n_added * math.log(base.problem.count)
+    return FittedFormula(
+        prediction=prediction,
+        fit=fit,
+        delta_bic=delta_bic,
+        delta_bic_of_profile=_delta_bic_of_profile(base, prediction.force),
+    )
+
+
+def _problem(base: Fit, prediction: PredictedFormula) -> Problem:
+    """Return the declared model with the formula's parameters, which start at their predicted values."""
+    coordinate_range = coordinate_range_of(prediction.force)
+    p = base.problem
+    study = FormulaStudy(
+        **{f.name: getattr(p.study, f.name) for f in dataclasses.fields(Study)},
+        closure_coefficients=functools.partial(_closure_coefficients, prediction, coordinate_range),
+        formula_parameters=tuple(PREFIX + t.name for t in prediction.form.terms),
+        start_values=tuple(prediction.values.tolist()),
+    )
+    added = [_free_parameter(prediction, i, coordinate_range, study) for i in range(len(prediction.values))]
+    point = point_parameters(prediction.force.closure, tuple(t.name for t in study.trials))
+    return Problem(study, p.data, (*p.free_parameters, *point, *added))
+
+
+def _free_parameter(prediction: PredictedFormula, i: int, coordinate_range: CoordinateRange, study: Study) -> FreeParameter:
+    term, value, error = prediction.form.terms[i], float(prediction.values[i]), float(prediction.errors[i])
+    bounds = (-1e6, 1e6)
+    # The scale is the unit of the parameter in the fit; a tenth of the value is the least, lest a tiny predicted error set it.
+    min_scale = 0.1 * abs(value)
+    if term.of_coordinate:
+        width = float(prediction.values[1])
+        # A place may be near zero, so that its own size is no scale; the width is
+        min_scale = 0.1 * width
+        bounds = (MIN_WIDTH * coordinate_range.spacing, 1e3 * width)
+        if term.name == "place":
+            bounds = (coordinate_range.low - width, coordinate_range.high + width)
+    return FreeParameter(
+        name=PREFIX + term.name,
+        parameter=PREFIX + term.name,
+        trials=tuple(t.name for t in study.trials),
+        init_value=value,
+        scale=max(error, min_scale, 1e-9),
+        prior=WEAK_PRIOR,
+        bounds=bounds,
+    )
+
+
+def _closure_coefficients(
+    prediction: PredictedFormula, coordinate_range: CoordinateRange, parameters: Sequence[float]
+) -> dict[str, float]:
+    """Return the coefficients of the closure that stands for the formula with these values of its parameters."""
+    values, form, closure = np.asarray(parameters), prediction.form, prediction.force.closure
+    placement = form.placement(values, coordinate_range)
+    sides = zip(TARGETS[closure.target], form.weights(values, placement), strict=True)
+    weights = {weight_name(side, i): float(v) for side, of_side in sides for i, v in enumerate(of_side)}
+    placed = dataclasses.replace(closure, first_centre=placement.first_centre, spacing=placement.spacing)
+    return weights | placed.coefficients
+
+
+@dataclass(frozen=True, kw_only=True)
+class FormulaStudy(Study):
+    """A study whose model has a formula's force, with the parameters of the formula as free parameters."""
+
+    closure_coefficients: Callable[[Sequence[float]], Mapping[str, float]] = dataclasses.field(compare=False)
+    """Values of `formula_parameters` -> coefficients of the closure."""
+    formula_parameters: tuple[str, ...]
+    """Names of the formula's parameters in a fit."""
+    start_values: tuple[float, ...]
+    """Values of the formula's parameters before a fit changes them [SI]."""
+
+    def parameters(self, values: Mapping[str, float], trial: Trial) -> Parameters:
+        """Return the reference's parameters of a trial."""
+        return super().parameters(values, trial).replace(**self.closure_coefficients(self.start_values))
+
+    def changes_of_model(self, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the same with the coefficients of the closure in place of the formula's parameters."""
+        values = [changes.get(name, v) for name, v in zip(self.formula_parameters, self.start_values, strict=True)]
+        rest = {name: value for name, value in changes.items() if name not in self.formula_parameters}
+        # A point among the changes is that of the fit, and not the one at which the formula was fitted first
+        if not any(np.ndim(v) for v in values):
+            return {**self.closure_coefficients(values), **rest}
+        rows = [self.closure_coefficients(row) for row in zip(*np.broadcast_arrays(*values), strict=True)]
+        return {**{name: np.array([row[name] for row in rows]) for name in rows[0]}, **rest}
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoordinateRange:
+    """Range of the coordinate over the training trials."""
+
+    low: float
+    high: float
+    spacing: float
+    """Spacing of the basis functions that were fitted."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BasisPlacement:
+    """Centres of the basis functions along the coordinate."""
+
+    first_centre: float
+    spacing: float
+    margin: float
+    """How many spacings the first and last centres lie outside the range in which the profile matters; negative: inside."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FormulaTerm:
+    """One parameter of a formula."""
+
+    name: str
+    power: int
+    """Power of the coordinate that the parameter multiplies: its unit is the force's over the coordinate's to this power."""
+    of_coordinate: bool = False
+    """Whether the parameter is a place or a width, in units of the coordinate; then the power means nothing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FormulaFamily:
+    """One kind of formula of one coordinate, for all directions (sides) of a closure."""
+
+    name: str
+    terms: tuple[FormulaTerm, ...]
+    profile: Callable[[Array, Array], Array]
+    """(values of the terms, coordinates of shape (n,)) -> force of every side, shape (sides, n)."""
+    texts: tuple[str, ...]
+    """Formula of every side, with the names of its terms in braces."""
+    local: bool = False
+    """Whether the force is negligible except near a place, so that basis functions as narrow as itself can stand for it."""
+
+    def placement(self, values: Array, coordinate_range: CoordinateRange) -> BasisPlacement:
+        """Return the centres of the basis functions that stand for the formula with these values."""
+        if self.local:
+            place, spacing = float(values[0]), PULSE_SPACING * abs(float(values[1]))
+            return BasisPlacement(
+                first_centre=place - 0.5 * (N_BASIS_FUNCTIONS - 1) * spacing, spacing=spacing, margin=-END_MARGIN
+            )
+        spacing = (coordinate_range.high - coordinate_range.low) / (N_BASIS_FUNCTIONS - 1 - 2 * POLYNOMIAL_MARGIN)
+        first_centre = coordinate_range.low - POLYNOMIAL_MARGIN * spacing
+        return BasisPlacement(first_centre=first_centre, spacing=spacing, margin=POLYNOMIAL_MARGIN)
+
+    def weights(self, values: Array, placement: BasisPlacement) -> Array:
+        """Return the weights of the basis functions that stand for the formula [N], shape (sides, N_BASIS_FUNCTIONS)."""
+        points, projection = _projection_onto_basis(placement.margin)
+        return np.asarray(self.profile(values, placement.first_centre + placement.spacing * points) @ projection.T)
+
+
+# There are three margins in all, and a fit of a formula projects its profile at every step
+@cache
+def _projection_onto_basis(margin: float) -> tuple[Array, Array]:
+    """Return points in spacings from the first centre, and the matrix from a profile at them to the least-squares weights."""
+    points = np.linspace(margin, N_BASIS_FUNCTIONS - 1 - margin, PROJECTION_POINTS)
+    basis = np.exp(-0.5 * (points[:, None] - np.arange(N_BASIS_FUNCTIONS)) ** 2)
+    # The small ridge keeps the system solvable where basis functions lie outside the points (a positive margin).
+    return points, np.asarray(np.linalg.solve(basis.T @ basis + 1e-9 * np.eye(N_BASIS_FUNCTIONS), basis.T))
+
+
+POLYNOMIALS: dict[str, tuple[int, ...]] = {
+    "constant": (0,),
+    "proportional": (1,),
+    "line": (0, 1),
+    "square": (2,),
+    "parabola": (0, 1, 2),
+}
+"""Polynomial -> powers of the coordinate."""
+PULSES: dict[str, tuple[str, ...]] = {"pulse": ("height",), "pass": ("swing",), "pulse and pass": ("height", "swing")}
+"""Pulse -> parts: "height" is even about the place, a Gaussian; "swing" is odd, as the pull of a body that is passed."""
+
+
+def polynomial(sides: Sequence[str], chosen: Sequence[str]) -> FormulaFamily:
+    """Return a polynomial of its own on every side; the name "nothing" leaves a side out."""
+    powers = [POLYNOMIALS.get(name, ()) for name in chosen]
+    side_powers = [(i, n) for i, side in enumerate(powers) for n in side]
+
+    def profile(values: Array, s: Array) -> Array:
+        force = np.zeros((len(sides), len(s)))
+        for value, (i, n) in zip(values, side_powers, strict=True):
+            force[i] += value * s**n
+        return force
+
+    def text(i: int) -> str:
+        parts = [f"{{{sides[i]}_{n}}}" + ("", " s", " s^2")[n] for n in powers[i]]
+        return " + ".join(parts) or "0"
+
+    return FormulaFamily(
+        name=_name(sides, chosen),
+        terms=tuple(FormulaTerm(name=f"{sides[i]}_{n}", power=n) for i, n in side_powers),
+        profile=profile,
+        texts=tuple(text(i) for i in range(len(sides))),
+    )
+
+
+def pulse(sides: Sequence[str], chosen: Sequence[str]) -> FormulaFamily:
+    """Return pulses at one place and of one width on all sides; "nothing" leaves a side out."""
+    parts = [PULSES.get(name, ()) for name in chosen]
+    side_parts = [(i, part) for i, side in enumerate(parts) for part in side]
+
+    def profile(values: Array, s: Array) -> Array:
+        z = (s - values[0]) / values[1]
+        bell = np.exp(-0.5 * z * z)
+        force = np.zeros((len(sides), len(s)))
+        for value, (i, part) in zip(values[2:], side_parts, strict=True):
+            force[i] += value * (bell if part == "height" else z * bell)
+        return force
+
+    def text(i: int) -> str:
+        names = [f"{{{sides[i]}_{part}}}" + ("" if part == "height" else " z") for part in parts[i]]
+        factor = f"({' + '.join(names)})" if len(names) > 1 else "".join(names)
+        return f"{factor} exp(-z^2 / 2), z = (s - {{place}}) / {{width}}" if names else "0"
+
+    return FormulaFamily(
+        name=_name(sides, chosen),
+        terms=(*_LOCAL, *(FormulaTerm(name=f"{sides[i]}_{part}", power=0) for i, part in side_parts)),
+        profile=profile,
+        texts=tuple(text(i) for i in range(len(sides))),
+        local=True,
+    )
+
+
+def sigmoid_step(sides: Sequence[str], chosen: Sequence[str]) -> FormulaFamily:
+    """Return logistic steps at one place and of one width on all sides; "nothing" leaves a side out."""
+    active = [i for i, name in enumerate(chosen) if name != "nothing"]
+
+    def profile(values: Array, s: Array) -> Array:
+        rise = 1 / (1 + np.exp(-np.clip((s - values[0]) / values[1], -60, 60)))  # clipped: exp would overflow
+        force = np.zeros((len(sides), len(s)))
+        force[active] = np.asarray(values[2:])[:, None] * rise
+        return force
+
+    text = "{{{}_height}} / (1 + exp(-(s - {{place}}) / {{width}}))"
+    return FormulaFamily(
+        name=_name(sides, chosen),
+        terms=(*_LOCAL, *(FormulaTerm(name=f"{sides[i]}_height", power=0) for i in active)),
+        profile=profile,
+        texts=tuple(text.format(side) if i in active else "0" for i, side in enumerate(sides)),
+    )
+
+
+_LOCAL = (FormulaTerm(name="place", power=0, of_coordinate=True), FormulaTerm(name="width", power=0, of_coordinate=True))
+
+
+def _name(sides: Sequence[str], chosen: Sequence[str]) -> str:
+    return chosen[0] if len(sides) == 1 else ", ".join(f"{name} {side}" for side, name in zip(sides, chosen, strict=True))
+
+
+def forms(target: str) -> list[FormulaFamily]:
+    """Return every formula family that a force on ``target`` may have."""
+    sides = TARGETS[target]
+
+    def combinations(names: Sequence[str]) -> list[tuple[str, ...]]:
+        every = itertools.product(("nothing", *names), repeat=len(sides))
+        return [chosen for chosen in every if any(name != "nothing" for name in chosen)]
+
+    families = [polynomial(sides, chosen) for chosen in combinations(tuple(POLYNOMIALS))]
+    families += [pulse(sides, chosen) for chosen in combinations(tuple(PULSES))]
+    return families + [sigmoid_step(sides, chosen) for chosen in combinations(("step",))]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PredictedFormula:
+    """A formula with the values and the cost that it would have if the model were linear about the fitted basis functions."""
+
+    force: RecoveredForce
+    form: FormulaFamily
+    values: Array
+    """Values of the terms [SI]."""
+    errors: Array
+    """Standard errors of the terms [SI]."""
+    cost: float
+    """Predicted sum of squared residuals in units of the declared model's noise."""
+
+    @property
+    def bic(self) -> float:
+        """Predicted Bayesian information criterion; lower is better."""
+        return self.cost + len(self.values) * math.log(self.force.fit.problem.count)
+
+
+def predict_formulas(force: RecoveredForce, noise: Array) -> list[PredictedFormula]:
+    """Return every formula with its best values by the linearised model, lowest BIC first.
+
+    Parameters
+    ----------
+    noise
+        Standard deviation of every measured value, which costs are in units of, shape (n,).
+    """
+    coordinate_range = coordinate_range_of(force)
+    closure, problem = force.closure, force.fit.problem
+    n_declared = len(problem.free_parameters) - len(closure.names)
+    placement = BasisPlacement(first_centre=closure.first_centre, spacing=closure.spacing, margin=END_MARGIN)
+    root, target, unexplained_cost = _reduced_least_squares(force, noise)
+    scale = np.array([n.scale for n in problem.free_parameters[n_declared:]])
+
+    def reduced_residuals(form: FormulaFamily, values: Array) -> Array:
+        weights = form.weights(values, placement).ravel() / scale
+        return np.asarray(root @ weights - target)
+
+    predictions = [
+        _best_fit(force, form, reduced_residuals, unexplained_cost, coordinate_range) for form in forms(closure.target)
+    ]
+    return sorted((p for p in predictions if p), key=lambda p: p.bic)
+
+
+def coordinate_range_of(force: RecoveredForce) -> CoordinateRange:
+    """Return the range of a closure's coordinate over the training trials."""
+    s = force.coordinates
+    return CoordinateRange(low=float(s.min()), high=float(s.max()), spacing=force.closure.spacing)
+
+
+def _reduced_least_squares(force: RecoveredForce, noise: Array) -> tuple[Array, Array, float]:
+    """Reduce the linearised least-squares problem to the weights, all other parameters at their best (variable projection).
+
+    Returns
+    -------
+    root, target, unexplained_cost
+        The cost of weights w, in scales, is ``|root @ w - target|^2 + unexplained_cost``.
+    """
+    fit = force.fit
+    count = len(noise)
+    fit_sigma = np.concatenate([d.sigma for d in fit.problem.data])
+    n_declared = len(fit.problem.free_parameters) - len(force.closure.names)
+    with np.errstate(invalid="ignore"):
+        ratio = np.where(np.isfinite(fit_sigma) & np.isfinite(noise), fit_sigma / noise, 0.0)
+    # The last rows of the fit are the ridge (prior) of the weights, which no formula has: they are left out.
+    rows = np.concatenate([ratio, np.ones(n_declared)])
+    jacobian, residuals = fit.jacobian[: count + n_declared] * rows[:, None], fit.residuals[: count + n_declared] * rows
+    basis, _ = np.linalg.qr(jacobian[:, :n_declared])
+    unexplained = residuals - basis @ (basis.T @ residuals)
+    weight_sensitivity = jacobian[:, n_declared:] - basis @ (basis.T @ jacobian[:, n_declared:])
+    orthonormal, root = np.linalg.qr(weight_sensitivity)
+    explained = orthonormal.T @ unexplained
+    return root, np.asarray(explained + root @ fit.x[n_declared:]), float(unexplained @ unexplained - explained @ explained)
+
+
+def _best_fit(
+    force: RecoveredForce,
+    form: FormulaFamily,
+    reduced_residuals: Callable[[FormulaFamily, Array], Array],
+    unexplained_cost: float,
+    coordinate_range: CoordinateRange,
+) -> PredictedFormula | None:
+    """Fit a formula's values to the reduced problem; None if they do not come out finite."""
+    fits = [
+        min((_fit_linear(form, reduced_residuals, start) for start in starts), key=lambda f: f[0])
+        for starts in _start_values(form, coordinate_range)
+    ]
+    if form.terms[0].of_coordinate:
+        # Only from the best place for each width: the cost has minima at many places, and a fit from each would take long
+        fits = [_fit_nonlinear(form, reduced_residuals, coordinate_range, values) for _, values, _ in fits]
+    cost, values, jacobian = min(fits, key=lambda f: f[0])
+    errors = np.sqrt(np.maximum(np.diag(np.linalg.pinv(jacobian.T @ jacobian)), 0.0))
+    if not np.all(np.isfinite(values)):
+        return None
+    return PredictedFormula(force=force, form=form, values=values, errors=errors, cost=cost + unexplained_cost)
+
+
+def _fit_nonlinear(
+    form: FormulaFamily,
+    reduced_residuals: Callable[[FormulaFamily, Array], Array],
+    coordinate_range: CoordinateRange,
+    values: Array,
+) -> tuple[float, Array, Array]:
+    """Return cost, values and Jacobian of the best fit of all terms, place and width included, from ``values``."""
+    from scipy.optimize import least_squares
+
+    low, high = np.full(len(values), -np.inf), np.full(len(values), np.inf)
+    # of a pulse or step, the first two terms are its place and its width
+    low[:2] = coordinate_range.low, MIN_WIDTH * coordinate_range.spacing
+    high[:2] = coordinate_range.high, coordinate_range.high - coordinate_range.low
+    scale = np.concatenate([[coordinate_range.spacing, coordinate_range.spacing], np.maximum(np.abs(values[2:]), 1e-6)])
+    fit = least_squares(lambda v: reduced_residuals(form, v), values, x_scale=scale, bounds=(low, high), max_nfev=60)
+    return 2 * float(fit.cost), fit.x, fit.jac  # SciPy's cost is half the sum of squares
+
+
+def _fit_linear(
+    form: FormulaFamily, reduced_residuals: Callable[[FormulaFamily, Array], Array], start: Sequence[float]
+) -> tuple[float, Array, Array]:
+    """Return cost, values and Jacobian of the best fit of the terms that enter linearly, at a given place and width."""
+    linear = [i for i, t in enumerate(form.terms) if not t.of_coordinate]
+    values = np.concatenate([start, np.zeros(len(linear))])
+    residuals_without = reduced_residuals(form, values)
+    columns = np.stack([reduced_residuals(form, values + np.eye(len(values))[i]) - residuals_without for i in linear], axis=1)
+    values[linear] = np.linalg.lstsq(columns, -residuals_without, rcond=1e-10)[0]
+    return float(np.sum((residuals_without + columns @ values[linear]) ** 2)), values, columns
+
+
+def _start_values(form: FormulaFamily, coordinate_range: CoordinateRange) -> list[list[tuple[float, ...]]]:
+    """Return, for each start width, the starts (place, width); one empty start for a formula without a place."""
+    if not form.terms[0].of_coordinate:
+        return [[()]]
+    places = np.linspace(coordinate_range.low, coordinate_range.high, N_BASIS_FUNCTIONS).tolist()
+    return [[(place, width * coordinate_range.spacing) for place in places] for width in START_WIDTHS]
