@@ -166,11 +166,15 @@ def _verdict_sentence(result: ComparisonResult) -> str:
 
 def _expected_sentence(result: ComparisonResult) -> str:
     """Say that nothing unexpected happened, and who fails as expected, which is no praise."""
-    feared = [name(e) for e in result.engines if any(t.outcome is ToleranceOutcome.EXPECTED_FAILURE for t in result.judged(e))]
+    feared = []
+    for e in result.engines:
+        judged = result.judged(e)
+        count = sum(t.outcome is ToleranceOutcome.EXPECTED_FAILURE for t in judged)
+        if count:
+            feared.append(f"{e.label} ({count} of {len(judged)} limits)")
     if not feared:
         return "**Within tolerance.**"
-    fail = "fails" if len(feared) == 1 else "fail"
-    return f"**No unexpected result:** {', '.join(feared)} {fail} as expected; all other limits are kept."
+    return f"**No unexpected result**, but these fail as expected: {'; '.join(feared)}. All other limits are kept."
 
 
 def _within(result: ComparisonResult, engine: EngineResult) -> str:

@@ -107,7 +107,7 @@ def after_figures(result: Identification) -> list[str]:
 def _effects(result: Identification) -> str:
     if not result.effects:
         return ""
-    head = ["effect", "kind", "acts on", "depends on", "formula", "value", "standard error", "95 % interval", "null value",
+    head = ["effect", "kind", "acts on", "depends on", "formula", "value", "standard error", "95 % interval", "absent at",
             "unit"]  # fmt: skip
     rows = [
         [e.name, e.kind, e.acts_on, ", ".join(e.depends_on) or GAP, f"`{e.formula}`", number(e.value, digits=5),
@@ -115,8 +115,7 @@ def _effects(result: Identification) -> str:
          unit_in_words(e.unit) or GAP]
         for e in result.effects
     ]  # fmt: skip
-    note = "At its null value an effect is absent.\n\n"
-    return f"## What was added\n\n{note}{table(head, rows, left=5)}{_notes(result.effects)}"
+    return f"## What was added\n\n{table(head, rows, left=5)}{_notes(result.effects)}"
 
 
 def _to_four_digits(value: float) -> str:

@@ -1,0 +1,43 @@
+"""What `import looping_pendulum` offers: lazily, as the page docs/python.md uses it."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import looping_pendulum as lp
+from looping_pendulum.teaching.example_folder import write_example
+
+PAGE = Path(__file__).parents[1] / "docs" / "python.md"
+
+
+def test_each_name_is_there_and_a_page_has_its_example():
+    examples = "\n".join(re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL))
+    for name in lp.__all__:
+        assert getattr(lp, name) is not None
+        assert name == "__version__" or f"lp.{name}(" in examples
+    assert set(lp.__all__) <= set(dir(lp))
+    with pytest.raises(AttributeError, match="has no attribute 'nonsense'"):
+        lp.nonsense  # noqa: B018
+
+
+def test_the_package_alone_imports_no_numbers():
+    code = "import sys, looping_pendulum; sys.exit('numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_the_examples_run(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write_example(tmp_path / "example")
+    names = {}
+    for example in re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL):
+        exec(compile(example, str(PAGE), "exec"), names)
+    assert (tmp_path / "report" / "ten_to_one" / "report.md").exists()
+    assert (tmp_path / "report" / "ten_to_one" / "demo.html").exists()
+    assert names["run"].halting_time == pytest.approx(0.3814, abs=1e-3)
+    assert len(names["batch"].halting_time) == 3
+    assert capsys.readouterr().out.count("\n") > 4
