@@ -1,7 +1,4 @@
-"""Time what users wait for, against what they would use instead, in one run: `python -m benchmarks`.
-
-Prints a Markdown table. Ratios are between medians of interleaved repetitions, so that a machine that slows down slows both.
-"""
+"""Time what users wait for, in one run: `python -m benchmarks`. It prints Markdown tables."""
 
 from __future__ import annotations
 
@@ -15,70 +12,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks import (
-    calibration,
-    engine_overhead,
-    identify,
-    known_answer,
-    live,
-    live_page,
-    outlier_power,
-    pages,
-    rivals,
-)
-from benchmarks.plain_scipy import plain_run
-from benchmarks.rival_methods import METHODS
-from looping_pendulum.engines.protocol import Profile
+from benchmarks import browser, calibration, identify, known_answer, rivals
 from looping_pendulum.measured.measurement import FIT_TOLERANCE
 from looping_pendulum.reference_ode.batch import sample_batch
-from looping_pendulum.reference_ode.solve import available_integrators, solve_at
+from looping_pendulum.reference_ode.solve import solve_at
 from looping_pendulum.scenarios import load
 
 TEN_TO_ONE = load("ten_to_one").parameters
-
-
-def interleaved(tasks: dict[str, Callable[[], object]], repeats: int) -> dict[str, float]:
-    """Median seconds of each task, taken in turn after a warm-up."""
-    times: dict[str, list[float]] = {name: [] for name in tasks}
-    for task in tasks.values():
-        task()
-    for _ in range(repeats):
-        for name, task in tasks.items():
-            inner = 20 if name.startswith("heyoka") else 1
-            started = time.perf_counter()
-            for _ in range(inner):
-                task()
-            times[name].append((time.perf_counter() - started) / inner)
-    return {name: statistics.median(values) for name, values in times.items()}
-
-
-def reference(repeats: int) -> None:
-    """One run of the reference, sampled at 1 kHz, positions of both masses."""
-    t = np.arange(0.0, 1.2, 1e-3)
-
-    def ours(integrator: str, tolerance: float) -> Callable[[], object]:
-        def task() -> object:
-            samples = solve_at(TEN_TO_ONE, t, tolerance=tolerance, integrator=integrator)
-            return samples.light_position, samples.heavy_position
-
-        return task
-
-    tasks: dict[str, Callable[[], object]] = {
-        "SciPy DOP853, 1e-9, our driver": ours("scipy", 1e-9),
-        "SciPy solve_ivp DOP853, 1e-9, plain script": lambda: plain_run(TEN_TO_ONE, t),
-    }
-    if "heyoka" in available_integrators():
-        tasks = {"heyoka, 1e-12": ours("heyoka", 1e-12), "heyoka, 1e-9": ours("heyoka", 1e-9)} | tasks
-    medians = interleaved(tasks, repeats)
-    fastest = next(iter(medians.values()))
-    print("\n## One reference run of ten_to_one, sampled at 1 kHz, warm\n")
-    print("| integrator | median [ms] | times the first |\n|---|---|---|")
-    for name, seconds in medians.items():
-        print(f"| {name} | {1e3 * seconds:.3f} | {seconds / fastest:.1f} |")
-    ratio = medians["SciPy DOP853, 1e-9, our driver"] / fastest
-    verdict = {True: "met", False: "not met"}
-    print(f"\nTarget under 1 ms: {verdict[fastest < 1e-3]}.")
-    print(f"Target 100 times SciPy at 1e-9: {verdict[ratio >= 100]} ({ratio:.0f}).")
 
 
 def batches(repeats: int) -> None:
@@ -107,11 +47,53 @@ def batches(repeats: int) -> None:
         print(f"| {n} | {1e6 * one:.0f} | {one / single:.2f} |", flush=True)
 
 
+def million(repeats: int, runs: int) -> None:
+    """The map of release angle and mass ratio, from a fresh start, on one process and on two, in turn."""
+    print(f"\n## {runs} runs of a map at 1e-12, from a fresh start (what heyoka has compiled before, it finds on disk)\n")
+    print("| processes | wall [s] | CPU [s] | CPU per run [us] | peak memory [MiB] |\n|---|---|---|---|---|")
+    walls: dict[int, list[float]] = {1: [], 2: []}
+    for _ in range(repeats):
+        for processes, taken in walls.items():
+            done = subprocess.run(
+                [sys.executable, "-c", MAP.format(runs, processes)], check=True, capture_output=True, text=True
+            )
+            wall, cpu, memory = map(float, done.stdout.split())
+            taken.append(wall)
+            print(f"| {processes} | {wall:.1f} | {cpu:.1f} | {1e6 * cpu / runs:.1f} | {memory:.0f} |", flush=True)
+    one, two = (statistics.median(taken) for taken in walls.values())
+    print(f"\nTwo processes: {two:.1f} s, {one / two:.2f} times as fast as one, the second one's start included.")
+
+
+MAP = """
+import resource, time
+import numpy as np
+from looping_pendulum.reference_ode.batch import solve_batch
+from looping_pendulum.scenarios import load
+
+if __name__ == '__main__':
+    base = load("ten_to_one").parameters
+    # A low-discrepancy sample of 60 to 130 degrees, and of M2/M1 from 1 to 12 (Roberts' R2 sequence)
+    first, second = ((0.5 + np.arange(1, {0} + 1) / 1.324717957244746**k) % 1 for k in (1, 2))
+    columns = dict(release_angle=np.radians(60 + 70 * first), heavy_mass=base.light_mass * (1 + 11 * second))
+    started = time.perf_counter()
+    solve_batch(base, columns, processes={1})
+    print(time.perf_counter() - started)
+    uses = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    print(sum(use.ru_utime + use.ru_stime for use in uses))
+    own = open('/proc/self/status').read().split('VmHWM:')[1].split()[0]  # ru_maxrss begins with the parent's
+    print((float(own) + uses[1].ru_maxrss * ({1} - 1)) / 1024)
+"""
+"""Program that prints wall time [s], CPU time [s] and peak memory of its processes together [MiB]; {0} runs, {1} processes."""
+
+
 def command_line(repeats: int) -> None:
     """How long `--help` takes."""
-    command = [sys.executable, "-m", "looping_pendulum", "--help"]
-    seconds = interleaved({"help": lambda: subprocess.run(command, check=True, capture_output=True)}, repeats)["help"]
-    print(f"\n## Command line\n\n`--help`: {seconds:.2f} s")
+    seconds = []
+    for _ in range(repeats + 1):
+        started = time.perf_counter()
+        subprocess.run([sys.executable, "-m", "looping_pendulum", "--help"], check=True, capture_output=True)
+        seconds.append(time.perf_counter() - started)
+    print(f"\n## Command line\n\n`--help`: {statistics.median(seconds[1:]):.2f} s")  # the first fills the disk's cache
 
 
 def quick_comparison() -> None:
@@ -125,66 +107,38 @@ def quick_comparison() -> None:
     print("\n```text\n" + done.stderr.strip() + "\n```")
 
 
+QUICK: dict[str, Callable[[argparse.Namespace], None]] = {
+    "batches": lambda options: batches(options.repeats),
+    "command-line": lambda options: command_line(options.repeats),
+    "comparison": lambda _: quick_comparison(),
+    "identify": lambda _: identify.benchmark(),
+    "maps": lambda options: million(min(options.repeats, 3), options.runs),
+    "pages": lambda _: browser.demonstration(),
+    "live-page": lambda _: browser.live_page(),
+}
+"""Benchmarks that all run if none is named."""
+HOURS: dict[str, Callable[[argparse.Namespace], None]] = {
+    "calibration": calibration.benchmark,
+    "known-answer": known_answer.benchmark,
+    "outliers": calibration.outliers,
+    "rivals": rivals.benchmark,
+}
+"""Benchmarks that run only if they are named."""
+
+
 def main() -> None:
     """Run the benchmarks that were asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--only",
-        choices=[
-            "reference",
-            "batches",
-            "command-line",
-            "comparison",
-            "identify",
-            "overhead",
-            "pages",
-            "live",
-            "live-page",
-            "maps",
-            "calibration",
-            "known-answer",
-            "outliers",
-            "rivals",
-        ],
-        help="calibration, known-answer, outliers and rivals take hours, so they run only if they are named",
-    )
+    parser.add_argument("--only", choices=[*QUICK, *HOURS], help=f"{', '.join(HOURS)} take hours: they run only if named")
     parser.add_argument("--runs", type=int, default=1_000_000, help="runs of the map in `--only maps`")
     parser.add_argument("--repeats", type=int, default=15)
     calibration.add_options(parser)
     parser.add_argument(
-        "--method", action="append", choices=list(METHODS), help="in `--only rivals`, only this one; repeatable"
+        "--method", action="append", choices=list(rivals.METHODS), help="in `--only rivals`, only this one; repeatable"
     )
     options = parser.parse_args()
-    if options.only in (None, "reference"):
-        reference(options.repeats)
-    if options.only in (None, "batches"):
-        batches(options.repeats)
-    if options.only in (None, "command-line"):
-        command_line(options.repeats)
-    if options.only in (None, "comparison"):
-        quick_comparison()
-    if options.only in (None, "identify"):
-        identify.benchmark()
-    if options.only in (None, "overhead"):
-        engine_overhead.benchmark(sorted(engine_overhead.BARE_LOOPS), Profile.QUICK)
-    if options.only in (None, "maps"):
-        from benchmarks import maps  # compiles, and needs numba
-
-        maps.benchmark(min(options.repeats, 3), options.runs)
-    if options.only in (None, "pages"):
-        pages.benchmark()
-    if options.only in (None, "live"):
-        live.benchmark()
-    if options.only in (None, "live-page"):
-        live_page.benchmark()
-    if options.only == "calibration":
-        calibration.benchmark(options)
-    if options.only == "known-answer":
-        known_answer.benchmark(options)
-    if options.only == "outliers":
-        outlier_power.benchmark(options)
-    if options.only == "rivals":
-        rivals.benchmark(options)
+    for name in [options.only] if options.only else QUICK:
+        (QUICK | HOURS)[name](options)
 
 
 if __name__ == "__main__":

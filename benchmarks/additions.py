@@ -14,7 +14,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from benchmarks.rounding import rounded
+from benchmarks import rounded
 from looping_pendulum.compare.align import align
 from looping_pendulum.compare.metrics import rms_until
 from looping_pendulum.engines.protocol import Engine, Profile

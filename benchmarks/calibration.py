@@ -1,12 +1,15 @@
 """Measure how reliable `identify` is, on blind studies of the separate simulator: `python -m benchmarks --only calibration`.
 
 Every finished study is kept as a file of its own in the work folder; the same command goes on from there. A changed program
-needs a new folder.
+needs a new folder. `--only outliers` shows that leaving outliers out does not hide effects: the same studies with one hidden
+effect are judged four times, with and without points on another object, and with and without the search for such points.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import dataclasses
 import datetime
 import json
 import math
@@ -14,17 +17,22 @@ import platform
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
+from unittest import mock
 
+import numpy as np
+
+from benchmarks import rates_page, rounded
 from benchmarks.blind_sample import DEFAULT_COUNTS, KINDS, BlindStudy, draw, planted_values, write_files
-from benchmarks.calibration_summary import NAMED, print_summary, summary
-from benchmarks.resumable import Outcome, run
-from benchmarks.rounding import rounded
+from benchmarks.calibration_summary import NAMED, Outcome, proportion, summary
+from looping_pendulum.cli.terminal import ProgressBars
 from looping_pendulum.discrepancy.candidates import MIN_SHARE_OF_MULTIPLIED
 from looping_pendulum.discrepancy.evidence.explain import explain
 from looping_pendulum.discrepancy.evidence.prior import MARGIN, VISIBLE, body_of
+from looping_pendulum.discrepancy.fit import residual_noise
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.result import (
@@ -41,6 +49,7 @@ from looping_pendulum.measured.study import Study
 from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.effects.own import multiplied_coefficient
+from looping_pendulum.sweep.executors import in_process, in_processes
 from looping_pendulum.versions import MISSING, installed_version
 from tests.discrepancy.expected import PLANTED_LAWS
 
@@ -51,7 +60,18 @@ CAN_HIDE = frozenset({"rod_mobility"})
 """Effects that can hide at any size (`Identification.can_hide`), whatever the data."""
 CLOCK_SET = "was taken as 0"
 """What the reader says of a clock that it has set."""
+MIN_ARM_SIZE = 0.008
+"""Smallest size of what is hidden where outliers are studied [m]: of smaller effects too few are named."""
+ARM_NOISE_KINDS = ("white", "outliers")
 RESULT = Path(__file__).parents[1] / "docs" / "data" / "calibration.json"
+
+
+class Task(Protocol):
+    """A frozen dataclass that says all that its outcome depends on."""
+
+    @property
+    def name(self) -> str:
+        """Name of its file, without ending."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -64,7 +84,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--seed", type=int, default=0, help="further seed")
     group.add_argument("--work", type=Path, help="folder in which finished studies are kept")
     group.add_argument("--jobs", type=int, default=1, help="processes")
-    group.add_argument("--cluster", help="address of a Dask scheduler, in place of --jobs")
 
 
 def drawn_studies(options: argparse.Namespace) -> list[BlindStudy]:
@@ -85,14 +104,67 @@ def work_folder(options: argparse.Namespace) -> Path:
 def benchmark(options: argparse.Namespace) -> None:
     """Run the studies, print the summary and store it under the set's name in `RESULT`."""
     studies, folder = drawn_studies(options), work_folder(options)
-    outcomes, interrupted = run(
-        studies, solve, folder, jobs=options.jobs, cluster=options.cluster, title=f"calibration, {options.set}"
-    )
+    outcomes, interrupted = run(studies, solve, folder, jobs=options.jobs, title=f"calibration, {options.set}")
     result = summary([(study, outcomes[study.name]) for study in studies if study.name in outcomes])
-    print_summary(options.set, result)
+    block = provenance(options, "calibration") | {"summary": result}
+    if result["studies"]:
+        print(rates_page.block(block))
     if interrupted:
         sys.exit(130)
-    store(RESULT, options.set, provenance(options, "calibration") | {"summary": result})
+    store(RESULT, options.set, block)
+
+
+def run(
+    tasks: Sequence[Task],
+    solve: Callable[[Any], tuple[str, Outcome]],
+    folder: Path,
+    *,
+    jobs: int = 1,
+    title: str = "",
+) -> tuple[dict[str, Outcome], bool]:
+    """Solve tasks; those that ``folder`` has are not solved again.
+
+    Parameters
+    ----------
+    solve
+        Function of a module that returns a task's name and outcome (plain data).
+    jobs
+        Number of processes.
+
+    Returns
+    -------
+    Name -> outcome of all tasks that are finished, in the order of the tasks, and whether Ctrl-C ended the run.
+    """
+    known = {task.name: outcome for task in tasks if (outcome := _stored(folder, task)) is not None}
+    by_name = {task.name: task for task in tasks}
+    waiting = iter([task for task in tasks if task.name not in known])
+    interrupted = False
+    with ProgressBars(time_left=True, line_every_fraction=0.1) as bars:
+        bars.update(title, len(known) / max(len(tasks), 1))
+        try:
+            for name, outcome in in_process(waiting, solve) if jobs == 1 else in_processes(waiting, solve, jobs):
+                known[name] = outcome
+                record = {"task": _as_json(by_name[name]), "outcome": outcome}
+                write_atomically(folder / f"{name}.json", json.dumps(record, indent=1) + "\n")
+                bars.update(f"{title}: {name}", len(known) / len(tasks))
+        except KeyboardInterrupt:
+            interrupted = True
+            print(f"interrupted; {len(known)} of {len(tasks)} are kept in {folder}", file=sys.stderr)
+    return {task.name: known[task.name] for task in tasks if task.name in known}, interrupted
+
+
+def _stored(folder: Path, task: Any) -> Outcome | None:
+    """Return the stored outcome of a task; None: there is none, or it is that of another task of this name."""
+    file = folder / f"{task.name}.json"
+    if not file.exists():
+        return None
+    record = json.loads(file.read_text(encoding="utf-8"))
+    return record["outcome"] if record["task"] == _as_json(task) else None
+
+
+def _as_json(task: Any) -> Any:
+    """Return a task as JSON has it, where a tuple is a list."""
+    return json.loads(json.dumps(dataclasses.asdict(task)))
 
 
 def store(file: Path, key: str, block: dict[str, Any]) -> None:
@@ -278,3 +350,76 @@ def statistics_of_tests(study: Study) -> dict[str, float]:
         "log10_odds": max(odds, default=-MARGIN) / math.log(10),
         "values": float(tests.count),
     }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arm:
+    """One of the ways in which a study is judged."""
+
+    study: BlindStudy
+    finds_outliers: bool
+    """Whether outliers are searched for and left out."""
+
+    @property
+    def name(self) -> str:
+        """Name of its file in the work folder, without ending."""
+        search = "search" if self.finds_outliers else "no-search"
+        return f"{self.study.name}-{self.study.noise_kind}-{search}"
+
+
+def outliers(options: argparse.Namespace) -> None:
+    """Judge every study in every way, print the table, and store it beside the rates."""
+    studies = [s for s in drawn_studies(options) if s.kind == "single" and s.size and s.size >= MIN_ARM_SIZE]
+    arms = [
+        Arm(study=dataclasses.replace(s, noise_kind=kind), finds_outliers=finds)
+        for s in studies
+        for kind in ARM_NOISE_KINDS
+        for finds in (True, False)
+    ]
+    outcomes, interrupted = run(arms, solve_arm, work_folder(options), jobs=options.jobs, title="outliers")
+    rows = outlier_rows([(arm, outcomes[arm.name]) for arm in arms if arm.name in outcomes])
+    block = provenance(options, "outliers") | {"rows": rows}
+    print(rates_page.outliers_block(block))
+    if interrupted:
+        sys.exit(130)
+    store(RESULT, "outliers", block)
+
+
+def solve_arm(arm: Arm) -> tuple[str, Outcome]:
+    """Judge one study in one way."""
+    with contextlib.nullcontext() if arm.finds_outliers else no_search():
+        _, outcome = solve(arm.study)
+    return arm.name, outcome
+
+
+@contextlib.contextmanager
+def no_search() -> Iterator[None]:
+    """Take every point for one of the mass."""
+    with mock.patch.object(residual_noise, "find_outliers", lambda residual, *_: np.zeros(len(residual), dtype=bool)):
+        yield
+
+
+def outlier_rows(pairs: Sequence[tuple[Arm, Outcome]]) -> list[dict[str, Any]]:
+    """Return a row for each way: how often the hidden effect is named, and the errors of values relative to the first way's."""
+    judged = {(a.study.index, a.study.noise_kind, a.finds_outliers): o for a, o in pairs if "judgement" in o}
+    ways = [(kind, finds) for kind in ARM_NOISE_KINDS for finds in (True, False)]
+    complete = sorted({i for i, *_ in judged if all((i, *way) in judged for way in ways)})
+    rows = []
+    for way in ways:
+        outcomes = [judged[(i, *way)] for i in complete]
+        ratios = [
+            o["estimates"][0]["error"] / first["estimates"][0]["error"]
+            for o, first in zip(outcomes, (judged[(i, *ways[0])] for i in complete), strict=True)
+            if o["estimates"] and first["estimates"]
+        ]
+        rows.append(
+            {
+                "points": way[0],
+                "finds_outliers": way[1],
+                "named_or_tied": proportion(sum(o["judgement"] in NAMED for o in outcomes), len(outcomes)),
+                "wrong": proportion(sum(o["judgement"] == "wrong" for o in outcomes), len(outcomes)),
+                "unexplained": proportion(sum(o["verdict"] == "unexplained" for o in outcomes), len(outcomes)),
+                "standard_error_ratio": float(np.median(ratios)) if ratios else None,
+            }
+        )
+    return rows

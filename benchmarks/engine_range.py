@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.rounding import rounded
+from benchmarks import rounded
 from looping_pendulum.cli.terminal import convergence_bars
 from looping_pendulum.compare.align import align
 from looping_pendulum.compare.comparison import compare

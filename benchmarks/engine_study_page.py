@@ -1,22 +1,53 @@
-"""The text of docs/engine-study.md and the tables beside it, from the stored engine study."""
+"""The text and the figures of docs/engine-study.md and the tables beside it, from the stored engine study."""
 
 from __future__ import annotations
 
 import csv
 import io
+import math
 import re
+from collections.abc import Sequence
 
-from benchmarks.advice import advice
-from benchmarks.pareto import MARK, front
-from benchmarks.stored_study import EngineStudy
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from benchmarks.stored_study import MARK, EngineStudy, Point, front, supplied_by_engine
 from looping_pendulum.compare.convergence import report
-from looping_pendulum.compare.convergence.result import HALT, VariantStudy, VariationStudy
+from looping_pendulum.compare.convergence.ladder import ErrorCause, refinement_sizes
+from looping_pendulum.compare.convergence.report import halting_verdict
+from looping_pendulum.compare.convergence.result import (
+    HALT,
+    ConvergenceResult,
+    ErrorSplit,
+    LadderStudy,
+    VariantStudy,
+    VariationStudy,
+)
 from looping_pendulum.compare.tables import GAP, number, table
+from looping_pendulum.pages.drawing import legend_below, make_figure
+from looping_pendulum.pages.palette import COLOURS, GREY, MARKERS, styles
 
 COMMAND = "python -m benchmarks.engine_study"
 EARLY = "path_0.35s"
 LARGE = 2.0
 """Factor by which a hidden default must enlarge the error to 0.35 s to stand on the page."""
+TARGET = 60.0
+"""CPU seconds per simulated second that a chain may take: a run of 0.7 s then takes less than a minute."""
+KINDS = {
+    "time step": ("time_step",),
+    "link length": ("bend", "link_length", "segment_length", "elements"),
+    "softness": ("time_constant", "stiffness", "compliance", "stiction_tolerance", "contact_slop", "error_rate", "hertz"),
+    "solver's effort": ("iterations", "sub_steps", "solver_iterations", "substeps", "tolerance"),
+    "string's mass": ("mass_fraction", "bead_mass_ratio"),
+}
+"""Kind of a ladder -> endings of the names of the settings that it refines."""
+OTHER = "other"
+COLUMNS, WIDTH, ROW_HEIGHT, LEGEND_HEIGHT = 3, 4.8, 1.25, 0.8
+"""Panels beside each other, and sizes [in]: at this width the letters can be read on a phone."""
+ERRORS = (1e-4, 1e3)
+"""Limits of the errors' axis [mm]; smaller errors are drawn on its lower edge."""
 
 
 def page(study: EngineStudy) -> str:
@@ -205,3 +236,205 @@ def days_text(study: EngineStudy) -> str:
     """Say when the numbers were measured."""
     days = sorted({day for m in study.measurements for day in (m.errors, m.times) if day})
     return f"They were measured from {days[0]} to {days[-1]}, each variant with the versions that provenance.csv has."
+
+
+def advice(study: EngineStudy) -> str:
+    """Return the ten lines as a Markdown list."""
+    variants = [v for v in study.convergence.variants if v.engine != "reference"]
+    own_points = {p.variant: p for p in study.pareto if not p.where}
+    # What never halts has no law that grips, whoever supplies it: such a variant is no choice for anybody
+    choices = [v for v in variants if v.variant != "defaults" and halting_verdict(v) != "never halts"]
+    contact = [v for v in choices if supplied_by_engine(v)]
+    fed = [v for v in choices if not supplied_by_engine(v)]
+    lines = [
+        "**Ask first who supplies the law**: where an adapter feeds the capstan law in, a run tests everything but that law.",
+        f"**If the law may be fed in**, take {_best(fed, own_points)}.",
+        f"**If it must be the engine's own**, take {_best(contact, own_points)}.",
+        _cost(contact, fed, own_points),
+        _defaults(variants),
+        _first_defaults(variants),
+        _model(variants),
+        _halting(contact, fed),
+        _spread(contact),
+        _ladders(contact),
+    ]
+    return "".join(f"{k}. {line}\n" for k, line in enumerate(lines, 1))
+
+
+def split_of(v: VariantStudy, quantity: str) -> ErrorSplit | None:
+    """Return the split of one quantity's error; None if the variant has no value of it."""
+    return next((s for s in v.splits if s.quantity == quantity), None)
+
+
+def _mm(metres: float) -> str:
+    return f"{number(metres, 1e3, 2)} mm"
+
+
+def _best(variants: list[VariantStudy], own_points: dict[str, Point]) -> str:
+    """Name the variant with the smallest error at its own settings, and the cheapest within ten times of that."""
+    errors = {v.label: v.own.rms[MARK] for v in variants if v.own.ok}
+    known = {name: rms for name, rms in errors.items() if rms is not None and name in own_points}
+    best = min(known, key=lambda name: known[name])
+    near = min((name for name, rms in known.items() if rms <= 10 * known[best]), key=lambda name: own_points[name].cpu)
+
+    def words(name: str) -> str:
+        return f"`{name}`: {_mm(known[name])} to 0.7 s for {number(own_points[name].cpu, digits=2)} CPU s per simulated second"
+
+    return words(best) if near == best else f"{words(best)}; the cheapest nearly as good is {words(near)}"
+
+
+def _cost(contact: list[VariantStudy], fed: list[VariantStudy], own_points: dict[str, Point]) -> str:
+    costs = [[own_points[v.label].cpu for v in group if v.label in own_points] for group in (contact, fed)]
+    of_contact, of_fed = (f"{number(min(each), digits=2)} to {number(max(each), digits=2)}" for each in costs)
+    return f"**Reckon with an own law's cost**: {of_contact} CPU s per simulated second, against {of_fed} with a law fed in."
+
+
+def _defaults(variants: list[VariantStudy]) -> str:
+    parts = []
+    for v in variants:
+        if v.variant == "defaults":
+            rms = v.own.rms[MARK]
+            parts.append(f"`{v.engine}` is {_mm(rms)} off at 0.7 s" if v.own.ok and rms else f"`{v.engine}` loses the string")
+    return f"**Never run an engine as it comes**: {', '.join(parts)}."
+
+
+def _first_defaults(variants: list[VariantStudy]) -> str:
+    """Name for each engine the defaults with which alone a run fails; without one, that which moves the path to 0.35 s most."""
+    named = []
+    for engine in dict.fromkeys(v.engine for v in variants):
+        # Where a run ends with the adapter's own settings, no default is what ends it
+        defaults = [d for v in variants if v.engine == engine and (v.own.ok or v.variant == "defaults") for d in v.defaults]
+        failing = dict.fromkeys(d.what for d in defaults if not d.run.ok)
+        moves = {d.what: moved for d in defaults if (moved := d.change[EARLY]) is not None}
+        worst = list(failing) or sorted(moves, key=lambda what: moves[what])[-1:]
+        if worst:
+            named.append(f"{engine} {', '.join(f'`{what}`' for what in worst)}")
+    return f"**Change these defaults first**: {'; '.join(named)}."
+
+
+def _model(variants: list[VariantStudy]) -> str:
+    names = []
+    for v in variants:
+        split = split_of(v, MARK)
+        if split is not None and split.model is not None and ErrorCause.MODEL in split.causes:
+            names.append(f"`{v.label}` ({_mm(split.model)})")
+    return f"**Do not refine where the model differs**: the error stays in the limit for {', '.join(names)}."
+
+
+def _halting(contact: list[VariantStudy], fed: list[VariantStudy]) -> str:
+    sure = [f"`{v.label}`" for v in fed if halting_verdict(v).startswith("yes")]
+    scatters = []
+    for v in contact:
+        verdicts = [verdict for ladder in v.ladders for verdict in ladder.verdicts if verdict.quantity == HALT]
+        if v.own.halting_time is not None:
+            scatters += [max(known)] if (known := [verdict.scatter for verdict in verdicts if verdict.scatter]) else []
+    return (
+        f"**Do not read a halting time from one run of a chain**: it converges for {', '.join(sure)} only; the finest rungs of"
+        f" variants with a law of their own scatter by {number(min(scatters), 1e3, 2)} to {number(max(scatters), 1e3, 2)} ms."
+    )
+
+
+def _spread(contact: list[VariantStudy]) -> str:
+    spreads = {v.label: spread for v in contact if (spread := v.spread[MARK])}
+    least, most = min(spreads, key=lambda k: spreads[k]), max(spreads, key=lambda k: spreads[k])
+    return (
+        "**Repeat a run from a start changed by 0.01 deg**, before you believe its digits: the error to 0.7 s spreads"
+        f" by {_mm(spreads[least])} (`{least}`) to {_mm(spreads[most])} (`{most}`)."
+    )
+
+
+def _ladders(contact: list[VariantStudy]) -> str:
+    ends = []
+    for v in contact:
+        for ladder in v.ladders:
+            known = [rung.run.rms[MARK] for rung in ladder.rungs if rung.run.ok and rung.run.rms[MARK] is not None]
+            own = v.own.rms[MARK]
+            if known and own is not None:
+                ends.append(known[-1] > own)
+    return (
+        f"**Refine all settings of a chain, never one**: at the end of {sum(ends)} of {len(ends)} ladders of such variants the"
+        " path is farther from the reference than at the variant's own settings, whose errors partly cancel."
+    )
+
+
+def kind_of_ladder(setting: str) -> str:
+    """Return the kind of the ladder that refines ``setting``."""
+    return next((name for name, endings in KINDS.items() if setting.endswith(endings)), OTHER)
+
+
+def ladder_line(v: VariantStudy, ladder: LadderStudy) -> tuple[list[float], list[float]]:
+    """Return refinement against the variant's own setting, and error [mm], of each rung that has one."""
+    sizes = refinement_sizes([rung.value for rung in ladder.rungs])
+    own = next((h for h, rung in zip(sizes, ladder.rungs, strict=True) if rung.run.key == v.own.key), None)
+    if own is None and ladder.own:
+        rises = ladder.rungs[0].value < ladder.rungs[-1].value
+        own = 1 / ladder.own if rises else ladder.own
+    refinement, errors = [], []
+    for h, rung in zip(sizes, ladder.rungs, strict=True):
+        rms = rung.run.rms[MARK]
+        if rms is not None and rung.run.ok and h > 0:
+            refinement.append(float((own or sizes[0]) / h))
+            errors.append(max(1e3 * rms, ERRORS[0]))
+    return refinement, errors
+
+
+def ladders_figure(result: ConvergenceResult) -> Figure:
+    """Draw a panel for each variant that has a ladder with two rungs to 0.7 s; the reference is left out."""
+    panels = {}
+    for v in result.variants:
+        lines = [(kind_of_ladder(ladder.setting), *ladder_line(v, ladder)) for ladder in v.ladders]
+        lines = [line for line in lines if len(line[1]) > 1]
+        if lines and v.engine != "reference":
+            panels[v.label] = lines
+    rows = math.ceil(len(panels) / COLUMNS)
+    picture = Figure(figsize=(WIDTH, rows * ROW_HEIGHT + LEGEND_HEIGHT), dpi=180, layout="constrained")
+    FigureCanvasAgg(picture)
+    grid = picture.subplots(rows, COLUMNS, sharex=True, sharey=True, squeeze=False).ravel()
+    look = {name: (COLOURS[k], MARKERS[k]) for k, name in enumerate((*KINDS, OTHER))}
+    used = {name for lines in panels.values() for name, _, _ in lines}
+    for axes, (label, lines) in zip(grid, panels.items(), strict=False):
+        for name, x, y in lines:
+            colour, marker = look[name]
+            axes.plot(x, y, color=colour, marker=marker, ms=2.8, lw=1.0, clip_on=False, zorder=3)
+        axes.axvline(1.0, color="0.6", lw=0.7)
+        axes.set_title(label, fontsize=7.5, pad=2.5)
+        axes.set(xscale="log", yscale="log", ylim=ERRORS)
+        axes.set_yticks([1e-4, 1e-2, 1, 1e2], ["1e-4", "0.01", "1", "100"])
+        axes.set_xticks([0.1, 1, 10], ["1/10", "1", "10"])
+        axes.minorticks_off()
+        axes.tick_params(labelsize=7, length=2)
+        axes.grid(True, color="0.92", lw=0.6)
+    for axes in grid[len(panels) :]:
+        axes.set_visible(False)
+    for axes in grid[len(panels) - COLUMNS : len(panels)]:
+        # Above a hidden panel, too
+        axes.tick_params(labelbottom=True)
+    picture.supxlabel("refinement: own setting = 1, finer to the right", fontsize=8)
+    picture.supylabel("RMS to 0.7 s against the reference [mm]", fontsize=8)
+    handles = [Line2D([], [], color=c, marker=m, ms=4, label=name) for name, (c, m) in look.items() if name in used]
+    picture.legend(handles=handles, loc="outside upper center", ncols=3, frameon=False, fontsize=8)
+    return picture
+
+
+def pareto_figure(timed_points: Sequence[Point]) -> Figure:
+    """Draw error against time, log-log, with the Pareto fronts of all engines and of those that supply winding and friction."""
+    picture, (axes,) = make_figure(8.4, 6.8)
+    look = styles(p.variant for p in timed_points)
+    for variant in dict.fromkeys(p.variant for p in timed_points):
+        mine = [p for p in timed_points if p.variant == variant]
+        style = look[variant]
+        fill = style.colour if mine[0].contact else "white"
+        xy = np.array([(p.cpu, 1e3 * p.rms) for p in mine]).T
+        axes.plot(*xy, ls="none", marker=style.marker, ms=5.5, color=style.colour, mfc=fill, label=variant)
+    for chosen, line, name in (
+        (front(timed_points), "-", "no engine beats these"),
+        (front(p for p in timed_points if p.contact), "--", "nor these, law its own"),
+    ):
+        axes.plot([p.cpu for p in chosen], [1e3 * p.rms for p in chosen], line, color="black", lw=1.0, zorder=1, label=name)
+    axes.axvline(TARGET, color=GREY, lw=0.9, dashes=(1, 2), label=f"target {TARGET:g} s per s")
+    axes.set(
+        xscale="log", yscale="log", xlabel="CPU seconds per simulated second", ylabel="RMS to 0.7 s against the reference [mm]"
+    )
+    axes.set_title("Speed against accuracy; open marks: the adapter feeds a law in")
+    legend_below(picture)
+    return picture

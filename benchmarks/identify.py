@@ -1,4 +1,4 @@
-"""Time `identify` on blind studies, and its calibration against the same one by SciPy.
+"""Time `identify` and a first look on blind studies.
 
 `python -m benchmarks.identify STUDY.yaml` is one measurement in a process of its own, printed as JSON.
 """
@@ -14,17 +14,9 @@ import tempfile
 import time
 from pathlib import Path
 
-import numpy as np
-from scipy.optimize import least_squares
-
 from looping_pendulum.discrepancy.first_look.check import take_first_look
-from looping_pendulum.discrepancy.fit.calibration import calibrate
-from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.identify import identify
-from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.measured.measurement import predict
 from looping_pendulum.measured.study_io import load
-from looping_pendulum.reference_ode.solve import solve_at
 from tests.blind.cases import CASES
 from tests.blind.pendulum import Pendulum
 from tests.discrepancy.blind_study import write_study
@@ -40,12 +32,11 @@ MOST_MEMORY = 600.0
 """[MiB]"""
 MOST_SECONDS_OF_LOOK = 5.0
 """[s], of CPU time, once compiled."""
-TIMES_SCIPY = 50.0
 MET = {True: "met", False: "not met"}
 
 
 def benchmark() -> None:
-    """Print how long studies take, cold and warm, and the calibration against SciPy's."""
+    """Print how long studies take, cold and warm, and how long a first look."""
     print("\n## `identify`, three trials of two masses or a held pendulum, all candidates\n")
     print("| hidden | verdict | cold [s] | warm [s] | warm, CPU [s] | peak [MiB] | target |\n|---|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
@@ -59,7 +50,7 @@ def benchmark() -> None:
                 f"| {warm['peak']:.0f} | {most:g} s, {MOST_MEMORY:g} MiB: {met} |",
                 flush=True,
             )
-        against_scipy(_study(Path(folder) / "again", "linear_drag"))
+        _study(Path(folder) / "again", "linear_drag")
         first_looks(Path(folder) / "again")
 
 
@@ -80,41 +71,6 @@ def _seconds_of_first_look(study: Path) -> float:
     started = time.process_time()
     take_first_look(loaded)
     return time.process_time() - started
-
-
-def against_scipy(study: Path) -> None:
-    """Calibrate the same data, numbers and priors from the same start, by ours and by SciPy; CPU seconds."""
-    inputs = read_inputs(load(study))
-    calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters))
-    seconds = []
-    for _ in range(3):
-        problem = Problem(inputs.study, inputs.training, inputs.free_parameters)
-        started = time.process_time()
-        fit = calibrate(problem)
-        seconds.append(time.process_time() - started)
-    ours = float(np.median(seconds))
-    started = time.process_time()
-    theirs = least_squares(lambda x: _residuals_by_scipy(problem, x), problem.prior_mean, bounds=(problem.low, problem.high),
-                           diff_step=1e-3, x_scale=1.0, ftol=1e-6, xtol=1e-8)  # fmt: skip
-    taken = time.process_time() - started
-    print(f"\n## Calibration of {len(inputs.training)} trials, {len(problem.free_parameters)} numbers\n")
-    print("| by | CPU seconds | cost | Jacobians |\n|---|---|---|---|")
-    print(f"| ours | {ours:.2f} | {fit.cost:.2f} | {fit.iterations} |")
-    print(f"| SciPy least_squares, finite differences, DOP853 at 1e-9 | {taken:.1f} | {2 * theirs.cost:.2f} | {theirs.njev} |")
-    print(f"\nTarget {TIMES_SCIPY:g} times faster: {MET[taken / ours >= TIMES_SCIPY]} ({taken / ours:.0f}).")
-
-
-def _residuals_by_scipy(problem: Problem, x: np.ndarray) -> np.ndarray:
-    parts = []
-    for k, d in enumerate(problem.data):
-        parameters, camera = problem.parameters_and_camera(x, k)
-        seen = predict(
-            lambda t, p=parameters: solve_at(p, t, duration=float(t[-1]) + 1e-3, tolerance=1e-9, integrator="scipy"),
-            camera, d.channels, dropped=d.trial.dropped,
-        )  # fmt: skip
-        values = np.concatenate([seen.values[c.name] for c in d.channels])
-        parts.append((d.value - values) / d.sigma)
-    return np.concatenate([*parts, -problem.prior_weights @ (x - problem.prior_mean)])
 
 
 def _study(folder: Path, case: str) -> Path:

@@ -23,11 +23,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import calibration
+from benchmarks import calibration, rates_page
 from benchmarks.blind_sample import BlindStudy, planted_values, scaled, write_files
-from benchmarks.calibration_summary import LARGE, NAMED, in_words, proportion
-from benchmarks.resumable import Outcome, run
-from benchmarks.rival_methods import best_additions, delta_bic
+from benchmarks.calibration_summary import LARGE, NAMED, Outcome, proportion
+from benchmarks.rivals import best_additions, delta_bic
 from looping_pendulum.discrepancy.candidates import Candidate
 from looping_pendulum.discrepancy.evidence.explanation import addition_steps
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate, minimise
@@ -62,18 +61,18 @@ def benchmark(options: argparse.Namespace) -> None:
     # Small effects hide, and nobody doubts it; beside a law, what explains a part of the data would count as a rival
     studies = [s for s in calibration.drawn_studies(options) if s.size and s.size >= LARGE and s.kind != "mixed"]
     folder = calibration.work_folder(options)
-    machine = {"jobs": options.jobs, "cluster": options.cluster}
-    outcomes, interrupted = run(studies, calibration.solve, folder, title="identify", **machine)
+
+    outcomes, interrupted = calibration.run(studies, calibration.solve, folder, title="identify", jobs=options.jobs)
     judged = [(s, outcomes[s.name]) for s in studies if "judgement" in outcomes.get(s.name, {})]
     tasks = [KnownAnswer(study=s, explanations=_explanations(o)) for s, o in judged]
     known: dict[str, Outcome] = {}
     if not interrupted:
-        known, interrupted = run(tasks, solve, folder, title="known answer", **machine)
+        known, interrupted = calibration.run(tasks, solve, folder, title="known answer", jobs=options.jobs)
     result = summary([(s, o["judgement"], known[t.name]) for (s, o), t in zip(judged, tasks, strict=True) if t.name in known])
-    print_summary(result)
+    block = calibration.provenance(options, "known-answer") | {"summary": result}
+    print(rates_page.known_answer_block(block))
     if interrupted:
         sys.exit(130)
-    block = calibration.provenance(options, "known-answer") | {"summary": result}
     calibration.store(calibration.RESULT, f"known_answer_{options.set}", block)
 
 
@@ -193,22 +192,6 @@ def _shares(rows: Sequence[tuple[BlindStudy, str, Outcome]]) -> dict[str, Any]:
         "shown_and_named": proportion(sum(j in NAMED for j in shown), len(shown)),
         "not_shown_but_named": proportion(sum(j in NAMED for j in hidden), len(hidden)),
     }
-
-
-def print_summary(result: dict[str, Any]) -> None:
-    """Print the shares as a table."""
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(title="a fit that is given the answer (95 % intervals)")
-    for column in ("kind", "size [m]", "it shows", "of these named or tied", "of the others"):
-        table.add_column(column)
-    for kind, sizes in result.items():
-        if kind != "failed":
-            for size, shares in sizes.items():
-                table.add_row(kind, size, *(in_words(shares[k]) for k in ("shown", "shown_and_named", "not_shown_but_named")))
-    Console().print(table)
-    print(f"fits that failed, left out: {result['failed']}")
 
 
 if __name__ == "__main__":

@@ -1,25 +1,35 @@
 """Write docs/leaderboard.md, one row per variant, from the stored engine study and the stored static capstan test.
 
-python -m benchmarks.leaderboard
+`python -m benchmarks.leaderboard --static NAME`, which may be repeated, first makes the static capstan test of that engine or
+variant: half a turn with its own settings, kept in docs/data/static_capstan.json.
 """
 
 from __future__ import annotations
 
+import argparse
+import datetime
 import html
+import json
 import math
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks.static_capstan import stored
 from benchmarks.stored_study import DOCS, SUMMARY, EngineStudy, Measurement, read
 from looping_pendulum.compare.convergence.result import VariantStudy
 from looping_pendulum.compare.tables import GAP, number, signed
+from looping_pendulum.engines.protocol import Engine, Profile
+from looping_pendulum.engines.registry import DISTRIBUTIONS, label, missing_packages, select
+from looping_pendulum.engines.tension import measure_capstan_exponent
+from looping_pendulum.errors import EngineError
 from looping_pendulum.files import write_atomically
+from looping_pendulum.versions import installed_version
 
-PAGE = DOCS / "leaderboard.md"
+PAGE, STORED = DOCS / "leaderboard.md", DOCS / "data" / "static_capstan.json"
 COMMAND = "python -m benchmarks.leaderboard"
 NUMBERS = ("static ratio", "halting time [ms]", "path [mm]", "cost")
 NUMBER_STYLE = ' style="text-align: right"'
+FRICTION, WRAP_ANGLE = 0.34, math.pi
+"""Friction coefficient and wrap angle at release [rad] of the static test."""
 HEAD = ("variant", *NUMBERS, "law by", "versions", "measured")
 
 
@@ -73,7 +83,7 @@ it. The [engine study](engine-study.md) says where the errors come from and what
 
 `{COMMAND}` writes this page from `docs/data/engine_study.json` and `docs/data/static_capstan.json`; do not edit it by
 hand. To add or renew a row: `python -m benchmarks.engine_study --engine NAME --work DIR`, then
-`python -m benchmarks.static_capstan --store NAME`, then `{COMMAND}`.
+`{COMMAND} --static NAME`.
 """
 
 
@@ -108,9 +118,47 @@ def _static_cell(row: dict[str, Any]) -> Cell:
     return Cell(text=f"{math.exp(error):.4f}", order=abs(error))
 
 
+def stored() -> list[dict[str, Any]]:
+    """Return the stored measurements, one per variant."""
+    rows: list[dict[str, Any]] = json.loads(STORED.read_text(encoding="utf-8")) if STORED.exists() else []
+    return rows
+
+
+def measure(names: list[str]) -> None:
+    """Measure variants and add them to the stored measurements, each as soon as it is done; those that are there stay."""
+    for engine in select(names, Profile.QUICK):
+        if missing_packages(engine):
+            continue
+        rows = {row["variant"]: row for row in stored()} | {label(engine): _static_row(engine)}
+        lines = ",\n".join(json.dumps(row) for row in sorted(rows.values(), key=lambda row: row["variant"]))
+        write_atomically(STORED, f"[\n{lines}\n]\n")
+        print(rows[label(engine)], flush=True)
+
+
+def _static_row(engine: Engine) -> dict[str, Any]:
+    """Return the measurement of a variant: exponents, or the reason why it has none, with the day and the versions."""
+    packages = [DISTRIBUTIONS.get(package, package) for package in engine.abilities.packages]
+    row: dict[str, Any] = {
+        "variant": label(engine),
+        "day": datetime.datetime.now(datetime.UTC).date().isoformat(),
+        "versions": {package: installed_version(package) for package in packages},
+        "friction": FRICTION,
+    }
+    try:
+        point = measure_capstan_exponent(engine, friction=FRICTION, wrap_angle=WRAP_ANGLE)
+    except EngineError as error:
+        return row | {"wrap_angle": None, "exponent": None, "why": str(error)}
+    return row | {"wrap_angle": point.wrap_angle, "exponent": point.exponent, "why": ""}
+
+
 def main() -> None:
-    """Write the page."""
+    """Make the tests that were asked for, and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--static", action="append", default=[], metavar="NAME", help="make its static capstan test first")
+    if names := parser.parse_args().static:
+        measure(names)
     write_atomically(PAGE, page(read(SUMMARY.read_text(encoding="utf-8")), stored()))
+    print(f"wrote {PAGE}")
 
 
 if __name__ == "__main__":

@@ -19,11 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import stored_study
+from benchmarks import rounded, stored_study
 from benchmarks.engine_study import SCENARIO
-from benchmarks.pareto import MARK
-from benchmarks.rounding import rounded
-from benchmarks.stored_study import EngineStudy
+from benchmarks.stored_study import MARK, EngineStudy
 from looping_pendulum.compare.convergence.result import PATH_END_TIMES
 from looping_pendulum.engines import registry
 from looping_pendulum.engines.landmarks import run_landmarks

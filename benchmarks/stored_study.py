@@ -4,21 +4,44 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.pareto import Point
-from benchmarks.rounding import rounded
+from benchmarks import rounded
 from looping_pendulum.compare.convergence.result import ConvergenceResult, RunSummary, VariantStudy
 
 DOCS = Path(__file__).parents[1] / "docs"
 SUMMARY = DOCS / "data" / "engine_study.json"
+MARK = "path_0.7s"
+"""Error that the page and its figures show."""
 SAME_STUDY = ("scenario", "parameters", "until", "budget", "reference")
 """What two studies must have in common, so that their rows may stand in one table."""
 STORED_DIGITS = 6
 """Significant digits of the stored numbers, more than the page prints."""
 AGAIN = "make all runs of the study again instead"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Point:
+    """A timed rung."""
+
+    variant: str
+    where: str
+    """ "time_step 1e-05", or empty at the variant's own settings."""
+    key: str
+    contact: bool
+    """Whether the engine itself supplies winding and friction law."""
+    rms: float
+    """Root mean square error to 0.7 s [m]."""
+    wall: float
+    """Median wall seconds per simulated second."""
+    cpu: float
+    """Median CPU seconds per simulated second."""
+    runs: int
+    slowest: float
+    """Largest wall seconds per simulated second of the runs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,3 +136,16 @@ def runs_of(v: VariantStudy) -> list[RunSummary]:
         *(rung.run for ladder in v.ladders for rung in ladder.rungs),
         *(one.run for one in (*v.starts, *v.choices, *v.defaults)),
     ]
+
+
+def supplied_by_engine(v: VariantStudy) -> bool:
+    """Return whether the engine itself supplies winding and friction law."""
+    by = {s.what: s.by for s in v.provenance.supplies}
+    return by["winding"] == by["friction law"] == "engine"
+
+
+def front(timed_points: Iterable[Point]) -> list[Point]:
+    """Return the Pareto front of the engines' points in time and error, from fast to slow; the reference is left out."""
+    engines = [p for p in timed_points if not p.variant.startswith("reference:")]
+    best = [p for p in engines if not any(o is not p and o.cpu <= p.cpu and o.rms <= p.rms for o in engines)]
+    return sorted(best, key=lambda p: p.cpu)

@@ -25,9 +25,10 @@ from typing import Any
 
 import yaml
 
+from benchmarks import rates_page
 from looping_pendulum.pages.numbers import amount
 from looping_pendulum.scenarios import load
-from scripts import calibration_table, engine_table
+from scripts import engine_table
 
 PROJECT = Path(__file__).parents[1]
 DATA = PROJECT / "docs" / "data"
@@ -108,7 +109,7 @@ def unmeasured_numbers() -> dict[str, dict[str, str]]:
 def rewrite() -> list[str]:
     """Write all numbers, and return the files that have changed."""
     changed = []
-    for page in dict.fromkeys([*(s.page for s in sentences()), "README.md", calibration_table.PAGE]):
+    for page in dict.fromkeys([*(s.page for s in sentences()), "README.md", rates_page.PAGE]):
         file = PROJECT / page
         before = file.read_text(encoding="utf-8")
         after = _with_current_numbers(page, before)
@@ -134,9 +135,9 @@ def problems() -> list[str]:
         text = (PROJECT / page).read_text(encoding="utf-8")
         if engine_table.with_current_table(text) != text:
             messages.append(f"{page}: the table of engines is not what docs/data/ten_to_one says")
-    page = calibration_table.PAGE
+    page = rates_page.PAGE
     text = (PROJECT / page).read_text(encoding="utf-8")
-    if calibration_table.with_current_rates(text) != text:
+    if rates_page.with_current_rates(text) != text:
         messages.append(f"{page}: the measured rates are not what docs/data/calibration.json says")
     for page in hand_written():
         messages += [f"{page}: {where!r}: no source in docs/data/numbers.yaml" for where in numbers_without_source(page)]
@@ -174,7 +175,7 @@ def prose(page: str, text: str) -> str:
         return "\n\n".join(re.findall(r"^### Limits\n(.*?)(?=^#|\Z)", text, re.DOTALL | re.MULTILINE))
     if page == VERIFICATION_PAGE:
         text = re.sub(r"^\|.*$", "", text, flags=re.MULTILINE)
-    return _without_code_and_formulas(calibration_table.without_rates(engine_table.without_table(text)))
+    return _without_code_and_formulas(rates_page.without_rates(engine_table.without_table(text)))
 
 
 def _without_code_and_formulas(text: str) -> str:
@@ -197,8 +198,8 @@ def _literal_pattern(text: str) -> re.Pattern[str]:
 def _with_current_numbers(page: str, text: str) -> str:
     if page == "README.md":
         text = engine_table.with_current_table(text)
-    if page == calibration_table.PAGE:
-        text = calibration_table.with_current_rates(text)
+    if page == rates_page.PAGE:
+        text = rates_page.with_current_rates(text)
     for sentence in (s for s in sentences() if s.page == page):
         right = sentence.expected_numbers()
 

@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from benchmarks import rounded
 from looping_pendulum.compare.tables import GAP
 from looping_pendulum.pages.numbers import amount, quantity
 from looping_pendulum.scenarios.metrics import RMS_END_TIMES
@@ -55,8 +56,8 @@ def store_results(results: list[Path]) -> None:
                 (name := f"{e['engine']}:{e['variant']}"): {
                     "status": e["status"],
                     "versions": e["provenance"]["versions"],
-                    "metrics": {key: _rounded(value) for key, value in e["metrics"].items()},
-                    "cpu_per_simulated_second": _rounded(costs[name, profile]),
+                    "metrics": rounded(e["metrics"], digits=6),
+                    "cpu_per_simulated_second": rounded(costs[name, profile], digits=6),
                 }
                 for e in tree["engines"]
             },
@@ -101,10 +102,6 @@ def with_current_table(text: str) -> str:
 def without_table(text: str) -> str:
     """Return a page without the table."""
     return BLOCK.sub("", text)
-
-
-def _rounded(value: float | None) -> float | None:
-    return value if value is None else float(f"{value:.6g}")
 
 
 if __name__ == "__main__":

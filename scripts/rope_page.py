@@ -11,9 +11,8 @@ from matplotlib.figure import Figure
 
 from benchmarks import rope_budgets, stored_study
 from benchmarks.engine_study_page import fold
-from benchmarks.pareto import MARK, supplied_by_engine
 from benchmarks.rope_budgets import BUDGETS, STATIC_ONLY, Candidate, best
-from benchmarks.stored_study import EngineStudy
+from benchmarks.stored_study import MARK, EngineStudy, supplied_by_engine
 from looping_pendulum.compare.convergence.result import HALT, VariationStudy
 from looping_pendulum.compare.tables import GAP, fixed, number, signed, table
 from looping_pendulum.files import write_atomically

@@ -11,15 +11,14 @@ import json
 from collections.abc import Iterable, Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import Any
 
 import yaml
 
+from benchmarks import rounded
 from looping_pendulum.compare.tables import number, table
 from looping_pendulum.files import write_atomically
 from looping_pendulum.releases.figure import png_of
-from looping_pendulum.releases.report import SHOWN, move_sentences, remark
-from looping_pendulum.releases.result import QUANTITIES, ReleaseRow, ReleasesResult
+from looping_pendulum.releases.result import QUANTITIES, SHOWN, ReleaseRow, ReleasesResult, move_sentences, remark
 from scripts.engine_pages import TITLES
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -36,18 +35,9 @@ def read_stored(path: Path = STORED) -> list[ReleasesResult]:
 
 def store(results: Iterable[ReleasesResult], path: Path = STORED) -> None:
     """Store studies, with one line for each release to keep the file small."""
-    trees = [_rounded(json.loads(result.to_json())) for result in results]
+    trees = [rounded(json.loads(result.to_json()), digits=6) for result in results]  # more than the page prints
     text = json.dumps({"studies": trees}, separators=(",", ":")).replace('{"error":"","packages"', '\n{"error":"","packages"')
     write_atomically(path, text + "\n")
-
-
-def _rounded(tree: Any) -> Any:
-    """Return ``tree`` with floats rounded to six significant digits, more than the page prints."""
-    if isinstance(tree, dict):
-        return {key: _rounded(value) for key, value in tree.items()}
-    if isinstance(tree, list):
-        return [_rounded(value) for value in tree]
-    return float(f"{tree:.6g}") if isinstance(tree, float) else tree
 
 
 def read_causes(path: Path = CAUSES) -> dict[tuple[str, str], str]:

@@ -10,17 +10,15 @@ from types import SimpleNamespace
 
 import pytest
 
-from benchmarks import blind_sample, calibration, hidden_laws, known_answer, rivals
+from benchmarks import blind_sample, calibration, hidden_laws, known_answer, rates_page, rivals
 from benchmarks.blind_sample import SIZES, BlindStudy, case_of, draw, planted_values
 from benchmarks.calibration import NOTHING, judgement, outcome_of, truth, visibility
-from benchmarks.calibration_summary import in_words, print_summary, proportion, summary, with_upper_bound
-from benchmarks.resumable import run
-from benchmarks.rival_methods import Rival
+from benchmarks.calibration_summary import proportion, summary, with_upper_bound
+from benchmarks.rivals import Rival
 from looping_pendulum.discrepancy.evidence.prior import VISIBLE
 from looping_pendulum.discrepancy.fit import residual
 from looping_pendulum.discrepancy.result import NORMAL_95, IdentifiedEffect, RankedExplanation, UnlistedLaw, Verdict
 from looping_pendulum.reference_ode.effects import EFFECTS, Kinematics
-from scripts import power_figure
 from tests.blind import Apparatus, Effects
 from tests.blind.cases import CASES, UNLISTED, signature
 from tests.blind.simulator import _light_force
@@ -37,7 +35,7 @@ def test_upper_bound_of_none_of_n_is_the_root_of_five_per_cent():
     assert proportion(0, 20)["interval"] == [0.0, pytest.approx(1 - 0.025 ** (1 / 20))]
     assert proportion(20, 20)["interval"] == [pytest.approx(0.025 ** (1 / 20)), 1.0]
     assert proportion(0, 0)["share"] is None
-    assert in_words(with_upper_bound(0, 0)) == "-"
+    assert rates_page.bounded(with_upper_bound(0, 0)) == "-"
 
 
 def outcome(judgement, *, within=(), seconds=1.0, **more):
@@ -142,13 +140,13 @@ def test_probabilities_are_compared_with_how_often_they_are_right():
     assert (result["credible_holds_truth"]["count"], result["credible_holds_truth"]["of"]) == (1, 2)
 
 
-def test_the_printed_tables_have_rates_and_probabilities(capsys):
+def test_the_printed_tables_have_rates_and_probabilities():
     study = dataclasses.replace(draw("rates", "mixed", 1, 0)[0], hidden=("linear_drag", "brake"), size=16e-3)
     said = outcome("law", probabilities=[(["light_linear_drag"], list(THRUST), 0.97, False)])
-    print_summary("rates", summary([(study, said)]))
-    lines = capsys.readouterr().out.splitlines()
-    assert any("mixed: law" in line and "1 of 1" in line for line in lines)
-    assert any("0.95 to 0.99" in line and "0.970" in line and "0 of 1" in line for line in lines)
+    measured = {"command": "", "measured_on": "", "summary": summary([(study, said)])}
+    lines = rates_page.block(measured).splitlines()
+    assert any("the effect beside another force" in line and "1 of 1" in line for line in lines)
+    assert any("0.95 to 0.99" in line and "0.97" in line and "0 of 1" in line for line in lines)
 
 
 @pytest.mark.parametrize(
@@ -370,11 +368,11 @@ def test_finished_tasks_are_kept_and_ctrl_c_loses_none(tmp_path):
             raise KeyboardInterrupt
         return study.name, {"index": study.index}
 
-    outcomes, interrupted = run(studies, solve, tmp_path)
+    outcomes, interrupted = calibration.run(studies, solve, tmp_path)
     assert interrupted
     assert len(outcomes) == 2
     changed = [dataclasses.replace(studies[0], noise=1.0), *studies[1:]]
-    outcomes, interrupted = run(changed, solve, tmp_path)
+    outcomes, interrupted = calibration.run(changed, solve, tmp_path)
     assert not interrupted
     assert list(outcomes) == [s.name for s in studies]
     assert asked == [0, 1, 2, 0, 2], "only what is missing, and what is no longer the same study"
@@ -436,11 +434,11 @@ def test_each_study_with_one_effect_is_a_marker_in_the_row_of_its_effect():
         {"effect": name, "size": 8e-3, "visibility": visibility, "judgement": judgement}
         for name, visibility, judgement in cases
     ]
-    (axes,) = power_figure.figure(studies).axes
+    (axes,) = rates_page.figure(studies).axes
     assert [label.get_text() for label in axes.get_yticklabels()] == ["wind", "scale"]
     drawn = {line.get_label(): line.get_xdata() for line in axes.get_lines()}
     assert list(drawn["named (1)"]) == [3.0]
-    assert list(drawn["another is named (1)"]) == [power_figure.LARGEST]
+    assert list(drawn["another is named (1)"]) == [rates_page.LARGEST]
     assert list(drawn["nothing is named (1)"]) == [0.5], "of one without a smallest visible size nothing is drawn"
 
 

@@ -7,10 +7,9 @@ import json
 
 import pytest
 
-from benchmarks import calibration, outlier_power
+from benchmarks import calibration
 from benchmarks.blind_sample import draw
-from benchmarks.calibration_summary import proportion, summary, with_upper_bound
-from benchmarks.calibration_targets import TARGETS, Target
+from benchmarks.calibration_summary import TARGETS, Target, proportion, summary, with_upper_bound
 from tests.test_calibration import outcome
 
 STORED = json.loads(calibration.RESULT.read_text(encoding="utf-8"))
@@ -45,7 +44,7 @@ def test_what_was_asked_of_the_search(target):
     ],
 )
 def test_a_target_is_met_within_its_limits(limits, measured, met):
-    assert Target(what="", asked="", measured=lambda _: measured, **limits).is_met({}) is met
+    assert Target(what="", asked="", at="set/share", **limits).is_met({"set": {"share": measured}}) is met
 
 
 def test_targets_are_of_large_effects_and_of_what_is_wrong_alone():
@@ -70,15 +69,15 @@ def test_ways_of_handling_outliers_are_compared_on_the_same_studies():
     estimate = [{"error": 1.0}, {"error": 1.2}]
     pairs = [
         (
-            outlier_power.Arm(study=dataclasses.replace(s, noise_kind=kind), finds_outliers=finds),
+            calibration.Arm(study=dataclasses.replace(s, noise_kind=kind), finds_outliers=finds),
             {"judgement": "right" if finds else "none", "verdict": "unexplained", "estimates": [estimate[kind == "outliers"]]},
         )
         for s in studies
-        for kind in outlier_power.NOISE_KINDS
+        for kind in calibration.ARM_NOISE_KINDS
         for finds in (True, False)
     ]
     assert len({arm.name for arm, _ in pairs}) == 8
-    rows = outlier_power.summary(pairs[:-1])
+    rows = calibration.outlier_rows(pairs[:-1])
     assert [(r["points"], r["finds_outliers"], r["named_or_tied"]["count"]) for r in rows] == [
         ("white", True, 1), ("white", False, 0), ("outliers", True, 1), ("outliers", False, 0)
     ]  # fmt: skip

@@ -8,11 +8,9 @@ import re
 
 import pytest
 
-from benchmarks import ladders_figure
 from benchmarks.engine_study import PAGE, TABLES
-from benchmarks.engine_study_page import COMMAND, FILES, cells, data_files, page
-from benchmarks.pareto import Point, front
-from benchmarks.stored_study import SUMMARY, EngineStudy, read, renewed, runs_of
+from benchmarks.engine_study_page import COMMAND, ERRORS, FILES, cells, data_files, kind_of_ladder, ladder_line, page
+from benchmarks.stored_study import SUMMARY, EngineStudy, Point, front, read, renewed, runs_of
 from looping_pendulum.compare.convergence.result import HALT
 from looping_pendulum.compare.tables import table
 from looping_pendulum.engines.protocol import Profile
@@ -71,11 +69,11 @@ def test_the_page_opens_with_ten_lines_and_a_figure_and_its_cells_are_short(stud
 def test_a_ladder_is_drawn_against_the_variants_own_setting(study):
     (v,) = (v for v in study.convergence.variants if v.label == "mujoco:drum")
     (steps,) = (ladder for ladder in v.ladders if ladder.setting == "time_step")
-    refinement, errors = ladders_figure.points(v, steps)
+    refinement, errors = ladder_line(v, steps)
     at_own = dict(zip(refinement, errors, strict=True))[1.0]
     assert at_own == pytest.approx(1e3 * v.own.rms["path_0.7s"])
     assert refinement == sorted(refinement)
-    assert min(errors) == ladders_figure.ERRORS[0], "errors below the axis are drawn on its edge"
+    assert min(errors) == ERRORS[0], "errors below the axis are drawn on its edge"
 
 
 @pytest.mark.parametrize(
@@ -91,7 +89,7 @@ def test_a_ladder_is_drawn_against_the_variants_own_setting(study):
     ],
 )
 def test_kinds_of_ladders(setting, kind):
-    assert ladders_figure.kind(setting) == kind
+    assert kind_of_ladder(setting) == kind
 
 
 def test_every_variant_is_in_the_study(study):

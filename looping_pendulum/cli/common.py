@@ -225,7 +225,7 @@ def run_and_compare(
     ``meanwhile`` gets the comparison of those that have ended, with the labels of those that go on.
     """
     from looping_pendulum.compare.harness import compare_engines
-    from looping_pendulum.engines.memory import parse_memory
+    from looping_pendulum.engines.isolation import parse_memory
 
     memory_bytes = parse_memory(memory_limit)
     with ProgressBars(time_left=True, keep=True) as bars:

@@ -74,7 +74,7 @@ def converge(
     from looping_pendulum.compare.convergence.study import study_convergence, write
     from looping_pendulum.compare.harness import chosen_engines
     from looping_pendulum.compare.tables import number
-    from looping_pendulum.engines.memory import parse_memory
+    from looping_pendulum.engines.isolation import parse_memory
     from looping_pendulum.engines.protocol import Profile
     from looping_pendulum.files import prepare_output_folder
 

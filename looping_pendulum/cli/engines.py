@@ -181,15 +181,13 @@ def versions(
 
     looping-pendulum versions mujoco --from 3.1 --to 3.3
     """
-    from looping_pendulum.engines.memory import parse_memory
+    from looping_pendulum.engines.isolation import parse_memory
     from looping_pendulum.engines.protocol import Profile
     from looping_pendulum.files import optional_output, prepare_output_folder, write_atomically
-    from looping_pendulum.releases.choice import chosen_releases, chosen_variants
     from looping_pendulum.releases.figure import png_of
     from looping_pendulum.releases.installers import list_releases
-    from looping_pendulum.releases.report import HEADER, move_sentences, rows
-    from looping_pendulum.releases.result import FILE
-    from looping_pendulum.releases.study import ReleaseStudy, distribution_of
+    from looping_pendulum.releases.result import FILE, HEADER, move_sentences, rows
+    from looping_pendulum.releases.study import ReleaseStudy, chosen_releases, chosen_variants, distribution_of
 
     engines = chosen_variants(engine, variant or (), Profile(profile.value))
     chosen, memory_bytes = load_scenario(scenario), parse_memory(memory_limit)

@@ -190,8 +190,7 @@ def run(
     """
     from looping_pendulum.compare.harness import chosen_engines
     from looping_pendulum.compare.trajectories import trajectory_csv
-    from looping_pendulum.engines.isolation import run_all
-    from looping_pendulum.engines.memory import parse_memory
+    from looping_pendulum.engines.isolation import parse_memory, run_all
     from looping_pendulum.engines.protocol import Profile
     from looping_pendulum.engines.reference import ReferenceEngine
     from looping_pendulum.files import file_stems, prepare_output_folder, write_atomically

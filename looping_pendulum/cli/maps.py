@@ -96,7 +96,7 @@ def map_(
     looping-pendulum map quick --out report/quick-map
     To write your own:  looping-pendulum map quick --print > mine.yaml
     """
-    from looping_pendulum.engines.memory import parse_memory
+    from looping_pendulum.engines.isolation import parse_memory
     from looping_pendulum.files import prepare_output_folder
     from looping_pendulum.sweep import executors, map_file, report, runner
     from looping_pendulum.sweep.store import STORE

@@ -6,28 +6,26 @@ import hashlib
 import io
 import json
 import math
-import os
 import sys
 import threading
 import time
 import warnings
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 
 from looping_pendulum import __version__
 from looping_pendulum.compare.json_text import plain
-from looping_pendulum.engines.isolation import POLL_INTERVAL, run_isolated
-from looping_pendulum.engines.job import identity
-from looping_pendulum.engines.memory import MEMORY_LIMIT
+from looping_pendulum.engines.isolation import MEMORY_LIMIT, run_isolated
 from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.engines.registry import label
 from looping_pendulum.engines.trajectory import COLUMNS, RunStatus, Trajectory, from_samples
+from looping_pendulum.engines.worker import identity
 from looping_pendulum.files import file_stem, write_atomically
+from looping_pendulum.jobs import core_count, run_many
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.versions import installed_version
 
@@ -188,7 +186,7 @@ class Runner:
         memory_limit: int = MEMORY_LIMIT,
         progress: Progress | None = None,
     ) -> None:
-        self.cache, self.jobs, self.budget, self.progress = cache, jobs or os.cpu_count() or 1, budget, progress
+        self.cache, self.jobs, self.budget, self.progress = cache, jobs or core_count(), budget, progress
         self.time_limit, self.memory_limit = time_limit, memory_limit
         self.done: dict[str, EndedRun] = {}
         self.cancelled = threading.Event()
@@ -204,29 +202,12 @@ class Runner:
             if cached is not None:
                 self.done[task.key] = cached
         waiting = [task for task in tasks if task.key not in self.done]
-        queue = iter(waiting)
-
-        def work() -> None:
-            while not self.cancelled.is_set():
-                with self._lock:
-                    task = next(queue, None)
-                if task is None:
-                    return
-                self._make(task)
-
-        # Threads suffice: each only waits for the process of its run
-        with ThreadPoolExecutor(max_workers=self.jobs) as pool:
-            futures = [pool.submit(work) for _ in range(self.jobs)]
-            while not all(future.done() for future in futures):
-                try:
-                    # The main thread waits in short steps: Ctrl-C reaches it alone, and it has to tell the others
-                    time.sleep(POLL_INTERVAL)
-                    self._report(tasks)
-                except KeyboardInterrupt:
-                    self.cancelled.set()
-            for future in futures:
-                # Raises what went wrong in a thread
-                future.result()
+        run_many(
+            [partial(self._make, task) for task in waiting],
+            self.jobs,
+            cancelled=self.cancelled,
+            meanwhile=lambda _: self._report(tasks),
+        )
         return self.done
 
     def _make(self, task: RunTask) -> None:

@@ -16,7 +16,8 @@ from typing import Any, Self
 
 from threadpoolctl import threadpool_limits
 
-from looping_pendulum.processes import process_pool
+from looping_pendulum.jobs import core_count
+from looping_pendulum.jobs.processes import process_pool
 
 MAX_PROCESSES = 2
 """Largest number of processes, this one included, that is used without being asked for: each needs some 300 MiB."""
@@ -24,14 +25,15 @@ MAX_PROCESSES = 2
 IMPORTED_EARLY = ("looping_pendulum.discrepancy.evidence.explain",)
 """Modules that a worker imports while it waits; by name, since they stand above this one and start workers themselves."""
 
+WAITED_FOR, BEGUN, WARM_UP, IMPORTS = range(4)
+"""Priorities of batches, the most urgent first."""
 ProgressCallback = Callable[[str], None]
 """Function that is called with a description of each step that begins."""
 
 
 def default_process_count() -> int:
     """Return the number of processors that this process may use, but at most `MAX_PROCESSES`."""
-    count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return min(count, MAX_PROCESSES)
+    return min(core_count(), MAX_PROCESSES)
 
 
 class Workers:
@@ -39,10 +41,8 @@ class Workers:
 
     def __init__(self, count: int = 1) -> None:
         self._condition = threading.Condition()
-        self._batch: Batch | None = None
-        self._begun: Batch | None = None
-        self._warm_up_batch: Batch | None = None
-        self._imports: Batch | None = None
+        self._batches: dict[int, Batch] = {}
+        """Priority -> the batch with items that worker processes may take."""
         self._closed = False
         self._pools = contextlib.ExitStack()
         self._threads: list[threading.Thread] = []
@@ -71,21 +71,20 @@ class Workers:
 
     def prepare(self, function: Callable[[Any, Any], Any], shared: Any, items: Sequence[Any]) -> None:
         """Let idle worker processes call ``function(shared, item)`` for each item, so that its equations are compiled."""
-        with self._condition:
-            self._warm_up_batch = Batch(function, shared, items, [""] * len(items))
-            self._condition.notify_all()
+        self._offer(WARM_UP, Batch(function, shared, items))
 
     def import_when_idle(self, modules: Sequence[str]) -> None:
         """Let idle worker processes import what will be needed at the end, as matplotlib for the report."""
-        with self._condition:
-            self._imports = Batch(_import, None, modules, [""] * len(modules))
-            self._condition.notify_all()
+        self._offer(IMPORTS, Batch(_import, None, modules))
 
     def begin(self, function: Callable[[Any, Any], Any], shared: Any, items: Sequence[Any]) -> Batch:
         """Let idle worker processes begin with ``function(shared, item)`` for each item; `finish` returns the results."""
-        batch = Batch(function, shared, items, [""] * len(items))
+        return self._offer(BEGUN, Batch(function, shared, items))
+
+    def _offer(self, priority: int, batch: Batch) -> Batch:
+        """Let worker processes take items of a batch, in place of the former one of the same priority."""
         with self._condition:
-            self._begun = batch
+            self._batches[priority] = batch
             self._condition.notify_all()
         return batch
 
@@ -113,7 +112,7 @@ class Workers:
         Exception
             What the function raised for the first item, in the order of ``items``, for which it raised anything.
         """
-        return self.finish(Batch(function, shared, items, labels or [""] * len(items)), report_progress)
+        return self.finish(Batch(function, shared, items, labels), report_progress)
 
     def map_together(self, function: Callable[[Any, Sequence[Any]], list[Any]], shared: Any, items: Sequence[Any]) -> list[Any]:
         """Return what ``function(shared, items)`` returns for each item, of which every process takes an equal share at once.
@@ -128,9 +127,7 @@ class Workers:
 
     def finish(self, batch: Batch, report_progress: ProgressCallback = lambda label: None) -> list[Any]:
         """Return what `map` returns, of a batch that may have been begun."""
-        with self._condition:
-            self._batch = batch
-            self._condition.notify_all()
+        self._offer(WAITED_FOR, batch)
         try:
             while (i := self._take_item(batch, 0)) is not None:
                 report_progress(batch.labels[i])
@@ -138,9 +135,7 @@ class Workers:
         finally:
             with self._condition:
                 # Also after an exception here: worker processes must not go on with a batch that nobody waits for
-                self._batch = None
-                if self._begun is batch:
-                    self._begun = None
+                self._batches = {priority: one for priority, one in self._batches.items() if one is not batch}
         # In the order of the items, so that the exception does not depend on which process was faster
         for succeeded, value in (batch.answers[i] for i in range(len(batch.items))):
             if not succeeded:
@@ -174,8 +169,8 @@ class Workers:
         """Wait for a batch with items to do, and return it; None if the pool has been closed."""
         with self._condition:
             while not self._closed:
-                for batch in (self._batch, self._begun, self._warm_up_batch, self._imports):
-                    if batch is not None and batch.waiting:
+                for _, batch in sorted(self._batches.items()):
+                    if batch.waiting:
                         return batch
                 self._condition.wait()
             return None
@@ -207,8 +202,11 @@ SERIAL = Workers()
 class Batch:
     """Items of one call of a method of `Workers`, and the answers so far."""
 
-    def __init__(self, function: Callable[[Any, Any], Any], shared: Any, items: Sequence[Any], labels: Sequence[str]) -> None:
-        self.function, self.shared, self.items, self.labels = function, shared, items, labels
+    def __init__(
+        self, function: Callable[[Any, Any], Any], shared: Any, items: Sequence[Any], labels: Sequence[str] = ()
+    ) -> None:
+        self.function, self.shared, self.items = function, shared, items
+        self.labels = labels or [""] * len(items)
         self.waiting = list(range(len(items)))
         """Numbers of the items that no worker has taken."""
         self.answers: dict[int, tuple[bool, Any]] = {}

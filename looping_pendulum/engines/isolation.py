@@ -12,26 +12,32 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from looping_pendulum.engines import memory
-from looping_pendulum.engines.job import RESULT, ROW_BYTES, SAMPLES, EngineJob, identity, read_rows
-from looping_pendulum.engines.memory import MEMORY_LIMIT, format_memory, memory_in_use
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine, declared
 from looping_pendulum.engines.registry import how_to_get, missing_packages
 from looping_pendulum.engines.trajectory import COLUMNS, RunStatus, Trajectory, from_samples
-from looping_pendulum.process_start import OUTPUT
-from looping_pendulum.processes import Interpreter, SupervisedProcess
+from looping_pendulum.engines.worker import RESULT, ROW_BYTES, SAMPLES, identity, read_rows
+from looping_pendulum.errors import EngineError, one_line
+from looping_pendulum.jobs import POLL_INTERVAL, core_count, run_many
+from looping_pendulum.jobs.process_start import OUTPUT
+from looping_pendulum.jobs.processes import MEMORY_POLL_INTERVAL, Interpreter, SupervisedProcess, memory_in_use
+from looping_pendulum.pages.numbers import number
+from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.scenario import Scenario
+from looping_pendulum.scenarios.units import UnitError, to_si
 
 TIME_LIMIT = 900.0
 """Default time limit of one run [s]."""
-POLL_INTERVAL = 0.05
-"""Time between two checks of a worker [s]."""
+MEMORY_LIMIT = 2 * 1024**3
+"""Default limit on the memory of one run [bytes]; runs of the shipped adapters were measured to take 35 to 141 MiB."""
+
+MIN_MEMORY_LIMIT = 64 * 1024**2
+"""Smallest memory limit that is accepted [bytes]; Python with NumPy alone takes more than half of it."""
 OUTPUT_LIMIT = 2**24
 """Size at which the file of an engine's output is emptied, so that it cannot fill the disk [bytes]."""
 MAX_RETURNED_OUTPUT = 2**16
@@ -52,16 +58,6 @@ Progress = Callable[[Engine, float], None]
 """Function that is called with an engine and the completed fraction of its run, 0 to 1."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class RunLimits:
-    """Limits of one run."""
-
-    time: float = TIME_LIMIT
-    """Wall time [s]."""
-    memory: int = MEMORY_LIMIT
-    """Memory of the worker [bytes]; not enforced where the system does not report it (Windows)."""
-
-
 def run_isolated(
     engine: Engine,
     scenario: Scenario,
@@ -75,7 +71,8 @@ def run_isolated(
     """Run ``engine`` on ``scenario`` in a process of its own.
 
     Whatever happens there, this returns a trajectory, whose status says how the run ended. ``time_limit`` is in s,
-    ``memory_limit`` in bytes. With an ``interpreter`` it runs by that Python, which must have the engine's packages.
+    ``memory_limit`` in bytes, which is not enforced where the system does not report it (Windows). With an ``interpreter`` it
+    runs by that Python, which must have the engine's packages.
     """
     missing = missing_packages(engine) if interpreter is None else ()
     if missing:
@@ -83,16 +80,17 @@ def run_isolated(
     unsupported = engine.abilities.unsupported(scenario.parameters)
     if unsupported:
         return _empty_trajectory(engine, scenario, RunStatus.UNSUPPORTED, unsupported)
+    if cancelled is not None and cancelled.is_set():
+        return _empty_trajectory(engine, scenario, RunStatus.INTERRUPTED, "")
     try:
-        job = pickle.dumps(EngineJob(engine=engine, scenario=scenario))
+        job = pickle.dumps((engine, scenario))
     # Another package's engine may hold anything, and raise anything on being pickled
     except Exception as error:
         why = f"it cannot be pickled for its process: {type(error).__name__}: {error}"
         return _empty_trajectory(engine, scenario, RunStatus.FAILED, why)
-    limits = RunLimits(time=time_limit, memory=memory_limit)
     process = SupervisedProcess("looping_pendulum.engines.worker:main", job, ENVIRONMENT, interpreter)
     try:
-        status, message = _wait_for_worker(process, engine, scenario, limits, progress, cancelled)
+        status, message = _wait_for_worker(process, engine, scenario, time_limit, memory_limit, progress, cancelled)
         process.end()  # before the result is read: a process that the engine started may still write to the folder
         return _result(process, engine, scenario, status, message)
     finally:
@@ -156,23 +154,23 @@ def run_all(
             finished(trajectory)
         return trajectory
 
-    workers = jobs or os.cpu_count() or 1
-    # Threads suffice, as each only waits for its process
-    with ThreadPoolExecutor(max_workers=workers) as pool:
-        started = {i: pool.submit(run_one, engines[i]) for i in start_order(engines, workers)}
-        futures = [started[i] for i in range(len(engines))]
-        shown = 0
-        while not all(future.done() for future in futures):
-            try:
-                ended = [future.result() for future in futures if future.done()]
-                if meanwhile is not None and shown < len(ended) < len(futures):
-                    shown = len(ended)
-                    meanwhile(ended)
-                # Not future.result(): Ctrl-C is to be noticed here, where every run is told to stop and its samples are kept
-                time.sleep(POLL_INTERVAL)
-            except KeyboardInterrupt:
-                cancelled.set()
-        return [future.result() for future in futures]
+    workers = jobs or core_count()
+    order = start_order(engines, workers)
+    shown = 0
+
+    def in_order(results: dict[int, Trajectory]) -> list[Trajectory]:
+        """Return the trajectories so far in the order of ``engines``."""
+        return [results[k] for k in sorted(results, key=order.__getitem__)]
+
+    def show(results: dict[int, Trajectory]) -> None:
+        nonlocal shown
+        if meanwhile is not None and shown < len(results) < len(engines):
+            shown = len(results)
+            meanwhile(in_order(results))
+
+    ended = run_many([partial(run_one, engines[i]) for i in order], workers, cancelled=cancelled, meanwhile=show)
+    # An interrupt leaves runs that had not begun; each of these, too, is told
+    return in_order({k: ended[k] if k in ended else run_one(engines[i]) for k, i in enumerate(order)})
 
 
 def start_order(engines: Sequence[Engine], workers: int) -> list[int]:
@@ -189,7 +187,8 @@ def _wait_for_worker(
     process: SupervisedProcess,
     engine: Engine,
     scenario: Scenario,
-    limits: RunLimits,
+    time_limit: float,
+    memory_limit: int,
     progress: Progress | None,
     cancelled: threading.Event | None,
 ) -> tuple[RunStatus | None, str]:
@@ -199,19 +198,19 @@ def _wait_for_worker(
     """
     samples, output = process.folder / SAMPLES, process.folder / OUTPUT
     expected = max(1, round(scenario.duration / SAMPLE_INTERVAL) + 1)
-    deadline = time.monotonic() + limits.time
+    deadline = time.monotonic() + time_limit
     next_memory_check = 0.0
     while not process.wait(POLL_INTERVAL):
         now = time.monotonic()
         if cancelled is not None and cancelled.is_set():
             return RunStatus.INTERRUPTED, ""
         if now > deadline:
-            return RunStatus.TIME_LIMIT, f"limit {limits.time:g} s"
+            return RunStatus.TIME_LIMIT, f"limit {time_limit:g} s"
         if now >= next_memory_check and process.pid is not None:
-            next_memory_check = now + memory.POLL_INTERVAL
+            next_memory_check = now + MEMORY_POLL_INTERVAL
             held = memory_in_use(process.pid)
-            if held is not None and held > limits.memory:
-                return RunStatus.MEMORY_LIMIT, f"held {format_memory(held)}, limit {format_memory(limits.memory)}"
+            if held is not None and held > memory_limit:
+                return RunStatus.MEMORY_LIMIT, f"held {format_memory(held)}, limit {format_memory(memory_limit)}"
         if _size(output) > OUTPUT_LIMIT:  # the worker appends, so it goes on writing at the file's new end
             os.truncate(output, 0)
         if progress is not None:
@@ -256,3 +255,28 @@ def _empty_trajectory(engine: Engine, scenario: Scenario, status: RunStatus, mes
         message=message,
         **identity(engine, scenario),
     )
+
+
+def parse_memory(text: str) -> int:
+    """Return the number of bytes of a text such as "2 GiB".
+
+    Raises
+    ------
+    EngineError
+        If it is no amount of memory, or less than `MIN_MEMORY_LIMIT`.
+    """
+    try:
+        size = int(to_si(text, "byte"))
+    except UnitError:
+        message = f"--memory-limit: found {quote(text)}, needed an amount of memory; write for example '2 GiB'"
+        raise EngineError(one_line(message)) from None
+    if size < MIN_MEMORY_LIMIT:
+        minimum = format_memory(MIN_MEMORY_LIMIT)
+        message = f"--memory-limit: found {quote(text)}, needed {minimum} or more: Python with NumPy takes half"
+        raise EngineError(one_line(message))
+    return size
+
+
+def format_memory(amount: int) -> str:
+    """Write ``amount`` [bytes] in MiB or GiB: "2 GiB", "512 MiB"."""
+    return f"{number(amount / 1024**3)} GiB" if amount >= 1024**3 else f"{number(amount / 1024**2)} MiB"

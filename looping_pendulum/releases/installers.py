@@ -145,15 +145,11 @@ def run_command(command: Sequence[str], time_limit: float, cancelled: threading.
                     raise ReleaseError(f"{Path(command[0]).name}: no end within {time_limit:g} s") from None
     finally:
         if process.poll() is None:
-            _kill(process)
-
-
-def _kill(process: subprocess.Popen[str]) -> None:
-    if hasattr(os, "killpg"):
-        os.killpg(process.pid, signal.SIGKILL)  # with what it has started
-    else:
-        process.kill()
-    process.communicate()
+            if hasattr(os, "killpg"):
+                os.killpg(process.pid, signal.SIGKILL)  # with what it has started
+            else:
+                process.kill()
+            process.communicate()
 
 
 def one_line(text: str) -> str:

@@ -1,12 +1,14 @@
-"""The results of a study of releases: frozen data, and their form as JSON."""
+"""The results of a study of releases: frozen data, their form as JSON, what moved in them, and what they say in words."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from types import MappingProxyType
 
 from looping_pendulum.compare.json_text import dump, load
-from looping_pendulum.pages.numbers import PERCENT
+from looping_pendulum.pages.numbers import PERCENT, number
 from looping_pendulum.scenarios.metrics import METRICS, Metric
 
 SCHEMA, SCHEMA_VERSION = "looping-pendulum/releases", 1
@@ -28,6 +30,15 @@ QUANTITIES = MappingProxyType(
     {name: metric for name, metric in METRICS.items() if not metric.has_lower_limit} | {CAPSTAN.name: CAPSTAN}
 )
 """Name -> each number whose moves are named."""
+FLOOR = 1e-6
+"""Smallest move that is named [SI]: a micron, a microsecond, a microradian, a millionth.
+
+Halting times are read from samples a millisecond apart, and smooth variants have spreads of nanometres, which rounding on
+another processor passes.
+"""
+SHOWN = ("rms_0.35s", "rms_0.7s", "halting_time_error", CAPSTAN.name)
+"""Numbers with columns of their own; the others are in the file."""
+HEADER = ("release", "variant", *(QUANTITIES[name].column for name in SHOWN), "CPU [s]", "remark")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,3 +151,79 @@ class ReleasesResult:
     def labels(self) -> tuple[str, ...]:
         """Return the variants, in the order of the study."""
         return tuple(dict.fromkeys(v.label for row in self.releases for v in row.variants))
+
+
+def find_moves(rows: Sequence[ReleaseRow], spread: Spread) -> tuple[Move, ...]:
+    """Return every move among ``rows``, oldest release first; each release is compared with the last before it that ran."""
+    moves: list[Move] = []
+    last: dict[str, tuple[str, VariantRow]] = {}
+    for row in rows:
+        for variant in row.variants:
+            if not variant.ran:
+                continue
+            if variant.label in last:
+                since, before = last[variant.label]
+                moves += _moves(row.release, variant, since, before, spread.values.get(variant.label, {}))
+            last[variant.label] = row.release, variant
+    return tuple(moves)
+
+
+def _moves(release: str, variant: VariantRow, since: str, before: VariantRow, spreads: dict[str, float | None]) -> list[Move]:
+    moves = []
+    for name in QUANTITIES:
+        old, new = before.values.get(name), variant.values.get(name)
+        if old is None and new is None:
+            continue
+        ratio = None
+        if old is not None and new is not None:
+            spread = max(spreads.get(name) or 0.0, FLOOR)
+            ratio = abs(new - old) / spread
+            if ratio <= 1:
+                continue
+        moves.append(
+            Move(label=variant.label, quantity=name, release=release, since=since, before=old, after=new, spreads=ratio)
+        )
+    return moves
+
+
+def rows(result: ReleasesResult) -> list[tuple[str, ...]]:
+    """Return a row for each variant with each release, as `HEADER`."""
+    return [cells for row in result.releases for cells in _cells(row)]
+
+
+def _cells(row: ReleaseRow) -> Iterator[tuple[str, ...]]:
+    gaps = ("",) * (len(HEADER) - 3)
+    if row.error:
+        yield row.release, "", *gaps, f"not installed: {row.error}"
+    for variant in row.variants:
+        if variant.ran:
+            values = (QUANTITIES[name].cell(variant.values.get(name)) for name in SHOWN)
+            yield row.release, variant.label, *values, number(variant.cpu_time, digits=2), remark(row, variant)
+        else:
+            yield row.release, variant.label, *gaps, remark(row, variant)
+
+
+def remark(row: ReleaseRow, variant: VariantRow) -> str:
+    """Return what is unusual about a variant's run."""
+    parts = [variant.error, variant.capstan_note, f"with {', '.join(row.pins)}" if row.pins else ""]
+    return "; ".join(part for part in parts if part)
+
+
+def move_sentences(result: ReleasesResult) -> list[tuple[str, str, str]]:
+    """Return (release, variant, what moved) for each variant that a release moved, oldest first."""
+    groups = groupby(result.moves, lambda move: (move.release, move.label))
+    return [(release, label, moved(list(group))) for (release, label), group in groups]
+
+
+def moved(moves: list[Move]) -> str:
+    """Return one sentence of all moves of a variant with one release: the shown numbers, and how many others moved."""
+    shown = [move for move in moves if move.quantity in SHOWN] or moves
+    text = "; ".join(_change(move) for move in shown)
+    others = len(moves) - len(shown)
+    return f"since {moves[0].since}: {text}" + (f"; and {others} other number{'s' if others > 1 else ''}" if others else "")
+
+
+def _change(move: Move) -> str:
+    metric = QUANTITIES[move.quantity]
+    size = "" if move.spreads is None else f" ({number(move.spreads, digits=2)} × its spread)"
+    return f"{metric.heading} {metric.cell(move.before)} → {metric.cell(move.after)} {metric.shown_in.name}{size}"

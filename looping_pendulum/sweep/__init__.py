@@ -34,7 +34,7 @@ def __getattr__(name: str) -> Any:
 
 
 def open_map(folder: Path | str) -> xarray.Dataset:
-    """Open the map in ``folder``; values are read from the disk when they are needed. A field with an older name is renamed.
+    """Open the map in ``folder``; values are read from the disk when they are needed.
 
     Returns
     -------
@@ -51,7 +51,7 @@ def open_map(folder: Path | str) -> xarray.Dataset:
 
     from looping_pendulum.scenarios.document import one_line, shorten
     from looping_pendulum.sweep.plan import MapError
-    from looping_pendulum.sweep.store import RENAMED_FIELDS, STORE, coordinate_file
+    from looping_pendulum.sweep.store import STORE, coordinate_file
 
     repair = "`looping-pendulum map` with the same file and folder repairs it or says why not"
 
@@ -60,7 +60,6 @@ def open_map(folder: Path | str) -> xarray.Dataset:
         raise MapError(f"{folder}: found no map, needed a folder that `looping-pendulum map` wrote")
     try:
         data: xr.Dataset = xr.open_zarr(path)
-        data = data.rename({old: name for name, old in RENAMED_FIELDS.items() if old in data})
     except Exception as error:  # a damaged file may raise any exception
         why = f"{type(error).__name__}: {shorten(' '.join(str(error).split()))}"
         raise MapError(one_line(f"{path}: found it damaged ({why}); {repair}")) from None

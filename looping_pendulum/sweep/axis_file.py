@@ -76,7 +76,7 @@ def read_axis(variable: Variable, content: object, *, sampled: bool) -> Axis:
         values, first = _range(quantity, group, logarithmic, sampled=sampled, example=example)
     written = unit_text(first)
     return Axis(
-        name=variable.name,
+        name=variable.axis_name,
         unit=variable.kind.unit,
         written=written,
         scale=float(factor(written, variable.kind.unit)) if written else 1.0,

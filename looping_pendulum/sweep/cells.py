@@ -1,6 +1,7 @@
-"""Computes the runs of one chunk; `solve` and its argument are sent to worker processes, possibly on other machines.
+"""Computes the runs of one chunk: what a map stores of each run, with units, and how a run may have ended.
 
-Each worker process imports this module first, so it imports neither the reader of map files nor Zarr.
+`solve` and its argument are sent to worker processes, possibly on other machines. Each of these imports this module first, so
+it imports neither the reader of map files nor Zarr.
 """
 
 from __future__ import annotations
@@ -10,24 +11,90 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from looping_pendulum import __version__
-from looping_pendulum.engines.isolation import TIME_LIMIT, run_isolated
+from looping_pendulum.engines.isolation import MEMORY_LIMIT, TIME_LIMIT, run_isolated
 from looping_pendulum.engines.landmarks import Landmarks, run_landmarks
-from looping_pendulum.engines.memory import MEMORY_LIMIT
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.registry import select
 from looping_pendulum.engines.trajectory import RunStatus, Trajectory
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode.batch import solve_batch
-from looping_pendulum.reference_ode.batch.runs import FAILED
+from looping_pendulum.reference_ode.batch.runs import ENDS, FAILED
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.transitions import Event
 from looping_pendulum.scenarios.scenario import Scenario
-from looping_pendulum.sweep.fields import FIELDS, IMPOSSIBLE, REFERENCE, UNKNOWN_COUNT, Values, end_code
 from looping_pendulum.versions import installed_version
 
+REFERENCE = "reference"
+"""Name of the exact model, which is run in batches, in the chunk's own process."""
+IMPOSSIBLE = "impossible"
+"""Ending of a run that was not made because its parameters contradict each other."""
+ENDINGS: tuple[str, ...] = tuple(
+    # The reference's endings first, so that its codes are those of `ENDS`, which a batch gives
+    dict.fromkeys([*map(str, ENDS), IMPOSSIBLE, *(status.name.lower() for status in RunStatus if not status.ok)])
+)
+"""Endings of a run; the field `end` is the index into this tuple."""
+ENDING_DESCRIPTIONS = {
+    str(Event.LIGHT_REACHES_ROD): "the light mass reached the rod",
+    str(Event.HEAVY_REACHES_ROD): "the heavy mass reached the rod",
+    str(Event.UNWRAPPED): "the string left the rod",
+    str(Event.TIME_UP): "still moving when its time was up",
+    **{status.name.lower(): status.value for status in RunStatus if not status.ok},
+    "failed": "the run broke down",
+    IMPOSSIBLE: "impossible parameters, not run",
+}
+"""Ending -> its description."""
+UNKNOWN_COUNT = -1
+"""Value of a count that an engine does not report."""
+
+Values = dict[str, NDArray[np.generic]]
+"""Name of a field -> its values, shape (n,)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Field:
+    """A field of a map: one value per run."""
+
+    name: str
+    unit: str
+    """SI unit; '' for a plain number."""
+    dtype: str
+    meaning: str
+
+    @property
+    def fill(self) -> float:
+        """Value of runs that are not computed yet."""
+        if self.dtype == "float64":
+            return float("nan")
+        # An unsigned field has no -1
+        return 0 if self.dtype == "uint64" else -1
+
+
+def _real(name: str, unit: str, meaning: str) -> Field:
+    return Field(name=name, unit=unit, dtype="float64", meaning=meaning)
+
+
+def _count(name: str, meaning: str) -> Field:
+    return Field(name=name, unit="", dtype="int32", meaning=f"{meaning}; {UNKNOWN_COUNT}: the engine does not tell")
+
+
+FIELDS = (
+    _real("halting_time", "s", "start of the sticking that lasts until the light mass reaches the rod; NaN without one"),
+    _real("halting_wrap_angle", "rad", "wrap angle at the halting time; NaN without one"),
+    _real("halting_free_length", "m", "free length at the halting time; NaN without one"),
+    _real("drop", "m", "how far the heavy mass is below its release at the end of the run"),
+    _real("wrap_angle", "rad", "wrap angle at the end of the run"),
+    _real("free_length", "m", "free length at the end of the run"),
+    _count("stops", "how often the heavy mass's speed became zero"),
+    _count("slip_count", "how often a string at rest on the rod began to slide again"),
+    _count("slack_intervals", "how often the string was, or became, slack"),
+    Field(name="end", unit="", dtype="int8", meaning="how the run ended"),
+    _real("end_time", "s", "end of the run"),
+    Field(name="sequence", unit="", dtype="uint64", meaning="hash of the sequence of modes; 0: the engine does not tell"),
+)
 PACKAGES = ("numpy", "scipy", "heyoka")
 """Packages that the reference's results depend on, beside this package."""
 
@@ -90,7 +157,7 @@ def _reference(task: CellTask) -> Values:
     # A batch marks runs with impossible parameters as failed, as it does those that break down
     for i in np.flatnonzero(batch.end == FAILED):
         if _member(task, int(i)) is None:
-            values["end"][i] = end_code(IMPOSSIBLE)
+            values["end"][i] = ENDINGS.index(IMPOSSIBLE)
     return values
 
 
@@ -107,7 +174,7 @@ def _engine(task: CellTask) -> Values:
     n = len(next(iter(task.columns.values())))
     values: Values = {field.name: np.full(n, field.fill, dtype=field.dtype) for field in FIELDS}
     # For the runs that the loop leaves out; the others write over it
-    values["end"][:] = end_code(IMPOSSIBLE)
+    values["end"][:] = ENDINGS.index(IMPOSSIBLE)
     for i in range(n):
         parameters = _member(task, i)
         if parameters is None:
@@ -123,14 +190,14 @@ def _summary(run: Trajectory, landmarks: Landmarks) -> dict[str, float]:
     """Return the fields of a map for an engine's run."""
     # A map uses the reference's words for the two ends that an engine's run and the reference have in common
     known = {RunStatus.LIGHT_REACHED_ROD: str(Event.LIGHT_REACHES_ROD), RunStatus.FINISHED: str(Event.TIME_UP)}
-    summary: dict[str, float] = {"end": end_code(known.get(run.status) or run.status.name.lower())}
+    summary: dict[str, float] = {"end": ENDINGS.index(known.get(run.status) or run.status.name.lower())}
     if len(run.t) == 0:
         return summary
     # A run that was cut while its string rested might have slid again, which a map must not show as a halt
     if landmarks.halting_confirmed:
-        summary["halting_time"] = _or_nan(landmarks.halting_time)
-        summary["halting_wrap_angle"] = _or_nan(landmarks.wrap_angle_at_halt)
-        summary["halting_free_length"] = _or_nan(landmarks.free_length_at_halt)
+        at_halt = (landmarks.halting_time, landmarks.wrap_angle_at_halt, landmarks.free_length_at_halt)
+        for name, value in zip(("halting_time", "halting_wrap_angle", "halting_free_length"), at_halt, strict=True):
+            summary[name] = float("nan") if value is None else value
     return summary | {
         "drop": float(run.heavy_drop[-1]),
         "wrap_angle": float(run.wrap_angle[-1]),
@@ -140,7 +207,3 @@ def _summary(run: Trajectory, landmarks: Landmarks) -> dict[str, float]:
         "slack_intervals": UNKNOWN_COUNT,
         "end_time": float(run.t[-1]),
     }
-
-
-def _or_nan(value: float | None) -> float:
-    return float("nan") if value is None else value

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from looping_pendulum.pages.drawing import png
 from looping_pendulum.pages.palette import styles
 from looping_pendulum.reference_ode.transitions import Event
-from looping_pendulum.sweep.fields import ENDING_DESCRIPTIONS, ENDINGS, REFERENCE
+from looping_pendulum.sweep.cells import ENDING_DESCRIPTIONS, ENDINGS, REFERENCE
 from looping_pendulum.sweep.plan import Axis, MapPlan, Sample
 
 MAP = "viridis"
@@ -42,7 +42,9 @@ def draw(plan: MapPlan, store: Path) -> dict[str, tuple[str, bytes]]:
     """Draw the figure: file name -> (caption, PNG)."""
     # As plain arrays, also where Dask is installed: it is loaded whole anyway
     with xr.open_zarr(store, chunks=None) as data:
-        thin = data[["halting_time", "stops", "end"]].isel({dim: _thinned(n, plan) for dim, n in data.sizes.items()}).load()
+        most = MAX_POINTS if isinstance(plan.design, Sample) or len(plan.design.axes) == 1 else MAX_CELLS
+        chosen = {dim: slice(None, None, max(1, -(-n // most))) for dim, n in data.sizes.items()}
+        thin = data[["halting_time", "stops", "end"]].isel(chosen).load()
     varied = [axis for axis in plan.design.axes if isinstance(plan.design, Sample) or len(axis.values) > 1]
     drawn = "" if all(thin.sizes[d] == n for d, n in data.sizes.items()) else " Of so many runs, evenly chosen ones are drawn."
     if len(varied) <= 1:
@@ -52,11 +54,6 @@ def draw(plan: MapPlan, store: Path) -> dict[str, tuple[str, bytes]]:
     figure = _scatter_panels(plan, thin) if isinstance(plan.design, Sample) else _maps(plan, thin, varied)
     caption = f"Halting time over {' and '.join(a.name for a in varied)}; grey: runs that do not halt, and how they end.{drawn}"
     return {"halting_time.png": (caption, png(figure))}
-
-
-def _thinned(n: int, plan: MapPlan) -> slice:
-    most = MAX_POINTS if isinstance(plan.design, Sample) or len(plan.design.axes) == 1 else MAX_CELLS
-    return slice(None, None, max(1, -(-n // most)))
 
 
 def _label(axis: Axis) -> str:
@@ -115,7 +112,11 @@ def _maps(plan: MapPlan, data: xr.Dataset, varied: list[Axis]) -> Figure:
     # The quantity with the fewest values, since each needs a panel
     panel_axis = min(varied, key=lambda a: len(a.values)) if len(varied) > 2 else None
     x, y = (axis for axis in varied if axis is not panel_axis)
-    chosen = [0] if panel_axis is None else _evenly(data.sizes[panel_axis.name], MAX_PANELS // len(plan.engines) or 1)
+    chosen = [0]
+    if panel_axis is not None:
+        # Evenly spaced, with the first and the last
+        n = data.sizes[panel_axis.name]
+        chosen = sorted({round(i) for i in np.linspace(0, n - 1, min(n, MAX_PANELS // len(plan.engines) or 1))})
     panels = [(i, j) for i in range(len(plan.engines)) for j in chosen]
     figure, grid, norm = _panels(len(panels), data)
     endings: set[int] = set()
@@ -198,11 +199,6 @@ def _scatter_panels(plan: MapPlan, data: xr.Dataset) -> Figure:
 def _grey_and_hatch(code: int) -> tuple[str, str]:
     """Return grey level and hatch of an ending."""
     return GREYS[code % len(GREYS)], HATCHES[code % len(HATCHES)]
-
-
-def _evenly(n: int, most: int) -> list[int]:
-    """Return at most ``most`` evenly spaced indices below ``n``, with the first and the last."""
-    return sorted({round(i) for i in np.linspace(0, n - 1, min(n, most))})
 
 
 def _panels(count: int, data: xr.Dataset) -> tuple[Figure, list[Axes], Normalize]:

@@ -32,8 +32,7 @@ from looping_pendulum.scenarios.quantities import FILE_KEYS, QUANTITIES
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.scenarios.units import QuantityKind
 from looping_pendulum.sweep.axis_file import COUNT, MAX_AXES, MAX_RUNS, parameters_schema, read_axis
-from looping_pendulum.sweep.cells import engine_called
-from looping_pendulum.sweep.fields import REFERENCE
+from looping_pendulum.sweep.cells import REFERENCE, engine_called
 from looping_pendulum.sweep.plan import Axis, Grid, MapPlan, Sample
 from looping_pendulum.sweep.quantities import ALLOWED_OVERLAPS, Variable, variables
 
@@ -234,7 +233,7 @@ def _axes(doc: Document, checked: MapFile, scenario: Scenario) -> tuple[Axis, ..
         number = f"{len(parameters)} quantities" if isinstance(parameters, dict) else quote(parameters)
         example = "release_angle: {from: 60 deg, to: 130 deg, count: 71}"
         raise doc.error(("parameters",), f"found {number}, needed one to {MAX_AXES}; write for example '{example}'")
-    axes = []
+    axes, names = [], []
     for key, content in parameters.items():
         variable = _variable(doc, key)
         if variable.name == "release_angle" and scenario.parameters.release is Release.VERTICAL:
@@ -242,12 +241,13 @@ def _axes(doc: Document, checked: MapFile, scenario: Scenario) -> tuple[Axis, ..
             raise doc.error(("parameters", key), message)
         try:
             axes.append(read_axis(variable, content, sampled=checked.sample is not None))
+            names.append(variable.name)
         except PydanticCustomError as error:
             # `input_error` notes the key inside the range, for its line
             below = error.context.get("key", "") if error.context else ""
             path = ("parameters", key, *((below,) if below else ()))
             raise doc.error(path, str(error)) from None
-    _refuse_overlaps(doc, [axis.name for axis in axes], list(parameters))
+    _refuse_overlaps(doc, names, list(parameters))
     return tuple(axes)
 
 

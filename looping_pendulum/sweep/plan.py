@@ -17,7 +17,7 @@ from looping_pendulum.errors import HarnessError, ParameterError
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.scenarios.scenario import Scenario
-from looping_pendulum.sweep.fields import REFERENCE
+from looping_pendulum.sweep.cells import REFERENCE
 from looping_pendulum.sweep.quantities import columns
 
 MIN_CHUNK_RUNS, MAX_CHUNK_RUNS, CHUNKS_PER_MAP = 256, 65536, 16
@@ -184,19 +184,15 @@ class MapPlan:
     @cached_property
     def chunk_shape(self) -> tuple[int, ...]:
         """Shape of a chunk in the design's dimensions, with as many whole rows as fit."""
-        left = self.chunk or self._usual_chunk()
+        # All chunks of a map have one shape, so that an engine among them decides, whose runs take seconds
+        usual = min(max(self.cells // CHUNKS_PER_MAP, MIN_CHUNK_RUNS), MAX_CHUNK_RUNS)
+        left = self.chunk or (usual if set(self.engines) == {REFERENCE} else ENGINE_CHUNK)
         shape: list[int] = []
         # From the last axis, along which values are neighbours in the store
         for n in reversed(self.design.shape):
             shape.insert(0, max(1, min(n, left)))
             left //= shape[0]
         return tuple(shape)
-
-    def _usual_chunk(self) -> int:
-        # All chunks of a map have one shape, so that an engine among them decides, whose runs take seconds
-        if set(self.engines) != {REFERENCE}:
-            return ENGINE_CHUNK
-        return min(max(self.cells // CHUNKS_PER_MAP, MIN_CHUNK_RUNS), MAX_CHUNK_RUNS)
 
     @cached_property
     def blocks(self) -> tuple[int, ...]:

@@ -19,6 +19,8 @@ from looping_pendulum.scenarios.units import QuantityKind
 
 NOT_VARIABLE = ("release",)
 """Entries of a scenario that are not numbers and cannot be varied."""
+AXIS_NAMES = MappingProxyType({"free_length": "release_free_length"})
+"""Parameter -> name of its axis, where a field of the map has the parameter's own name; arrays need names of their own."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +32,11 @@ class Variable:
     meaning: str
     sets: tuple[str, ...]
     """Names of the fields and coefficients that it sets."""
+
+    @property
+    def axis_name(self) -> str:
+        """Name of its axis in a map."""
+        return AXIS_NAMES.get(self.name, self.name)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,11 +110,12 @@ def columns(base: Parameters, given: Mapping[str, Array]) -> dict[str, Array]:
     base
         Parameters that the runs have in common.
     given
-        Varied quantities by name (`variables`), SI, shape (n,) each.
+        Varied quantities by the names of their axes (`Variable.axis_name`), SI, shape (n,) each.
     """
+    parameters = {axis: name for name, axis in AXIS_NAMES.items()}
     known = vars(base.values())
     out = base.with_static_friction(
-        {name: np.asarray(values, dtype=float) for name, values in given.items() if name not in RATIOS}
+        {parameters.get(name, name): np.asarray(values, dtype=float) for name, values in given.items() if name not in RATIOS}
     )
     for name, ratio in RATIOS.items():
         if name in given:

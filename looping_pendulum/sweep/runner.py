@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
@@ -11,16 +10,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from looping_pendulum.engines.isolation import TIME_LIMIT
-from looping_pendulum.engines.memory import MEMORY_LIMIT
+from looping_pendulum.engines.isolation import MEMORY_LIMIT, TIME_LIMIT
 from looping_pendulum.errors import EngineError
 from looping_pendulum.files import write_atomically
+from looping_pendulum.jobs import core_count
 from looping_pendulum.scenarios.document import one_line
 from looping_pendulum.sweep import cells, executors, report
 from looping_pendulum.sweep.executors import Solve
 from looping_pendulum.sweep.plan import MapPlan
+from looping_pendulum.sweep.report import EngineSummary
 from looping_pendulum.sweep.store import STORE, MapStore, claimed, full_disk_as_map_error, open_store
-from looping_pendulum.sweep.summary import EngineSummary
 
 TIMINGS = "timings.json"
 """File with the times at which a map was made and its speed; the store itself does not depend on them."""
@@ -97,18 +96,20 @@ def run_map(
         store = open_store(plan, folder)
         missing = store.missing()
         tasks = _tasks(plan, missing, time_limit, memory_limit)
-        outcome = _fill(plan, store, folder, missing, _results(tasks, solve, jobs, cluster, len(missing)), progress)
+        processes = min(jobs or core_count(), len(missing))
+        if cluster is not None:
+            results = executors.on_cluster(tasks, solve, cluster)
+        elif processes > 1:
+            results = executors.in_processes(tasks, solve, processes)
+        else:
+            results = executors.in_process(tasks, solve)
+        outcome = _fill(plan, store, folder, missing, results, progress)
         if outcome.seconds:
-            _note_time(folder, outcome, "a cluster" if cluster else f"{jobs or _cores()} processes")
+            _note_time(folder, outcome, "a cluster" if cluster else f"{jobs or core_count()} processes")
         if outcome.complete:
             summaries = report.write(plan, folder / STORE, folder, figures=figures)
             return replace(outcome, summaries=tuple(summaries))
     return outcome
-
-
-def _cores() -> int:
-    # The cores that this process may use; a container or batch system may allow fewer than the machine has
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _tasks(plan: MapPlan, missing: list[int], time_limit: float, memory_limit: int) -> Iterator[cells.CellTask]:
@@ -125,15 +126,6 @@ def _tasks(plan: MapPlan, missing: list[int], time_limit: float, memory_limit: i
             time_limit=time_limit,
             memory_limit=memory_limit,
         )
-
-
-def _results(
-    tasks: Iterator[cells.CellTask], solve: Solve, jobs: int | None, cluster: str | None, units: int
-) -> Iterator[cells.CellResult]:
-    if cluster is not None:
-        return executors.on_cluster(tasks, solve, cluster)
-    processes = min(jobs or _cores(), units)
-    return executors.in_processes(tasks, solve, processes) if processes > 1 else executors.in_process(tasks, solve)
 
 
 def _fill(

@@ -1,6 +1,6 @@
 """The Zarr store of a map: created as a whole, filled unit by unit, and read back with checksums.
 
-Layout: Zarr version 3, one array per field of `fields.FIELDS`, dimensions named by the parameters of a grid or ``run`` of a
+Layout: Zarr version 3, one array per field of `cells.FIELDS`, dimensions named by the parameters of a grid or ``run`` of a
 sample (and first ``engine``, where the map file lists several), so that `xarray.open_zarr` opens it. Zarr writes each chunk
 under a temporary name and renames it, and Zstandard's checksum tells a damaged one.
 """
@@ -13,7 +13,7 @@ import json
 import os
 import shutil
 import warnings
-from collections.abc import Container, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -27,8 +27,7 @@ from zarr.codecs import ZstdCodec
 from looping_pendulum.files import LockedError, locked
 from looping_pendulum.scenarios import dump
 from looping_pendulum.scenarios.document import one_line, shorten
-from looping_pendulum.sweep.cells import engine_called, versions
-from looping_pendulum.sweep.fields import ENDING_DESCRIPTIONS, ENDINGS, FIELDS, REFERENCE, Values
+from looping_pendulum.sweep.cells import ENDING_DESCRIPTIONS, ENDINGS, FIELDS, REFERENCE, Values, engine_called, versions
 from looping_pendulum.sweep.plan import Grid, MapError, MapPlan, Sample, WorkUnit
 
 STORE = "map.zarr"
@@ -39,9 +38,9 @@ LOCK = ".lock"
 """Name of the file that keeps a second process out of the output folder."""
 METADATA = "zarr.json"
 """Name of the file that describes a group or an array."""
-RENAMED_FIELDS = {"slip_count": "reslips"}
-"""Field -> its name in maps that version 0.1 wrote: such a map is read, and gone on with, under its own names."""
-DESCRIPTION = ("shape", "data_type", "chunk_grid", "chunk_key_encoding", "dimension_names", "attributes")
+DESCRIPTION = (
+    "shape", "data_type", "chunk_grid", "chunk_key_encoding", "dimension_names", "attributes", "fill_value", "codecs",
+)  # fmt: skip
 """Keys of such a description that determine how the values are read."""
 BYTES_PER_RUN = sum(np.dtype(field.dtype).itemsize for field in FIELDS)
 """Uncompressed size of a run's values."""
@@ -80,7 +79,6 @@ class MapStore:
         group = zarr.open_group(self.path, mode="r+", use_consolidated=False)
         with zarr.config.set({"array.write_empty_chunks": True}):  # a chunk of nothing but NaN must exist to count as computed
             self._arrays: dict[str, Any] = {name: array for name, array in group.arrays()}
-        self._names = [stored_name(set(self._arrays), field.name) for field in FIELDS]
         self._varied = [axis.name for axis in plan.design.axes] if isinstance(plan.design, Sample) else []
 
     def missing(self) -> list[int]:
@@ -93,19 +91,17 @@ class MapStore:
         """Write the results of a unit, shape (n,) each."""
         # All engines of a sample share the values of its runs, so one of them writes these
         given = self.plan.design.values_in(unit.region) if self._varied and unit.engine == 0 else {}
-        fields = ((name, values[field.name]) for name, field in zip(self._names, FIELDS, strict=True))
-        for name, content in (*given.items(), *fields):
-            self._arrays[name][self._index(name, unit)] = np.asarray(content).reshape(self._shape(name, unit))
+        for name, content in (given | values).items():
+            index = self._index(name, unit)
+            shape = tuple(where.stop - where.start for where in index)
+            self._arrays[name][index] = np.asarray(content).reshape(shape)
 
     def _index(self, name: str, unit: WorkUnit) -> tuple[slice, ...]:
         by_engine = self.plan.several and name not in self._varied
         return (slice(unit.engine, unit.engine + 1), *unit.region) if by_engine else unit.region
 
-    def _shape(self, name: str, unit: WorkUnit) -> tuple[int, ...]:
-        return tuple(where.stop - where.start for where in self._index(name, unit))
-
     def _is_complete(self, unit: WorkUnit) -> bool:
-        for name in (*(self._varied if unit.engine == 0 else ()), *self._names):
+        for name in (*(self._varied if unit.engine == 0 else ()), *(field.name for field in FIELDS)):
             array, index = self._arrays[name], self._index(name, unit)
             key = "/".join(str(where.start // size) for where, size in zip(index, array.chunks, strict=True))
             if not (self.path / name / "c" / key).is_file():
@@ -116,12 +112,6 @@ class MapStore:
             except Exception:  # a damaged chunk may raise any exception; the unit is computed again
                 return False
         return True
-
-
-def stored_name(arrays: Container[str], field: str) -> str:
-    """Return the name under which a map that holds ``arrays`` has ``field``: an older map has some under another name."""
-    old = RENAMED_FIELDS.get(field)
-    return old if old is not None and field not in arrays and old in arrays else field
 
 
 def open_store(plan: MapPlan, folder: Path) -> MapStore:
@@ -163,7 +153,8 @@ def attributes(plan: MapPlan) -> dict[str, Any]:
         "map_file": plan.text,
         "map_file_sha256": hashlib.sha256(plan.text.encode()).hexdigest(),
         "scenario": plan.scenario.name,
-        "scenario_file": dump(_without_comparison_data(plan)),
+        # Without tolerances and measurements, which only a comparison of engines needs
+        "scenario_file": dump(replace(plan.scenario, tolerances=(), measured=None, inferred=())),
         "engine": list(plan.engines),
         "profile": plan.profile.value,
         "tolerance": plan.tolerance,
@@ -183,11 +174,6 @@ def attributes(plan: MapPlan) -> dict[str, Any]:
 def map_id(plan: MapPlan) -> str:
     """Return the checksum of all that determines the results."""
     return hashlib.sha256(json.dumps(plan.as_dict(), sort_keys=True).encode()).hexdigest()
-
-
-def _without_comparison_data(plan: MapPlan) -> Any:
-    """Return the scenario without tolerances and measurements, which only a comparison of engines needs."""
-    return replace(plan.scenario, tolerances=(), measured=None, inferred=())
 
 
 def _refuse_other(plan: MapPlan, folder: Path) -> None:
@@ -217,29 +203,15 @@ def _refuse_damaged(plan: MapPlan, path: Path) -> None:
     whole = zarr.storage.MemoryStore()
     _create(plan, whole)
     arrays: dict[str, Any] = dict(zarr.open_group(whole, mode="r").arrays())
-    folders = {entry.name for entry in path.iterdir()}
-    stored = {name: stored_name(folders, name) for name in arrays}
-    descriptions = {file: _description(path / file) for file in (METADATA, *(f"{name}/{METADATA}" for name in stored.values()))}
-    consolidated = (descriptions[METADATA].get("consolidated_metadata") or {}).get("metadata") or {}
-    for name, old in stored.items():
-        wanted = json.loads(json.dumps(arrays[name].metadata.to_dict(), default=str))
-        own = f"{old}/{METADATA}"
-        for file, description in ((own, descriptions[own]), (METADATA, consolidated.get(old) or {})):
-            for key in _checked_keys(plan, name):
-                actual = description.get(key)
-                if key == "attributes" and old != name and isinstance(actual, dict):
-                    actual = actual | {
-                        "long_name": wanted["attributes"]["long_name"]
-                    }  # an older name came with an older explanation
-                if actual != wanted[key]:
-                    what = f"{key} {shorten(json.dumps(actual))} of {old}, needed {shorten(json.dumps(wanted[key]))}"
-                    raise _damaged(path / file, what)
-
-
-def _checked_keys(plan: MapPlan, name: str) -> tuple[str, ...]:
-    """Return the keys of an array's description that must match; earlier versions encoded coordinates differently."""
-    coordinate = name == "engine" or (isinstance(plan.design, Grid) and name in plan.design.dims)
-    return DESCRIPTION if coordinate else (*DESCRIPTION, "fill_value", "codecs")
+    consolidated = (_description(path / METADATA).get("consolidated_metadata") or {}).get("metadata") or {}
+    for name, array in arrays.items():
+        wanted = json.loads(json.dumps(array.metadata.to_dict(), default=str))
+        own = path / name / METADATA
+        for file, description in ((own, _description(own)), (path / METADATA, consolidated.get(name) or {})):
+            for key in DESCRIPTION:
+                if (actual := description.get(key)) != wanted[key]:
+                    what = f"{key} {shorten(json.dumps(actual))} of {name}, needed {shorten(json.dumps(wanted[key]))}"
+                    raise _damaged(file, what)
 
 
 def _description(path: Path) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.rival_methods import best_additions
+from benchmarks.rivals import best_additions
 from looping_pendulum.discrepancy.evidence.explanation import Explanation, Parts, addition_steps, explained
 from looping_pendulum.discrepancy.evidence.marginal import NoiseGrid
 from looping_pendulum.discrepancy.fit.calibration import Fit, minimise

@@ -162,11 +162,9 @@ def test_an_error_of_a_run_is_not_swallowed(tmp_path, tasks, monkeypatch):
 
 
 def test_a_runner_has_as_many_jobs_as_are_asked_for_or_as_there_are_cores(tmp_path, monkeypatch):
-    def jobs(requested, cores):
-        monkeypatch.setattr(run_cache.os, "cpu_count", lambda: cores)
-        return Runner(RunCache(tmp_path), jobs=requested, time_limit=1.0, budget=None).jobs
-
-    assert [jobs(3, 8), jobs(None, 8), jobs(None, None)] == [3, 8, 1]
+    monkeypatch.setattr(run_cache, "core_count", lambda: 8)
+    jobs = [Runner(RunCache(tmp_path), jobs=asked, time_limit=1.0, budget=None).jobs for asked in (3, None)]
+    assert jobs == [3, 8]
 
 
 def test_progress_tells_of_runs_that_go_on_what_share_is_done(tmp_path, tasks, make_run):

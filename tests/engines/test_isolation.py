@@ -15,13 +15,14 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare import compare, write
-from looping_pendulum.engines import isolation, memory
-from looping_pendulum.engines.isolation import run_all, run_isolated, start_order
-from looping_pendulum.engines.memory import memory_in_use, parse_memory
+from looping_pendulum.engines import isolation
+from looping_pendulum.engines.isolation import parse_memory, run_all, run_isolated, start_order
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Reference, ReferenceEngine
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import EngineError
+from looping_pendulum.jobs import processes
+from looping_pendulum.jobs.processes import memory_in_use
 from looping_pendulum.reference_ode.solve import available_integrators
 from looping_pendulum.scenarios.scenario import Scenario
 from tests.apparatus import TEN_TO_ONE
@@ -224,7 +225,7 @@ def test_held_memory_sees_what_a_process_takes():
     if memory_in_use(os.getpid()) is None:
         pytest.skip("this system does not say")
     code = (
-        "import os; from looping_pendulum.engines.memory import memory_in_use as used\n"
+        "import os; from looping_pendulum.jobs.processes import memory_in_use as used\n"
         "before = used(os.getpid()); block = b'x' * 2**28; print((used(os.getpid()) - before) / len(block))"
     )
     share = float(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout)
@@ -234,7 +235,7 @@ def test_held_memory_sees_what_a_process_takes():
 @pytest.mark.skipif(not os.path.exists("/proc/self/status"), reason="compares with /proc")
 def test_without_proc_ps_says_the_same(monkeypatch):
     known = memory_in_use(os.getpid())
-    monkeypatch.setattr(memory.sys, "platform", "darwin")
+    monkeypatch.setattr(processes.sys, "platform", "darwin")
     if shutil.which("ps") is None:
         pytest.skip("no ps here")
     assert memory_in_use(os.getpid()) == pytest.approx(known, rel=0.1)

@@ -98,7 +98,7 @@ def test_helpers_import_neither_the_script_nor_anything_beside_it(planted):
 def test_what_a_script_imports_from_its_folder_travels_to_a_pool_and_to_what_that_starts(tmp_path):
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "mine.py").write_text(
-        "import importlib.util, os\nfrom looping_pendulum.processes import process_pool\n"
+        "import importlib.util, os\nfrom looping_pendulum.jobs.processes import process_pool\n"
         "def answer(depth):\n"
         "    if depth:\n"
         "        with process_pool(1) as pool:\n            return pool.submit(answer, depth - 1).result()\n"

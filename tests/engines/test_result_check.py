@@ -11,10 +11,10 @@ import pytest
 
 from looping_pendulum.compare import compare, write
 from looping_pendulum.engines.isolation import run_all
-from looping_pendulum.engines.job import FileRecorder
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.result_check import validate_trajectory
 from looping_pendulum.engines.trajectory import Provenance, RunStatus, TrajectoryEvent
+from looping_pendulum.engines.worker import FileRecorder
 from looping_pendulum.errors import EngineError
 from looping_pendulum.scenarios.scenario import Scenario
 from tests.apparatus import TEN_TO_ONE

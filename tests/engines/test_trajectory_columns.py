@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.engines.job import FileRecorder, read_rows
 from looping_pendulum.engines.protocol import MemoryRecorder
 from looping_pendulum.engines.trajectory import COLUMNS, Provenance, from_samples
+from looping_pendulum.engines.worker import FileRecorder, read_rows
 from looping_pendulum.scenarios import load
 from tests.compare.conftest import SUPPLIES
 

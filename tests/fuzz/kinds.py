@@ -20,7 +20,7 @@ from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.compare.trajectories import stored_result, trajectory_csv
 from looping_pendulum.discrepancy.first_look.check import take_first_look
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.engines.memory import parse_memory
+from looping_pendulum.engines.isolation import parse_memory
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import ReferenceEngine
 from looping_pendulum.engines.trajectory import Trajectory

@@ -7,8 +7,7 @@ import re
 
 import pytest
 
-from benchmarks.leaderboard import COMMAND, HEAD, PAGE, page
-from benchmarks.static_capstan import stored
+from benchmarks.leaderboard import COMMAND, HEAD, PAGE, page, stored
 from benchmarks.stored_study import SUMMARY, read
 from tests.docs_commands import PROJECT
 
@@ -31,7 +30,7 @@ def test_the_page_is_what_the_stored_data_say():
 def test_every_variant_of_the_study_has_its_static_ratio():
     study = read(SUMMARY.read_text(encoding="utf-8"))
     labels = {v.label for v in study.convergence.variants}
-    assert labels <= {row["variant"] for row in stored()}, "measure it: python -m benchmarks.static_capstan --store NAME"
+    assert labels <= {row["variant"] for row in stored()}, "measure it: python -m benchmarks.leaderboard --static NAME"
 
 
 def test_the_reference_has_the_capstan_laws_ratio():

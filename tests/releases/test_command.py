@@ -12,14 +12,14 @@ from packaging.version import Version
 
 from looping_pendulum.engines.isolation import run_isolated
 from looping_pendulum.engines.protocol import Profile
+from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import select
 from looping_pendulum.pages.drawing import png
 from looping_pendulum.releases import installers, study
 from looping_pendulum.releases.figure import figure
 from looping_pendulum.releases.installers import ReleaseError, list_releases
-from looping_pendulum.releases.measure import metrics_of, target_of
-from looping_pendulum.releases.moves import find_moves
-from looping_pendulum.releases.result import FILE, ReleasesResult
+from looping_pendulum.releases.result import FILE, ReleasesResult, find_moves
+from looping_pendulum.releases.study import metrics_of
 from looping_pendulum.scenarios import load
 from scripts.versions_page import PAGE, page, read_causes, read_stored
 from tests.command_line import here
@@ -97,9 +97,9 @@ def test_stored_numbers_are_those_of_the_installed_release(label):
     stored = next((r for r in STORED["mujoco"].releases if r.release == version("mujoco")), None)
     if stored is None:
         pytest.skip("the installed MuJoCo is not in the stored study: `looping-pendulum versions mujoco` adds it")
-    target = target_of(replace(load("ten_to_one"), tolerances=()))
+    reference = Reference(replace(load("ten_to_one"), tolerances=()))
     (engine,) = select([label], Profile.QUICK)
-    measured = metrics_of(run_isolated(engine, target.scenario), target)
+    measured = metrics_of(run_isolated(engine, reference.scenario), reference)
     for name in ("rms_0.35s", "rms_0.7s"):
         assert measured[name] == pytest.approx(stored.variant(label).values[name], rel=1e-2, abs=1e-8), name
 

@@ -15,7 +15,6 @@ from looping_pendulum.engines.mujoco.model import compile_model
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.errors import EngineError
 from looping_pendulum.releases import installers
-from looping_pendulum.releases.choice import chosen_releases, chosen_variants
 from looping_pendulum.releases.installers import (
     InstallationStopped,
     ReleaseError,
@@ -24,6 +23,7 @@ from looping_pendulum.releases.installers import (
     one_line,
     run_command,
 )
+from looping_pendulum.releases.study import chosen_releases, chosen_variants
 
 LISTED = """WARNING: pip index is currently an experimental command.
 mujoco (4.0.0)

@@ -8,8 +8,7 @@ from dataclasses import replace
 import pytest
 from packaging.version import Version
 
-from looping_pendulum.releases.moves import find_moves
-from looping_pendulum.releases.result import CAPSTAN, QUANTITIES, ReleaseRow, ReleasesResult, Spread, VariantRow
+from looping_pendulum.releases.result import CAPSTAN, QUANTITIES, ReleaseRow, ReleasesResult, Spread, VariantRow, find_moves
 from looping_pendulum.releases.study import PINS, ReleaseStudy
 from looping_pendulum.scenarios import load
 from tests.releases.released import FakeInstaller, ReleasedEngine

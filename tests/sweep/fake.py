@@ -11,7 +11,7 @@ import time
 import numpy as np
 
 from looping_pendulum.sweep import cells
-from looping_pendulum.sweep.fields import FIELDS, end_code
+from looping_pendulum.sweep.cells import ENDINGS, FIELDS
 
 
 def solve(task):
@@ -26,7 +26,7 @@ def solve(task):
     values["sequence"] = np.asarray(total).view(np.uint64).copy()
     without = values["stops"] % 5 == 0
     values["halting_time"][without] = np.nan
-    values["end"] = np.where(without, end_code("unwrapped"), end_code("light_reaches_rod")).astype(np.int8)
+    values["end"] = np.where(without, ENDINGS.index("unwrapped"), ENDINGS.index("light_reaches_rod")).astype(np.int8)
     return cells.CellResult(index=task.index, values=values, versions=cells.versions(task.engine, task.profile))
 
 

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from looping_pendulum.cli.main import app
 from looping_pendulum.sweep import open_map, run_map, runner
-from looping_pendulum.sweep.fields import ENDINGS
+from looping_pendulum.sweep.cells import ENDINGS
 from tests.command_line import can_be_interrupted
 from tests.sweep import fake
 from tests.sweep.maps import GRID, LONG, chunk_files, contents, program

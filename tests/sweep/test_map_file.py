@@ -12,6 +12,7 @@ from looping_pendulum.reference_ode.effects import COEFFICIENTS
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.scenarios import load as load_scenario
 from looping_pendulum.sweep import map_file
+from looping_pendulum.sweep.cells import FIELDS
 from looping_pendulum.sweep.plan import Sample
 from looping_pendulum.sweep.quantities import RATIOS, columns, variables
 from looping_pendulum.sweep.store import map_id
@@ -54,6 +55,12 @@ def test_every_number_of_an_apparatus_may_be_varied():
     assert variables()["release_angle"].kind.unit == "rad"
     assert variables()["light_radius"].kind.low == 0
     assert all(variable.meaning for variable in variables().values())
+
+
+def test_no_axis_has_the_name_of_another_array_of_a_map():
+    axes = [variable.axis_name for variable in variables().values()]
+    assert not ({field.name for field in FIELDS} | {"engine", "run"}) & {*axes}
+    assert len(axes) == len({*axes})
 
 
 def test_a_grid_has_every_combination_once_whatever_the_chunks():

@@ -19,7 +19,7 @@ import zarr.storage
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.batch import solve_batch
 from looping_pendulum.sweep import map_file, open_map, run_map
-from looping_pendulum.sweep.fields import FIELDS
+from looping_pendulum.sweep.cells import FIELDS
 from looping_pendulum.sweep.plan import MapError
 from tests.command_line import can_be_interrupted
 from tests.sweep import fake
@@ -75,6 +75,24 @@ def test_a_grid_says_what_the_batch_says(tmp_path):
     report = (tmp_path / "map.md").read_text()
     assert f"12 runs: {np.isfinite(batch.halting_time).sum()} (" in report
     assert (tmp_path / "halting_time.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("key", ["free_length", "release.free_length"])
+@pytest.mark.parametrize("design", ["", "sample: {count: 4}"])
+def test_a_varied_free_length_stands_beside_the_one_at_the_end(tmp_path, key, design):
+    """Both arrays were `free_length`, so that Zarr ended with its ContainsArrayError."""
+    values = "{from: 0.4 m, to: 0.6 m" + ("}" if design else ", count: 4}")
+    plan = map_file.load_text(f"title: L\nscenario: ten_to_one\nparameters:\n  {key}: {values}\ntolerance: 1e-6\n{design}")
+    run_map(plan, tmp_path, jobs=1)
+    # A second time, since a store that is there is compared with the map's own
+    assert run_map(plan, tmp_path, jobs=1).complete
+    data = open_map(tmp_path)
+    lengths = data["release_free_length"].values
+    assert (lengths.min() >= 0.4, lengths.max() <= 0.6, len(np.unique(lengths))) == (True, True, 4)
+    batch = solve_batch(plan.scenario.parameters, {"free_length": lengths}, duration=5.0, tolerance=1e-6)
+    assert np.array_equal(data["free_length"].values, batch.free_length, equal_nan=True)
+    assert "release_free_length" in (tmp_path / "map.md").read_text()
+    assert (tmp_path / "halting_time.png").exists()
 
 
 def test_a_sample_has_its_parameters_beside_its_results(tmp_path):

@@ -46,9 +46,8 @@ from looping_pendulum.compare.metrics import END_TIME_TOLERANCE, rms_until
 from looping_pendulum.compare.result import RunProvenance, SupplyEntry
 from looping_pendulum.compare.run_cache import EndedRun, Progress, RunCache, Runner, RunTask, run_key
 from looping_pendulum.compare.tables import number
-from looping_pendulum.engines.isolation import TIME_LIMIT
+from looping_pendulum.engines.isolation import MEMORY_LIMIT, TIME_LIMIT
 from looping_pendulum.engines.landmarks import run_landmarks
-from looping_pendulum.engines.memory import MEMORY_LIMIT
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import label

@@ -10,7 +10,7 @@ from contextlib import nullcontext
 import numpy as np
 
 from looping_pendulum.errors import HarnessError, IntegratorFallbackWarning, ParameterError
-from looping_pendulum.processes import process_pool, safe_spawning
+from looping_pendulum.jobs.processes import process_pool, safe_spawning
 from looping_pendulum.reference_ode.batch.runs import (
     ENDS,
     FAILED,

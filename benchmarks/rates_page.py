@@ -1,6 +1,8 @@
-"""Write the measured rates of docs/rates.md from `docs/data/calibration.json` and `rivals.json`.
+"""Write the measured rates of docs/rates.md from `docs/data/calibration.json` and `rivals.json`, and draw docs/img/power.png.
 
-`python -m benchmarks --only calibration` and `--only rivals` measure them; `python -m scripts.docs_numbers` writes the text.
+`python -m benchmarks --only calibration`, `known-answer`, `outliers` and `rivals` measure and print them;
+`python -m scripts.docs_numbers` writes the text, `python -m benchmarks.rates_page` the figure: what `identify` said of each
+blind study with one hidden effect.
 """
 
 from __future__ import annotations
@@ -11,18 +13,45 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.calibration_targets import TARGETS, Target
-from benchmarks.rival_methods import METHODS, NOT_ASKED
+import numpy as np
+from matplotlib.figure import Figure
+
+from benchmarks.calibration_summary import TARGETS, Target
+from looping_pendulum.files import write_atomically
+from looping_pendulum.pages.drawing import legend_below, make_figure, png
 from looping_pendulum.pages.numbers import amount
+from looping_pendulum.pages.palette import COLOURS
 
 PAGE = "docs/rates.md"
-DATA = Path(__file__).parents[1] / "docs" / "data"
+DOCS = Path(__file__).parents[1] / "docs"
+DATA = DOCS / "data"
 BEGIN, END = "<!-- measured rates: python -m scripts.docs_numbers -->", "<!-- end of the measured rates -->"
 BLOCK = re.compile(rf"{re.escape(BEGIN)}\n.*?{re.escape(END)}", re.DOTALL)
 SET, KNOWN_SET, SLOW_SET = "rates", "known_answer_rates", "all_free"
 """Keys of the stored results; the last one has few studies, for a method that takes more than a minute each."""
 PLANNED = 800
 """Studies of the whole measurement: the benchmark's defaults."""
+METHODS = {
+    "all_free": "all candidates free in one lmfit fit",
+    "forward_bic": "forward selection by BIC, no gate",
+    "gaussian_process": "Gaussian-process discrepancy",
+    "sindy": "PySINDy's STLSQ on smoothed points",
+    "symbolic_regression": "symbolic regression (PyOperon) on smoothed points",
+}
+"""Other method -> its title."""
+NOT_ASKED = "not asked for"
+"""Why a method was not run that was left out on purpose."""
+LOOKS = {
+    "right": ("named", "o", COLOURS[2]),
+    "tied": ("tied with others", "s", COLOURS[0]),
+    "none": ("nothing is named", "x", "0.55"),
+    "wrong": ("another is named", "v", COLOURS[1]),
+}
+"""Judgement -> its words, marker and colour."""
+SMALLEST, LARGEST = 0.05, 200.0
+"""Sizes over the smallest visible one beyond which a study is drawn at the edge."""
+JITTER = 0.25
+"""Largest shift of a marker in its row, so that studies of the same size do not hide each other."""
 
 
 def with_current_rates(text: str) -> str:
@@ -62,7 +91,7 @@ def block(rates: dict[str, Any]) -> str:
         f"| one effect of 16 mm or more: an unlisted force in its place | {share(s['large']['single_called_unlisted'])} |",
         f"| planted value within the stated 95 % interval, of named or tied effects | {share(s['coverage'])} |",
         "| something wrong is named, of all studies in which anything is named (false-discovery rate) "
-        f"| {_bounded(s['false_discoveries'])} |",
+        f"| {bounded(s['false_discoveries'])} |",
         f"| two effects: the pair is named or tied | {_named(s['two'])} |",
         f"| two effects: only one of them is named | {share(s['two']['part'])} |",
         f"| unlisted force: the verdict is `unlisted` | {share(s['unlisted_verdict'])} |",
@@ -146,11 +175,11 @@ def _in_millimetres(by_size: dict[str, Any]) -> dict[str, Any]:
 
 def _clean_row(kind: str, row: dict[str, Any]) -> str:
     words = {"white": "white noise", "wander": "a tracker that wanders", "outliers": "outliers"}[kind]
-    added, unexplained = _bounded(row["false_additions"]), share(row["unexplained"])
+    added, unexplained = bounded(row["false_additions"]), share(row["unexplained"])
     return f"| clean, {words}: an effect is added; `unexplained` | {added}; {unexplained} |"
 
 
-def _bounded(numbers: dict[str, Any]) -> str:
+def bounded(numbers: dict[str, Any]) -> str:
     """Return a share with its one-sided bound; a dash if nothing was measured."""
     if not numbers["of"]:
         return "-"
@@ -211,7 +240,7 @@ sets of studies were added later, with the same limits:
 def _target_row(target: Target, summary: dict[str, Any]) -> str:
     measured = target.measured(summary)
     if isinstance(measured, dict):
-        words = _bounded(measured) if "upper_bound" in measured else share(measured)
+        words = bounded(measured) if "upper_bound" in measured else share(measured)
     else:
         words = "-" if measured is None else amount(measured, digits=3)
     verdict = "met" if target.is_met(summary) else f"not met{': ' if target.why_not else ''}{target.why_not}"
@@ -242,7 +271,7 @@ def rivals_block(rivals: dict[str, Any]) -> str:
     for method, r in rivals["methods"].items():
         held_out, seconds = ("-" if r[k] is None else amount(r[k]) for k in ("held_out_error", "cpu_seconds"))
         shares = " | ".join(share(r["single"][j]) for j in ("right", "tied", "wrong"))
-        name = METHODS[method].title if method in METHODS else f"`{method}`"
+        name = METHODS.get(method, f"`{method}`")
         rows.append(f"| {name} | {shares} | {share(r['clean']['wrong'])} | {held_out} | {seconds} |")
     not_run = "".join(
         f"\n- Not run: {method}: {reason}." for method, reason in rivals["not_run"].items() if reason != NOT_ASKED
@@ -265,3 +294,32 @@ def slow_rival(few: dict[str, Any]) -> str:
     return f"""The fit of all candidates at once takes {seconds} s, so that it judged {few["studies"]} studies only
 (`{few["command"]}`): something was missing in {r["detected"]["of"]}, and it said so in {r["detected"]["count"]}.
 """
+
+
+def figure(studies: list[dict[str, Any]]) -> Figure:
+    """Draw each study as a marker in the row of its effect, by the effect's size over the smallest visible one."""
+    known = [study for study in studies if study["visibility"] is not None]
+    effects = sorted({study["effect"] for study in known}, reverse=True)
+    picture, (axes,) = make_figure(8.0, 1.6 + 0.26 * len(effects))
+    shifts = np.random.default_rng(0).uniform(-JITTER, JITTER, len(known))
+    for judgement, (words, marker, colour) in LOOKS.items():
+        chosen = [(study, shift) for study, shift in zip(known, shifts, strict=True) if study["judgement"] == judgement]
+        sizes = [np.clip(study["visibility"], SMALLEST, LARGEST) for study, _ in chosen]
+        rows = [effects.index(study["effect"]) + shift for study, shift in chosen]
+        axes.plot(sizes, rows, ls="none", marker=marker, ms=5.5, color=colour, label=f"{words} ({len(chosen)})")
+    axes.axvline(1.0, color="black", lw=1.0)
+    axes.set_yticks(range(len(effects)), [name.replace("_", " ") for name in effects])
+    axes.set(xscale="log", xlabel="size of the hidden effect over the smallest that the data could show")
+    axes.set_title(f"One hidden effect in {len(known)} blind studies: what the search says of it")
+    legend_below(picture, columns=2)
+    return picture
+
+
+def main() -> None:
+    """Write the figure."""
+    rates = json.loads((DOCS / "data" / "calibration.json").read_text(encoding="utf-8"))["rates"]
+    write_atomically(DOCS / "img" / "power.png", png(figure(rates["summary"]["single"]["each"])))
+
+
+if __name__ == "__main__":
+    main()

@@ -26,8 +26,10 @@ from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
 from typing import Any
 
-from looping_pendulum import process_start
+from looping_pendulum.jobs import process_start
 
+MEMORY_POLL_INTERVAL = 0.05 if sys.platform.startswith("linux") else 0.5
+"""Time between two measurements of a process's memory [s]; without /proc each one has to start `ps`."""
 END_TIMEOUT = 10.0
 """Longest time that a supervisor may take to end its worker [s], before it is killed; normally it takes milliseconds."""
 _SAFE_PATH = "PYTHONSAFEPATH"
@@ -204,6 +206,26 @@ class SupervisedProcess:
         if self.returncode is None:
             self.returncode = self._process.wait()
         self._ended.set()
+
+
+def memory_in_use(pid: int) -> int | None:
+    """Return the memory of a process, in RAM and swapped out [bytes]; None if it has ended or this system does not report it.
+
+    Linux reports both in /proc. Elsewhere `ps` gives the part in RAM only; where there is no `ps` (Windows) nothing is known.
+    """
+    if sys.platform.startswith("linux"):
+        try:
+            lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+        except OSError:
+            return None
+        kibibytes = [int(line.split()[1]) for line in lines if line.startswith(("VmRSS:", "VmSwap:"))]
+    else:
+        try:
+            ps = subprocess.run(["ps", "-o", "rss=", "-p", str(pid)], capture_output=True, text=True, timeout=5, check=False)
+        except (OSError, subprocess.TimeoutExpired):
+            return None
+        kibibytes = [int(number) for number in ps.stdout.split() if number.isdigit()]
+    return 1024 * sum(kibibytes) if kibibytes else None
 
 
 @contextlib.contextmanager

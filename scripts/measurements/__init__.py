@@ -1,1 +1,0 @@
-"""Measurements behind the documentation's numbers; see `scripts.measure`."""
