@@ -5,11 +5,13 @@
 
 from __future__ import annotations
 
-import importlib
 import sys
-from typing import TYPE_CHECKING, Any
 
+# Nothing is imported here but what runs already: with `python -m` the working folder still comes first, see `__main__`
+TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from typing import Any
+
     from looping_pendulum.compare import write as write
     from looping_pendulum.compare.harness import compare_engines as compare_engines
     from looping_pendulum.discrepancy.identify import identify as identify
@@ -39,6 +41,8 @@ __all__ = ["__version__", *_FROM]  # noqa: PLE0604
 
 def __getattr__(name: str) -> Any:
     """Import what is asked for (PEP 562), so that the package itself costs no time."""
+    import importlib
+
     if name not in _FROM:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, _, attribute = _FROM[name].partition(":")
