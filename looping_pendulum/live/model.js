@@ -142,6 +142,8 @@ export const BOUNDS = {
   centre_y: [-10, 10],
   clock_offset: [-60, 60],
   clock_ratio: [0.01, 100],
+  readout: [-0.1, 0.1],
+  heavy_offset_x: [-0.1, 0.1],
   rate_offset: [-1, 1],
 };
 /** Coefficient of an effect beside those of the paper's model -> the effect.

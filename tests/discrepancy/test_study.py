@@ -268,7 +268,8 @@ def test_trials_are_read_from_the_study_s_folder(tmp_path):
     with pytest.raises(DataError, match=r"c.csv: cannot be read"):
         read_files(study.folder, study.trial("c"))
     priors = study.camera_priors(study.trial("first"), observations)
-    assert set(priors) == set(CAMERA) - {"rate_offset"}  # of tracked points, all of the camera matters
+    # Of tracked points, all of the camera matters but what only films that were tracked here have
+    assert set(priors) == set(CAMERA) - {"rate_offset", "readout", "heavy_offset_x"}
 
 
 def test_a_drop_needs_only_what_falls():
