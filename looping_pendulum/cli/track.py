@@ -93,6 +93,6 @@ def track(
                 say("Check the marks on the contact sheet. In a study:")
                 say(output.study_lines(tracked, files.table.name))
                 found = output.facts(tracked)
-        say(f"wrote {output.names(written)}")
+        say(f"wrote {', '.join(map(str, written))}")
         listed.append(found | {"files": [str(path) for path in written]})
     show_json({"films": listed})

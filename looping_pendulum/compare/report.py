@@ -169,7 +169,7 @@ def _expected_sentence(result: ComparisonResult) -> str:
     feared = []
     for e in result.engines:
         judged = result.judged(e)
-        count = sum(t.outcome is ToleranceOutcome.EXPECTED_FAILURE for t in judged)
+        count = _expected_failures(judged)
         if count:
             feared.append(f"{e.label} ({count} of {len(judged)} limits)")
     if not feared:
@@ -182,7 +182,7 @@ def _within(result: ComparisonResult, engine: EngineResult) -> str:
     if not engine.available:
         return f"not run: {engine.status_sentence}"
     bad = sum(not t.outcome.good for t in judged)
-    expected = sum(t.outcome is ToleranceOutcome.EXPECTED_FAILURE for t in judged)
+    expected = _expected_failures(judged)
     note = f"; {expected} expected failure{'s' if expected > 1 else ''}" if expected else ""
     if result.broke_off(engine):
         return f"no: {engine.status_sentence}{note}"
@@ -191,6 +191,11 @@ def _within(result: ComparisonResult, engine: EngineResult) -> str:
     if not judged:
         return "no limits declared"
     return f"yes{note}" if expected < len(judged) else f"as expected, no{note}"
+
+
+def _expected_failures(judged: Sequence[ToleranceResult]) -> int:
+    """Return how many limits fail as expected."""
+    return sum(t.outcome is ToleranceOutcome.EXPECTED_FAILURE for t in judged)
 
 
 def _stories(result: ComparisonResult) -> str:

@@ -169,7 +169,7 @@ def run_all(
             meanwhile(in_order(results))
 
     ended = run_many([partial(run_one, engines[i]) for i in order], workers, cancelled=cancelled, meanwhile=show)
-    # An interrupt leaves runs that had not begun; each of these, too, is told
+    # An interrupt leaves runs that had not begun; each of these, too, is reported
     return in_order({k: ended[k] if k in ended else run_one(engines[i]) for k, i in enumerate(order)})
 
 

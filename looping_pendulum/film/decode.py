@@ -69,6 +69,10 @@ class Picture(NamedTuple):
         """Return brightness and both colours."""
         return self.luma, self.blue, self.red
 
+    def copied(self) -> Picture:
+        """Return the picture with arrays of its own."""
+        return Picture(self.frame, *(plane.copy() for plane in self.planes))
+
 
 @dataclass(frozen=True, kw_only=True)
 class FilmFacts:
@@ -329,12 +333,8 @@ def survey(path: str | Path, *, frame_rate: float | None = None, needs_rest: boo
         change.append(255.0 if before is None else _change(cv2, small, before))
         activity += min(change[-1], 255.0)
         before = small
-
-        def kept(picture: Picture = picture) -> Picture:
-            return Picture(picture.frame, *(p.copy() for p in picture.planes))
-
-        steady.offer(index, kept)
-        moving.offer(activity, kept)
+        steady.offer(index, picture.copied)
+        moving.offer(activity, picture.copied)
         smalls.offer(index, lambda index=index, small=small: (index, small))
     _refuse_short(file, len(clock), decoder.broken)
     shake = _shake(cv2, [s for _, (_, s) in smalls.kept]) * reduction

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -104,18 +103,8 @@ def camera_errors(files: FilmFiles) -> dict[str, float]:
     """Return the standard errors [SI] of the camera's parameters that the facts beside a table state; none without them."""
     try:
         tree = json.loads(files.facts.read_text(encoding="utf-8"))
-        per_metre = float(tree["scale_pixels_per_m"])
-        origin = [max(float(v) / per_metre, LEAST_ORIGIN_ERROR) for v in tree["rod_error_pixels"]]
-        return {
-            "scale": float(tree["scale_relative_error"]),
-            "origin_x": origin[0],
-            "origin_y": origin[1],
-            "tilt": math.radians(float(tree["tilt_error_deg"])),
-            "clock_offset": float(tree["release_error_s"]),
-            "heavy_offset_x": HEAVY_OFFSET_ERROR,
-            "readout": READOUT_ERROR,
-        }
-    except (OSError, ValueError, TypeError, KeyError, ZeroDivisionError):
+        return {name: float(error) for name, error in tree["camera_errors"].items()}
+    except (OSError, ValueError, TypeError, KeyError, AttributeError):
         return {}
 
 
@@ -145,16 +134,30 @@ def table(track: FilmTrack) -> str:
 
 def camera_lines(track: FilmTrack) -> dict[str, str]:
     """Return what a study says of this film's camera: the errors of scale, origin, tilt and clock."""
-    millimetres = [1e3 * error / track.scale for error in track.rod_error]
-    readout = KNOWN_READOUT_ERROR if track.settings.readout is not None else READOUT_ERROR
+    error = _camera_errors(track)
+    readout = KNOWN_READOUT_ERROR if track.settings.readout is not None else error["readout"]
     return {
-        "scale": f"1 +/- {100 * track.scale_error:.2g} %",
-        "origin_x": f"0 mm +/- {max(millimetres[0], 0.1):.2g} mm",
-        "origin_y": f"0 mm +/- {max(millimetres[1], 0.1):.2g} mm",
-        "tilt": f"0 deg +/- {math.degrees(max(track.tilt_error, CAMERA_LEAST_TILT)):.2g} deg",
-        "clock_offset": f"0 ms +/- {1e3 * track.release_error:.2g} ms",
-        "heavy_offset_x": f"0 mm +/- {1e3 * HEAVY_OFFSET_ERROR:.2g} mm",
+        "scale": f"1 +/- {100 * error['scale']:.2g} %",
+        "origin_x": f"0 mm +/- {1e3 * error['origin_x']:.2g} mm",
+        "origin_y": f"0 mm +/- {1e3 * error['origin_y']:.2g} mm",
+        "tilt": f"0 deg +/- {math.degrees(error['tilt']):.2g} deg",
+        "clock_offset": f"0 ms +/- {1e3 * error['clock_offset']:.2g} ms",
+        "heavy_offset_x": f"0 mm +/- {1e3 * error['heavy_offset_x']:.2g} mm",
         "readout": f"{delay_per_length(track):.4g} s/m +/- {readout:.2g} s/m",
+    }
+
+
+def _camera_errors(track: FilmTrack) -> dict[str, float]:
+    """Return the standard errors of the camera's parameters [SI], with which they are fitted where a study states none."""
+    origin_x, origin_y = (max(error / track.scale, LEAST_ORIGIN_ERROR) for error in track.rod_error)
+    return {
+        "scale": track.scale_error,
+        "origin_x": origin_x,
+        "origin_y": origin_y,
+        "tilt": max(track.tilt_error, CAMERA_LEAST_TILT),
+        "clock_offset": track.release_error,
+        "heavy_offset_x": HEAVY_OFFSET_ERROR,
+        "readout": READOUT_ERROR,
     }
 
 
@@ -165,10 +168,9 @@ def delay_per_length(track: FilmTrack) -> float:
 
 def sentence(track: FilmTrack) -> str:
     """Say in one line what was found."""
-    residual = 1.4826 * float(np.median(np.abs(track.string_residual)))
     return (
         f"{track.path}: light mass in {track.share:.0%} of the frames after the release, "
-        f"{residual:.2f} pixels from a taut string; "
+        f"{track.string_scatter:.2f} pixels from a taut string; "
         f"scale {track.scale:.1f} pixels per metre +/- {track.scale_error:.2%} by {track.scale_source}; released at "
         f"{track.release:.3f} s; {track.facts.rate:.4g} frames per second, {track.facts.rate_source}"
         + ("; mirrored, as the light mass starts on the right" if track.side < 0 else "")
@@ -199,17 +201,17 @@ def facts(track: FilmTrack | PlainTrack) -> dict[str, Any]:
     tree: dict[str, Any] = {"film": Path(track.path).name, **asdict(track.facts)}
     if isinstance(track, PlainTrack):
         return tree | {"things": [{"name": name, "frames": len(p.frame)} for name, p in track.things.items()]}
-    residual = 1.4826 * float(np.median(np.abs(track.string_residual)))
     first, last = film_window(track)
     return tree | {
         "rod_pixels": list(track.rod), "rod_error_pixels": list(track.rod_error), "scale_pixels_per_m": track.scale,
         "scale_relative_error": track.scale_error, "scale_source": track.scale_source, "tilt_deg": math.degrees(track.tilt),
         "tilt_error_deg": math.degrees(track.tilt_error), "tilt_source": "the vertical on which the heavy mass falls",
         "mirrored": track.side < 0, "release_s": track.release, "release_error_s": track.release_error,
-        "angle_deg": math.degrees(track.angle), "hanging_length_m": track.hanging_length, "string_residual_pixels": residual,
+        "angle_deg": math.degrees(track.angle), "hanging_length_m": track.hanging_length,
+        "string_residual_pixels": track.string_scatter,
         "frames_followed": [first, last], "light_share": track.share, "skipped": track.skipped,
         "points": {name: _summary(p) for name, p in (("light", track.light), ("heavy", track.heavy))},
-        "camera": camera_lines(track), "readout_s": track.settings.readout,
+        "camera": camera_lines(track), "camera_errors": _camera_errors(track), "readout_s": track.settings.readout,
     }  # fmt: skip
 
 
@@ -265,11 +267,10 @@ def contact_sheet(track: FilmTrack) -> NDArray[np.uint8]:
     )
     if width < height:
         scene = cv2.copyMakeBorder(scene, 0, 0, 0, SHEET_WIDTH - scene.shape[1], cv2.BORDER_CONSTANT, value=PAPER)
-    residual = 1.4826 * float(np.median(np.abs(track.string_residual)))
     head = np.full((58, SHEET_WIDTH, 3), 255, np.uint8)
     lines = (
         f"{Path(track.path).name}: light mass (red) in {track.share:.0%} of the frames, heavy mass blue, rod green",
-        f"scale {track.scale:.1f} px/m +/- {track.scale_error:.2%}, string within {residual:.2f} px, "
+        f"scale {track.scale:.1f} px/m +/- {track.scale_error:.2%}, string within {track.string_scatter:.2f} px, "
         f"release at {track.release:.3f} s, "
         f"{track.facts.rate:.4g} frames/s, angle {math.degrees(track.angle):.1f} deg",
     )
@@ -390,8 +391,3 @@ def _write(cv2: Any, picture: NDArray[np.uint8], text: str, x: int, y: int, size
     shown = text.encode("ascii", "replace").decode()
     cv2.putText(picture, shown, (x, y), cv2.FONT_HERSHEY_SIMPLEX, size, PAPER, 3, cv2.LINE_AA)
     cv2.putText(picture, shown, (x, y), cv2.FONT_HERSHEY_SIMPLEX, size, INK, 1, cv2.LINE_AA)
-
-
-def names(paths: Iterable[Path]) -> str:
-    """Return paths as a list in words."""
-    return ", ".join(str(p) for p in paths)

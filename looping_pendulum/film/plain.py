@@ -37,7 +37,7 @@ class PlainTrack:
         rule = self.settings.scale
         unit, scale = "px", 1.0
         if rule is not None:
-            unit, scale = "m", float(np.hypot(rule.end[0] - rule.start[0], rule.end[1] - rule.start[1])) / rule.length
+            unit, scale = "m", rule.pixels / rule.length
         names = [f"{name}_{axis} [{unit}]" for name in self.things for axis in "xy"]
         rows = [",".join(["t [s]", "frame", *names])]
         index = {name: {int(k): i for i, k in enumerate(p.frame)} for name, p in self.things.items()}
@@ -62,9 +62,7 @@ def follow_all(path: str | Path, settings: TrackSettings, progress: Callable[[st
     report = progress or (lambda _, __: None)
     report("reading the film", 0.0)
     seen = survey(path, frame_rate=settings.frame_rate, needs_rest=False)
-    n = len(seen.t)
-    first = 0 if settings.first is None else int(np.searchsorted(seen.t, settings.first))
-    last = n - 1 if settings.last is None else int(np.searchsorted(seen.t, settings.last, side="right")) - 1
+    first, last = settings.frames(seen.t)
     if last - first < LEAST_FRAMES:
         raise film_error(seen.path, "found fewer than seven frames between --from and --to, needed the motion", "correct them")
     ground = _ground(seen, first, last)
@@ -85,11 +83,7 @@ def _ground(seen: Survey, first: int, last: int) -> Background:
     kept = [p for p in seen.kept if first <= p.frame <= last]
     if len(kept) < 9:
         wanted = set(np.linspace(first, last, 15).astype(int).tolist())
-        kept = [
-            p._replace(luma=p.luma.copy(), blue=p.blue.copy(), red=p.red.copy())
-            for p in pictures(seen, first, last)
-            if p.frame in wanted
-        ]
+        kept = [p.copied() for p in pictures(seen, first, last) if p.frame in wanted]
     third = (last - first) // 3
     return background([p.planes for p in kept], [p.frame for p in kept], (first + third, last - third), sure=False)
 

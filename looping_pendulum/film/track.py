@@ -1,4 +1,4 @@
-"""Track a film of a looping pendulum: the function to call, what it is told, and what it returns."""
+"""Track a film of a looping pendulum: the function to call, its settings, and what it returns."""
 
 from __future__ import annotations
 
@@ -59,6 +59,11 @@ class ScaleRule(NamedTuple):
     length: float
     """[m]"""
 
+    @property
+    def pixels(self) -> float:
+        """Return the length in the picture [pixels]."""
+        return math.hypot(self.end[0] - self.start[0], self.end[1] - self.start[1])
+
 
 class Shown(NamedTuple):
     """A mass that a person shows in a frame."""
@@ -94,6 +99,12 @@ class TrackSettings:
     """Time from the reading of the picture's first row to that of its last [s]; None: not known."""
     region: tuple[int, int, int, int] | None = None
     """Rectangle in which masses are looked for: left, top, right, bottom [pixels]."""
+
+    def frames(self, t: Array) -> tuple[int, int]:
+        """Return the first and the last frame that is read, of frames at the times ``t`` [s]."""
+        first = 0 if self.first is None else int(np.searchsorted(t, self.first))
+        last = len(t) - 1 if self.last is None else int(np.searchsorted(t, self.last, side="right")) - 1
+        return first, last
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -157,6 +168,11 @@ class FilmTrack:
     """The picture without the masses."""
     remarks: tuple[str, ...] = ()
 
+    @property
+    def string_scatter(self) -> float:
+        """Return the standard deviation of `string_residual` [pixels], by its median size, which outliers do not change."""
+        return 1.4826 * float(np.median(np.abs(self.string_residual)))
+
     def metres(self, place: Array) -> Array:
         """Return positions [m] from the rod's centre, x right and y up along the heavy mass's vertical, of pixels (n, 2).
 
@@ -197,9 +213,7 @@ class _Tracking:
         self.t, self.facts = seen.t, seen.facts
         self.size = seen.facts.width, seen.facts.height
         self.unit = max(self.size) / 1280
-        n = len(self.t)
-        self.first = 0 if settings.first is None else int(np.searchsorted(self.t, settings.first))
-        self.last = n - 1 if settings.last is None else int(np.searchsorted(self.t, settings.last, side="right")) - 1
+        self.first, self.last = settings.frames(self.t)
         if self.last - self.first < 5:
             raise FilmError("found fewer than six frames between --from and --to, needed the whole motion; correct them")
 
@@ -268,11 +282,7 @@ class _Tracking:
         during = sum(window[0] <= p.frame <= window[1] for p in kept)
         if during < LEAST_SAMPLES:  # of a long film too few were kept there
             wanted = set(np.linspace(window[0], window[1], MOST_SAMPLES).astype(int).tolist()) - {p.frame for p in kept}
-            kept += [
-                Picture(p.frame, *(plane.copy() for plane in p.planes))
-                for p in pictures(self.seen, window[0], window[1])
-                if p.frame in wanted
-            ]
+            kept += [p.copied() for p in pictures(self.seen, window[0], window[1]) if p.frame in wanted]
             kept.sort(key=lambda p: p.frame)
         return background([p.planes for p in kept], [p.frame for p in kept], window, sure=sure)
 
@@ -387,8 +397,7 @@ class _Tracking:
         at_release = string.constant - string.radius * start
         if settings.scale is not None:
             rule = settings.scale
-            pixels = math.hypot(rule.end[0] - rule.start[0], rule.end[1] - rule.start[1])
-            scale, scale_error, source = pixels / rule.length, SHOWN_ERROR / pixels, "a length shown in the picture"
+            scale, scale_error, source = rule.pixels / rule.length, SHOWN_ERROR / rule.pixels, "a length shown in the picture"
         else:
             assert settings.free_length is not None
             if not rest_seen:

@@ -104,9 +104,9 @@ class NamedMistake:
     names: tuple[str, ...]
     """Names of `mistakes.Mistake`; several if the points do not tell which of them was made."""
     keys: str
-    """Keys of the study that mend it, with their values in the first of these trials."""
+    """Keys of the study that correct it, with their values in the first of these trials."""
     text: str
-    """One line: where, what was found, what was needed, and the key that mends it."""
+    """One line: where, what was found, what was needed, and the key that corrects it."""
     corrected: Mapping[str, Distance] = field(default_factory=dict)
     """Trial -> distance of its points without the mistake; empty: only the origin is elsewhere."""
 
@@ -361,7 +361,7 @@ def _same(others: Sequence[Explanation], search: TrialSearch, searches: Sequence
 
 
 def _best(search: TrialSearch, searches: Sequence[TrialSearch]) -> list[Explanation]:
-    """Return the best explanation of a trial's misfit, and those that are as good; empty if none mends it."""
+    """Return the best explanation of a trial's misfit, and those that are as good; empty if none corrects it."""
     for steps in STEPS:
         mending = [e for e in search.explanations(steps) if _mends(e, search, searches)]
         if mending:

@@ -107,6 +107,16 @@ export function film(canvas) {
   return () => recorder.stop();
 }
 
+/** Copy words for pasting elsewhere; return whether the browser lets a page do so: from a folder it may not. @param {string} words */
+export async function copyText(words) {
+  try {
+    await navigator.clipboard.writeText(words);
+    return true;
+  } catch {
+    return false;
+  }
+}
+
 /** Have the browser save a file. @param {string} name @param {Blob} content */
 export function save(name, content) {
   const link = document.createElement("a");

@@ -1,7 +1,7 @@
 /** Keep and share: the link, a film and a picture of the stage, the run's numbers, and files that the package reads. */
 
 import { CONTROLS, linkOf, settingsOf } from "./controls.js";
-import { captioned, film, filmType, runCsv, save, scenarioYaml } from "./export.js";
+import { captioned, copyText, film, filmType, runCsv, save, scenarioYaml } from "./export.js";
 import { qrCode } from "./qr.js";
 import { fixed, shown, text, withUnit } from "./texts.js";
 
@@ -44,12 +44,9 @@ export class Keeping {
     this.page.address.write();
     const { shared } = this.page.address;
     const isLink = shared.includes("#");
-    try {
-      await navigator.clipboard.writeText(shared);
-      this.page.say("copied", () => text(isLink ? "copied" : "copiedCode", { code: shared }));
-    } catch {
-      this.page.say("copied", () => text(isLink ? "notCopied" : "copyCode", { code: shared })); // a page may not be allowed to
-    }
+    const isCopied = await copyText(shared);
+    const key = isLink ? (isCopied ? "copied" : "notCopied") : isCopied ? "copiedCode" : "copyCode";
+    this.page.say("copied", () => text(key, { code: shared }));
   }
 
   /** The time and all settings that are not zero, as a picture has them below it. */

@@ -2,7 +2,7 @@
 
 import { parsed } from "../controls.js";
 import { make } from "../engine_runs/shapes.js";
-import { save } from "../export.js";
+import { copyText, save } from "../export.js";
 import { ticks } from "../canvas.js";
 import { shown, text, withUnit } from "../texts.js";
 import { STEPS } from "./steps.js";
@@ -91,12 +91,7 @@ export class Classroom {
   }
 
   async copy() {
-    try {
-      await navigator.clipboard.writeText(this.line);
-      this.say("class-copied", text("classCopied"));
-    } catch {
-      this.say("class-copied", text("classNotCopied"));
-    }
+    this.say("class-copied", text((await copyText(this.line)) ? "classCopied" : "classNotCopied"));
   }
 
   /** @param {string} id @param {string} words */
