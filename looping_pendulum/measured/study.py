@@ -12,16 +12,26 @@ from typing import Any
 
 import numpy as np
 
+from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured.camera import CAMERA
 from looping_pendulum.measured.displaced_rows import clock_faults
 from looping_pendulum.measured.free_parameter import FreeParameter
-from looping_pendulum.measured.observations import Observations, merge, mirrored, rates_from_release, with_event_errors
+from looping_pendulum.measured.observations import (
+    DataError,
+    Observations,
+    merge,
+    mirrored,
+    rates_from_release,
+    with_event_errors,
+)
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Coefficient, Effect
 from looping_pendulum.reference_ode.effects.own import OwnEffect
 from looping_pendulum.reference_ode.parameters import Parameters, Release, effect_tables, is_possible
 from looping_pendulum.scenarios.quantities import APPARATUS, QUANTITIES
 
+FALLBACK_ROD_RADIUS = 5e-3
+"""Radius of a film's rod that a study does not state [m]; an error of a millimetre moves the scale by 0.2 %."""
 RELEASE = ("release_angle", "free_length", "hanging_length", "push_across")
 """Parameters of a release; a study gives the speed of a push with them, not under ``effects``."""
 FREE_SCALE = 1 / 3
@@ -349,12 +359,11 @@ def read_files(folder: Path, trial: Trial, rod_radius: float | None = None) -> O
         If a file cannot be used.
     """
     from looping_pendulum.film.decode import is_film
-    from looping_pendulum.measured.film_points import read_film
     from looping_pendulum.measured.readers import read  # imports units, which takes a while and which fits do not need
 
     has_film = any(is_film(path) for path, _ in trial.files)
     parts = tuple(
-        read_film(folder / path, trial, rod_radius, lambda table: read(table, name=trial.name, starts_at_release=False))
+        _read_film(folder / path, trial, rod_radius)
         if is_film(path)
         else read(
             folder / path,
@@ -381,3 +390,33 @@ def read_files(folder: Path, trial: Trial, rod_radius: float | None = None) -> O
         return observations
     period = 2 * math.pi * math.sqrt(length.value / effect_library.GRAVITY.coefficients[0].default)
     return rates_from_release(observations, period, None if angle is None else angle.value)
+
+
+def _read_film(film: Path, trial: Trial, rod_radius: float | None) -> Observations:
+    """Read the points of a film, and what is known of its camera: from the table beside it, or by tracking it now."""
+    # Here, as OpenCV takes a while to import, and no other study needs it
+    from looping_pendulum.film import output
+    from looping_pendulum.film.track import TrackSettings, track
+    from looping_pendulum.measured.readers import read
+
+    files = output.files_of(film)
+    if not output.is_newer(files, film):
+        length = trial.estimates.get("free_length")
+        settings = TrackSettings(
+            free_length=None if length is None else length.value,
+            free_length_error=0.0 if length is None or length.sigma is None else length.sigma,
+            rod_radius=rod_radius or FALLBACK_ROD_RADIUS,
+            frame_rate=trial.frame_rate,
+        )
+        try:
+            output.refuse_foreign_table(files)
+            output.write(track(film, settings), files)
+        except HarnessError as error:
+            raise DataError(str(error)) from None
+    points = read(files.table, name=trial.name, starts_at_release=False)
+    assumption = f"the film's points were read from {files.table.name}; {files.sheet.name} shows the marks on it"
+    return replace(
+        points,
+        assumptions=(*points.assumptions, assumption),
+        camera_errors={**points.camera_errors, **output.camera_errors(files)},
+    )
