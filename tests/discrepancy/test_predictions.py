@@ -9,7 +9,6 @@ import pytest
 
 from looping_pendulum.discrepancy.fit.calibration import calibrate_steps
 from looping_pendulum.discrepancy.fit.problem import (
-    MIN_BATCH,
     MIN_BATCH_OF_OWN_MODEL,
     Problem,
     alone,
@@ -74,7 +73,7 @@ def test_of_every_candidate_and_of_all_trials_at_once(inputs, problem, in_batche
         names = [name for name in (c.parameter,) if name in problem.base[0].coefficients]
         if not supports(problem.base[0], names) or c.companions:
             continue
-        count = MIN_BATCH_OF_OWN_MODEL if compiled_alone(problem.base[0].effects_with(names)) else MIN_BATCH
+        count = MIN_BATCH_OF_OWN_MODEL if compiled_alone(problem.base[0].effects_with(names)) else 3
         reach = min(c.bounds[1] - c.null, 0.02 * (abs(c.null) or 1.0)) or -0.02
         extended = problem.with_parameters(dataclasses.replace(c.free_parameter(1.0), scale=abs(reach)))
         rows = rng.normal(0, 0.3, (count, len(extended.names)))
@@ -95,7 +94,7 @@ def test_of_every_error_of_the_camera(problem, in_batches):
     trials = tuple(d.trial.name for d in problem.data)
     names = set(CAMERA) - {"origin_x", "origin_y", "rate_offset"}
     extended = problem.with_parameters(*(error_of_camera(name, trials, CAMERA[name].error) for name in sorted(names)))
-    rows = rng.normal(0, 0.5, (MIN_BATCH, len(extended.names)))
+    rows = rng.normal(0, 0.5, (3, len(extended.names)))
     (found,) = in_batches([(extended, rows)])
     np.testing.assert_allclose(found, singly(extended, rows), atol=1e-9, rtol=0)
 

@@ -11,11 +11,11 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.special import logsumexp
 
 from looping_pendulum.discrepancy.evidence.marginal import NoiseGrid, sigma_of
 from looping_pendulum.discrepancy.evidence.motions import (
@@ -65,6 +65,7 @@ class Law:
         return self.log_bayes_factor + log_share(self.closure)
 
 
+@lru_cache
 def covariance_root(length: float, sides: int) -> Array:
     """Return a root L of the weights' prior covariance L L^T, in units of the ridge's square."""
     i = np.arange(N_BASIS_FUNCTIONS)
@@ -90,7 +91,7 @@ class Laws:
         workers: Workers = SERIAL,
     ) -> None:  # fmt: skip
         self.fit, self.runs = fit, runs
-        self._log_weights = log_z - logsumexp(log_z)
+        self._log_weights = log_z - np.logaddexp.reduce(log_z)
         problem, sides = fit.problem, runs.pulsed_sides
         items = [(side, i) for side in sides for i in range(0, N_PULSES, N_BASIS_FUNCTIONS)]
         found = workers.map_together(respond, (problem, fit.x, runs.pulse_spacing), items)
@@ -106,7 +107,7 @@ class Laws:
         self._sides = {side: slice(i * N_PULSES, (i + 1) * N_PULSES) for i, side in enumerate(sides)}
         edges = np.cumsum([0] + [len(d.t) for d in problem.data]).tolist()
         self._beside = [_Beside(grid, s, edges, responses, others, prior, self._p) for s in settings]
-        self._last: tuple[Closure, tuple[Array, list[Array]]] | None = None
+        self._last: tuple[Closure, list[tuple[Array, Array]]] | None = None
         self._projections = [runs.pulses_of(k) for k in range(len(problem.data))]
 
     def all(self) -> list[Law]:
@@ -130,7 +131,8 @@ class Laws:
         log_bf = np.array([[_log_bayes_factors(s) for s in of_setting] for of_setting in spectra])
         weighted = log_bf + self._log_weights[:, None, None]
         best = np.unravel_index(int(np.argmax(weighted)), log_bf.shape)
-        return self._law(closure, spectra, best, log_bf, float(logsumexp(weighted) - math.log(log_bf[0].size)))
+        mixed = float(np.logaddexp.reduce(weighted, axis=None) - math.log(log_bf[0].size))
+        return self._law(closure, spectra, best, log_bf, mixed)
 
     def with_effects(self, law: Law, allowed: Sequence[bool]) -> list[tuple[Law, int, float]]:
         """Return a law beside each template: the law, the template's index, and its amount.
@@ -156,7 +158,7 @@ class Laws:
         shape = (len(self._beside), len(LENGTHS), len(RIDGES), len(allowed))
         log_bf, amount = np.reshape(logs, shape), np.reshape(amounts, shape)
         weighted = log_bf + self._log_weights[:, None, None, None]
-        mixed = logsumexp(weighted, axis=(0, 1, 2)) - math.log(len(LENGTHS) * len(RIDGES))
+        mixed = np.logaddexp.reduce(weighted, axis=(0, 1, 2)) - math.log(len(LENGTHS) * len(RIDGES))
         found = []
         for t in range(len(allowed)):
             best = np.unravel_index(int(np.argmax(weighted[..., t])), shape[:3])
@@ -179,9 +181,9 @@ class Laws:
         weights = vectors @ (ridge**2 / (1 + ridge**2 * eigenvalues) * q)
         decrease = self._decrease(spectra[0][i], ridge, template, amount)
         step = np.zeros(len(self.fit.x))
-        b = self._to_others(closure, beside)[1]
+        b = self._to_others(closure)[setting][1]
         step[self._free] = beside.inverse @ (known - b[:, 1 : 1 + self._p].T @ weights)
-        at_best = float(logsumexp(log_bf[:, i, j] + self._log_weights))
+        at_best = float(np.logaddexp.reduce(log_bf[:, i, j] + self._log_weights))
         # A point is two fitted numbers, which cost what the Bayesian information criterion takes for them
         cost_of_point = 0.5 * len(closure.point_coefficients) * math.log(self.fit.problem.count)
         return Law(
@@ -202,8 +204,7 @@ class Laws:
     def _spectra(self, closure: Closure) -> list[list[_Spectrum]]:
         """Return for each setting and correlation length: eigenvalues, projections of residuals and templates, and weights."""
         found = []
-        for beside in self._beside:
-            a, b = self._to_others(closure, beside)
+        for beside, (a, b) in zip(self._beside, self._to_others(closure), strict=True):
             fitted = b[:, 1 : 1 + self._p]
             inner = a - fitted @ beside.inverse @ fitted.T
             others = b[:, [0, *range(1 + self._p, b.shape[1])]] - fitted @ beside.inverse @ beside.cross
@@ -217,14 +218,19 @@ class Laws:
             found.append(of_setting)
         return found
 
-    def _to_others(self, closure: Closure, beside: _Beside) -> tuple[Array, Array]:
-        """Return the Gram matrix of the responses to a law's weights, and that with residuals, derivatives and templates."""
+    def _to_others(self, closure: Closure) -> list[tuple[Array, Array]]:
+        """Return for each setting the Gram matrix of the responses to a law's weights, and that with residuals, derivatives and
+        templates.
+        """
         if self._last is None or self._last[0] is not closure:
-            self._last = closure, self._of_pulses(closure)
-        used, of_trials = self._last[1]
-        a = sum(m.T @ g[np.ix_(used, used)] @ m for m, g in zip(of_trials, beside.grams, strict=True))
-        b = sum(m.T @ c[used] for m, c in zip(of_trials, beside.crosses, strict=True))
-        return a, b
+            used, of_trials = self._of_pulses(closure)
+            found = []
+            for beside in self._beside:
+                a = sum(m.T @ g[np.ix_(used, used)] @ m for m, g in zip(of_trials, beside.grams, strict=True))
+                b = sum(m.T @ c[used] for m, c in zip(of_trials, beside.crosses, strict=True))
+                found.append((a, b))
+            self._last = closure, found
+        return self._last[1]
 
     def _of_pulses(self, closure: Closure) -> tuple[Array, list[Array]]:
         """Return the pulses that a law needs, and how large each of them is by each weight, for every trial."""

@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from itertools import combinations
 
 import numpy as np
 from scipy.special import logsumexp
@@ -330,8 +331,8 @@ class Search:
             if self._is_usable(a.parent) and not is_said_nearer:
                 log_posterior, slack = self._expected(a, least)
                 # What adds nothing to a part of it is no explanation of its own
-                parts_of_it = [e.log_posterior for key, e in self.fitted.items() if key < a.key]
-                parts_of_it += [b.log_posterior for key, b in self.possible.items() if key < a.key]
+                smaller = [frozenset(part) for size in range(len(a.key)) for part in combinations(a.key, size)]
+                parts_of_it = [of[key].log_posterior for of in (self.fitted, self.possible) for key in smaller if key in of]
                 if log_posterior + slack > max(limit, *parts_of_it):
                     found.append((log_posterior, a))
         found += [(math.inf, a) for a in self._untried()]

@@ -14,7 +14,7 @@ from looping_pendulum.discrepancy.candidates import Candidate
 from looping_pendulum.discrepancy.evidence.marginal import sigma_of
 from looping_pendulum.discrepancy.evidence.prior import VISIBLE
 from looping_pendulum.discrepancy.fit.calibration import Fit
-from looping_pendulum.discrepancy.fit.problem import MIN_BATCH, Problem, Steps, jacobian_at, predict_requests, together
+from looping_pendulum.discrepancy.fit.problem import Problem, Steps, jacobian_at, predict_requests, together
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.reference_ode.batch import compiled_alone, supports
@@ -41,8 +41,8 @@ LINEAR_SIZE, FINITE_SIZES = 0.3, (3.0, 12.0)
 """Sizes of the changes of the prediction that are tried [RMS, in units of noise]: one that is still linear, and finite ones."""
 FINER = 0.1
 """Share of a linear change that shows whether it is one."""
-FIRST_FACTORS = (1.0, 10.0, 40.0)
-"""Factors on the smallest change of the value that is tried at once: about those of the sizes."""
+FIRST_FACTORS = (1.0, 40.0)
+"""Factors on the smallest change of the value that is tried at once: about that of the sizes."""
 MAX_TRIES, MAX_FAILURES = 10, 2
 """Largest number of steps in which changes of given sizes are looked for, and how many values may be impossible."""
 
@@ -271,21 +271,26 @@ class Changes:
     ) -> Steps[dict[tuple[float, float], float | None]]:
         """Find changes of the value up to each reach [SI] that change the prediction by about these sizes.
 
-        A change of ``first`` [SI] is tried first; where it cannot run, no smaller one is.
+        A change of ``first`` [SI] is tried first; where it cannot run, no smaller one is. To a second side, the changes that
+        were found to the first one are.
 
         Returns (reach, size) -> change of the value; None if the reach comes first and hardly anything changes.
         """
-        sides = {reach: math.copysign(1.0, reach) for reach in reaches}
-        tries = [side * min(first * factor, abs(reach)) for reach, side in sides.items() for factor in FIRST_FACTORS]
-        for _ in range(MAX_TRIES):
-            yield from self.compute(tries)
-            tries = []
-            for reach, side in sides.items():
+        found: dict[tuple[float, float], float | None] = {}
+        tries = [first * factor for factor in FIRST_FACTORS]
+        for reach in reaches:
+            side = math.copysign(1.0, reach)
+            for _ in range(MAX_TRIES):
+                yield from self.compute([side * min(delta, abs(reach)) for delta in tries])
                 guesses = [_next_try(self._tried(side), abs(reach), size, first) for size in sizes]
-                tries += [side * guess for guess in guesses if guess is not None]
-            if not tries or self.cannot_run:
-                break
-        return {(r, size): _chosen(self._tried(side), side, abs(r), size) for r, side in sides.items() for size in sizes}
+                tries = [guess for guess in guesses if guess is not None]
+                if not tries or self.cannot_run:
+                    break
+            chosen = {size: _chosen(self._tried(side), side, abs(reach), size) for size in sizes}
+            found |= {(reach, size): delta for size, delta in chosen.items()}
+            mirrored = [abs(delta) for delta in chosen.values() if delta is not None]
+            tries = mirrored or [first * factor for factor in FIRST_FACTORS]
+        return found
 
     def _tried(self, side: float) -> list[tuple[float, float]]:
         """Return sizes of the changes of the value to a side, and of those of the prediction: infinite where it cannot run."""
@@ -373,7 +378,4 @@ def compile_for(problem: Problem, candidate: Candidate | None) -> None:
     delta = math.copysign(first_change(candidate), candidate.bounds[1] - candidate.null or -1.0)
     x = np.concatenate([problem.prior_mean, [delta], np.zeros(len(companions))])
     extended = problem.with_parameters(candidate.free_parameter(1.0), *companions)
-    # As many runs as a batch needs, if it takes the effect
-    rows = np.tile(x, (MIN_BATCH if steps_together(problem, candidate) else 1, 1))
-    rows[:, len(problem.prior_mean)] *= np.linspace(0.5, 1.0, len(rows))
-    predict_requests([(extended, rows)])
+    predict_requests([(extended, x[None])])

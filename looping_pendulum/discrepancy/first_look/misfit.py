@@ -17,7 +17,7 @@ from types import MappingProxyType
 import numpy as np
 
 from looping_pendulum.discrepancy.fit.data import TrialData, trial_data
-from looping_pendulum.discrepancy.fit.problem import Problem, free_parameters_of
+from looping_pendulum.discrepancy.fit.problem import Problem, free_parameters_of, predict_requests
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured import observations as measured
 from looping_pendulum.measured.camera import Camera
@@ -555,24 +555,32 @@ def _fit_windows(problem: Problem, data: TrialData, parameters: Parameters, good
         unit = np.concatenate([*units, np.ones(len(part.events))])
         sigma = np.hypot(part.sigma * unit, MODEL_ERROR * length)
 
-        def residuals(
-            x: Array, here: Problem = here, part: TrialData = part, unit: Array = unit, sigma: Array = sigma
-        ) -> Array:
-            try:
-                points = (part.value - here.predict(x, 0)) * unit / sigma
-            except CANNOT_RUN:
-                points = np.full(len(sigma), 1e3)
+        def robust(x: Array, predicted: Array, part: TrialData = part, unit: Array = unit, sigma: Array = sigma) -> Array:
+            points = (part.value - predicted) * unit / sigma
+            points[np.isnan(predicted)] = 1e3
             # Robust for points alone: what was measured of the apparatus may not be given up for a better fit
             # Squares of large ones grow with their size, not with its square (SciPy's loss "soft_l1")
             soft = np.sign(points) * np.sqrt(2 * (np.sqrt(1 + points**2) - 1))
-            values = np.concatenate([soft, x / prior_sigma])
-            misfit = float(np.linalg.norm(values)) / math.sqrt(len(sigma))
+            return np.concatenate([soft, x / prior_sigma])
+
+        def residuals(x: Array, here: Problem = here) -> Array:
+            try:
+                values = robust(x, here.predict(x, 0))
+            except CANNOT_RUN:
+                values = robust(x, np.full(here.measured_rows, np.nan))
+            misfit = float(np.linalg.norm(values)) / math.sqrt(here.measured_rows)
             if misfit <= good_enough:
                 raise _GoodEnough(misfit, x)
             return values
 
+        def jacobian(x: Array, here: Problem = here) -> Array:
+            rows = here.rows_of_jacobian(x)
+            values = np.array([robust(*one) for one in zip(rows, predict_requests([(here, rows)])[0], strict=True)])
+            steps = (rows[1::2] - rows[2::2]).sum(axis=1)
+            return np.asarray(((values[1::2] - values[2::2]) / steps[:, None]).T)
+
         try:
-            fit = optimize.least_squares(residuals, x, bounds=(low, high), diff_step=1e-3, max_nfev=15, xtol=1e-3, ftol=3e-3)
+            fit = optimize.least_squares(residuals, x, jacobian, bounds=(low, high), max_nfev=15, xtol=1e-3, ftol=3e-3)
             misfit, best = math.sqrt(2 * float(fit.cost) / len(sigma)), fit.x
         except _GoodEnough as end:
             misfit, best = end.misfit, end.x

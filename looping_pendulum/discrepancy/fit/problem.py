@@ -37,12 +37,12 @@ DIFFERENCE_STEP = 1e-3
 Derivatives are good to about 2e-4 as long as the sequence of events stays the same.
 """
 _TIMES, _CAMERA = ParameterRole.TIMES, ParameterRole.CAMERA  # for an inner loop
-MIN_BATCH, MIN_BATCH_OF_OWN_MODEL = 3, 12
-"""Number of runs of one trial that are asked for at once, from which on they are made in a batch: where all further effects
-share one compiled model, and where an effect needs a model of its own, which a fit is worth, but not what a few values do.
+MIN_BATCH_OF_OWN_MODEL = 12
+"""Number of runs of one trial that are asked for at once, from which on they are made in a batch where an effect needs a
+compiled model of its own, which a fit is worth, but not what a few values do.
 
-What a batch costs beside its runs is as much as some eight single ones. But whether a run is part of one may not depend on what
-else is asked for, as a single run differs from it in the last digits, and results are the same for any number of processes.
+Whether a run is part of a batch may not depend on what else is asked for, as a single run differs from it in the last digits,
+and results are the same for any number of processes.
 """
 
 PLACES = ("rod_radius", "free_length", "release_angle", "hanging_length", "heavy_swing", "string_thickness")
@@ -310,9 +310,10 @@ Steps = Generator[Request, Array, T]
 def predict_requests(requests: Sequence[Request]) -> list[Array]:
     """Return what is predicted of all trials of each problem at its parameters, shape (m, n); nan: a trial's model cannot run.
 
-    Single runs are made where they are few, for swings of a held pendulum, which heyoka alone passes through turning points at
-    once, for tables of events, which a batch does not keep, for a rod that turns and for a string that stretches. All others
-    are one batch for the declared model's effects, one for further ones, and one for each effect that has a model of its own.
+    Single runs are made for swings of a held pendulum, which heyoka alone passes through turning points at once, for tables of
+    events, which a batch does not keep, for a rod that turns, for a string that stretches, and where few runs have an effect
+    with a model of its own. All others are one batch for the declared model's effects, one for further ones, and one for each
+    effect that has a model of its own.
     """
     found = [np.full((len(x), problem.measured_rows), np.nan) for problem, x in requests]
     groups: dict[tuple[Any, ...], list[_Part]] = {}
@@ -423,8 +424,12 @@ class _Part:
         d = self.problem.data[self.k]
         names = [name for name in self.columns if name in self.base.coefficients]
         alone = compiled_alone(self.effects)
-        least = MIN_BATCH_OF_OWN_MODEL if alone else MIN_BATCH
-        if len(self.first) < least or d.events or not d.channels or self.base.release is Release.HELD:
+        if (
+            (alone and len(self.first) < MIN_BATCH_OF_OWN_MODEL)
+            or d.events
+            or not d.channels
+            or self.base.release is Release.HELD
+        ):
             return ()
         if not supports(self.base, names):
             return ()
