@@ -45,14 +45,24 @@ class CameraCoefficient(Coefficient):
 
     One camera films all trials. A camera with larger errors than these needs a study that says so.
     """
+    changes: tuple[str, ...]
+    """What it changes of what is measured, of `MEASURED`."""
+    if_stated: bool
+    """Whether only a trial that states it has it, since a table's own program may have corrected it."""
+
+
+MEASURED = ("positions", "angle", "angle_rate", "height", "events")
+"""What may be measured; "angle_rate" is an angular velocity by itself."""
 
 
 def _coefficient(
-    name: str, unit: str, null: float, bounds: tuple[float, float], meaning: str, *, error: float, reach: float | None = None
-) -> CameraCoefficient:
+    name: str, unit: str, null: float, bounds: tuple[float, float], meaning: str, *,
+    error: float, reach: float | None = None, changes: tuple[str, ...] = ("positions",), if_stated: bool = False,
+) -> CameraCoefficient:  # fmt: skip
     return CameraCoefficient(
-        name=name, unit=unit, default=null, null=null, bounds=bounds, meaning=meaning, error=error, candidate_reach=reach
-    )
+        name=name, unit=unit, default=null, null=null, bounds=bounds, meaning=meaning,
+        error=error, candidate_reach=reach, changes=changes, if_stated=if_stated,
+    )  # fmt: skip
 
 
 _ANGLE = math.radians(0.5)
@@ -62,11 +72,18 @@ CAMERA = MappingProxyType(
         for c in (
             # The origin is no candidate, because a fit of the declared model has that of each camera already
             _coefficient("origin_x", "m", 0.0, (-2e3, 2e3), "x at which the rod's centre is measured", error=5e-3),
-            _coefficient("origin_y", "m", 0.0, (-2e3, 2e3), "y at which the rod's centre is measured", error=5e-3),
-            _coefficient("scale", "", 1.0, (0.2, 5.0), "measured length per true length", error=0.005, reach=0.3),
+            _coefficient(
+                "origin_y", "m", 0.0, (-2e3, 2e3), "y at which the rod's centre is measured",
+                error=5e-3, changes=("positions", "height"),
+            ),
+            # Heights and angles are measured along the vertical and near the rod, where scale and tilt are all that matters
+            _coefficient(
+                "scale", "", 1.0, (0.2, 5.0), "measured length per true length",
+                error=0.005, reach=0.3, changes=("positions", "height", "events"),
+            ),
             _coefficient(
                 "tilt", "rad", 0.0, (-math.pi, math.pi), "angle by which the picture is turned, counterclockwise",
-                error=_ANGLE, reach=math.radians(20),
+                error=_ANGLE, reach=math.radians(20), changes=("positions", "angle", "events"),
             ),
             _coefficient(
                 "foreshortening", "", 1.0, (0.2, 5.0), "horizontal length in the picture per equally long vertical one",
@@ -96,17 +113,25 @@ CAMERA = MappingProxyType(
             _coefficient("centre_y", "m", 0.0, (-10.0, 10.0), "y of the picture's centre, from the rod's", error=0.1),
             _coefficient(
                 "clock_offset", "s", 0.0, (-60.0, 60.0), "true time since release at which the file's clock is 0",
-                error=4e-3, reach=0.1,
+                error=4e-3, reach=0.1, changes=MEASURED,
             ),
-            _coefficient("clock_ratio", "", 1.0, (0.01, 100.0), "true time per measured time", error=0.002, reach=0.3),
+            _coefficient(
+                "clock_ratio", "", 1.0, (0.01, 100.0), "true time per measured time", error=0.002, reach=0.3, changes=MEASURED,
+            ),
             _coefficient(
                 "readout", "s/m", 0.0, (-0.1, 0.1), "delay of the picture's rows, per length downwards (rolling shutter)",
-                error=2e-4, reach=0.04,
+                error=2e-4, reach=0.04, if_stated=True,
             ),
             # No candidate: it moves no point of the light mass
-            _coefficient("heavy_offset_x", "m", 0.0, (-0.1, 0.1), "how far right of the heavy mass its points are", error=5e-4),
+            _coefficient(
+                "heavy_offset_x", "m", 0.0, (-0.1, 0.1), "how far right of the heavy mass its points are",
+                error=5e-4, if_stated=True,
+            ),
             # No candidate either: every fit of angular velocities has it
-            _coefficient("rate_offset", "rad/s", 0.0, (-1.0, 1.0), "angular velocity that is measured at rest", error=0.02),
+            _coefficient(
+                "rate_offset", "rad/s", 0.0, (-1.0, 1.0), "angular velocity that is measured at rest",
+                error=0.02, changes=("angle_rate",),
+            ),
         )
     }
 )  # fmt: skip

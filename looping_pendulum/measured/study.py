@@ -280,18 +280,14 @@ class Study:
     def camera_priors(self, trial: Trial, observations: Observations) -> dict[str, Estimate]:
         """Return the priors of the camera parameters that these observations depend on."""
         named = {c.name: c for c in observations.channels}
-        acting = ["clock_offset", "clock_ratio"] if named or observations.events else []
-        if any(n.endswith(("_x", "_y")) for n in named):
-            # Heights and angles are measured along the vertical and near the rod, where scale and tilt are all that matters
-            picture = ["foreshortening", "shear", "perspective_x", "perspective_y", "distortion", "centre_x", "centre_y"]
-            acting = ["origin_x", "origin_y", "scale", "tilt", *picture, *acting]
-            # Of a film that was tracked here, and where the study says so: a table's own program may have corrected them
-            acting += [n for n in ("readout", "heavy_offset_x") if n in trial.camera]
-        acting += ["scale", "tilt"] if observations.events else []
-        acting += ["tilt"] if "angle" in named else []
-        acting += ["origin_y", "scale"] if "height" in named else []
-        acting += ["rate_offset"] if named.keys() == {"angle_rate"} else []
-        priors = {n: Estimate(value=CAMERA[n].null, sigma=CAMERA[n].error) for n in dict.fromkeys(acting)}
+        measured: set[str] = {"angle", "height"} & named.keys()
+        measured |= {"positions"} if any(n.endswith(("_x", "_y")) for n in named) else set()
+        measured |= {"angle_rate"} if named.keys() == {"angle_rate"} else set()
+        measured |= {"events"} if observations.events else set()
+        acting = [
+            c for c in CAMERA.values() if measured.intersection(c.changes) and (c.name in trial.camera or not c.if_stated)
+        ]
+        priors = {c.name: Estimate(value=c.null, sigma=c.error) for c in acting}
         if named:
             step = max(c.time_step for c in named.values())
             # The first frame after the release is known to a frame or two.

@@ -21,7 +21,7 @@ from looping_pendulum.engines.registry import select
 from looping_pendulum.engines.trajectory import RunStatus, Trajectory
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode.batch import solve_batch
-from looping_pendulum.reference_ode.batch.runs import ENDS, FAILED
+from looping_pendulum.reference_ode.batch.runs import COLUMNS, ENDS, FAILED, Column
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.transitions import Event
@@ -73,28 +73,15 @@ class Field:
         return 0 if self.dtype == "uint64" else -1
 
 
-def _real(name: str, unit: str, meaning: str) -> Field:
-    return Field(name=name, unit=unit, dtype="float64", meaning=meaning)
+def _field(name: str, column: Column) -> Field:
+    kind = np.dtype(column.kind)
+    # A code has its words in the attributes of its field, and a number that is not known is NaN
+    unknown = {"i": UNKNOWN_COUNT, "u": 0}.get(kind.kind) if name != "end" else None
+    meaning = column.meaning if unknown is None else f"{column.meaning}; {unknown}: the engine does not tell"
+    return Field(name=name, unit=column.unit, dtype=kind.name, meaning=meaning)
 
 
-def _count(name: str, meaning: str) -> Field:
-    return Field(name=name, unit="", dtype="int32", meaning=f"{meaning}; {UNKNOWN_COUNT}: the engine does not tell")
-
-
-FIELDS = (
-    _real("halting_time", "s", "start of the sticking that lasts until the light mass reaches the rod; NaN without one"),
-    _real("halting_wrap_angle", "rad", "wrap angle at the halting time; NaN without one"),
-    _real("halting_free_length", "m", "free length at the halting time; NaN without one"),
-    _real("drop", "m", "how far the heavy mass is below its release at the end of the run"),
-    _real("wrap_angle", "rad", "wrap angle at the end of the run"),
-    _real("free_length", "m", "free length at the end of the run"),
-    _count("stops", "how often the heavy mass's speed became zero"),
-    _count("slip_count", "how often a string at rest on the rod began to slide again"),
-    _count("slack_intervals", "how often the string was, or became, slack"),
-    Field(name="end", unit="", dtype="int8", meaning="how the run ended"),
-    _real("end_time", "s", "end of the run"),
-    Field(name="sequence", unit="", dtype="uint64", meaning="hash of the sequence of modes; 0: the engine does not tell"),
-)
+FIELDS = tuple(_field(name, column) for name, column in COLUMNS.items() if column.in_maps)
 PACKAGES = ("numpy", "scipy", "heyoka")
 """Packages that the reference's results depend on, beside this package."""
 

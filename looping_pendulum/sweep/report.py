@@ -22,17 +22,8 @@ from looping_pendulum.sweep.store import attributes
 
 REPORT = "map.md"
 COPY = "map.yaml"
-RANGES = (
-    "halting_time",
-    "halting_wrap_angle",
-    "halting_free_length",
-    "drop",
-    "stops",
-    "slip_count",
-    "slack_intervals",
-    "end_time",
-)
-"""Fields of which a report gives the smallest, mean and largest value."""
+RANGES = tuple(field.name for field in FIELDS if field.dtype in ("float64", "int32"))
+"""Fields of which a report gives the smallest, mean and largest value: not codes."""
 
 
 @dataclass

@@ -7,6 +7,7 @@ import multiprocessing
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -85,35 +86,74 @@ def valid_runs(base: Parameters, values: Mapping[str, Any], n: int) -> NDArray[n
 
 
 @dataclass(frozen=True, kw_only=True)
+class Column:
+    """What a batch, and a map, hold of every run."""
+
+    unit: str
+    """SI unit; '' for a plain number."""
+    meaning: str
+    of_run: Callable[[Run], Any]
+    """Its value for a single run."""
+    at_end: str
+    """Entry of the state whose value at the end of the run it is; '' if it is none."""
+    kind: type[np.generic]
+    failed: float
+    """Its value for a run that broke down."""
+    in_maps: bool
+
+
+def _column(
+    unit: str, meaning: str, of_run: Callable[[Run], Any], kind: type[np.generic] = np.float64, failed: float = np.nan,
+    *, in_maps: bool = True, at_end: str = "",
+) -> Any:  # fmt: skip
+    column = Column(unit=unit, meaning=meaning, of_run=of_run, at_end=at_end, kind=kind, failed=failed, in_maps=in_maps)
+    return dataclasses.field(metadata={"column": column})
+
+
+def _at_halt(unit: str, meaning: str, value: Callable[[Any], Any]) -> Any:
+    return _column(unit, f"{meaning}; NaN without one", lambda run: np.nan if run.halt is None else value(run.halt))
+
+
+def _at_end(unit: str, meaning: str, name: str) -> Any:
+    return _column(unit, f"{meaning} at the end of the run", attrgetter(f"end.state.{name}"), at_end=name)
+
+
+@dataclass(frozen=True, kw_only=True)
 class BatchResult:
     """Result of each run; every array has shape (n,). A failed run has nan, zero counts and a sequence of 0."""
 
-    halting_time: Array
-    """Start of the sticking that lasts until the light mass reaches the rod [s]; nan without one."""
-    halting_wrap_angle: Array
-    """Wrap angle at that time [rad]; nan without one."""
-    halting_free_length: Array
-    """Free length at that time [m]; nan without one."""
-    drop: Array
-    """How far the heavy mass is below its release at the end [m]."""
-    wrap_angle: Array
-    """Wrap angle at the end [rad]."""
-    free_length: Array
-    """Free length at the end [m]."""
-    stops: NDArray[np.int32]
-    """How often the heavy mass's speed became zero."""
-    slip_count: NDArray[np.int32]
-    """How often a sticking string began to slide."""
-    slack_intervals: NDArray[np.int32]
-    """How often the string was, or became, slack."""
-    end: NDArray[np.int8]
-    """How the run ended, as an index into `ENDS`."""
-    end_time: Array
-    """Time at which the run ended [s]."""
-    sequence: NDArray[np.uint64]
-    """Hash of the sequence of modes (`sequence_hash`)."""
-    handed_over: NDArray[np.int8]
-    """1 where heyoka gave up and SciPy solved the run, else 0."""
+    halting_time: Array = _at_halt(
+        "s", "start of the sticking that lasts until the light mass reaches the rod", attrgetter("time")
+    )
+    halting_wrap_angle: Array = _at_halt("rad", "wrap angle at the halting time", attrgetter("state.wrap_angle"))
+    halting_free_length: Array = _at_halt("m", "free length at the halting time", attrgetter("state.free_length"))
+    drop: Array = _column(
+        "m", "how far the heavy mass is below its release at the end of the run", lambda run: run.heavy_drop(run.end.state)
+    )
+    wrap_angle: Array = _at_end("rad", "wrap angle", "wrap_angle")
+    free_length: Array = _at_end("m", "free length", "free_length")
+    stops: NDArray[np.int32] = _column(
+        "", "how often the heavy mass's speed became zero", lambda run: len(run.stops), np.int32, 0
+    )
+    slip_count: NDArray[np.int32] = _column(
+        "", "how often a string at rest on the rod began to slide again",
+        lambda run: sum(event.event in (Event.SLIP_ONSET_DOWN, Event.SLIP_ONSET_UP) for event in run.events), np.int32, 0,
+    )  # fmt: skip
+    slack_intervals: NDArray[np.int32] = _column(
+        "", "how often the string was, or became, slack",
+        lambda run: sum(mode in (Mode.SLACK, Mode.CLAMPED_SLACK) for mode in run.modes), np.int32, 0,
+    )  # fmt: skip
+    end: NDArray[np.int8] = _column("", "how the run ended", lambda run: ENDS.index(run.end.event), np.int8, FAILED)
+    """An index into `ENDS`."""
+    end_time: Array = _column("s", "end of the run", attrgetter("end_time"))
+    sequence: NDArray[np.uint64] = _column(
+        "", "hash of the sequence of modes", lambda run: sequence_hash(run.modes), np.uint64, 0
+    )
+    """`sequence_hash`."""
+    handed_over: NDArray[np.int8] = _column(
+        "", "1 where heyoka gave up and SciPy solved the run, else 0", lambda run: int(bool(run.handed_over)), np.int8, 0,
+        in_maps=False,
+    )  # fmt: skip
 
     def __len__(self) -> int:
         return len(self.end)
@@ -132,41 +172,29 @@ class BatchResult:
         Processes may share the buffer.
         """
         columns, offset = {}, 0
+        kinds = {name: np.dtype(column.kind) for name, column in COLUMNS.items()}
         # Largest items first: then every column is aligned, whatever n is
-        for name in sorted((field.name for field in dataclasses.fields(cls)), key=lambda name: -_column_type(name)[0].itemsize):
-            kind = _column_type(name)[0]
+        for name, kind in sorted(kinds.items(), key=lambda one: -one[1].itemsize):
             columns[name] = np.frombuffer(memory, kind, count=n, offset=offset)
             offset += n * kind.itemsize
         return cls(**columns)
 
     def clear(self) -> None:
         """Mark all runs as failed."""
-        for field in dataclasses.fields(self):
-            getattr(self, field.name)[:] = _column_type(field.name)[1]
+        for name, column in COLUMNS.items():
+            getattr(self, name)[:] = column.failed
 
     def put(self, runs: NDArray[np.int64], part: BatchResult) -> None:
         """Fill in the results ``part`` of ``runs``."""
-        for field in dataclasses.fields(self):
-            getattr(self, field.name)[runs] = getattr(part, field.name)
+        for name in COLUMNS:
+            getattr(self, name)[runs] = getattr(part, name)
 
 
-_COLUMN_TYPES: dict[str, tuple[Any, float]] = {
-    "stops": (np.int32, 0),
-    "slip_count": (np.int32, 0),
-    "slack_intervals": (np.int32, 0),
-    "end": (np.int8, FAILED),
-    "sequence": (np.uint64, 0),
-    "handed_over": (np.int8, 0),
-}
-
-
-def _column_type(name: str) -> tuple[np.dtype[Any], float]:
-    """Return the type of a column of results, and its value for a run that failed."""
-    kind, start = _COLUMN_TYPES.get(name, (np.float64, np.nan))
-    return np.dtype(kind), start
-
-
-BYTES_PER_RUN = sum(_column_type(field.name)[0].itemsize for field in dataclasses.fields(BatchResult))
+COLUMNS: dict[str, Column] = {field.name: field.metadata["column"] for field in dataclasses.fields(BatchResult)}
+"""Name of a field of `BatchResult` -> what it is."""
+AT_END = tuple((name, column.at_end) for name, column in COLUMNS.items() if column.at_end)
+"""Name of a field -> entry of the state at the end, of those that are one."""
+BYTES_PER_RUN = sum(np.dtype(column.kind).itemsize for column in COLUMNS.values())
 """Memory that the results of one run take [B]."""
 
 
@@ -186,24 +214,7 @@ def update_hash(value: Any, mode: Any) -> Any:
 
 def summary(run: Run) -> dict[str, Any]:
     """Return the entries of a `BatchResult` for one run."""
-    end, halt = run.end, run.halt
-    assert end.event is not None
-    slack = (Mode.SLACK, Mode.CLAMPED_SLACK)
-    return {
-        "halting_time": np.nan if halt is None else halt.time,
-        "halting_wrap_angle": np.nan if halt is None else halt.state.wrap_angle,
-        "halting_free_length": np.nan if halt is None else halt.state.free_length,
-        "drop": run.heavy_drop(end.state),
-        "wrap_angle": end.state.wrap_angle,
-        "free_length": end.state.free_length,
-        "stops": len(run.stops),
-        "slip_count": sum(event.event in (Event.SLIP_ONSET_DOWN, Event.SLIP_ONSET_UP) for event in run.events),
-        "slack_intervals": sum(mode in slack for mode in run.modes),
-        "end": ENDS.index(end.event),
-        "end_time": run.end_time,
-        "sequence": sequence_hash(run.modes),
-        "handed_over": int(bool(run.handed_over)),
-    }
+    return {name: column.of_run(run) for name, column in COLUMNS.items()}
 
 
 class _LocalCounter:

@@ -13,7 +13,7 @@ import numpy as np
 
 from looping_pendulum.reference_ode.batch import system
 from looping_pendulum.reference_ode.batch.compiled import LEADING, batch_model, drop
-from looping_pendulum.reference_ode.batch.runs import ENDS, HASH_START, BatchResult, BatchRuns, Index, update_hash
+from looping_pendulum.reference_ode.batch.runs import AT_END, ENDS, HASH_START, BatchResult, BatchRuns, Index, update_hash
 from looping_pendulum.reference_ode.batch.samples import BatchSamples, SampleLog
 from looping_pendulum.reference_ode.batch.steps import NO_EVENT, stepper
 from looping_pendulum.reference_ode.batch.system import BOOKKEEPING, Block
@@ -202,7 +202,8 @@ class Schedule:
         """Record how the runs ended; halts only where the light mass reached the rod while the string was sticking."""
         result = self._result
         result.end_time[runs] = block["duration"] if event is Event.TIME_UP else block["time"]
-        result.wrap_angle[runs], result.free_length[runs] = block["wrap_angle"], block["free_length"]
+        for name, entry in AT_END:
+            getattr(result, name)[runs] = block[entry]
         (result.drop[runs],) = drop(self._model)(block.inputs)
         if self._log is not None:
             self._log.end(block, runs)
