@@ -44,7 +44,8 @@ def look(
     loaded = study_io.load(study)
     folder = out or Path("report") / loaded.name
     prepare_output_folder(folder, files=(figures.FIRST_LOOK,))  # refuse an unusable folder before the work, not after it
-    check = take_first_look(loaded)
+    with ProgressBars() as bars:
+        check = take_first_look(loaded, bars.update)
     for sentence in dict.fromkeys(sentence for trial in check.trials for sentence in trial.reading):
         trials = ", ".join(f"'{trial.trial}'" for trial in check.trials if sentence in trial.reading)
         say(f"read {trials}: {sentence}")

@@ -7,7 +7,7 @@ import dataclasses
 import math
 import platform
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -43,6 +43,7 @@ from looping_pendulum.discrepancy.result import (
 from looping_pendulum.discrepancy.verdict_sentence import effect_in_words, verdict_notes, verdict_sentence
 from looping_pendulum.discrepancy.workers import Workers, default_process_count, one_blas_thread
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.jobs import ReportShare
 from looping_pendulum.measured.observations import BODIES
 from looping_pendulum.measured.study import Study
 from looping_pendulum.reference_ode.effects import EFFECTS
@@ -51,8 +52,8 @@ from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.versions import MISSING, installed_version
 
-FractionCallback = Callable[[str, float], None]
-"""Function that is called with a description of each step that begins, and the share of all work that is done."""
+READING_SHARE = 0.5
+"""Share of the work that reading is where films are tracked."""
 STEP_SHARE = 0.2
 """Share of the work that is left which a step counts for."""
 REPORT_SHARE = 0.97
@@ -78,7 +79,7 @@ def identify(
     study: Study,
     *,
     seed: int = 0,
-    progress: FractionCallback = lambda what, share: None,
+    progress: ReportShare = lambda what, share: None,
     workers: int | Workers | None = None,
     time_limit: float | None = None,
     anyway: bool = False,
@@ -117,6 +118,13 @@ def identify(
             raise _OutOfTime
         progress(what, share)
 
+    read = 0.0
+
+    def reading(what: str, share: float) -> None:
+        nonlocal read
+        read = READING_SHARE * share
+        progress_within_limit(what, read)
+
     pool: contextlib.AbstractContextManager[Workers]
     if isinstance(workers, Workers):
         pool = contextlib.nullcontext(workers)
@@ -126,11 +134,11 @@ def identify(
     try:
         # First, so that the worker processes start and import meanwhile
         with one_blas_thread(), pool as team:
-            first_look = take_first_look(study)
+            first_look = take_first_look(study, reading)
             if not anyway:
                 first_look.refuse_mistakes()
             inputs = read_inputs(study, first_look.observations)
-            result = _identify(inputs, seed, progress_within_limit, team)
+            result = _identify(inputs, seed, progress_within_limit, team, done=read)
     except _OutOfTime:
         message = (
             f"--time-limit: found no fit of the declared model within {time_limit:g} s; check the study's units and values"
@@ -139,9 +147,8 @@ def identify(
     return dataclasses.replace(result, notes=(*first_look.notes, *result.notes), first_look=first_look)
 
 
-def _identify(inputs: Inputs, seed: int, progress: FractionCallback, workers: Workers) -> Identification:
+def _identify(inputs: Inputs, seed: int, progress: ReportShare, workers: Workers, done: float) -> Identification:
     """Identify; an interrupt after the calibration ends the search, one before it or while models are judged is raised."""
-    done = 0.0
 
     def report(what: str) -> None:
         # How many steps there will be, is not known: each takes a part of what is left

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -25,10 +25,8 @@ from looping_pendulum.film.moving import (
 )
 from looping_pendulum.film.moving import Path as MovingPath
 from looping_pendulum.film.pendulum import Fall, LightMass, String
+from looping_pendulum.jobs import ReportShare
 from looping_pendulum.reference_ode.geometry import Array
-
-ReportProgress = Callable[[str, float], None]
-"""Function of what is being done, and of the share that is complete."""
 
 SECONDS_BEFORE = 0.3
 """Time before the release from which on pictures are searched [s]."""
@@ -185,7 +183,7 @@ class FilmTrack:
         return np.stack([self.side * x, y], axis=-1)
 
 
-def track(path: str | Path, settings: TrackSettings, progress: ReportProgress | None = None) -> FilmTrack:
+def track(path: str | Path, settings: TrackSettings, progress: ReportShare | None = None) -> FilmTrack:
     """Track both masses through a film.
 
     Raises
@@ -208,7 +206,7 @@ def track(path: str | Path, settings: TrackSettings, progress: ReportProgress | 
 class _Tracking:
     """The stages of one film's tracking."""
 
-    def __init__(self, seen: Survey, settings: TrackSettings, report: ReportProgress) -> None:
+    def __init__(self, seen: Survey, settings: TrackSettings, report: ReportShare) -> None:
         self.seen, self.settings, self.report = seen, settings, report
         self.t, self.facts = seen.t, seen.facts
         self.size = seen.facts.width, seen.facts.height

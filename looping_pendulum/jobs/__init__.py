@@ -14,6 +14,8 @@ from typing import TypeVar
 
 POLL_INTERVAL = 0.05
 """Time between two looks at what goes on [s]; Ctrl-C is noticed in between."""
+ReportShare = Callable[[str, float], None]
+"""Function that is called with what is being done, and the share of all of it that is done."""
 Result = TypeVar("Result")
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,6 +29,9 @@ from looping_pendulum.reference_ode.effects import Coefficient, Effect
 from looping_pendulum.reference_ode.effects.own import OwnEffect
 from looping_pendulum.reference_ode.parameters import Parameters, Release, effect_tables, is_possible
 from looping_pendulum.scenarios.quantities import APPARATUS, QUANTITIES
+
+if TYPE_CHECKING:
+    from looping_pendulum.jobs import ReportShare
 
 FALLBACK_ROD_RADIUS = 5e-3
 """Radius of a film's rod that a study does not state [m]; an error of a millimetre moves the scale by 0.2 %."""
@@ -340,14 +343,21 @@ def _effect_acts_in(effect: Effect, trial: Trial) -> bool:
     return on_light or trial.release is not Release.HELD
 
 
-def read_trial(study: Study, trial: Trial) -> Observations:
+def read_trial(study: Study, trial: Trial, progress: ReportShare | None = None) -> Observations:
     """Read the files of a trial of ``study``, as `read_files` does."""
     rod = study.estimate("rod_radius", trial)
-    return read_files(study.folder, trial, None if rod is None else rod.value)
+    return read_files(study.folder, trial, None if rod is None else rod.value, progress)
 
 
-def read_files(folder: Path, trial: Trial, rod_radius: float | None = None) -> Observations:
+def read_files(
+    folder: Path, trial: Trial, rod_radius: float | None = None, progress: ReportShare | None = None
+) -> Observations:
     """Read a trial's files, whose paths are relative to ``folder``; a film needs the rod's radius [m].
+
+    Parameters
+    ----------
+    progress
+        Called while a film is tracked, which takes some seconds.
 
     Raises
     ------
@@ -359,7 +369,7 @@ def read_files(folder: Path, trial: Trial, rod_radius: float | None = None) -> O
 
     has_film = any(is_film(path) for path, _ in trial.files)
     parts = tuple(
-        _read_film(folder / path, trial, rod_radius)
+        _read_film(folder / path, trial, rod_radius, progress)
         if is_film(path)
         else read(
             folder / path,
@@ -388,7 +398,7 @@ def read_files(folder: Path, trial: Trial, rod_radius: float | None = None) -> O
     return rates_from_release(observations, period, None if angle is None else angle.value)
 
 
-def _read_film(film: Path, trial: Trial, rod_radius: float | None) -> Observations:
+def _read_film(film: Path, trial: Trial, rod_radius: float | None, progress: ReportShare | None) -> Observations:
     """Read the points of a film, and what is known of its camera: from the table beside it, or by tracking it now."""
     # Here, as OpenCV takes a while to import, and no other study needs it
     from looping_pendulum.film import output
@@ -406,7 +416,7 @@ def _read_film(film: Path, trial: Trial, rod_radius: float | None) -> Observatio
         )
         try:
             output.refuse_foreign_table(files)
-            output.write(track(film, settings), files)
+            output.write(track(film, settings, progress), files)
         except HarnessError as error:
             raise DataError(str(error)) from None
     points = read(files.table, name=trial.name, starts_at_release=False)

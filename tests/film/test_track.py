@@ -93,7 +93,10 @@ def test_a_study_takes_a_film_and_reads_its_table_the_second_time(ordinary, tmp_
         "trials: [{file: trial.mp4, release: {angle: 112 deg, free_length: 58 cm +/- 1 mm}}]\n"
     )
     study = load(tmp_path / "study.yaml")
-    first = read_trial(study, study.trials[0])
+    shares = []
+    first = read_trial(study, study.trials[0], lambda what, share: shares.append(share))
+    assert len(shares) > 3
+    assert shares == sorted(shares)
     monkeypatch.setattr("looping_pendulum.film.track.track", None)  # a second tracking would fail
     second = read_trial(study, study.trials[0])
     assert np.array_equal(first.channel("light_y").value, second.channel("light_y").value)

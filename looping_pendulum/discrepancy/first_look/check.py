@@ -42,6 +42,7 @@ from looping_pendulum.discrepancy.first_look.row_times import (
 )
 from looping_pendulum.discrepancy.fit.event_prediction import check_event_rows
 from looping_pendulum.discrepancy.workers import one_blas_thread
+from looping_pendulum.jobs import ReportShare
 from looping_pendulum.measured.displaced_rows import (
     MIN_CHANGE,
     WrongTimes,
@@ -163,8 +164,13 @@ class DeclarationCheck:
             raise DeclarationError(self)
 
 
-def take_first_look(study: Study) -> DeclarationCheck:
+def take_first_look(study: Study, progress: ReportShare = lambda what, share: None) -> DeclarationCheck:
     """Read the files of a study and compare them with what it declares.
+
+    Parameters
+    ----------
+    progress
+        Called while films are tracked, with the share of all trials that is read.
 
     Raises
     ------
@@ -172,9 +178,13 @@ def take_first_look(study: Study) -> DeclarationCheck:
         If a file cannot be read, or has an event that no model can predict.
     """
     observed, unreadable = [], dict[str, str]()
-    for trial in study.trials:
+    for i, trial in enumerate(study.trials):
+
+        def report(what: str, share: float, name: str = trial.name, before: int = i) -> None:
+            progress(f"{name}: {what}", (before + share) / len(study.trials))
+
         try:
-            observed.append((trial, read_trial(study, trial)))
+            observed.append((trial, read_trial(study, trial, report)))
         except ImplausibleLengthError as error:
             # Pixels, perhaps. In a unit that is far too short they can be read, and the motion then says how long one is
             readable = dataclasses.replace(trial, units={**trial.units, "length": SHORT_UNIT})
