@@ -149,7 +149,8 @@ def compiled_alone(effects: Iterable[Effect]) -> tuple[str, ...]:
 def _compiled_together(base: Parameters, columns: Columns) -> frozenset[str]:
     """Return coefficients whose effects are compiled in, whether they act or not."""
     effects = base.effects_with([name for name in columns if name in base.coefficients])
-    if not supports_batch(effects) or not any(_is_common(effect) and not effect.in_base_model for effect in effects):
+    further = (effect for effect in effects if not effect.in_base_model)
+    if not supports_batch(effects) or not any(_is_common(effect) or effect.kind is EffectKind.CLOSURE for effect in further):
         return frozenset()
     # At rest the speed of air that does not move has no derivative, and a swing comes to rest again and again
     left_out = {"wind"} if base.release is Release.HELD else set()
