@@ -34,6 +34,8 @@ PANEL_GAP = 0.12
 """Gap between panels times their number, as a share of the height of all."""
 COLUMN_GAP, ROW_GAP = 0.12, 0.3
 """Gaps in a grid of panels, as a share of a panel's width and height: room for labels and titles."""
+MIN_NAMED_POINT = 3.0
+"""Smaller points [points] are hard to see in a legend, which then shows all of one size."""
 MAX_LINE_POINTS = 600
 """Most points of one line: a page with every variant stays below 6 MB."""
 
@@ -103,6 +105,8 @@ def on_page(chart: Chart) -> Figure:
         if panel.disc is not None:
             box = {"x0": -panel.disc, "x1": panel.disc, "y0": -panel.disc, "y1": panel.disc, "xref": x, "yref": y}
             shapes.append({"type": "circle", "fillcolor": LINE, "line": {"color": SOFT}} | box)
+    if any(curve.marker and curve.size < MIN_NAMED_POINT for panel in chart.panels for curve in panel.curves):
+        layout["legend"] = {"itemsizing": "constant"}
     # Room for slanted words, or for titles of two lines
     layout |= {"margin": {"t": 90 if chart.columns is None else 50}} if words else {}
     return Figure(

@@ -90,6 +90,12 @@ def test_words_of_points_stand_beside_the_pointer():
     assert (page.traces[0]["text"], page.traces[0]["hovertemplate"]) == (["&lt;b&gt;"], "%{text}")
 
 
+@pytest.mark.parametrize(("size", "sizing"), [(2.4, "constant"), (3.2, None)])
+def test_a_legend_shows_no_point_too_small_to_see(size, sizing):
+    _, page = both(Curve(label="a", x=[1.0], y=[0.0], marker="o", size=size))
+    assert page.layout.get("legend", {}).get("itemsizing") == sizing
+
+
 def test_words_beside_an_axis_may_have_lines_and_no_markup():
     axes, page = both(y=Axis(ticks={0.0: "$a$\n<b>"}, limits=(0.5, -0.5)))
     assert [label.get_text() for label in axes.get_yticklabels()] == ["\\$a\\$\n<b>"]

@@ -315,7 +315,7 @@ def events_chart(result: Identification) -> Chart:
         "drawn at the edge; a cross: the event does not happen in that model's run.",
         subject=result.title,
         title="events",
-        x=Axis(label="measured less predicted [standard errors]", limits=(-1.05 * AXIS_LIMIT, 1.05 * AXIS_LIMIT)),
+        x=Axis(label="residual\n[standard errors]", limits=(-1.05 * AXIS_LIMIT, 1.05 * AXIS_LIMIT)),
         panels=[Panel(curves=curves, y=rows, guides=[Guide(x=0.0, colour=BLACK, half_width=NOISE_BAND)])],
         size=(7.5, height),
     )

@@ -30,7 +30,7 @@
       font: { color: "var(--ink)", family: "system-ui, Segoe UI, Roboto, Arial, sans-serif", size: 13 },
       hovermode: "closest", autosize: true,
       ...merged,
-      legend: { orientation: "h", itemsizing: "constant", yref: "container", y: 0, yanchor: "bottom", ...merged.legend },
+      legend: { orientation: "h", yref: "container", y: 0, yanchor: "bottom", ...merged.legend },
       ...(Theme.printing ? { width: PAPER, autosize: false } : {}),
       // On a phone no taller than wide, as a path to scale would have blank above and below it; the legend needs room beside that
       height: narrow ? rows * columns * Math.min(merged.height / rows, Math.max(width, 340) + 60) + 22 * named : merged.height,
