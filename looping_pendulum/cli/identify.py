@@ -43,7 +43,8 @@ def look(
 
     loaded = study_io.load(study)
     folder = out or Path("report") / loaded.name
-    prepare_output_folder(folder, files=(figures.FIRST_LOOK,))  # refuse an unusable folder before the work, not after it
+    # Refuse an unusable folder before the work, not after it
+    prepare_output_folder(folder, files=(f"{figures.FIRST_LOOK}.png",))
     with ProgressBars() as bars:
         check = take_first_look(loaded, bars.update)
     for sentence in dict.fromkeys(sentence for trial in check.trials for sentence in trial.reading):
@@ -79,12 +80,14 @@ def _write_picture(check: DeclarationCheck, folder: Path) -> Path | None:
     """Write the picture of a first look; None: there is nothing to draw."""
     from looping_pendulum.discrepancy.report import figures
     from looping_pendulum.files import optional_output, write_atomically
+    from looping_pendulum.pages.drawing import draw, png
 
-    with optional_output(figures.FIRST_LOOK):
-        image = figures.draw_first_look(check)
-        if image is not None:
-            write_atomically(folder / figures.FIRST_LOOK, image)
-            return folder / figures.FIRST_LOOK
+    path = folder / f"{figures.FIRST_LOOK}.png"
+    with optional_output(path.name):
+        chart = figures.first_look_chart(check)
+        if chart is not None:
+            write_atomically(path, png(draw(chart)))
+            return path
     return None
 
 

@@ -19,7 +19,6 @@ from looping_pendulum.compare.result import ComparisonResult, MeasuredRow, Resul
 from looping_pendulum.compare.stories import events_to_show
 from looping_pendulum.compare.trial import RESIDUAL_UNITS, TrialComparison, distance
 from looping_pendulum.engines.trajectory import Trajectory
-from looping_pendulum.files import optional_output
 from looping_pendulum.pages.chart import (
     BLACK,
     LIGHT_GREY,
@@ -28,10 +27,12 @@ from looping_pendulum.pages.chart import (
     Curve,
     Guide,
     Panel,
+    make_charts,
     reach,
     run_curve,
     tick,
     tracked_points,
+    with_room,
 )
 from looping_pendulum.pages.palette import Style, styles
 
@@ -46,7 +47,7 @@ TIME = "time since release [s]"
 
 def charts(result: ComparisonResult) -> list[Chart]:
     """Return every figure that the result has data for; one that cannot be made is left out with a warning."""
-    makers: dict[str, Callable[[], Chart]] = {}
+    makers: dict[str, Callable[[], Chart | None]] = {}
     if result.samples is not None:
         makers = {
             "path": partial(path_chart, result, result.samples),
@@ -57,11 +58,7 @@ def charts(result: ComparisonResult) -> list[Chart]:
             makers["residuals"] = partial(residual_chart, result, result.samples, result.trial)
     if any(row.unit == "s" and row.measured is not None for row in result.measured):
         makers["events"] = partial(events_chart, result)
-    made = []
-    for name, make in makers.items():
-        with optional_output(f"figures/{name}.png"):
-            made.append(make())
-    return made
+    return make_charts(makers)
 
 
 def path_chart(result: ComparisonResult, samples: ResultSamples) -> Chart:
@@ -85,21 +82,13 @@ def path_chart(result: ComparisonResult, samples: ResultSamples) -> Chart:
         subject=result.scenario,
         title="path of the light mass",
         x=Axis(label="x [m]", limits=x),
-        panels=[Panel(curves=curves, y=Axis(label="y [m]", limits=y), disc=radius)],
+        panels=[Panel(curves=curves, y=Axis(label="y [m]", limits=y), disc=radius, to_scale=True)],
         size=(7.0, 6.4),
-        to_scale=True,
     )
 
 
 def _path(name: str, run: Trajectory, style: Style | None) -> Curve:
     return run_curve(name, run.light_position[:, 0], run.light_position[:, 1], style)
-
-
-def with_room(*spans: tuple[float, float]) -> list[tuple[float, float]]:
-    """Return the limits of both axes, the shorter as long as half of the longer: a vertical drop gets room to both sides."""
-    room = max(high - low for low, high in spans) / 2
-    halves = [max(high - low, room) / 2 for low, high in spans]
-    return [((low + high) / 2 - half, (low + high) / 2 + half) for (low, high), half in zip(spans, halves, strict=True)]
 
 
 def _marks(run: Trajectory, halt: float | None, label: str, colour: str, size: float) -> list[Curve]:
@@ -231,11 +220,8 @@ def events_chart(result: ComparisonResult) -> Chart:
     """Return event times less the measured ones."""
     rows = [row for row in result.measured if row.unit == "s" and row.measured is not None]
     bars = np.array([half_width(row) * 1e3 for row in rows])
-    gap = np.full(len(rows), np.nan)
-    at = np.arange(len(rows), dtype=float)
-    # One line with a gap after each row
-    ends = [np.column_stack(columns).ravel() for columns in ((-bars, bars, gap), (at, at, gap))]
-    curves = [Curve(label="measured", x=ends[0], y=ends[1], colour=LIGHT_GREY, width=9)]
+    ends, at = np.column_stack([-bars, bars]).ravel(), np.repeat(np.arange(len(rows)), 2)
+    curves = [Curve(label="measured", x=ends, y=at, colour=LIGHT_GREY, width=9, in_pairs=True)]
 
     def add(label: str, values: Sequence[float | None], offset: float, marker: str, **look: Any) -> None:
         cells = [(v, row.measured, k + offset) for k, (v, row) in enumerate(zip(values, rows, strict=True))]

@@ -5,12 +5,13 @@ Colours are those on white paper, as Matplotlib knows them; a page turns them in
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
+from looping_pendulum.files import optional_output
 from looping_pendulum.pages.palette import GREY, Style
 
 Values = Sequence[float] | np.ndarray
@@ -37,10 +38,10 @@ class Axis:
 
 @dataclass(frozen=True, kw_only=True)
 class Curve:
-    """A line, points or both."""
+    """A line, points or both; or horizontal bars."""
 
     label: str
-    """In the legend; curves of one label in several panels are switched together."""
+    """In the legend; curves of one label in several panels are switched together. Empty: no legend and no pointer names it."""
     x: Values
     y: Values
     """NaN is a gap."""
@@ -49,6 +50,12 @@ class Curve:
     """Width of the line [points]; 0: no line."""
     dashes: tuple[float, ...] = (1, 0)
     """Lengths of strokes and gaps [line widths]."""
+    in_pairs: bool = False
+    """Whether every two points have a line of their own, instead of one that joins all."""
+    band: Values | None = None
+    """Half-height of a faint band about each point."""
+    bar_height: float = 0.0
+    """Height of a bar from x = 0 to each point, in the unit of y; 0: there are none, but a line or points."""
     marker: str = ""
     """Matplotlib's letter, one of `palette.MARKERS`, "*" or "x"; empty: no points."""
     size: float = 5.0
@@ -57,11 +64,21 @@ class Curve:
     bar: float | None = None
     """Half-length of a bar at every point, in x and in y."""
     in_legend: bool = True
+    words: Sequence[str] = ()
+    """Of each point: what stands beside its bar, or on a page beside the pointer at it."""
+
+    def drawn(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return x and y of the points, with a gap after each two that have a line of their own."""
+        x, y = (np.asarray(values, dtype=float) for values in (self.x, self.y))
+        if not self.in_pairs:
+            return x, y
+        ends = np.arange(2, len(x) + 1, 2)
+        return np.insert(x, ends, np.nan), np.insert(y, ends, np.nan)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Guide:
-    """A straight line across a panel."""
+    """A straight line across a panel, which may be the middle of a shaded span."""
 
     x: float | None = None
     """Where a vertical line stands."""
@@ -71,6 +88,8 @@ class Guide:
     """Words at the upper end of a vertical line."""
     colour: str = GREY
     dotted: bool = False
+    half_width: float = 0.0
+    """Reach of the shaded span to either side; 0: there is none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,11 +103,17 @@ class Panel:
     """Height in proportion to the other panels."""
     disc: float | None = None
     """Radius of a disc about the origin, which hides what is below it."""
+    x: Axis | None = None
+    """Its own x axis, which a panel of a grid may have; None: the chart's."""
+    title: str = ""
+    """Of a panel of a grid; a line may end in it."""
+    to_scale: bool = False
+    """Whether a unit is as long in y as in x."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Chart:
-    """Panels below each other that share their x axis."""
+    """Panels below each other that share their x axis, or a grid of panels with axes of their own."""
 
     id: str
     """Name of its file and of its element on a page."""
@@ -101,8 +126,17 @@ class Chart:
     panels: Sequence[Panel]
     size: tuple[float, float]
     """Width and height on paper [inches]."""
-    to_scale: bool = False
-    """Whether a unit is as long in y as in x."""
+    columns: int | None = None
+    """Panels in a row of the grid; on a narrow screen they stand below each other. None: there is no grid."""
+
+
+def make_charts(makers: Mapping[str, Callable[[], Chart | None]]) -> list[Chart]:
+    """Return the charts of several ids but for None; one that cannot be made is left out with a warning."""
+    made = []
+    for name, make in makers.items():
+        with optional_output(f"figures/{name}.png"):
+            made.append(make())
+    return [chart for chart in made if chart is not None]
 
 
 def run_curve(label: str, x: Values, y: Values, style: Style | None, *, in_legend: bool = True) -> Curve:
@@ -127,3 +161,10 @@ def reach(values: Sequence[Values]) -> tuple[float, float]:
     known = known[np.isfinite(known)]
     low, high = float(known.min()), float(known.max())
     return low - MARGIN * (high - low), high + MARGIN * (high - low)
+
+
+def with_room(*spans: tuple[float, float]) -> list[tuple[float, float]]:
+    """Return the limits of both axes, the shorter as long as half of the longer: a vertical drop gets room to both sides."""
+    room = max(high - low for low, high in spans) / 2
+    halves = [max(high - low, room) / 2 for low, high in spans]
+    return [((low + high) / 2 - half, (low + high) / 2 + half) for (low, high), half in zip(spans, halves, strict=True)]

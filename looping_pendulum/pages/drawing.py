@@ -14,22 +14,35 @@ if TYPE_CHECKING:
 
 MAX_LABEL_LENGTH = 50
 """Characters of a name that a figure shows: a longer one would leave no room for the axes."""
-GUIDES, CURVES, DISC, MARKS = 1, 2, 4, 6
+SPANS, BARS, GUIDES, CURVES, DISC, MARKS = 0.5, 0.8, 1, 2, 4, 6
 """Order of drawing; curves above each other are a thousandth apart."""
+ROOM_FOR_WORDS = 0.15
+"""Room beyond the longest bar for the words beside it, as a share of the axis."""
 
 
 def draw(chart: Chart) -> Figure:
     """Return a chart as Matplotlib's figure."""
-    figure, all_axes = make_figure(*chart.size, rows=tuple(panel.height for panel in chart.panels))
-    for axes, panel in zip(all_axes, chart.panels, strict=True):
+    count, columns = len(chart.panels), chart.columns
+    rows = tuple(panel.height for panel in chart.panels) if columns is None else (1,) * -(-count // columns)
+    figure, all_axes = make_figure(*chart.size, rows=rows, columns=columns)
+    for axes, panel in zip(all_axes, chart.panels, strict=False):
         _draw_panel(axes, panel)
         _set_axis(axes, "y", panel.y)
-    _set_axis(all_axes[-1], "x", chart.x)
-    if chart.to_scale:
-        all_axes[0].set_aspect("equal")
-    # Slanted words above the axes need room below the title
-    pad = 58 if any(guide.text for panel in chart.panels for guide in panel.guides) else None
-    all_axes[0].set_title(f"{without_mathtext(chart.subject)}: {chart.title}", pad=pad)
+        if columns is not None or panel is chart.panels[-1]:
+            _set_axis(axes, "x", panel.x or chart.x)
+        if panel.to_scale:
+            axes.set_aspect("equal")
+    title = f"{without_mathtext(chart.subject)}: {chart.title}"
+    if columns is None:
+        # Slanted words above the axes need room below the title
+        pad = 58 if any(guide.text for panel in chart.panels for guide in panel.guides) else None
+        all_axes[0].set_title(title, pad=pad)
+    else:
+        figure.suptitle(title)
+        for axes, panel in zip(all_axes, chart.panels, strict=False):
+            axes.set_title(_lines(panel.title), fontsize=10)
+        for axes in all_axes[count:]:
+            axes.set_visible(False)
     legend_below(figure)
     return figure
 
@@ -41,19 +54,29 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
         look: dict[str, Any] = {"color": guide.colour, "lw": 0.8 if guide.dotted else 0.9, "zorder": GUIDES}
         if guide.dotted:
             look["dashes"] = (1, 2)
-        if guide.y is not None:
-            axes.axhline(guide.y, **look)
-        if guide.x is not None:
-            axes.axvline(guide.x, **look)
+        for at, line, span in ((guide.x, axes.axvline, axes.axvspan), (guide.y, axes.axhline, axes.axhspan)):
+            if at is not None:
+                line(at, **look)
+                if guide.half_width:
+                    span(at - guide.half_width, at + guide.half_width, color="0.92", lw=0, zorder=SPANS)
+        if guide.x is not None and guide.text:
             place: dict[str, Any] = {"transform": axes.get_xaxis_transform(), "rotation": 40, "ha": "left", "va": "bottom"}
             axes.text(guide.x, 1.01, guide.text, fontsize=8, color="0.25", **place)
     for order, curve in enumerate(panel.curves):
         look = curve_look(curve) | {"zorder": (MARKS if curve.marker in ("*", "x") else CURVES) + order / 1000}
-        look["label"] = without_mathtext(curve.label) if curve.in_legend else None
-        if curve.bar is None:
-            axes.plot(curve.x, curve.y, **look)
+        look["label"] = without_mathtext(curve.label) if curve.label and curve.in_legend else None
+        x, y = curve.drawn()
+        if curve.bar_height:
+            bars = axes.barh(y, x, curve.bar_height, color=curve.colour, label=look["label"], zorder=BARS)
+            if curve.words:
+                axes.bar_label(bars, list(curve.words), padding=3)
+                axes.margins(x=ROOM_FOR_WORDS)
+        elif curve.bar is None:
+            axes.plot(x, y, **look)
         else:
-            axes.errorbar(curve.x, curve.y, xerr=curve.bar, yerr=curve.bar, capsize=3, **look)
+            axes.errorbar(x, y, xerr=curve.bar, yerr=curve.bar, capsize=3, **look)
+        if curve.band is not None:
+            axes.fill_between(x, y - curve.band, y + curve.band, color=curve.colour, alpha=0.25, lw=0)
     if panel.disc is not None:
         axes.add_patch(Circle((0, 0), panel.disc, facecolor=LIGHT_GREY, edgecolor=BLACK, lw=0.8, zorder=DISC))
 
@@ -85,19 +108,24 @@ def _set_axis(axes: Axes, name: Literal["x", "y"], axis: Axis) -> None:
         set_scale(axis.scale, **({"linthresh": axis.linear_to} if axis.scale == "symlog" else {}))
         own.set_major_formatter("{x:g}")
     if axis.ticks is not None:
-        set_ticks(list(axis.ticks), list(axis.ticks.values()))
+        set_ticks(list(axis.ticks), [_lines(words) for words in axis.ticks.values()])
     if axis.limits is not None:  # after the ticks, which widen them
         set_limits(*axis.limits)
 
 
-def make_figure(width: float, height: float, rows: tuple[int, ...] = (1,)) -> tuple[Figure, tuple[Axes, ...]]:
-    """Return a figure [inches] with a grid and its axes below each other, with the ratio of their heights."""
+def make_figure(
+    width: float, height: float, rows: tuple[int, ...] = (1,), columns: int | None = None
+) -> tuple[Figure, tuple[Axes, ...]]:
+    """Return a figure [inches] with axes, which have grid lines, in rows with the ratio of their heights.
+
+    Without a number of ``columns`` they stand below each other and share their x axis.
+    """
     figure = new_figure(width, height, dpi=130)
-    grid = figure.subplots(len(rows), 1, squeeze=False, sharex=True, height_ratios=list(rows))
-    for axes in grid[:, 0]:
+    grid = figure.subplots(len(rows), columns or 1, squeeze=False, sharex=columns is None, height_ratios=list(rows))
+    for axes in grid.flat:
         axes.grid(True, color="0.92", lw=0.6)
         axes.set_axisbelow(True)
-    return figure, tuple(grid[:, 0])
+    return figure, tuple(grid.flat)
 
 
 def new_figure(width: float, height: float, dpi: float | None = None) -> Figure:
@@ -124,6 +152,11 @@ def png(figure: Figure, dpi: float | Literal["figure"] = "figure") -> bytes:
     # No version, so that the same figure has the same bytes
     figure.savefig(out, format="png", metadata={"Software": None}, dpi=dpi)
     return out.getvalue()
+
+
+def _lines(text: str) -> str:
+    """Return ``text``, each line of it as `without_mathtext` does."""
+    return "\n".join(map(without_mathtext, text.split("\n")))
 
 
 def without_mathtext(text: str) -> str:

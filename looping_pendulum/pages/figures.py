@@ -7,7 +7,7 @@ of the ground that is chosen.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -15,11 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.pages.chart import BLACK, DARK_GREY, LIGHT_GREY, Axis, Chart, Curve, tick
+from looping_pendulum.pages.chart import BLACK, DARK_GREY, LIGHT_GREY, Axis, Chart, Curve, Guide, tick
 from looping_pendulum.pages.palette import COLOURS, GREY
 
-REFERENCE, INK, SOFT, LINE = "var(--reference)", "var(--ink)", "var(--soft)", "var(--line)"
-DOTTED = {"color": SOFT, "width": 1, "dash": "dot"}
+REFERENCE, SOFT, LINE = "var(--reference)", "var(--soft)", "var(--line)"
 SYMBOLS = {"o": "circle", "s": "square", "D": "diamond", "^": "triangle-up", "v": "triangle-down", "P": "cross"} | {
     "*": "star",
     "x": "x",
@@ -31,8 +30,12 @@ PAGE_COLOURS = {BLACK: REFERENCE, GREY: SOFT, DARK_GREY: SOFT, LIGHT_GREY: LINE}
 """Colour on paper -> the page's."""
 PIXELS_PER_INCH, PIXELS_PER_POINT = 86, 4 / 3
 """Size of a figure on a page by its size on paper [inches], and of its lines and points [points]."""
-PANEL_GAP = 0.06
-"""Gap between panels, as a share of the height of all."""
+PANEL_GAP = 0.12
+"""Gap between panels times their number, as a share of the height of all."""
+COLUMN_GAP, ROW_GAP = 0.12, 0.3
+"""Gaps in a grid of panels, as a share of a panel's width and height: room for labels and titles."""
+MIN_NAMED_POINT = 3.0
+"""Smaller points [points] are hard to see in a legend, which then shows all of one size."""
 MAX_LINE_POINTS = 600
 """Most points of one line: a page with every variant stays below 6 MB."""
 
@@ -66,36 +69,46 @@ def on_page(chart: Chart) -> Figure:
     traces: list[dict[str, Any]] = []
     shapes: list[dict[str, Any]] = []
     words: list[dict[str, Any]] = []
-    share = (1 - PANEL_GAP * (len(chart.panels) - 1)) / sum(panel.height for panel in chart.panels)
-    layout: dict[str, Any] = {"xaxis": _axis(chart.x) | {"anchor": _name(len(chart.panels) - 1)}}
+    # Without the last Plotly shows no legend for a single line
+    layout: dict[str, Any] = {"shapes": shapes, "annotations": words, "showlegend": True}
+    if chart.columns is None:
+        layout["xaxis"] = _axis(chart.x) | {"anchor": _number("y", len(chart.panels) - 1)}
+    else:
+        grid = {"rows": -(-len(chart.panels) // chart.columns), "columns": chart.columns}
+        layout["grid"] = grid | {"pattern": "independent", "xgap": COLUMN_GAP, "ygap": ROW_GAP}
+    gap = PANEL_GAP / len(chart.panels)
+    share = (1 - gap * (len(chart.panels) - 1)) / sum(panel.height for panel in chart.panels)
     top = 1.0
     for i, panel in enumerate(chart.panels):
-        name, bottom = _name(i), top - share * panel.height
-        layout[f"yaxis{name[1:]}"] = _axis(panel.y) | {"domain": [max(bottom, 0.0), top]}
-        top = bottom - PANEL_GAP
-        traces += [_trace(curve, chart.x, panel.y) | {"yaxis": name} for curve in panel.curves]
+        y, x, x_axis = _number("y", i), "x", chart.x
+        vertical = _axis(panel.y)
+        if chart.columns is None:
+            bottom = top - share * panel.height
+            vertical["domain"] = [max(bottom, 0.0), top]
+            top = bottom - gap
+        else:
+            x, x_axis = _number("x", i), panel.x or chart.x
+            layout[f"xaxis{x[1:]}"] = _axis(x_axis)
+        layout[f"yaxis{y[1:]}"] = vertical
+        if panel.to_scale:
+            layout[f"xaxis{x[1:]}"] |= {"scaleanchor": y, "constrain": "domain"}
+            vertical["constrain"] = "domain"
+        traces += [trace | {"xaxis": x, "yaxis": y} for curve in panel.curves for trace in _traces(curve, x_axis, panel.y)]
         for guide in panel.guides:
-            line = DOTTED if guide.colour == GREY else {"color": PAGE_COLOURS[guide.colour], "width": 1}
-            look = {"type": "line", "line": line}
-            if guide.x is None:
-                y = float(_placed(panel.y, guide.y))
-                shapes.append(look | {"xref": "paper", "x0": 0, "x1": 1, "yref": name, "y0": y, "y1": y})
-            else:
-                x = float(_placed(chart.x, guide.x))
-                shapes.append(look | {"x0": x, "x1": x, "yref": "paper", "y0": 0, "y1": 1})
+            shapes += _guide(guide, x, y, x_axis, panel.y)
             if guide.text:
-                place = {"x": guide.x, "yref": "paper", "y": 1, "yanchor": "bottom", "xanchor": "left"}
+                place = {"x": guide.x, "xref": x, "xanchor": "left", "y": 1, "yref": f"{y} domain", "yanchor": "bottom"}
                 words.append(place | {"text": guide.text, "showarrow": False, "textangle": -30})
+        if panel.title:
+            place = {"x": 0, "xref": f"{x} domain", "xanchor": "left", "y": 1, "yref": f"{y} domain", "yanchor": "bottom"}
+            words.append(place | {"text": _lines(panel.title), "showarrow": False, "align": "left"})
         if panel.disc is not None:
-            box = {"x0": -panel.disc, "x1": panel.disc, "y0": -panel.disc, "y1": panel.disc, "yref": name}
+            box = {"x0": -panel.disc, "x1": panel.disc, "y0": -panel.disc, "y1": panel.disc, "xref": x, "yref": y}
             shapes.append({"type": "circle", "fillcolor": LINE, "line": {"color": SOFT}} | box)
-    if chart.to_scale:
-        layout["xaxis"] |= {"scaleanchor": "y", "constrain": "domain"}
-        layout["yaxis"] |= {"constrain": "domain"}
-    # Without it Plotly shows no legend for a single line
-    layout |= {"shapes": shapes, "annotations": words, "showlegend": True}
-    # Room for slanted words
-    layout |= {"margin": {"t": 90}} if words else {}
+    if any(curve.marker and curve.size < MIN_NAMED_POINT for panel in chart.panels for curve in panel.curves):
+        layout["legend"] = {"itemsizing": "constant"}
+    # Room for slanted words, or for titles of two lines
+    layout |= {"margin": {"t": 90 if chart.columns is None else 50}} if words else {}
     return Figure(
         id=chart.id,
         caption=chart.caption,
@@ -105,13 +118,35 @@ def on_page(chart: Chart) -> Figure:
     )
 
 
-def _name(panel: int) -> str:
-    return "y" if panel == 0 else f"y{panel + 1}"
+def _number(letter: str, panel: int) -> str:
+    """Return plotly's name of a panel's axis: "x", "x2", "x3", ..."""
+    return letter if panel == 0 else f"{letter}{panel + 1}"
+
+
+def _guide(guide: Guide, x: str, y: str, x_axis: Axis, y_axis: Axis) -> list[dict[str, Any]]:
+    """Return the shapes of a line across the panel whose axes have the names ``x`` and ``y``, and of its shaded span."""
+    shapes: list[dict[str, Any]] = []
+    for at, letter, axis, place in (
+        (guide.x, "x", x_axis, {"xref": x, "yref": f"{y} domain", "y0": 0, "y1": 1}),
+        (guide.y, "y", y_axis, {"yref": y, "xref": f"{x} domain", "x0": 0, "x1": 1}),
+    ):
+        if at is None:
+            continue
+        dotted = guide.dotted or guide.colour == GREY
+        line = {"color": PAGE_COLOURS[guide.colour], "width": 1} | ({"dash": "dot"} if dotted else {})
+        looks: list[tuple[float, dict[str, Any]]] = [(0.0, {"type": "line", "line": line})]
+        if guide.half_width:
+            span = {"type": "rect", "fillcolor": LINE, "opacity": 0.35, "line": {"width": 0}, "layer": "below"}
+            looks.append((guide.half_width, span))
+        for half, look in looks:
+            low, high = _placed(axis, [at - half, at + half])
+            shapes.append(look | place | {f"{letter}0": float(low), f"{letter}1": float(high)})
+    return shapes
 
 
 def _axis(axis: Axis) -> dict[str, Any]:
     """Return plotly's axis. It has no scale like "symlog": its values are transformed here, and the ticks named."""
-    made: dict[str, Any] = {"title": {"text": axis.label.replace("\n", "<br>")}}
+    made: dict[str, Any] = {"title": {"text": _lines(axis.label)}}
     if axis.scale == "log":
         made |= {"type": "log", "tickformat": "~g"}
     if axis.limits is not None:
@@ -122,7 +157,7 @@ def _axis(axis: Axis) -> dict[str, Any]:
         sizes = [axis.linear_to * 10.0**k for k in range(8)]
         ticks = {value: tick(value) for value in (*(-size for size in reversed(sizes)), 0.0, *sizes)}
     if ticks is not None:
-        made |= {"tickvals": plain(_placed(axis, list(ticks))), "ticktext": [escaped(word) for word in ticks.values()]}
+        made |= {"tickvals": plain(_placed(axis, list(ticks))), "ticktext": [_lines(word) for word in ticks.values()]}
     return made
 
 
@@ -136,14 +171,21 @@ def _placed(axis: Axis, values: Any) -> np.ndarray:
     return np.asarray(np.sign(given) * np.where(size <= 1, size, 1 + np.log10(np.maximum(size, 1))))
 
 
-def _trace(curve: Curve, x: Axis, y: Axis) -> dict[str, Any]:
+def _traces(curve: Curve, x: Axis, y: Axis) -> list[dict[str, Any]]:
+    """Return the traces of a curve: its own, above the two of its band's edges."""
     colour, name = PAGE_COLOURS[curve.colour], escaped(curve.label)
     # Division that rounds up, so that there are never more points than allowed
-    stride = -(-len(curve.x) // MAX_LINE_POINTS) if curve.width and not curve.marker else 1
-    values = [np.asarray(v, dtype=float)[::stride] for v in (curve.x, curve.y)]
-    trace: dict[str, Any] = {"type": "scatter", "name": name, "legendgroup": name, "showlegend": curve.in_legend}
-    trace |= {"mode": "+".join(what for what, has in (("lines", curve.width), ("markers", curve.marker)) if has)}
-    trace |= {"x": plain(_placed(x, values[0])), "y": plain(_placed(y, values[1]))}
+    stride = -(-len(curve.x) // MAX_LINE_POINTS) if curve.width and not curve.marker and not curve.in_pairs else 1
+    values = [v[::stride] for v in curve.drawn()]
+    own: dict[str, Any] = {"name": name, "legendgroup": name, "showlegend": bool(name) and curve.in_legend}
+    trace = own | {"x": plain(_placed(x, values[0])), "y": plain(_placed(y, values[1]))}
+    if curve.bar_height:
+        # Without an offset, bars of several traces stand beside their places
+        bars = {"type": "bar", "orientation": "h", "width": curve.bar_height, "offset": -curve.bar_height / 2}
+        trace |= bars | {"marker": {"color": colour}}
+    else:
+        mode = "+".join(what for what, has in (("lines", curve.width), ("markers", curve.marker)) if has)
+        trace |= {"type": "scatter", "mode": mode}
     if curve.width:
         dashes = ",".join(f"{1.6 * length:g}px" for length in curve.dashes)
         dash = "solid" if curve.dashes == (1, 0) else dashes
@@ -154,52 +196,30 @@ def _trace(curve: Curve, x: Axis, y: Axis) -> dict[str, Any]:
     if curve.bar is not None:
         bar = {"type": "constant", "value": curve.bar, "color": colour}
         trace |= {"error_x": bar, "error_y": bar}
-    if "symlog" in (x.scale, y.scale) or y.ticks is not None:
+    if curve.words:
+        trace["text"] = [escaped(word) for word in curve.words]
+    if not curve.label:
+        trace["hoverinfo"] = "skip"
+    elif curve.words and not curve.bar_height:
+        trace["hovertemplate"] = "%{text}"
+    elif "symlog" in (x.scale, y.scale) or y.ticks is not None:
         # What stands beside the pointer is the value itself
         pairs = zip(*(_shown(axis, one) for axis, one in zip((x, y), values, strict=True)), strict=True)
         trace |= {"customdata": [list(pair) for pair in pairs], "hovertemplate": "(%{customdata[0]}, %{customdata[1]})"}
-    return trace
+    if curve.band is None:
+        return [trace]
+    half = np.asarray(curve.band, dtype=float)[::stride]
+    edge = own | {"type": "scatter", "mode": "lines", "showlegend": False, "hoverinfo": "skip", "line": {"width": 0}}
+    low, high = (edge | {"x": trace["x"], "y": plain(_placed(y, values[1] + side * half))} for side in (-1, 1))
+    # Plotly fills from a line to the one before it
+    return [low, high | {"fill": "tonexty", "fillcolor": f"faint {colour}"}, trace]
 
 
 def _shown(axis: Axis, values: np.ndarray) -> list[Any]:
     """Return what a reader is told of values: the word of the nearest tick, where these are not numbers on a scale."""
     if axis.scale == "linear" and axis.ticks:
-        return [escaped(axis.ticks[min(axis.ticks, key=lambda tick: abs(tick - value))]) for value in values]
+        return [escaped(axis.ticks[min(axis.ticks, key=lambda tick: abs(tick - value))]).replace("\n", " ") for value in values]
     return list(plain(values))
-
-
-def points(name: str, x: Sequence[Any], y: Sequence[Any], colour: str, symbol: str = "circle", **more: Any) -> dict[str, Any]:
-    """Return the trace of points."""
-    return {
-        "type": "scatter",
-        "mode": "markers",
-        "name": name,
-        "x": x,
-        "y": y,
-        "marker": {"color": colour, "symbol": symbol, "size": 8},
-    } | more
-
-
-def horizontal(y: float, axis: str = "y") -> dict[str, Any]:
-    """Return the shape of a horizontal line at ``y``."""
-    return {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "yref": axis, "y0": y, "y1": y, "line": DOTTED}
-
-
-def band(low: float, high: float, axis: str = "y") -> dict[str, Any]:
-    """Return the shape of a horizontal band."""
-    return {
-        "type": "rect",
-        "xref": "paper",
-        "x0": 0,
-        "x1": 1,
-        "yref": axis,
-        "y0": low,
-        "y1": high,
-        "fillcolor": LINE,
-        "opacity": 0.35,
-        "line": {"width": 0},
-        "layer": "below",
-    }
 
 
 def plain(values: Iterable[float], digits: int = 6) -> list[float | None]:
@@ -211,3 +231,8 @@ def plain(values: Iterable[float], digits: int = 6) -> list[float | None]:
 def escaped(text: str) -> str:
     """Escape ``text`` so that plotly shows it literally: its labels interpret some HTML tags."""
     return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+
+
+def _lines(text: str) -> str:
+    """Return `escaped` ``text`` with its lines below each other."""
+    return escaped(text).replace("\n", "<br>")

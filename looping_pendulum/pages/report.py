@@ -29,7 +29,7 @@ def render(
     after: Sequence[str],
     words: Mapping[str, str],
     note: str,
-    first_figures: Sequence[Figure] = (),
+    first: Sequence[Figure] = (),
 ) -> str:
     """Return the page.
 
@@ -42,12 +42,12 @@ def render(
         Term -> meaning, for readers who do not know it.
     note
         A sentence about all figures.
-    first_figures
-        Figures directly below the first section, side by side where the screen is wide enough.
+    first
+        Figures directly below the first section.
     """
     head, *above = [markdown.html(text) for text in before if text]
     scripts = [asset(SHARED_PACKAGE, "tables.js")]
-    if figures or first_figures:
+    if figures or first:
         scripts += [plotly_source(), asset(SHARED_PACKAGE, "figures.js")]
     return page(
         SHARED_PACKAGE,
@@ -55,12 +55,12 @@ def render(
         title=title,
         styles=[(SHARED_PACKAGE, "report.css")],
         scripts=scripts,
-        data={"figures": [figure.as_dict() for figure in (*first_figures, *figures)]},
+        data={"figures": [figure.as_dict() for figure in (*first, *figures)]},
         head=head,
         above=[_section(html, f"part-{i}") for i, html in enumerate(above)],
         below=[_section(markdown.html(text), f"more-{i}") for i, text in enumerate(t for t in after if t)],
         figures=figures,
-        first_figures=first_figures,
+        first=first,
         words=words,
         note=note,
     )

@@ -21,7 +21,6 @@ from looping_pendulum.compare import compare
 from looping_pendulum.compare.convergence import result as convergence_result
 from looping_pendulum.compare.convergence.study import ReferenceTarget
 from looping_pendulum.compare.result import ComparisonResult
-from looping_pendulum.discrepancy.report import figures as identify_figures
 from looping_pendulum.engines.trajectory import (
     COLUMNS,
     OPTIONAL_COLUMNS,
@@ -224,7 +223,6 @@ def texts_alone(figure: Figure) -> bytes:
 def quick_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every figure is made, but only its texts are drawn: curves and layout take ten times as long."""
     monkeypatch.setattr(drawing, "png", texts_alone)
-    monkeypatch.setattr(identify_figures, "png", texts_alone)
 
 
 @pytest.fixture

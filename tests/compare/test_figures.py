@@ -83,7 +83,7 @@ def test_event_times_reach_a_tenth_beyond_the_furthest(compared, late, reach):
 def test_each_event_has_the_bar_of_its_standard_error(compared):
     rows = (row(reference=0.41), dataclasses.replace(row(index=2, reference=0.42), sigma=0.002))
     chart = chart_of(compared(measured=rows), "events")
-    bars = np.column_stack([chart.panels[0].curves[0].x, chart.panels[0].curves[0].y])
+    bars = np.column_stack(chart.panels[0].curves[0].drawn())
     np.testing.assert_allclose(bars[[0, 1, 3, 4]], [(-5.0, 0), (5.0, 0), (-2.0, 1), (2.0, 1)])
     assert np.isnan(bars[[2, 5]]).all(), "a gap after each"
     assert "standard error" in chart.caption

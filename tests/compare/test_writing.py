@@ -106,7 +106,7 @@ def test_names_that_look_alike_have_files_of_their_own(tmp_path, scenario, refer
     assert len({path.read_text() for path in (tmp_path / "trajectories").iterdir()}) == 4  # and the reference
     one, other = (made_up.identification(name) for name in ("a/b", "a-b"))
     both = dataclasses.replace(one, trial_figures=one.trial_figures + other.trial_figures, errors=one.errors + other.errors)
-    assert sum("trial" in name for name in identify_figures.draw(both)) == 2
+    assert len({chart.id for chart in identify_figures.charts(both) if "trial" in chart.id}) == 2
 
 
 def test_file_names_are_short_distinct_and_as_they_were():
@@ -132,10 +132,13 @@ def test_a_figure_that_cannot_be_made_is_a_warning_and_the_rest_is_there(tmp_pat
         report = write(compare(scenario, reference, [make_run()]), tmp_path / "compare")
     assert "path.png" in report.read_text()
     assert "drop.png" not in report.read_text()
-    monkeypatch.setattr(identify_figures, "draw_trial", fail)
+    monkeypatch.setattr(identify_figures, "trial_chart", fail)
     with pytest.warns(SkippedOutputWarning, match="trial-one.png"):
         report = writing.write(made_up.identification("one"), tmp_path / "identify")
     assert len(list((tmp_path / "identify" / "figures").iterdir())) == 5
+    page = (tmp_path / "identify" / "report.html").read_text()
+    assert 'id="errors"' in page
+    assert 'id="trial-one"' not in page
 
 
 @pytest.mark.parametrize("stop", [MemoryError, KeyboardInterrupt])
@@ -143,20 +146,21 @@ def test_the_verdict_is_written_before_anything_is_drawn(tmp_path, monkeypatch, 
     def fail(*_):
         raise stop
 
-    monkeypatch.setattr(identify_figures, "draw", fail)
+    monkeypatch.setattr(identify_figures, "charts", fail)
     with pytest.raises(stop):
         writing.write(made_up.identification("one"), tmp_path)
     assert {"repaired.yaml", "verdict.json"} <= {path.name for path in tmp_path.iterdir()}
 
 
 def test_a_worker_process_draws_the_same_figures(tmp_path):
-    """It says, too, which are left out: here the one of a trial without residuals, for which there is no page either."""
+    """It says, too, which are left out: here the one of a trial with fewer residuals than times."""
     whole = made_up.identification("one")
-    broken = dataclasses.replace(whole.trial_figures[0], trial="two", residual_after={})
+    fewer = {channel: values[1:] for channel, values in whole.trial_figures[0].residual_after.items()}
+    broken = dataclasses.replace(whole.trial_figures[0], trial="two", residual_after=fewer)
     result = dataclasses.replace(whole, trial_figures=(*whole.trial_figures, broken))
-    with Workers(2) as workers, pytest.warns(match="report.html"), pytest.warns(match="trial-two.png is left out: KeyError"):
+    with Workers(2) as workers, pytest.warns(match="trial-two.png is left out: ValueError"):
         writing.write(result, tmp_path / "two", workers)
-    with pytest.warns(match="report.html"), pytest.warns(match="trial-two.png is left out: KeyError"):
+    with pytest.warns(match="trial-two.png is left out: ValueError"):
         writing.write(result, tmp_path / "one")
     files = [sorted(path.relative_to(f) for path in f.rglob("*.*")) for f in (tmp_path / "one", tmp_path / "two")]
     assert files[0] == files[1]

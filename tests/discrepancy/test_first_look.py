@@ -303,7 +303,7 @@ def test_a_trial_of_few_points_is_said_not_to_be_compared(example, tmp_path):
         f"trial 'first': not looked at, {few}",
         f"At first look: trial 'first': cannot be compared, {few}; check this trial's frame_rate, unit of time and camera.",
     ]
-    assert figures.draw_first_look(check) is None
+    assert figures.first_look_chart(check) is None
 
 
 def test_a_trial_whose_declared_motion_cannot_be_computed_says_why(example, tmp_path):
@@ -485,7 +485,7 @@ def test_a_trial_with_events_only_is_not_looked_at(tmp_path):
     check = take_first_look(study_io.load_text(text, "study.yaml", tmp_path))
     assert [t.text for t in check.trials] == ["trial 'table': not looked at, it has events only"]
     assert not check.mistakes
-    assert figures.draw_first_look(check) is None
+    assert figures.first_look_chart(check) is None
 
 
 def test_implausible_lengths_without_a_mistake_of_units_stay_an_error(example, tmp_path):
@@ -508,7 +508,7 @@ def test_command_look(example, tmp_path):
     assert done.stderr.startswith("error: trials 'first', 'second': found a mirrored motion; needed 'mirrored: true'")
     assert done.stderr.count("\n") == 1
     for folder in ("right", "wrong"):
-        assert (tmp_path / folder / figures.FIRST_LOOK).read_bytes().startswith(b"\x89PNG")
+        assert (tmp_path / folder / "first-look.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_identify_stops_before_the_fit_and_says_how_to_go_on(example, tmp_path):
@@ -516,9 +516,9 @@ def test_identify_stops_before_the_fit_and_says_how_to_go_on(example, tmp_path):
     done = here("identify", str(wrong), "--out", str(tmp_path / "out"))
     assert done.returncode == 2
     assert "needed 'tracks: {light: light, heavy: heavy}'" in done.stderr
-    assert done.stderr.endswith(f"{tmp_path / 'out' / figures.FIRST_LOOK} shows it; correct the study, or search --anyway\n")
+    assert done.stderr.endswith(f"{tmp_path / 'out' / 'first-look.png'} shows it; correct the study, or search --anyway\n")
     assert done.stderr.count("\n") == 1
-    assert [p.name for p in (tmp_path / "out").iterdir()] == [figures.FIRST_LOOK]
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["first-look.png"]
 
 
 @pytest.mark.usefixtures("quick_figures")
@@ -536,8 +536,8 @@ def test_a_search_that_goes_on_anyway_reports_what_looks_wrong(example, tmp_path
     assert "needed 'rod: {radius: 6.25 mm}'" in result.notes[0]
     report = write(result, tmp_path / "out").read_text(encoding="utf-8")
     assert result.notes[0] in report
-    assert f"figures/{figures.FIRST_LOOK}" in report
-    assert (tmp_path / "out" / "figures" / figures.FIRST_LOOK).exists()
+    assert "figures/first-look.png" in report
+    assert (tmp_path / "out" / "figures" / "first-look.png").exists()
 
 
 @pytest.mark.accurate

@@ -25,7 +25,8 @@ from looping_pendulum.discrepancy.result import (
 )
 from looping_pendulum.discrepancy.verdict_sentence import MAX_TIES, verdict_notes, verdict_sentence
 from looping_pendulum.errors import ResultError
-from tests.compare.conftest import quick_figures  # noqa: F401, a fixture
+from looping_pendulum.pages.drawing import draw
+from looping_pendulum.pages.figures import on_page
 from tests.pages import made_up as pages
 
 STATISTICS = re.compile(r"chi2|chi-square|BIC|Bayes|\bz\b|\bp\b|Ljung|lag-1", re.IGNORECASE)
@@ -119,16 +120,15 @@ def made_up(verdict):
     )
 
 
-@pytest.mark.usefixtures("quick_figures")
 @pytest.mark.parametrize("verdict", list(Verdict))
 def test_a_report_begins_with_the_sentence_the_picture_and_what_to_do_next(verdict):
     result = made_up(verdict)
-    report = markdown.render(result, {path: caption for path, (caption, _) in pictures(verdict).items()})
+    report = markdown.render(result, pictures(verdict))
     blocks = [b for b in report.split("\n\n") if b.strip()]
     assert blocks[1].strip().startswith("## Verdict: ")
     assert blocks[2].strip() == result.sentence
     assert blocks[3].strip().startswith("![")
-    assert blocks[3].strip().endswith(f"](figures/{markdown.MOTION})")
+    assert blocks[3].strip().endswith("](figures/motion.png)")
     assert blocks[5].strip() == "## What to do next"
     assert blocks[6].startswith("1. ")
     assert report.index("## Tests") > report.index("## Explanations that were compared")
@@ -136,21 +136,17 @@ def test_a_report_begins_with_the_sentence_the_picture_and_what_to_do_next(verdi
 
 @functools.cache
 def pictures(verdict):
-    return {f"figures/{name}": drawing for name, drawing in figures.draw(made_up(verdict)).items()}
+    charts = figures.charts(made_up(verdict))
+    assert all(draw(chart).axes and on_page(chart).traces for chart in charts)
+    return {f"figures/{chart.id}.png": chart.caption for chart in charts}
 
 
-@pytest.mark.usefixtures("quick_figures")
 @pytest.mark.parametrize("verdict", list(Verdict))
 def test_no_sentence_has_test_statistics(verdict):
     result = made_up(verdict)
     assert result.sentence.count(". ") == 0
     assert result.sentence.endswith(".")
-    for text in (
-        result.sentence,
-        *result.notes,
-        figures.motion_caption(result),
-        *(caption for caption, _ in pictures(verdict).values()),
-    ):
+    for text in (result.sentence, *result.notes, *pictures(verdict).values()):
         assert not STATISTICS.search(text), text
     report = markdown.render(result).split("## Tests")[0]
     for line in report.splitlines():
@@ -346,46 +342,50 @@ def test_the_headline_says_that_nothing_may_be_missing():
 
 def test_the_figure_of_explanations_has_a_bar_for_each_that_adds_something():
     result = made_up(Verdict.IDENTIFIED)
-    figure = figures.explanations_on_page(result)
-    (bars,) = figure.traces
-    assert bars["x"] == [70.0, 68.3, 69.1]
-    assert bars["text"] == ["98.0 %", "2.0 %", "\N{EN DASH}"]
-    assert bars["marker"]["color"] == [figures.ON_PAGE["after"], figures.SOFT, figures.SOFT]
+    chart = figures.explanations_chart(result)
+    figure = on_page(chart)
+    credible, others = figure.traces
+    assert (credible["y"], credible["x"], credible["text"]) == ([0], [70.0], ["98.0 %"])
+    assert (others["y"], others["x"], others["text"]) == ([1, 2], [68.3, 69.1], ["2.0 %", "\N{EN DASH}"])
+    assert (credible["marker"]["color"], others["marker"]["color"]) == ("var(--run-0)", "var(--soft)")
     assert figure.layout["yaxis"]["ticktext"] == ["swing", "clock_ratio", "swing + clock_ratio"]
-    (axes,) = figures.draw_explanations(result).axes
-    assert [bar.get_width() for bar in axes.patches] == bars["x"][::-1]  # Matplotlib draws from below
-    assert [label.get_text() for label in axes.get_yticklabels()] == figure.layout["yaxis"]["ticktext"][::-1]
+    assert figure.layout["yaxis"]["range"] == [2.5, -0.5], "the best on top"
+    (axes,) = draw(chart).axes
+    assert [bar.get_width() for bar in axes.patches] == [70.0, 68.3, 69.1]
+    assert axes.get_ylim() == (2.5, -0.5)
+    assert [label.get_text() for label in axes.get_yticklabels()] == figure.layout["yaxis"]["ticktext"]
+    assert [text.get_text() for text in axes.texts] == [*credible["text"], *others["text"]]
 
 
 def test_explanations_of_one_name_have_bars_of_their_own():
     """They were drawn over each other: the words for a law do not say by which speed it is multiplied."""
     same = tuple(explanation(law=PULSE, odds=odds) for odds in (3.0, 2.0, 1.0))
     result = dataclasses.replace(made_up(Verdict.UNLISTED), explanations=(*same, NOTHING))
-    (axes,) = figures.draw_explanations(result).axes
+    chart = figures.explanations_chart(result)
+    (axes,) = draw(chart).axes
     assert len({bar.get_y() for bar in axes.patches}) == 3
-    assert len(set(figures.explanations_on_page(result).traces[0]["y"])) == 3
+    (trace,) = on_page(chart).traces
+    assert len(set(trace["y"])) == 3
 
 
 def test_the_long_name_of_a_law_stands_in_lines():
     """It was cut off before the coordinate, and a phone showed its end alone."""
     result = dataclasses.replace(made_up(Verdict.UNLISTED), explanations=(explanation(OTHER, law=BRAKE), NOTHING))
     name = "clock_ratio + unlisted force on the heavy mass as a function of the retreat speed"
-    (shown,) = figures.explanations_on_page(result).layout["yaxis"]["ticktext"]
+    chart = figures.explanations_chart(result)
+    (shown,) = on_page(chart).layout["yaxis"]["ticktext"]
     assert shown.replace("<br>", " ") == name
     assert max(map(len, shown.split("<br>"))) <= figures.LABEL_WIDTH
-    (axes,) = figures.draw_explanations(result).axes
-    assert [label.get_text().split("\n") for label in axes.get_yticklabels()] == [
-        ["clock_ratio + unlisted force on the heavy mass as", "a function of the retreat speed"]
-    ]
-    endless = explanation(dataclasses.replace(EFFECT, name="a" * 260))
-    assert len(figures.name_lines(endless, figures.LABEL_WIDTH)) == figures.MAX_LINES
+    (axes,) = draw(chart).axes
+    assert [label.get_text().split("\n") for label in axes.get_yticklabels()] == [shown.split("<br>")]
+    assert len(figures.in_lines("a" * 260).split("\n")) == figures.MAX_LINES
 
 
 def test_without_a_second_explanation_there_is_no_figure_of_them():
     for verdict, others in ((Verdict.IDENTIFIED, True), (Verdict.NO_MISSING_EFFECT, True), (Verdict.NO_MISSING_EFFECT, False)):
         result = made_up(verdict)
         result = result if others else dataclasses.replace(result, explanations=result.explanations[:1])
-        assert ("explanations" in [figure.id for figure in figures.on_page(result)]) == others
+        assert ("explanations" in [chart.id for chart in figures.charts(result)]) == others
 
 
 def test_the_report_says_whether_the_repaired_model_has_the_unlisted_force():
@@ -421,10 +421,81 @@ def test_without_positions_the_picture_is_the_residual_over_time():
         for name in ("t", "measured", "before", "after", "residual_before", "residual_after", "outliers")
     }
     falling = dataclasses.replace(result, trial_figures=(dataclasses.replace(picture, channels=("height",), **heights),))
-    (figure,) = figures.first_on_page(falling)
-    assert [trace["name"] for trace in figure.traces] == ["declared model", "repaired model"]
-    assert len(figure.traces[0]["x"]) == len(t)
-    assert figures.draw_motion(falling).axes[0].get_ylabel().startswith("height")
+    chart = figures.charts(falling)[0]
+    traces = on_page(chart).traces
+    assert [trace["name"] for trace in traces] == ["declared model", "repaired model"]
+    assert len(traces[0]["x"]) == len(t)
+    assert traces[0]["y"][3] is None, "an outlier"
+    (axes,) = draw(chart).axes
+    assert axes.get_ylabel().startswith("height")
+
+
+def test_the_motion_has_a_panel_for_each_model_on_the_same_axes():
+    chart = figures.motion_chart(made_up(Verdict.IDENTIFIED))
+    declared, repaired = chart.panels
+    assert [declared.title, repaired.title] == ["declared model", "repaired model"]
+    assert declared.y == repaired.y
+    assert (declared.x, repaired.x, declared.to_scale) == (None, None, True)
+    (picture,) = made_up(Verdict.IDENTIFIED).trial_figures
+    vectors, path = declared.curves
+    used = ~picture.outliers["light_x"]
+    np.testing.assert_array_equal(vectors.x[0::2], picture.before["light_x"][used])
+    np.testing.assert_array_equal(vectors.y[1::2], picture.measured["light_y"][used])
+    np.testing.assert_array_equal(path.y, picture.before["light_y"][used])
+    assert vectors.in_pairs
+
+
+def test_a_model_that_was_not_repaired_is_drawn_once():
+    result = made_up(Verdict.NO_MISSING_EFFECT)
+    names = {chart.id: {c.label for panel in chart.panels for c in panel.curves} for chart in figures.charts(result)}
+    assert names["motion"] == {"", "declared model"}
+    assert names["errors"] == names["events"] == {"declared model"}
+    assert not any("repaired" in label for labels in names.values() for label in labels)
+
+
+def test_bars_of_a_trial_stand_beside_each_other_in_its_row():
+    chart = figures.errors_chart(made_up(Verdict.IDENTIFIED))
+    declared, repaired = chart.panels[0].curves
+    assert (list(declared.x), list(declared.y)) == ([3.0], [-0.2])
+    assert (list(repaired.x), list(repaired.y)) == ([1.0], [0.2])
+    assert declared.bar_height == repaired.bar_height == 0.4
+    assert chart.panels[0].y.ticks == {0.0: "swing (held out)"}
+
+
+def test_an_event_is_a_point_within_the_axis_or_a_cross_at_its_edge():
+    result = made_up(Verdict.IDENTIFIED)
+    (event,) = result.events
+    late = dataclasses.replace(event, trial="late", before=event.measured - 0.015, after=event.measured + 9)
+    chart = figures.events_chart(dataclasses.replace(result, events=(event, late)))
+    declared, repaired, missing = chart.panels[0].curves
+    np.testing.assert_allclose(declared.x, [-10, 1.5])
+    assert (list(repaired.x), repaired.y, repaired.marker) == ([-figures.AXIS_LIMIT], [1], "o")
+    assert (missing.x, missing.y, missing.marker, missing.in_legend) == ([figures.AXIS_LIMIT], [0], "x", False)
+    assert missing.words == ["swing: halting time: does not happen"]
+    assert repaired.words == ["late: halting time: -900"]
+
+
+def test_a_trial_has_its_points_its_outliers_both_models_and_a_panel_of_residuals_per_channel():
+    result = made_up(Verdict.IDENTIFIED)
+    (picture,) = result.trial_figures
+    top, *below = figures.trial_chart(result, picture, "trial-swing").panels
+    outliers = [curve for curve in top.curves if curve.marker == "x"]
+    assert [list(curve.x) for curve in outliers] == [[picture.t["light_x"][3]]] * 2
+    assert [curve.in_legend for curve in outliers] == [True, False]
+    named = [curve.label for curve in top.curves if curve.in_legend]
+    assert named == ["light_x, tracked", "declared model", "repaired model", "outlier, left out", "light_y, tracked"]
+    assert [panel.y.label for panel in below] == ["light_x", "light_y"]
+    for panel, channel in zip(below, picture.channels, strict=True):
+        assert panel.guides[0].half_width == 2
+        np.testing.assert_array_equal(panel.curves[0].y, picture.residual_before[channel])
+        np.testing.assert_array_equal(panel.curves[1].y, picture.residual_after[channel])
+
+
+def test_the_unlisted_force_has_a_band_of_two_standard_errors():
+    result = made_up(Verdict.UNLISTED)
+    force, formula = figures.unlisted_chart(result, result.unlisted).panels[0].curves
+    np.testing.assert_allclose(force.band, 0.2)
+    assert formula.y == result.unlisted.profiles[0].fitted_formula_values
 
 
 def test_residual_vectors_lead_to_the_points_magnified():

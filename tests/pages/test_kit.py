@@ -73,6 +73,11 @@ def test_every_variant_of_this_package_has_a_style_of_its_own_whatever_else_is_s
     assert len({together[one].colour for one in main}) == len(main)
 
 
+def identified_page(name):
+    result = identification(name)
+    return identification_page.render(result, identification_figures.charts(result))
+
+
 def comparison_page(result):
     return render_page(result, charts(result))
 
@@ -80,7 +85,7 @@ def comparison_page(result):
 PAGES = {
     "comparison": lambda: comparison_page(small_result()),
     "comparison with points": lambda: comparison_page(with_points(small_result())),
-    "identification": lambda: identification_page.render(identification("calm")),
+    "identification": lambda: identified_page("calm"),
     "demo": lambda: demo.render(small_result()),
     "demo with points": lambda: demo.render(with_points(small_result())),
 }
@@ -117,10 +122,8 @@ def test_a_script_that_would_end_its_element_is_refused(monkeypatch):
 def test_plotly_knows_every_key_of_our_figures(name):
     from plotly.graph_objects import Figure as Plotly
 
-    calm = identification("calm")
-    figures = (
-        [on_page(chart) for chart in charts(small_result())] if name == "comparison" else identification_figures.on_page(calm)
-    )
+    made = charts(small_result()) if name == "comparison" else identification_figures.charts(identification("calm"))
+    figures = [on_page(chart) for chart in made]
     for figure in figures:
         traces = [_with_plain_colours(trace) for trace in figure.traces]
         assert Plotly({"data": traces, "layout": _with_plain_colours(figure.layout)}).data
@@ -147,7 +150,7 @@ def test_hostile_names_stand_in_no_page_as_they_are():
     for html in (demo.render(hostile_result()), comparison_page(hostile_result())):
         assert "<script>alert(1)</script>" not in html
         assert "<img src=x" not in html
-    assert "<img src=x" not in identification_page.render(identification(HOSTILE))
+    assert "<img src=x" not in identified_page(HOSTILE)
 
 
 def test_a_page_without_trajectories_still_has_its_tables():

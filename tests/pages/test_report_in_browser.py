@@ -27,7 +27,8 @@ def comparison(visit_once):
 
 @pytest.fixture(scope="module")
 def identified(visit_once):
-    return visit_once(writing.render(identification(HOSTILE)), viewport=PHONE, color_scheme="dark")
+    result = identification(HOSTILE)
+    return visit_once(writing.render(result, figures.charts(result)), viewport=PHONE, color_scheme="dark")
 
 
 def test_comparison_draws_its_figures_and_fetches_nothing(comparison):
@@ -111,11 +112,16 @@ def test_sections_are_open_on_a_desktop(comparison):
 def test_identification_draws_every_figure(identified):
     until(identified.page, DRAWN)
     result = identification(HOSTILE)
-    drawn = [f.id for f in (*figures.first_on_page(result), *figures.on_page(result))]
-    assert drawn == ["motion-0", "motion-1", "errors", "trial-0", "events", "explanations", "unlisted"]
+    drawn = [chart.id for chart in figures.charts(result)]
+    assert drawn == ["motion", "errors", drawn[2], "events", "explanations", "unlisted-force"]
+    assert drawn[2].startswith("trial-")
+    assert identified.page.eval_on_selector_all(".figure", "(all) => all.map((one) => one.id)") == drawn
     for name in drawn:
         assert identified.page.locator(f"#{name} .trace").count() > 0
     assert sideways(identified.page) == 0
+    places = [identified.page.locator(f"#motion .subplot.{name}").bounding_box() for name in ("xy", "x2y2")]
+    assert places[1]["y"] > places[0]["y"] + places[0]["height"], "a phone has the panels of a row below each other"
+    assert abs(places[1]["x"] - places[0]["x"]) < 1
     identified.assert_no_requests_or_complaints(identified.page.url)
 
 

@@ -37,8 +37,8 @@ HEADLINES = {
 }
 PERHAPS_NOTHING = "Something may be missing, and these data allow several explanations"
 """Headline of an ambiguous verdict where one of the explanations is that nothing is missing."""
-MOTION, EVENTS = "motion.png", "events.png"
-"""File names of the first figure: of one trial or, if nothing was tracked, of the events."""
+MOTION, EVENTS = "motion", "events"
+"""Names of the first figure: of one trial or, if nothing was tracked, of the events."""
 SIDES = {
     "along": "along the string, towards the rod",
     "across": "across the string, the way it loops",
@@ -61,11 +61,16 @@ def render(result: Identification, figures: Mapping[str, str] | None = None) -> 
         Path below the report's folder -> caption.
     """
     images = {path: f"![{caption}]({path})\n\n*{caption}*\n" for path, caption in (figures or {}).items()}
-    # If nothing was tracked, the events are all that there is to see
-    first = images.pop(f"figures/{MOTION if result.trial_figures else EVENTS}", "")
+    first = images.pop(f"figures/{first_figure(result)}.png", "")
     title, verdict, *others = before_figures(result)
     rest = "## Figures\n\n" + "\n".join(images.values()) if images else ""
     return "\n".join(s for s in [title, verdict, first, *others, rest, *after_figures(result)] if s)
+
+
+def first_figure(result: Identification) -> str:
+    """Return the name of the figure directly below the verdict."""
+    # If nothing was tracked, the events are all that there is to see
+    return MOTION if result.trial_figures else EVENTS
 
 
 def before_figures(result: Identification) -> list[str]:

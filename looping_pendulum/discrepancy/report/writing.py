@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 
 from looping_pendulum.discrepancy.report import figures, markdown
 from looping_pendulum.discrepancy.result import Identification, dump
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.files import optional_output, write_atomically
+from looping_pendulum.pages import drawing
 from looping_pendulum.pages import report as pages
+from looping_pendulum.pages.chart import Chart
+from looping_pendulum.pages.figures import on_page
 from looping_pendulum.pages.glossary import glossary
 
 FILES, FOLDERS = ("verdict.json", "repaired.yaml", "report.md", "report.html"), ("figures",)
@@ -22,37 +26,43 @@ def write(result: Identification, folder: Path, workers: Workers = SERIAL) -> Pa
     The verdict is written first, so that it is there whatever else fails; a figure or a page that cannot be made is left out
     with a warning. An idle one of the ``workers`` draws meanwhile.
     """
-    drawings = workers.begin(_draw, None, [result])
     write_atomically(folder / "verdict.json", dump(result))
     write_atomically(folder / "repaired.yaml", result.scenario)
+    charts = figures.charts(result)
+    drawings = workers.begin(_draw, None, [charts])
     with optional_output("report.html"):
-        write_atomically(folder / "report.html", render(result))
+        write_atomically(folder / "report.html", render(result, charts))
     [(drawn, skipped)] = workers.finish(drawings)
     for warning in skipped:
         warnings.warn(warning, stacklevel=2)
-    for name, (_, image) in drawn.items():
-        write_atomically(folder / "figures" / name, image)
-    captions = {f"figures/{name}": caption for name, (caption, _) in drawn.items()}
+    for file, image in drawn.items():
+        write_atomically(folder / file, image)
+    captions = {file: chart.caption for chart in charts if (file := f"figures/{chart.id}.png") in drawn}
     write_atomically(folder / "report.md", markdown.render(result, captions))
     return folder / "report.md"
 
 
-def _draw(_: None, result: Identification) -> tuple[dict[str, tuple[str, bytes]], list[Warning | str]]:
-    """Return all figures, and the warnings about those that are left out."""
+def _draw(_: None, charts: Sequence[Chart]) -> tuple[dict[str, bytes], list[Warning | str]]:
+    """Return the files of all figures, and the warnings about those that are left out."""
+    drawn = {}
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        drawn = figures.draw(result)
+        for chart in charts:
+            file = f"figures/{chart.id}.png"
+            with optional_output(file):
+                drawn[file] = drawing.png(drawing.draw(chart))
     return drawn, [w.message for w in caught]
 
 
-def render(result: Identification) -> str:
+def render(result: Identification, charts: Sequence[Chart]) -> str:
     """Return the page as HTML: the sections of report.md, and interactive figures."""
+    first = [on_page(chart) for chart in charts if chart.id == markdown.first_figure(result)]
     return pages.render(
         f"{result.title}: what the model lacks",
         markdown.before_figures(result),
-        figures.on_page(result),
+        [on_page(chart) for chart in charts if chart.id != markdown.first_figure(result)],
         markdown.after_figures(result),
         glossary("identification"),
         "Residual: measured less predicted. Grey bands: two standard errors, which contain 95 % of mere noise.",
-        figures.first_on_page(result),
+        first,
     )

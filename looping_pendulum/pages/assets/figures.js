@@ -19,7 +19,11 @@
 
   function layout(figure, width) {
     const axis = { gridcolor: "var(--grid)", zerolinecolor: "var(--line)", linecolor: "var(--line)", automargin: true };
-    const merged = { ...figure.layout };
+    const merged = { ...figure.layout }, narrow = width < 600;
+    const named = figure.traces.filter((trace) => trace.showlegend !== false).length;
+    const { rows, columns } = merged.grid ?? { rows: 1, columns: 1 };
+    // On a phone the panels of a row stand below each other
+    if (merged.grid && narrow) merged.grid = { ...merged.grid, rows: rows * columns, columns: 1 };
     for (const name of Object.keys(merged)) if (/^[xy]axis\d*$/.test(name)) merged[name] = { ...axis, ...merged[name] };
     return coloured({
       paper_bgcolor: "var(--ground)", plot_bgcolor: "var(--ground)",
@@ -29,8 +33,8 @@
       legend: { orientation: "h", yref: "container", y: 0, yanchor: "bottom", ...merged.legend },
       ...(Theme.printing ? { width: PAPER, autosize: false } : {}),
       // On a phone no taller than wide, as a path to scale would have blank above and below it; the legend needs room beside that
-      height: (width < 600 ? Math.min(figure.layout.height, Math.max(width, 340) + 60) : figure.layout.height) + (width < 600 ? 22 * figure.traces.filter((t) => t.showlegend !== false).length : 0),
-      margin: { l: 64, r: 12, t: 24, b: 90, ...merged.margin },
+      height: narrow ? rows * columns * Math.min(merged.height / rows, Math.max(width, 340) + 60) + 22 * named : merged.height,
+      margin: { l: 64, r: 12, t: 24, b: named ? 90 : 50, ...merged.margin },
     });
   }
 
