@@ -378,7 +378,7 @@ def _seed(
 
 def _blob(row: Array) -> Blob:
     x, y, area, contrast, length, width = (float(v) for v in row[1:7])
-    return Blob(int(row[0]), x, y, area, contrast, length, width, at_edge=False)
+    return Blob(int(row[0]), x, y, area, contrast, length, width)
 
 
 def _next(

@@ -256,7 +256,7 @@ class _Tracking:
                 Picture(k, *planes, *planes[:0], np.empty(0, np.uint8), np.empty(0, np.uint8))
                 for k, planes in zip(number, small, strict=True)
             )
-            blobs, _ = blobs_of(films, ground, skip=self.seen.repeated)
+            blobs = blobs_of(films, ground, skip=self.seen.repeated)
             found = pendulum.falls(paths(blobs, self.t, max(self.seen.small.shape[1:])), height)
             if found:
                 path = found[0]
@@ -291,7 +291,7 @@ class _Tracking:
             self.report("following the masses", 0.4 + 0.5 * (frame - first) / max(last - first, 1))
 
         region = self._region(ground)
-        blobs, _ = blobs_of(pictures(self.seen, first, last), ground, skip=self.seen.repeated, region=region, progress=progress)
+        blobs = blobs_of(pictures(self.seen, first, last), ground, skip=self.seen.repeated, region=region, progress=progress)
         if not any(blobs.values()):
             raise FilmError("found nothing that moves, needed both masses; is it the right film, and has it the release in it?")
         return blobs
