@@ -25,7 +25,7 @@ LEAST_NOISE = 0.7
 COLOUR_WEIGHT = 2.0
 """Weight of differences of colour, which span half the range that those of brightness do."""
 SIGMA_OF_DENSEST = 1.5
-"""Standard deviation of a normal law over the width of the densest of `_resting`, of 9 to 15 values."""
+"""Standard deviation of a normal law over the width of the densest of `_usual`, of 9 to 15 values."""
 TWO_VALUED = 6
 """Distance of the median from the middle of the densest values from which on a mass covers the pixel in the others [levels]."""
 NOISE_WIDTH = 25
@@ -40,6 +40,11 @@ LARGEST_WHOLE_SHARE = 0.15
 """Largest such thing, as a share of the picture."""
 CORE_SHARE = 0.45
 """Share of a blob's own contrast that a pixel needs to belong to its core, which sheds a shadow or a string that touches it."""
+LINE_WIDTH = 5
+"""Width up to which gaps in a core are closed, and what stands out of it is taken off [pixels].
+
+Lines of a ruled panel and strings are up to four pixels wide.
+"""
 COVERED = (0.3, 0.8)
 """Shares of a blob's median contrast that count as nothing and as all in its centre.
 
@@ -90,7 +95,9 @@ class Background:
         return width, height
 
 
-def background(samples: Sequence[Sequence[Bytes]], index: Sequence[int], window: tuple[int, int], *, sure: bool) -> Background:
+def background(
+    samples: Sequence[Sequence[Bytes]], index: Sequence[int], window: tuple[int, int], *, sure: bool, rests: bool = True
+) -> Background:
     """Return the picture without the masses: the median during the fall, in which neither rests.
 
     Parameters
@@ -104,6 +111,9 @@ def background(samples: Sequence[Sequence[Bytes]], index: Sequence[int], window:
     sure
         Whether the window is known. If it is a guess, the median of three medians is taken, of the pictures before, during and
         after it: where a mass rests in one of them, the other two outvote it.
+    rests
+        Whether a thing that covers a pixel in about half of the pictures may rest there. If it only moves, it has many values,
+        and the densest ones are the background's; at rest it has one, as the background has, and the median decides.
     """
     cv2 = imaging()
     number = np.asarray(index)
@@ -114,7 +124,7 @@ def background(samples: Sequence[Sequence[Bytes]], index: Sequence[int], window:
     groups = [_spread(number, group, MOST_SAMPLES) for group in groups[: 1 if sure else 3] if len(group) >= 3]
     still = []
     for plane in range(len(samples[0])):
-        each = [_resting(cv2, [samples[int(k)][plane] for k in group]) for group in groups]
+        each = [_usual(cv2, [samples[int(k)][plane] for k in group], rests=rests) for group in groups]
         if plane == 0:
             spread = each[0][1].astype(np.float32)
         middle = [value for value, _ in each]
@@ -133,12 +143,8 @@ def _spread(number: NDArray[np.intp], group: NDArray[np.intp], most: int) -> NDA
     return chosen
 
 
-def _resting(cv2: Any, pictures: Sequence[Bytes]) -> tuple[Bytes, Bytes]:
-    """Return each pixel's usual value, and the width of the densest values, nearly half of all.
-
-    The usual value is the median. Where a mass covers the pixel in about half of the pictures, the median lies between both
-    values, and the middle of the densest is taken: the still one's, as a moving mass has many.
-    """
+def _usual(cv2: Any, pictures: Sequence[Bytes], *, rests: bool) -> tuple[Bytes, Bytes]:
+    """Return each pixel's usual value, and the width of the densest values, nearly half of all; `background` says the rule."""
     rows = _sorted(cv2, pictures)
     half, median = max(len(rows) // 2 - 1, 1), rows[len(rows) // 2]
     width, middle = cv2.subtract(rows[half], rows[0]), rows[half // 2].copy()
@@ -146,6 +152,8 @@ def _resting(cv2: Any, pictures: Sequence[Bytes]) -> tuple[Bytes, Bytes]:
         here = cv2.subtract(rows[i + half], rows[i])
         cv2.copyTo(rows[i + half // 2], cv2.compare(here, width, cv2.CMP_LT), middle)
         width = cv2.min(width, here)
+    if rests:
+        return median, width
     is_covered = cv2.compare(cv2.absdiff(median, middle), TWO_VALUED, cv2.CMP_GT)
     return cv2.copyTo(middle, is_covered, median.copy()), width
 
@@ -259,12 +267,17 @@ def _measured(
     if not len(inside):
         return None
     full = float(np.percentile(inside, 90))
-    core = cv2.compare(part, CORE_SHARE * full, cv2.CMP_GT)
-    core = cv2.bitwise_and(core, cv2.dilate(framed, None) * 255)
+    strong = cv2.compare(part, CORE_SHARE * full, cv2.CMP_GT)
+    core = strong = cv2.bitwise_and(strong, cv2.dilate(framed, None) * 255)
     if not whole:
+        # A line of the background as bright as the mass must not cut it in two, nor its string belong to it
+        size = np.ones((LINE_WIDTH, LINE_WIDTH), np.uint8)
+        core = cv2.morphologyEx(core, cv2.MORPH_CLOSE, size)
+        thick = cv2.morphologyEx(core, cv2.MORPH_OPEN, size)
+        core = thick if cv2.countNonZero(thick) else core
         count, label, stats, _ = cv2.connectedComponentsWithStats(core, connectivity=8)
         core = np.asarray(label == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA])) if count > 1 else 0 * core)
-    inside = part[core > 0]
+    inside = part[(core > 0) & (strong > 0)]
     if not len(inside):
         return None
     area, usual = float(len(inside)), float(np.median(inside))

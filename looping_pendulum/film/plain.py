@@ -11,7 +11,7 @@ import numpy as np
 
 from looping_pendulum.film.decode import FilmError, FilmFacts, Survey, film_error, picture_change, pictures, survey
 from looping_pendulum.film.moving import Background, Blobs, background, blobs_of, joined, paths
-from looping_pendulum.film.track import Points, TrackSettings
+from looping_pendulum.film.track import Points, TrackSettings, streak_way
 from looping_pendulum.reference_ode.geometry import Array
 
 MAX_THINGS = 8
@@ -92,7 +92,7 @@ def _ground(seen: Survey, first: int, last: int) -> Background:
     window = _busy(seen, first, last)
     # Before and after a motion that fills the film there is too little to vote with
     sure = window[1] - window[0] > BUSY_FILM * (last - first)
-    return background([p.planes for p in kept], [p.frame for p in kept], window, sure=sure)
+    return background([p.planes for p in kept], [p.frame for p in kept], window, sure=sure, rests=not sure)
 
 
 def _busy(seen: Survey, first: int, last: int) -> tuple[int, int]:
@@ -124,7 +124,7 @@ def _things(seen: Survey, blobs: Blobs, settings: TrackSettings) -> dict[str, Po
     return {
         chr(ord("A") + i): Points(
             frame=path[:, 0].astype(int), place=path[:, 1:3], error=np.full(len(path), 0.3),
-            streak=np.maximum(path[:, 5] - path[:, 6], 0.0),
+            streak=streak_way(path[:, 5:7]),
         )
         for i, (_, path) in enumerate(found[:MAX_THINGS])
     }  # fmt: skip

@@ -35,11 +35,16 @@ SECONDS_BEFORE = 0.3
 SECONDS_AFTER = 3.0
 """Time after the release up to which they are [s]; by then the light mass is wound up."""
 CENTRE_ERROR = 0.05
-"""Error of a centre that a picture leaves at least [pixels]: what a codec does to an edge."""
+"""Scatter of a centre that a picture leaves at least [pixels]: what a codec does to an edge."""
+SHARED_ERROR = 10.0
+"""Error that neighbouring points share, so that their scatter does not show it, times the mass's contrast [pixels levels].
+
+Shading, the string and lines of the background pull a centre the more, the paler the mass is.
+"""
 NOISE_ERROR = 0.3
 """Error of a disc's centre, in radii over radii: its noise over its contrast times this [pixels]."""
 STREAK_ERROR = 0.03
-"""Error along a streak, as a share of what it is longer than wide."""
+"""Error of a streak's middle, as a share of the way during the exposure."""
 LENGTH_ERROR = 0.2
 """Error of the string's length by where the masses' centres are taken to be, constant through a film [pixels]."""
 RELEASE_ERROR = 6e-4
@@ -118,7 +123,7 @@ class Points:
     error: Array
     """Standard error per axis [pixels], shape (n,)."""
     streak: Array
-    """Length of the streak beyond the mass's own width [pixels], shape (n,)."""
+    """Way during the exposure [pixels], shape (n,)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -233,7 +238,7 @@ class _Tracking:
                 continue
             # A background of other pictures is needed only if the masses rested in those that were taken for the fall's
             common = min(fall.last, window[1]) - max(fall.first, window[0])
-            if common > 0.5 * (max(fall.last, window[1]) - min(fall.first, window[0])):
+            if common > 0.6 * (max(fall.last, window[1]) - min(fall.first, window[0])):
                 break
             window, sure = (fall.first, fall.last), True
         return self._tied(ground, blobs, moving, fall, last)
@@ -387,7 +392,7 @@ class _Tracking:
         heavy_points, heavy_wrong = self._points(
             fall.rows[:, 0].astype(int), fall.rows[:, 1:3], fall.rows[:, 4], np.zeros(len(fall.rows)), ground
         )
-        streak = np.array([max(b.length - b.width, 0.0) for b in light.blobs])
+        streak = streak_way(np.array([(b.length, b.width) for b in light.blobs]))
         light_points, light_wrong = self._points(
             light.frames, light.points, np.array([b.contrast for b in light.blobs]), streak, ground
         )
@@ -435,7 +440,7 @@ class _Tracking:
         self, frame: NDArray[np.intp], place: Array, contrast: Array, streak: Array, ground: Background
     ) -> tuple[Points, int]:
         """Return the points of a mass, without those that their neighbours contradict, and how many these are."""
-        expected = CENTRE_ERROR + NOISE_ERROR * ground.noise / contrast + STREAK_ERROR * streak
+        expected = CENTRE_ERROR + NOISE_ERROR * ground.noise / contrast
         keep = np.ones(len(frame), dtype=bool)
         factor = 1.0
         for _ in range(3):
@@ -457,8 +462,17 @@ class _Tracking:
                 if all(abs(int(w) - d) > 4 for d in dropped):
                     dropped.append(int(w))
             keep[dropped] = False
-        points = Points(frame=frame[keep], place=place[keep], error=factor * expected[keep], streak=streak[keep])
+        error = np.hypot(np.hypot(factor * expected, SHARED_ERROR / contrast), STREAK_ERROR * streak)
+        points = Points(frame=frame[keep], place=place[keep], error=error[keep], streak=streak[keep])
         return points, int(np.sum(~keep))
+
+
+def streak_way(extent: Array) -> Array:
+    """Return the way of discs during the exposure [pixels], of their streaks' lengths and widths, shape (n, 2).
+
+    Both are four standard deviations: those of a disc along its way grow by the way over the root of 12.
+    """
+    return np.asarray(np.sqrt(0.75 * np.maximum(extent[:, 0] ** 2 - extent[:, 1] ** 2, 0.0)))
 
 
 def _bearing_at_rest(light: LightMass, fall: Fall) -> float:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import json
+import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -98,6 +100,40 @@ def test_a_study_takes_a_film_and_reads_its_table_the_second_time(ordinary, tmp_
     second = read_trial(study, study.trials[0])
     assert np.array_equal(first.channel("light_y").value, second.channel("light_y").value)
     assert first.camera_errors["scale"] == pytest.approx(1 / 580, rel=0.3)
+
+
+def test_the_stated_errors_are_those_of_the_points(tracked, ordinary, nasty):
+    for found, truth in ((tracked, ordinary[1]), (track(nasty[0], PAPER), nasty[1])):
+        after = truth.t[found.light.frame] >= 0
+        relative = (found.light.place - truth.light[found.light.frame])[after] / found.light.error[after, None]
+        assert 0.5 < np.sqrt(np.mean(relative**2)) < 1.5
+        assert np.mean(np.abs(relative) > 4) < 0.02  # where a shadow or the hand touches the mass
+
+
+def test_a_fit_weighs_points_by_the_errors_that_the_film_states(ordinary, tmp_path):
+    from looping_pendulum.discrepancy.fit.data import trial_data
+    from looping_pendulum.measured.study import read_trial
+    from looping_pendulum.measured.study_io import load
+
+    films = output.files_of(tmp_path / "trial.mp4")
+    (tmp_path / "study.yaml").write_text(
+        "title: a film\napparatus: {light: {mass: 10 g}, heavy: {mass: 100 g}, rod: {radius: 6.25 mm}}\n"
+        "trials: [{file: trial.mp4, release: {angle: 112 deg, free_length: 58 cm +/- 1 mm}}]\n"
+    )
+    shutil.copy(ordinary[0], tmp_path / "trial.mp4")
+    found = track(tmp_path / "trial.mp4", PAPER)
+    error, streak = found.light.error.copy(), found.light.streak.copy()
+    error[60:70], streak[60:70] = 9.0, 30.0  # pixels: a long streak
+    output.write(replace(found, light=replace(found.light, error=error, streak=streak)), films)
+    assert films.table.read_text().count("light streak") == 10
+    study = load(tmp_path / "study.yaml")
+    data = trial_data(study.trials[0], read_trial(study, study.trials[0]))
+    channel = next(c for c in data.channels if c.name == "light_x")
+    sigma = data.sigma[data.slices["light_x"]]
+    flagged = np.isclose(np.interp(channel.t, *channel.stated_error), 9.0 / found.scale, rtol=1e-3)
+    assert flagged.sum() == 10
+    assert sigma[flagged].min() >= 8.9 / found.scale
+    assert np.median(sigma[~flagged]) < 2e-3
 
 
 def test_the_command_prints_the_lines_of_a_study(ordinary, tmp_path):
