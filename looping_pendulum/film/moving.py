@@ -373,26 +373,26 @@ def paths(blobs: Blobs, t: Array, width: float) -> list[Path]:
     live: list[list[Blob]] = []
     done: list[list[Blob]] = []
     for k in sorted(blobs):
-        here, taken = blobs[k], set()
+        here = blobs[k]
+        place = np.array([(b.x, b.y) for b in here]).reshape(-1, 2)
+        size = np.log([b.area for b in here])
+        free = np.ones(len(here), dtype=bool)
         live.sort(key=lambda path: -len(path))
         for path in live:
-            place, gate = _expected(path, t, t[k], unit)
-            best, chosen = np.inf, -1
-            for j, b in enumerate(here):
-                growth = abs(np.log(b.area / path[-1].area))
-                cost = float(np.hypot(b.x - place[0], b.y - place[1])) + 4 * unit * growth
-                # What overlaps the expected place and is as large is the same thing: times and centres err, too
-                reach = OVERLAP * path[-1].width if growth < SAME_SIZE else 0.0
-                if j not in taken and cost < min(best, max(gate, reach)):
-                    best, chosen = cost, j
-            if chosen >= 0:
-                path.append(here[chosen])
-                taken.add(chosen)
+            expected, gate = _expected(path, t, t[k], unit)
+            growth = np.abs(size - np.log(path[-1].area))
+            cost = np.hypot(*(place - expected).T) + 4 * unit * growth
+            # What overlaps the expected place and is as large is the same thing: times and centres err, too
+            reach = np.where(growth < SAME_SIZE, max(gate, OVERLAP * path[-1].width), gate)
+            cost[~free | (cost >= reach)] = np.inf
+            if len(here) and np.isfinite(cost.min()):
+                path.append(here[int(np.argmin(cost))])
+                free[np.argmin(cost)] = False
         # One point has no course along which it could be found again after a while
         kept = [t[k] - t[path[-1].frame] <= max(MAX_GAP_SECONDS if len(path) > 1 else 0.0, 2.5 * usual) for path in live]
         done += [path for path, is_kept in zip(live, kept, strict=True) if not is_kept]
         live = [path for path, is_kept in zip(live, kept, strict=True) if is_kept]
-        live += [[b] for j, b in enumerate(here) if j not in taken]
+        live += [[b] for b, is_free in zip(here, free, strict=True) if is_free]
     return [np.array([b[:7] for b in path], dtype=float) for path in done + live if len(path) >= LEAST_POINTS]
 
 

@@ -15,6 +15,7 @@ from looping_pendulum.film import pendulum
 from looping_pendulum.film.decode import FilmError, FilmFacts, Picture, Survey, film_error, pictures, survey
 from looping_pendulum.film.moving import (
     LEAST_SAMPLES,
+    MAX_BLOBS,
     MOST_SAMPLES,
     Background,
     Blobs,
@@ -360,12 +361,42 @@ class _Tracking:
             if len(light.blobs) > 0.8 * np.sum(light.frames[-1] >= np.array(sorted(blobs))) and scatter < unit:
                 break
         if not tries:
-            raise FilmError(
-                "found the heavy mass, but nothing on a taut string, needed the light mass; "
-                "show it by --light X,Y@FRAME and the rod by --rod X,Y"
-            )
+            raise FilmError(f"found no thing on a taut string, needed the light mass; {self._way_out(blobs, moving, fall)}")
         _, light, string, residual, covariance = max(tries, key=lambda each: each[0])
+        self._refuse_doubtful(blobs, moving, fall, light, residual)
         return self._finished(ground, blobs, fall, heights, light, string, residual, covariance)
+
+    def _way_out(self, blobs: Blobs, moving: Sequence[MovingPath], fall: Fall) -> str:
+        """Say which option helps against what the film shows beside the apparatus."""
+        if max(map(len, blobs.values())) >= MAX_BLOBS:
+            return f'more than {MAX_BLOBS} things move at once: show the apparatus by --region "X,Y X,Y"'
+        others = [p for p in pendulum.falls(moving, self.size[1]) if not fall.has(p)]
+        if others:
+            x, y, frame = others[0][0, 1], others[0][0, 2], int(others[0][0, 0])
+            return (
+                f"another thing falls (from {x:.0f},{y:.0f} in frame {frame}): show the heavy mass by --heavy X,Y@FRAME, "
+                "or leave the other out by --region or --from and --to"
+            )
+        return "show it by --light X,Y@FRAME and the rod by --rod X,Y, or film with more light and contrast"
+
+    def _span_after(self, blobs: Blobs, fall: Fall) -> list[int]:
+        """Return the frames from the release on in which the light mass is asked for."""
+        return [k for k in blobs if k >= fall.first and self.t[k] < self.t[fall.first] + pendulum.SHARE_SECONDS]
+
+    def _refuse_doubtful(
+        self, blobs: Blobs, moving: Sequence[MovingPath], fall: Fall, light: LightMass, residual: Array
+    ) -> None:
+        limit = pendulum.MAX_STRING_RESIDUAL * self.unit
+        span = self._span_after(blobs, fall)
+        share = len(set(light.frames.tolist()).intersection(span)) / max(len(span), 1)
+        scatter = 1.4826 * float(np.median(np.abs(residual)))
+        sweep = float(np.ptp(light.phi))
+        if share < pendulum.MIN_SHARE or scatter > limit or sweep < pendulum.MIN_SWEEP:
+            raise FilmError(
+                f"found no light mass beyond doubt (in {share:.0%} of the frames, {scatter:.1f} pixels from a taut string, "
+                f"through {math.degrees(sweep):.0f} deg), needed half the frames, {limit:.1f} pixels and 115 deg; "
+                f"{self._way_out(blobs, moving, fall)}"
+            )
 
     def _ratio(self, fall: Fall) -> float:
         """Return the rod's radius over the free length; where a rule gives the scale, a usual length will do."""
@@ -376,18 +407,9 @@ class _Tracking:
         residual: Array, covariance: Array,
     ) -> FilmTrack:  # fmt: skip
         settings, t, unit = self.settings, self.t, self.unit
-        span = [k for k in blobs if k >= fall.first and t[k] < t[fall.first] + pendulum.SHARE_SECONDS]
+        span = self._span_after(blobs, fall)
         found = set(light.frames.tolist())
         share = sum(k in found for k in span) / max(len(span), 1)
-        scatter = 1.4826 * float(np.median(np.abs(residual)))
-        sweep = float(np.ptp(light.phi))
-        if share < pendulum.MIN_SHARE or scatter > pendulum.MAX_STRING_RESIDUAL * unit or sweep < pendulum.MIN_SWEEP:
-            raise FilmError(
-                f"found no light mass beyond doubt (in {share:.0%} of the frames, {scatter:.1f} pixels from a taut string, "
-                f"through {math.degrees(sweep):.0f} deg), needed half the frames, "
-                f"{pendulum.MAX_STRING_RESIDUAL * unit:.1f} pixels and 115 deg; show it by --light X,Y@FRAME and the "
-                "rod by --rod X,Y, or film with more light and contrast"
-            )
         rest_seen = int(np.sum(fall.rows[:, 0] <= fall.first)) >= 3
         heavy_points, heavy_wrong = self._points(
             fall.rows[:, 0].astype(int), fall.rows[:, 1:3], fall.rows[:, 4], np.zeros(len(fall.rows)), ground

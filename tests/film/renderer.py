@@ -38,6 +38,18 @@ ROTATIONS = {0: 0, 90: -1, 180: 2, -90: 1}
 
 
 @dataclass(frozen=True, kw_only=True)
+class Decoy:
+    """A dark disc that moves."""
+
+    place: Callable[[float], tuple[float, float] | None]
+    """Centre in the picture [px] at a time since the release [s]; None: not in the picture."""
+    radius: float
+    """[px]"""
+    level: int = 25
+    """Brightness of 255."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Scene:
     """What is filmed, and by which camera."""
 
@@ -73,6 +85,8 @@ class Scene:
     clutter: bool = False
     bystander: bool = False
     """Whether somebody walks through the picture behind the masses."""
+    decoys: tuple[Decoy, ...] = ()
+    """Discs that move before the apparatus and have nothing to do with it."""
     readout: float = 0.0
     """Time from the reading of the first row to that of the last [s]; a frame's time is its middle row's."""
     jitter: float = 0.0
@@ -235,6 +249,10 @@ class _Studio:
         )
         if s.hand:
             self._hand(picture, t)
+        for decoy in s.decoys:
+            if (place := decoy.place(t)) is not None:
+                fixed = tuple(round(16 * v) for v in place)
+                cv2.circle(picture, fixed, round(16 * decoy.radius), (decoy.level,) * 3, -1, cv2.LINE_AA, 4)
         return self._sensor(picture), light, heavy
 
     def _sensor(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
