@@ -50,6 +50,11 @@ LENGTH_ERROR = 0.2
 """Error of the string's length by where the masses' centres are taken to be, constant through a film [pixels]."""
 RELEASE_ERROR = 6e-4
 """Error of the release by the law of its first tenth of a second, which is not quite that of `pendulum.release` [s]."""
+STRAIGHT = 0.3
+"""Scatter of the string's length above which perspective or the lens bends the picture [pixels of a picture 1280 wide].
+
+By what exceeds it rod and scale may be wrong, too: the fit of a rod gives way to a bent circle.
+"""
 SHOWN_ERROR = 1.4
 """Error of a length between two places that a person has shown [pixels]."""
 FIRST_WINDOWS = ((0.1, 0.6), (0.3, 0.9), (0.05, 0.3))
@@ -422,6 +427,8 @@ class _Tracking:
         released, release_error = pendulum.release(t, heavy_points.frame, heavy_points.place[:, 1], fall.first + 3)
         start = _bearing_at_rest(light, fall)
         at_release = string.constant - string.radius * start
+        scatter = 1.4826 * float(np.median(np.abs(residual)))
+        bend = max(scatter - STRAIGHT * unit, 0.0)
         if settings.scale is not None:
             rule = settings.scale
             scale, scale_error, source = rule.pixels / rule.length, SHOWN_ERROR / rule.pixels, "a length shown in the picture"
@@ -434,7 +441,7 @@ class _Tracking:
                 )
             scale, source = at_release / settings.free_length, "the free length at the release"
             scale_error = math.hypot(
-                math.hypot(math.sqrt(covariance[2, 2]), LENGTH_ERROR) / at_release,
+                math.hypot(math.sqrt(covariance[2, 2]), LENGTH_ERROR, bend) / at_release,
                 settings.free_length_error / settings.free_length,
             )
         radius = settings.rod_radius * scale
@@ -448,7 +455,8 @@ class _Tracking:
         heavy_rest = heights[fall.first]
         track = FilmTrack(
             path=self.seen.path, facts=self.facts, settings=settings, t=t, light=light_points, heavy=heavy_points,
-            side=string.side, rod=string.rod, rod_error=(math.sqrt(covariance[0, 0]), math.sqrt(covariance[1, 1])),
+            side=string.side, rod=string.rod,
+            rod_error=(math.hypot(math.sqrt(covariance[0, 0]), bend), math.hypot(math.sqrt(covariance[1, 1]), bend)),
             rod_radius=radius, scale=scale, scale_error=scale_error, scale_source=source, tilt=tilt,
             tilt_error=_tilt_error(fall, unit), release=released, release_error=math.hypot(release_error, RELEASE_ERROR),
             angle=0.0, hanging_length=0.0,

@@ -10,7 +10,7 @@ import pytest
 
 from looping_pendulum.film.decode import FilmError
 from looping_pendulum.film.track import ScaleRule, Shown, TrackSettings, track
-from tests.film.renderer import Decoy, Scene, render
+from tests.film.renderer import Decoy, Scene, bent_by_a_lens, render
 from tests.film.test_track import PAPER, WRONG, errors, rms_per_axis
 
 ROD, SCALE = (395.0, 131.0), 415.0
@@ -111,14 +111,7 @@ def test_a_mirror_image_of_the_light_mass_is_told_by_light(film, motion):
 
 
 def test_a_lens_displaces_the_rod_and_a_person_who_shows_it_holds_it(film):
-    def bent(position):
-        """Barrel distortion of 5 % at the edge of the picture."""
-        place = np.array(ROD) + SCALE * np.asarray(position) * (1, -1)
-        middle = np.array([320.0, 180.0])
-        off = (place - middle) / 320
-        return middle + 320 * off * (1 - 0.05 * np.sum(off**2, axis=-1, keepdims=True)) - ROD
-
-    path, truth = film(project=bent, seed=406)
+    path, truth = film(project=bent_by_a_lens(-0.05, SMALL), seed=406)
     assert np.abs(np.array(track(path, PAPER).rod) - ROD).max() > 0.5
     found = check(path, truth, replace(PAPER, rod=ROD))
     assert np.array(found.rod) == pytest.approx(ROD, abs=0.01)
