@@ -266,7 +266,7 @@ def _measured(
     inside = part[framed > 0]
     if not len(inside):
         return None
-    full = float(np.percentile(inside, 90))
+    full = float(_ranked(inside, 0.9))
     strong = cv2.compare(part, CORE_SHARE * full, cv2.CMP_GT)
     core = strong = cv2.bitwise_and(strong, cv2.dilate(framed, None) * 255)
     if not whole:
@@ -280,7 +280,7 @@ def _measured(
     inside = part[(core > 0) & (strong > 0)]
     if not len(inside):
         return None
-    area, usual = float(len(inside)), float(np.median(inside))
+    area, usual = float(len(inside)), float(_ranked(inside, 0.5))
     # With a rim of two pixels, which a moving or soft edge covers in part
     own = cv2.dilate((core > 0).astype(np.uint8), np.ones((5, 5), np.uint8))
     cover = np.clip((part / usual - COVERED[0]) / (COVERED[1] - COVERED[0]), 0, 1) * own
@@ -303,6 +303,12 @@ def _measured(
         length=4 * float(np.sqrt(middle + spread)),
         width=4 * float(np.sqrt(max(middle - spread, 0.0))),
     )
+
+
+def _ranked(values: Bytes, share: float) -> Any:
+    """Return the value that a share of all is not above: NumPy's own percentile takes longer than all else of a blob."""
+    k = int(share * (len(values) - 1))
+    return np.partition(values, k)[k]
 
 
 Blobs = dict[int, list[Blob]]

@@ -57,6 +57,8 @@ By what exceeds it rod and scale may be wrong, too: the fit of a rod gives way t
 """
 SHOWN_ERROR = 1.4
 """Error of a length between two places that a person has shown [pixels]."""
+WINDOW_RATE = 120.0
+"""Pictures per second by which the time of the fall is found [Hz]."""
 FIRST_WINDOWS = ((0.1, 0.6), (0.3, 0.9), (0.05, 0.3))
 """Where in the film the fall may be at first, as shares of its frames."""
 
@@ -256,6 +258,7 @@ class _Tracking:
         """Return first and last frame of the fall, as reduced pictures show it, and whether they do."""
         index = self.seen.small_index
         inside = np.flatnonzero((index >= self.first) & (index <= self.last))
+        inside = inside[:: max(round(self.facts.rate / WINDOW_RATE), 1)]
         small = [(self.seen.small[i],) for i in inside]
         number = [int(index[i]) for i in inside]
         height = self.seen.small.shape[1]
