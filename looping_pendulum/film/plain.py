@@ -73,7 +73,7 @@ def follow_all(path: str | Path, settings: TrackSettings, progress: Callable[[st
     ground = _ground(seen, first, last)
     report("following what moves", 0.4)
     blobs = blobs_of(
-        pictures(seen, first, last), ground, skip=seen.repeated, whole=True,
+        pictures(seen, first, last), ground, skip=seen.repeated, region=settings.region_on_grid(ground), whole=True,
         progress=lambda k: report("following what moves", 0.4 + 0.5 * (k - first) / max(last - first, 1)),
     )  # fmt: skip
     things = _things(seen, blobs, settings)

@@ -119,6 +119,16 @@ class TrackSettings:
         last = len(t) - 1 if self.last is None else int(np.searchsorted(t, self.last, side="right")) - 1
         return first, last
 
+    def region_on_grid(self, ground: Background) -> Bytes | None:
+        """Return `region` as `find_blobs` takes it: not 0 where things are looked for, on the search grid."""
+        if self.region is None:
+            return None
+        height, width = ground.threshold.shape
+        x0, y0, x1, y1 = (round(v * width / ground.size[0]) for v in self.region)
+        region = np.zeros((height, width), np.uint8)
+        region[max(y0, 0) : max(y1, 0), max(x0, 0) : max(x1, 0)] = 255
+        return region
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Points:
@@ -304,20 +314,11 @@ class _Tracking:
         def progress(frame: int) -> None:
             self.report("following the masses", 0.4 + 0.5 * (frame - first) / max(last - first, 1))
 
-        region = self._region(ground)
+        region = self.settings.region_on_grid(ground)
         blobs = blobs_of(pictures(self.seen, first, last), ground, skip=self.seen.repeated, region=region, progress=progress)
         if not any(blobs.values()):
             raise FilmError("found nothing that moves, needed both masses; is it the right film, and has it the release in it?")
         return blobs
-
-    def _region(self, ground: Background) -> Bytes | None:
-        if self.settings.region is None:
-            return None
-        height, width = ground.threshold.shape
-        x0, y0, x1, y1 = (round(v * width / self.size[0]) for v in self.settings.region)
-        region = np.zeros((height, width), np.uint8)
-        region[max(y0, 0) : max(y1, 0), max(x0, 0) : max(x1, 0)] = 255
-        return region
 
     def _fall(self, blobs: Blobs, moving: Sequence[MovingPath]) -> Fall:
         candidates = pendulum.falls(moving, self.size[1])

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from looping_pendulum.cli.main import app
 from looping_pendulum.film import options, output
 from looping_pendulum.film.decode import FilmError
+from looping_pendulum.film.plain import follow_all
 from looping_pendulum.film.track import TrackSettings, track
 from looping_pendulum.measured.readers import read
 from tests.film.conftest import SHORT
@@ -147,6 +148,15 @@ def test_plain_follows_without_physics(ordinary, tmp_path):
     done = CliRunner().invoke(app, ["track", str(ordinary[0]), "--plain", "--out", str(tmp_path)])
     assert done.exit_code == 0, done.output
     assert (tmp_path / "trial.csv").read_text().startswith("t [s],frame,A_x [px],A_y [px]")
+
+
+def test_plain_follows_within_a_region_alone(ordinary):
+    heavy = ordinary[1].heavy
+    left, right = int(heavy[:, 0].min()) - 30, int(heavy[:, 0].max()) + 30
+    found = follow_all(ordinary[0], TrackSettings(region=(left, 0, right, 720)))
+    # What passes the edge is cut there, to the width of a pixel of the search grid and its rim
+    assert all(left - 8 < x < right + 8 for points in found.things.values() for x in points.place[:, 0])
+    assert np.ptp(found.things["A"].place[:, 1]) == pytest.approx(np.ptp(heavy[:, 1]), abs=3)
 
 
 def test_a_table_of_another_program_is_not_overwritten(ordinary, tmp_path):
