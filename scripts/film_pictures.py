@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from looping_pendulum.film.output import contact_sheet
-from looping_pendulum.film.track import TrackSettings, track
-from tests.film.renderer import Scene, looping_motion, render
+from looping_pendulum.film.track import FilmTrack, TrackSettings, track
+from tests.film.renderer import Decoy, Scene, looping_motion, render, seen_from_aside
 
 FOLDER = Path(__file__).parents[1] / "docs" / "img"
 WIDTH = 900
 COLOURS = 160
 PAPER = TrackSettings(free_length=0.58, free_length_error=1e-3)
+HEAD, SCENE, TILES = 58, 720, 640
+"""Heights of the parts of a contact sheet of a picture of 1280x720 [pixels]."""
 
 
 def small(picture: NDArray[np.uint8]) -> bytes:
@@ -30,17 +32,43 @@ def small(picture: NDArray[np.uint8]) -> bytes:
     return stream.getvalue()
 
 
-def main() -> None:
-    """Draw the contact sheet of a good film, and the tiles of one with a long exposure."""
+def mirrored(scene: Scene) -> Decoy:
+    """Return a dark mirror image of the light mass on the other side of the heavy mass's string."""
     motion = looping_motion(1.0)
+
+    def place(t: float) -> tuple[float, float]:
+        x, y = motion.at(np.array([max(t, 0.0)]))[0][0]
+        right = 2 * motion.apparatus.rod_radius - x
+        return scene.rod[0] + scene.scale * right, scene.rod[1] - scene.scale * y
+
+    return Decoy(place=place, radius=4, level=10)
+
+
+def main() -> None:
+    """Draw the contact sheet of a good film, and what five bad ones look like on theirs."""
+    motion = looping_motion(1.0)
+    usual = Scene(frame_rate=120, exposure=1 / 1000, duration=0.9)
+    window = Scene(
+        size=(640, 360), scale=415.0, rod=(395.0, 131.0), frame_rate=120, before=0.1, duration=0.6, contrast=0.5, seed=403
+    )
+    head_and_scene, tiles, plot = slice(0, HEAD + SCENE), slice(HEAD + SCENE, HEAD + SCENE + TILES), slice(-170, None)
+
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "trial.mp4"
-        render(path, Scene(hand=True, frame_rate=120, exposure=1 / 1000, duration=0.9), motion)
-        (FOLDER / "film-sheet.png").write_bytes(small(contact_sheet(track(path, PAPER))))
-        render(path, Scene(hand=True, frame_rate=60, exposure=1 / 70, duration=0.9), motion)
-        sheet = contact_sheet(track(path, PAPER))
-        tiles = slice(58 + 720, 58 + 720 + 640)  # below the head and the scene
-        (FOLDER / "film-streak.png").write_bytes(small(sheet[tiles]))
+
+        def tracked(**changes: object) -> FilmTrack:
+            path = Path(folder) / "trial.mp4"
+            render(path, Scene(**{**vars(usual), **changes}), motion)
+            return track(path, PAPER)
+
+        def draw(name: str, found: FilmTrack, part: slice) -> None:
+            (FOLDER / f"film-{name}.png").write_bytes(small(contact_sheet(found)[part]))
+
+        draw("sheet", tracked(hand=True), slice(None))
+        draw("streak", tracked(hand=True, frame_rate=60, exposure=1 / 70), tiles)
+        draw("aside", tracked(project=seen_from_aside(5, usual)), plot)
+        draw("shutter", tracked(readout=0.015), plot)
+        draw("mirror", tracked(**vars(window) | {"decoys": (mirrored(window),)}), head_and_scene)
+        draw("dim", tracked(contrast=0.6, noise=2), tiles)
 
 
 if __name__ == "__main__":

@@ -42,6 +42,8 @@ CHANGED_PIXELS = 30
 """Number of pixels whose change is taken for that of the picture: a small mass is not more, in a reduced picture."""
 UNEVEN_STEP = 0.05
 """Departure of a step of time from the usual one, relative to it, from which on it is called uneven."""
+SLOT_SLACK = 0.25
+"""Part of a usual step by which one must exceed a step and a half, and so on, before a frame counts as lost."""
 CAPTURE_RATE_KEY = "com.android.capture.fps"
 """Key by which phones state the true rate of slow motion."""
 MAX_SHAKE = 1.5
@@ -330,7 +332,7 @@ def survey(path: str | Path, *, frame_rate: float | None = None, needs_rest: boo
         elif picture.luma.shape[::-1] != size:
             raise film_error(file, f"found pictures of {size[0]}x{size[1]} and other pixels, needed one size", "cut it there")
         small = cv2.resize(picture.luma, (round(size[0] / reduction), round(size[1] / reduction)), interpolation=cv2.INTER_AREA)
-        change.append(255.0 if before is None else _change(cv2, small, before))
+        change.append(255.0 if before is None else picture_change(small, before))
         activity += min(change[-1], 255.0)
         before = small
         steady.offer(index, picture.copied)
@@ -375,8 +377,9 @@ def _refuse_short(file: str, frames: int, broken: int) -> None:
         )
 
 
-def _change(cv2: Any, picture: NDArray[np.uint8], before: NDArray[np.uint8]) -> float:
+def picture_change(picture: NDArray[np.uint8], before: NDArray[np.uint8]) -> float:
     """Return the mean of the largest changes of brightness from one reduced picture to the next [levels of 255]."""
+    cv2 = imaging()
     counts = cv2.calcHist([cv2.absdiff(picture, before)], [0], None, [256], [0, 256]).ravel()[::-1]
     taken = np.minimum(np.cumsum(counts), CHANGED_PIXELS)
     return float(np.diff(taken, prepend=0.0) @ np.arange(255, -1, -1)) / max(float(taken[-1]), 1.0)
@@ -422,7 +425,8 @@ def _times(
     else:
         source = "the frames' own times"
     usual = float(np.median(steps))
-    slots = np.maximum(np.round(steps / usual), 1)
+    # A step of one and a half is a recorder's unrest, and no lost frame
+    slots = np.maximum(np.round(steps / usual - SLOT_SLACK), 1)
     lost = int(np.sum(slots - 1))
     clock_rate = float(np.sum(slots) / (clock[-1] - clock[0]))
     rate, rate_source = clock_rate, "the film's clock"

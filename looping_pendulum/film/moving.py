@@ -24,14 +24,27 @@ LEAST_NOISE = 0.7
 """Smallest standard deviation of a pixel [levels]; rounding alone gives 0.3."""
 COLOUR_WEIGHT = 2.0
 """Weight of differences of colour, which span half the range that those of brightness do."""
+SIGMA_OF_DENSEST = 1.5
+"""Standard deviation of a normal law over the width of the densest of `_usual`, of 9 to 15 values."""
+TWO_VALUED = 6
+"""Distance of the median from the middle of the densest values from which on a mass covers the pixel in the others [levels]."""
 NOISE_WIDTH = 25
 """Width over which the noise of pixels is averaged [pixels]."""
 LEAST_AREA = 6
 """Smallest blob [pixels of the search grid]."""
 LARGEST_SHARE = 0.03
 """Largest blob, as a share of the picture: a mass is smaller, an arm is not."""
+PARTS_APART = 9
+"""Distance up to which parts are one thing, where things of many colours are looked for [pixels of the search grid]."""
+LARGEST_WHOLE_SHARE = 0.15
+"""Largest such thing, as a share of the picture."""
 CORE_SHARE = 0.45
 """Share of a blob's own contrast that a pixel needs to belong to its core, which sheds a shadow or a string that touches it."""
+LINE_WIDTH = 5
+"""Width up to which gaps in a core are closed, and what stands out of it is taken off [pixels].
+
+Lines of a ruled panel and strings are up to four pixels wide.
+"""
 COVERED = (0.3, 0.8)
 """Shares of a blob's median contrast that count as nothing and as all in its centre.
 
@@ -62,8 +75,6 @@ class Blob(NamedTuple):
     """Extent along its longer axis, four standard deviations of its pixels [pixels]."""
     width: float
     """The same across it."""
-    at_edge: bool
-    """Whether it touches the edge of the picture, so that a part may be missing."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,7 +95,9 @@ class Background:
         return width, height
 
 
-def background(samples: Sequence[Sequence[Bytes]], index: Sequence[int], window: tuple[int, int], *, sure: bool) -> Background:
+def background(
+    samples: Sequence[Sequence[Bytes]], index: Sequence[int], window: tuple[int, int], *, sure: bool, rests: bool = True
+) -> Background:
     """Return the picture without the masses: the median during the fall, in which neither rests.
 
     Parameters
@@ -98,6 +111,9 @@ def background(samples: Sequence[Sequence[Bytes]], index: Sequence[int], window:
     sure
         Whether the window is known. If it is a guess, the median of three medians is taken, of the pictures before, during and
         after it: where a mass rests in one of them, the other two outvote it.
+    rests
+        Whether a thing that covers a pixel in about half of the pictures may rest there. If it only moves, it has many values,
+        and the densest ones are the background's; at rest it has one, as the background has, and the median decides.
     """
     cv2 = imaging()
     number = np.asarray(index)
@@ -106,20 +122,18 @@ def background(samples: Sequence[Sequence[Bytes]], index: Sequence[int], window:
     if len(groups[0]) < LEAST_SAMPLES:
         groups[0] = np.arange(len(number))
     groups = [_spread(number, group, MOST_SAMPLES) for group in groups[: 1 if sure else 3] if len(group) >= 3]
-    medians = []
+    still = []
     for plane in range(len(samples[0])):
-        each = [_sorted(cv2, [samples[int(k)][plane] for k in group]) for group in groups]
+        each = [_usual(cv2, [samples[int(k)][plane] for k in group], rests=rests) for group in groups]
         if plane == 0:
-            # The median distance from the median, as a mass may cover a pixel in a third of the pictures
-            usual = each[0][len(each[0]) // 2]
-            distance = _sorted(cv2, [cv2.absdiff(row, usual) for row in each[0]])[len(each[0]) // 2].astype(np.float32)
-        middle = [rows[len(rows) // 2] for rows in each]
-        medians.append(_sorted(cv2, middle)[1] if len(middle) == 3 else middle[0])
+            spread = each[0][1].astype(np.float32)
+        middle = [value for value, _ in each]
+        still.append(_sorted(cv2, middle)[1] if len(middle) == 3 else middle[0])
     # Over more than a string's width: along that of the heavy mass pixels change, and a threshold there would cut it in two
-    noise = np.maximum(cv2.blur(distance * np.float32(1.48), (NOISE_WIDTH, NOISE_WIDTH)), LEAST_NOISE)
+    noise = np.maximum(cv2.blur(spread * np.float32(SIGMA_OF_DENSEST), (NOISE_WIDTH, NOISE_WIDTH)), LEAST_NOISE)
     threshold = np.clip(NOISE_FACTOR * noise, LEAST_DIFFERENCE, 255).astype(np.uint8)
-    grid = cv2.resize(threshold, _grid_size(medians[0]), interpolation=cv2.INTER_AREA)
-    return Background(planes=tuple(medians), threshold=grid, noise=float(np.median(noise)))
+    grid = cv2.resize(threshold, _grid_size(still[0]), interpolation=cv2.INTER_AREA)
+    return Background(planes=tuple(still), threshold=grid, noise=float(np.median(noise)))
 
 
 def _spread(number: NDArray[np.intp], group: NDArray[np.intp], most: int) -> NDArray[np.intp]:
@@ -127,6 +141,21 @@ def _spread(number: NDArray[np.intp], group: NDArray[np.intp], most: int) -> NDA
     places = np.linspace(number[group[0]], number[group[-1]], most)
     chosen: NDArray[np.intp] = group[np.unique(np.argmin(np.abs(number[group][:, None] - places), axis=0))]
     return chosen
+
+
+def _usual(cv2: Any, pictures: Sequence[Bytes], *, rests: bool) -> tuple[Bytes, Bytes]:
+    """Return each pixel's usual value, and the width of the densest values, nearly half of all; `background` says the rule."""
+    rows = _sorted(cv2, pictures)
+    half, median = max(len(rows) // 2 - 1, 1), rows[len(rows) // 2]
+    width, middle = cv2.subtract(rows[half], rows[0]), rows[half // 2].copy()
+    for i in range(1, len(rows) - half):
+        here = cv2.subtract(rows[i + half], rows[i])
+        cv2.copyTo(rows[i + half // 2], cv2.compare(here, width, cv2.CMP_LT), middle)
+        width = cv2.min(width, here)
+    if rests:
+        return median, width
+    is_covered = cv2.compare(cv2.absdiff(median, middle), TWO_VALUED, cv2.CMP_GT)
+    return cv2.copyTo(middle, is_covered, median.copy()), width
 
 
 def _sorted(cv2: Any, pictures: Sequence[Bytes]) -> list[Bytes]:
@@ -180,13 +209,18 @@ class Difference:
         return np.asarray(total)
 
 
-def find_blobs(frame: int, difference: Difference, ground: Background, region: Bytes | None = None) -> list[Blob]:
+def find_blobs(
+    frame: int, difference: Difference, ground: Background, region: Bytes | None = None, *, whole: bool = False
+) -> list[Blob]:
     """Return the blobs of one picture, largest first.
 
     Parameters
     ----------
     region
         Where blobs are looked for, not 0, on the search grid; None: everywhere.
+    whole
+        Whether parts beside each other are one thing of many colours, such as a cart, and may be large. Otherwise a blob is its
+        largest part alone, as what touches a mass is its shadow, its string or the rod.
     """
     cv2 = imaging()
     grid_size = ground.threshold.shape[::-1]
@@ -196,22 +230,27 @@ def find_blobs(frame: int, difference: Difference, ground: Background, region: B
     if region is not None:
         changed = cv2.bitwise_and(changed, region)
     changed = cv2.morphologyEx(changed, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    if whole:
+        changed = cv2.morphologyEx(changed, cv2.MORPH_CLOSE, np.ones((PARTS_APART, PARTS_APART), np.uint8))
     count, label, stats, _ = cv2.connectedComponentsWithStats(changed, connectivity=8)
-    largest = LARGEST_SHARE * grid_size[0] * grid_size[1]
+    largest = (LARGEST_WHOLE_SHARE if whole else LARGEST_SHARE) * grid_size[0] * grid_size[1]
     kept = [j for j in range(1, count) if LEAST_AREA <= stats[j, cv2.CC_STAT_AREA] <= largest]
     kept.sort(key=lambda j: -stats[j, cv2.CC_STAT_AREA])
     blobs = []
     for j in kept[:MAX_BLOBS]:
         x, y, w, h = (int(v) for v in stats[j, :4])
-        blob = _measured(frame, difference, ground, label[y : y + h, x : x + w] == j, (x, y, w, h), step)
+        if x == 0 or y == 0 or x + w >= grid_size[0] or y + h >= grid_size[1]:
+            continue  # the part of a thing that is still in the picture has another centre
+        blob = _measured(frame, difference, ground, label[y : y + h, x : x + w] == j, (x, y, w, h), step, whole)
         if blob is not None:
             blobs.append(blob)
     return blobs
 
 
 def _measured(
-    frame: int, difference: Difference, ground: Background, mask: NDArray[np.bool_], box: tuple[int, int, int, int], step: float
-) -> Blob | None:
+    frame: int, difference: Difference, ground: Background, mask: NDArray[np.bool_], box: tuple[int, int, int, int],
+    step: float, whole: bool,
+) -> Blob | None:  # fmt: skip
     """Measure one blob in the full picture: its centre weighted by how much of each pixel it covers."""
     cv2 = imaging()
     width, height = ground.size
@@ -227,18 +266,23 @@ def _measured(
     inside = part[framed > 0]
     if not len(inside):
         return None
-    full = float(np.percentile(inside, 90))
-    core = cv2.compare(part, CORE_SHARE * full, cv2.CMP_GT)
-    count, label, stats, _ = cv2.connectedComponentsWithStats(
-        cv2.bitwise_and(core, cv2.dilate(framed, None) * 255), connectivity=8
-    )
-    if count < 2:
+    full = float(_ranked(inside, 0.9))
+    strong = cv2.compare(part, CORE_SHARE * full, cv2.CMP_GT)
+    core = strong = cv2.bitwise_and(strong, cv2.dilate(framed, None) * 255)
+    if not whole:
+        # A line of the background as bright as the mass must not cut it in two, nor its string belong to it
+        size = np.ones((LINE_WIDTH, LINE_WIDTH), np.uint8)
+        core = cv2.morphologyEx(core, cv2.MORPH_CLOSE, size)
+        thick = cv2.morphologyEx(core, cv2.MORPH_OPEN, size)
+        core = thick if cv2.countNonZero(thick) else core
+        count, label, stats, _ = cv2.connectedComponentsWithStats(core, connectivity=8)
+        core = np.asarray(label == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA])) if count > 1 else 0 * core)
+    inside = part[(core > 0) & (strong > 0)]
+    if not len(inside):
         return None
-    best = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
-    area = float(stats[best, cv2.CC_STAT_AREA])
+    area, usual = float(len(inside)), float(_ranked(inside, 0.5))
     # With a rim of two pixels, which a moving or soft edge covers in part
-    own = cv2.dilate((label == best).astype(np.uint8), np.ones((5, 5), np.uint8))
-    usual = float(np.median(part[label == best]))
+    own = cv2.dilate((core > 0).astype(np.uint8), np.ones((5, 5), np.uint8))
     cover = np.clip((part / usual - COVERED[0]) / (COVERED[1] - COVERED[0]), 0, 1) * own
     total = float(cover.sum())
     if total <= 0:
@@ -255,11 +299,16 @@ def _measured(
         x=x0 + cx,
         y=y0 + cy,
         area=area,
-        contrast=float(part[label == best].mean()),
+        contrast=float(inside.mean()),
         length=4 * float(np.sqrt(middle + spread)),
         width=4 * float(np.sqrt(max(middle - spread, 0.0))),
-        at_edge=x0 <= 1 or y0 <= 1 or x1 >= width - 1 or y1 >= height - 1,
     )
+
+
+def _ranked(values: Bytes, share: float) -> Any:
+    """Return the value that a share of all is not above: NumPy's own percentile takes longer than all else of a blob."""
+    k = int(share * (len(values) - 1))
+    return np.partition(values, k)[k]
 
 
 Blobs = dict[int, list[Blob]]
@@ -272,11 +321,10 @@ def blobs_of(
     *,
     skip: NDArray[np.bool_] | None = None,
     region: Bytes | None = None,
-    watch: Callable[[int], tuple[float, float] | None] | None = None,
-    half: int = 0,
+    whole: bool = False,
     progress: Callable[[int], None] | None = None,
-) -> tuple[Blobs, dict[int, tuple[tuple[int, int], Bytes]]]:
-    """Return the blobs of pictures, and what surrounds one place in each.
+) -> Blobs:
+    """Return the blobs of pictures.
 
     Parameters
     ----------
@@ -284,37 +332,19 @@ def blobs_of(
         Frames that are left out, as copies.
     region
         Where blobs are looked for, on the search grid.
-    watch
-        Returns the place in a frame whose surroundings are wanted [pixels]; None: not in this frame.
-    half
-        Half the size of the surroundings [pixels].
+    whole
+        Whether they may have parts, as of `find_blobs`.
     progress
         Called with the number of each frame.
-
-    Returns
-    -------
-    blobs
-        Frame -> blobs.
-    surroundings
-        Frame -> left upper corner [pixels] and the difference from the background, shape (rows, columns).
     """
     found: Blobs = {}
-    surroundings = {}
     for picture in pictures:
         if progress is not None:
             progress(picture.frame)
-        if skip is not None and skip[picture.frame]:
-            continue
-        difference = Difference(picture.planes[: len(ground.planes)], ground)
-        found[picture.frame] = find_blobs(picture.frame, difference, ground, region)
-        place = None if watch is None else watch(picture.frame)
-        if place is not None:
-            width, height = ground.size
-            x0, y0 = (max(int(v) - half, 0) & ~1 for v in place)
-            x1, y1 = min(x0 + 2 * half, width), min(y0 + 2 * half, height)
-            if x1 - x0 > half and y1 - y0 > half:
-                surroundings[picture.frame] = (x0, y0), difference.part(x0, y0, x1, y1).copy()
-    return found, surroundings
+        if skip is None or not skip[picture.frame]:
+            difference = Difference(picture.planes[: len(ground.planes)], ground)
+            found[picture.frame] = find_blobs(picture.frame, difference, ground, region, whole=whole)
+    return found
 
 
 Path = NDArray[np.float64]
@@ -324,6 +354,12 @@ MAX_GAP_SECONDS = 0.017
 """Time for which a path may be lost and found again [s], and two frames at least."""
 LEAST_POINTS = 3
 """Fewest points of a path."""
+OVERLAP, SAME_SIZE = 0.5, 0.2
+"""Distance, in widths, and logarithm of the ratio of areas up to which a blob is the same thing wherever its path led."""
+MAX_JOINED_SECONDS = 0.1
+"""Time for which a thing may be lost between two paths that are joined [s], and three frames at least."""
+MAX_JOINED_GROWTH = 0.7
+"""Largest logarithm of the ratio of areas of two paths that are joined."""
 FIRST_SPEED = 3000.0
 """Largest speed of a blob with no past [pixels per second in a picture 1280 wide]."""
 
@@ -343,23 +379,26 @@ def paths(blobs: Blobs, t: Array, width: float) -> list[Path]:
     live: list[list[Blob]] = []
     done: list[list[Blob]] = []
     for k in sorted(blobs):
-        here, taken = blobs[k], set()
+        here = blobs[k]
+        place = np.array([(b.x, b.y) for b in here]).reshape(-1, 2)
+        size = np.log([b.area for b in here])
+        free = np.ones(len(here), dtype=bool)
         live.sort(key=lambda path: -len(path))
         for path in live:
-            place, gate = _expected(path, t, t[k], unit)
-            costs = [
-                (float(np.hypot(b.x - place[0], b.y - place[1])) + 4 * unit * abs(np.log(b.area / path[-1].area)), j)
-                for j, b in enumerate(here)
-                if j not in taken
-            ]
-            cost, j = min(costs, default=(np.inf, -1))
-            if cost < gate:
-                path.append(here[j])
-                taken.add(j)
-        limit = max(MAX_GAP_SECONDS, 2.5 * usual)
-        done += [path for path in live if t[k] - t[path[-1].frame] > limit]
-        live = [path for path in live if t[k] - t[path[-1].frame] <= limit]
-        live += [[b] for j, b in enumerate(here) if j not in taken]
+            expected, gate = _expected(path, t, t[k], unit)
+            growth = np.abs(size - np.log(path[-1].area))
+            cost = np.hypot(*(place - expected).T) + 4 * unit * growth
+            # What overlaps the expected place and is as large is the same thing: times and centres err, too
+            reach = np.where(growth < SAME_SIZE, max(gate, OVERLAP * path[-1].width), gate)
+            cost[~free | (cost >= reach)] = np.inf
+            if len(here) and np.isfinite(cost.min()):
+                path.append(here[int(np.argmin(cost))])
+                free[np.argmin(cost)] = False
+        # One point has no course along which it could be found again after a while
+        kept = [t[k] - t[path[-1].frame] <= max(MAX_GAP_SECONDS if len(path) > 1 else 0.0, 2.5 * usual) for path in live]
+        done += [path for path, is_kept in zip(live, kept, strict=True) if not is_kept]
+        live = [path for path, is_kept in zip(live, kept, strict=True) if is_kept]
+        live += [[b] for b, is_free in zip(here, free, strict=True) if is_free]
     return [np.array([b[:7] for b in path], dtype=float) for path in done + live if len(path) >= LEAST_POINTS]
 
 
@@ -374,3 +413,45 @@ def _expected(path: list[Blob], t: Array, now: float, unit: float) -> tuple[Arra
         earlier = (np.array(path[-2][1:3]) - np.array(path[-3][1:3])) / (t[path[-2].frame] - t[path[-3].frame])
         speed = speed + (speed - earlier) * min(dt / (t[path[-1].frame] - t[path[-2].frame]), 1.5)
     return last + speed * dt, 5 * unit + 0.35 * float(np.hypot(*speed)) * dt
+
+
+def joined(pieces: Sequence[Path], t: Array) -> list[Path]:
+    """Join paths of one thing that was lost for a moment, as at a bounce: the next begins where it may have come to, as large.
+
+    Parameters
+    ----------
+    t
+        Time of each frame [s].
+    """
+    limit = max(MAX_JOINED_SECONDS, 3.5 * float(np.median(np.diff(t))))
+    rest = sorted(pieces, key=lambda path: path[0, 0])
+    links = []
+    for i, a in enumerate(rest):
+        for j, b in enumerate(rest):
+            if b[0, 0] <= a[-1, 0] < b[2, 0]:  # the next begins on a part that has come off
+                b = b[b[:, 0] > a[-1, 0]]
+            dt = t[int(b[0, 0])] - t[int(a[-1, 0])]
+            if not 0 < dt <= limit or abs(np.log(np.median(b[:, 3]) / np.median(a[:, 3]))) > MAX_JOINED_GROWTH:
+                continue
+            speed = max(_speed(a[-4:], t), _speed(b[:4], t))
+            apart = float(np.hypot(*(b[0, 1:3] - a[-1, 1:3])))
+            if apart < 1.3 * speed * dt + 0.5 * float(np.median(a[:, 6])):
+                links.append((apart, i, j))
+    follower: dict[int, int] = {}
+    for _, i, j in sorted(links):
+        if i not in follower and j not in follower.values():
+            follower[i] = j
+    chains = []
+    for i in sorted(set(range(len(rest))) - set(follower.values())):
+        chain = [rest[i]]
+        while i in follower:
+            end, i = rest[i][-1, 0], follower[i]
+            chain.append(rest[i][rest[i][:, 0] > end])
+        chains.append(np.concatenate(chain))
+    return chains
+
+
+def _speed(path: Path, t: Array) -> float:
+    """Return the largest speed along a piece of a path [pixels/s]."""
+    steps = np.hypot(*np.diff(path[:, 1:3], axis=0).T)
+    return float(np.max(steps / np.diff(t[path[:, 0].astype(int)]), initial=0.0))

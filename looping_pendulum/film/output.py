@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 from dataclasses import asdict, dataclass
@@ -29,8 +30,8 @@ TABLE_COLUMNS = (
     "flag",
 )
 """Columns of the table; readers of measured data take the first five."""
-LONG_STREAK = 6.0
-"""Length of a streak beyond the mass's own width from which on its point is flagged [pixels of a picture 1280 wide]."""
+LONG_STREAK = 12.0
+"""Way during the exposure from which on its point is flagged [pixels of a picture 1280 wide]."""
 SHEET_WIDTH = 1280
 """Width of the contact sheet [pixels]."""
 TILES = 8
@@ -105,6 +106,20 @@ def camera_errors(files: FilmFiles) -> dict[str, float]:
         tree = json.loads(files.facts.read_text(encoding="utf-8"))
         return {name: float(error) for name, error in tree["camera_errors"].items()}
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
+        return {}
+
+
+def point_errors(files: FilmFiles) -> dict[str, tuple[Array, Array]]:
+    """Return mass -> times [s] and standard errors [m] of its points, as a table that `write` wrote states them."""
+    try:
+        with files.table.open(encoding="utf-8", newline="") as stream:
+            rows = list(csv.DictReader(stream))
+        return {
+            mass: (np.array([float(row["t [s]"]) for row in own]), np.array([float(row[f"{mass}_error [m]"]) for row in own]))
+            for mass in ("light", "heavy")
+            if (own := [row for row in rows if row[f"{mass}_error [m]"]])
+        }
+    except (OSError, ValueError, TypeError, KeyError):
         return {}
 
 

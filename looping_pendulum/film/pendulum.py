@@ -69,6 +69,13 @@ class Fall:
         """Return x on the vertical of the heavy mass at heights y."""
         return self.offset + self.slope * y
 
+    def has(self, path: Path) -> bool:
+        """Return whether most of a path is this mass."""
+        own = {int(row[0]): row for row in self.rows}
+        shared = [(row, own[int(row[0])]) for row in path if int(row[0]) in own]
+        same = sum(bool(np.hypot(row[1] - mass[1], row[2] - mass[2]) < 0.5 * mass[6]) for row, mass in shared)
+        return 2 * same > len(path)
+
     def heights(self, frames: int) -> Array:
         """Return y of the mass in every frame, interpolated, and at rest up to `first`, shape (frames,)."""
         k, y = self.rows[:, 0], self.rows[:, 2]
@@ -378,7 +385,7 @@ def _seed(
 
 def _blob(row: Array) -> Blob:
     x, y, area, contrast, length, width = (float(v) for v in row[1:7])
-    return Blob(int(row[0]), x, y, area, contrast, length, width, at_edge=False)
+    return Blob(int(row[0]), x, y, area, contrast, length, width)
 
 
 def _next(

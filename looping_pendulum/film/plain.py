@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from looping_pendulum.film.decode import FilmError, FilmFacts, Survey, film_error, pictures, survey
-from looping_pendulum.film.moving import Background, Blobs, background, blobs_of, paths
-from looping_pendulum.film.track import Points, TrackSettings
+from looping_pendulum.film.decode import FilmError, FilmFacts, Survey, film_error, picture_change, pictures, survey
+from looping_pendulum.film.moving import Background, Blobs, background, blobs_of, joined, paths
+from looping_pendulum.film.track import Points, TrackSettings, streak_way
 from looping_pendulum.reference_ode.geometry import Array
 
 MAX_THINGS = 8
@@ -18,6 +19,10 @@ MAX_THINGS = 8
 LEAST_WAY = 0.04
 """Shortest way of a thing, as a share of the picture's longer side: what only trembles is no motion."""
 LEAST_FRAMES = 6
+BUSY_SHARE = 0.8
+"""Share of all change by which the time is told in which things move."""
+BUSY_FILM = 0.7
+"""Share of the film from which on they move all the time."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,8 +72,8 @@ def follow_all(path: str | Path, settings: TrackSettings, progress: Callable[[st
         raise film_error(seen.path, "found fewer than seven frames between --from and --to, needed the motion", "correct them")
     ground = _ground(seen, first, last)
     report("following what moves", 0.4)
-    blobs, _ = blobs_of(
-        pictures(seen, first, last), ground, skip=seen.repeated,
+    blobs = blobs_of(
+        pictures(seen, first, last), ground, skip=seen.repeated, region=settings.region_on_grid(ground), whole=True,
         progress=lambda k: report("following what moves", 0.4 + 0.5 * (k - first) / max(last - first, 1)),
     )  # fmt: skip
     things = _things(seen, blobs, settings)
@@ -84,15 +89,28 @@ def _ground(seen: Survey, first: int, last: int) -> Background:
     if len(kept) < 9:
         wanted = set(np.linspace(first, last, 15).astype(int).tolist())
         kept = [p.copied() for p in pictures(seen, first, last) if p.frame in wanted]
-    third = (last - first) // 3
-    return background([p.planes for p in kept], [p.frame for p in kept], (first + third, last - third), sure=False)
+    window = _busy(seen, first, last)
+    # Before and after a motion that fills the film there is too little to vote with
+    sure = window[1] - window[0] > BUSY_FILM * (last - first)
+    return background([p.planes for p in kept], [p.frame for p in kept], window, sure=sure, rests=not sure)
+
+
+def _busy(seen: Survey, first: int, last: int) -> tuple[int, int]:
+    """Return first and last frame of the shortest time with most of the change: a thing may rest for longer than it moves."""
+    inside = np.flatnonzero((seen.small_index >= first) & (seen.small_index <= last))
+    total = np.concatenate([[0.0], np.cumsum([picture_change(a, b) for a, b in pairwise(seen.small[inside])])])
+    # For each beginning, the first end by which the share is reached
+    ends = np.searchsorted(total, total + BUSY_SHARE * total[-1])
+    begins = np.flatnonzero(ends < len(total))
+    best = int(begins[np.argmin(ends[begins] - begins)])
+    return int(seen.small_index[inside[best]]), int(seen.small_index[inside[ends[best]]])
 
 
 def _things(seen: Survey, blobs: Blobs, settings: TrackSettings) -> dict[str, Points]:
     """Return the paths that go farthest, times their contrast, with names."""
     width = max(seen.facts.width, seen.facts.height)
     found = []
-    for path in paths(blobs, seen.t, width):
+    for path in joined(paths(blobs, seen.t, width), seen.t):
         way = float(np.hypot(np.ptp(path[:, 1]), np.ptp(path[:, 2])))
         if way < LEAST_WAY * width or len(path) < LEAST_FRAMES:
             continue
@@ -106,7 +124,7 @@ def _things(seen: Survey, blobs: Blobs, settings: TrackSettings) -> dict[str, Po
     return {
         chr(ord("A") + i): Points(
             frame=path[:, 0].astype(int), place=path[:, 1:3], error=np.full(len(path), 0.3),
-            streak=np.maximum(path[:, 5] - path[:, 6], 0.0),
+            streak=streak_way(path[:, 5:7]),
         )
         for i, (_, path) in enumerate(found[:MAX_THINGS])
     }  # fmt: skip

@@ -15,6 +15,7 @@ from looping_pendulum.film import pendulum
 from looping_pendulum.film.decode import FilmError, FilmFacts, Picture, Survey, film_error, pictures, survey
 from looping_pendulum.film.moving import (
     LEAST_SAMPLES,
+    MAX_BLOBS,
     MOST_SAMPLES,
     Background,
     Blobs,
@@ -33,17 +34,29 @@ SECONDS_BEFORE = 0.3
 SECONDS_AFTER = 3.0
 """Time after the release up to which they are [s]; by then the light mass is wound up."""
 CENTRE_ERROR = 0.05
-"""Error of a centre that a picture leaves at least [pixels]: what a codec does to an edge."""
+"""Scatter of a centre that a picture leaves at least [pixels]: what a codec does to an edge."""
+SHARED_ERROR = 10.0
+"""Error that neighbouring points share, so that their scatter does not show it, times the mass's contrast [pixels levels].
+
+Shading, the string and lines of the background pull a centre the more, the paler the mass is.
+"""
 NOISE_ERROR = 0.3
 """Error of a disc's centre, in radii over radii: its noise over its contrast times this [pixels]."""
 STREAK_ERROR = 0.03
-"""Error along a streak, as a share of what it is longer than wide."""
+"""Error of a streak's middle, as a share of the way during the exposure."""
 LENGTH_ERROR = 0.2
 """Error of the string's length by where the masses' centres are taken to be, constant through a film [pixels]."""
 RELEASE_ERROR = 6e-4
 """Error of the release by the law of its first tenth of a second, which is not quite that of `pendulum.release` [s]."""
+STRAIGHT = 0.3
+"""Scatter of the string's length above which perspective or the lens bends the picture [pixels of a picture 1280 wide].
+
+By what exceeds it rod and scale may be wrong, too: the fit of a rod gives way to a bent circle.
+"""
 SHOWN_ERROR = 1.4
 """Error of a length between two places that a person has shown [pixels]."""
+WINDOW_RATE = 120.0
+"""Pictures per second by which the time of the fall is found [Hz]."""
 FIRST_WINDOWS = ((0.1, 0.6), (0.3, 0.9), (0.05, 0.3))
 """Where in the film the fall may be at first, as shares of its frames."""
 
@@ -104,6 +117,16 @@ class TrackSettings:
         last = len(t) - 1 if self.last is None else int(np.searchsorted(t, self.last, side="right")) - 1
         return first, last
 
+    def region_on_grid(self, ground: Background) -> Bytes | None:
+        """Return `region` as `find_blobs` takes it: not 0 where things are looked for, on the search grid."""
+        if self.region is None:
+            return None
+        height, width = ground.threshold.shape
+        x0, y0, x1, y1 = (round(v * width / ground.size[0]) for v in self.region)
+        region = np.zeros((height, width), np.uint8)
+        region[max(y0, 0) : max(y1, 0), max(x0, 0) : max(x1, 0)] = 255
+        return region
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Points:
@@ -116,7 +139,7 @@ class Points:
     error: Array
     """Standard error per axis [pixels], shape (n,)."""
     streak: Array
-    """Length of the streak beyond the mass's own width [pixels], shape (n,)."""
+    """Way during the exposure [pixels], shape (n,)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -231,7 +254,7 @@ class _Tracking:
                 continue
             # A background of other pictures is needed only if the masses rested in those that were taken for the fall's
             common = min(fall.last, window[1]) - max(fall.first, window[0])
-            if common > 0.5 * (max(fall.last, window[1]) - min(fall.first, window[0])):
+            if common > 0.6 * (max(fall.last, window[1]) - min(fall.first, window[0])):
                 break
             window, sure = (fall.first, fall.last), True
         return self._tied(ground, blobs, moving, fall, last)
@@ -243,6 +266,7 @@ class _Tracking:
         """Return first and last frame of the fall, as reduced pictures show it, and whether they do."""
         index = self.seen.small_index
         inside = np.flatnonzero((index >= self.first) & (index <= self.last))
+        inside = inside[:: max(round(self.facts.rate / WINDOW_RATE), 1)]
         small = [(self.seen.small[i],) for i in inside]
         number = [int(index[i]) for i in inside]
         height = self.seen.small.shape[1]
@@ -254,7 +278,7 @@ class _Tracking:
                 Picture(k, *planes, *planes[:0], np.empty(0, np.uint8), np.empty(0, np.uint8))
                 for k, planes in zip(number, small, strict=True)
             )
-            blobs, _ = blobs_of(films, ground, skip=self.seen.repeated)
+            blobs = blobs_of(films, ground, skip=self.seen.repeated)
             found = pendulum.falls(paths(blobs, self.t, max(self.seen.small.shape[1:])), height)
             if found:
                 path = found[0]
@@ -288,20 +312,11 @@ class _Tracking:
         def progress(frame: int) -> None:
             self.report("following the masses", 0.4 + 0.5 * (frame - first) / max(last - first, 1))
 
-        region = self._region(ground)
-        blobs, _ = blobs_of(pictures(self.seen, first, last), ground, skip=self.seen.repeated, region=region, progress=progress)
+        region = self.settings.region_on_grid(ground)
+        blobs = blobs_of(pictures(self.seen, first, last), ground, skip=self.seen.repeated, region=region, progress=progress)
         if not any(blobs.values()):
             raise FilmError("found nothing that moves, needed both masses; is it the right film, and has it the release in it?")
         return blobs
-
-    def _region(self, ground: Background) -> Bytes | None:
-        if self.settings.region is None:
-            return None
-        height, width = ground.threshold.shape
-        x0, y0, x1, y1 = (round(v * width / self.size[0]) for v in self.settings.region)
-        region = np.zeros((height, width), np.uint8)
-        region[max(y0, 0) : max(y1, 0), max(x0, 0) : max(x1, 0)] = 255
-        return region
 
     def _fall(self, blobs: Blobs, moving: Sequence[MovingPath]) -> Fall:
         candidates = pendulum.falls(moving, self.size[1])
@@ -353,12 +368,42 @@ class _Tracking:
             if len(light.blobs) > 0.8 * np.sum(light.frames[-1] >= np.array(sorted(blobs))) and scatter < unit:
                 break
         if not tries:
-            raise FilmError(
-                "found the heavy mass, but nothing on a taut string, needed the light mass; "
-                "show it by --light X,Y@FRAME and the rod by --rod X,Y"
-            )
+            raise FilmError(f"found no thing on a taut string, needed the light mass; {self._way_out(blobs, moving, fall)}")
         _, light, string, residual, covariance = max(tries, key=lambda each: each[0])
+        self._refuse_doubtful(blobs, moving, fall, light, residual)
         return self._finished(ground, blobs, fall, heights, light, string, residual, covariance)
+
+    def _way_out(self, blobs: Blobs, moving: Sequence[MovingPath], fall: Fall) -> str:
+        """Say which option helps against what the film shows beside the apparatus."""
+        if max(map(len, blobs.values())) >= MAX_BLOBS:
+            return f'more than {MAX_BLOBS} things move at once: show the apparatus by --region "X,Y X,Y"'
+        others = [p for p in pendulum.falls(moving, self.size[1]) if not fall.has(p)]
+        if others:
+            x, y, frame = others[0][0, 1], others[0][0, 2], int(others[0][0, 0])
+            return (
+                f"another thing falls (from {x:.0f},{y:.0f} in frame {frame}): show the heavy mass by --heavy X,Y@FRAME, "
+                "or leave the other out by --region or --from and --to"
+            )
+        return "show it by --light X,Y@FRAME and the rod by --rod X,Y, or film with more light and contrast"
+
+    def _span_after(self, blobs: Blobs, fall: Fall) -> list[int]:
+        """Return the frames from the release on in which the light mass is asked for."""
+        return [k for k in blobs if k >= fall.first and self.t[k] < self.t[fall.first] + pendulum.SHARE_SECONDS]
+
+    def _refuse_doubtful(
+        self, blobs: Blobs, moving: Sequence[MovingPath], fall: Fall, light: LightMass, residual: Array
+    ) -> None:
+        limit = pendulum.MAX_STRING_RESIDUAL * self.unit
+        span = self._span_after(blobs, fall)
+        share = len(set(light.frames.tolist()).intersection(span)) / max(len(span), 1)
+        scatter = 1.4826 * float(np.median(np.abs(residual)))
+        sweep = float(np.ptp(light.phi))
+        if share < pendulum.MIN_SHARE or scatter > limit or sweep < pendulum.MIN_SWEEP:
+            raise FilmError(
+                f"found no light mass beyond doubt (in {share:.0%} of the frames, {scatter:.1f} pixels from a taut string, "
+                f"through {math.degrees(sweep):.0f} deg), needed half the frames, {limit:.1f} pixels and 115 deg; "
+                f"{self._way_out(blobs, moving, fall)}"
+            )
 
     def _ratio(self, fall: Fall) -> float:
         """Return the rod's radius over the free length; where a rule gives the scale, a usual length will do."""
@@ -369,23 +414,14 @@ class _Tracking:
         residual: Array, covariance: Array,
     ) -> FilmTrack:  # fmt: skip
         settings, t, unit = self.settings, self.t, self.unit
-        span = [k for k in blobs if k >= fall.first and t[k] < t[fall.first] + pendulum.SHARE_SECONDS]
+        span = self._span_after(blobs, fall)
         found = set(light.frames.tolist())
         share = sum(k in found for k in span) / max(len(span), 1)
-        scatter = 1.4826 * float(np.median(np.abs(residual)))
-        sweep = float(np.ptp(light.phi))
-        if share < pendulum.MIN_SHARE or scatter > pendulum.MAX_STRING_RESIDUAL * unit or sweep < pendulum.MIN_SWEEP:
-            raise FilmError(
-                f"found no light mass beyond doubt (in {share:.0%} of the frames, {scatter:.1f} pixels from a taut string, "
-                f"through {math.degrees(sweep):.0f} deg), needed half the frames, "
-                f"{pendulum.MAX_STRING_RESIDUAL * unit:.1f} pixels and 115 deg; show it by --light X,Y@FRAME and the "
-                "rod by --rod X,Y, or film with more light and contrast"
-            )
         rest_seen = int(np.sum(fall.rows[:, 0] <= fall.first)) >= 3
         heavy_points, heavy_wrong = self._points(
             fall.rows[:, 0].astype(int), fall.rows[:, 1:3], fall.rows[:, 4], np.zeros(len(fall.rows)), ground
         )
-        streak = np.array([max(b.length - b.width, 0.0) for b in light.blobs])
+        streak = streak_way(np.array([(b.length, b.width) for b in light.blobs]))
         light_points, light_wrong = self._points(
             light.frames, light.points, np.array([b.contrast for b in light.blobs]), streak, ground
         )
@@ -393,6 +429,8 @@ class _Tracking:
         released, release_error = pendulum.release(t, heavy_points.frame, heavy_points.place[:, 1], fall.first + 3)
         start = _bearing_at_rest(light, fall)
         at_release = string.constant - string.radius * start
+        scatter = 1.4826 * float(np.median(np.abs(residual)))
+        bend = max(scatter - STRAIGHT * unit, 0.0)
         if settings.scale is not None:
             rule = settings.scale
             scale, scale_error, source = rule.pixels / rule.length, SHOWN_ERROR / rule.pixels, "a length shown in the picture"
@@ -405,7 +443,7 @@ class _Tracking:
                 )
             scale, source = at_release / settings.free_length, "the free length at the release"
             scale_error = math.hypot(
-                math.hypot(math.sqrt(covariance[2, 2]), LENGTH_ERROR) / at_release,
+                math.hypot(math.sqrt(covariance[2, 2]), LENGTH_ERROR, bend) / at_release,
                 settings.free_length_error / settings.free_length,
             )
         radius = settings.rod_radius * scale
@@ -419,7 +457,8 @@ class _Tracking:
         heavy_rest = heights[fall.first]
         track = FilmTrack(
             path=self.seen.path, facts=self.facts, settings=settings, t=t, light=light_points, heavy=heavy_points,
-            side=string.side, rod=string.rod, rod_error=(math.sqrt(covariance[0, 0]), math.sqrt(covariance[1, 1])),
+            side=string.side, rod=string.rod,
+            rod_error=(math.hypot(math.sqrt(covariance[0, 0]), bend), math.hypot(math.sqrt(covariance[1, 1]), bend)),
             rod_radius=radius, scale=scale, scale_error=scale_error, scale_source=source, tilt=tilt,
             tilt_error=_tilt_error(fall, unit), release=released, release_error=math.hypot(release_error, RELEASE_ERROR),
             angle=0.0, hanging_length=0.0,
@@ -433,7 +472,7 @@ class _Tracking:
         self, frame: NDArray[np.intp], place: Array, contrast: Array, streak: Array, ground: Background
     ) -> tuple[Points, int]:
         """Return the points of a mass, without those that their neighbours contradict, and how many these are."""
-        expected = CENTRE_ERROR + NOISE_ERROR * ground.noise / contrast + STREAK_ERROR * streak
+        expected = CENTRE_ERROR + NOISE_ERROR * ground.noise / contrast
         keep = np.ones(len(frame), dtype=bool)
         factor = 1.0
         for _ in range(3):
@@ -455,8 +494,17 @@ class _Tracking:
                 if all(abs(int(w) - d) > 4 for d in dropped):
                     dropped.append(int(w))
             keep[dropped] = False
-        points = Points(frame=frame[keep], place=place[keep], error=factor * expected[keep], streak=streak[keep])
+        error = np.hypot(np.hypot(factor * expected, SHARED_ERROR / contrast), STREAK_ERROR * streak)
+        points = Points(frame=frame[keep], place=place[keep], error=error[keep], streak=streak[keep])
         return points, int(np.sum(~keep))
+
+
+def streak_way(extent: Array) -> Array:
+    """Return the way of discs during the exposure [pixels], of their streaks' lengths and widths, shape (n, 2).
+
+    Both are four standard deviations: those of a disc along its way grow by the way over the root of 12.
+    """
+    return np.asarray(np.sqrt(0.75 * np.maximum(extent[:, 0] ** 2 - extent[:, 1] ** 2, 0.0)))
 
 
 def _bearing_at_rest(light: LightMass, fall: Fall) -> float:

@@ -78,6 +78,8 @@ class Channel:
     """What one unit of the values' last digit is worth in the file [SI]; 0: not known."""
     time_error: float = 0.0
     """Standard error of each time by rounding [s]."""
+    stated_error: tuple[Array, Array] | None = None
+    """Times [s] and the standard errors [SI] that the program which tracked the points states for them, if it does."""
 
     def __post_init__(self) -> None:
         """Refuse unknown names, unequal shapes, and times or values that are not finite and ascending."""
@@ -94,13 +96,14 @@ class Channel:
         return UNITS[self.name]
 
     def least_sigma(self, speed: Array) -> Array:
-        """Return the error that the file's own rounding of values and times gives each point at least [SI].
+        """Return the error that each point has at least [SI]: by the file's rounding of values and times, and as stated.
 
         Values that rounding makes equal have one error of rounding, so that they count once.
         """
         begins = np.append(True, np.diff(self.value) != 0)
         length = np.bincount(np.cumsum(begins) - 1)[np.cumsum(begins) - 1]
-        return np.asarray(np.hypot(self.last_digit / math.sqrt(12) * np.sqrt(length), self.time_error * speed))
+        least = np.hypot(self.last_digit / math.sqrt(12) * np.sqrt(length), self.time_error * speed)
+        return np.asarray(least if self.stated_error is None else np.hypot(least, np.interp(self.t, *self.stated_error)))
 
     @property
     def time_step(self) -> float:

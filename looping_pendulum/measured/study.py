@@ -420,9 +420,12 @@ def _read_film(film: Path, trial: Trial, rod_radius: float | None, progress: Rep
         except HarnessError as error:
             raise DataError(str(error)) from None
     points = read(files.table, name=trial.name, starts_at_release=False)
+    errors = output.point_errors(files)
+    channels = tuple(replace(c, stated_error=errors.get(c.name.partition("_")[0])) for c in points.channels)
     assumption = f"the film's points were read from {files.table.name}; {files.sheet.name} shows the marks on it"
     return replace(
         points,
+        channels=channels,
         assumptions=(*points.assumptions, assumption),
         camera_errors={**points.camera_errors, **output.camera_errors(files)},
     )

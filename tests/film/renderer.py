@@ -33,8 +33,22 @@ PANEL = (0.66, 0.70, 0.70)
 """Colour of the background, blue, green and red in linear light."""
 STRING_COLOUR = (0.15, 0.15, 0.15)
 SKIN = (0.30, 0.42, 0.68)
+HLG, BT2020 = 18, 9
+"""Numbers of a transfer and of primaries in ITU-T H.273."""
 ROTATIONS = {0: 0, 90: -1, 180: 2, -90: 1}
 """Rotation that the file states [deg, counterclockwise] -> quarter turns by which the sensor's picture is stored."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Decoy:
+    """A dark disc that moves."""
+
+    place: Callable[[float], tuple[float, float] | None]
+    """Centre in the picture [px] at a time since the release [s]; None: not in the picture."""
+    radius: float
+    """[px]"""
+    level: int = 25
+    """Brightness of 255."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,10 +87,16 @@ class Scene:
     clutter: bool = False
     bystander: bool = False
     """Whether somebody walks through the picture behind the masses."""
+    decoys: tuple[Decoy, ...] = ()
+    """Discs that move before the apparatus and have nothing to do with it."""
     readout: float = 0.0
     """Time from the reading of the first row to that of the last [s]; a frame's time is its middle row's."""
     jitter: float = 0.0
     """Range of the unrest of the frames' true times, which the file's clock has too [frames]."""
+    ramp: tuple[float, float] = (1.0, 1.0)
+    """Factors of the frame rate in the first and in the last third, as a phone that changes its rate; the clock has it, too."""
+    hdr: bool = False
+    """Whether the file states the transfer and primaries of HDR (HLG, BT.2020)."""
     repeated: tuple[int, ...] = ()
     """Frames that are stored as copies of the one before."""
     lost: tuple[int, ...] = ()
@@ -106,6 +126,29 @@ class Truth:
     rod: Array
     scale: float
     motion: Motion = field(repr=False)
+
+
+def seen_from_aside(degrees: float, scene: Scene, distance: float = 3.0) -> Callable[[Array], Array]:
+    """Return the projection of a camera at a distance [m] that is turned aside, for `Scene.project`."""
+    a = math.radians(degrees)
+
+    def project(position: Array) -> Array:
+        x, y = position[..., 0], position[..., 1]
+        depth = distance + x * math.sin(a)
+        return scene.scale * distance * np.stack([x * math.cos(a) / depth, -y / depth], axis=-1)
+
+    return project
+
+
+def bent_by_a_lens(k: float, scene: Scene) -> Callable[[Array], Array]:
+    """Return the projection by a lens that displaces by k of the distance at half the picture's width, for `Scene.project`."""
+    middle, half = np.array(scene.size) / 2, scene.size[0] / 2
+
+    def project(position: Array) -> Array:
+        off = (np.array(scene.rod) + scene.scale * position * (1, -1) - middle) / half
+        return middle + half * off * (1 + k * np.sum(off**2, axis=-1, keepdims=True)) - scene.rod
+
+    return project
 
 
 def looping_motion(duration: float = 1.0, effects: Effects | None = None, **apparatus: Any) -> Motion:
@@ -170,6 +213,7 @@ class _Studio:
         shift = self.random.uniform(0.2, 0.8) / s.frame_rate
         rows: list[tuple[float, Array, Array, bool, float]] = []
         picture = None
+        delay = 0.0
         with av.open(str(path), "w") as container:
             container.metadata.update(s.metadata)
             stream = container.add_stream(s.codec, rate=Fraction(stored_rate).limit_denominator(1001))
@@ -178,13 +222,18 @@ class _Studio:
             stream.options = {"crf": str(s.crf), "preset": "veryfast", "threads": "1"}
             if s.codec == "libx265":
                 stream.options |= {"preset": "superfast", "x265-params": "pools=none:frame-threads=1:log-level=none"}
+            if s.hdr:
+                stream.codec_context.color_trc, stream.codec_context.color_primaries = HLG, BT2020
             stream.codec_context.time_base = stream.time_base = tick
             if s.rotation:
                 stream.set_display_rotation(s.rotation)
             for i in range(count):
                 unrest = s.jitter * self.random.uniform(-0.5, 0.5)
-                t = (i + unrest) / s.frame_rate - s.before + shift
-                clock = (i + unrest + 1) / stored_rate
+                # At the factors of the ramp a frame comes so much later
+                late = np.interp(i / count, (0, 1 / 3, 2 / 3, 1), 1 / np.repeat(s.ramp, 2)) - 1
+                delay += late
+                t = (i + delay + unrest) / s.frame_rate - s.before + shift
+                clock = (i + delay + unrest + 1) / stored_rate
                 if i in s.lost:
                     continue
                 is_copy = i in s.repeated and picture is not None
@@ -235,6 +284,10 @@ class _Studio:
         )
         if s.hand:
             self._hand(picture, t)
+        for decoy in s.decoys:
+            if (place := decoy.place(t)) is not None:
+                fixed = tuple(round(16 * v) for v in place)
+                cv2.circle(picture, fixed, round(16 * decoy.radius), (decoy.level,) * 3, -1, cv2.LINE_AA, 4)
         return self._sensor(picture), light, heavy
 
     def _sensor(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -1,0 +1,81 @@
+"""Kinds of films and cameras: what each costs, and damaged files."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from looping_pendulum.film.decode import FilmError, pictures, survey
+from looping_pendulum.film.track import track
+from tests.film.renderer import Scene, bent_by_a_lens, render, seen_from_aside
+from tests.film.test_track import PAPER, WRONG, errors, rms_per_axis
+
+SMALL = Scene(before=0.1, duration=0.6, frame_rate=120, size=(640, 360), scale=415.0, rod=(395.0, 131.0), seed=501)
+
+KINDS = {
+    # A camera that is turned aside shows the nearer half of the circle larger, which moves the rod
+    "perspective": {"project": seen_from_aside(5, SMALL)},
+    "lens": {"project": bent_by_a_lens(-0.02, SMALL)},
+    "10 bit HEVC": {"codec": "libx265", "pixels": "yuv420p10le", "hdr": True},
+    "rotated": {"rotation": 90},
+    "uneven times": {"jitter": 0.4},
+    "a ramp of rates": {"ramp": (1.0, 0.5), "duration": 0.45},
+}
+"""Kind -> changes of the scene."""
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_marks_are_right_in_each_kind_of_film(kind, tmp_path, motion):
+    path = tmp_path / "trial.mp4"
+    truth = render(path, replace(SMALL, **KINDS[kind]), motion)
+    found = track(path, PAPER)
+    distance, share = errors(found.light, truth.light, truth)
+    assert share > 0.95
+    assert distance.max() < WRONG / 2
+    assert rms_per_axis(distance) < 0.3
+    assert np.all(np.abs(np.array(found.rod) - truth.rod) < 0.3 + 3 * np.array(found.rod_error))
+    assert abs(found.scale / truth.scale - 1) < 3 * found.scale_error
+    assert found.facts.bits == (10 if kind == "10 bit HEVC" else 8)
+
+
+@contextlib.contextmanager
+def one_line_errors():
+    """Accept errors about the film, of one line with a way out; any other fails the test."""
+    try:
+        yield
+    except FilmError as error:
+        message = str(error)
+        if "\n" in message or ";" not in message:
+            raise AssertionError(message) from error
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory, motion):
+    """A film of a few kilobytes."""
+    path = tmp_path_factory.mktemp("tiny") / "tiny.mp4"
+    scene = replace(SMALL, size=(320, 180), scale=200.0, rod=(190.0, 65.0), frame_rate=60, before=0.05, duration=0.35, crf=32)
+    render(path, scene, motion)
+    return path.read_bytes()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_film_with_flipped_bytes_is_read_or_refused_in_one_line(seed, tiny, tmp_path):
+    random = np.random.default_rng(seed)
+    tables = tiny.rfind(b"moov")  # sizes and times, which a decoder trusts
+    for trial in range(10):
+        damaged = bytearray(tiny)
+        low, high = ((0, 64), (tables, len(tiny)), (0, len(tiny)))[trial % 3]
+        for at in random.integers(low, high, size=int(random.integers(1, 9))):
+            damaged[at] ^= 1 << int(random.integers(8))
+        path = tmp_path / "damaged.mp4"
+        path.write_bytes(bytes(damaged))
+        with one_line_errors():
+            seen = survey(path, needs_rest=False)
+            assert np.all(np.isfinite(seen.t))
+            assert np.all(np.diff(seen.t) > 0)
+            with one_line_errors():
+                track(path, PAPER)
+            assert sum(1 for _ in pictures(seen)) == seen.facts.frames
