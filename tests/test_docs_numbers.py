@@ -8,6 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.leaderboard import HEAD
+from benchmarks.stored_study import SUMMARY, read
+from looping_pendulum.compare.tables import GAP
 from looping_pendulum.versions import installed_version
 from scripts import docs_numbers, engine_table, measure
 from scripts.docs_numbers import Sentence, prose
@@ -185,3 +188,28 @@ def test_the_table_of_engines_has_a_row_per_variant_and_profile():
     assert len(lines) == 2 + sum(len(profiles) for _, profiles in engine_table.ROWS.values())
     assert len({line.count("|") for line in lines}) == 1
     assert "never halts" in next(line for line in lines if "tendon as documented" in line)
+
+
+def test_readme_leaderboard_and_study_state_one_cost_and_one_error_per_variant():
+    """README had 6.8 CPU s per simulated second for pymunk:chain, the leaderboard 4.6 and the page of releases 9 per run."""
+    readme = {}
+    for line in (PROJECT / "README.md").read_text(encoding="utf-8").splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if cells[1:2] == ["quick"]:
+            readme[cells[0]] = cells[-1]
+    board = (PROJECT / "docs" / "leaderboard.md").read_text(encoding="utf-8")
+    costs = {}
+    for row in re.findall("<tr>(.*)</tr>", board)[1:]:
+        cells = re.findall("<td[^>]*>([^<]*)</td>", row)
+        costs[cells[0]] = cells[HEAD.index("cost")]
+    agree = [name for name, (title, _) in engine_table.ROWS.items() if costs[name] == readme[title]]
+    assert {name for name in engine_table.ROWS if costs[name] != GAP} <= set(agree)
+    assert len(agree) >= 8
+    assert "CPU [s]" not in (PROJECT / "docs" / "versions.md").read_text(encoding="utf-8")
+    quick = json.loads((engine_table.FOLDER / "quick.json").read_text(encoding="utf-8"))["engines"]
+    study = {v.label: v.own for v in read(SUMMARY.read_text(encoding="utf-8")).convergence.variants}
+    for name in agree:
+        metrics, own = quick[name]["metrics"], study[name]
+        pairs = (metrics["rms_0.7s"], own.rms["path_0.7s"]), (metrics["halting_time_error"], own.halting_time_error)
+        for found, other in pairs:
+            assert (found is None and other is None) or found == pytest.approx(other, rel=1e-3), name
