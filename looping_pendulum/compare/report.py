@@ -51,7 +51,8 @@ HALT_DEFINITION = (
 )
 HELP_NOTE = (
     "*Helped by*: laws that the adapter supplies, for which the engine's run is no evidence, and what the adapter takes from "
-    "the reference's own run. Drag, which every adapter of this package supplies, is left out.\n"
+    "the reference's own run. Drag, which every adapter of this package supplies, is left out; smaller corrections stand under "
+    "*Who supplies the physics*.\n"
 )
 
 
