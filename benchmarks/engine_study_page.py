@@ -110,7 +110,8 @@ interval, of both parts. *Spread* is the standard deviation of the error when th
 each start with its own reference. Where a part is {GAP}, fewer than three runs have a value of it, or the run broke off.
 """
 HALTING_NOTE = """
-A halting time converges only if it does along every ladder. Otherwise the table has the scatter of the finest rungs of its
+A halting time converges only if it does along every ladder, apart from one whose setting another ladder refines as far or
+further. Otherwise the table has the scatter of the finest rungs of its
 worst ladder, which one run does not show.
 """
 

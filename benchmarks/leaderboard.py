@@ -14,7 +14,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks.stored_study import DOCS, SUMMARY, EngineStudy, Measurement, read
+from benchmarks.stored_study import DOCS, SUMMARY, EngineStudy, Measurement, own_costs, read
 from looping_pendulum.compare.convergence.result import VariantStudy
 from looping_pendulum.compare.tables import GAP, number, signed
 from looping_pendulum.engines.protocol import Engine, Profile
@@ -51,7 +51,7 @@ class Cell:
 def page(study: EngineStudy, static_rows: list[dict[str, Any]]) -> str:
     """Return the page of Markdown with the table in HTML, whose cells know what they are sorted by."""
     static = {row["variant"]: row for row in static_rows}
-    costs = {p.variant: p.cpu for p in study.pareto if not p.where}
+    costs = own_costs(study)
     measured = {m.variant: m for m in study.measurements}
     variants = sorted(study.convergence.variants, key=lambda v: (_path(v) is None, _path(v) or 0.0))
     rows = [cells(v, static[v.label], costs.get(v.label), measured[v.label]) for v in variants]

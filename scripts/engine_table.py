@@ -1,7 +1,8 @@
 """Write README's table of engines from the results of `compare ten_to_one`.
 
 `python -m scripts.engine_table quick/result.json accurate/result.json` stores the values that the table needs in
-`docs/data/ten_to_one`; `python -m scripts.docs_numbers` writes the table from there. Make the results with `--jobs 1` on an
+`docs/data/ten_to_one`; `python -m scripts.docs_numbers` writes the table from there. A variant's cost with the quick profile is
+that of the leaderboard, where it has one: the median of some runs, one at a time. Make the results with `--jobs 1` on an
 otherwise idle machine: CPU times, too, grow by a third where a neighbour uses the other half of a core.
 """
 
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import rounded
+from benchmarks.stored_study import SUMMARY, own_costs, read
 from looping_pendulum.compare.tables import GAP
 from looping_pendulum.pages.numbers import amount, quantity
 from looping_pendulum.scenarios.metrics import RMS_END_TIMES
@@ -67,6 +69,7 @@ def store_results(results: list[Path]) -> None:
 
 def table() -> str:
     """Return the table in Markdown."""
+    costs = own_costs(read(SUMMARY.read_text(encoding="utf-8")))
     stored = {p: json.loads((FOLDER / f"{p}.json").read_text(encoding="utf-8"))["engines"] for p in PROFILES}
     lines = [
         "| engine and variant | profile | RMS of the light mass to 0.35 / 0.7 / 1.0 s | halting-time error "
@@ -75,11 +78,15 @@ def table() -> str:
     ]
     for variant, (title, profiles) in ROWS.items():
         for profile in profiles:
-            lines.append(_row(title if profile == profiles[0] else "", profile, stored[profile][variant]))
+            engine = stored[profile][variant]
+            cost = costs.get(variant) if profile == "quick" else None
+            lines.append(
+                _row(title if profile == profiles[0] else "", profile, engine, cost or engine["cpu_per_simulated_second"])
+            )
     return "\n".join(lines)
 
 
-def _row(title: str, profile: str, engine: dict[str, Any]) -> str:
+def _row(title: str, profile: str, engine: dict[str, Any], cost: float | None) -> str:
     m = engine["metrics"]
     scale, unit = (1e3, "mm") if max(m.get(metric) or 0.0 for metric in RMS_END_TIMES) >= MICROMETRE_LIMIT else (1e6, "µm")
     path = " / ".join(amount(m[metric], scale) for metric in RMS_END_TIMES) + f" {unit}"
@@ -88,7 +95,7 @@ def _row(title: str, profile: str, engine: dict[str, Any]) -> str:
     if engine["status"] != "FINISHED":
         path, halt = GAP, f"its run ends at {quantity(m['simulated_time'], 's')}"
     then = quantity(m.get("rebound"), "m")
-    cells = [title, profile, path, halt, then, amount(engine["cpu_per_simulated_second"])]
+    cells = [title, profile, path, halt, then, amount(cost)]
     return f"| {' | '.join(cells)} |".replace("|  |", "| |")
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 from collections.abc import Iterable, Sequence
 from itertools import groupby
 from pathlib import Path
@@ -69,8 +70,9 @@ does not run with today's NumPy, it tries `numpy<2` and says so. The reference i
 differs from that of the last release that ran by more than its *spread*, its standard deviation when the start changes by
 0.01 deg or 0.1 mm (measured once, with the newest release that runs), and by more than a millionth of its SI unit. A dash
 stands where there is no value, as for the halting time of a run that never halts. A chain of beads is chaotic: other rounding
-acts on it like another start, so that a move of up to three spreads need not mean another behaviour. Times are processor times
-beside other work, and are not judged.
+acts on it like another start, so that a move of up to three spreads need not mean another behaviour. Processor times are given
+as multiples of the newest release's, were taken beside other work, and are not judged; what a variant costs is on the
+[leaderboard](leaderboard.md).
 
 ![Errors of each variant against the release](img/versions.png)
 
@@ -98,13 +100,14 @@ def _section(result: ReleasesResult, causes: dict[tuple[str, str], str]) -> str:
 
 def _numbers(result: ReleasesResult) -> str:
     """Return the table of one engine's numbers; neighbours that print the same share a row."""
-    head = ["variant", "releases", *(QUANTITIES[name].column for name in SHOWN), "CPU [s]", "remark"]
+    head = ["variant", "releases", *(QUANTITIES[name].column for name in SHOWN), "CPU, of the newest", "remark"]
     rows = []
     for label in result.labels():
         lines = [(row, _cells(row, label)) for row in result.releases if not row.error]
+        newest = next((time for row, _ in reversed(lines) for time in _cpu_times([row], label)), math.nan)
         for cells, group in groupby(lines, key=lambda line: line[1]):
             same = [row for row, _ in group]
-            rows.append([label, _names(same), *cells[:-1], _cpu(same, label), cells[-1]])
+            rows.append([label, _names(same), *cells[:-1], _cpu(same, label, newest), cells[-1]])
     for _, group in groupby((row for row in result.releases if row.error), key=lambda row: row.error.replace(row.release, "")):
         same = list(group)
         rows.append(["all", _names(same), *[""] * len(SHOWN), "", f"not installed: {same[0].error}"])
@@ -128,12 +131,17 @@ def _names(rows: Sequence[ReleaseRow]) -> str:
     return first if len(rows) == 1 else f"{first} to {last} ({len(rows)})"
 
 
-def _cpu(rows: Sequence[ReleaseRow], label: str) -> str:
-    """Return the range of a variant's processor times."""
-    times = [time for row in rows if (v := row.variant(label)) is not None and (time := v.cpu_time) is not None]
+def _cpu_times(rows: Sequence[ReleaseRow], label: str) -> list[float]:
+    """Return a variant's processor times [s], of the releases that ran."""
+    return [time for row in rows if (v := row.variant(label)) is not None and (time := v.cpu_time) is not None]
+
+
+def _cpu(rows: Sequence[ReleaseRow], label: str, newest: float) -> str:
+    """Return the range of a variant's processor times as multiples of the ``newest`` release's [s]."""
+    times = _cpu_times(rows, label)
     if not times:
         return ""
-    low, high = number(min(times), digits=2), number(max(times), digits=2)
+    low, high = number(min(times) / newest, digits=2), number(max(times) / newest, digits=2)
     return low if low == high else f"{low} to {high}"
 
 

@@ -120,6 +120,11 @@ def test_run_without_an_engine_runs_the_reference_and_writes_csv(tmp_path):
     assert "halt" in done.stdout
     (path,) = tmp_path.glob("*.csv")
     assert "[m]" in path.read_text().splitlines()[0]
+    assert "light_reaches_rod, after the scenario's end at 1.05 s" in done.stdout, "an event beside a run that ended before it"
+
+
+def test_a_run_that_ends_before_its_scenario_says_so():
+    assert "ran until the light mass reached the rod; the scenario lasts 1.05 s" in here("run", "fat_rod").stdout
 
 
 def test_unknown_scenario_and_engine_are_one_line_each_with_a_way_out():
@@ -198,6 +203,7 @@ def test_outside_tolerance_is_exit_status_one(tmp_path):
     done = here("check", str(path), "-e", "reference")
     assert done.returncode == 1, done.stdout + done.stderr
     assert "fail" in done.stdout
+    assert "at least 150 %" in done.stdout, "a limit with its unit"
 
 
 def limited(folder, tolerances):

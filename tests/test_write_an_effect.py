@@ -114,6 +114,27 @@ def test_an_engine_has_the_force_of_the_package(package, pushed, tmp_path):
     assert all(engine["metrics"]["rms_0.7s"] < 1e-4 for engine in result["engines"])
 
 
+def test_a_package_whose_effect_does_not_act_changes_no_key_and_no_result(package, pushed):
+    """Installing one gave every run of every scenario another key and a coefficient that no baseline had."""
+    script = """
+import sys
+from looping_pendulum.compare.run_cache import run_key
+from looping_pendulum.engines.protocol import Profile
+from looping_pendulum.engines.registry import select
+from looping_pendulum.reference_ode.parameters import parameters_from
+from looping_pendulum.scenarios import load
+(engine,) = select(["mujoco:capstan"], Profile.QUICK)
+scenario = load(sys.argv[1])
+data = scenario.parameters.as_dict()
+assert parameters_from(data) == scenario.parameters
+print(run_key(engine, scenario), sorted(data["coefficients"].items()))
+"""
+    done = [python(folder, "-c", script, "ten_to_one") for folder in (package, PROJECT)]
+    assert done[0].stdout == done[1].stdout != "", done[0].stderr + done[1].stderr
+    acts = python(package, "-c", script, str(pushed)).stdout
+    assert "('pulse', 0.02), ('pulse_time', 0.3)" in acts
+
+
 def test_a_module_of_the_package_may_be_imported_first(package):
     done = python(package, "-c", "import looping_pulse; from looping_pendulum.reference_ode import effects as e; "
                   "print('pulse' in e.EFFECTS, e.FAULTS)")  # fmt: skip

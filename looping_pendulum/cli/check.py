@@ -91,10 +91,12 @@ def check(
 
 def _show(result: ComparisonResult) -> None:
     """Print a table of the limits and their outcomes."""
+    from looping_pendulum.compare.report import limit_and_value
+
     table = new_table("scenario", "engine", "metric", "value", "limit", "outcome")
     for t in result.tolerances:
-        value = "" if t.value is None else f"{t.value:.6g}"
-        table.add_row(result.scenario, t.engine, t.metric, value, f"{t.limit:.6g}", t.outcome.value)
+        limit, value = limit_and_value(t)
+        table.add_row(result.scenario, t.engine, t.metric, value, limit, t.outcome.value)
     show_table(table)
 
 

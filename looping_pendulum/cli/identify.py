@@ -59,8 +59,13 @@ def look(
         say(f"wrote {drawn}")
     if check.mistakes:
         raise FirstLookError("; ".join(mistake.text for mistake in check.mistakes))
+    if any(trial.distance is not None for trial in check.trials):
+        say(
+            "such a distance is no fault in itself: the motion is that of the declared values, with what is free at its first "
+            "guess; fitting what is free or uncertain comes with `identify`, which judges what is left"
+        )
     if not check.warnings:
-        say("nothing looks wrong")
+        say(f"nothing looks wrong; next: looping-pendulum identify {study}")
 
 
 @contextmanager

@@ -193,6 +193,7 @@ def run(
     from looping_pendulum.engines.isolation import parse_memory, run_all
     from looping_pendulum.engines.protocol import Profile
     from looping_pendulum.engines.reference import ReferenceEngine
+    from looping_pendulum.engines.trajectory import RunStatus
     from looping_pendulum.files import file_stems, prepare_output_folder, write_atomically
     from looping_pendulum.reference_ode.solve import available_integrators
 
@@ -216,9 +217,12 @@ def run(
     for result, stem in zip(runs, stems, strict=True):
         until, drop = ("", "") if not len(result.t) else (f"{result.t[-1]:.3f}", f"{result.heavy_drop[-1]:.4f}")
         ended = result.status.value + (f" ({result.message})" if result.message else "")
+        if result.status is RunStatus.LIGHT_REACHED_ROD:
+            ended += f"; the scenario lasts {chosen.duration:g} s"
         table.add_row(result.label, str(len(result.t)), until, drop, f"{result.cpu_time:.2f}", ended)
         for event in result.events:
-            say(f"{result.label}: {event.time:.6f} s {event.name}")
+            later = f", after the scenario's end at {chosen.duration:g} s" if event.time > chosen.duration else ""
+            say(f"{result.label}: {event.time:.6f} s {event.name}{later}")
         if out is not None and len(result.t):
             path = out / f"{stem}.csv"
             write_atomically(path, trajectory_csv(result))

@@ -111,9 +111,8 @@ def _check_trials(study: Study, *, ask: bool) -> None:
         if ask and not typer.confirm(
             printable(f"`identify` would refuse this: {fault}\nWrite it all the same?"), default=False
         ):
-            raise AnswerError(
-                "asking again what may be wrong; Enter keeps an answer", keys=keys_of_fault(study, fault)
-            ) from None
+            say("asking again what may be wrong; Enter keeps an answer")
+            raise AnswerError(str(fault), keys=keys_of_fault(study, fault)) from None
         say(f"warning: `identify` will refuse this until it is corrected: {fault}", err=True)
 
 

@@ -155,6 +155,7 @@ def _engine(
         growth_rate=measure.growth_rate(departures),
         outside_range=run.outside_range,
         additions=run.additions,
+        from_reference=run.from_reference,
         lacks=missing_physics(provenance.supplies, scenario.parameters, run.lacks),
         story=story(aligned.run, scenario.parameters, provenance.supplies, departures, own, expected, not_comparable),
         provenance=provenance,

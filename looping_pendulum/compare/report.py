@@ -20,6 +20,7 @@ from looping_pendulum.compare.stories import events_to_show
 from looping_pendulum.compare.tables import GAP, fixed, number, signed, table
 from looping_pendulum.compare.trial import RESIDUAL_UNITS, RunResidual, TrackComparison
 from looping_pendulum.engines.string_motion import FIRST_REST_RESOLUTION, RESOLUTION
+from looping_pendulum.engines.trajectory import Supplier
 from looping_pendulum.pages import report as pages
 from looping_pendulum.pages.chart import Chart
 from looping_pendulum.pages.figures import MAX_LINE_POINTS, on_page
@@ -43,9 +44,15 @@ HALT_DEFINITION = (
     f"A string halts when it stops sliding and does not slide by more than {quantity(RESOLUTION, 'm')} again until the "
     "light mass reaches the rod, or the run ends. The time is read from samples, in the same way for the reference and for "
     "every engine: from the string's slip over the rod where the engine reports it, otherwise from the heavy mass's "
-    "height. The table gives it for several resolutions. Its uncertainty is how far it moves if the "
-    f"{quantity(RESOLUTION, 'm')} are taken a quarter larger or smaller. The last columns give the rebound: how far and "
+    "height. The table gives it for several resolutions. Its uncertainty is the largest distance of these times from that to "
+    f"within {quantity(RESOLUTION, 'm')}; *at least*: to within the finest, the string does not come to rest in this run. The "
+    "last columns give the rebound: how far and "
     f"how fast the string still moves after the time from which on it stays within {quantity(FIRST_REST_RESOLUTION, 'm')}."
+)
+HELP_NOTE = (
+    "*Helped by*: laws that the adapter supplies, for which the engine's run is no evidence, and what the adapter takes from "
+    "the reference's own run. Drag, which every adapter of this package supplies, is left out; smaller corrections stand under "
+    "*Who supplies the physics*.\n"
 )
 
 
@@ -124,17 +131,25 @@ def verdict_rows(result: ComparisonResult) -> tuple[list[str], list[list[str]]]:
     errors = ["drop_error", *(["acceleration_error"] if vertical else [])]
     first, *others = (METRICS[metric].column for metric in RMS_END_TIMES)
     # The first column's title says it for those beside it
-    head = ["engine", "within tolerance?", first, *(column.removeprefix("RMS ") for column in others), "halting time [s]"]
-    head += [*(METRICS[metric].column for metric in ("halting_time_error", *errors)), "CPU time [s per s]"]
+    head = ["engine", "within tolerance?", "helped by", first, *(column.removeprefix("RMS ") for column in others)]
+    head += ["halting time [s]", *(METRICS[metric].column for metric in ("halting_time_error", *errors)), "CPU time [s per s]"]
     reference = result.reference.sampled
     blank = [GAP] * (3 + vertical)
-    rows = [["reference", GAP, *blank[:3], fixed(reference.halting_time, 4), GAP, GAP, *blank[3:], GAP]]
+    rows = [["reference", GAP, GAP, *blank[:3], fixed(reference.halting_time, 4), GAP, GAP, *blank[3:], GAP]]
     for engine, wall in zip(result.engines, result.clock.wall_times, strict=True):
         cells = [*(metric_cell(engine, metric) for metric in RMS_END_TIMES), fixed(engine.landmarks.halting_time, 4)]
         cells += ["not comparable" if engine.not_comparable else metric_cell(engine, "halting_time_error")]
         cells += [metric_cell(engine, metric) for metric in errors]
-        rows.append([name(engine), _within(result, engine), *cells, number(wall.cpu_per_simulated_second, digits=2)])
+        cells.append(number(wall.cpu_per_simulated_second, digits=2))
+        rows.append([name(engine), _within(result, engine), _helped_by(engine), *cells])
     return head, rows
+
+
+def _helped_by(engine: EngineResult) -> str:
+    """Say which laws the adapter supplies in the engine's place, and what it takes from the reference's own run."""
+    laws = [s.what for s in engine.provenance.supplies if s.by == Supplier.ADAPTER.value and s.what != "drag"]
+    helpers = {"the adapter": laws, "the reference": engine.from_reference}
+    return "; ".join(f"{who}: {', '.join(what)}" for who, what in helpers.items() if what) or GAP
 
 
 def metric_cell(engine: EngineResult, metric: str) -> str:
@@ -148,7 +163,7 @@ def _verdict(result: ComparisonResult) -> str:
         # Here and not in `verdict_rows`, whose rows a terminal shows, too
         if row[1].startswith(FAILING_PREFIXES):
             row[1] = f"**no**{row[1].removeprefix('no')}"
-    return f"{_verdict_sentence(result)}\n\n{table(head, rows, left=2)}"
+    return f"{_verdict_sentence(result)}\n\n{table(head, rows, left=3)}\n{HELP_NOTE}"
 
 
 def _verdict_sentence(result: ComparisonResult) -> str:
@@ -467,7 +482,7 @@ def events_table(result: ComparisonResult) -> str:
     note = (
         "Event times of the reference, and how much later (+) or earlier (-) they are in each engine; both are read from\n"
         "samples in the same way. An event that the reference does not have is given as a time; *after its end*: the run ends\n"
-        "before the event. An engine's run ends a little before the light mass reaches the rod, at a small free length.\n\n"
+        "before the event. The arrival at the rod follows from how fast the string grows shorter in the last samples.\n\n"
     )
     return note + table(head, rows)
 
@@ -503,7 +518,7 @@ def halting_section(result: ComparisonResult) -> list[str]:
     for label, landmarks in runs:
         rebound = landmarks.rebound
         row = [label, *(fixed(each.time, 4) for each in landmarks.halting_times)]
-        row.append(number(landmarks.halting_time_uncertainty, 1e3, 2))
+        row.append(f"{landmarks.at_least}{number(landmarks.halting_time_uncertainty, 1e3, 2)}")
         rows.append([*row, *([GAP, GAP] if rebound is None else [number(x, 1e3, 2) for x in (rebound.travel, rebound.speed)])])
     text = f"{HALT_DEFINITION} {_check_against_events(result)}"
     return [f"## When does it halt?\n\n{text}\n\n{_not_comparable(result)}{table(head, rows)}"]

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from looping_pendulum.engines.trajectory import Trajectory
 
 SCHEMA_ID = "looping-pendulum/comparison"
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,6 +133,8 @@ class EngineResult:
     """Names of the physics that the scenario has and this run did not, such as "static_friction"; empty: it had all."""
     additions: tuple[str, ...] = ()
     """Corrections that the adapter adds to the engine, each as a sentence with its measured effect."""
+    from_reference: tuple[str, ...] = ()
+    """What the adapter took from the reference's own run, each in a few words; empty: nothing."""
     outside_range: tuple[str, ...] = ()
     """Quantities of the scenario outside the range in which this variant's accuracy was measured, each as a phrase."""
     tube: Tube

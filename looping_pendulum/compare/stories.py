@@ -193,7 +193,8 @@ def _halting(own: Landmarks, expected: Landmarks, run: Trajectory, missing: tupl
     if own.halting_time is None:
         if end < expected.halting_time:
             early = f"before the reference's heavy mass halts ({expected.halting_time:.3f} s)"
-            return f"Its light mass reaches the rod at {end:.3f} s, {early}." if own.light_reaches_rod is not None else ""
+            reached = own.light_reaches_rod
+            return "" if reached is None else f"Its light mass reaches the rod at {reached:.3f} s, {early}."
         stops = [f"{stop.time:.3f} s" for stop in own.stops[:3]]
         turned = f"; it stops at {_listed(stops)} and moves on" if stops else ""
         # Only these can bring a string to rest
@@ -207,6 +208,9 @@ def _halting(own: Landmarks, expected: Landmarks, run: Trajectory, missing: tupl
     )
     if not own.halting_confirmed and run.status is not RunStatus.LIGHT_REACHED_ROD:
         text += f" (at rest until the run ends at {end:.3f} s)"
+    unsure = own.halting_time_uncertainty
+    if unsure is not None and (own.at_least or unsure > HALT_ON_TIME):
+        text += f", uncertain by {own.at_least}{quantity(unsure, 's')}, by what counts as rest"
     return text + "."
 
 

@@ -58,6 +58,8 @@ class Candidate:
     source: str
     trials: tuple[str, ...]
     """Names of the trials in which it acts."""
+    direction: str = ""
+    """Axis along which its force acts, if there is one."""
     bounds_reason: str = ""
     """Why the value cannot leave its bounds, where that is more than what the effect is; empty: it is not."""
     multiplies: str = ""
@@ -172,6 +174,7 @@ def _effect_candidate(
         kind="wrong value" if declared else effect.kind.value,
         acts_on=effect.acts_on,
         depends_on=effect.depends_on,
+        direction=effect.direction,
         formula=effect.formula,
         source=effect.source,
         trials=trials,

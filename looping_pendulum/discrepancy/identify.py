@@ -209,7 +209,12 @@ def _identify(inputs: Inputs, seed: int, progress: ReportShare, workers: Workers
             own_effects=bool(before.fit.problem.study.own_effects),
         ),
         notes=verdict_notes(
-            found.verdict, explanations, [(c.name, c.bounds_reason) for c in found.search.ruled_out], noise, outliers
+            found.verdict,
+            explanations,
+            [(c.name, c.bounds_reason) for c in found.search.ruled_out],
+            noise,
+            outliers,
+            trials=len(study.trials),
         ),
         effects=effects,
         explanations=explanations,
@@ -256,6 +261,7 @@ def _explanations(found: Explanations) -> tuple[RankedExplanation, ...]:
                 kind=c.kind,
                 acts_on=c.acts_on,
                 depends_on=c.depends_on,
+                direction=c.direction,
                 formula=c.formula,
                 source=c.source,
                 parameter=c.parameter,

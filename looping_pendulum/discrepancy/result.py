@@ -192,6 +192,8 @@ class IdentifiedEffect:
     unit: str
     companions: tuple[tuple[str, float, float], ...]
     """Further coefficients that were fitted with the effect: name, value, standard error [SI]."""
+    direction: str = ""
+    """Axis along which its force acts, "x" or "y"; empty: no fixed one."""
 
     @property
     def interval_95(self) -> tuple[float | None, float | None]:

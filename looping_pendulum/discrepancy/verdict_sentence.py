@@ -137,11 +137,15 @@ def verdict_notes(
     ruled_out: Sequence[tuple[str, str]],
     errors: Sequence[CorrelatedError],
     outliers: Sequence[Outliers],
+    *,
+    trials: int,
 ) -> tuple[str, ...]:
     """Return further sentences on the verdict.
 
     Parameters
     ----------
+    trials
+        Number of the study's trials.
     ruled_out
         Name of each listed effect whose value would be impossible, and what is known of it.
     """
@@ -160,6 +164,12 @@ def verdict_notes(
     if nearest and nearest.credible and verdict is Verdict.UNEXPLAINED:
         added = explanation_in_words(nearest, with_values=False)
         notes.append(f"The model comes nearest with {added}, but what is left does not look like noise.")
+    if trials == 1 and any(e.credible and e.effects for e in explanations):
+        notes.append(
+            "All this comes from one trial: the intervals presume that what was declared has the right form and that nothing "
+            "else acts, as what acts alike in this trial is counted with what was found. A trial with another heavy mass or "
+            "angle would tell them apart."
+        )
     notes += [_correlated_noise_in_words(errors)] if errors else []
     notes += [_outliers_in_words(outliers)] if outliers else []
     return tuple(notes)

@@ -15,7 +15,6 @@ from looping_pendulum.engines.string_motion import (
     FIRST_REST_RESOLUTION,
     RESOLUTION,
     RESOLUTIONS,
-    UNCERTAINTY_FACTORS,
     find_rests,
     halting_time,
     slip_distance,
@@ -91,7 +90,7 @@ class Landmarks:
     halting_times: tuple[HaltingTimeAt, ...] = ()
     """Halting times with several resolutions, the finest first; empty for landmarks that come from exact events."""
     halting_time_uncertainty: float | None = None
-    """How far the halting time moves [s] if `string_motion.RESOLUTION` is a quarter larger or smaller; None: no halt then."""
+    """Largest distance of the other `halting_times` from the halting time [s]; None: no halt."""
     rebound: Rebound | None = None
     """Motion after the first rest; None where the string never comes to rest."""
     drop_at_halt: float | None = None
@@ -101,11 +100,16 @@ class Landmarks:
     free_length_at_halt: float | None = None
     """Free length at the halt [m]."""
     light_reaches_rod: float | None = None
-    """Time at which the light mass reaches the rod [s]; an engine's run ends a little early, at a small free length."""
+    """Time at which the light mass reaches the rod [s], beyond the last sample; the reference's events give it to rounding."""
     x1_extrema: tuple[Extremum, ...] = ()
     """Extrema of the light mass's x."""
     y1_extrema: tuple[Extremum, ...] = ()
     """Extrema of the light mass's y."""
+
+    @property
+    def at_least(self) -> str:
+        """Return the words before the uncertainty: it is a lower bound if there is no halt with some resolution."""
+        return "at least " if self.halting_time is not None and any(each.time is None for each in self.halting_times) else ""
 
 
 def extrema(t: Array, values: Array) -> tuple[Extremum, ...]:
@@ -133,7 +137,7 @@ def run_landmarks(run: Trajectory, parameters: Parameters) -> Landmarks:
     ended = run.status is RunStatus.LIGHT_REACHED_ROD
     light = run.light_position[:count]
     fields: dict[str, Any] = {
-        "light_reaches_rod": float(t[-1]) if ended else None,
+        "light_reaches_rod": arrival_time(t, run.free_length[:count], parameters) if ended else None,
         "x1_extrema": extrema(t, light[:, 0]),
         "y1_extrema": extrema(t, light[:, 1]),
     }
@@ -162,7 +166,9 @@ def run_landmarks(run: Trajectory, parameters: Parameters) -> Landmarks:
         halting_time=halt,
         halting_confirmed=halt is not None and ended,
         halting_times=times,
-        halting_time_uncertainty=None if halt is None else _halting_time_uncertainty(t, slip, halt, ended=ended),
+        halting_time_uncertainty=None
+        if halt is None
+        else max(abs(each.time - halt) for each in times if each.time is not None),
         rebound=None if first_rest is None else _rebound(t, slip, first_rest),
         drop_at_halt=None if halt is None else at(halt, run.heavy_drop),
         wrap_angle_at_halt=None if halt is None else at(halt, run.wrap_angle),
@@ -171,11 +177,17 @@ def run_landmarks(run: Trajectory, parameters: Parameters) -> Landmarks:
     )
 
 
-def _halting_time_uncertainty(t: Array, slip: Array, halt: float, *, ended: bool) -> float | None:
-    """Return how far the halting time moves [s] with a slightly different resolution; None if one of these gives no halt."""
-    others = [halting_time(t, slip, factor * RESOLUTION, ended=ended) for factor in UNCERTAINTY_FACTORS]
-    moved = [abs(time - halt) for time in others if time is not None]
-    return max(moved) if len(moved) == len(others) else None
+def arrival_time(t: Array, free_length: Array, parameters: Parameters) -> float:
+    """Return the time [s] at which the light mass reaches the rod, from the last two samples before it.
+
+    A light mass that loops keeps its speed w across the string, so that l l' = -R w: the square of the free length falls
+    evenly. In a vertical release the free length itself does.
+    """
+    power = 1 if parameters.release is Release.VERTICAL else 2
+    before, last, end = (float(length) ** power for length in (free_length[-2], free_length[-1], parameters.end_length))
+    if not end < last < before:
+        return float(t[-1])
+    return float(t[-1] + (t[-1] - t[-2]) * (last - end) / (before - last))
 
 
 def _rebound(t: Array, slip: Array, first_rest: float) -> Rebound:

@@ -111,6 +111,8 @@ class Abilities:
     """Whether the variant has a static friction other than the kinetic one; with `EffectKind.STRING_LAW` it has one anyway."""
     additions: tuple[str, ...] = ()
     """What the adapter adds beyond the engine, each with its measured effect on the error."""
+    from_reference: tuple[str, ...] = ()
+    """What the adapter takes from the reference's own run of the scenario, each in a few words: "the length of a step"."""
     validated: tuple[ValidatedRange, ...] = ()
     """Ranges of scenarios over which its accuracy was measured, per profile, with the errors."""
     quick_cost: float = 1.0
@@ -150,6 +152,7 @@ def declared(engine: Engine, parameters: Parameters) -> dict[str, Any]:
     return {
         "lacks": engine.abilities.lacks(parameters),
         "additions": engine.abilities.additions,
+        "from_reference": engine.abilities.from_reference,
         "outside_range": engine.abilities.outside_range(engine.profile.value, parameters),
     }
 

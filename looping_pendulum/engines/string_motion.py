@@ -19,10 +19,7 @@ RESOLUTION = 1e-4
 """Largest motion of the string that does not count as sliding [m]: 0.1 mm, less than a pixel of a good video."""
 
 RESOLUTIONS = (1e-5, 3e-5, 1e-4, 3e-4, 1e-3)
-"""Resolutions [m] for which reports give the halting time, so that a reader sees how much it depends on them."""
-
-UNCERTAINTY_FACTORS = (0.8, 1.25)
-"""Factors on `RESOLUTION` that define the uncertainty of a halting time: the largest change that either of them makes."""
+"""Resolutions [m] for which reports give the halting time; how far these times lie apart is its uncertainty."""
 
 FIRST_REST_RESOLUTION = 1e-3
 """Resolution that defines the first rest [m]: from then on the string stays within it, and its motion is called rebound."""

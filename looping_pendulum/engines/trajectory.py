@@ -146,6 +146,8 @@ class Trajectory:
     """Physics of the scenario that the run went without, as returned by `Abilities.lacks`."""
     additions: tuple[str, ...] = ()
     """What the adapter added beyond the engine, from `Abilities.additions`."""
+    from_reference: tuple[str, ...] = ()
+    """What the adapter took from the reference's own run, from `Abilities.from_reference`."""
     outside_range: tuple[str, ...] = ()
     """Quantities of the scenario outside the range in which the engine's accuracy was measured (`Abilities.outside_range`)."""
     wall_time: float = float("nan")

@@ -320,9 +320,18 @@ class Parameters:
         )
 
     def as_dict(self) -> dict[str, object]:
-        """Return plain data, for JSON and for another process; `parameters_from` reads it."""
+        """Return plain data, for JSON and for another process; `parameters_from` reads it.
+
+        An installed package's effect that does not act has no part in it, so that installing one changes no result and no key.
+        """
         data = {name: getattr(self, name) for name in _FIELDS} | {"release": self.release.value}
-        data |= {"coefficients": dict(self.coefficients)}
+        absent = {
+            c.name: c.default
+            for effect in self._tables.effects
+            if effect.package and effect not in self.effects
+            for c in effect.coefficients
+        }
+        data |= {"coefficients": {name: x for name, x in self.coefficients.items() if absent.get(name) != x}}
         # Without an own effect there is no key, so that results keep the format and the digest that they always had
         return data | ({"own_effects": [dataclasses.asdict(own) for own in self.own_effects]} if self.own_effects else {})
 

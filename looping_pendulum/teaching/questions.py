@@ -205,24 +205,26 @@ class Answers:
         Raises
         ------
         AnswerError, FileKeyError
-            A fault, where it does not lead back.
+            A fault, where it does not lead back, or is the same after the same answers: it lies elsewhere, as in a file.
         """
+        last: tuple[str, dict[str, str]] | None = None
         while True:
             try:
                 return make(self)
             except (AnswerError, FileKeyError) as error:
                 keys = error.keys if isinstance(error, AnswerError) else question_keys(error.path)
-                if not (self._asks_again and self._forget(keys)):
+                before, last = last, (str(error), self.known | self._given)
+                if last == before or not (self._asks_again and self._forget(keys)):
                     raise
                 self._tell(f"  {error}")
 
     def _forget(self, keys: tuple[str, ...]) -> bool:
-        """Have the questions asked again whose key is among ``keys`` or in one of these groups; if there is none, have all.
+        """Have the questions asked again whose key is among ``keys`` or in one of these groups; without keys, have all.
 
         Returns whether there is anything to ask again. The answers so far are then the defaults.
         """
         have = self.known | self._given
-        at_fault = [key for key in have if any(key == k or key.startswith(f"{k}.") for k in keys)] or list(self.known)
+        at_fault = [key for key in have if any(key == k or key.startswith(f"{k}.") for k in keys)] if keys else list(self.known)
         for key in at_fault:
             self._former[key] = have[key]
             self.known.pop(key, None)

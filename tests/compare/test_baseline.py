@@ -152,7 +152,7 @@ def test_a_baseline_is_a_file_or_its_folder(tmp_path, scenario, reference, make_
 @pytest.mark.parametrize(
     ("edit", "message"),
     [
-        (lambda tree: tree["schema"].update(version=99), "needed 3 or less; update looping-pendulum"),
+        (lambda tree: tree["schema"].update(version=99), "needed 4 or less; update looping-pendulum"),
         (lambda tree: tree["schema"].update(id="other"), "needed the id 'looping-pendulum/comparison'"),
         (lambda tree: tree.update(scenario="held"), "found a result of 'held', needed one of 'made_up'"),
         (lambda tree: tree.pop("engines"), "not as documented"),

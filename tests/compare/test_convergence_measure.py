@@ -23,9 +23,9 @@ from looping_pendulum.compare.convergence.study import (
     error_split,
     evaluate_ladder,
     floors,
-    is_contained,
     measure_run,
     reference_target,
+    refined_further_by,
     verdict_sentence,
     with_missing_halts,
 )
@@ -277,18 +277,18 @@ def test_the_finest_value_of_a_setting_is_where_its_ladder_takes_it():
         ((4, 2, 1), (3, 3, 3), False),
     ],
 )
-def test_a_ladder_is_contained_in_one_that_takes_its_setting_as_far(values, taken, inside):
+def test_a_ladder_is_refined_further_by_one_that_takes_its_setting_as_far(values, taken, inside):
     small, large = ladder("a", values), ladder("b", (9, 8, 7), a=taken)
     for both in ([small, large], [large, small]):
-        assert is_contained(small, both) is inside
-        assert not is_contained(large, both)
-    assert not is_contained(small, [small])
+        assert refined_further_by(small, both) == ("b" if inside else "")
+        assert not refined_further_by(large, both)
+    assert not refined_further_by(small, [small])
 
 
 def test_of_two_that_take_each_other_along_the_first_counts():
     one, other = ladder("a", (4, 2, 1), b=(4, 2, 1)), ladder("b", (4, 2, 1), a=(4, 2, 1))
-    assert [is_contained(c, [one, other]) for c in (one, other)] == [False, True]
-    assert [is_contained(c, [other, one]) for c in (one, other)] == [True, False]
+    assert [refined_further_by(c, [one, other]) for c in (one, other)] == ["", "a"]
+    assert [refined_further_by(c, [other, one]) for c in (one, other)] == ["b", ""]
 
 
 def climbed(values, halts, limit, own=None, keys=None, kind=SequenceKind.CONVERGES, uncertainty=1e-5, setting="a"):

@@ -78,7 +78,7 @@ def variation(what, key, **fields):
 
 def variant(name="a", **fields):
     ladder = LadderStudy(
-        setting="dt", unit="s", follows="with sweeps", own=4e-4,
+        setting="dt", unit="s", follows="with sweeps", refined_further_by="", own=4e-4,
         rungs=(rung(8e-4, 3, "r8"), rung(4e-4, 2, f"own {name}"), rung(2e-4, 1, "r2", **SKIPPED)),
         verdicts=tuple(verdict(quantity) for quantity in QUANTITIES),
     )  # fmt: skip
@@ -177,6 +177,13 @@ def test_a_ladder_is_reported_rung_by_rung():
     assert "The adapter offers no ladder (studies(), in docs/write-an-engine.md).\n" in render(result(variant(ladders=())))
 
 
+def test_a_ladder_that_another_refines_further_says_so():
+    ladder = dataclasses.replace(variant().ladders[0], refined_further_by="time_step")
+    said = "- left out of the verdicts above, as the ladder of time_step refines it as far or further\n"
+    assert said in render(result(variant(ladders=(ladder,))))
+    assert said not in render(result())
+
+
 def test_small_changes_of_the_start_are_reported_with_their_errors():
     broken = StartChange(what="angle -", run=run("t", 4, **FAILED))
     text = render(result(variant(starts=(*variant().starts, broken))))
@@ -267,7 +274,7 @@ def test_a_result_comes_back_from_its_file_and_the_report_is_beside_it(tmp_path,
     assert (tmp_path / "figures" / "x.png").read_bytes() == b"png"
     text = (tmp_path / "convergence.json").read_text(encoding="utf-8")
     assert ConvergenceResult.from_json(text) == whole
-    assert '"id": "looping-pendulum/convergence",\n    "version": 3' in text
+    assert '"id": "looping-pendulum/convergence",\n    "version": 4' in text
 
 
 @pytest.mark.parametrize(("halt", "duration"), [(None, 0.7), (0.5, 0.7), (0.65, 0.75), (0.8123456, 0.912), (2.0, 1.05)])

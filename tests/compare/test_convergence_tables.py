@@ -47,7 +47,7 @@ def a_verdict(name, kind=SequenceKind.CONVERGES, scatter=None):
 def a_variant(kinds=(SequenceKind.CONVERGES,), own=None, splits=None):
     ladders = [
         SimpleNamespace(
-            setting=f"dt{k}", unit="s", own=None, follows="",
+            setting=f"dt{k}", unit="s", own=None, follows="", refined_further_by="",
             rungs=[SimpleNamespace(value=v, run=a_run(1, status=s)) for v, s in RUNGS],
             verdicts=[a_verdict(EARLY), a_verdict(LATE), a_verdict(HALT, kind, 2e-3 * (k + 1))],
         )
@@ -111,6 +111,13 @@ def test_whether_the_halting_time_converges(kinds, own, said):
     assert halting_verdict(a_variant(kinds, own)).startswith(said)
     if kinds == (SequenceKind.CONVERGES, SequenceKind.SETTLED):
         assert halting_verdict(a_variant(kinds, own, splits=[])) == "along some ladder too few runs halt to tell"
+
+
+def test_a_ladder_that_another_refines_further_does_not_decide():
+    """It decided: `mujoco:capstan` was said not to converge for a ladder whose coarse end its time step's ladder passes."""
+    variant = a_variant((SequenceKind.CONVERGES, SequenceKind.SCATTERS))
+    variant.ladders[1].refined_further_by = "dt0"
+    assert halting_verdict(variant) == "yes, to within ± 12 ms"
 
 
 def test_the_halting_table_has_error_and_spread_in_milliseconds():

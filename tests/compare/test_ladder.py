@@ -130,8 +130,11 @@ def test_orders_at_the_ends_of_what_is_tried_are_none(order, known):
     if known:
         assert finding.order == pytest.approx(order, abs=1e-3)
     else:
-        assert (finding.kind, finding.order) == (SequenceKind.SCATTERS, None)
-        assert finding.why == "its changes follow no power of the setting"
+        # So high an order comes much nearer at every rung
+        kind, why = (
+            (SequenceKind.CONVERGES, "") if order > 8 else (SequenceKind.SCATTERS, "its changes follow no power of the setting")
+        )
+        assert (finding.kind, finding.why, finding.order) == (kind, why, None)
 
 
 @pytest.mark.parametrize(("good", "used"), [(6, 6), (5, 5), (4, None)])
@@ -145,8 +148,10 @@ def test_of_ten_rungs_at_least_the_finest_five_must_follow_one_law(good, used):
 
 def test_three_of_four_are_not_enough():
     values = 3 + 0.7 * H**2
-    values[0] = 2.0
+    values[0] = 3.1
     assert classify_sequence(H[:4], numbers(values[:4])).kind is SequenceKind.SCATTERS
+    values[0] = 2.0  # closes in, but by no order
+    assert classify_sequence(H[:4], numbers(values[:4])).order is None
     assert classify_sequence(H[1:4], numbers(values[1:4])).kind is SequenceKind.CONVERGES
 
 
@@ -199,6 +204,35 @@ def test_scatter_up_to_twice_the_spread_or_what_can_be_read_is_within_it(spread,
     assert finding.why == (
         small if kind is SequenceKind.WITHIN_SPREAD else "the last two refinements change it in opposite directions"
     )
+
+
+FRICTION = (4.58e-3, -1.42e-3, 2.98e-5, -9.11e-7)
+"""Halting errors [s] of mujoco:capstan along its friction_time_constant: 10, 5, 2.5 and 1 ms."""
+
+
+@pytest.mark.parametrize(
+    ("values", "spread", "kind"),
+    [
+        (FRICTION, 3.4e-11, SequenceKind.CONVERGES),
+        (FRICTION, 2e-5, SequenceKind.SCATTERS),  # the last distance is within the spread, so that two are left
+        (FRICTION[1:], 3.4e-11, SequenceKind.SCATTERS),
+        ((4.58e-3, -1.42e-3, 4.8e-4, 0.0), 3.4e-11, SequenceKind.SCATTERS),  # 1.42 is not three times 0.48
+    ],
+)
+def test_rungs_that_close_in_by_no_one_power_do_not_scatter(values, spread, kind):
+    """They were said to scatter by 2.6 ms, where the finest is 0.9 us from the reference."""
+    finding = classify_sequence(np.array([10, 5, 2.5, 1.0])[-len(values) :], numbers(values), floor=1e-6, spread=spread)
+    assert finding.kind is kind
+    if kind is SequenceKind.CONVERGES:
+        assert (finding.order, finding.used, finding.left_out) == (None, 2, 2)
+        assert finding.limit[0, 0] == values[-1]
+        assert finding.uncertainty == pytest.approx(math.hypot(3 * (values[2] - values[3]), 1e-6))
+
+
+def test_coarse_rungs_outside_the_law_are_counted():
+    values = 1 + 0.5 ** np.arange(7) * np.array([9, -4, 1, 1, 1, 1, 1])
+    finding = classify_sequence(0.5 ** np.arange(7), numbers(values))
+    assert (finding.order, finding.used, finding.left_out) == (pytest.approx(1), 5, 2)
 
 
 def test_a_trend_below_the_scatter_widens_the_limit():

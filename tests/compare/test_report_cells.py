@@ -11,7 +11,7 @@ import pytest
 from looping_pendulum.compare import compare, report
 from looping_pendulum.compare.report import halting_section as render_halts
 from looping_pendulum.compare.report import measured_events_table as render_paper
-from looping_pendulum.compare.result import ToleranceOutcome, WallTime
+from looping_pendulum.compare.result import SupplyEntry, ToleranceOutcome, WallTime
 from looping_pendulum.compare.tables import table as markdown
 from looping_pendulum.compare.trajectories import trajectory_csv, trajectory_files
 from looping_pendulum.engines.landmarks import Extremum, HaltingTimeAt, Landmarks, Rebound
@@ -40,24 +40,36 @@ from tests.compare.report_cells import (
 
 def test_the_verdicts_table_has_every_number_in_its_unit(result):
     head, (true, own) = report.verdict_rows(result)
-    assert len(head) == len(true) == len(own) == 9
-    assert true == ["reference", "–", "–", "–", "–", "0.5123", "–", "–", "–"]
-    assert own == [ME, "no limits declared", "1.1", "2.2", "3.3", "0.4123", "-5.5", "+7.7", "1"]
+    assert len(head) == len(true) == len(own) == 10
+    assert true == ["reference", "–", "–", "–", "–", "–", "0.5123", "–", "–", "–"]
+    assert own == [ME, "no limits declared", "–", "1.1", "2.2", "3.3", "0.4123", "-5.5", "+7.7", "1"]
     assert head[-1] == "CPU time [s per s]"
 
 
 def test_a_vertical_release_has_a_column_for_its_acceleration(result):
     vertical = with_engine(result, metrics=METRICS | {"acceleration_error": -0.0123})
     head, (true, own) = report.verdict_rows(vertical)
-    assert len(head) == len(true) == len(own) == 10
+    assert len(head) == len(true) == len(own) == 11
     assert head[-2:] == ["acceleration error [%]", "CPU time [s per s]"]
     assert own[-3:] == ["+7.7", "-1.23", "1"]
-    assert true[5:] == ["0.5123", "–", "–", "–", "–"]
+    assert true[6:] == ["0.5123", "–", "–", "–", "–"]
 
 
 def test_a_halt_that_is_not_comparable_has_no_error(result):
     _, (_, own) = report.verdict_rows(with_engine(result, not_comparable="too short"))
-    assert own[5:8] == ["0.4123", "not comparable", "+7.7"]
+    assert own[6:9] == ["0.4123", "not comparable", "+7.7"]
+
+
+def test_who_helped_a_run_stands_beside_its_verdict(result):
+    """A stranger took PyBullet's row for a measurement of PyBullet alone, and that of the capstan fed in for MuJoCo's."""
+    supplies = tuple(SupplyEntry(what=what, by=by, how="") for what, by in [
+        ("winding", "engine"), ("friction law", "adapter"), ("stick slip", "adapter"), ("drag", "adapter"),
+    ])  # fmt: skip
+    made = dataclasses.replace(result.engines[0].provenance, supplies=supplies)
+    head, (_, own) = report.verdict_rows(with_engine(result, provenance=made, from_reference=("the length of a step",)))
+    assert head[2] == "helped by"
+    assert own[2] == "the adapter: friction law, stick slip; the reference: the length of a step"
+    assert "*Helped by*: laws that the adapter supplies" in report.render(result)
 
 
 @pytest.mark.parametrize(
@@ -227,7 +239,7 @@ TWO = [(1.2495e-3, "1.2"), (1.2505e-3, "1.3")]
 def test_three_digits_of_a_thousandth(result, size, shown):
     all_alike = with_engine(result, metrics=dict.fromkeys(METRICS, size) | {"acceleration_error": 10 * size})
     _, (_, own) = report.verdict_rows(all_alike)
-    assert own[2:5] + own[6:9] == [shown] * 3 + [f"+{shown}"] * 3
+    assert own[3:6] + own[7:10] == [shown] * 3 + [f"+{shown}"] * 3
     detail = cells(report.render(all_alike), ME, "## Detail")[0]
     assert [detail[6], detail[9], detail[11], detail[12]] == [shown, f"+{shown}", f"+{shown}", shown]
     for metric, (_, factor) in ((name, known.shown_in) for name, known in metrics.METRICS.items()):
@@ -313,7 +325,7 @@ def test_columns_of_words_are_to_the_left_and_numbers_to_the_right(result):
     lines = text.splitlines()
     rules = [line for line in lines if line.startswith("| ---")]
     # Verdict, paper, halts, detail, who supplies what, tolerances, provenance, wall times.
-    assert [rule.split("|").count(" --- ") for rule in rules] == [2, 2, 1, 1, 5, 7, 4, 1]
+    assert [rule.split("|").count(" --- ") for rule in rules] == [3, 2, 1, 1, 5, 7, 4, 1]
 
 
 def test_a_status_that_is_not_run_is_no_failure(scenario, reference, make_run):
@@ -330,10 +342,13 @@ def test_the_table_of_halts_has_every_resolution(result):
     (section,) = render_halts(result)
     (own,), (true,) = cells(section, ME), cells(section, "reference")
     assert own == [ME, "0.4000", "0.4100", "0.4200", "0.4300", "0.4400", "2.5", "3.5", "46"]
+    unsure = dataclasses.replace(OWN, halting_times=(HaltingTimeAt(resolution=1e-5, time=None), *OWN.halting_times[1:]))
+    (cut,) = cells(render_halts(with_engine(result, landmarks=unsure))[0], ME)
+    assert (cut[1], cut[6]) == ("–", "at least 2.5")
     assert true == ["reference", "0.4000", "0.4100", "0.4200", "0.4300", "0.4400", "–", "–", "–"]
     assert "| run | halts, to within 0.01 mm [s] | halts, to within 0.03 mm [s] | halts, to within 0.1 mm [s] |" in section
     assert "again until the light mass" in section
-    assert "how far it moves if the 0.1 mm are taken a quarter larger or smaller" in section
+    assert "the largest distance of these times from that to within 0.1 mm; *at least*: to within the finest" in section
     assert "from which on it stays within 1 mm" in section
     assert "not comparable" not in section
     gap = render_halts(with_engine(result, not_comparable="it is short"))[0]

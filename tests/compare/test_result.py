@@ -36,7 +36,7 @@ def test_json_there_and_back(measured_scenario, reference, make_run, missing, ta
     assert ComparisonResult.from_json(text) == result
     assert ComparisonResult.from_json(text).to_json() == text
     tree = json.loads(text)
-    assert tree["schema"] == {"id": "looping-pendulum/comparison", "version": 3}
+    assert tree["schema"] == {"id": "looping-pendulum/comparison", "version": 4}
     assert list(tree)[0] == "schema"
     assert list(tree)[-1] == "clock"
     assert "samples" not in tree
@@ -151,7 +151,7 @@ def test_the_report_begins_with_the_verdict(measured_scenario, reference, make_r
     heads = [line for line in report.splitlines() if line.startswith("#")]
     assert heads[:4] == ["# Made up", "## Verdict", "## Where, when and why", "## Figures"]
     assert heads[-1] == "## Words"
-    assert "| pymunk:chain, quick | no limits declared | 3 | 3 | 3 | 0.3375 |" in report
+    assert "| pymunk:chain, quick | no limits declared | – | 3 | 3 | 3 | 0.3375 |" in report
     assert "| halting time | s | 0.35 | 0.34 (-11) | 0.3375 (-14) | 0.3375 (-14) |" in report
     assert "| wrap angle at halt | rad | – | 4 | 3.980 (-20) |" in report
     assert "| x1 extremum 99 | s | 0.34 | 0.34 (+0) | – | – |" in report

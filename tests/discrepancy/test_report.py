@@ -27,6 +27,7 @@ from looping_pendulum.discrepancy.verdict_sentence import MAX_TIES, verdict_note
 from looping_pendulum.errors import ResultError
 from looping_pendulum.pages.drawing import draw
 from looping_pendulum.pages.figures import on_page
+from looping_pendulum.reference_ode.effects import EFFECTS
 from tests.pages import made_up as pages
 
 STATISTICS = re.compile(r"chi2|chi-square|BIC|Bayes|\bz\b|\bp\b|Ljung|lag-1", re.IGNORECASE)
@@ -98,7 +99,7 @@ def made_up(verdict):
         explanations=explanations,
         unlisted=unlisted,
         sentence=verdict_sentence(verdict, effects, credible, unlisted, (held_out,), failures=(), own_effects=False),
-        notes=verdict_notes(verdict, explanations, (IMPOSSIBLE,), noise, result.outliers),
+        notes=verdict_notes(verdict, explanations, (IMPOSSIBLE,), noise, result.outliers, trials=2),
         errors=(held_out,),
         correlated_noise=noise,
         smallest_visible=visible,
@@ -275,7 +276,31 @@ def test_every_failure_is_words():
     ],
 )  # fmt: skip
 def test_the_notes_say_what_comes_near_and_what_is_ruled_out(verdict, explanations, notes):
-    assert verdict_notes(verdict, explanations, (IMPOSSIBLE,), (), ()) == notes
+    assert verdict_notes(verdict, explanations, (IMPOSSIBLE,), (), (), trials=2) == notes
+    of_one = verdict_notes(verdict, explanations, (IMPOSSIBLE,), (), (), trials=1)[len(notes) :]
+    named = any(e.credible and e.effects for e in explanations)
+    assert [note.partition(":")[0] for note in of_one] == (["All this comes from one trial"] if named else [])
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("side_force", "constant, along x"),
+        ("side_stiffness", "free_length, wrap_angle, along x"),
+        ("heavy_linear_drag", "heavy_speed"),
+        ("push_across", "–"),
+    ],
+)
+def test_the_report_says_on_what_the_size_of_an_effect_depends(name, said):
+    """A constant side force was said to depend on wrap_angle, by which the equations turn it into the string's axes."""
+    effect = EFFECTS[name]
+    made = dataclasses.replace(
+        pages.identification("swing").effects[0], name=name, kind=effect.kind.value, depends_on=effect.depends_on,
+        direction=effect.direction,
+    )  # fmt: skip
+    text = markdown.render(dataclasses.replace(made_up(Verdict.IDENTIFIED), effects=(made,)))
+    (row,) = (line for line in text.splitlines() if line.startswith(f"| {name} | {effect.kind.value} |"))
+    assert row.split("|")[4].strip() == said
 
 
 @pytest.mark.parametrize(

@@ -44,3 +44,15 @@ def test_effects_say_whom_they_do_not_reach():
 def test_every_variant_is_on_the_page():
     text = PAGE.read_text(encoding="utf-8")
     assert all(text.count(f"| {label(engine)} |") >= 2 for engine in own())
+
+
+def test_what_an_adapter_takes_from_the_reference_is_declared():
+    """Oracle: the adapters that solve the reference, by their source; the page of engines names the variants."""
+    declared = {label(e): e.abilities.from_reference for e in all_engines(Profile.QUICK) if e.abilities.from_reference}
+    assert declared == {"mujoco:frictionloss": ("the size of the friction",), "pybullet:chain": ("the length of a step",)}
+    project = PAGE.parents[1]
+    folder = project / "looping_pendulum" / "engines"
+    solving = {p.relative_to(folder).as_posix() for p in folder.rglob("*.py") if "reference_ode.solve import" in p.read_text()}
+    assert solving - {"reference.py", "conformance.py"} == {"mujoco/tendon.py", "pybullet/chain.py"}
+    (told,) = (line for line in (project / "docs" / "engines.md").read_text().splitlines() if "reference's own run" in line)
+    assert all(f"`{name}`" in told for name in declared)

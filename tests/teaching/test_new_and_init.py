@@ -138,7 +138,7 @@ def test_a_study_is_written_from_two_trials(here):
     assert study.trials[0].files[0][0] == "../example/trials/first.csv"
     assert study.trials[1].estimates["heavy_mass"].value == 0.06
     assert math.isclose(study.trials[0].estimates["heavy_mass"].sigma, 5e-4)
-    assert study.declared == ("gravity", "capstan", "light_drag", "heavy_drag")
+    assert study.declared == ("gravity", "capstan", "light_drag", "heavy_drag", "string_drag"), "all drags that it has"
 
 
 def test_marks_that_cannot_be_read_are_said_at_once(here):
@@ -146,6 +146,15 @@ def test_marks_that_cannot_be_read_are_said_at_once(here):
     done = run("new", "study", "mine.yaml", "-y", "--trial", "bad.csv")
     assert isinstance(done.exception, AnswerError)
     assert "bad.csv" in str(done.exception)
+    # It asked for the title again and again
+    done = run("new", "study", "mine.yaml", "--trial", "bad.csv", answers="\n" * 50)
+    assert isinstance(done.exception, AnswerError)
+    assert "Title" not in done.output
+    Path("standing.csv").write_text("t,light_x,light_y\n0,2,3\n0,3,4\n0,4,5\n")
+    done = run("new", "study", "mine.yaml", "--trial", "standing.csv", answers="\n" * 50)
+    assert "needed times that grow" in str(done.exception), "said again after the same answers"
+    assert done.output.count("true frame rate") == 2
+    Path("standing.csv").unlink()
     done = run("new", "study", "mine.yaml", "-y", "--set", "effects=capstan, magic")
     assert "unknown effect 'magic'" in str(done.exception)
 

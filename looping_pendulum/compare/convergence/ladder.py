@@ -4,8 +4,9 @@ The functions are pure and take plain numbers.
 
 The order and the limit are a least-squares fit of ``limit + b h^order`` to the finest rungs (L. Eça and M. Hoekstra, J. Comput.
 Phys. 262, 104, 2014), with all samples of a path in one fit. Their uncertainty comes from leaving out one rung at a time (the
-jackknife) and from a safety factor as in P. Roache's grid convergence index, for what a few rungs cannot show. A sequence that
-follows no power law gets no order; its scatter is given instead.
+jackknife) and from a safety factor as in P. Roache's grid convergence index, for what a few rungs cannot show. Rungs too coarse
+for the law, outside the asymptotic range, are left out. A sequence that follows no power law gets no order. If each rung comes
+much nearer to the finest than the one before, the finest is its limit; otherwise its scatter is given.
 """
 
 from __future__ import annotations
@@ -40,6 +41,8 @@ SIGNIFICANT_CHANGE = 2.0
 """Number of standard deviations of the spread above which a change is significant."""
 CONFIDENCE = 0.975
 """Quantile of Student's t: one-sided, so that intervals have 95 %."""
+CLOSING_FACTOR = 3.0
+"""Smallest factor by which the distance from the finest rung falls at each rung of a sequence that closes in on its limit."""
 SCATTER_RUNGS = 4
 """Number of the finest rungs whose scatter is given if they follow no power law."""
 
@@ -53,6 +56,8 @@ class SequenceFinding:
     """Reason for the kind, in a few words, where it is not convergence."""
     used: int = 0
     """Number of the finest rungs that the limit is derived from."""
+    left_out: int = 0
+    """Number of coarse rungs that are not in the asymptotic range, and so have no part in order and limit."""
     order: float | None = None
     order_uncertainty: float | None = None
     """Half-width of the 95 % interval of the order; None where three rungs leave no degree of freedom."""
@@ -123,6 +128,9 @@ def classify_sequence(h: Array, values: Sequence[Array], *, floor: float = 0.0, 
         # The difference of two rungs scatters by sqrt(2) times as much as one of them
         if spread is None or change > SIGNIFICANT_CHANGE * math.sqrt(2) * spread:
             return power_law
+    closing = _closing_in(values, floor, spread or 0.0)
+    if closing is not None:
+        return closing
     tail = values[-min(len(values), SCATTER_RUNGS) :]
     scatter = _deviation(tail)
     within = spread is not None and scatter <= SIGNIFICANT_CHANGE * max(spread, floor)
@@ -163,8 +171,27 @@ def _power_law(h: Array, values: Sequence[Array], floor: float, spread: float | 
             if _falls_like_a_power(h[-count:], values[-count:]):
                 fit = _fit(h[-count:], values[-count:], noise)
                 if fit is not None and fit.misfit <= MAX_MISFIT:
-                    return _converging(h[-count:], values[-count:], fit, noise)
+                    return replace(_converging(h[-count:], values[-count:], fit, noise), left_out=len(values) - count)
     return None
+
+
+def _closing_in(values: Sequence[Array], floor: float, spread: float) -> SequenceFinding | None:
+    """Take the finest rung for the limit where every rung is much nearer to it than the one before; None: they are not.
+
+    The coarser rungs are then not in the asymptotic range, so that they follow no power law, but they do not scatter either.
+    A distance within the spread or the floor is no evidence; as many as `MIN_RUNGS` must be larger.
+    """
+    distances = [rms_norm(value - values[-1]) for value in values[:-1]]
+    significant = sum(d > max(floor, SIGNIFICANT_CHANGE * math.sqrt(2) * spread) for d in distances)
+    if significant < MIN_RUNGS or any(b > a / CLOSING_FACTOR for a, b in zip(distances, distances[1:], strict=False)):
+        return None
+    return SequenceFinding(
+        kind=SequenceKind.CONVERGES,
+        used=2,
+        left_out=len(values) - 2,
+        limit=values[-1],
+        uncertainty=math.hypot(CAUTIOUS_SAFETY_FACTOR * distances[-1], SIGNIFICANT_CHANGE * spread, floor),
+    )
 
 
 def _falls_like_a_power(h: Array, values: Sequence[Array]) -> bool:

@@ -57,12 +57,15 @@ HOW_TO_READ = """\
   reference is attributed to the choice, not to the model, if such a change is as large.
 - **spread**: standard deviation of the error when the start changes by 0.01 deg or 0.1 mm, each start with its own reference.
 - Uncertainties are half-widths of 95 % intervals. An order is fitted only where all changes have one direction and shrink like
-  a power of the setting; otherwise the scatter of the finest rungs is given.
+  a power of the setting. Rungs too coarse for that, outside the *asymptotic range*, are left out, which the ladder's line says.
+  Where each rung comes at least three times nearer to the finest one, that one is the limit; otherwise the scatter of the
+  finest rungs is given.
 - **–**: there is no such number: fewer than three runs have a value of it, or the run broke off.
 """
 HOW_TO_READ_LADDERS = """\
 - **order 2 → 5 ± 1**: converges with order 2 to a limit whose distance from the reference is 5 ± 1.
 - **settled → 5 ± 1**: the finest rungs differ no more.
+- **closes in → 5 ± 1**: each rung comes at least three times nearer to the finest one, but by no one power.
 - **± 3 about 5 ± 1**: the finest rungs scatter by 3 about a mean 5 ± 1 from the reference. **In the spread**: small changes of
   the start move it as much as refinement does, so that nothing is left to converge.
 - **–**: fewer than three rungs have a value.
@@ -179,8 +182,9 @@ def halting_table(result: ConvergenceResult) -> str:
 
 
 def halting_verdict(v: VariantStudy) -> str:
-    """Say whether the halting time of ``v`` converges along every ladder, and to within what."""
-    verdicts = [verdict for ladder in v.ladders for verdict in ladder.verdicts if verdict.quantity == HALT]
+    """Say whether the halting time of ``v`` converges along every ladder that no other refines further, and to within what."""
+    counted = [ladder for ladder in v.ladders if not ladder.refined_further_by]
+    verdicts = [verdict for ladder in counted for verdict in ladder.verdicts if verdict.quantity == HALT]
     kinds = {verdict.kind for verdict in verdicts}
     if not verdicts:
         return f"the adapter offers no ladder ({LADDERS})"
@@ -252,6 +256,9 @@ def _ladder(ladder: LadderStudy) -> str:
     follows = f" ({ladder.follows})" if ladder.follows else ""
     verdicts = "".join(f"- {QUANTITY_LABELS[v.quantity]}: {v.sentence}\n" for v in ladder.verdicts)
     own = "" if ladder.own is None else f"; the variant uses {format_setting(ladder.own, ladder.unit)}"
+    further = ladder.refined_further_by
+    if further:
+        verdicts += f"- left out of the verdicts above, as the ladder of {further} refines it as far or further\n"
     return f"### Refining {ladder.setting}{follows}{own}\n\n{table(head, rows, left=0)}\n{verdicts}"
 
 
@@ -315,7 +322,7 @@ def verdict_cell(verdict: ConvergenceVerdict) -> str:
         return "halts on some rungs"
     distance = f"{number(abs(verdict.limit_error), 1e3, 2)} ± {number(verdict.uncertainty, 1e3, 2)}"
     if verdict.kind is SequenceKind.CONVERGES:
-        return f"order {number(verdict.order, digits=2)} → {distance}"
+        return f"{'closes in' if verdict.order is None else f'order {number(verdict.order, digits=2)}'} → {distance}"
     if verdict.kind is SequenceKind.SETTLED:
         return f"settled → {distance}"
     within = ", in the spread" if verdict.kind is SequenceKind.WITHIN_SPREAD else ""

@@ -16,7 +16,7 @@ from looping_pendulum.compare.json_text import dump, load
 from looping_pendulum.compare.result import RunProvenance
 
 SCHEMA_ID = "looping-pendulum/convergence"
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 FILE = "convergence.json"
 
 HALT = "halting_time"
@@ -119,6 +119,8 @@ class LadderStudy:
     setting: str
     unit: str
     follows: str
+    refined_further_by: str
+    """Setting of another ladder that refines this one's as far or further, which then counts in its place; empty: none."""
     own: float | None
     """Value at the variant's own settings."""
     rungs: tuple[Rung, ...]

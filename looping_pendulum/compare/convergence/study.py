@@ -250,7 +250,7 @@ def evaluate_variant(
         profile=plan.engine.profile.value,
         summary=plan.engine.abilities.summary,
         own=own.summary,
-        ladders=tuple(_ladder_study(result, target) for result in results),
+        ladders=tuple(_ladder_study(result, refined_further_by(result, results), target) for result in results),
         starts=tuple(StartChange(what=what, run=m.summary) for what, m in starts),
         spread=spread,
         choices=tuple(
@@ -288,7 +288,7 @@ def evaluate_ladder(
     return LadderResult(ladder=ladder, rungs=rungs, findings=findings, own=own)
 
 
-def _ladder_study(result: LadderResult, target: ReferenceTarget) -> LadderStudy:
+def _ladder_study(result: LadderResult, refined_further: str, target: ReferenceTarget) -> LadderStudy:
     rungs = []
     for value, rung in zip(result.ladder.values, result.rungs, strict=True):
         to_finest, to_limit = {}, {}
@@ -303,6 +303,7 @@ def _ladder_study(result: LadderResult, target: ReferenceTarget) -> LadderStudy:
         setting=result.ladder.setting,
         unit=result.ladder.unit,
         follows=result.ladder.follows,
+        refined_further_by=refined_further,
         own=result.own,
         rungs=tuple(rungs),
         verdicts=tuple(convergence_verdict(name, result.findings[name], counts[name], target) for name in QUANTITIES),
@@ -484,9 +485,13 @@ def verdict_sentence(unit: str, finding: SequenceFinding, distance: float | None
     shown, scale = DISPLAY_UNITS[unit]
     if distance is None or finding.uncertainty is None:
         return f"{finding.kind.value}: {finding.why}"
+    rungs = "rung, which is" if finding.left_out == 1 else f"{finding.left_out} rungs, which are"
+    left_out = f" without the coarsest {rungs} not in the asymptotic range" if finding.left_out else ""
     if finding.kind is SequenceKind.CONVERGES and finding.order is not None:
         interval = "" if finding.order_uncertainty is None else f" ± {number(finding.order_uncertainty, digits=2)}"
-        how = f"converges, order {number(finding.order, digits=3)}{interval}, to a limit"
+        how = f"converges, order {number(finding.order, digits=3)}{interval}{left_out}, to a limit"
+    elif finding.kind is SequenceKind.CONVERGES:
+        how = f"closes in on its finest rung{left_out}, at a value"
     elif finding.kind is SequenceKind.SETTLED:
         how = f"no longer changes over the last {finding.used} rungs, at a value"
     else:
@@ -515,10 +520,10 @@ class LadderResult:
         return float(values[-1]) if values and isinstance(values[-1], (int, float)) and values[0] != values[-1] else None
 
 
-def is_contained(one: LadderResult, others: Sequence[LadderResult]) -> bool:
-    """Return whether another ladder refines the setting of ``one`` as well, as far or further, so that it would count twice.
+def refined_further_by(one: LadderResult, others: Sequence[LadderResult]) -> str:
+    """Return the setting of another ladder that refines the setting of ``one`` as well, as far or further; empty: none does.
 
-    Of two ladders that refine each other's setting, the later one is contained.
+    Such a ladder would count twice. Of two ladders that refine each other's setting, the later one does.
     """
     # By identity, because results hold arrays, which have no hash
     places = {id(c): place for place, c in enumerate(others)}
@@ -530,8 +535,8 @@ def is_contained(one: LadderResult, others: Sequence[LadderResult]) -> bool:
         as_far = finest <= values[-1] if values[-1] < values[0] else finest >= values[-1]
         mutual = one.finest(other.ladder.setting) is not None
         if as_far and (not mutual or places[id(other)] < places[id(one)]):
-            return True
-    return False
+            return other.ladder.setting
+    return ""
 
 
 def correction(quantity: str, result: LadderResult, own: MeasuredRun) -> Correction | None:
@@ -570,7 +575,7 @@ def error_split(
     error = own.errors[quantity]
     if error is None:
         return None
-    counted = [result for result in results if not is_contained(result, results)]
+    counted = [result for result in results if not refined_further_by(result, results)]
     corrections = {result.ladder.setting: correction(quantity, result, own) for result in counted}
     values = {what: value for what, m in choices.items() if (value := m.errors[quantity]) is not None}
     return split_error(

@@ -26,6 +26,7 @@ from looping_pendulum.discrepancy.result import (
 )
 from looping_pendulum.discrepancy.verdict_sentence import BODY_IN_WORDS, limits_in_words
 from looping_pendulum.pages.numbers import DISPLAY_UNITS, amount, quantity, uncertain, unit_in_words
+from looping_pendulum.reference_ode.effects.types import EffectKind
 
 HEADLINES = {
     Verdict.NO_MISSING_EFFECT: "Nothing is missing that these data could show",
@@ -115,12 +116,18 @@ def _effects(result: Identification) -> str:
     head = ["effect", "kind", "acts on", "depends on", "formula", "value", "standard error", "95 % interval", "absent at",
             "unit"]  # fmt: skip
     rows = [
-        [e.name, e.kind, e.acts_on, ", ".join(e.depends_on) or GAP, f"`{e.formula}`", number(e.value, digits=5),
+        [e.name, e.kind, e.acts_on, _depends_on(e), f"`{e.formula}`", number(e.value, digits=5),
          number(e.error, digits=2), limits_in_words(*e.interval_95, _to_four_digits) or GAP, number(e.null_value),
          unit_in_words(e.unit) or GAP]
         for e in result.effects
     ]  # fmt: skip
     return f"## What was added\n\n{table(head, rows, left=5)}{_notes(result.effects)}"
+
+
+def _depends_on(e: IdentifiedEffect) -> str:
+    """Say on what the size of an effect depends, and along which axis its force acts: "constant, along x"."""
+    words = list(e.depends_on) or (["constant"] if e.kind == EffectKind.FORCE.value else [])
+    return ", ".join([*words, *([f"along {e.direction}"] if e.direction else [])]) or GAP
 
 
 def _to_four_digits(value: float) -> str:

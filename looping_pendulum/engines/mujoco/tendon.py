@@ -421,6 +421,7 @@ _ABILITIES = {
             "no size halts in time: of 0.1 to 1.2 N, 0.2 N is nearest to the reference up to 0.35 s, and its heavy mass turns "
             "back",
         ),
+        from_reference=("the size of the friction",),
         additions=(
             "the size of the constant: the friction at the release in the reference's own run, which the adapter solves "
             "beforehand",

@@ -545,6 +545,7 @@ class PybulletChain(PybulletVariant):
             TWO_TO_ONE_LIMIT,
             NO_STRETCH_LIMIT,
         ),
+        from_reference=("the length of a step",),
         first_additions=(
             f"a string that weighs {100 * MASS_FRACTION:g} % of the light mass, "
             f"from which {100 * MASS_FRACTION * MASS_COMPENSATION:g} % is taken off",
@@ -656,6 +657,7 @@ class PybulletDefaults(PybulletChain):
     abilities = replace(
         PybulletChain.abilities,
         main=False,
+        from_reference=(),
         additions=(
             f"the string weighs {100 * MASS_FRACTION:g} % of the light mass; "
             f"{100 * MASS_FRACTION * MASS_COMPENSATION:g} % is taken off that",

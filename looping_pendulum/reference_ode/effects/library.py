@@ -209,7 +209,8 @@ SIDE_FORCE = Effect(
     formula="F = F0 x",
     source="a constant horizontal pull",
     acts_on="light mass",
-    depends_on=("wrap_angle",),
+    depends_on=(),
+    direction="x",
     coefficients=(_coefficient("side_force", "N", (-10.0, 10.0), "horizontal force F0 on the light mass, along x"),),
     force_on_light_mass=lambda xp, k, p: _horizontal(xp, k, p.side_force),
 )
@@ -221,6 +222,7 @@ SIDE_STIFFNESS = Effect(
     source="a horizontal pull that grows with the distance from the rod's vertical plane, to first order",
     acts_on="light mass",
     depends_on=("free_length", "wrap_angle"),
+    direction="x",
     coefficients=(
         _coefficient("side_stiffness", "N/m", (-10.0, 10.0), "horizontal force on the light mass per x; positive: outwards"),
     ),

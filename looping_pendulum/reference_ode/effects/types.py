@@ -125,7 +125,10 @@ class Effect:
     source: str
     acts_on: str
     depends_on: tuple[str, ...]
+    """Quantities of `Kinematics` on which its size depends; empty: it is constant."""
     coefficients: tuple[Coefficient, ...]
+    direction: str = ""
+    """Axis along which its force acts, "x" or "y", if that is the same in all positions; the wrap angle only turns it there."""
     in_base_model: bool = False
     """Whether the effect is part of the paper's model; such effects are always compiled in, even at their null value."""
     needs_string: bool = False
