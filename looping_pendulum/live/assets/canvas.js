@@ -7,7 +7,8 @@ const MAX_PIXEL_RATIO = 2;
 const STRIPE = 6;
 const FONT = "system-ui, sans-serif";
 
-/** Sizes of the canvases' boxes: to ask for them anew in each frame would have the browser lay out the page anew. */
+/** Sizes of the canvases' boxes, and pixels in one of them where that is not the screen's: to ask for them anew in each frame would have
+ * the browser lay out the page anew. @type {WeakMap<Element, [number, number, number?]>} */
 const sizes = new WeakMap();
 let onResize = () => {};
 const observer = typeof ResizeObserver === "undefined" ? null : new ResizeObserver((entries) => {
@@ -20,13 +21,20 @@ export function whenResized(listener) {
   onResize = listener;
 }
 
-/** @param {HTMLCanvasElement} canvas @returns {[number, number]} */
+/** Draw a canvas that is not on the screen in a size. @param {HTMLCanvasElement} canvas @param {number} width @param {number} height
+ * @param {number} ratio pixels in one of CSS */
+export function setSize(canvas, width, height, ratio) {
+  sizes.set(canvas, [width, height, ratio]);
+}
+
+/** @param {HTMLCanvasElement} canvas @returns {[number, number, number?]} */
 function sizeOf(canvas) {
-  if (!sizes.has(canvas)) {
-    sizes.set(canvas, [canvas.clientWidth, canvas.clientHeight]);
-    observer?.observe(canvas);
-  }
-  return sizes.get(canvas);
+  const known = sizes.get(canvas);
+  if (known) return known;
+  observer?.observe(canvas);
+  const size = /** @type {[number, number]} */ ([canvas.clientWidth, canvas.clientHeight]);
+  sizes.set(canvas, size);
+  return size;
 }
 
 /**
@@ -35,8 +43,7 @@ function sizeOf(canvas) {
  * @returns {{c: Context, width: number, height: number}} size in CSS pixels
  */
 export function fitted(canvas) {
-  const [width, height] = sizeOf(canvas);
-  const ratio = Math.min(window.devicePixelRatio || 1, MAX_PIXEL_RATIO);
+  const [width, height, ratio = Math.min(window.devicePixelRatio || 1, MAX_PIXEL_RATIO)] = sizeOf(canvas);
   const [wide, high] = [Math.round(width * ratio), Math.round(height * ratio)];
   if (canvas.width !== wide || canvas.height !== high) [canvas.width, canvas.height] = [wide, high];
   const c = /** @type {Context} */ (canvas.getContext("2d"));

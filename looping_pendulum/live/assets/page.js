@@ -8,6 +8,7 @@ import { EngineRuns } from "./engine_runs/engine_runs.js";
 import { EventLog } from "./event_log.js";
 import { FilmPanel } from "./film/panel.js";
 import { FitPanel } from "./fit_panel.js";
+import { Handout } from "./handout.js";
 import { History } from "./history.js";
 import { Speech } from "./language.js";
 import { Keeping } from "./keeping.js";
@@ -75,6 +76,7 @@ class Page {
     this.film = new FilmPanel(element, this);
     this.fit = new FitPanel(element, this.trial, startWorker, () => this.state, (values) => this.takeFit(values));
     this.keeping = new Keeping(element, this);
+    this.handout = new Handout(element, this);
     this.lesson = new LessonPanel(element, this);
     this.sliders = new Sliders(element("settings"), element("more-settings"), this.select("release"), {
       current: () => this.state.values,

@@ -1,7 +1,7 @@
 /** The sliders: each with its range, a field for a typed number, and steps by keyboard. */
 
 import { RELEASES } from "../model.js";
-import { CONTROLS, controlOf, parsed, snapped } from "./controls.js";
+import { CONTROLS, controlOf, isMeaningful, parsed, snapped } from "./controls.js";
 import { shown, text } from "./texts.js";
 
 /** @typedef {import("./controls.js").State} State */
@@ -13,13 +13,6 @@ import { shown, text } from "./texts.js";
  */
 
 const LARGE_STEP = 10;
-/** Settings that mean nothing at a release. @type {Record<string, string[]>} */
-const WITHOUT_MEANING = {
-  vertical: ["release_angle"],
-  drop: ["kinetic_friction", "static_friction", "string_drag"],
-  held: ["mass_ratio", "kinetic_friction", "static_friction", "heavy_drag", "heavy_linear_drag"],
-};
-
 /** Rows of sliders in two boxes, those that are seldom needed in the second. */
 export class Sliders {
   /** @param {HTMLElement} main @param {HTMLElement} more @param {HTMLSelectElement} release @param {Callbacks} callbacks */
@@ -123,14 +116,13 @@ export class Sliders {
   /** @param {State} state */
   show(state) {
     if (this.release.value !== state.release) this.release.value = state.release;
-    const without = WITHOUT_MEANING[state.release] ?? [];
     for (const [name, { row, range, field }] of this.rows) {
       const value = state.values[name];
       range.value = String(value);
       const { unit } = controlOf(name);
       range.setAttribute("aria-valuetext", `${shown(value)} ${unit}`.trim());
       if (!this.typing.has(field)) field.value = shown(value);
-      row.hidden = without.includes(name);
+      row.hidden = !isMeaningful(name, state);
     }
   }
 }

@@ -11,8 +11,8 @@ import { fixed, shown, text } from "./texts.js";
 /**
  * @typedef {{run: DrawnRun, ghost: DrawnRun | null, time: number, forces: boolean, points: {light: number[][], heavy: number[][]},
  *   now: {light: number[] | null, heavy: number[] | null}, runs: import("./engine_runs/engine_runs.js").EngineRuns | null,
- *   film: import("./film/panel.js").FilmPanel}} Scene
- *   `film`: drawn under all else. `runs`: stored runs, the reference's among them, which are drawn in place of the page's own; null without any
+ *   film: import("./film/panel.js").FilmPanel | null, untilNow?: boolean}} Scene
+ *   `film`: drawn under all else. `untilNow`: without the path that is still to come. `runs`: stored runs, the reference's among them, which are drawn in place of the page's own; null without any
  */
 
 /** The box stays as it is while the motion fills more than this share of it. */
@@ -57,12 +57,12 @@ export class Stage {
     if (!(width > side && height > 0)) return; // the page is being laid out, or has no room
     this.fit(scene, width - side, height);
     const { view } = this;
-    scene.film.draw(c, view);
+    scene.film?.draw(c, view);
     this.scaleBar(c, height);
     if (ghost) this.apparatus(c, ghost, time, true);
     this.trackedPoints(c, scene);
     if (runs) runs.drawStage(c, view, time);
-    else this.apparatus(c, run, time, false);
+    else this.apparatus(c, run, time, false, scene.untilNow);
     const sample = run.at(time);
     if (scene.forces) this.forces(c, run, sample);
     c.beginPath();
@@ -95,15 +95,15 @@ export class Stage {
     return [(px - x(0)) / scale, (y(0) - py) / scale];
   }
 
-  /** @param {Context} c @param {DrawnRun} run @param {number} time @param {boolean} pale */
-  apparatus(c, run, time, pale) {
+  /** @param {Context} c @param {DrawnRun} run @param {number} time @param {boolean} pale @param {boolean} untilNow */
+  apparatus(c, run, time, pale, untilNow = false) {
     const { view } = this;
     const { ink, soft, blue, orange } = colours();
     const sample = run.at(time);
     const whole = run.samples.map(({ light: [x, y] }) => [view.x(x), view.y(y)]);
     const done = whole.slice(0, Math.floor((time / run.end) * (whole.length - 1)) + 1);
     const dash = pale ? [5, 5] : [];
-    polyline(c, whole, { colour: pale ? soft : orange, width: pale ? 1.5 : 1.2, dash, alpha: pale ? 0.8 : 0.45 });
+    if (!untilNow) polyline(c, whole, { colour: pale ? soft : orange, width: pale ? 1.5 : 1.2, dash, alpha: pale ? 0.8 : 0.45 });
     const [lx, ly] = [view.x(sample.light[0]), view.y(sample.light[1])];
     const [hx, hy] = [view.x(sample.heavy[0]), view.y(sample.heavy[1])];
     if (!pale) polyline(c, [...done, [lx, ly]], { colour: orange, width: 2.5 });

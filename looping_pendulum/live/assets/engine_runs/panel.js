@@ -1,5 +1,6 @@
 /** The list of stored runs with their switches, their numbers at the chosen time, and all their moments. */
 
+import { html } from "../elements.js";
 import { fixed, text } from "../texts.js";
 import { placeOf } from "./motion.js";
 import { REFERENCE, make, nameOf, swatch } from "./shapes.js";
@@ -11,19 +12,6 @@ export const MEASURED = "measured";
 const COLUMNS = /** @type {const} */ (["now.run", "now.drop", "now.turns", "now.pull1", "now.pull2", "now.distance"]);
 /** Language of what the package writes about runs. */
 const lang = "en";
-
-/**
- * @template {keyof HTMLElementTagNameMap} Tag
- * @param {Tag} tag
- * @param {Partial<HTMLElementTagNameMap[Tag]>} properties
- * @param {(Node | string)[]} children
- * @returns {HTMLElementTagNameMap[Tag]}
- */
-function html(tag, properties = {}, ...children) {
-  const made = Object.assign(document.createElement(tag), properties);
-  made.append(...children);
-  return made;
-}
 
 /** An element with the name of a run. @param {"span" | "strong" | "th"} tag @param {EngineRun} run */
 function named(tag, run) {
