@@ -45,8 +45,11 @@ def test_two_pages_of_paper_hold_all(opened, name, language):
     preset(page, name)
     page.check("#forces")
     # As many settings as there can be
-    page.evaluate("""() => live.set({ release: live.state.release, values: Object.fromEntries(
-      Object.entries(live.state.values).map(([name, value]) => [name, value || liveControls.find((one) => one.name === name).step])) })""")
+    page.evaluate("""() => {
+      const steps = new Map(liveControls.map(({ name, step }) => [name, step])), { release, values } = live.state;
+      const all = Object.entries(values).map(([name, one]) => [name, one || steps.get(name)]);
+      live.set({ release, values: Object.fromEntries(all) });
+    }""")
     settled(page)
     paper = page.pdf(format="A4").decode("latin-1")
     page.select_option("#language", "en")

@@ -5,6 +5,8 @@
 const MAX_PIXEL_RATIO = 2;
 /** Distance of stripes [px]. */
 const STRIPE = 6;
+/** From the middle of a mass to that of its name [px]. */
+const NAME_DISTANCE = 20;
 const FONT = "system-ui, sans-serif";
 
 /** Sizes of the canvases' boxes, and pixels in one of them where that is not the screen's: to ask for them anew in each frame would have
@@ -79,14 +81,32 @@ export function forgetColours() {
  * @param {string} words
  * @param {number} x
  * @param {number} y
- * @param {{colour: string, size?: number, align?: CanvasTextAlign, baseline?: CanvasTextBaseline, bold?: boolean}} style
+ * @param {{colour: string, size?: number, align?: CanvasTextAlign, baseline?: CanvasTextBaseline, bold?: boolean, clear?: boolean}} style
+ *   `clear`: no line crosses the words, whatever was drawn before
  */
-export function write(c, words, x, y, { colour, size = 12, align = "left", baseline = "middle", bold = false }) {
-  c.fillStyle = colour;
+export function write(c, words, x, y, { colour, size = 12, align = "left", baseline = "middle", bold = false, clear = false }) {
   c.font = `${bold ? "600 " : ""}${size}px ${FONT}`;
   c.textAlign = align;
   c.textBaseline = baseline;
+  if (clear) {
+    c.strokeStyle = colours().panel;
+    c.lineWidth = 5;
+    c.strokeText(words, x, y);
+  }
+  c.fillStyle = colour;
   c.fillText(words, x, y);
+}
+
+/** Name both masses where their string is not: beyond the light one, and beside the heavy one.
+ * @param {Context} c @param {number[]} light @param {number[]} heavy @param {number[]} from where the string comes from [px] */
+export function nameMasses(c, [lx, ly], [hx, hy], [x, y]) {
+  const style = /** @type {const} */ ({ colour: colours().ink, size: 13, bold: true, clear: true });
+  const share = NAME_DISTANCE / (Math.hypot(lx - x, ly - y) || 1);
+  write(c, "M2", hx + NAME_DISTANCE - 2, hy, style);
+  let place = [lx + (lx - x) * share, ly + (ly - y) * share];
+  if (Math.hypot(place[0] - hx, place[1] - hy) < 2 * NAME_DISTANCE) place = [lx - 1.2 * NAME_DISTANCE, ly];
+  // At the edge of the canvas, too, it can be read
+  write(c, "M1", Math.max(place[0], NAME_DISTANCE / 2), place[1], { ...style, align: "center" });
 }
 
 /**

@@ -8,7 +8,7 @@ import { shown, text } from "./texts.js";
 /** @typedef {import("./controls.js").Control} Control */
 /**
  * @typedef {{current: () => Record<string, number>, onMove: (name: string, value: number) => void,
- *   onSettle: (later: boolean) => void, onRelease: (release: string) => void, onFault: (message: () => string) => void}} Callbacks
+ *   onSettle: (later: boolean) => void, onRelease: (release: string) => void, onFault: (message: () => string, row: HTMLElement | undefined) => void}} Callbacks
  *   `onMove`: on its way; `onSettle`: as it shall stay, at once or when no further key follows
  */
 
@@ -110,7 +110,7 @@ export class Sliders {
       return Number.isNaN(value)
         ? text("notANumber", { label, text: typed, example })
         : text("outOfRange", { label, value: typed, unit, min, max }).replaceAll("  ", " ").trim();
-    });
+    }, this.rows.get(name)?.row);
   }
 
   /** @param {State} state */

@@ -22,13 +22,14 @@ export const en = {
   play: "Play",
   pause: "Pause",
   playTip: "Play or pause (space)",
-  toRelease: "Release",
+  toRelease: "Start",
   toReleaseTip: "To the release (Home)",
   stepBack: "One step back",
   stepBackTip: "One step back (left arrow)",
   stepOn: "One step on",
   stepOnTip: "One step on (right arrow)",
   toEnd: "End",
+  fullScreen: "Full screen",
   toEndTip: "To the end (End)",
   speed: "Speed",
   shareOfRealTime: "{share} of real time",
@@ -42,10 +43,11 @@ export const en = {
   turns: "turns",
   rodEnlarged: "the rod, enlarged",
   frictionHolds: "friction holds",
-  frictionSlides: "friction slides",
-  mustHold: "must hold",
-  canHold: "can hold",
-  pullRatio: "pull ratio T2/T1",
+  frictionSlides: "the string slides",
+  mustHold: "needed",
+  canHold: "at most",
+  largerPull: "larger pull over",
+  smallerPull: "smaller pull",
 
   // What came of the run
   halts: "The heavy mass halts after {time} s, {drop}\u00a0cm below its start.",
@@ -262,7 +264,9 @@ export const en = {
     + "`looping-pendulum identify study.yaml`.",
   trialUsed: "{file}: used {used}. {typical}",
   trialFaults: "This file's times are not those of its points: {faults}.",
-  trialDistance: "Typical distance from the run: {distance} cm.",
+  trialDistance: "Typical distance from the run: {distance} mm (half of the points of M1 are nearer).",
+  trialStays: "{file} stays.",
+  trialOtherRate: "The times are {factor} times what the settings allow, as of a wrong frame rate: the true frames per second would be {rate}.",
   trialNone: "No point falls into the time of the run.",
   notUsed: "not used: {count} ({reason})",
   cannotBeRead: "{file}: cannot be read; choose it again",
@@ -270,7 +274,7 @@ export const en = {
   fitFails: "The fit broke down; set the sliders nearer to your trial and fit again.",
   fitNeedsLoop: "Set the release to: let the light mass go.",
   fitNeedsPoints: "found {count} points of M1 after the release, needed at least 10",
-  fitDone: "Typical distance in x or y: {before} cm before the fit, {after} cm after it.",
+  fitDone: "Typical distance from the run: {before} mm before the fit, {after} mm after it.",
   fitNoise: "What is left looks like noise.",
   fitNotNoise: "What is left is not noise: {why}. Something is missing, and the errors hold only without it. Save the study file beside "
     + "your trial; looping-pendulum identify study.yaml asks what it is.",
@@ -533,7 +537,7 @@ export const en = {
   "lesson.trial.noise": "only noise",
   "lesson.trial.more": "more than noise: something is missing in the model",
   "lesson.trial.task": "Fit the trial below, then check here.",
-  "lesson.trial.why": "The typical distance is {after} cm.",
+  "lesson.trial.why": "The typical distance is {after} mm.",
 
   // Keep and share
   keepTitle: "Keep and share",
@@ -555,7 +559,7 @@ export const en = {
     + "`looping-pendulum compare live.scenario.yaml`.",
   about: "About this page",
   aboutMotion: "The motion is not a film: while you drag, the equations of the pendulum are solved anew, with the friction law of a rope "
-    + "on a post (T2/T1 at most e to the power friction × angle on the rod), air drag, sticking, slipping and slack string. They are "
+    + "on a post (the larger pull is at most e to the power friction × angle times the smaller one), air drag, sticking, slipping and slack string. They are "
     + "those of the reference of looping-pendulum {version}, in steps of order 8.",
   aboutUnits: "Air drag is the number times the square of the speed (2 g/m at 3 m/s: 0.018 N), that of the string per length. Friction is "
     + "the coefficient between string and rod: one while the string slides, one that holds it at rest.",
