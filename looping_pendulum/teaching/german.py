@@ -98,6 +98,21 @@ PIECES = {
     ),
     "the engine cannot represent this scenario": "die Physik-Engine kann dieses Szenario nicht darstellen",
     "interrupted by the user; what was computed is kept": "unterbrochen; was berechnet ist, bleibt",
+    # How to get an engine, and on which systems that works
+    "get it: {c}": "zu haben mit: {0}",
+    "Linux, from glibc 2.34 on; on a Mac with an ARM processor from Python 3.12 on; not on Windows": (
+        "Linux ab glibc 2.34; auf einem Mac mit ARM-Prozessor ab Python 3.12; nicht auf Windows"
+    ),
+    "Linux, Macs with an ARM processor, and Windows on x86-64": "Linux, Macs mit ARM-Prozessor und Windows auf x86-64",
+    "all systems but Windows on ARM": "alle Systeme außer Windows auf ARM",
+    "all systems but Macs with an Intel processor": "alle Systeme außer Macs mit Intel-Prozessor",
+    "all systems but Macs with an Intel processor, and Linux on ARM with a glibc before 2.34": (
+        "alle Systeme außer Macs mit Intel-Prozessor und Linux auf ARM mit einer glibc vor 2.34"
+    ),
+    "Linux only; SciPy replaces it everywhere else": "nur Linux; anderswo nimmt SciPy seine Stelle ein",
+    "Linux on x86-64 with Python 3.11 only; elsewhere pip compiles it for many minutes, which needs a C++ compiler": (
+        "nur Linux auf x86-64 mit Python 3.11; anderswo übersetzt pip es viele Minuten lang, was einen C++-Compiler braucht"
+    ),
     # Where, when and why
     "No motion to compare": "Keine Bewegung zum Vergleichen",
     "Stays within 1 mm of the reference up to {n}, where the comparison ends": (
@@ -195,7 +210,7 @@ PIECES = {
     "the reference ends": "die Referenz endet",
     "the mode of the reference is unknown": "was der Faden der Referenz tut, ist nicht bekannt",
 }
-"""Piece of an English text -> the German one; {n} is a number with its unit, {0} the first of them."""
+"""Piece of an English text -> the German one; {n} is a number with its unit, {c} a command, {0} the first of them."""
 
 GLOSSARY = {
     "light mass": (
@@ -310,8 +325,8 @@ def _patterns() -> list[tuple[re.Pattern[str], str]]:
     """Return patterns of all pieces with their German."""
     compiled = []
     for piece, german in PIECES.items():
-        parts = (re.escape(part) for part in piece.split("{n}"))
-        compiled.append((re.compile(f"({_NUMBER})".join(parts)), german))
+        pattern = re.escape(piece).replace(r"\{n\}", f"({_NUMBER})").replace(r"\{c\}", "(`[^`]+`)")
+        compiled.append((re.compile(pattern), german))
     return compiled
 
 
@@ -323,6 +338,6 @@ def translated(text: str) -> str | None:
         if not matches:
             return None
         match, german = max(matches, key=lambda one: one[0].end())
-        done += german.format(*(number.replace(".", ",") for number in match.groups()))
+        done += german.format(*(part if part.startswith("`") else part.replace(".", ",") for part in match.groups()))
         place = match.end()
     return done

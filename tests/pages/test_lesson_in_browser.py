@@ -155,6 +155,10 @@ def test_a_wrong_drag_is_put_right_by_its_slider(predicted):
     said = PREDICTIONS["drag"][0 if right else 1]
     open_step(page, "drag")
     predict(page, "drag", said)
+    page.click("#lesson-check")
+    early = page.inner_text("#lesson-answer")
+    assert early.endswith(f"{page.inner_text('#lesson-change')}."), "before its time a check says what comes first"
+    assert page.get_attribute("#lesson-answer", "class") == ""
     page.click("#lesson-change")
     seen(page)
     assert_told(page, table, "drag", said, right)

@@ -9,7 +9,7 @@ import pytest
 from looping_pendulum.compare.landmarks import MIN_REST
 from looping_pendulum.compare.stories import EVENT_DESCRIPTIONS, PHYSICS_DESCRIPTIONS, mode_description
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.registry import all_engines
+from looping_pendulum.engines.registry import WHERE_IT_INSTALLS, all_engines, how_to_get
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE, RunStatus
 from looping_pendulum.pages.glossary import glossary
 from looping_pendulum.reference_ode.transitions import Mode
@@ -30,6 +30,7 @@ def of_the_package():
     yield from EVENT_DESCRIPTIONS.values()
     yield from PHYSICS_DESCRIPTIONS.values()
     yield from (mode_description(mode) for mode in (UNKNOWN_MODE, *Mode))
+    yield from (f"get it: {how_to_get(package)}" for package in WHERE_IT_INSTALLS)
     yield from (engine.abilities.supplies.friction_law.how for engine in all_engines(Profile.QUICK))
 
 
@@ -43,6 +44,7 @@ def test_what_a_page_says_of_its_runs_has_its_german_with_the_same_numbers(resul
     data = page_data(result())
     german = data["translations"]["de"]
     told = [run[key] for run in data["runs"] for key in ("caption", "story") if run[key] and "faulty" not in run["name"]]
+    told += [run["gap"] for run in data["runs"] if run["gap"]]
     told += [event["words"] for run in data["runs"] for event in run["events"]]
     assert len(told) > 4
     for text in told:
@@ -72,5 +74,5 @@ def test_a_text_is_translated_whole_or_not_at_all(english, german):
 
 def test_each_piece_keeps_its_numbers():
     for english, german in PIECES.items():
-        count = english.count("{n}")
+        count = english.count("{n}") + english.count("{c}")
         assert sorted(re.findall(r"\{(\d)\}", german)) == [str(i) for i in range(count)], english

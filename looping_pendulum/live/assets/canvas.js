@@ -97,16 +97,23 @@ export function write(c, words, x, y, { colour, size = 12, align = "left", basel
   c.fillText(words, x, y);
 }
 
-/** Name both masses where their string is not: beyond the light one, and beside the heavy one.
+/** Name both masses where their string is not: beside the heavy one, and beyond the light one, or where there is room beside it.
  * @param {Context} c @param {number[]} light @param {number[]} heavy @param {number[]} from where the string comes from [px] */
 export function nameMasses(c, [lx, ly], [hx, hy], [x, y]) {
   const style = /** @type {const} */ ({ colour: colours().ink, size: 13, bold: true, clear: true });
-  const share = NAME_DISTANCE / (Math.hypot(lx - x, ly - y) || 1);
   write(c, "M2", hx + NAME_DISTANCE - 2, hy, style);
-  let place = [lx + (lx - x) * share, ly + (ly - y) * share];
-  if (Math.hypot(place[0] - hx, place[1] - hy) < 2 * NAME_DISTANCE) place = [lx - 1.2 * NAME_DISTANCE, ly];
-  // At the edge of the canvas, too, it can be read
-  write(c, "M1", Math.max(place[0], NAME_DISTANCE / 2), place[1], { ...style, align: "center" });
+  const length = Math.hypot(lx - x, ly - y) || 1;
+  const beyond = [(lx - x) / length, (ly - y) / length];
+  const { a: ratio } = c.getTransform();
+  const place = (/** @type {number[]} */ [dx, dy]) => [lx + NAME_DISTANCE * dx, ly + NAME_DISTANCE * dy];
+  const isFree = (/** @type {number[]} */ direction) => {
+    const [px, py] = place(direction);
+    const isInside = px > 12 && px < c.canvas.width / ratio - 12 && py > 8 && py < c.canvas.height / ratio - 8;
+    const isOffString = direction[0] * beyond[0] + direction[1] * beyond[1] > -0.6;
+    return isInside && isOffString && Math.hypot(px - hx, py - hy) > 1.5 * NAME_DISTANCE;
+  };
+  const [px, py] = place([beyond, [-1.2, 0], [1.2, 0], [0, 1], [0, -1]].find(isFree) ?? beyond);
+  write(c, "M1", px, py, { ...style, align: "center" });
 }
 
 /**

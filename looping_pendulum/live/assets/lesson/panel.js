@@ -283,7 +283,7 @@ export class LessonPanel {
   checkDrag() {
     const { film, page } = this;
     if (!film) {
-      this.tell(() => text("lessonLeft"));
+      this.tell(() => text("lessonFirst", { command: text("lessonChange") }));
       return;
     }
     const { distance, fits } = distanceOf(film.points, page.run);

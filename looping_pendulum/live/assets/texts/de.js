@@ -464,6 +464,7 @@ export const de = {
   lessonNoPrediction: "Zuerst vorhersagen: eine Antwort wählen.",
   lessonNoNumber: "Zuerst vorhersagen: eine Zahl über 0 eingeben, zum Beispiel 3,5.",
   lessonWatch: "Der Bewegung zusehen; danach steht hier, was sie ergibt.",
+  lessonFirst: "Vor dem Prüfen: {command}.",
   lessonLeft: "Die Einstellungen sind nicht mehr die dieses Schritts; noch einmal einstellen, um seine Bewegung zu sehen.",
   lessonSaid: "Vorhersage: {said}. Rechnung: {found}.",
   lessonSaidOfFit: "Vorhersage: {said}. Anpassung: {found}.",

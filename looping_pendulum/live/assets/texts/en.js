@@ -454,6 +454,7 @@ export const en = {
   lessonNoPrediction: "First predict: choose an answer.",
   lessonNoNumber: "First predict: type a number above 0, such as 3.5.",
   lessonWatch: "Watch the run; then what it says stands here.",
+  lessonFirst: "Before the check: {command}.",
   lessonLeft: "The settings are no longer those of this step; set it again to see its run.",
   lessonSaid: "You said: {said}. The run says: {found}.",
   lessonSaidOfFit: "You said: {said}. The fit says: {found}.",
