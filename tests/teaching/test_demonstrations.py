@@ -158,6 +158,8 @@ def test_a_german_page_has_the_same_numbers_and_no_english_text():
     result = run_demonstration(DEMONSTRATIONS["drag-and-spiral"])
     german = html(result, "de")
     assert '<html lang="de">' in german
+    ticks = re.findall(r">\s*([−-]?\d+[.,]\d+)\s*<", german)
+    assert all("," in tick for tick in ticks)
     assert len({claim.text for claim in in_german(result).answer} & {claim.text for claim in result.answer}) == 0
     for text in (*texts_of(result.demonstration), *(words for words in WORDS["en"].values() if " " in words)):
         assert "{" in text or text not in german, text

@@ -214,7 +214,7 @@ def html(result: DemonstrationResult, language: str = "en") -> str:
         words=words,
         d=d,
         result=shown,
-        picture=themed_svg(drawing(shown)),
+        picture=themed_svg(drawing(shown, decimal_comma=language == "de")),
         copy=words["copy"].format(scenario=d.scenario),
         start=start(d),
         provenance=provenance(result, language).replace("`", ""),
@@ -223,7 +223,7 @@ def html(result: DemonstrationResult, language: str = "en") -> str:
     )
 
 
-def drawing(result: DemonstrationResult) -> Figure:
+def drawing(result: DemonstrationResult, *, decimal_comma: bool = False) -> Figure:
     """Draw the figure: the reference in black, the others in colours, with dashes or markers that differ as well."""
     picture = result.demonstration.picture
     fig = Figure(figsize=(7.2, 4.0), layout="constrained")
@@ -241,6 +241,9 @@ def drawing(result: DemonstrationResult) -> Figure:
             axes.plot(curve.x, curve.y, dashes=DASHES[others % len(DASHES)], label=curve.label, **style)
         others += 1
     axes.set(xlabel=picture.x, ylabel=picture.y)
+    if decimal_comma:
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_formatter(lambda value, _: f"{value:g}".replace(".", ","))
     axes.grid(visible=True, color="0.9", lw=0.6)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)

@@ -11,7 +11,7 @@ const FACTORS = Array.from({ length: 57 }, (_, i) => 2 ** ((i - 28) / 4));
 const SMALLEST_FACTOR = 1.25;
 /** Typical distance from which on another frame rate is looked for [m], and how near one must bring the points: as a share of it. */
 const [FAR, NEAR] = [0.02, 0.25];
-const MIN_POINTS = 10;
+const [MIN_POINTS, MOST_POINTS] = [10, 200];
 /** Frame rates of cameras [Hz], one of which is named if what is found is as near to it. */
 const RATES = [24, 25, 30, 48, 50, 60, 90, 100, 120, 200, 240, 250, 300, 400, 480, 500, 600, 960, 1000];
 const NEARNESS = 0.05;
@@ -35,10 +35,12 @@ export function otherFrameRate(points, run) {
   const now = typicalDistance(after, run);
   if (!(now > FAR) || after.length < MIN_POINTS) return null;
   const last = run.samples.length - 1;
+  // A long film has more points than the search needs, which is made anew at each move of a slider
+  const few = after.filter((_, i) => i % Math.ceil(after.length / MOST_POINTS) === 0);
   // The nearest sample will do: the points differ by centimetres
   const distance = (/** @type {number} */ factor) => {
-    const inside = after.filter(([t]) => t * factor <= run.end);
-    if (inside.length < after.length / 2) return Infinity;
+    const inside = few.filter(([t]) => t * factor <= run.end);
+    if (inside.length < few.length / 2) return Infinity;
     return median(inside.map(([t, x, y]) => {
       const { light } = run.samples[Math.round((t * factor * last) / run.end)];
       return Math.hypot(x - light[0], y - light[1]);
