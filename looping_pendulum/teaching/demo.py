@@ -32,6 +32,7 @@ from looping_pendulum.reference_ode.parameters import Parameters, Release, param
 from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.scenarios.metrics import RMS_END_TIMES
 from looping_pendulum.scenarios.scenario import Scenario
+from looping_pendulum.teaching.german import GLOSSARY, german_of
 
 FILE = "demo.html"
 FINE_RATE, COARSE_RATE = 500, 250
@@ -92,6 +93,7 @@ def page_data(result: ComparisonResult) -> dict[str, Any]:
         style = run_styles[engine.label]
         drawing_style = {"colour": f"var(--run-{style.slot})", "dashes": list(style.dashes), "marker": style.marker}
         runs.append(_engine_run(result, engine, aligned, p, rate) | drawing_style | {"id": f"run{i}"})
+    words = glossary("comparison")
     return {
         "scenario": result.scenario,
         "release": p.release.value,
@@ -103,7 +105,8 @@ def page_data(result: ComparisonResult) -> dict[str, Any]:
         "modes": _mode_intervals(result.samples.reference),
         "versions": _versions(result),
         "tension_window": AVERAGING_TIME,
-        "words": glossary("comparison"),
+        "words": words,
+        "translations": {"de": _german(runs, words)},
         "trial": _tracked_points(result, result.samples),
     }
 
@@ -130,6 +133,18 @@ def _tracked_points(result: ComparisonResult, samples: ResultSamples) -> dict[st
     if drops is not None:
         panels["drop"] = {"t": _rounded(drops[0], 5), "v": _rounded(drops[1], 6)}
     return {"name": result.trial.name, "stage": stage, "panels": panels}
+
+
+def _german(runs: list[dict[str, Any]], words: dict[str, str]) -> dict[str, str]:
+    """Return each English text about the runs that can be said in German -> its German."""
+    texts = [run[key] for run in runs for key in ("caption", "story", "gap")]
+    texts += [event["words"] for run in runs for event in run["events"]]
+    terms = {
+        english: german
+        for word, meaning in words.items()
+        for english, german in zip((word, meaning), GLOSSARY[word], strict=True)
+    }
+    return german_of(texts) | terms
 
 
 def _residual_words(result: ComparisonResult, index: int | None) -> str:

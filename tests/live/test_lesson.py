@@ -163,7 +163,9 @@ def test_only_the_hidden_drag_fits_a_film(ask, seed):
     assert 1 <= drag <= 3
     assert drag / SLIDER_STEP == pytest.approx(round(drag / SLIDER_STEP), abs=1e-9)
     # Of a hundred points the root mean square scatters by 5 %
-    assert answers[2]["distance"] == pytest.approx(math.sqrt(2) * SCATTER, rel=0.2)
+    assert answers[2]["distance"] == pytest.approx(math.sqrt(2 * math.log(2)) * SCATTER, rel=0.2), (
+        "the median of Rayleigh's distribution"
+    )
     assert not answers[2]["ofStep"]["fits"]
 
 
@@ -185,4 +187,4 @@ def test_what_is_left_after_a_fit_is_what_was_said_or_not(ask):
     cases = [(said, noise) for said in ("noise", "more") for noise in (True, False)]
     answers = ask(*({"ask": "trialJudged", "said": said, "isNoise": noise} for said, noise in cases))
     assert [answer["right"] for answer in answers] == [(said == "noise") == noise for said, noise in cases]
-    assert {answer["values"]["after"] for answer in answers} == {0.2}  # in centimetres
+    assert {answer["values"]["after"] for answer in answers} == {2}  # in millimetres

@@ -25,13 +25,38 @@ def asked_for_nothing(opened):
 def test_a_page_asks_for_nothing_and_fits_a_phone(visit, result):
     opened = visit(html(result), viewport=PHONE)
     asked_for_nothing(opened)
+    opened.page.click("summary")
     assert opened.page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
     assert opened.page.evaluate("document.querySelector('figure svg').getBoundingClientRect().width") > 500, "can be read"
     assert opened.page.locator("figure [role=img]").get_attribute("aria-label") == result.demonstration.picture.caption
 
 
+def test_a_german_page_is_as_clean(visit, result):
+    opened = visit(html(result, "de"), viewport=PHONE, color_scheme="light")
+    asked_for_nothing(opened)
+    opened.page.click("summary")
+    assert violations(opened.page) == []
+    assert opened.page.inner_text("#theme") == "Dunkel"
+    opened.page.click("#theme")
+    assert opened.page.inner_text("#theme") == "Hell"
+    assert opened.page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+
+
+def test_the_guess_is_read_first_and_the_answer_unfolded_then(visit, result):
+    page = visit(html(result)).page
+    assert result.demonstration.guess in page.inner_text("main")
+    told = [claim.text for claim in result.answer] + [result.demonstration.picture.caption]
+    assert not any(words in page.inner_text("main") for words in told)
+    assert not page.is_visible("table")
+    page.click("summary")
+    assert all(words in page.inner_text("main") for words in told)
+    assert page.is_visible("table")
+
+
 def test_dark_on_request_and_axe_finds_nothing_in_either(visit, result):
     opened = visit(html(result), color_scheme="light")
+    assert violations(opened.page) == []
+    opened.page.click("summary")
     assert violations(opened.page) == []
     ground = "getComputedStyle(document.body).backgroundColor"
     light = opened.page.evaluate(ground)

@@ -155,6 +155,10 @@ def test_a_wrong_drag_is_put_right_by_its_slider(predicted):
     said = PREDICTIONS["drag"][0 if right else 1]
     open_step(page, "drag")
     predict(page, "drag", said)
+    page.click("#lesson-check")
+    early = page.inner_text("#lesson-answer")
+    assert early.endswith(f"{page.inner_text('#lesson-change')}."), "before its time a check says what comes first"
+    assert page.get_attribute("#lesson-answer", "class") == ""
     page.click("#lesson-change")
     seen(page)
     assert_told(page, table, "drag", said, right)
@@ -167,6 +171,11 @@ def test_a_wrong_drag_is_put_right_by_its_slider(predicted):
         page.click("#lesson-check")
         words = page.inner_text("#lesson-answer")
         assert words.startswith(table[key].partition("{")[0])
+        # Neither right nor wrong, even where the prediction was right: the step's button keeps that
+        assert page.get_attribute("#lesson-answer", "class") == ""
+        assert page.get_attribute("#lesson-steps [aria-current]", "aria-label").endswith(
+            ("rightly", "otherwise", "richtig vorhergesagt", "anders vorhergesagt")
+        )
         assert (table["lessonFar"].rpartition("}")[2] in words) == (key == "lessonFar")
     open_step(page, "atwood")
     assert page.evaluate("live.lesson.points") is None

@@ -57,13 +57,13 @@ def test_a_trial_is_dropped_and_drawn_over_the_motion(opened, example):
     assert message.startswith("first.csv: used light_x 227, light_y 227, heavy_x 231, heavy_y 231; ")
     assert page.evaluate("live.trial.points('light').length") == 227
     assert page.is_visible("#residuals")
-    distance = float(re.search(r"Typical distance from the run: ([\d.]+) cm", message)[1])
+    distance = float(re.search(r"Typical distance from the run: ([\d.]+) mm", message)[1])
     # With the angle of the trial, which its study file states, the points are nearer
     for name, number in (("release_angle", 112), ("free_length", 58)):
         page.fill(f"#field-{name}", str(number))
         page.keyboard.press("Tab")
     settled(page)
-    nearer = float(re.search(r"run: ([\d.]+) cm", page.inner_text("#trial-message"))[1])
+    nearer = float(re.search(r"run: ([\d.]+) mm", page.inner_text("#trial-message"))[1])
     assert nearer != distance
     page.click("#trial-remove")
     settled(page)
@@ -178,6 +178,73 @@ def test_files_of_the_page(opened, tmp_path):
     assert page.evaluate("live.keeping.words()")[:2] == ["t = 0.000 s", "Angle of the string 113.08 °"]
 
 
+GOOD = "t,light_x,light_y\n" + "".join(f"{0.01 * i:.2f},{-0.5 + 0.01 * i:.3f},{-0.2 - 0.01 * i:.3f}\n" for i in range(20))
+
+
+@pytest.mark.parametrize("bad", ["", "t,light_x,light_y\n0,1,2\n.01,x,3\n", "not a table"])
+def test_a_bad_file_keeps_the_good_trial(opened, bad):
+    page = opened.page
+    drop_file(page, "good.csv", GOOD)
+    until(page, "live.trial.trial !== null")
+    page.fill("#trial-release", "0.02")
+    page.keyboard.press("Tab")
+    settled(page)
+    points, message = page.evaluate("live.trial.points('light')"), page.inner_text("#trial-message")
+    drop_file(page, "bad.csv", bad)
+    until(page, "document.getElementById('trial-error').textContent !== ''")
+    settled(page)
+    error = page.inner_text("#trial-error")
+    assert error.startswith("bad.csv")
+    assert error.endswith("good.csv stays.")
+    assert page.evaluate("live.trial.points('light')") == points
+    assert page.inner_text("#trial-message") == message
+    page.select_option("#language", "de")
+    settled(page)
+    assert page.inner_text("#trial-error").endswith("good.csv bleibt.")
+    page.select_option("#language", "en")
+    drop_file(page, "good.csv", GOOD)
+    until(page, "document.getElementById('trial-error').textContent === ''")
+
+
+def test_a_message_stands_beside_the_field_that_helps(opened):
+    page = opened.page
+    drop_file(page, "cm.csv", GOOD.replace("-0.", "-10"))
+    until(page, "document.getElementById('trial-error').textContent !== ''")
+    assert (
+        page.evaluate("document.getElementById('trial-error').previousElementSibling.querySelector('select').id")
+        == "trial-length"
+    )
+    assert page.locator("[aria-invalid]").evaluate_all("(all) => all.map(({ id }) => id)") == ["trial-length"]
+    page.select_option("#trial-length", "mm")
+    settled(page)
+    assert page.inner_text("#trial-error") == ""
+    assert page.locator("[aria-invalid]").count() == 0
+
+
+@pytest.mark.parametrize(("slower", "words"), [(8, "8 times"), (1, ""), (0.25, "1/4 times")])
+def test_a_wrong_frame_rate_is_named_as_look_names_it(opened, slower, words):
+    """As `looping-pendulum look`: times that are 8 times what the declared apparatus allows, and frame_rate: 240 Hz."""
+    page = opened.page
+    t = np.arange(0, 1.0, 1 / 240)
+    places = solve(load("ten_to_one").parameters).sample(t).light_position
+    rows = "".join(f"{slower * time:.6f},{x:.5f},{y:.5f}\n" for time, (x, y) in zip(t, places, strict=True))
+    drop_file(page, "film.csv", f"t,light_x,light_y\n{rows}")
+    until(page, "live.trial.trial !== null")
+    settled(page)
+    told = page.inner_text("#trial-faults")
+    if not words:
+        assert told == ""
+        return
+    assert told == (
+        f"The times are {words} what the settings allow, as of a wrong frame rate: the true frames per second would be 240."
+    )
+    page.fill("#trial-rate", "240")
+    page.keyboard.press("Tab")
+    settled(page)
+    assert page.inner_text("#trial-faults") == ""
+    assert "Typical distance from the run: 0.0 mm" in page.inner_text("#trial-message")
+
+
 @pytest.mark.parametrize("language", ["en", "de"])
 def test_the_table_of_the_run_is_read_as_a_trial(opened, tmp_path, language):
     """In German spreadsheets, cells are separated by semicolons, as the comma is the decimal sign."""
@@ -232,8 +299,10 @@ def test_a_fit_sets_the_sliders_says_what_is_left_and_writes_the_study(opened, e
     assert "this page sends nothing" in page.inner_text("#trial")
     # Its points were made with an effect that the page does not have (looping_pendulum/teaching/example/study.yaml)
     assert "What is left is not noise" in page.inner_text("#fit-message")
-    before, after = map(float, re.findall(r"([\d.]+) cm (?:before|after)", page.inner_text("#fit-message")))
+    before, after = map(float, re.findall(r"([\d.]+) mm (?:before|after)", page.inner_text("#fit-message")))
     assert after < before / 5
+    # One definition: what stands beside the trial is that of the fit
+    assert f"Typical distance from the run: {after} mm" in page.inner_text("#trial-message")
     shown = {label: (float(x), float(error)) for label, x, error in FITTED.findall(page.inner_text("#fit-table"))}
     angle = shown["Angle of the string"]
     assert value(page, "release_angle") == angle[0]

@@ -91,6 +91,29 @@ def test_axe_finds_nothing(visit, tmp_path, kind, scheme):
     assert opened.complaints == []
 
 
+CUT_OFF = """() => {
+  const c = document.createElement("canvas").getContext("2d"), room = 28;  // of a select's arrow and edges
+  const width = (e, words) => { c.font = getComputedStyle(e).font; return c.measureText(words).width; };
+  return [...document.querySelectorAll("body *")].filter((e) => {
+    if (!e.checkVisibility() || e.closest(".table, .visually-hidden, .skip")) return false;
+    const { left, right } = e.getBoundingClientRect();
+    if (left < -1 || right > innerWidth + 1) return true;
+    if (e.matches("select")) return [...e.options].some(({ text }) => width(e, text) > e.clientWidth - room);
+    if (e.matches("input[type=text]")) return width(e, e.value || e.placeholder) > e.clientWidth;
+    return e.clientWidth > 0 && e.scrollWidth > e.clientWidth + 1 && getComputedStyle(e).overflowX !== "visible";
+  }).map((e) => e.id || e.className || e.tagName);
+}"""
+"""Elements of which a part is beyond an edge: the screen's, their own, or a field's."""
+
+
+@pytest.mark.parametrize("language", ["en", "de"])
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+def test_nothing_is_cut_off(visit, tmp_path, size, language):
+    page = visit(page_text(), viewport=size, locale=language).page
+    show_everything(page, tmp_path)
+    assert page.evaluate(CUT_OFF) == []
+
+
 def test_axe_finds_what_is_broken(visit):
     page = visit(page_text()).page
     page.evaluate("""() => {

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 
+import numpy as np
 import pytest
 
 from looping_pendulum.live.write import live_settings
@@ -147,6 +148,8 @@ def test_a_bad_number_is_refused_in_one_line(opened, typed, message):
     page.fill("#field-release_angle", typed)
     page.keyboard.press("Tab")
     assert page.inner_text("#fault") == message
+    beside = "document.getElementById('fault').previousElementSibling"
+    assert page.evaluate(f"{beside}.dataset.name") == "release_angle", "it stands beside the field"
     assert page.input_value("#field-release_angle") == "113.08"
     assert value(page, "release_angle") == 113.08
 
@@ -294,6 +297,102 @@ def test_forces_are_arrows_on_demand(opened):
     page.check("#forces")
     settled(page)
     assert page.evaluate(pink) > 100
+
+
+KEEP_WORDS = """() => {
+  const { fillText } = CanvasRenderingContext2D.prototype;
+  window.words = new Map();
+  CanvasRenderingContext2D.prototype.fillText = function (words, x, y) {
+    if (this.canvas.id === "stage") window.words.set(words, [x, y, this.measureText(words).width, this.textAlign]);
+    return fillText.call(this, words, x, y);
+  };
+}"""
+
+
+def drawn_words(page):
+    """Words on the stage, each with its left and right end and its height [px]."""
+    page.evaluate("window.words.clear(); live.change()")
+    settled(page)
+    shares = {"left": 0.0, "center": 0.5, "right": 1.0}
+    words = page.evaluate("[...window.words]")
+    return {one: (x - shares[align] * width, x + (1 - shares[align]) * width, y) for one, (x, y, width, align) in words}
+
+
+@pytest.mark.parametrize("language", ["en", "de"])
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+def test_bars_have_a_scale_and_numbers_as_people_write_them(visit, size, language):
+    page = visit(page_text(), viewport=size, locale=language).page
+    page.evaluate(KEEP_WORDS)
+    page.check("#forces")
+    page.evaluate("""() => {
+      const changed = { kinetic_friction: 0.6, static_friction: 0.6, mass_ratio: 20 };
+      live.set({ ...live.state, values: { ...live.state.values, ...changed } });
+    }""")
+    page.evaluate("live.player.stopAt(0.8 * live.run.end)")
+    seen = drawn_words(page)
+    bound = page.evaluate("Math.exp(live.run.at(live.player.time).holding.bound)")
+    assert 1e4 < bound < 1e6
+    shown = [one for one in seen if re.fullmatch(r"\d{2,3}\u202f000", one) and not one.startswith("10")]
+    assert [float(one.replace("\u202f", "")) for one in shown] == [pytest.approx(bound, rel=0.05)]
+    assert "1" in seen
+    assert {"100", "1000", "10\u202f000"} & seen.keys(), "the bars' scale"
+    assert not any(re.search(r"\de\+?\d", one) for one in seen)
+    assert not any("T2" in one for one in seen)
+    width = page.evaluate("document.getElementById('stage').clientWidth")
+    for one, (left, right, _) in seen.items():
+        assert left >= 0, one
+        assert right <= width, one
+
+
+def test_no_string_crosses_the_name_of_a_mass(opened):
+    page = opened.page
+    page.evaluate(KEEP_WORDS)
+    for step in range(21):
+        page.evaluate("(share) => live.player.stopAt(share * live.run.end)", step / 20)
+        left, right, y = drawn_words(page)["M1"]
+        # The string leads from the rod to the light mass; corners of the name are not on it
+        rod, mass = page.evaluate("""() => {
+          const { wrapAngle, light } = live.run.at(live.player.time), { rod_radius: r } = live.run.settings;
+          const { view } = live.stage;
+          return [[r * Math.cos(wrapAngle), r * Math.sin(wrapAngle)], light].map(([x, y]) => [view.x(x), view.y(y)]);
+        }""")
+        along = np.subtract(mass, rod) / np.hypot(*np.subtract(mass, rod))
+        corners = [np.subtract((x, y + side), mass) for x in (left, right) for side in (-6, 6)]
+        assert all(corner @ along > 0 or abs(corner[0] * along[1] - corner[1] * along[0]) > 6 for corner in corners), step
+
+
+def test_stage_and_forces_are_seen_together(visit):
+    page = visit(page_text(), viewport={"width": 1280, "height": 800}).page
+    page.check("#forces")
+    settled(page)
+    assert page.evaluate("window.scrollY") == 0
+    for part in ("#stage", "#time", "#result", "#forces", ".left .key"):
+        box = page.locator(part).bounding_box()
+        assert box["y"] >= 0, part
+        assert box["y"] + box["height"] <= 800, part
+
+
+def test_the_stage_fills_the_screen_on_request(opened):
+    page = opened.page
+    height = page.locator("#stage").bounding_box()["height"]
+    page.click("#full")
+    until(page, "document.fullscreenElement !== null")
+    settled(page)
+    assert page.locator("#stage").bounding_box()["height"] > height
+    for part in ("#play", "#forces", "#result"):
+        assert page.is_visible(part)
+    page.click("#full")
+    until(page, "document.fullscreenElement === null")
+
+
+def test_release_is_one_thing(opened):
+    """The button that leads to the start of the motion, and the choice of how the masses are let go, have different names."""
+    page = opened.page
+    names = page.evaluate(
+        "[...document.querySelectorAll('button, label, summary, h2')].map((one) => one.innerText.trim()).filter(Boolean)"
+    )
+    assert names.count("Release") == 1
+    assert len(set(names)) == len(names)
 
 
 def test_the_map_is_that_of_the_runs_and_a_click_sets_both(opened):

@@ -7,7 +7,7 @@ import { text } from "./texts.js";
 /**
  * @typedef {{state: import("./controls.js").State, history: import("./history.js").History, speech: import("./language.js").Speech,
  *   engines: import("./engine_runs/engine_runs.js").EngineRuns | null, change: () => void,
- *   say: (id: string, words: string | (() => string)) => void}} AddressedPage
+ *   fail: (words: string | (() => string)) => void}} AddressedPage
  */
 
 /** What stands behind "#": read when it changes, written when the settings do. */
@@ -58,7 +58,7 @@ export class Address {
     const { key = "", text: found = "", min = "", max = "" } = fault ?? {};
     const words = () =>
       min === "" ? text("badRelease", { text: found, names: Object.keys(RELEASES).join(", ") }) : text("badLink", { key, text: found, min, max });
-    page.say("fault", fault ? words : "");
+    page.fail(fault ? words : "");
     page.change();
   }
 

@@ -5,9 +5,12 @@
 const MAX_PIXEL_RATIO = 2;
 /** Distance of stripes [px]. */
 const STRIPE = 6;
+/** From the middle of a mass to that of its name [px]. */
+const NAME_DISTANCE = 20;
 const FONT = "system-ui, sans-serif";
 
-/** Sizes of the canvases' boxes: to ask for them anew in each frame would have the browser lay out the page anew. */
+/** Sizes of the canvases' boxes, and pixels in one of them where that is not the screen's: to ask for them anew in each frame would have
+ * the browser lay out the page anew. @type {WeakMap<Element, [number, number, number?]>} */
 const sizes = new WeakMap();
 let onResize = () => {};
 const observer = typeof ResizeObserver === "undefined" ? null : new ResizeObserver((entries) => {
@@ -20,13 +23,20 @@ export function whenResized(listener) {
   onResize = listener;
 }
 
-/** @param {HTMLCanvasElement} canvas @returns {[number, number]} */
+/** Draw a canvas that is not on the screen in a size. @param {HTMLCanvasElement} canvas @param {number} width @param {number} height
+ * @param {number} ratio pixels in one of CSS */
+export function setSize(canvas, width, height, ratio) {
+  sizes.set(canvas, [width, height, ratio]);
+}
+
+/** @param {HTMLCanvasElement} canvas @returns {[number, number, number?]} */
 function sizeOf(canvas) {
-  if (!sizes.has(canvas)) {
-    sizes.set(canvas, [canvas.clientWidth, canvas.clientHeight]);
-    observer?.observe(canvas);
-  }
-  return sizes.get(canvas);
+  const known = sizes.get(canvas);
+  if (known) return known;
+  observer?.observe(canvas);
+  const size = /** @type {[number, number]} */ ([canvas.clientWidth, canvas.clientHeight]);
+  sizes.set(canvas, size);
+  return size;
 }
 
 /**
@@ -35,8 +45,7 @@ function sizeOf(canvas) {
  * @returns {{c: Context, width: number, height: number}} size in CSS pixels
  */
 export function fitted(canvas) {
-  const [width, height] = sizeOf(canvas);
-  const ratio = Math.min(window.devicePixelRatio || 1, MAX_PIXEL_RATIO);
+  const [width, height, ratio = Math.min(window.devicePixelRatio || 1, MAX_PIXEL_RATIO)] = sizeOf(canvas);
   const [wide, high] = [Math.round(width * ratio), Math.round(height * ratio)];
   if (canvas.width !== wide || canvas.height !== high) [canvas.width, canvas.height] = [wide, high];
   const c = /** @type {Context} */ (canvas.getContext("2d"));
@@ -72,14 +81,39 @@ export function forgetColours() {
  * @param {string} words
  * @param {number} x
  * @param {number} y
- * @param {{colour: string, size?: number, align?: CanvasTextAlign, baseline?: CanvasTextBaseline, bold?: boolean}} style
+ * @param {{colour: string, size?: number, align?: CanvasTextAlign, baseline?: CanvasTextBaseline, bold?: boolean, clear?: boolean}} style
+ *   `clear`: no line crosses the words, whatever was drawn before
  */
-export function write(c, words, x, y, { colour, size = 12, align = "left", baseline = "middle", bold = false }) {
-  c.fillStyle = colour;
+export function write(c, words, x, y, { colour, size = 12, align = "left", baseline = "middle", bold = false, clear = false }) {
   c.font = `${bold ? "600 " : ""}${size}px ${FONT}`;
   c.textAlign = align;
   c.textBaseline = baseline;
+  if (clear) {
+    c.strokeStyle = colours().panel;
+    c.lineWidth = 5;
+    c.strokeText(words, x, y);
+  }
+  c.fillStyle = colour;
   c.fillText(words, x, y);
+}
+
+/** Name both masses where their string is not: beside the heavy one, and beyond the light one, or where there is room beside it.
+ * @param {Context} c @param {number[]} light @param {number[]} heavy @param {number[]} from where the string comes from [px] */
+export function nameMasses(c, [lx, ly], [hx, hy], [x, y]) {
+  const style = /** @type {const} */ ({ colour: colours().ink, size: 13, bold: true, clear: true });
+  write(c, "M2", hx + NAME_DISTANCE - 2, hy, style);
+  const length = Math.hypot(lx - x, ly - y) || 1;
+  const beyond = [(lx - x) / length, (ly - y) / length];
+  const { a: ratio } = c.getTransform();
+  const place = (/** @type {number[]} */ [dx, dy]) => [lx + NAME_DISTANCE * dx, ly + NAME_DISTANCE * dy];
+  const isFree = (/** @type {number[]} */ direction) => {
+    const [px, py] = place(direction);
+    const isInside = px > 12 && px < c.canvas.width / ratio - 12 && py > 8 && py < c.canvas.height / ratio - 8;
+    const isOffString = direction[0] * beyond[0] + direction[1] * beyond[1] > -0.6;
+    return isInside && isOffString && Math.hypot(px - hx, py - hy) > 1.5 * NAME_DISTANCE;
+  };
+  const [px, py] = place([beyond, [-1.2, 0], [1.2, 0], [0, 1], [0, -1]].find(isFree) ?? beyond);
+  write(c, "M1", px, py, { ...style, align: "center" });
 }
 
 /**

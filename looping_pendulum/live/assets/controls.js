@@ -53,6 +53,16 @@ export function stateOf({ name: scenario, release, settings, lacks }) {
   return lacks.length ? { release, values, stored: scenario } : { release, values };
 }
 
+/** Settings that mean nothing at a release. @type {Record<string, string[]>} */
+const WITHOUT_MEANING = {
+  vertical: ["release_angle"],
+  drop: ["kinetic_friction", "static_friction", "string_drag"],
+  held: ["mass_ratio", "kinetic_friction", "static_friction", "heavy_drag", "heavy_linear_drag"],
+};
+
+/** Whether a setting means something at a release. @param {string} name @param {State} state */
+export const isMeaningful = (name, { release }) => !WITHOUT_MEANING[release]?.includes(name);
+
 /** Widen the ranges so that every scenario is within them. @param {Preset[]} presets */
 export function admit(presets) {
   for (const preset of presets) {

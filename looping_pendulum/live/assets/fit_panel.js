@@ -1,9 +1,11 @@
 /** The fit of a trial: its button, and its result in words. */
 
 import { controlOf, settingsOf } from "./controls.js";
+import { ShownRun } from "./shown_run.js";
 import { fixed, shown, text, withUnit } from "./texts.js";
+import { typicalDistance } from "./trial/distance.js";
 import { studyYaml } from "./trial/study.js";
-import { MEASURED } from "./trial_panel.js";
+import { MEASURED, inMillimetres } from "./trial_panel.js";
 
 /** @typedef {import("./controls.js").State} State */
 /** @typedef {import("./trial/fit.js").FitResult} FitResult */
@@ -11,7 +13,6 @@ import { MEASURED } from "./trial_panel.js";
 /** @typedef {{name: string, unit: string, value: number, words: () => string}} FittedNumber in the unit that is shown */
 
 const MIN_POINTS = 10;
-const CENTIMETRES = 100;
 const AXIS = /^origin_([xy])$/;
 
 /** Has a worker fit the trial, and shows what it found. */
@@ -33,8 +34,11 @@ export class FitPanel {
     this.worker = null;
     /** What is said: a text, or what a fit gave. @type {(() => void) | null} */
     this.message = null;
-    /** What the last fit left, and of which file. @type {{file: unknown, isNoise: boolean, remainder: () => string, after: number} | null} */
+    /** What the last fit left, and of which file; the typical distance after it [m].
+     * @type {{file: unknown, isNoise: boolean, remainder: () => string, after: number} | null} */
     this.fitted = null;
+    /** Typical distance before the fit [m]. */
+    this.before = NaN;
     /**
      * What a fit changed of what was measured before the trial: the fitted and the measured value.
      * @type {Record<string, [number, number]>}
@@ -60,6 +64,11 @@ export class FitPanel {
     return studyYaml(settings, { file: file?.name ?? "", ...options, start: trial.trial?.start, camera, known: trial.errorsOf(settings) });
   }
 
+  /** Of the trial's points from the run of the settings [m]. */
+  typicalDistance() {
+    return typicalDistance(this.trial.points("light"), new ShownRun(settingsOf(this.current())));
+  }
+
   start() {
     const { settings } = this;
     const count = this.trial.points("light").filter(([t]) => t >= 0).length;
@@ -67,6 +76,7 @@ export class FitPanel {
     else if (count < MIN_POINTS) this.say(() => text("fitNeedsPoints", { count }));
     else {
       this.button.disabled = true;
+      this.before = this.typicalDistance();
       this.say(() => text("fitWorks"));
       this.worker ??= this.startWorker();
       this.worker.onmessage = ({ data }) => this.take(/** @type {FitResult} */ (data));
@@ -98,21 +108,12 @@ export class FitPanel {
   }
 
   /** @param {FitResult} result */
-  take({ parameters, before, after, tests, outliers, converged }) {
+  take({ parameters, tests, outliers, converged }) {
     this.button.disabled = false;
-    const remainder = () => remainderInWords(tests);
-    this.fitted = { file: this.trial.file, isNoise: !tests.pattern && !tests.larger, remainder, after };
     const rows = parameters.map(({ name, value, error }) => {
       const { unit, factor } = OF_CAMERA[name] ?? (name === "heavy_mass" ? HEAVY_MASS : controlOf(name));
       return { name, unit, ...rounded(value / factor, error / Math.abs(factor)) };
     });
-    this.say(() => {
-      const [more, less] = [before, after].map((x) => shown((CENTIMETRES * x).toPrecision(2)));
-      const parts = [text("fitDone", { before: more, after: less }), remainder()];
-      if (outliers) parts.push(text("fitOutliers", { count: outliers }));
-      if (!converged) parts.push(text("fitNotConverged"));
-      return parts.join(" ");
-    }, rows);
     const values = Object.fromEntries(rows.map(({ name, value }) => [name, value]));
     for (const [name, { id }] of Object.entries(OF_CAMERA)) {
       /** @type {HTMLInputElement} */ (this.element(id)).value = shown(values[name]);
@@ -121,6 +122,16 @@ export class FitPanel {
     const value = (/** @type {string} */ wanted) => parameters.find(({ name }) => name === wanted)?.value ?? measured[wanted];
     values.mass_ratio = Number((value("heavy_mass") / value("light_mass")).toPrecision(6));
     this.onFitted(values);
+    const after = this.typicalDistance();
+    const remainder = () => remainderInWords(tests);
+    this.fitted = { file: this.trial.file, isNoise: !tests.pattern && !tests.larger, remainder, after };
+    this.say(() => {
+      const [more, less] = [this.before, after].map(inMillimetres);
+      const parts = [text("fitDone", { before: more, after: less }), remainder()];
+      if (outliers) parts.push(text("fitOutliers", { count: outliers }));
+      if (!converged) parts.push(text("fitNotConverged"));
+      return parts.join(" ");
+    }, rows);
     const fitted = settingsOf(this.current());
     this.corrected = Object.fromEntries(Object.keys(MEASURED).map((name) => [name, [fitted[name], measured[name]]]));
   }

@@ -1,9 +1,10 @@
 /** Keep and share: the link, a film and a picture of the stage, the run's numbers, and files that the package reads. */
 
-import { CONTROLS, linkOf, settingsOf } from "./controls.js";
+import { linkOf, settingsOf } from "./controls.js";
 import { captioned, copyText, film, filmType, runCsv, save, scenarioYaml } from "./export.js";
+import { settingsInWords } from "./handout.js";
 import { qrCode } from "./qr.js";
-import { fixed, shown, text, withUnit } from "./texts.js";
+import { fixed, text } from "./texts.js";
 
 /** Light modules around a code, as readers need them. */
 const MARGIN = 4;
@@ -49,12 +50,10 @@ export class Keeping {
     this.page.say("copied", () => text(key, { code: shared }));
   }
 
-  /** The time and all settings that are not zero, as a picture has them below it. */
+  /** The time and the settings, as a picture has them below it. */
   words() {
     const { state, player } = this.page;
-    const settings = CONTROLS.filter(({ name }) => state.values[name]).map(({ name, unit }) =>
-      [text(`setting.${name}`), withUnit(shown(state.values[name]), unit)].join(" "));
-    return [`t = ${fixed(player.time, 3)} s`, ...settings];
+    return [`t = ${fixed(player.time, 3)} s`, ...settingsInWords(state).map((words) => words.join(" "))];
   }
 
   /** Draw the link or the code for cameras, or hide it. */

@@ -8,6 +8,7 @@ import { EngineRuns } from "./engine_runs/engine_runs.js";
 import { EventLog } from "./event_log.js";
 import { FilmPanel } from "./film/panel.js";
 import { FitPanel } from "./fit_panel.js";
+import { Handout } from "./handout.js";
 import { History } from "./history.js";
 import { Speech } from "./language.js";
 import { Keeping } from "./keeping.js";
@@ -75,13 +76,14 @@ class Page {
     this.film = new FilmPanel(element, this);
     this.fit = new FitPanel(element, this.trial, startWorker, () => this.state, (values) => this.takeFit(values));
     this.keeping = new Keeping(element, this);
+    this.handout = new Handout(element, this);
     this.lesson = new LessonPanel(element, this);
     this.sliders = new Sliders(element("settings"), element("more-settings"), this.select("release"), {
       current: () => this.state.values,
       onMove: (name, value) => this.move(withValue(this.state, name, value)),
       onSettle: (later) => (later ? this.settleSoon() : this.settle()),
       onRelease: (release) => this.set({ release, values: this.state.values }),
-      onFault: (message) => this.say("fault", message),
+      onFault: (message, row) => this.fail(message, row),
     });
     /** Whether the settings have changed since the last frame. */
     this.changed = true;
@@ -118,6 +120,13 @@ class Page {
   /** @param {string} id @param {string | (() => string)} words a function if they shall stay in another language, too */
   say(id, words) {
     this.speech.say(id, words);
+  }
+
+  /** Say what is wrong, beside what it is about; if that is all settings, above them.
+   * @param {string | (() => string)} words @param {HTMLElement} place */
+  fail(words, place = element("story")) {
+    place.after(element("fault"));
+    this.say("fault", words);
   }
 
   /** Write all words of the page in its language. */
@@ -165,6 +174,12 @@ class Page {
     element("redo").addEventListener("click", () => this.go("redo"));
     for (const id of ["ghost", "forces"]) element(id).addEventListener("change", () => this.change());
     element("table-of-run").addEventListener("toggle", () => this.table());
+    const left = element("left");
+    element("full").hidden = !document.fullscreenEnabled; // telephones of some makers
+    element("full").addEventListener("click", () => {
+      if (document.fullscreenElement) document.exitFullscreen();
+      else left.requestFullscreen();
+    });
     listenToKeys(this);
     whenResized(() => this.change());
     Theme.onChange(() => {
@@ -295,7 +310,7 @@ class Page {
         this.run = this.runOf(state);
       } catch (error) {
         const isTooShort = error instanceof RangeError && error.message.startsWith("free_length");
-        this.say("fault", () => text(isTooShort ? "tooShort" : "cannotRun"));
+        this.fail(() => text(isTooShort ? "tooShort" : "cannotRun"));
       }
       this.computed = link;
     }

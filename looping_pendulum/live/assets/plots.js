@@ -1,7 +1,7 @@
 /** Quantities over time, with one cursor for all. */
 
 import { colours, fitted, polyline, ticks, write } from "./canvas.js";
-import { shown, text } from "./texts.js";
+import { shown, text, written } from "./texts.js";
 
 /** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
 /** @typedef {import("./shown_run.js").Sample} Sample */
@@ -120,7 +120,7 @@ export class Plot {
     this.y = (/** @type {number} */ v) => EDGE.top + tall * (kind.down ? share(v) : 1 - share(v));
     for (const v of kind.log ? decades(low, high) : ticks(low, high)) {
       polyline(c, [[EDGE.left, this.y(v)], [width - EDGE.right, this.y(v)]], { colour: grid, width: 1 });
-      write(c, shown(v), EDGE.left - 6, this.y(v), { colour: soft, size: 11, align: "right" });
+      write(c, written(v, 6), EDGE.left - 6, this.y(v), { colour: soft, size: 11, align: "right" });
     }
     for (const t of ticks(0, this.end)) write(c, `${shown(t)} s`, this.x(t), height - 9, { colour: soft, size: 11, align: "center" });
     write(c, text(kind.title), 6, 13, { colour: ink, size: 13, bold: true });

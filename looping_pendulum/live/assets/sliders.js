@@ -1,25 +1,18 @@
 /** The sliders: each with its range, a field for a typed number, and steps by keyboard. */
 
 import { RELEASES } from "../model.js";
-import { CONTROLS, controlOf, parsed, snapped } from "./controls.js";
+import { CONTROLS, controlOf, isMeaningful, parsed, snapped } from "./controls.js";
 import { shown, text } from "./texts.js";
 
 /** @typedef {import("./controls.js").State} State */
 /** @typedef {import("./controls.js").Control} Control */
 /**
  * @typedef {{current: () => Record<string, number>, onMove: (name: string, value: number) => void,
- *   onSettle: (later: boolean) => void, onRelease: (release: string) => void, onFault: (message: () => string) => void}} Callbacks
+ *   onSettle: (later: boolean) => void, onRelease: (release: string) => void, onFault: (message: () => string, row: HTMLElement | undefined) => void}} Callbacks
  *   `onMove`: on its way; `onSettle`: as it shall stay, at once or when no further key follows
  */
 
 const LARGE_STEP = 10;
-/** Settings that mean nothing at a release. @type {Record<string, string[]>} */
-const WITHOUT_MEANING = {
-  vertical: ["release_angle"],
-  drop: ["kinetic_friction", "static_friction", "string_drag"],
-  held: ["mass_ratio", "kinetic_friction", "static_friction", "heavy_drag", "heavy_linear_drag"],
-};
-
 /** Rows of sliders in two boxes, those that are seldom needed in the second. */
 export class Sliders {
   /** @param {HTMLElement} main @param {HTMLElement} more @param {HTMLSelectElement} release @param {Callbacks} callbacks */
@@ -117,20 +110,19 @@ export class Sliders {
       return Number.isNaN(value)
         ? text("notANumber", { label, text: typed, example })
         : text("outOfRange", { label, value: typed, unit, min, max }).replaceAll("  ", " ").trim();
-    });
+    }, this.rows.get(name)?.row);
   }
 
   /** @param {State} state */
   show(state) {
     if (this.release.value !== state.release) this.release.value = state.release;
-    const without = WITHOUT_MEANING[state.release] ?? [];
     for (const [name, { row, range, field }] of this.rows) {
       const value = state.values[name];
       range.value = String(value);
       const { unit } = controlOf(name);
       range.setAttribute("aria-valuetext", `${shown(value)} ${unit}`.trim());
       if (!this.typing.has(field)) field.value = shown(value);
-      row.hidden = without.includes(name);
+      row.hidden = !isMeaningful(name, state);
     }
   }
 }

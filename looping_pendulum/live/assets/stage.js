@@ -1,7 +1,7 @@
 /** The apparatus: both masses, string, rod, trails, forces and tracked points, beside the rod enlarged. */
 
-import { arrow, colours, fitted, polyline, write } from "./canvas.js";
-import { fixed, shown, text } from "./texts.js";
+import { arrow, colours, fitted, nameMasses, polyline, write } from "./canvas.js";
+import { fixed, text, written } from "./texts.js";
 
 /** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
 /** @typedef {import("./shown_run.js").Sample} Sample */
@@ -11,8 +11,8 @@ import { fixed, shown, text } from "./texts.js";
 /**
  * @typedef {{run: DrawnRun, ghost: DrawnRun | null, time: number, forces: boolean, points: {light: number[][], heavy: number[][]},
  *   now: {light: number[] | null, heavy: number[] | null}, runs: import("./engine_runs/engine_runs.js").EngineRuns | null,
- *   film: import("./film/panel.js").FilmPanel}} Scene
- *   `film`: drawn under all else. `runs`: stored runs, the reference's among them, which are drawn in place of the page's own; null without any
+ *   film: import("./film/panel.js").FilmPanel | null, untilNow?: boolean}} Scene
+ *   `film`: drawn under all else. `untilNow`: without the path that is still to come. `runs`: stored runs, the reference's among them, which are drawn in place of the page's own; null without any
  */
 
 /** The box stays as it is while the motion fills more than this share of it. */
@@ -22,7 +22,7 @@ const MARGIN = 0.08;
 const GAIN_PER_TURN = 0.11;
 const LEAST_TURNS_SHOWN = 5;
 const [LIGHT_SIZE, HEAVY_SIZE] = [9, 14];
-/** Length of the heavy mass's weight as an arrow [px]. */
+/** Length of the heavy mass's weight as an arrow, where there is room [px]. */
 const WEIGHT_LENGTH = 70;
 /** Colour and dashes of forces, since not all see the colours differ; live.css has them again for the key.
  * @type {Record<"weight" | "pull" | "air", {colour: keyof ReturnType<typeof colours>, dash: number[]}>} */
@@ -32,9 +32,11 @@ export const FORCES = {
   air: { colour: "green", dash: [0.1, 5.5] },
 };
 const MAX_LENGTH = 150;
-const ROOM_FOR_NAME = 40;
+/** Highest power of ten on the scale of the bars. */
+const MOST_DECADES = 6;
 /** Width of the enlarged rod with one string, and with those of several runs [px]. */
 const [SIDE, LARGE_SIDE] = [170, 260];
+const NARROW_SIDE = 128;
 
 /** Draws scenes, and knows where on the canvas things are. */
 export class Stage {
@@ -53,22 +55,25 @@ export class Stage {
   draw(scene) {
     const { c, width, height } = fitted(this.canvas);
     const { run, ghost, time, runs } = scene;
-    const side = Math.min(runs ? LARGE_SIDE : SIDE, Math.max(104, (runs ? 0.32 : 0.22) * width));
+    const side = Math.min(runs ? LARGE_SIDE : SIDE, Math.max(NARROW_SIDE, (runs ? 0.32 : 0.22) * width));
     if (!(width > side && height > 0)) return; // the page is being laid out, or has no room
-    this.fit(scene, width - side, height);
+    const weight = Math.min(WEIGHT_LENGTH, 0.2 * height);
+    // The weight of a heavy mass has room below it
+    this.fit(scene, width - side, scene.forces ? height - weight : height);
     const { view } = this;
-    scene.film.draw(c, view);
-    this.scaleBar(c, height);
+    scene.film?.draw(c, view);
     if (ghost) this.apparatus(c, ghost, time, true);
     this.trackedPoints(c, scene);
     if (runs) runs.drawStage(c, view, time);
-    else this.apparatus(c, run, time, false);
+    else this.apparatus(c, run, time, false, scene.untilNow);
     const sample = run.at(time);
-    if (scene.forces) this.forces(c, run, sample);
+    if (scene.forces) this.forces(c, run, sample, weight);
+    if (!runs) this.names(c, run, sample);
     c.beginPath();
     c.arc(view.x(0), view.y(0), Math.max(run.settings.rod_radius * view.scale, 3), 0, 2 * Math.PI);
     c.fillStyle = colours().soft;
     c.fill();
+    this.scaleBar(c, height);
     if (run.release === "drop") return;
     const place = { left: width - side, width: side, height: Math.min(side, 0.5 * height) };
     if (runs) runs.drawRod(c, place, time);
@@ -95,15 +100,15 @@ export class Stage {
     return [(px - x(0)) / scale, (y(0) - py) / scale];
   }
 
-  /** @param {Context} c @param {DrawnRun} run @param {number} time @param {boolean} pale */
-  apparatus(c, run, time, pale) {
+  /** @param {Context} c @param {DrawnRun} run @param {number} time @param {boolean} pale @param {boolean} untilNow */
+  apparatus(c, run, time, pale, untilNow = false) {
     const { view } = this;
     const { ink, soft, blue, orange } = colours();
     const sample = run.at(time);
     const whole = run.samples.map(({ light: [x, y] }) => [view.x(x), view.y(y)]);
     const done = whole.slice(0, Math.floor((time / run.end) * (whole.length - 1)) + 1);
     const dash = pale ? [5, 5] : [];
-    polyline(c, whole, { colour: pale ? soft : orange, width: pale ? 1.5 : 1.2, dash, alpha: pale ? 0.8 : 0.45 });
+    if (!untilNow) polyline(c, whole, { colour: pale ? soft : orange, width: pale ? 1.5 : 1.2, dash, alpha: pale ? 0.8 : 0.45 });
     const [lx, ly] = [view.x(sample.light[0]), view.y(sample.light[1])];
     const [hx, hy] = [view.x(sample.heavy[0]), view.y(sample.heavy[1])];
     if (!pale) polyline(c, [...done, [lx, ly]], { colour: orange, width: 2.5 });
@@ -120,12 +125,6 @@ export class Stage {
       c.stroke();
     }
     c.globalAlpha = 1;
-    if (pale) return;
-    write(c, "M2", hx + HEAVY_SIZE + 4, hy, { colour: ink, size: 13, bold: true });
-    // At the edge its name stands on the other side
-    const outside = lx < ROOM_FOR_NAME;
-    const beside = outside ? LIGHT_SIZE + 4 : -LIGHT_SIZE - 4;
-    write(c, "M1", lx + beside, ly - 12, { colour: ink, size: 13, bold: true, align: outside ? "left" : "right" });
   }
 
   /** From the heavy mass up to the rod, round it, and along the tangent to the light mass.
@@ -148,10 +147,16 @@ export class Stage {
   }
 
   /** @param {Context} c @param {DrawnRun} run @param {Sample} sample */
-  forces(c, run, sample) {
+  names(c, { settings: { rod_radius: r } }, { light, heavy, wrapAngle }) {
+    const place = (/** @type {number[]} */ [x, y]) => [this.view.x(x), this.view.y(y)];
+    nameMasses(c, place(light), place(heavy), place([r * Math.cos(wrapAngle), r * Math.sin(wrapAngle)]));
+  }
+
+  /** @param {Context} c @param {DrawnRun} run @param {Sample} sample @param {number} length of the heavy mass's weight [px] */
+  forces(c, run, sample, length) {
     const { view } = this;
     const { light_mass: m1, heavy_mass: m2, gravity, rod_radius: r } = run.settings;
-    const scale = WEIGHT_LENGTH / (m2 * gravity);
+    const scale = length / (m2 * gravity);
     const light = [view.x(sample.light[0]), view.y(sample.light[1])];
     const heavy = [view.x(sample.heavy[0]), view.y(sample.heavy[1])];
     const [weight, pull, air] = [FORCES.weight, FORCES.pull, FORCES.air].map(({ colour, dash }) => ({ colour: colours()[colour], dash }));
@@ -196,7 +201,7 @@ export class Stage {
     const { soft } = colours();
     const metres = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2].find((m) => m * this.view.scale > 44) ?? 2;
     polyline(c, [[12, height - 12], [12 + metres * this.view.scale, height - 12]], { colour: soft });
-    write(c, `${Math.round(metres * 100)} cm`, 12, height - 16, { colour: soft, baseline: "bottom" });
+    write(c, `${Math.round(metres * 100)} cm`, 12, height - 16, { colour: soft, baseline: "bottom", clear: true });
   }
 }
 
@@ -257,33 +262,51 @@ function rod(c, { wrapAngle, freeLength, turns }, run, { left, width, height }) 
   c.restore();
   write(c, fixed(turns, 2), cx, cy - 7, { colour: ink, size: 13, align: "center", bold: true });
   write(c, text("turns"), cx, cy + 8, { colour: ink, size: 11, align: "center" });
-  write(c, text("rodEnlarged"), cx, 12, { colour: soft, size: 11, align: "center" });
+  write(c, text("rodEnlarged"), cx, 12, { colour: soft, size: 11, align: "center", clear: true });
 }
 
 /**
- * What friction must hold beside the most that it can hold, both as the exponent ln(T2/T1) of the capstan law.
+ * What friction must hold beside the most that it can hold, as bars: how many times the smaller pull the larger one is, on a scale of
+ * powers of ten.
  * @param {Context} c
  * @param {Sample} sample
  * @param {{left: number, width: number, top: number, height: number}} place
  */
 function holding(c, { holding: pair, mode }, { left, width, top, height }) {
-  const { soft, ink, pink, green } = colours();
-  const base = height - 50;
-  const tall = base - top - 34;
+  const { soft, ink, line, pink, green } = colours();
+  const base = height - 58;
+  const tall = base - top - 32;
   if (tall < 30 || !pair) return;
-  const most = Math.max(3, pair.bound, pair.needed);
-  const sticks = mode === "sticking";
-  write(c, text(sticks ? "frictionHolds" : "frictionSlides"), left + width / 2, top + 16, { colour: ink, size: 12, align: "center", bold: true });
-  for (const [share, value, colour, name] of [[0.24, pair.needed, pink, text("mustHold")], [0.76, pair.bound, green, text("canHold")]]) {
-    const x = left + Number(share) * width;
-    arrow(c, [x, base], [0, (-tall * Number(value)) / most], { colour: String(colour) });
-    write(c, String(name), x, base + 12, { colour: soft, size: 11, align: "center" });
-    write(c, ratio(Math.exp(Number(value))), x, base + 27, { colour: ink, size: 12, align: "center" });
+  const title = text(mode === "sticking" ? "frictionHolds" : "frictionSlides");
+  write(c, title, left + width / 2, top + 14, { colour: ink, size: 12, align: "center", bold: true, clear: true });
+  const decades = Math.min(Math.max(Math.ceil(Math.max(pair.bound, pair.needed) / Math.LN10), 1), MOST_DECADES);
+  const y = (/** @type {number} */ exponent) => base - (tall * Math.min(exponent / Math.LN10, decades)) / decades;
+  const axis = left + 0.36 * width;
+  for (let decade = 0; decade <= decades; decade += Math.ceil((12 * decades) / tall)) {
+    const at = y(decade * Math.LN10);
+    polyline(c, [[axis, at], [left + width - 8, at]], { colour: line, width: 1 });
+    write(c, written(10 ** decade, 1), axis - 4, at, { colour: soft, size: 10, align: "right" });
   }
-  write(c, text("pullRatio"), left + width / 2, base + 40, { colour: soft, size: 10, align: "center" });
+  const bar = 0.13 * width;
+  for (const [share, value, colour, name] of [[0.16, pair.needed, pink, text("mustHold")], [0.7, pair.bound, green, text("canHold")]]) {
+    const x = axis + Number(share) * (left + width - axis);
+    c.beginPath();
+    c.rect(x - bar / 2, y(Number(value)), bar, base - y(Number(value)));
+    c.fillStyle = String(colour);
+    c.fill();
+    c.strokeStyle = ink;
+    c.lineWidth = 1;
+    c.stroke();
+    write(c, String(name), x, base + 11, { colour: soft, size: 11, align: "center" });
+    write(c, ratio(Math.exp(Number(value))), x, base + 25, { colour: ink, size: 12, align: "center" });
+  }
+  [text("largerPull"), text("smallerPull")].forEach((words, i) => {
+    write(c, words, left + width / 2, base + 40 + 12 * i, { colour: soft, size: 10, align: "center" });
+  });
 }
 
 /** @param {number} value */
 function ratio(value) {
-  return shown(value < 100 ? value.toFixed(2) : value < 1e4 ? value.toFixed(0) : value.toExponential(0));
+  const most = 10 ** MOST_DECADES;
+  return value < 100 ? fixed(value, 2) : value < most ? written(value, 2) : `> ${written(most, 1)}`;
 }

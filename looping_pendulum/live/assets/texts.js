@@ -56,5 +56,13 @@ export function shown(number) {
 /** A number in words, and its unit if it has one. @param {string} number @param {string} unit */
 export const withUnit = (number, unit) => (unit ? `${number} ${unit}` : number);
 
+/** A number as people write it: its first digits, in groups of three from 10 000 on, never with an exponent.
+ * @param {number} number @param {number} digits */
+export function written(number, digits) {
+  const [whole, part] = String(Number(number.toPrecision(digits))).split(".");
+  const grouped = whole.length > 4 ? whole.replace(/\B(?=(\d{3})+$)/g, "\u202f") : whole;
+  return shown(part ? `${grouped}.${part}` : grouped);
+}
+
 /** A number with some digits behind the decimal sign. @param {number} number @param {number} digits */
 export const fixed = (number, digits) => shown(number.toFixed(digits));

@@ -3,7 +3,8 @@
 import { colours, fitted, polyline, ticks, write } from "./canvas.js";
 import { parsed } from "./controls.js";
 import { FilmPanel } from "./film/panel.js";
-import { fixed, shown, text } from "./texts.js";
+import { fixed, shown, text, written } from "./texts.js";
+import { otherFrameRate, typicalDistance } from "./trial/distance.js";
 import { DataError, readTrial, tracksOf } from "./trial/reader.js";
 
 /** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
@@ -39,10 +40,12 @@ export class TrialPanel {
     this.onChange = onChange;
     /** @type {{name: string, bytes: Uint8Array} | null} */
     this.file = null;
-    /** Name of a file that the browser could not read. */
-    this.unreadable = "";
+    /** Why the file that was chosen last is not taken, in the language of the page. @type {(() => string) | null} */
+    this.refusal = null;
     /** @type {Trial | null} */
     this.trial = null;
+    /** What is wrong with the file's times. */
+    this.faults = "";
     const file = /** @type {HTMLInputElement} */ (element("trial-file"));
     file.addEventListener("change", () => {
       if (file.files?.length) this.open(file.files[0]);
@@ -50,7 +53,10 @@ export class TrialPanel {
     });
     element("trial-remove").addEventListener("click", () => this.remove());
     for (const id of ["trial-light", "trial-heavy", "trial-length", "trial-pixel", "trial-clock", "trial-rate", "trial-run"]) {
-      element(id).addEventListener("change", () => this.read());
+      element(id).addEventListener("change", () => {
+        this.refusal = null;
+        this.read();
+      });
     }
     for (const id of ["trial-release", "trial-mirror", "trial-origin-x", "trial-origin-y"]) {
       element(id).addEventListener("change", () => onChange());
@@ -67,15 +73,23 @@ export class TrialPanel {
 
   /** @param {File} file */
   async open(file) {
+    const { name } = file;
+    /** @type {{name: string, bytes: Uint8Array}} */
+    let next;
     try {
-      this.file = { name: file.name, bytes: new Uint8Array(await file.arrayBuffer()) };
-      this.unreadable = "";
+      next = { name, bytes: new Uint8Array(await file.arrayBuffer()) };
     } catch {
-      this.remove();
-      this.unreadable = file.name;
-      this.fail(text("cannotBeRead", { file: file.name }));
+      this.refuse(() => text("cannotBeRead", { file: name }));
       return;
     }
+    const problem = () => problemOf(next);
+    // With a field that a message names, a file may still be read
+    if (this.trial && problem() && !fieldFor(problem())) {
+      this.refuse(problem);
+      return;
+    }
+    this.refusal = null;
+    this.file = next;
     this.reset();
     for (const id of ["trial-light", "trial-heavy"]) this.element(id).replaceChildren();
     this.offerTracks(this.file);
@@ -83,6 +97,30 @@ export class TrialPanel {
     if (this.trial) /** @type {HTMLInputElement} */ (this.element("trial-mirror")).checked = startsOnTheRight(this.trial);
     this.onChange();
     this.element("trial").scrollIntoView({ block: "nearest" });
+  }
+
+  /** Leave a file; what was read before stays. @param {() => string} words */
+  refuse(words) {
+    if (!this.trial) this.remove();
+    this.refusal = words;
+    this.tell();
+    this.element("trial").scrollIntoView({ block: "nearest" });
+  }
+
+  /** Say why a file was refused, and what is shown in its place. */
+  tell() {
+    const stays = this.trial && this.file ? text("trialStays", { file: this.file.name }) : "";
+    this.fault(this.refusal ? [this.refusal(), stays].join(" ").trim() : "");
+  }
+
+  /** Say what is wrong with a file, beside the field that could help. @param {string} words @param {string} [field] */
+  fault(words, field) {
+    const error = this.element("trial-error");
+    const place = field ? this.element(field) : this.element("trial-file");
+    place.parentElement?.after(error);
+    for (const one of this.element("trial-options").querySelectorAll("[aria-invalid]")) one.removeAttribute("aria-invalid");
+    if (field) place.setAttribute("aria-invalid", "true");
+    error.textContent = words;
   }
 
   /** Forget what was said about another file. */
@@ -115,14 +153,14 @@ export class TrialPanel {
 
   /** Say all that is said about the file in the language of the page. */
   relabel() {
-    if (this.unreadable) this.fail(text("cannotBeRead", { file: this.unreadable }));
-    if (!this.file) return;
-    this.offerTracks(this.file);
-    this.read();
+    if (this.file) {
+      this.offerTracks(this.file);
+      this.read();
+    } else this.tell();
   }
 
   remove() {
-    this.unreadable = "";
+    this.refusal = null;
     this.file = null;
     this.fail("");
     this.reset();
@@ -168,22 +206,22 @@ export class TrialPanel {
         run,
       });
       const { faults } = this.trial;
-      this.element("trial-error").textContent = "";
-      this.element("trial-faults").textContent = faults.length ? text("trialFaults", { faults: faults.join("; ") }) : "";
+      this.faults = faults.length ? text("trialFaults", { faults: faults.join("; ") }) : "";
+      this.tell();
     } catch (error) {
       if (!(error instanceof DataError)) throw error;
-      const field = FIELD_OF_KEY.find(([key]) => key.test(error.message))?.[1];
+      const field = fieldFor(error.message);
       const label = field && this.element(field).parentElement?.firstChild?.textContent?.trim();
-      this.fail(label ? text("hereByField", { message: error.message, label }) : error.message);
+      this.fail(label ? text("hereByField", { message: error.message, label }) : error.message, field);
     }
     this.onChange();
   }
 
-  /** @param {string} message */
-  fail(message) {
+  /** @param {string} message @param {string} [field] */
+  fail(message, field) {
     this.trial = null;
     for (const id of ["trial-message", "trial-faults"]) this.element(id).textContent = "";
-    this.element("trial-error").textContent = message;
+    this.fault(message, field);
   }
 
   /** Time of the release by the file's clock [s]. */
@@ -268,10 +306,14 @@ export class TrialPanel {
     // An empty cell is the same thing in each column
     for (const { reason, count } of trial.unused) counts.set(reason, (counts.get(reason) ?? 0) + count);
     const unused = [...counts].map(([reason, count]) => text("notUsed", { count, reason }));
-    const light = residuals.filter(({ name }) => name.startsWith("light"));
     const any = residuals.some(({ t }) => t.length > 0);
-    const distance = Math.sqrt(light.reduce((sum, { value }) => sum + value.reduce((all, v) => all + v * v, 0) / value.length, 0));
-    const typical = !any ? text("trialNone") : light.length === 2 ? text("trialDistance", { distance: fixed(distance, 1) }) : "";
+    const light = this.points("light");
+    const distance = typicalDistance(light, run);
+    const typical = !any ? text("trialNone") : distance >= 0 ? text("trialDistance", { distance: inMillimetres(distance) }) : "";
+    const other = otherFrameRate(light, run);
+    const factor = other && (other.factor < 1 ? `1/${written(1 / other.factor, 2)}` : written(other.factor, 2));
+    const rate = other && factor ? text("trialOtherRate", { factor, rate: written(other.rate, 3) }) : "";
+    this.element("trial-faults").textContent = [this.faults, rate].join(" ").trim();
     const parts = [used, ...unused, ...trial.assumptions].join("; ");
     this.element("trial-message").textContent = text("trialUsed", { file: file.name, used: parts, typical });
     this.draw(residuals, run.end);
@@ -307,6 +349,23 @@ export class TrialPanel {
       right -= 7;
     }
   }
+}
+
+/** A distance in words. @param {number} metres */
+export const inMillimetres = (metres) => fixed(1000 * metres, 1);
+
+/** Field that stands for the key of a study that a message names. @param {string} message */
+const fieldFor = (message) => FIELD_OF_KEY.find(([key]) => key.test(message))?.[1];
+
+/** Why a file cannot be read as it stands; "" if it can. @param {{name: string, bytes: Uint8Array}} file */
+function problemOf({ name, bytes }) {
+  try {
+    readTrial(name, bytes);
+  } catch (error) {
+    if (error instanceof DataError) return error.message;
+    throw error;
+  }
+  return "";
 }
 
 /** Shape of the points of a channel. @param {string} name */

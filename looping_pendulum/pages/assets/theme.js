@@ -10,7 +10,7 @@ const Theme = (() => {
   function apply() {
     root.dataset.theme = printing ? "light" : chosen ?? (preferred.matches ? "dark" : "light");
     const button = document.getElementById("theme");
-    if (button) button.textContent = root.dataset.theme === "dark" ? "Light" : "Dark";
+    if (button) button.textContent = root.dataset.theme === "dark" ? button.dataset.light ?? "Light" : button.dataset.dark ?? "Dark";
     listeners.forEach((listener) => listener());
   }
 

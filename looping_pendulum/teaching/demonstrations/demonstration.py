@@ -178,7 +178,7 @@ def run_demonstration(demonstration: Demonstration, progress: Progress | None = 
         header=("run", *(q.header for q in demonstration.quantities)),
         rows=rows,
         numbers=numbers,
-        answer=tuple(_judge_claim(claim, numbers) for claim in demonstration.claims),
+        answer=tuple(judge_claim(claim, numbers) for claim in demonstration.claims),
         curves=tuple(demonstration.picture.curves(runs, cases)),
         versions=_versions(runs.values(), demonstration.packages),
     )
@@ -198,7 +198,7 @@ def simulate(engine: Engine, scenario: Scenario) -> Trajectory:
     return engine.simulate(scenario)
 
 
-def _judge_claim(claim: Claim, numbers: MeasuredValues) -> JudgedClaim:
+def judge_claim(claim: Claim, numbers: MeasuredValues) -> JudgedClaim:
     """Test a claim, and fill in its numbers; a claim that does not hold may lack some of them."""
     try:
         text = claim.words.format_map(numbers)

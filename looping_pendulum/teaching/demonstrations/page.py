@@ -19,6 +19,7 @@ from looping_pendulum.pages.svg import themed_svg
 from looping_pendulum.teaching.demonstrations.chains import POLYGON, STRETCHY
 from looping_pendulum.teaching.demonstrations.demonstration import Demonstration, DemonstrationError, DemonstrationResult
 from looping_pendulum.teaching.demonstrations.friction import CONSTANT_FRICTION, CREEP, FORGOTTEN_TURNS, TENDON_WITHOUT_FRICTION
+from looping_pendulum.teaching.demonstrations.german import german_of, in_german
 from looping_pendulum.teaching.demonstrations.reference_model import BREAK_AWAY, DRAG, STRING_ON_STRING
 
 DEMONSTRATIONS: Mapping[str, Demonstration] = {
@@ -46,6 +47,57 @@ NOT_BORNE_OUT = "Not borne out by this run:"
 """Words before a claim whose test failed."""
 MADE_WITH = "Made with "
 """Start of the line with the versions, which differs from installation to installation."""
+WORDS = {
+    "en": {
+        "site": "Looping pendulum",
+        "index": "What each model assumes",
+        "lead": LEAD,
+        "skip": "Skip to the content",
+        "dark": "Dark",
+        "light": "Light",
+        "theme": "Change between dark and light",
+        "other": "Deutsch",
+        "question": "Question.",
+        "guess": "A guess.",
+        "yours": "What is yours?",
+        "experiment": "Experiment",
+        "came": "What came of it",
+        "measured": "What was measured",
+        "answer": "Answer",
+        "not_borne_out": NOT_BORNE_OUT,
+        "see": "See for yourself",
+        "copy": "Copy the scenario {scenario}, change the lines below in the copy, and run it.",
+        "made": MADE_WITH + "{versions}, by `looping-pendulum demonstrations {name}`.",
+        "all": "All demonstrations",
+    },
+    "de": {
+        "site": "Das schlingende Pendel",
+        "index": "Was jedes Modell voraussetzt",
+        "lead": (
+            "Jede Physik-Engine, die das schlingende Pendel nachbaut, lässt etwas weg. Kurze Experimente zeigen, was, jedes "
+            "mit einer Frage und einer Vermutung vor der Antwort. Die Zahlen stammen aus dem Lauf, der die Seite schrieb, und "
+            "jeder Satz einer Antwort wird an ihnen geprüft: Einer, den sie nicht bestätigen, sagt es."
+        ),
+        "skip": "Zum Inhalt springen",
+        "dark": "Dunkel",
+        "light": "Hell",
+        "theme": "Zwischen dunkel und hell wechseln",
+        "other": "English",
+        "question": "Frage.",
+        "guess": "Eine Vermutung.",
+        "yours": "Was vermutest du?",
+        "experiment": "Experiment",
+        "came": "Was herauskam",
+        "measured": "Was gemessen wurde",
+        "answer": "Antwort",
+        "not_borne_out": "Von diesem Lauf nicht bestätigt:",
+        "see": "Selbst ausprobieren",
+        "copy": "Das Szenario {scenario} kopieren, in der Kopie die Zeilen unten ändern und sie laufen lassen.",
+        "made": "Gemacht mit {versions}, durch `looping-pendulum demonstrations {name}`.",
+        "all": "Alle Demonstrationen",
+    },
+}
+"""Language -> the words of an HTML page that are no demonstration's own."""
 
 
 def find_demonstrations(names: Sequence[str]) -> tuple[Demonstration, ...]:
@@ -65,23 +117,40 @@ def find_demonstrations(names: Sequence[str]) -> tuple[Demonstration, ...]:
 
 
 def write_pages(result: DemonstrationResult, folder: Path, *, with_html: bool = True) -> tuple[Path, ...]:
-    """Write NAME.png, NAME.md and, with ``with_html``, the self-contained NAME.html; return their paths."""
+    """Write NAME.png, NAME.md and, with ``with_html``, the self-contained NAME.de.html and NAME.html; return their paths."""
     name = result.demonstration.name
     files: dict[str, str | bytes] = {f"{name}.png": png(drawing(result), dpi=100), f"{name}.md": markdown(result)}
     if with_html:
-        files[f"{name}.html"] = html(result)
+        files |= {file_of(name, language): html(result, language) for language in reversed(WORDS)}
     for file, content in files.items():
         write_atomically(folder / file, content)
     return tuple(folder / file for file in files)
 
 
+def file_of(name: str, language: str) -> str:
+    """Return the file of an HTML page: English is the language of the plain name."""
+    return f"{name}.html" if language == "en" else f"{name}.{language}.html"
+
+
 def write_index(folder: Path) -> Path:
-    """Write index.html, a list of the demonstrations whose HTML pages are in ``folder``; return its path."""
-    written = [d for d in DEMONSTRATIONS.values() if (folder / f"{d.name}.html").exists()]
-    title = "Looping pendulum: what each model assumes"
-    text = page(HERE, "demonstrations.html", title=title, lead=LEAD, demonstrations=written)
-    write_atomically(folder / "index.html", text)
+    """Write index.html and index.de.html, which list the pages in ``folder``; return the path of the first."""
+    for language, words in WORDS.items():
+        here = [d for d in DEMONSTRATIONS.values() if (folder / file_of(d.name, language)).exists()]
+        text = page(
+            HERE,
+            "demonstrations.html",
+            title=f"{words['site']}: {words['index']}",
+            language=language,
+            words=words,
+            other=file_of("index", _other(language)),
+            demonstrations=[(file_of(d.name, language), d if language == "en" else german_of(d)) for d in here],
+        )
+        write_atomically(folder / file_of("index", language), text)
     return folder / "index.html"
+
+
+def _other(language: str) -> str:
+    return next(one for one in WORDS if one != language)
 
 
 def index() -> str:
@@ -94,7 +163,7 @@ def index() -> str:
         "looping-pendulum demonstrations --out demonstrations\n"
         "looping-pendulum demonstrations polygon --out demonstrations\n"
         "```\n\n"
-        "The first writes all pages and `index.html`, which opens offline.\n"
+        "The first writes all pages and `index.html`, which opens offline, in English and German.\n"
     )
 
 
@@ -119,7 +188,7 @@ def markdown(result: DemonstrationResult) -> str:
 
 def commands_words(d: Demonstration) -> str:
     """Return the sentence that explains the commands and the lines of YAML."""
-    return f"Copy the scenario `{d.scenario}`, change the lines below in the copy, and run it."
+    return WORDS["en"]["copy"].format(scenario=f"`{d.scenario}`")
 
 
 def start(d: Demonstration) -> str:
@@ -127,30 +196,34 @@ def start(d: Demonstration) -> str:
     return f"looping-pendulum scenarios {d.scenario} > mine.yaml"
 
 
-def provenance(result: DemonstrationResult) -> str:
+def provenance(result: DemonstrationResult, language: str = "en") -> str:
     """Return the sentence that says which command and which versions wrote the page."""
-    made = ", ".join(f"{name} {version}" for name, version in result.versions.items())
-    return f"{MADE_WITH}{made}, by `looping-pendulum demonstrations {result.demonstration.name}`."
+    versions = ", ".join(f"{name} {version}" for name, version in result.versions.items())
+    return WORDS[language]["made"].format(versions=versions, name=result.demonstration.name)
 
 
-def html(result: DemonstrationResult) -> str:
+def html(result: DemonstrationResult, language: str = "en") -> str:
     """Return the page as one HTML file that loads no other file; its figure has the colours of the page's ground."""
-    d = result.demonstration
+    shown = result if language == "en" else in_german(result)
+    d, words = shown.demonstration, WORDS[language]
     return page(
         HERE,
         "demonstration.html",
-        title=f"Looping pendulum: {d.title}",
+        title=f"{words['site']}: {d.title}",
+        language=language,
+        words=words,
         d=d,
-        result=result,
-        not_borne_out=NOT_BORNE_OUT,
-        picture=themed_svg(drawing(result)),
-        words=commands_words(d).replace("`", ""),
+        result=shown,
+        picture=themed_svg(drawing(shown, decimal_comma=language == "de")),
+        copy=words["copy"].format(scenario=d.scenario),
         start=start(d),
-        provenance=provenance(result).replace("`", ""),
+        provenance=provenance(result, language).replace("`", ""),
+        other=file_of(d.name, _other(language)),
+        index=file_of("index", language),
     )
 
 
-def drawing(result: DemonstrationResult) -> Figure:
+def drawing(result: DemonstrationResult, *, decimal_comma: bool = False) -> Figure:
     """Draw the figure: the reference in black, the others in colours, with dashes or markers that differ as well."""
     picture = result.demonstration.picture
     fig = Figure(figsize=(7.2, 4.0), layout="constrained")
@@ -168,6 +241,9 @@ def drawing(result: DemonstrationResult) -> Figure:
             axes.plot(curve.x, curve.y, dashes=DASHES[others % len(DASHES)], label=curve.label, **style)
         others += 1
     axes.set(xlabel=picture.x, ylabel=picture.y)
+    if decimal_comma:
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_formatter(lambda value, _: f"{value:g}".replace(".", ","))
     axes.grid(visible=True, color="0.9", lw=0.6)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)

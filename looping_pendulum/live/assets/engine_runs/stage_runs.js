@@ -1,6 +1,6 @@
 /** Stored runs on the stage: masses, strings and paths of all that are shown, tracked points, the wound strings side by side. */
 
-import { colours, polyline, write } from "../canvas.js";
+import { colours, nameMasses, polyline, write } from "../canvas.js";
 import { fixed, text } from "../texts.js";
 import { countUpTo, placeOf } from "./motion.js";
 import { REFERENCE, dashOf, drawMarker } from "./shapes.js";
@@ -53,7 +53,7 @@ export class StageRuns {
 
   /** @param {Context} c @param {View} view @param {Drawn[]} drawn @param {number} time @param {boolean} slack of the reference */
   draw(c, view, drawn, time, slack) {
-    const { ink, ground } = colours();
+    const { ground } = colours();
     for (const one of drawn) this.path(c, view, one, time);
     for (const one of drawn) {
       c.globalAlpha = one.place.ended ? PALE : 1;
@@ -68,8 +68,9 @@ export class StageRuns {
     c.globalAlpha = 1;
     if (!drawn.length) return;
     const [{ place }] = drawn;
-    write(c, "M2", view.x(place.heavyX) + 20, view.y(place.heavyY), { colour: ink, size: 13, bold: true });
-    write(c, "M1", view.x(Number(place.x)) + 14, view.y(Number(place.y)) - 12, { colour: ink, size: 13, bold: true });
+    const [angle, r] = [place.angle ?? 0, this.data.radius];
+    const [light, heavy] = [[view.x(Number(place.x)), view.y(Number(place.y))], [view.x(place.heavyX), view.y(place.heavyY)]];
+    nameMasses(c, light, heavy, [view.x(r * Math.cos(angle)), view.y(r * Math.sin(angle))]);
   }
 
   /** @param {Context} c @param {View} view @param {Drawn} drawn @param {number} time */
@@ -152,7 +153,7 @@ export class StageRuns {
       write(c, fixed(turns, 2), x(0), y(0) - 7, { colour: ink, size: 13, align: "center", bold: true });
       write(c, text("turns"), x(0), y(0) + 8, { colour: ink, size: 11, align: "center" });
     }
-    write(c, text("rodEnlarged"), left + width / 2, 12, { colour: soft, size: 11, align: "center" });
+    write(c, text("rodEnlarged"), left + width / 2, 12, { colour: soft, size: 11, align: "center", clear: true });
   }
 }
 

@@ -198,6 +198,7 @@ export class FilmPanel {
     const length = parsed(this.input("film-length").value) / 100;
     if (!(length > 0)) {
       this.say(() => text("filmNoLength"));
+      this.input("film-length").focus();
       return;
     }
     if (!this.end) {

@@ -8,10 +8,10 @@ import { ShownRun } from "../shown_run.js";
 
 /** Standard deviation of a made-up coordinate [m]. */
 export const SCATTER = 2e-3;
-/** Distance from its true place that a made-up point has on average, as a root mean square [m]. */
-export const TYPICAL_SCATTER = SCATTER * Math.SQRT2;
-/** Points of a film are this far from its run, by chance at most; of a hundred points one film in 10^5 has more [m]. */
-export const LARGEST_TYPICAL = 1.25 * TYPICAL_SCATTER;
+/** Typical distance of made-up points from their true places [m]: half of them are nearer. */
+export const TYPICAL_SCATTER = SCATTER * Math.sqrt(2 * Math.LN2);
+/** Typical distance of a film's points from its run, by chance at most [m]: that of a hundred points scatters by 7 %. */
+export const LARGEST_TYPICAL = 1.35 * TYPICAL_SCATTER;
 const FILMED_TIME = 0.8;
 const FRAMES_PER_SECOND = 120;
 /** Drags of films, as far from the set one as to be seen, at steps of the slider [g/m]. */

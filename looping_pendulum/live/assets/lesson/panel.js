@@ -15,7 +15,8 @@ import { STEPS, distanceOf, filmedState, isOfRatioStep, judgeRatio, judgeTrial, 
  * @typedef {{state: State, run: DrawnRun, set: (state: State) => void, change: () => void, play: () => boolean,
  *   stopAt: (time: number) => void, trial: import("../trial_panel.js").TrialPanel,
  *   fit: import("../fit_panel.js").FitPanel}} LessonPage what the lesson needs of the page; `play`: false if nothing is to move
- * @typedef {{words: () => string, verdict: "" | "right" | "wrong"}} Answer
+ * @typedef {{words: () => string, tone: Verdict, verdict: Verdict}} Answer `tone`: of the words; `verdict`: of the step
+ * @typedef {"" | "right" | "wrong"} Verdict
  */
 
 const MILLIMETRES = 1000;
@@ -39,7 +40,7 @@ export class LessonPanel {
     this.measured = STEPS.map(() => "");
     this.classroom = new Classroom(element, () => this.results);
     /** @type {Answer[]} */
-    this.answers = STEPS.map(() => ({ words: () => "", verdict: "" }));
+    this.answers = STEPS.map(() => ({ words: () => "", tone: "", verdict: "" }));
     /** What a step set, and beside which state its run is shown. @type {{state: State, beside: State | null} | null} */
     this.given = null;
     /** Step whose run is being watched. @type {Step | null} */
@@ -144,17 +145,17 @@ export class LessonPanel {
     return "";
   }
 
-  /** @param {() => string} words @param {Answer["verdict"]} verdict @param {number} place of the step that it is about */
-  tell(words, verdict = "", place = this.place) {
-    // A hint that comes later does not take back what a step has shown
-    this.answers[place] = { words, verdict: verdict || this.answers[place].verdict };
+  /** @param {() => string} words @param {Verdict} tone @param {number} place of the step that it is about */
+  tell(words, tone = "", place = this.place) {
+    // A hint that comes later is neither right nor wrong, and does not take back what a step has shown
+    this.answers[place] = { words, tone, verdict: tone || this.answers[place].verdict };
     this.showAnswer();
   }
 
   showAnswer() {
-    const { words, verdict } = this.answers[this.place];
+    const { words, tone } = this.answers[this.place];
     const now = words();
-    this.element("lesson-answer").className = verdict;
+    this.element("lesson-answer").className = tone;
     if (this.element("lesson-answer").textContent !== now) this.element("lesson-answer").textContent = now;
     [...this.element("lesson-steps").querySelectorAll("button")].forEach((button, place) => {
       const key = { "": "lessonStep", right: "lessonStepRight", wrong: "lessonStepWrong" }[this.answers[place].verdict];
@@ -282,7 +283,7 @@ export class LessonPanel {
   checkDrag() {
     const { film, page } = this;
     if (!film) {
-      this.tell(() => text("lessonLeft"));
+      this.tell(() => text("lessonFirst", { command: text("lessonChange") }));
       return;
     }
     const { distance, fits } = distanceOf(film.points, page.run);

@@ -3,6 +3,7 @@
 import { simulate } from "../../run.js";
 import { CONTROLS, same, settingsOf, withValue } from "../controls.js";
 import { durationOf } from "../shown_run.js";
+import { typicalDistance } from "../trial/distance.js";
 import { LARGEST_TYPICAL, filmOf } from "./made_up.js";
 
 /** @typedef {import("../controls.js").State} State */
@@ -220,15 +221,11 @@ export const filmedState = (seed) => filmOf(lessonState(OF_DRAG), seed);
 
 /**
  * Typical distance of a film's points from a run [m], and whether it is no more than their scatter.
- * @param {[number, number, number][]} points
+ * @param {import("../trial/distance.js").Point[]} points
  * @param {DrawnRun} run
  */
 export function distanceOf(points, run) {
-  const squares = points.map(([t, x, y]) => {
-    const [runX, runY] = run.at(t).light;
-    return (x - runX) ** 2 + (y - runY) ** 2;
-  });
-  const distance = Math.sqrt(squares.reduce((sum, square) => sum + square, 0) / points.length);
+  const distance = typicalDistance(points, run);
   return { distance, fits: distance < LARGEST_TYPICAL };
 }
 
@@ -236,7 +233,7 @@ export function distanceOf(points, run) {
 export const trialState = () => lessonState({ ...friction(0.3), release_angle: 100, free_length: 60, light_drag: 0.6 });
 
 /** Judge what was predicted to be left after a fit. @param {string} said @param {boolean} isNoise
- * @param {number} after typical residual [m] @returns {Judgement} */
+ * @param {number} after typical distance [m] @returns {Judgement} */
 export function judgeTrial(said, isNoise, after) {
-  return choice(said, isNoise ? "noise" : "more", { after: rounded(100 * after, 2) });
+  return choice(said, isNoise ? "noise" : "more", { after: rounded(1000 * after, 1) });
 }

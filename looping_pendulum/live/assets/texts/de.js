@@ -30,6 +30,7 @@ export const de = {
   stepOn: "Einen Schritt weiter",
   stepOnTip: "Einen Schritt weiter (Pfeil rechts)",
   toEnd: "Ende",
+  fullScreen: "Vollbild",
   toEndTip: "Zum Ende (Ende-Taste)",
   speed: "Tempo",
   shareOfRealTime: "{share} der wirklichen Geschwindigkeit",
@@ -46,7 +47,8 @@ export const de = {
   frictionSlides: "der Faden gleitet",
   mustHold: "nötig",
   canHold: "möglich",
-  pullRatio: "Kräfteverhältnis T2/T1",
+  largerPull: "größere durch",
+  smallerPull: "kleinere Fadenkraft",
 
   // Was herauskommt
   halts: "Die schwere Masse steht nach {time} s endgültig still, {drop}\u00a0cm unter ihrem Anfang.",
@@ -266,7 +268,9 @@ export const de = {
     + "und `looping-pendulum identify study.yaml` ausführen.",
   trialUsed: "{file}: benutzt {used}. {typical}",
   trialFaults: "Die Zeiten dieser Datei sind nicht die ihrer Punkte: {faults}.",
-  trialDistance: "Typischer Abstand von der Rechnung: {distance} cm.",
+  trialDistance: "Typischer Abstand von der Rechnung: {distance} mm (die Hälfte der Punkte von M1 ist näher).",
+  trialStays: "{file} bleibt.",
+  trialOtherRate: "Die Zeiten sind das {factor}-Fache dessen, was die Einstellungen zulassen, wie bei einer falschen Bildrate: Wirkliche Bilder pro Sekunde wären {rate}.",
   trialNone: "Kein Punkt fällt in die berechnete Zeit.",
   notUsed: "nicht benutzt: {count} ({reason})",
   cannotBeRead: "{file}: lässt sich nicht lesen; noch einmal wählen",
@@ -274,7 +278,7 @@ export const de = {
   fitFails: "Die Anpassung ist gescheitert; die Regler näher an den Versuch stellen und noch einmal anpassen.",
   fitNeedsLoop: "Beim Loslassen einstellen: M1 loslassen.",
   fitNeedsPoints: "{count} Punkte von M1 nach dem Loslassen gefunden, nötig sind mindestens 10",
-  fitDone: "Typischer Abstand in x oder y: {before} cm vor der Anpassung, {after} cm danach.",
+  fitDone: "Typischer Abstand von der Rechnung: {before} mm vor der Anpassung, {after} mm danach.",
   fitNoise: "Was übrig bleibt, sieht wie Rauschen aus.",
   fitNotNoise: "Was übrig bleibt, ist kein Rauschen: {why}. Es fehlt etwas, und die Fehler gelten nur ohne dieses. Die Studiendatei neben "
     + "dem Versuch speichern; looping-pendulum identify study.yaml fragt, was es ist.",
@@ -460,6 +464,7 @@ export const de = {
   lessonNoPrediction: "Zuerst vorhersagen: eine Antwort wählen.",
   lessonNoNumber: "Zuerst vorhersagen: eine Zahl über 0 eingeben, zum Beispiel 3,5.",
   lessonWatch: "Der Bewegung zusehen; danach steht hier, was sie ergibt.",
+  lessonFirst: "Vor dem Prüfen: {command}.",
   lessonLeft: "Die Einstellungen sind nicht mehr die dieses Schritts; noch einmal einstellen, um seine Bewegung zu sehen.",
   lessonSaid: "Vorhersage: {said}. Rechnung: {found}.",
   lessonSaidOfFit: "Vorhersage: {said}. Anpassung: {found}.",
@@ -546,7 +551,7 @@ export const de = {
   "lesson.trial.noise": "nur Rauschen",
   "lesson.trial.more": "mehr als Rauschen: Im Modell fehlt etwas",
   "lesson.trial.task": "Den Versuch unten anpassen, dann hier prüfen.",
-  "lesson.trial.why": "Der typische Abstand ist {after} cm.",
+  "lesson.trial.why": "Der typische Abstand ist {after} mm.",
 
   // Behalten und teilen
   keepTitle: "Behalten und teilen",
@@ -568,7 +573,7 @@ export const de = {
     + "`looping-pendulum compare live.scenario.yaml`.",
   about: "Über diese Seite",
   aboutMotion: "Die Bewegung ist kein Film: Beim Ziehen werden die Gleichungen des Pendels immer neu gelöst, mit der Seilreibung nach Euler "
-    + "und Eytelwein (T2/T1 höchstens e hoch Reibungszahl × Umschlingungswinkel), Luftwiderstand, Haften, Gleiten und schlaffem Faden. Es "
+    + "und Eytelwein (die größere Fadenkraft ist höchstens e hoch Reibungszahl × Umschlingungswinkel mal so groß wie die kleinere), Luftwiderstand, Haften, Gleiten und schlaffem Faden. Es "
     + "sind die der Referenz von looping-pendulum {version}, in Schritten achter Ordnung.",
   aboutUnits: "Der Luftwiderstand ist die Zahl mal dem Quadrat der Geschwindigkeit (2 g/m bei 3 m/s: 0,018 N), der des Fadens je Länge. Die "
     + "Reibungszahlen gelten zwischen Faden und Stange: die eine, während der Faden gleitet, die andere, solange er haftet.",
@@ -594,11 +599,36 @@ export const de = {
   "scenario.atwood.title": "Senkrechter Fall",
   "scenario.atwood.description": "Beide Massen hängen senkrecht, und der Faden gleitet über die halbe Stange. Ohne Luftwiderstand gibt es für "
     + "die Beschleunigung eine Formel, was dies zur einfachsten Probe der Seilreibung macht.",
-  "scenario.fat_rod.title": "Zehn zu eins an einer dicken Stange",
+  "scenario.fat_rod.title": "Zehn zu eins, dicke Stange",
   "scenario.fat_rod.description": "Zehn zu eins mit einer Stange von 6 cm Durchmesser. Es ist kein Versuch der Veröffentlichung.",
   "scenario.held.title": "Festgehalten",
   "scenario.held.description": "Zehn zu eins mit festgehaltener schwerer Masse: Die leichte schwingt an einem Faden, der sich auf die Stange "
     + "auf- und wieder abwickelt.",
   "scenario.drop.title": "Freier Fall",
   "scenario.drop.description": "Die beiden Massen von zehn zu eins fallen frei, mit Luftwiderstand, von dort, wo sie am Faden gewesen wären.",
+
+  // Was gedruckt wird
+  worksheet: "Arbeitsblatt",
+  sheetTitle: "Das schlingende Pendel: Arbeitsblatt",
+  sheetAnswers: "Das schlingende Pendel: Lösungen",
+  sheetName: "Name:",
+  sheetDate: "Datum:",
+  sheetPicture: "{time} s nach dem Loslassen",
+  sheetPredict: "Zuerst vorhersagen: Was tun beide Massen vom Loslassen an?",
+  sheetCode: "Diese Einstellungen als Code für die Seite: {code}",
+  askHalt: "Kommt M2 zum Stillstand? Wenn ja: wann, und wie weit unter dem Anfang?",
+  askTurns: "Wie viele Windungen hat der Faden auf der Stange beim Loslassen, beim Stillstand von M2 (falls es dazu kommt) und am Ende?",
+  tellTurns: "{first} beim Loslassen, {halt} beim Stillstand von M2, {last} am Ende nach {time} s.",
+  tellTurnsAtEnd: "{first} beim Loslassen, {last} am Ende nach {time} s.",
+  askPulls: "Mit welcher Kraft zieht der Faden gleich nach dem Loslassen an M1 und an M2?",
+  tellPulls: "An M1 mit {light} N, an M2 mit {heavy} N.",
+  askSpeed: "Wann ist M1 am schnellsten, und wie schnell?",
+  tellSpeed: "Nach {time} s, mit {speed} m/s.",
+  askPullThen: "Mit welcher Kraft zieht der Faden dann an M1? Vergleiche sie mit der Gewichtskraft von M1.",
+  tellPullThen: "Mit {pull} N, dem {times}-Fachen der Gewichtskraft.",
+  askFall: "Wie weit fallen M1 und M2 in {time} s?",
+  tellFall: "M1 fällt {light} cm, M2 {heavy} cm.",
+  askSpeeds: "Wie schnell sind sie dann?",
+  tellSpeeds: "M1 hat {light} m/s, M2 hat {heavy} m/s.",
+  askChange: "Wie lautet die Antwort auf die erste Frage, wenn eine Einstellung anders ist: {setting} {value} statt {before}?",
 };

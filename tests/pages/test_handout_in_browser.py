@@ -1,0 +1,136 @@
+"""What is printed in place of the page: a worksheet on the setting that is shown, and a sheet with its answers."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from tests.pages.live_page import COUNT, at, preset, settled, value
+from tests.pages.test_languages_in_browser import assert_german, german, german_words  # noqa: F401
+
+PRINTED = "window.dispatchEvent(new Event('beforeprint'))"
+ORANGE = "#d55e00"
+"""Of the light mass and its path."""
+RELEASES = ("ten_to_one", "atwood", "held", "drop")
+"""One scenario for each release."""
+
+
+@pytest.fixture
+def printed(opened):
+    """Fill the sheets, and have the page as on paper; afterwards as on the screen."""
+    page = opened.page
+
+    def fill():
+        page.evaluate(PRINTED)
+        page.emulate_media(media="print")
+        return page.locator("#handout article")
+
+    yield fill
+    page.evaluate("window.dispatchEvent(new Event('afterprint'))")
+    page.emulate_media(media="screen")
+    assert page.locator("#handout article").count() == 0
+    assert opened.complaints == []
+
+
+def answers(sheets):
+    return sheets.nth(1).locator("ol strong").all_inner_texts()
+
+
+@pytest.mark.parametrize("language", ["en", "de"])
+@pytest.mark.parametrize("name", RELEASES)
+def test_two_pages_of_paper_hold_all(opened, name, language):
+    page = opened.page
+    page.select_option("#language", language)
+    preset(page, name)
+    page.check("#forces")
+    # As many settings as there can be
+    page.evaluate("""() => {
+      const steps = new Map(liveControls.map(({ name, step }) => [name, step])), { release, values } = live.state;
+      const all = Object.entries(values).map(([name, one]) => [name, one || steps.get(name)]);
+      live.set({ release, values: Object.fromEntries(all) });
+    }""")
+    settled(page)
+    paper = page.pdf(format="A4").decode("latin-1")
+    page.select_option("#language", "en")
+    assert len(re.findall(r"/Type\s*/Page\b", paper)) == 2
+    assert opened.complaints == []
+
+
+def test_on_paper_is_the_worksheet_alone(opened, printed):
+    page = opened.page
+    at(page, 0.2)
+    page.check("#forces")
+    sheets = printed()
+    assert not page.is_visible("main")
+    assert not page.is_visible("header")
+    worksheet = sheets.first
+    words = worksheet.inner_text()
+    assert "0.200 s after the release" in words
+    for setting in ("Angle of the string\t113.08 °", "Mass ratio M2/M1\t10", "Gravity\t9.81 m/s²"):
+        assert setting in words
+    assert "Wind" not in words, "what is seldom needed and zero is left out"
+    assert worksheet.locator("ol > li").count() == 3
+    assert worksheet.locator(".line-to-write").count() >= 6, "room for a prediction and for answers"
+    assert worksheet.locator(".key").is_visible(), "what the arrows of the picture mean"
+    assert "halts after" not in words, "no answer on the pupils' sheet"
+    # The picture is as wide for its height as it was drawn
+    sizes = worksheet.locator("canvas").evaluate("(c) => [c.width / c.height, c.clientWidth / c.clientHeight]")
+    assert sizes[0] == pytest.approx(sizes[1], rel=0.01)
+    count = [page.evaluate(COUNT, [f"#handout article:nth-child({n}) canvas", ORANGE]) for n in (1, 2)]
+    assert 0 < count[0] < count[1], "pupils do not see the path that is still to come"
+
+
+@pytest.mark.parametrize("name", RELEASES)
+def test_answers_are_those_of_the_pages_runs(opened, printed, name):
+    page = opened.page
+    preset(page, name)
+    sheets = printed()
+    first, second, changed = answers(sheets)
+    question = sheets.nth(1).locator("ol > li").last.inner_text()
+    assert "NaN" not in sheets.nth(1).inner_text()
+    run = "live.run"
+    if name in ("ten_to_one", "atwood"):
+        assert first == page.inner_text("#result", timeout=1) if page.is_visible("#result") else page.text_content("#result")
+    if name == "ten_to_one":
+        turns = page.evaluate(f"[0, {run}.halt, {run}.end].map((t) => {run}.at(t).turns.toFixed(2))")
+        assert re.findall(r"\d\.\d\d(?= )", second)[:3] == turns
+    if name == "atwood":
+        pulls = page.evaluate(f"[{run}.at(0).lightTension, {run}.at(0).heavyTension].map((pull) => pull.toFixed(3))")
+        assert re.findall(r"\d\.\d{3}", second) == pulls
+    if name == "held":
+        speed = page.evaluate(f"Math.max(...{run}.samples.map(({{ lightVelocity }}) => Math.hypot(...lightVelocity)))")
+        assert first.endswith(f"at {speed:.2f} m/s.")
+    if name == "drop":
+        assert f"M2 {100 * page.evaluate(f'{run}.at({run}.end).drop'):.1f} cm" in first
+    # Whoever moves the slider as the last question says has its answer as the first one
+    label, wanted = re.search(r"is changed: (.+?) ([\d.]+)(?: \S+)? in place of", question).groups()
+    page.emulate_media(media="screen")
+    field = page.get_by_label(label, exact=True).first.get_attribute("id").replace("range", "field")
+    page.fill(f"#{field}", wanted)
+    page.keyboard.press("Tab")
+    settled(page)
+    page.evaluate(PRINTED)
+    assert answers(page.locator("#handout article"))[0] == changed
+    assert changed != first
+
+
+def test_without_friction_the_last_question_adds_some(opened, printed):
+    preset(opened.page, "frictionless")
+    assert value(opened.page, "kinetic_friction") == 0
+    assert "sliding 0.3 in place of 0?" in printed().nth(1).inner_text()
+
+
+def test_the_sheets_are_german(german, german_words):  # noqa: F811
+    page = german.page
+    for name in RELEASES:
+        preset(page, name)
+        page.evaluate(PRINTED)
+        assert_german(page, german_words)
+    page.evaluate("window.dispatchEvent(new Event('afterprint'))")
+
+
+def test_the_command_prints(opened):
+    opened.page.evaluate("() => { window.print = () => { window.hasPrinted = true; }; }")
+    opened.page.click("#worksheet")
+    assert opened.page.evaluate("window.hasPrinted")
