@@ -32,6 +32,8 @@ PIXELS_PER_INCH, PIXELS_PER_POINT = 86, 4 / 3
 """Size of a figure on a page by its size on paper [inches], and of its lines and points [points]."""
 PANEL_GAP = 0.12
 """Gap between panels times their number, as a share of the height of all."""
+MANY_PANELS = 3
+"""Number of panels below each other above which the labels of their axes are small."""
 COLUMN_GAP, ROW_GAP = 0.12, 0.3
 """Gaps in a grid of panels, as a share of a panel's width and height: room for labels and titles."""
 MIN_NAMED_POINT = 3.0
@@ -82,6 +84,8 @@ def on_page(chart: Chart) -> Figure:
     for i, panel in enumerate(chart.panels):
         y, x, x_axis = _number("y", i), "x", chart.x
         vertical = _axis(panel.y)
+        if chart.columns is None and len(chart.panels) > MANY_PANELS:  # on a phone their labels would meet
+            vertical["title"]["font"] = {"size": 10}
         if chart.columns is None:
             bottom = top - share * panel.height
             vertical["domain"] = [max(bottom, 0.0), top]
