@@ -56,6 +56,14 @@ def test_a_slow_wave_below_the_noise_fails(fit, size):
     assert "the residuals still have a pattern" in failures_in_words(failed)
 
 
+def test_a_wave_within_stated_errors_is_no_misfit(fit):
+    """Where a tracker states twice the errors that the points have, the same wave is within these."""
+    data = [dataclasses.replace(d, channels=_wavy(d.channels, 1.5e-3), sigma=2.5 * d.sigma) for d in fit.problem.data]
+    tests = check_residuals(dataclasses.replace(fit, problem=fit.problem.with_data(data)))
+    assert tests.passes
+    assert tests.chi2_per_dof < 1
+
+
 def _wavy(channels, size):
     return tuple(
         dataclasses.replace(c, value=c.value + size * np.sin(40 * c.t)) if c.name.startswith("light") else c for c in channels

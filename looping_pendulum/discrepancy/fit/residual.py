@@ -166,6 +166,8 @@ def check_residuals(fit: Fit) -> ResidualTests:
             groups.setdefault(name, []).append(series)
     events = check_event_residuals(fit)
     tests = [_test_group(n, parts) for n, parts in sorted(groups.items()) if sum(map(len, parts)) >= MIN_GROUP_SIZE]
+    # Where a tracker states larger errors than the points then have, a pattern is within these
+    tests = [t for t in tests if t.chi2 > 1 - CHI2_SCATTER_SIGMAS / math.sqrt(t.count)]
     return ResidualTests(
         chi2_per_dof=total / max(points - len(fit.x), 1) if points or events is None else events.chi2 / events.expected,
         count=fit.problem.count,
