@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from looping_pendulum.cli.common import scenario_names
-from looping_pendulum.cli.terminal import say
+from looping_pendulum.cli.terminal import ProgressBars, say
 from looping_pendulum.errors import HarnessError, printable
 
 if TYPE_CHECKING:
@@ -47,7 +47,8 @@ def new(
         typer.Option("--set", metavar="KEY=VALUE", help="Answer beforehand (light.mass=12 g); repeatable."),
     ] = None,
     trial: Annotated[
-        list[Path] | None, typer.Option(metavar="CSV", help="With `new study`: file of a trial's tracked points; repeatable.")
+        list[Path] | None,
+        typer.Option(metavar="FILE", help="With `new study`: a trial's tracked points, or its film; repeatable."),
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing: take the default where --set has no answer.")] = False,
 ) -> None:
@@ -105,7 +106,9 @@ def _check_trials(study: Study, *, ask: bool) -> None:
     from looping_pendulum.teaching.questions import AnswerError
 
     try:
-        for warning in look_at_trials(study):
+        with ProgressBars() as bars:
+            warnings = look_at_trials(study, bars.update)
+        for warning in warnings:
             say(f"warning: {warning}", err=True)
     except DataError as fault:
         if ask and not typer.confirm(

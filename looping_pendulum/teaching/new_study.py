@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from looping_pendulum.film.decode import is_film
+from looping_pendulum.jobs import ReportShare
 from looping_pendulum.measured import readers, study_io
 from looping_pendulum.measured.clock import RATE_TOLERANCE
 from looping_pendulum.measured.observations import DataError
@@ -142,8 +143,13 @@ def new_study(answer: Answers, *, name: str, folder: Path, files: Sequence[str],
     return text, study_io.load_text(text, f"{name}.yaml", folder)
 
 
-def look_at_trials(study: Study) -> tuple[str, ...]:
+def look_at_trials(study: Study, progress: ReportShare) -> tuple[str, ...]:
     """Read the trials of a study as `identify` will, and return its warnings; none if a file is not there yet.
+
+    Parameters
+    ----------
+    progress
+        Called while films are tracked.
 
     Raises
     ------
@@ -157,7 +163,7 @@ def look_at_trials(study: Study) -> tuple[str, ...]:
     if not all((study.folder / path).exists() for trial in study.trials for path, _ in trial.files):
         return ()
     # In the order of `identify`: a first look says more of lengths in pixels than that they are implausible
-    check = take_first_look(study)
+    check = take_first_look(study, progress)
     check.refuse_mistakes()
     read_inputs(study, check.observations)
     return check.warnings
