@@ -23,7 +23,7 @@ FILM_ENDINGS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".3gp", ".mts",
 MAX_PIXELS = 50e6
 """Largest picture [pixels]: 8K films have 33 million, and a damaged header must not ask for all memory."""
 MIN_PIXELS = 64 * 48
-"""Smallest picture in which masses can be told apart [pixels]."""
+"""Smallest picture in which masses can be distinguished [pixels]."""
 MIN_FRAMES = 8
 """Fewest frames of a film: through fewer, no motion can be followed."""
 MAX_BROKEN_PACKETS = 100
@@ -37,7 +37,7 @@ MAX_KEPT_BYTES = 80e6
 REPEATED_SHARE = 0.3
 """A picture that changes less than this share of what its neighbours do is a copy: copies reach 0.08, others begin at 0.8."""
 REPEATED_LEAST = 8.0
-"""Change [levels of 255] below which nothing moves, and a copy cannot be told from a still picture."""
+"""Change [levels of 255] below which nothing moves, and a copy looks like a still picture."""
 CHANGED_PIXELS = 30
 """Number of pixels whose change is taken for that of the picture: a small mass is not more, in a reduced picture."""
 UNEVEN_STEP = 0.05

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -12,6 +12,7 @@ import numpy as np
 from looping_pendulum.film.decode import FilmError, FilmFacts, Survey, film_error, picture_change, pictures, survey
 from looping_pendulum.film.moving import Background, Blobs, background, blobs_of, joined, paths
 from looping_pendulum.film.track import Points, TrackSettings, streak_way
+from looping_pendulum.jobs import ReportShare
 from looping_pendulum.reference_ode.geometry import Array
 
 MAX_THINGS = 8
@@ -20,7 +21,7 @@ LEAST_WAY = 0.04
 """Shortest way of a thing, as a share of the picture's longer side: what only trembles is no motion."""
 LEAST_FRAMES = 6
 BUSY_SHARE = 0.8
-"""Share of all change by which the time is told in which things move."""
+"""Share of all change that lies in the time in which things move."""
 BUSY_FILM = 0.7
 """Share of the film from which on they move all the time."""
 
@@ -56,7 +57,7 @@ class PlainTrack:
         return "\n".join(rows) + "\n"
 
 
-def follow_all(path: str | Path, settings: TrackSettings, progress: Callable[[str, float], None] | None = None) -> PlainTrack:
+def follow_all(path: str | Path, settings: TrackSettings, progress: ReportShare | None = None) -> PlainTrack:
     """Follow everything that moves before a still background.
 
     Raises

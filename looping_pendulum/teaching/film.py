@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.engines.trajectory import Trajectory, finite_length, first_samples
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import write_atomically
+from looping_pendulum.jobs import ReportShare
 from looping_pendulum.pages.chart import tracked_points
 from looping_pendulum.pages.drawing import curve_look, without_mathtext
 from looping_pendulum.pages.palette import Style, styles
@@ -39,9 +40,6 @@ SIZE = (7.2, 6.0)
 DPI = 100
 GIF_COLOURS = 128
 """Colours of a GIF, the same for all frames, so that nothing flickers."""
-
-Progress = Callable[[str, float], None]
-"""Called with what is being done, and the fraction of the work that is complete."""
 
 
 class FilmError(HarnessError, ValueError):
@@ -64,7 +62,7 @@ def check_film(path: Path) -> None:
         raise FilmError(f"--film: {path}: found no program ffmpeg, needed it for an MP4; {way_out}")
 
 
-def write_film(result: ComparisonResult, path: Path, progress: Progress | None = None) -> None:
+def write_film(result: ComparisonResult, path: Path, progress: ReportShare | None = None) -> None:
     """Write the film of a comparison that has its trajectories.
 
     Raises

@@ -45,7 +45,7 @@ USUAL_EFFECTS = "capstan, light_drag, heavy_drag, string_drag"
 A drag that is not declared is ascribed to what acts alike: without the string's, a side force of 5.0 mN came out as 4.3 mN.
 """
 USUAL_EFFECTS_WITHOUT_ROD = {Release.HELD: "light_drag", Release.DROP: "heavy_drag"}
-"""Release -> the same for a study of such trials alone; on a string of one length, its drag cannot be told from the mass's."""
+"""Release -> the same for a study of such trials alone; on a string of one length, its drag looks like the mass's."""
 MEASURED_PER_TRIAL = {
     Release.LOOPING: ("heavy.mass", "release.angle", "release.free_length", "release.hanging_length"),
     Release.VERTICAL: ("heavy.mass", "release.free_length", "release.hanging_length"),
@@ -115,7 +115,7 @@ def new_study(answer: Answers, *, name: str, folder: Path, files: Sequence[str],
         if not Path(file).exists():
             raise AnswerError(f"--trial: found no file {quote(file)}, needed the file of a trial's marks; correct the path")
         if not is_film(file):
-            _survey(file)  # before any question, as no answer mends a file that is not understood
+            _survey(file)  # before any question, as no answer corrects a file that is not understood
     _refuse_unknown_keys(answer)
     defaults = scenario_tree(like)
     tree: Tree = {"title": answer("title", "Title, a few words", name.replace("_", " "), check_text), "apparatus": {}}

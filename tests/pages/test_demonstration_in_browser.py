@@ -45,11 +45,11 @@ def test_a_german_page_is_as_clean(visit, result):
 def test_the_guess_is_read_first_and_the_answer_unfolded_then(visit, result):
     page = visit(html(result)).page
     assert result.demonstration.guess in page.inner_text("main")
-    told = [claim.text for claim in result.answer] + [result.demonstration.picture.caption]
-    assert not any(words in page.inner_text("main") for words in told)
+    answers = [claim.text for claim in result.answer] + [result.demonstration.picture.caption]
+    assert not any(words in page.inner_text("main") for words in answers)
     assert not page.is_visible("table")
     page.click("summary")
-    assert all(words in page.inner_text("main") for words in told)
+    assert all(words in page.inner_text("main") for words in answers)
     assert page.is_visible("table")
 
 

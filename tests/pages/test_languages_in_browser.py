@@ -221,9 +221,9 @@ def with_runs(request, visit):
 
 def test_stored_runs_are_told_in_german(with_runs, german_words):
     page = with_runs
-    told = page.evaluate("Object.values(live.engines.data.translations.de)")
-    german_words.known += [pattern(words) for words in told]
-    german_words.begun += [re.compile(f"{pattern(words).pattern} ") for words in told]
+    shown = page.evaluate("Object.values(live.engines.data.translations.de)")
+    german_words.known += [pattern(words) for words in shown]
+    german_words.begun += [re.compile(f"{pattern(words).pattern} ") for words in shown]
     german_words.fine.clear()
     seen = page.inner_text("#engine-runs") + page.inner_text("#engine-details")
     assert "Das exakte Modell, weit feiner gelöst als jede Physik-Engine" in seen

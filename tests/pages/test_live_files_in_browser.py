@@ -231,11 +231,11 @@ def test_a_wrong_frame_rate_is_named_as_look_names_it(opened, slower, words):
     drop_file(page, "film.csv", f"t,light_x,light_y\n{rows}")
     until(page, "live.trial.trial !== null")
     settled(page)
-    told = page.inner_text("#trial-faults")
+    message = page.inner_text("#trial-faults")
     if not words:
-        assert told == ""
+        assert message == ""
         return
-    assert told == (
+    assert message == (
         f"The times are {words} what the settings allow, as of a wrong frame rate: the true frames per second would be 240."
     )
     page.fill("#trial-rate", "240")

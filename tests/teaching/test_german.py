@@ -43,11 +43,11 @@ def test_every_text_of_the_tables_has_its_german():
 def test_what_a_page_says_of_its_runs_has_its_german_with_the_same_numbers(result):
     data = page_data(result())
     german = data["translations"]["de"]
-    told = [run[key] for run in data["runs"] for key in ("caption", "story") if run[key] and "faulty" not in run["name"]]
-    told += [run["gap"] for run in data["runs"] if run["gap"]]
-    told += [event["words"] for run in data["runs"] for event in run["events"]]
-    assert len(told) > 4
-    for text in told:
+    texts = [run[key] for run in data["runs"] for key in ("caption", "story") if run[key] and "faulty" not in run["name"]]
+    texts += [run["gap"] for run in data["runs"] if run["gap"]]
+    texts += [event["words"] for run in data["runs"] for event in run["events"]]
+    assert len(texts) > 4
+    for text in texts:
         assert digits(german[text]) == digits(text), text
 
 

@@ -11,7 +11,6 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.special import logsumexp
 
 from looping_pendulum.discrepancy.candidates import Candidate
 from looping_pendulum.discrepancy.evidence.laws import Law, with_law
@@ -126,7 +125,7 @@ def explained(grid: NoiseGrid, fit: Fit, parts: Parts, library: int) -> Explanat
     return Explanation(
         parts=parts,
         fit=fit,
-        log_z=float(logsumexp(log_z)),
+        log_z=float(np.logaddexp.reduce(log_z)),
         setting=int(np.argmax(log_z)),
         log_prior=log_prior(len(parts.effects), library, parts.law),
     )

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from scipy.special import logsumexp
 
 from looping_pendulum.discrepancy.evidence.prior import AMPLITUDES, FRAMES, P_LASTING
 from looping_pendulum.discrepancy.fit.data import CorrelatedNoise, TrialData, Whitening
@@ -189,7 +188,7 @@ class Marginal:
     @property
     def log_z(self) -> float:
         """Log evidence without any template."""
-        return float(logsumexp(self.log_z_of_settings))
+        return float(np.logaddexp.reduce(self.log_z_of_settings))
 
     def shift(self) -> tuple[Array, Array]:
         """Return the step of the fitted parameters and their variances by each setting's noise, shape (settings, p)."""

@@ -9,7 +9,6 @@ from functools import partial
 from itertools import combinations
 
 import numpy as np
-from scipy.special import logsumexp
 
 from looping_pendulum.discrepancy.candidates import Candidate
 from looping_pendulum.discrepancy.evidence.explanation import (
@@ -330,10 +329,7 @@ class Search:
             is_said_nearer = a.parent.key < self.best.key < a.key and self.settled
             if self._is_usable(a.parent) and not is_said_nearer:
                 log_posterior, slack = self._expected(a, least)
-                # What adds nothing to a part of it is no explanation of its own
-                smaller = [frozenset(part) for size in range(len(a.key)) for part in combinations(a.key, size)]
-                parts_of_it = [of[key].log_posterior for of in (self.fitted, self.possible) for key in smaller if key in of]
-                if log_posterior + slack > max(limit, *parts_of_it):
+                if log_posterior + slack > limit and log_posterior + slack > self._best_part(a.key):
                     found.append((log_posterior, a))
         found += [(math.inf, a) for a in self._untried()]
         chosen: dict[Key, Addition] = {}
@@ -346,6 +342,12 @@ class Search:
             if len(chosen) < MAX_TOGETHER and not any(key < first.key for key in chosen):
                 chosen.setdefault(first.key, first)
         return list(chosen.values())
+
+    def _best_part(self, key: Key) -> float:
+        """Return the log posterior of the best part of an explanation: what adds nothing to it is no explanation of its own."""
+        parts = [frozenset(part) for size in range(len(key)) for part in combinations(key, size)]
+        known = (of[part].log_posterior for of in (self.fitted, self.possible) for part in parts if part in of)
+        return max(known, default=-math.inf)
 
     def _untried(self) -> list[Addition]:
         """Return the listed effects that are fitted whatever the linear model says: it shows too little of some.
@@ -440,7 +442,7 @@ def _additions(
     s, base, names = m.complement, m.log_z_of_settings[:, None], [t.candidate.name for t in found]
     square = np.maximum(np.einsum("gii->gi", s)[:, 1:], 1e-12)
     z = s[:, 0, 1:] / np.sqrt(square)
-    gain = logsumexp(base + 0.5 * z**2 + log_occam(z), axis=0) - m.log_z
+    gain = np.logaddexp.reduce(base + 0.5 * z**2 + log_occam(z), axis=0) - m.log_z
     amounts = s[0, 0, 1:] / square[0]
     best: dict[tuple[str, ...], tuple[tuple[int, ...], float, tuple[float, ...]]] = {}
     for i in np.argsort(-gain).tolist():
@@ -459,7 +461,7 @@ def _additions(
     # The widths are those of each amount by itself; both together have less room by their correlation
     together_ = 0.5 * np.log(determinant / np.maximum(aa * bb, 1e-30))
     log_bf = 0.5 * (x[0] * along[0] + x[1] * along[1]) + log_occam(x[0] / widths[0]) + log_occam(x[1] / widths[1]) + together_
-    gain = logsumexp(base + log_bf, axis=0) - m.log_z
+    gain = np.logaddexp.reduce(base + log_bf, axis=0) - m.log_z
     for k in np.argsort(-gain).tolist():
         pair, values = (names[i[k]], names[j[k]]), (float(x[0][0, k]), float(x[1][0, k]))
         if pair not in best and found[i[k]].value(values[0]) is not None and found[j[k]].value(values[1]) is not None:

@@ -277,7 +277,7 @@ class Changes:
         Returns (reach, size) -> change of the value; None if the reach comes first and hardly anything changes.
         """
         found: dict[tuple[float, float], float | None] = {}
-        tries = [first * factor for factor in FIRST_FACTORS]
+        tries = first_tries = [first * factor for factor in FIRST_FACTORS]
         for reach in reaches:
             side = math.copysign(1.0, reach)
             for _ in range(MAX_TRIES):
@@ -289,7 +289,7 @@ class Changes:
             chosen = {size: _chosen(self._tried(side), side, abs(reach), size) for size in sizes}
             found |= {(reach, size): delta for size, delta in chosen.items()}
             mirrored = [abs(delta) for delta in chosen.values() if delta is not None]
-            tries = mirrored or [first * factor for factor in FIRST_FACTORS]
+            tries = mirrored or first_tries
         return found
 
     def _tried(self, side: float) -> list[tuple[float, float]]:

@@ -31,8 +31,8 @@ const CHANGED = { looping: "kinetic_friction", vertical: "kinetic_friction", hel
 /** All settings that mean something, in words; those that are seldom needed only if they are not zero.
  * @param {State} state @returns {[string, string][]} name, and value with its unit */
 export function settingsInWords(state) {
-  const told = CONTROLS.filter(({ name, more }) => isMeaningful(name, state) && (!more || state.values[name]));
-  return told.map(({ name, unit }) => [text(`setting.${name}`), withUnit(shown(state.values[name]), unit)]);
+  const controls = CONTROLS.filter(({ name, more }) => isMeaningful(name, state) && (!more || state.values[name]));
+  return controls.map(({ name, unit }) => [text(`setting.${name}`), withUnit(shown(state.values[name]), unit)]);
 }
 
 /** Fills the sheets when the page is printed, and empties them then. */

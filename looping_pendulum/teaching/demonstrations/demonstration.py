@@ -19,6 +19,7 @@ from looping_pendulum.engines.reference import ReferenceEngine
 from looping_pendulum.engines.registry import how_to_get, label, missing_packages
 from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.errors import HarnessError, MissingPackageError
+from looping_pendulum.jobs import ReportShare
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import available_integrators
@@ -30,8 +31,6 @@ Runs = Mapping[str, Any]
 """Case -> what its run returned."""
 MeasuredValues = Mapping[str, Mapping[str, Any]]
 """Quantity -> case -> measured value: ``values["halt"]["reference"]``; None where there is nothing to measure."""
-Progress = Callable[[str, float], None]
-"""Called with what is being done, and the fraction of the work that is complete."""
 
 
 class DemonstrationError(HarnessError, ValueError):
@@ -155,7 +154,7 @@ class DemonstrationResult:
         return all(sentence.holds for sentence in self.answer)
 
 
-def run_demonstration(demonstration: Demonstration, progress: Progress | None = None) -> DemonstrationResult:
+def run_demonstration(demonstration: Demonstration, progress: ReportShare | None = None) -> DemonstrationResult:
     """Run the experiment of ``demonstration`` and return the content of its page.
 
     Raises

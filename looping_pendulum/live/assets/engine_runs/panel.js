@@ -15,7 +15,7 @@ const lang = "en";
 
 /** What the package writes about runs, in the language of the page where that has it.
  * @param {"span" | "p" | "dt" | "dd"} tag @param {RunsData} data @param {string} words */
-function told(tag, data, words) {
+function translated(tag, data, words) {
   const known = toldIn(data, words);
   return html(tag, known === undefined ? { lang } : {}, known ?? words);
 }
@@ -33,8 +33,8 @@ function named(tag, run) {
 export function listOfRuns(data, shown, onSwitch) {
   const rows = data.runs.map((run) => {
     const caption = html("p", { className: "caption" });
-    if (run.gap) caption.append(html("strong", {}, text("notRunWhy")), " ", told("span", data, run.gap), ". ");
-    caption.append(told("span", data, run.caption));
+    if (run.gap) caption.append(html("strong", {}, text("notRunWhy")), " ", translated("span", data, run.gap), ". ");
+    caption.append(translated("span", data, run.caption));
     return row(run.id, named("span", run), Boolean(run.gap), swatch(run), caption);
   });
   if (data.trial) {
@@ -109,17 +109,17 @@ function digits(value, factor, count) {
 export function momentsAndSources(data, onTime) {
   const items = data.runs.map((run) => {
     const item = html("li", {}, named("strong", run), ": ");
-    if (run.gap) item.append(html("span", {}, text("notRun")), ": ", told("span", data, run.gap));
+    if (run.gap) item.append(html("span", {}, text("notRun")), ": ", translated("span", data, run.gap));
     else if (!run.events.length) item.append(text("noMoments", { time: fixed(run.end ?? 0, 3) }));
     for (const { kind, t } of run.gap ? [] : run.events) {
       const button = html("button", { type: "button", className: "moment" }, [text(`moment.${kind}`), fixed(t, 4), "s"].join(" "));
       button.addEventListener("click", () => onTime(t));
       item.append(button, " ");
     }
-    if (run.story) item.append(html("details", {}, html("summary", {}, text("departs")), told("p", data, run.story)));
+    if (run.story) item.append(html("details", {}, html("summary", {}, text("departs")), translated("p", data, run.story)));
     return item;
   });
-  const words = Object.entries(data.words).flatMap(([word, meaning]) => [told("dt", data, word), told("dd", data, meaning)]);
+  const words = Object.entries(data.words).flatMap(([word, meaning]) => [translated("dt", data, word), translated("dd", data, meaning)]);
   const about = text("aboutRuns", { rate: data.rate, window: Math.round(1e3 * data.tension_window) });
   return [
     html("h3", {}, text("allMoments")),
