@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from looping_pendulum.film.output import contact_sheet
-from looping_pendulum.film.track import FilmTrack, TrackSettings, track
+from looping_pendulum.film.output import contact_sheet, sheet_of_moving_things
+from looping_pendulum.film.track import FilmTrack, NotTrackedError, TrackSettings, track
 from tests.film.renderer import Decoy, Scene, looping_motion, render, seen_from_aside
 
 FOLDER = Path(__file__).parents[1] / "docs" / "img"
@@ -51,7 +51,7 @@ def main() -> None:
     window = Scene(
         size=(640, 360), scale=415.0, rod=(395.0, 131.0), frame_rate=120, before=0.1, duration=0.6, contrast=0.5, seed=403
     )
-    head_and_scene, tiles, plot = slice(0, HEAD + SCENE), slice(HEAD + SCENE, HEAD + SCENE + TILES), slice(-170, None)
+    tiles, plot = slice(HEAD + SCENE, HEAD + SCENE + TILES), slice(-170, None)
 
     with tempfile.TemporaryDirectory() as folder:
 
@@ -67,8 +67,14 @@ def main() -> None:
         draw("streak", tracked(hand=True, frame_rate=60, exposure=1 / 70), tiles)
         draw("aside", tracked(project=seen_from_aside(5, usual)), plot)
         draw("shutter", tracked(readout=0.015), plot)
-        draw("mirror", tracked(**vars(window) | {"decoys": (mirrored(window),)}), head_and_scene)
         draw("dim", tracked(contrast=0.6, noise=2), tiles)
+        try:
+            tracked(**vars(window) | {"decoys": (mirrored(window),)})
+        except NotTrackedError as error:
+            if error.ground is None:
+                raise
+            sheet = sheet_of_moving_things(error.ground, error.moving, str(error).replace(folder, "").lstrip("/"))
+            (FOLDER / "film-mirror.png").write_bytes(small(sheet))
 
 
 if __name__ == "__main__":

@@ -57,7 +57,6 @@ def track(
     from looping_pendulum.film import options, output
     from looping_pendulum.film.plain import follow_all
     from looping_pendulum.film.track import TrackSettings
-    from looping_pendulum.film.track import track as track_film
 
     length, error = (None, 0.0) if free_length is None else options.read_length("--free-length", free_length)
     settings = TrackSettings(
@@ -78,17 +77,16 @@ def track(
     for film in films:
         files = output.files_of(film, out)
         prepare_output_folder(files.table.parent, files=(files.table.name, files.facts.name, files.sheet.name))
-        output.refuse_foreign_table(files)
         with ProgressBars() as bars:
             if plain:
+                output.refuse_foreign_table(files)
                 things = follow_all(film, settings, bars.update)
                 written = output.write_plain(things, files)
                 for name, points in things.things.items():
                     say(f"{name}: {len(points.frame)} frames, from {points.frame[0]} to {points.frame[-1]}")
                 found = output.facts(things)
             else:
-                tracked = track_film(film, settings, bars.update)
-                written = output.write(tracked, files, overlay=overlay)
+                tracked, written = output.track_and_write(film, settings, files, bars.update, overlay=overlay)
                 say(output.sentence(tracked))
                 say("Check the marks on the contact sheet. In a study:")
                 say(output.study_lines(tracked, files.table.name))

@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import math
+import textwrap
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -15,8 +17,11 @@ from numpy.typing import NDArray
 
 from looping_pendulum.files import write_atomically
 from looping_pendulum.film.decode import FilmError, Picture, decoding, imaging, pictures_of
+from looping_pendulum.film.moving import Background
+from looping_pendulum.film.moving import Path as MovingPath
 from looping_pendulum.film.plain import PlainTrack
-from looping_pendulum.film.track import FilmTrack, Points, film_window
+from looping_pendulum.film.track import FilmTrack, NotTrackedError, Points, TrackSettings, film_window, track
+from looping_pendulum.jobs import ReportShare
 from looping_pendulum.reference_ode.geometry import Array
 
 TABLE_COLUMNS = (
@@ -38,6 +43,17 @@ TILES = 8
 """Enlarged frames on the contact sheet."""
 LIGHT_COLOUR, HEAVY_COLOUR, ROD_COLOUR, INK, PAPER = (0, 0, 230), (230, 110, 0), (0, 150, 0), (40, 40, 40), (255, 255, 255)
 """Blue, green and red."""
+PATH_COLOURS = (
+    (0, 0, 230),
+    (230, 110, 0),
+    (0, 150, 0),
+    (0, 140, 240),
+    (190, 0, 190),
+    (150, 140, 0),
+    (90, 90, 90),
+    (60, 30, 120),
+)
+"""Of things that move, of which the masses are not known; blue, green and red."""
 CROSS_COLOUR = (0, 230, 255)
 """Of crosses on the masses themselves."""
 LEAST_ORIGIN_ERROR = 1e-4
@@ -238,6 +254,28 @@ def _summary(points: Points) -> dict[str, float]:
     }
 
 
+def track_and_write(
+    film: str | Path, settings: TrackSettings, files: FilmFiles, progress: ReportShare | None = None, *, overlay: bool = False
+) -> tuple[FilmTrack, list[Path]]:
+    """Track a film and write what `write` does; return its track and the paths.
+
+    Raises
+    ------
+    FilmError
+        As `track` does, and if a table of another program is in the way. Where the masses are not found, the contact sheet
+        shows whatever moves, with the places that options ask for.
+    """
+    refuse_foreign_table(files)
+    try:
+        found = track(film, settings, progress)
+    except NotTrackedError as error:
+        if error.ground is None or not error.moving:
+            raise
+        write_atomically(files.sheet, _png(sheet_of_moving_things(error.ground, error.moving, str(error))))
+        raise FilmError(f"{error}; {files.sheet.name} shows what moves") from None
+    return found, write(found, files, overlay=overlay)
+
+
 def write(track: FilmTrack, files: FilmFiles, *, overlay: bool = False) -> list[Path]:
     """Write table, facts and contact sheet, with ``overlay`` the film with its marks, too; return their paths."""
     write_atomically(files.table, table(track))
@@ -268,30 +306,59 @@ def _png(picture: NDArray[np.uint8]) -> bytes:
 def contact_sheet(track: FilmTrack) -> NDArray[np.uint8]:
     """Return the picture by which a person checks the points: the paths, eight frames enlarged, the string's residual."""
     cv2 = imaging()
-    height, width = track.ground.planes[0].shape
-    shrink = SHEET_WIDTH / width if width >= height else 0.5 * SHEET_WIDTH / width
-    scene = cv2.cvtColor(
-        cv2.resize(track.ground.planes[0], None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA), cv2.COLOR_GRAY2BGR
-    )
-    scene = cv2.addWeighted(scene, 0.55, np.full_like(scene, 255), 0.45, 0)
+    scene, shrink = _pale(cv2, track.ground)
     for points, colour in ((track.light, LIGHT_COLOUR), (track.heavy, HEAVY_COLOUR)):
         for x, y in points.place * shrink:
             _dot(cv2, scene, x, y, 1.5, colour)
     cv2.circle(
         scene, _fixed(np.array(track.rod) * shrink), int(16 * max(track.rod_radius * shrink, 2)), ROD_COLOUR, 2, cv2.LINE_AA, 4
     )
-    if width < height:
-        scene = cv2.copyMakeBorder(scene, 0, 0, 0, SHEET_WIDTH - scene.shape[1], cv2.BORDER_CONSTANT, value=PAPER)
-    head = np.full((58, SHEET_WIDTH, 3), 255, np.uint8)
     lines = (
         f"{Path(track.path).name}: light mass (red) in {track.share:.0%} of the frames, heavy mass blue, rod green",
         f"scale {track.scale:.1f} px/m +/- {track.scale_error:.2%}, string within {track.string_scatter:.2f} px, "
         f"release at {track.release:.3f} s, "
         f"{track.facts.rate:.4g} frames/s, angle {math.degrees(track.angle):.1f} deg",
     )
+    return np.vstack([_head(cv2, lines), _wide(cv2, scene), _tiles(cv2, track), _residual_plot(cv2, track)])
+
+
+def sheet_of_moving_things(ground: Background, moving: Sequence[MovingPath], message: str) -> NDArray[np.uint8]:
+    """Return the picture by which a person finds the masses: the longest paths, each with its first place and frames."""
+    cv2 = imaging()
+    scene, shrink = _pale(cv2, ground)
+    longest = sorted(moving, key=lambda path: -float(np.ptp(path[:, 1:3], axis=0).sum()))[: len(PATH_COLOURS)]
+    for path, colour in zip(longest, PATH_COLOURS, strict=False):
+        for x, y in path[:, 1:3] * shrink:
+            _dot(cv2, scene, x, y, 1.5, colour)
+    for path, colour in zip(longest, PATH_COLOURS, strict=False):
+        frame, x, y = path[len(path) // 2, :3]
+        _dot(cv2, scene, x * shrink, y * shrink, 5, colour)
+        _write(cv2, scene, f"{x:.0f},{y:.0f}@{frame:.0f}", x * shrink + 9, y * shrink + 5, 0.5)
+    found, *ways_out = message.split("; ")
+    lines = [found, *textwrap.wrap("; ".join(ways_out), 130), "Places in a frame, X,Y@FRAME, of what moves farthest:"]
+    return np.vstack([_head(cv2, lines), _wide(cv2, scene)])
+
+
+def _pale(cv2: Any, ground: Background) -> tuple[NDArray[np.uint8], float]:
+    """Return the background as wide as a sheet, or half as wide if it is upright, in pale grey, and by how much it shrank."""
+    height, width = ground.planes[0].shape
+    shrink = SHEET_WIDTH / width if width >= height else 0.5 * SHEET_WIDTH / width
+    grey = cv2.resize(ground.planes[0], None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)
+    scene = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
+    return cv2.addWeighted(scene, 0.55, np.full_like(scene, 255), 0.45, 0), shrink
+
+
+def _wide(cv2: Any, scene: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return a picture with a margin on the right that makes it as wide as the sheet."""
+    margin = SHEET_WIDTH - scene.shape[1]
+    return np.asarray(cv2.copyMakeBorder(scene, 0, 0, 0, margin, cv2.BORDER_CONSTANT, value=PAPER)) if margin else scene
+
+
+def _head(cv2: Any, lines: Sequence[str]) -> NDArray[np.uint8]:
+    head = np.full((10 + 24 * len(lines), SHEET_WIDTH, 3), 255, np.uint8)
     for i, text in enumerate(lines):
         _write(cv2, head, text, 10, 22 + 24 * i, 0.55)
-    return np.vstack([head, scene, _tiles(cv2, track), _residual_plot(cv2, track)])
+    return head
 
 
 def _tiles(cv2: Any, track: FilmTrack) -> NDArray[np.uint8]:
@@ -402,7 +469,7 @@ def _cross(cv2: Any, picture: NDArray[np.uint8], x: float, y: float, reach: floa
         cv2.line(picture, *ends, colour, 1, cv2.LINE_AA, 4)
 
 
-def _write(cv2: Any, picture: NDArray[np.uint8], text: str, x: int, y: int, size: float) -> None:
-    shown = text.encode("ascii", "replace").decode()
-    cv2.putText(picture, shown, (x, y), cv2.FONT_HERSHEY_SIMPLEX, size, PAPER, 3, cv2.LINE_AA)
-    cv2.putText(picture, shown, (x, y), cv2.FONT_HERSHEY_SIMPLEX, size, INK, 1, cv2.LINE_AA)
+def _write(cv2: Any, picture: NDArray[np.uint8], text: str, x: float, y: float, size: float) -> None:
+    shown, place = text.encode("ascii", "replace").decode(), (round(x), round(y))
+    cv2.putText(picture, shown, place, cv2.FONT_HERSHEY_SIMPLEX, size, PAPER, 3, cv2.LINE_AA)
+    cv2.putText(picture, shown, place, cv2.FONT_HERSHEY_SIMPLEX, size, INK, 1, cv2.LINE_AA)

@@ -33,6 +33,8 @@ MAX_RISE = 0.1
 """Largest share of its way down by which the heavy mass may go up again."""
 MAX_STRING_RESIDUAL = 3.0
 """Scatter of the string's length above which it was not the string [pixels of a picture 1280 wide]."""
+MAX_BESIDE = 6.0
+"""Distance of the heavy mass's vertical from the rod's edge above which it was not the rod [pixels of a picture 1280 wide]."""
 MIN_SHARE = 0.5
 """Share of the pictures after the release in which the light mass must be found."""
 MIN_SWEEP = 2.0
@@ -140,11 +142,15 @@ def heavy_mass(blobs: Blobs, candidates: Sequence[Path], t: Array, unit: float) 
     for frame in range(int(k[0]) + 1, int(k[-1])):
         if frame not in rows and (row := nearest(frame, float(np.interp(frame, k, y)), unit * (8 + 400 * usual))) is not None:
             rows[frame] = row
-    for step, frame, place in ((1, int(k[-1]) + 1, y[-1]), (-1, int(k[0]) - 1, y[0])):
-        while 0 <= frame < len(t):
-            if (row := nearest(frame, place, unit * (4 + 300 * usual * (2 if step > 0 else 1)))) is not None:
-                rows[frame], place = row, row[2]
-            frame += step
+    for step, end, place, share in ((1, int(k[-1]), y[-1], 2), (-1, int(k[0]), y[0], 1)):
+        for frame in range(end + step, len(t) if step > 0 else -1, step):
+            last = [rows[i] for i in range(frame - step, frame - 6 * step, -step) if i in rows]
+            if len(last) >= 4:  # on at its speed: where the light mass crosses it, it is lost or displaced in a picture or two
+                past = np.array([(t[int(row[0])] - t[frame], row[2]) for row in last])
+                place = float(np.polyfit(past[:, 0], past[:, 1], 1)[1])
+            if (row := nearest(frame, place, unit * (4 + 300 * usual * share))) is not None:
+                rows[frame] = row
+                place = row[2]
     return Fall(rows=np.array([rows[i] for i in sorted(rows)]), slope=slope, offset=offset, first=max(moves - 3, 0), last=halts)
 
 
@@ -178,6 +184,10 @@ class String:
     def at(self, points: Array) -> tuple[Array, Array]:
         """Return the free length and the bearing at which the string leaves the rod, as `string_at` does, of points (n, 2)."""
         return string_at(points, self.rod, self.radius, self.side)
+
+    def beside(self, fall: Fall) -> float:
+        """Return how far right of the heavy mass's vertical the rod's edge is from which that mass hangs."""
+        return self.rod[0] + self.side * self.radius - float(fall.column(self.rod[1]))
 
     def place(self, free: Array, phi: Array) -> Array:
         """Return the points (n, 2) at the end of a string of these free lengths that leaves the rod at these bearings."""
@@ -453,8 +463,8 @@ def refined(
     def residuals(p: Array) -> Array:
         e, radius = departure(p)
         # The heavy mass's vertical leads to the rod's edge, as well as the mass's centre lies under the string
-        tie = (p[0] + string.side * radius - float(fall.column(p[1]))) / unit
-        held = [(p[0] - string.rod[0]) * 1e3, (p[1] - string.rod[1]) * 1e3] if rod_fixed else [0.5 * tie]
+        tie = 0.5 * replace(string, rod=(p[0], p[1]), radius=radius).beside(fall) / unit
+        held = [(p[0] - string.rod[0]) * 1e3, (p[1] - string.rod[1]) * 1e3] if rod_fixed else [tie]
         return np.append(e, held)
 
     fit = least_squares(residuals, [*string.rod, string.constant], loss="soft_l1", f_scale=1.0)

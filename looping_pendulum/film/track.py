@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -55,6 +55,8 @@ By what exceeds it rod and scale may be wrong, too: the fit of a rod gives way t
 """
 SHOWN_ERROR = 1.4
 """Error of a length between two places that a person has shown [pixels]."""
+MIRRORED_SHARE = 0.6
+"""Share of the light mass's frames in which something else must hang on a taut string to be taken for its mirror image."""
 WINDOW_RATE = 120.0
 """Pictures per second by which the time of the fall is found [Hz]."""
 FIRST_WINDOWS = ((0.1, 0.6), (0.3, 0.9), (0.05, 0.3))
@@ -206,24 +208,56 @@ class FilmTrack:
         return np.stack([self.side * x, y], axis=-1)
 
 
+class NotTrackedError(FilmError):
+    """The masses are not found in a film."""
+
+    def __init__(self, message: str, ground: Background | None, moving: Sequence[MovingPath]) -> None:
+        super().__init__(message)
+        self.ground = ground
+        """The picture without what moves, as far as the tracking came."""
+        self.moving = moving
+        """Whatever moves."""
+
+
 def track(path: str | Path, settings: TrackSettings, progress: ReportShare | None = None) -> FilmTrack:
     """Track both masses through a film.
 
     Raises
     ------
     FilmError
-        If the film cannot be read, or the masses are not found in it beyond doubt; the message says what would help.
+        If the film cannot be read.
+    NotTrackedError
+        If the masses are not found in it beyond doubt; the message says what would help.
     """
     report = progress or (lambda _, __: None)
     report("reading the film", 0.0)
     seen = survey(path, frame_rate=settings.frame_rate)
     if settings.free_length is None and settings.scale is None:
         raise film_error(seen.path, "found no length that tells the scale, needed one", 'add for example --free-length "58 cm"')
+    tracking = _Tracking(seen, settings, report)
     try:
-        return _Tracking(seen, settings, report).result()
+        return tracking.result()
     except FilmError as error:
         text = str(error)
-        raise FilmError(text if text.startswith(seen.path) else f"{seen.path}: {text}") from None
+        raise NotTrackedError(
+            text if text.startswith(seen.path) else f"{seen.path}: {text}", tracking.ground, tracking.moving
+        ) from None
+
+
+class _Fit(NamedTuple):
+    """A thing on a taut string, and that string."""
+
+    light: LightMass
+    string: String
+    residual: Array
+    """Departure of each of its points from the taut string [pixels], shape (n,)."""
+    covariance: Array
+    """Of the rod's x and y and of the string's length [pixels^2], shape (3, 3)."""
+
+    @property
+    def scatter(self) -> float:
+        """Return the standard deviation of `residual`, by its median size."""
+        return 1.4826 * float(np.median(np.abs(self.residual)))
 
 
 class _Tracking:
@@ -234,6 +268,8 @@ class _Tracking:
         self.t, self.facts = seen.t, seen.facts
         self.size = seen.facts.width, seen.facts.height
         self.unit = max(self.size) / 1280
+        self.ground: Background | None = None
+        self.moving: Sequence[MovingPath] = ()
         self.first, self.last = settings.frames(self.t)
         if self.last - self.first < 5:
             raise FilmError("found fewer than six frames between --from and --to, needed the whole motion; correct them")
@@ -241,10 +277,10 @@ class _Tracking:
     def result(self) -> FilmTrack:
         window, sure = self._window()
         for attempt in (1, 2):
-            ground = self._background(window, sure=sure)
+            ground = self.ground = self._background(window, sure=sure)
             first, last = self._span(window)
             blobs = self._blobs(ground, first, last)
-            moving = paths(blobs, self.t, max(self.size))
+            moving = self.moving = paths(blobs, self.t, max(self.size))
             try:
                 fall = self._fall(blobs, moving)
             except FilmError:
@@ -348,30 +384,38 @@ class _Tracking:
         heights = fall.heights(len(t))
         ratio = self._ratio(fall)
         until = min(max(fall.last + 3, int(np.searchsorted(t, t[fall.first] + 0.45))), last)
-        seed = None if settings.light is None else (settings.light.frame, settings.light.x, settings.light.y)
-        tries: list[tuple[float, LightMass, String, Array, Array]] = []
-        for proposal in pendulum.vote(blobs, fall, heights, ratio, self.size, until, settings.rod):
-            string, light = proposal, None
-            start = 0.5 * math.pi
-            for _ in range(3):
-                light = pendulum.follow(blobs, moving, fall, heights, string, t, unit, seed)
-                if light is None or len(light.blobs) < 6:
+        proposals = pendulum.vote(blobs, fall, heights, ratio, self.size, until, settings.rod)
+        tries: list[_Fit] = []
+        for proposal in proposals:
+            if (fit := self._fitted(proposal, blobs, moving, fall, heights, ratio)) is not None:
+                tries.append(fit)
+                if len(fit.light.blobs) > 0.8 * np.sum(fit.light.frames[-1] >= np.array(sorted(blobs))) and fit.scatter < unit:
                     break
-                start = _bearing_at_rest(light, fall)
-                string, residual, covariance = pendulum.refined(
-                    light, heights, fall, string, ratio, unit, start, rod_fixed=settings.rod is not None
-                )
-            if light is None or len(light.blobs) < 6:
-                continue
-            scatter = 1.4826 * float(np.median(np.abs(residual)))
-            tries.append((len(light.blobs) - 10 * scatter / unit, light, string, residual, covariance))
-            if len(light.blobs) > 0.8 * np.sum(light.frames[-1] >= np.array(sorted(blobs))) and scatter < unit:
-                break
         if not tries:
             raise FilmError(f"found no thing on a taut string, needed the light mass; {self._way_out(blobs, moving, fall)}")
-        _, light, string, residual, covariance = max(tries, key=lambda each: each[0])
-        self._refuse_doubtful(blobs, moving, fall, light, residual)
-        return self._finished(ground, blobs, fall, heights, light, string, residual, covariance)
+        best = max(tries, key=lambda each: len(each.light.blobs) - 10 * each.scatter / unit)
+        self._refuse_doubtful(blobs, moving, fall, best)
+        if settings.light is None:
+            others = [proposal for proposal in proposals if proposal.side != best.string.side]
+            self._refuse_mirrored(best, (self._fitted(each, blobs, moving, fall, heights, ratio) for each in others))
+        return self._finished(ground, blobs, fall, heights, best)
+
+    def _fitted(
+        self, proposal: String, blobs: Blobs, moving: Sequence[MovingPath], fall: Fall, heights: Array, ratio: float
+    ) -> _Fit | None:
+        """Follow the light mass on a string and fit the string to it, in turn; None where nothing is on it."""
+        shown = self.settings.light
+        seed = None if shown is None else (shown.frame, shown.x, shown.y)
+        fit, string = None, proposal
+        for _ in range(3):
+            light = pendulum.follow(blobs, moving, fall, heights, string, self.t, self.unit, seed)
+            if light is None or len(light.blobs) < 6:
+                return None
+            string, residual, covariance = pendulum.refined(
+                light, heights, fall, string, ratio, self.unit, _bearing_at_rest(light, fall), self.settings.rod is not None
+            )
+            fit = _Fit(light, string, residual, covariance)
+        return fit
 
     def _way_out(self, blobs: Blobs, moving: Sequence[MovingPath], fall: Fall) -> str:
         """Say which option helps against what the film shows beside the apparatus."""
@@ -390,36 +434,51 @@ class _Tracking:
         """Return the frames from the release on in which the light mass is asked for."""
         return [k for k in blobs if k >= fall.first and self.t[k] < self.t[fall.first] + pendulum.SHARE_SECONDS]
 
-    def _refuse_doubtful(
-        self, blobs: Blobs, moving: Sequence[MovingPath], fall: Fall, light: LightMass, residual: Array
-    ) -> None:
+    def _refuse_doubtful(self, blobs: Blobs, moving: Sequence[MovingPath], fall: Fall, fit: _Fit) -> None:
         limit = pendulum.MAX_STRING_RESIDUAL * self.unit
         span = self._span_after(blobs, fall)
-        share = len(set(light.frames.tolist()).intersection(span)) / max(len(span), 1)
-        scatter = 1.4826 * float(np.median(np.abs(residual)))
-        sweep = float(np.ptp(light.phi))
-        if share < pendulum.MIN_SHARE or scatter > limit or sweep < pendulum.MIN_SWEEP:
+        share = len(set(fit.light.frames.tolist()).intersection(span)) / max(len(span), 1)
+        sweep = float(np.ptp(fit.light.phi))
+        if share < pendulum.MIN_SHARE or fit.scatter > limit or sweep < pendulum.MIN_SWEEP:
             raise FilmError(
-                f"found no light mass beyond doubt (in {share:.0%} of the frames, {scatter:.1f} pixels from a taut string, "
+                f"found no light mass beyond doubt (in {share:.0%} of the frames, {fit.scatter:.1f} pixels from a taut string, "
                 f"through {math.degrees(sweep):.0f} deg), needed half the frames, {limit:.1f} pixels and 115 deg; "
                 f"{self._way_out(blobs, moving, fall)}"
             )
+        beside, (x, y) = abs(fit.string.beside(fall)), fit.string.rod
+        if self.settings.rod is None and beside > pendulum.MAX_BESIDE * self.unit:
+            raise FilmError(
+                f"found the rod at {x:.0f},{y:.0f}, {beside:.0f} pixels beside the heavy mass's vertical, needed at most "
+                f"{pendulum.MAX_BESIDE * self.unit:.0f}, as both masses hang on one string over it; show it by --rod X,Y"
+            )
+
+    def _refuse_mirrored(self, best: _Fit, others: Iterable[_Fit | None]) -> None:
+        """Refuse a film in which something else hangs on a taut string on the other side just as well: a mirror image."""
+        for other in others:
+            if other is None or len(other.light.blobs) < MIRRORED_SHARE * len(best.light.blobs):
+                continue
+            common, mine, its = np.intersect1d(best.light.frames, other.light.frames, return_indices=True)
+            apart = np.hypot(*(best.light.points[mine] - other.light.points[its]).T)
+            if other.scatter < pendulum.MAX_STRING_RESIDUAL * self.unit and np.median(apart) > 2 * best.light.blobs[0].width:
+                (x, y), (u, v) = best.light.points[mine[0]], other.light.points[its[0]]
+                raise FilmError(
+                    f"found two things on a taut string, at {x:.0f},{y:.0f} and at {u:.0f},{v:.0f} in frame {common[0]}, "
+                    "needed one; is one a mirror image? show the light mass by --light X,Y@FRAME, or cover the mirror"
+                )
 
     def _ratio(self, fall: Fall) -> float:
         """Return the rod's radius over the free length; where a rule gives the scale, a usual length will do."""
         return self.settings.rod_radius / (self.settings.free_length or 0.5)
 
-    def _finished(
-        self, ground: Background, blobs: Blobs, fall: Fall, heights: Array, light: LightMass, string: String,
-        residual: Array, covariance: Array,
-    ) -> FilmTrack:  # fmt: skip
+    def _finished(self, ground: Background, blobs: Blobs, fall: Fall, heights: Array, fit: _Fit) -> FilmTrack:
         settings, t, unit = self.settings, self.t, self.unit
+        light, string, covariance = fit.light, fit.string, fit.covariance
         span = self._span_after(blobs, fall)
         found = set(light.frames.tolist())
         share = sum(k in found for k in span) / max(len(span), 1)
         rest_seen = int(np.sum(fall.rows[:, 0] <= fall.first)) >= 3
         heavy_points, heavy_wrong = self._points(
-            fall.rows[:, 0].astype(int), fall.rows[:, 1:3], fall.rows[:, 4], np.zeros(len(fall.rows)), ground
+            fall.rows[:, 0].astype(int), fall.rows[:, 1:3], fall.rows[:, 4], _way_of_fall(fall), ground
         )
         streak = streak_way(np.array([(b.length, b.width) for b in light.blobs]))
         light_points, light_wrong = self._points(
@@ -429,8 +488,7 @@ class _Tracking:
         released, release_error = pendulum.release(t, heavy_points.frame, heavy_points.place[:, 1], fall.first + 3)
         start = _bearing_at_rest(light, fall)
         at_release = string.constant - string.radius * start
-        scatter = 1.4826 * float(np.median(np.abs(residual)))
-        bend = max(scatter - STRAIGHT * unit, 0.0)
+        bend = max(fit.scatter - STRAIGHT * unit, 0.0)
         if settings.scale is not None:
             rule = settings.scale
             scale, scale_error, source = rule.pixels / rule.length, SHOWN_ERROR / rule.pixels, "a length shown in the picture"
@@ -450,6 +508,7 @@ class _Tracking:
         skipped = {
             "copies of the frame before": int(np.sum(self.seen.repeated)),
             "light mass not found, or not beyond doubt": len(span) - sum(k in found for k in span),
+            "heavy mass not found": len(span) - len({*fall.rows[:, 0].astype(int).tolist()}.intersection(span)),
             "light mass off the course of its neighbours": light_wrong,
             "heavy mass off the course of its neighbours": heavy_wrong,
         }
@@ -462,7 +521,7 @@ class _Tracking:
             rod_radius=radius, scale=scale, scale_error=scale_error, scale_source=source, tilt=tilt,
             tilt_error=_tilt_error(fall, unit), release=released, release_error=math.hypot(release_error, RELEASE_ERROR),
             angle=0.0, hanging_length=0.0,
-            string_residual=residual[kept], share=share, skipped=skipped, ground=ground,
+            string_residual=fit.residual[kept], share=share, skipped=skipped, ground=ground,
         )  # fmt: skip
         hanging = -float(track.metres(np.array([fall.column(heavy_rest), heavy_rest]))[1])
         # From straight up, against the sense of the loops, in which the string leaves at right angles to its bearing
@@ -505,6 +564,14 @@ def streak_way(extent: Array) -> Array:
     Both are four standard deviations: those of a disc along its way grow by the way over the root of 12.
     """
     return np.asarray(np.sqrt(0.75 * np.maximum(extent[:, 0] ** 2 - extent[:, 1] ** 2, 0.0)))
+
+
+def _way_of_fall(fall: Fall) -> Array:
+    """Return the heavy mass's way during the exposure [pixels], shape (n,): by how much it is longer than where it rests."""
+    length = fall.rows[:, 5]
+    resting = length[fall.rows[:, 0] <= fall.first]
+    own = np.full(len(length), np.median(resting) if len(resting) else length.min())
+    return streak_way(np.stack([length, own], axis=1))
 
 
 def _bearing_at_rest(light: LightMass, fall: Fall) -> float:

@@ -402,7 +402,7 @@ def _read_film(film: Path, trial: Trial, rod_radius: float | None, progress: Rep
     """Read the points of a film, and what is known of its camera: from the table beside it, or by tracking it now."""
     # Here, as OpenCV takes a while to import, and no other study needs it
     from looping_pendulum.film import output
-    from looping_pendulum.film.track import TrackSettings, track
+    from looping_pendulum.film.track import TrackSettings
     from looping_pendulum.measured.readers import read
 
     files = output.files_of(film)
@@ -415,8 +415,7 @@ def _read_film(film: Path, trial: Trial, rod_radius: float | None, progress: Rep
             frame_rate=trial.frame_rate,
         )
         try:
-            output.refuse_foreign_table(files)
-            output.write(track(film, settings, progress), files)
+            output.track_and_write(film, settings, files, progress)
         except HarnessError as error:
             raise DataError(str(error)) from None
     points = read(files.table, name=trial.name, starts_at_release=False)

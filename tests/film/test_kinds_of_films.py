@@ -5,12 +5,14 @@ from __future__ import annotations
 import contextlib
 from dataclasses import replace
 
+import av
 import numpy as np
 import pytest
 
 from looping_pendulum.film.decode import FilmError, pictures, survey
 from looping_pendulum.film.track import track
-from tests.film.renderer import Scene, bent_by_a_lens, render, seen_from_aside
+from tests.blind import Effects
+from tests.film.renderer import Scene, bent_by_a_lens, looping_motion, render, seen_from_aside
 from tests.film.test_track import PAPER, WRONG, errors, rms_per_axis
 
 SMALL = Scene(before=0.1, duration=0.6, frame_rate=120, size=(640, 360), scale=415.0, rod=(395.0, 131.0), seed=501)
@@ -39,6 +41,37 @@ def test_marks_are_right_in_each_kind_of_film(kind, tmp_path, motion):
     assert np.all(np.abs(np.array(found.rod) - truth.rod) < 0.3 + 3 * np.array(found.rod_error))
     assert abs(found.scale / truth.scale - 1) < 3 * found.scale_error
     assert found.facts.bits == (10 if kind == "10 bit HEVC" else 8)
+
+
+@pytest.mark.parametrize("frame_rate", [120, 240])
+def test_the_heavy_mass_is_followed_where_the_light_one_crosses_it(frame_rate, tmp_path):
+    """It was lost there, which gave the string another length: the rod was found elsewhere, or the film refused."""
+    path = tmp_path / "trial.mp4"
+    crossing = looping_motion(0.8, Effects(friction_per_wrap=0.06), heavy_mass=0.07, release_angle=1.8065)
+    truth = render(path, replace(SMALL, frame_rate=frame_rate, alike=True), crossing)
+    found = track(path, PAPER)
+    assert len(found.heavy.frame) > 0.97 * len(truth.t)
+    assert np.array(found.rod) == pytest.approx(truth.rod, abs=0.5)
+    assert errors(found.light, truth.light, truth)[0].max() < WRONG / 2
+
+
+def test_frames_that_an_edit_list_cuts_off_are_left_out(tmp_path, motion):
+    """A phone that shortens a clip stores the frames before its beginning, too, and says in a list where it begins."""
+    path, cut = tmp_path / "trial.mp4", tmp_path / "cut.mp4"
+    render(path, SMALL, motion)
+    whole, frames_cut = survey(path), 6
+    with av.open(str(path)) as source, av.open(str(cut), "w") as target:
+        stream = source.streams.video[0]
+        copy = target.add_stream_from_template(stream)
+        shift = round(frames_cut / SMALL.frame_rate / stream.time_base)
+        for packet in source.demux(stream):
+            if packet.dts is not None:
+                packet.pts, packet.dts, packet.stream = packet.pts - shift, packet.dts - shift, copy
+                target.mux(packet)
+    found, all_frames = track(cut, PAPER), track(path, PAPER)
+    assert found.facts.frames == whole.facts.frames - frames_cut
+    assert found.release == pytest.approx(all_frames.release - frames_cut / SMALL.frame_rate, abs=1e-3)
+    assert np.array(found.rod) == pytest.approx(np.array(all_frames.rod), abs=0.05)
 
 
 @contextlib.contextmanager

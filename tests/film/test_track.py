@@ -99,7 +99,7 @@ def test_a_study_takes_a_film_and_reads_its_table_the_second_time(ordinary, tmp_
     first = read_trial(study, study.trials[0], lambda what, share: shares.append(share))
     assert len(shares) > 3
     assert shares == sorted(shares)
-    monkeypatch.setattr("looping_pendulum.film.track.track", None)  # a second tracking would fail
+    monkeypatch.setattr("looping_pendulum.film.output.track", None)  # a second tracking would fail
     second = read_trial(study, study.trials[0])
     assert np.array_equal(first.channel("light_y").value, second.channel("light_y").value)
     assert first.camera_errors["scale"] == pytest.approx(1 / 580, rel=0.3)
@@ -107,10 +107,12 @@ def test_a_study_takes_a_film_and_reads_its_table_the_second_time(ordinary, tmp_
 
 def test_the_stated_errors_are_those_of_the_points(tracked, ordinary, nasty):
     for found, truth in ((tracked, ordinary[1]), (track(nasty[0], PAPER), nasty[1])):
-        after = truth.t[found.light.frame] >= 0
-        relative = (found.light.place - truth.light[found.light.frame])[after] / found.light.error[after, None]
-        assert 0.5 < np.sqrt(np.mean(relative**2)) < 1.5
-        assert np.mean(np.abs(relative) > 4) < 0.02  # where a shadow or the hand touches the mass
+        for name in ("light", "heavy"):
+            points = getattr(found, name)
+            after = truth.t[points.frame] >= 0
+            relative = (points.place - getattr(truth, name)[points.frame])[after] / points.error[after, None]
+            assert 0.5 < np.sqrt(np.mean(relative**2)) < 1.5
+            assert np.mean(np.abs(relative) > 4) < 0.02  # where a shadow or the hand touches the mass
 
 
 def test_a_fit_weighs_points_by_the_errors_that_the_film_states(ordinary, tmp_path):
