@@ -13,6 +13,7 @@ from typing import Any
 
 from jinja2 import DictLoader, Environment, StrictUndefined, Template
 from markupsafe import Markup
+from rcssmin import cssmin
 
 from looping_pendulum.pages.palette import colour_rules
 
@@ -67,7 +68,7 @@ def page(
     return _compiled(package, template).render(
         title=title,
         policy=Markup(_policy([theme, *scripts], blob_workers=blob_workers)),
-        sheet=Markup("\n".join(sheets)),
+        sheet=Markup(cssmin("\n".join(sheets))),
         theme=Markup(theme),
         scripts=[Markup(_checked_script(source)) for source in scripts],
         data={name: Markup(embedded(value)) for name, value in (data or {}).items()},
@@ -79,7 +80,9 @@ def page(
 def _compiled(package: str, template: str) -> Template:
     sources = {"base.html": asset(SHARED_PACKAGE, "base.html"), template: asset(package, template)}
     # StrictUndefined: a misspelt variable is an error, not an empty place on the page
-    environment = Environment(loader=DictLoader(sources), autoescape=True, undefined=StrictUndefined, trim_blocks=True)
+    environment = Environment(
+        loader=DictLoader(sources), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
     return environment.get_template(template)
 
 

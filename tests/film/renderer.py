@@ -161,6 +161,18 @@ def render(path: Path, scene: Scene, motion: Motion) -> Truth:
     return _Studio(scene, motion).film(path)
 
 
+def cut_off(film: Path, target: Path, frames: int) -> None:
+    """Write a copy of a film without its first frames, as phones shorten one: an edit list says that it begins after them."""
+    with av.open(str(film)) as source, av.open(str(target), "w") as container:
+        stream = source.streams.video[0]
+        copy = container.add_stream_from_template(stream)
+        shift = round(frames / stream.average_rate / stream.time_base)
+        for packet in source.demux(stream):
+            if packet.dts is not None:
+                packet.pts, packet.dts, packet.stream = packet.pts - shift, packet.dts - shift, copy
+                container.mux(packet)
+
+
 class _Studio:
     """One scene, with all that does not change from frame to frame drawn once."""
 

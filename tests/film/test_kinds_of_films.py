@@ -5,14 +5,13 @@ from __future__ import annotations
 import contextlib
 from dataclasses import replace
 
-import av
 import numpy as np
 import pytest
 
 from looping_pendulum.film.decode import FilmError, pictures, survey
 from looping_pendulum.film.track import track
 from tests.blind import Effects
-from tests.film.renderer import Scene, bent_by_a_lens, looping_motion, render, seen_from_aside
+from tests.film.renderer import Scene, bent_by_a_lens, cut_off, looping_motion, render, seen_from_aside
 from tests.film.test_track import PAPER, WRONG, errors, rms_per_axis
 
 SMALL = Scene(before=0.1, duration=0.6, frame_rate=120, size=(640, 360), scale=415.0, rod=(395.0, 131.0), seed=501)
@@ -60,14 +59,7 @@ def test_frames_that_an_edit_list_cuts_off_are_left_out(tmp_path, motion):
     path, cut = tmp_path / "trial.mp4", tmp_path / "cut.mp4"
     render(path, SMALL, motion)
     whole, frames_cut = survey(path), 6
-    with av.open(str(path)) as source, av.open(str(cut), "w") as target:
-        stream = source.streams.video[0]
-        copy = target.add_stream_from_template(stream)
-        shift = round(frames_cut / SMALL.frame_rate / stream.time_base)
-        for packet in source.demux(stream):
-            if packet.dts is not None:
-                packet.pts, packet.dts, packet.stream = packet.pts - shift, packet.dts - shift, copy
-                target.mux(packet)
+    cut_off(path, cut, frames_cut)
     found, all_frames = track(cut, PAPER), track(path, PAPER)
     assert found.facts.frames == whole.facts.frames - frames_cut
     assert found.release == pytest.approx(all_frames.release - frames_cut / SMALL.frame_rate, abs=1e-3)

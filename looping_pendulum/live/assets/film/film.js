@@ -1,5 +1,7 @@
 /** A film in the page: its frames, one at a time, with their own times. */
 
+import { frameTimes } from "./frame_times.js";
+
 /** Frames whose times are looked at to know how long one lasts, and how fast they are played for it. */
 const [COUNTED, SLOWLY] = [8, 0.25];
 /** Time after which a frame that was asked for counts as shown, and one that is played as the last [ms]. */
@@ -25,8 +27,12 @@ export class Film {
     this.time = 0;
     /** How long a frame lasts [s]. */
     this.step = 1 / 30;
+    /** When its frames are shown, by the tables of its file [s]; null: they were not read. @type {number[] | null} */
+    this.times = null;
+    /** Frames per second of the camera, 0 if the file does not say it [Hz]. */
+    this.cameraRate = 0;
     /** Whether the browser says the time of each frame; else it is taken from that which was asked for. */
-    this.hasOwnTimes = "requestVideoFrameCallback" in video;
+    this.isTold = "requestVideoFrameCallback" in video;
     this.busy = false;
   }
 
@@ -52,9 +58,20 @@ export class Film {
       throw error;
     }
     const film = new Film(file.name, video);
-    await film.measureStep();
+    const table = await frameTimes(file);
+    if (!table) await film.measureStep();
     await film.show(0);
+    if (table) film.take(table);
     return film;
+  }
+
+  /** Take the times of the file's tables, which may begin at another one than the browser's clock. @param {import("./frame_times.js").FrameTimes} table */
+  take({ times, rate }) {
+    const late = this.isTold ? this.time - times[0] : 0;
+    this.times = times.map((time) => time + late);
+    this.time = this.times[0];
+    this.step = median(times.slice(1).map((time, i) => time - times[i]));
+    this.cameraRate = rate;
   }
 
   remove() {
@@ -71,12 +88,13 @@ export class Film {
         clearTimeout(later);
         done(ownTime);
       };
-      if (this.hasOwnTimes) video.requestVideoFrameCallback((_, { mediaTime }) => seen(mediaTime));
+      if (this.isTold) video.requestVideoFrameCallback((_, { mediaTime }) => seen(mediaTime));
       else video.addEventListener("seeked", () => seen(null), { once: true });
     });
     video.currentTime = Math.min(Math.max(time, 0), this.duration);
     const ownTime = await shown;
-    this.time = ownTime ?? this.step * Math.floor(video.currentTime / this.step + 1e-6);
+    const now = video.currentTime + 1e-6;
+    this.time = ownTime ?? this.times?.findLast((begin) => begin <= now) ?? this.step * Math.floor(now / this.step);
     this.context.drawImage(video, 0, 0, this.width, this.height);
     this.busy = false;
     return this.time;
@@ -84,9 +102,10 @@ export class Film {
 
   /** Show a frame some frames on, or before; return whether there is one. @param {number} count */
   async go(count) {
-    const before = this.time;
-    await this.show(before + (count + WITHIN) * this.step);
-    return this.time !== before;
+    const { time, times, step } = this;
+    const shown = times?.findLastIndex((begin) => begin <= time + step / 4) ?? 0;
+    await this.show((times?.[shown + count] ?? time + count * step) + WITHIN * step);
+    return this.time !== time;
   }
 
   /** Whether a time belongs to the frame that is shown. @param {number} time [s] */
@@ -96,7 +115,7 @@ export class Film {
 
   /** Play some frames slowly, and see how long one lasts. */
   async measureStep() {
-    if (!this.hasOwnTimes) return;
+    if (!this.isTold) return;
     const { video } = this;
     /** @type {number[]} */
     const times = [];

@@ -107,13 +107,14 @@ export class FilmPanel {
     const { film, page } = this;
     const { box } = page.stage;
     this.axis = { x: film.width / 2, y: film.height / 3 };
-    this.input("film-rate").value = shown(Number((1 / film.step).toPrecision(4)));
+    this.input("film-rate").value = shown(Number((film.cameraRate || 1 / film.step).toPrecision(4)));
     this.input("film-time").max = String(film.duration);
     this.element("film-tools").hidden = false;
     // Until its scale is said it fills the stage
     this.guess = box ? (box.high - box.low) / (FILLED * film.height) : 1 / film.height;
-    this.say(() => text(film.hasOwnTimes ? "filmOwnTimes" : "filmAskedTimes", {
+    this.say(() => text(film.times || film.isTold ? "filmOwnTimes" : "filmAskedTimes", {
       file: film.name, width: film.width, height: film.height, rate: fixed(1 / film.step, 2),
+      clock: text(film.times ? "filmFileClock" : "filmBrowserClock", { count: film.times?.length ?? 0 }),
     }));
     page.change();
   }
