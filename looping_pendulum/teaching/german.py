@@ -174,6 +174,8 @@ PIECES = {
     "Halts {n} late": "Stillstand {0} zu spät",
     "Halts {n} early": "Stillstand {0} zu früh",
     "Halts on time": "Stillstand zur rechten Zeit",
+    ", uncertain by {n}, by what counts as rest": ", unsicher um {0} durch das, was als Ruhe gilt",
+    ", uncertain by at least {n}, by what counts as rest": ", unsicher um mindestens {0} durch das, was als Ruhe gilt",
     " (at rest until the run ends at {n})": " (in Ruhe bis zum Ende der Bewegung bei {0})",
     "After its first rest it still moves by {n}, at up to {n}": (
         "Nach der ersten Ruhe bewegt sie sich noch um {0}, mit bis zu {1}"

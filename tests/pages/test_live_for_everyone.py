@@ -260,7 +260,7 @@ def test_the_table_of_the_run_names_its_events(opened):
     events = page.locator("#events button").all_inner_texts()
     assert (
         page.inner_text("#table caption")
-        == f"The run from the release to its end; {len(events)} rows are events, which the last column names"
+        == f"The run from the release to its end; the last column names the events: {len(events)}"
     )
     rows = page.evaluate("""() => [...document.querySelectorAll("#table tbody tr")].map((row) => ({
       event: row.classList.contains("event"), cells: [...row.cells].map((cell) => cell.textContent), head: row.cells[0].scope,

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 import re
 
 import pytest
 
+from looping_pendulum.compare import stories
 from looping_pendulum.compare.landmarks import MIN_REST
 from looping_pendulum.compare.stories import EVENT_DESCRIPTIONS, PHYSICS_DESCRIPTIONS, mode_description
 from looping_pendulum.engines.protocol import Profile
@@ -37,6 +40,22 @@ def of_the_package():
 def test_every_text_of_the_tables_has_its_german():
     assert [text for text in of_the_package() if translated(text) is None] == []
     assert GLOSSARY.keys() == glossary("comparison").keys()
+
+
+def words_of(module):
+    """Words that the functions of a module write, without what they put between them."""
+    for function in ast.parse(inspect.getsource(module)).body:
+        if isinstance(function, ast.FunctionDef):
+            for node in (part for statement in function.body for part in ast.walk(statement)):
+                text = node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else ""
+                if text != ast.get_docstring(function, clean=False):
+                    yield from re.findall(r"\b(?!m[ms]\b)[A-Za-z][A-Za-z ']{4,}", text)  # a unit belongs to its number
+
+
+def test_all_words_of_stories_are_in_a_piece():
+    """What a shipped scenario does not make a story say, another one does."""
+    pieces = "\n".join(PIECES)
+    assert [words for words in words_of(stories) if words.strip() not in pieces] == []
 
 
 @pytest.mark.parametrize("result", [small_result, thick_result])

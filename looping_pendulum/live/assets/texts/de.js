@@ -153,7 +153,7 @@ export const de = {
   "column.string": "Faden",
   "column.event": "Ereignis",
   eventLog: "Ereignisse der laufenden Bewegung",
-  tableOfRun: "Der Ablauf vom Loslassen bis zum Ende; {count} Zeilen sind Ereignisse, die die letzte Spalte nennt",
+  tableOfRun: "Der Ablauf vom Loslassen bis zum Ende; die letzte Spalte nennt die Ereignisse: {count}",
 
   // Gespeicherte Bewegungen der Physik-Engines
   engines: "Physik-Engines daneben",

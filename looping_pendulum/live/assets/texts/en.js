@@ -151,7 +151,7 @@ export const en = {
   "column.string": "string",
   "column.event": "event",
   eventLog: "Events of the motion that plays",
-  tableOfRun: "The run from the release to its end; {count} rows are events, which the last column names",
+  tableOfRun: "The run from the release to its end; the last column names the events: {count}",
 
   // Stored runs of engines
   engines: "Engines beside it",
