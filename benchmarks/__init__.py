@@ -1,7 +1,5 @@
 """Measurements behind the pages and the package's data, and timings; `python -m benchmarks --help`."""
 
-from __future__ import annotations
-
 from typing import Any
 
 

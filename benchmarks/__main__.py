@@ -1,7 +1,5 @@
 """Time what users wait for, in one run: `python -m benchmarks`. It prints Markdown tables."""
 
-from __future__ import annotations
-
 import argparse
 import statistics
 import subprocess

@@ -4,8 +4,6 @@
 PyBullet); `--only VARIANT` measures that one again and keeps the others.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Callable

@@ -4,8 +4,6 @@ What makes a hidden effect move the light mass by a given size is found by the s
 So the factors are stored; `python -m benchmarks.blind_sample` finds those that are missing (half an hour for all).
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import itertools

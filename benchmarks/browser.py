@@ -1,7 +1,5 @@
 """Measure the pages in a real browser: the demonstration, and the live page while a slider is dragged."""
 
-from __future__ import annotations
-
 import shutil
 import statistics
 import subprocess

@@ -5,8 +5,6 @@ needs a new folder. `--only outliers` shows that leaving outliers out does not h
 effect are judged four times, with and without points on another object, and with and without the search for such points.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import dataclasses

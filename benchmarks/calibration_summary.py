@@ -1,7 +1,5 @@
 """Summarise the outcomes of blind studies: rates with intervals, power, coverage, quantiles, and what was asked of them."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections import defaultdict

@@ -7,8 +7,6 @@ docs/data/engine_range.json and, from that, what the package says of itself: loo
 package's file again.
 """
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import json

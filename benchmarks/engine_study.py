@@ -5,8 +5,6 @@ docs/data/engine_study.json and writes the page from that. With `--engine box2d:
 that variant's runs, and the others' stored rows stay. `--page` writes the page again from the stored numbers alone.
 """
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import datetime

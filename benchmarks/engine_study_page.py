@@ -1,7 +1,5 @@
 """The text and the figures of docs/engine-study.md and the tables beside it, from the stored engine study."""
 
-from __future__ import annotations
-
 import csv
 import io
 import math

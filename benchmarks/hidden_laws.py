@@ -1,7 +1,5 @@
 """The laws of the blind studies that no library lists, as effects: only a fit that is given the answer knows them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from looping_pendulum.reference_ode.effects.types import Coefficient, Effect, EffectKind, Kinematics

@@ -3,8 +3,6 @@
 `python -m benchmarks.identify STUDY.yaml` is one measurement in a process of its own, printed as JSON.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import resource

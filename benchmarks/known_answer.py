@@ -6,8 +6,6 @@ that no library lists if a listed effect explains the data as well. The outcomes
 work folder this one shares.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import itertools

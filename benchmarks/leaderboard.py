@@ -4,8 +4,6 @@
 variant: half a turn with its own settings, kept in docs/data/static_capstan.json.
 """
 
-from __future__ import annotations
-
 import argparse
 import datetime
 import html

@@ -7,8 +7,6 @@ derived) stays as it is. Both need mujoco-mjx and jax, which no extra of this pa
 docs/data/mjx_parity.json.
 """
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import datetime

@@ -5,8 +5,6 @@
 blind study with one hidden effect.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Sequence

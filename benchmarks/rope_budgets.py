@@ -5,8 +5,6 @@ ten-to-one trial with settings coarser than the engine study's ladders (`COARSE`
 that are best at each budget. `--again` measures everything anew.
 """
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import json

@@ -1,7 +1,5 @@
 """The stored engine study, docs/data/engine_study.json: what it holds, and how single variants are renewed in it."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from collections.abc import Iterable

@@ -5,8 +5,6 @@ rungs of ladders, defaults and choices of the adapters. It makes them again and 
 Exit status 1: one of them differs by more than `SAME`.
 """
 
-from __future__ import annotations
-
 import argparse
 import random
 import sys

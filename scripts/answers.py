@@ -7,8 +7,6 @@
 Every number on the page comes from a summary in `docs/data/answers`, and every summary from runs of the reference.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 

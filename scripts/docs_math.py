@@ -3,8 +3,6 @@
 The TeX itself is the picture's label for screen readers.
 """
 
-from __future__ import annotations
-
 import html
 import re
 from functools import cache

@@ -11,8 +11,6 @@ README's table of engines stands between two markers and is written as a whole, 
 are the measured rates of docs/rates.md, from `docs/data/calibration.json`.
 """
 
-from __future__ import annotations
-
 import argparse
 import functools
 import importlib

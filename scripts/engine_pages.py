@@ -3,8 +3,6 @@
 python -m scripts.engine_pages
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from looping_pendulum.compare.convergence.report import format_setting

@@ -6,8 +6,6 @@ that of the leaderboard, where it has one: the median of some runs, one at a tim
 otherwise idle machine: CPU times, too, grow by a third where a neighbour uses the other half of a core.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import sys

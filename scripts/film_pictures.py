@@ -1,7 +1,5 @@
 """Draw the pictures of docs/film.md: python -m scripts.film_pictures"""
 
-from __future__ import annotations
-
 import io
 import tempfile
 from pathlib import Path

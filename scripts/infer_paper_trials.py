@@ -11,8 +11,6 @@ Since the tables are rounded, a family of values fits them. Of those that keep e
 chooses the one whose drag is nearest, in decades, to the paper's estimates (1e-3 in SI units for both masses and the string).
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import math

@@ -3,8 +3,6 @@
 python -m scripts.keys_page
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Write the live page that the documentation has, for those who open it without Python: `python -m scripts.live_page`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from looping_pendulum.live.write import FILE, write

@@ -7,8 +7,6 @@ simulator and the camera of `tests/blind`, which share no equation with the pack
 missing marks. The study file beside them does not declare the effect `HIDDEN`.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 from pathlib import Path

@@ -6,8 +6,6 @@ pages' numbers from there. Without a name, the script lists the measurements; `-
 an otherwise idle machine (`--timings`).
 """
 
-from __future__ import annotations
-
 import argparse
 import datetime
 import json

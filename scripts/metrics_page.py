@@ -3,8 +3,6 @@
 python -m scripts.metrics_page
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from looping_pendulum.compare.tables import table

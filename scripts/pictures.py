@@ -4,8 +4,6 @@ In a temporary folder, it runs the demonstration on the 10:1 trial and `identify
 takes a picture of the demonstration's page in headless Chromium, and copies the reports' figures to docs/img.
 """
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

@@ -3,8 +3,6 @@
 python -m scripts.repro_page
 """
 
-from __future__ import annotations
-
 from itertools import groupby
 from pathlib import Path
 

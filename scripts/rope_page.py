@@ -3,8 +3,6 @@
 python -m scripts.rope_page
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from matplotlib.figure import Figure

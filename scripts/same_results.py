@@ -5,8 +5,6 @@ where that differs, with exit status 1. Arrays are written as the hash of their 
 difference can be read. Some minutes on two cores; ``--only PART`` for one of them.
 """
 
-from __future__ import annotations
-
 import contextlib
 import difflib
 import hashlib

@@ -6,8 +6,6 @@ A way has succeeded when the demonstration's page, opened in headless Chromium, 
 docs/data/installation.json; `python -m scripts.docs_numbers` writes them into the page.
 """
 
-from __future__ import annotations
-
 import datetime
 import json
 import os

@@ -4,8 +4,6 @@
 in docs/data/versions.json, each in place of the engine's earlier one; without files it writes the page from what is stored.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

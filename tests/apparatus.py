@@ -1,7 +1,5 @@
 """Apparatus that several tests use."""
 
-from __future__ import annotations
-
 import math
 
 from looping_pendulum.reference_ode.parameters import Parameters

@@ -1,7 +1,5 @@
 """The command line in the test's own process: its exit status and all that it prints, without a new process's imports."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import os

@@ -1,7 +1,5 @@
 """What the whole suite needs: the longest tests first, no processes beside those of the tests, and the backend."""
 
-from __future__ import annotations
-
 import gc
 import os
 import shutil

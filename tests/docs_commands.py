@@ -1,7 +1,5 @@
 """Commands that the documentation shows."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from dataclasses import dataclass

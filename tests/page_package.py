@@ -1,7 +1,5 @@
 """Code blocks of a page of the documentation, and the package that the page makes of them."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 import subprocess

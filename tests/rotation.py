@@ -3,8 +3,6 @@
 `python -m tests.rotation LOG` lists them anew, from the output of a run with `--durations=0 --rotation all`.
 """
 
-from __future__ import annotations
-
 import datetime
 import re
 import sys

@@ -1,7 +1,5 @@
 """Runs scripts for an engine's users as a stranger would: in a process that cannot import this package."""
 
-from __future__ import annotations
-
 import ast
 import importlib.util
 import re

@@ -3,8 +3,6 @@
 An effect, an error of the camera, a metric, a variable of maps, a word in a table's head, an engine and a language.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

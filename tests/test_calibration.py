@@ -1,7 +1,5 @@
 """Benchmarks on blind studies: rates and bounds by hand, seeds, kept results, and one study from end to end."""
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import json

@@ -1,7 +1,5 @@
 """What was asked of `identify` on blind studies, against what the stored rates say, and what the search for outliers costs."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 

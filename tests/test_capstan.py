@@ -1,7 +1,5 @@
 """The capstan law for a tendon of any MuJoCo model, on models that are not this package's own."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

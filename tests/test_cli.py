@@ -1,7 +1,5 @@
 """The command line as a user meets it: exit status, one-line errors, what is written."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -3,8 +3,6 @@
 None of these is run by the tests of the package, so a name in them could go stale unnoticed.
 """
 
-from __future__ import annotations
-
 import ast
 import functools
 import json

@@ -1,7 +1,5 @@
 """House rules that a whole package keeps, each asked of every module of it."""
 
-from __future__ import annotations
-
 import dataclasses
 import importlib
 import pkgutil

@@ -1,7 +1,5 @@
 """The documentation: every link leads somewhere, every command is one, and the quick ones run."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Numbers in README and docs: each is what its stored data say, none is without a source, and a wrong one would be found."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The page on the engines' errors is what its stored numbers say, and single variants are renewed in these."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import re

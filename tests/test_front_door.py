@@ -1,7 +1,5 @@
 """What `import looping_pendulum` offers: lazily, as the page docs/python.md uses it."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Hints about missing packages: the printed command is run as it stands, in environments made by different programs."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

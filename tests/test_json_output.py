@@ -1,7 +1,5 @@
 """--json prints one document and nothing else on standard output; --quiet prints errors only."""
 
-from __future__ import annotations
-
 import inspect
 import json
 

@@ -1,7 +1,5 @@
 """The notebooks run from top to bottom, and the repository has them without outputs."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The paper's numerical columns, reproduced by the shipped scenarios. The tables lie outside the project."""
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The pytest plugin as a user meets it: what it collects, what a failure shows, and what it costs those who do not use it."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

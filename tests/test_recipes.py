@@ -1,7 +1,5 @@
 """Each recipe for a rope over a rod, run as a stranger would, and the page that compares them."""
 
-from __future__ import annotations
-
 import pytest
 
 from looping_pendulum.cli.common import recipe_engine_names

@@ -1,7 +1,5 @@
 """Each claim about an engine, run as a stranger would: in a process that cannot import this package."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """The script by which a change of structure shows that it moved no result."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -3,8 +3,6 @@
 `make docs` builds it, strictly, in an environment of its own; .ci/run does so before the tests.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

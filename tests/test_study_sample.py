@@ -1,7 +1,5 @@
 """A sample of the engine study measured again: which stored runs can be made again, and when an error counts as the same."""
 
-from __future__ import annotations
-
 import pytest
 
 from benchmarks.stored_study import SUMMARY, read

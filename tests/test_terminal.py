@@ -1,7 +1,5 @@
 """What a terminal gets: names and messages of strangers as plain text, whatever characters they have."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

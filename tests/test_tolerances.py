@@ -1,7 +1,5 @@
 """The tolerances that stand in the shipped scenarios, over every engine: the same judgement as `looping-pendulum check`."""
 
-from __future__ import annotations
-
 import functools
 
 import pytest

@@ -1,7 +1,5 @@
 """The wheel, as a user gets it: it has every file that the package reads, and its commands run from it alone."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

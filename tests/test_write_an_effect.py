@@ -1,7 +1,5 @@
 """The examples of docs/write-an-effect.md, taken from the page: a formula in a study, and an installed package."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -1,7 +1,5 @@
 """Find where the sequence of events changes with the release angle and why, how far the motion jumps, and the exponents."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from typing import Any

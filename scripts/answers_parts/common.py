@@ -1,7 +1,5 @@
 """Shared by the modules of this folder: paths, the apparatus of each case, and reading and writing of summaries."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

@@ -5,8 +5,6 @@ in double precision (the same numbers as in `solve`), and so does the choice of 
 matter.
 """
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 from types import SimpleNamespace

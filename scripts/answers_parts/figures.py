@@ -1,7 +1,5 @@
 """Draw the figures of the page from the committed summaries. One column of a journal is 86 mm wide, two columns are 178 mm."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from pathlib import Path

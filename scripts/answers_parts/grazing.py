@@ -6,8 +6,6 @@ least value lies within the interval) or comes too late (at its end, where anoth
 leads on to another mode, because the rod just holds the string, or just does not.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ its largest singular value is the greatest growth, and ln(growth) / t the finite
 after which the rod holds the string takes one direction away for good; its exponent is then minus infinity.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

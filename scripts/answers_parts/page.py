@@ -1,7 +1,5 @@
 """Write the page `docs/answers.md` from a template; every number in it comes from the committed summaries."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Solve the paper's four releases by every available solver, tolerance and precision, and by simple programs without events."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from typing import Any

@@ -1,7 +1,5 @@
 """Answer the paper's other questions: where it halts, the lowest halting mass ratio, scaled masses, friction and rod radius."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

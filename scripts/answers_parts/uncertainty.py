@@ -11,8 +11,6 @@ the next eps is counted; f is the product of these shares. This requires that st
 ones, which the nearer neighbours ensure almost exactly.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

@@ -4,8 +4,6 @@
 is an environment that a process starts with, so that the processes which it starts in turn are under it too.
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Run Python under a backend: `python -m tests.backends scipy -m pytest tests/compare`."""
 
-from __future__ import annotations
-
 import os
 import sys
 

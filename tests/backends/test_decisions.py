@@ -3,8 +3,6 @@
 `test_each` runs this file under every backend; each test's oracle is one that no backend computed.
 """
 
-from __future__ import annotations
-
 import importlib
 import json
 import math

@@ -1,7 +1,5 @@
 """The tests that no backend may fail, under every backend; `make test BACKEND=NAME` runs all tests under one."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

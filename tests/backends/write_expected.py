@@ -4,8 +4,6 @@ Events are from arithmetic of 80 bits, whose rounding is 2000 times smaller. The
 masses with noise, as text, so that every backend reads the same bytes.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import NamedTuple

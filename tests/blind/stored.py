@@ -4,8 +4,6 @@ Each file carries a digest of the sources that made it. If they have changed sin
 an old file costs time, but never gives a wrong result. ``python -m tests.blind.stored`` writes the files again.
 """
 
-from __future__ import annotations
-
 import hashlib
 import zipfile
 from collections.abc import Callable, Iterable

@@ -1,7 +1,5 @@
 """Tests of the blind simulator against closed forms, invariants and the reference, and of the camera against its settings."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

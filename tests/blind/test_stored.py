@@ -1,7 +1,5 @@
 """The stored output of the simulator equals what the simulator makes."""
 
-from __future__ import annotations
-
 import re
 import zipfile
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A reference in closed form: constant acceleration, constant braking, rest; the light mass winds at a constant rate."""
 
-from __future__ import annotations
-
 import dataclasses
 import io
 import math

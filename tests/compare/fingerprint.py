@@ -1,7 +1,5 @@
 """What a figure shows, as plain data that can be stored and compared: a change of its look is then a choice."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping, Sequence

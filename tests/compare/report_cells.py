@@ -1,7 +1,5 @@
 """Numbers for every cell of the report, each its own, and the rows of its tables."""
 
-from __future__ import annotations
-
 import dataclasses
 
 from looping_pendulum.compare.report import events_table

@@ -4,8 +4,6 @@
 ``APPEARANCE=write python -m pytest tests/compare/test_appearance.py``, look at the figures, and commit both.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import os

@@ -1,7 +1,5 @@
 """What changed since another run: every kind of change is seen, what is below the threshold is not, bad files are one line."""
 
-from __future__ import annotations
-
 import dataclasses
 import enum
 import json

@@ -1,7 +1,5 @@
 """Sequences of known order and limit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

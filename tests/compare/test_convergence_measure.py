@@ -1,7 +1,5 @@
 """From runs to errors and from errors to sentences: every number is chosen, and every part is another one."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from types import SimpleNamespace

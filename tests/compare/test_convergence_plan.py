@@ -1,7 +1,5 @@
 """The plan of a convergence study, and the evaluation of a whole variant."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """The report of a study of convergence, whole: two variants whose every number is another."""
 
-from __future__ import annotations
-
 import dataclasses
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Whole studies: of an engine whose error is known, and of one real ladder."""
 
-from __future__ import annotations
-
 import dataclasses
 import io
 import json

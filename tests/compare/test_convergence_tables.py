@@ -1,7 +1,5 @@
 """The tables of a study of convergence: every cell has a number of its own, so that none can stand in another's place."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import pytest

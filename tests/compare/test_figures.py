@@ -1,7 +1,5 @@
 """What figures show in cases that the agreed look does not have: nothing to show, everything in one place, far too much."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from types import SimpleNamespace

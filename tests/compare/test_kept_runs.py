@@ -1,7 +1,5 @@
 """What is kept of runs and comparisons comes back as it was, and what a run will cost is estimated from the runs before it."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

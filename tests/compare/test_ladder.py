@@ -1,7 +1,5 @@
 """The fit of a ladder against another solver of the documented least squares, and the limits at which a verdict changes."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Landmarks of runs that are made of one function of time, where every one of them can be worked out by hand."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

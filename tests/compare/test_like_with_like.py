@@ -4,8 +4,6 @@ The oracle is the reference itself: an engine that replays its samples must have
 from samples must be what the reference's own events say, within the detector's stated resolution.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections import Counter

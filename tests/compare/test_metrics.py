@@ -1,7 +1,5 @@
 """Metrics against closed forms."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tube, acceleration and metrics where geometry or a few numbers say what they must be."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

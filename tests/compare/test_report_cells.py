@@ -1,7 +1,5 @@
 """Every cell of the report from a number of its own: verdict, detail, tolerances, provenance, wall times."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

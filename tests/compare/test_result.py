@@ -1,7 +1,5 @@
 """The result object: JSON and back, the same bytes, tolerances, the report, and the files."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

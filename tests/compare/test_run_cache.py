@@ -1,7 +1,5 @@
 """Names of runs, what is kept of them, and how many are made: by engines that are nothing but their settings."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import sys

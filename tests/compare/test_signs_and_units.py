@@ -1,7 +1,5 @@
 """What is late is positive, what is further is positive, and a unit in a header is the unit of the numbers below it."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import io

@@ -1,7 +1,5 @@
 """The sentences of a story, each from numbers that were chosen: what a reader must see, and what must not be said."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -4,8 +4,6 @@ The engine is MuJoCo's tendon with the capstan bound fed in, whose path agrees w
 that what the report says of its halt is the comparison's doing, not its own.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 
 import pytest

@@ -1,7 +1,5 @@
 """Tables against arithmetic: event quantities, differences from the measured values, moments, and what a halt was read from."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from types import SimpleNamespace

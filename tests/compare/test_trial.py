@@ -1,7 +1,5 @@
 """A measured trial beside the runs; the oracle is the closed form's motion, with offsets planted into points made from it."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import io

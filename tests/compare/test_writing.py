@@ -1,7 +1,5 @@
 """Finished work is never lost to a name, a figure or a folder; a complete report is not written over by an interrupted one."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import os

@@ -1,7 +1,5 @@
 """Write the study file of a blind case, as an experimenter would: with what is known, and nothing of what is hidden."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Fits take hundreds of runs: without heyoka a run costs sixty times as much, so the tests that fit are left out there."""
 
-from __future__ import annotations
-
 import pytest
 
 from looping_pendulum.reference_ode.solve import available_integrators

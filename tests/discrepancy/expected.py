@@ -1,7 +1,5 @@
 """Expected result for each blind case: the candidate's name and its planted value."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from tests.blind.cases import CASES, Case

@@ -1,7 +1,5 @@
 """Write a study of blind held pendulums, as a class would: lengths and masses measured, the start of each film not."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from pathlib import Path

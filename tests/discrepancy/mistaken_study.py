@@ -1,7 +1,5 @@
 """Make a study wrong as its author would: by a mistake of filming, in the files, or by one of declaration, in the study."""
 
-from __future__ import annotations
-
 import copy
 import math
 from collections.abc import Callable

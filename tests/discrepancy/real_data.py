@@ -1,7 +1,5 @@
 """Find the files of measured data."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The fit: planted values come back, wrong starts end at the same place, derivatives are derivatives, bounds hold."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

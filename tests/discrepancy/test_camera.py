@@ -1,7 +1,5 @@
 """The camera model is that of a camera in space, and its derivatives are right."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from pathlib import Path

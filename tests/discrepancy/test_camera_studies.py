@@ -1,7 +1,5 @@
 """What a camera in space does to the picture is named, with its value, in blind studies."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """The account of time: the oracle is the clock that the printed times were made from."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 from pathlib import Path

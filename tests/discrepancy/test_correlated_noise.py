@@ -1,7 +1,5 @@
 """Errors of tracked points that last longer than a frame: their size is estimated, and no missing effect is made of them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A force that no library lists: recovered from data of the separate simulator with where it acts, and never found in noise."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Measured event tables: found where they may be, and read or refused in one line."""
 
-from __future__ import annotations
-
 import hashlib
 
 import pytest

@@ -1,7 +1,5 @@
 """Event tables as data: what a model predicts of them, the loop on blind tables, and the paper's own two trials."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 

@@ -1,7 +1,5 @@
 """Explanations are compared by the evidence of the data: closed forms, invariance, and a planted effect."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

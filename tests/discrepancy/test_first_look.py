@@ -4,8 +4,6 @@ Points are of the separate simulator and its camera. A 30 for 240 frames a secon
 masses once ran for minutes and ended as `unexplained`.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import re
 

@@ -3,8 +3,6 @@
 The oracle is the form whose times have all digits, `10-time-in-the-last-column`; all were made from the same points.
 """
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Blind studies that a search by rules got wrong: what the fitted parameters hide, and what several effects mimic together."""
 
-from __future__ import annotations
-
 import pytest
 
 from benchmarks.blind_sample import BlindStudy, draw, write_files

@@ -1,7 +1,5 @@
 """How well a fit predicts held-out trials or blocks of time, and up to where such a prediction passes."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Blind held pendulums: what brakes them is named or tied, a clean one stays clean, and a start in mid-swing is no push."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -1,7 +1,5 @@
 """The whole loop on blind data: what was hidden is named with its value, clean data stay clean, files are as promised."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

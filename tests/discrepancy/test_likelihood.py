@@ -1,7 +1,5 @@
 """The interval of a fitted number: 1.96 standard errors where the model is linear, and the cost's own rise where it is not."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 

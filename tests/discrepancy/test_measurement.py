@@ -1,7 +1,5 @@
 """What a camera measures of a run is compared with the reference, the noise law with noise that was added."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

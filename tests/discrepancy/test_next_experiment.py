@@ -1,7 +1,5 @@
 """The next trial is the one that separates most pairs of explanations; how well, decides between equals."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tracked points on another object are found and left out; what a model lacks is not taken for them."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 

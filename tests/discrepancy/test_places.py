@@ -1,7 +1,5 @@
 """Which files a study may have read: those below its own folder, the current one or a data folder, wherever its text points."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

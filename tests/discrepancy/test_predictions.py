@@ -1,7 +1,5 @@
 """Many predictions at once are those of single runs: of candidates, cameras, clocks, several trials, impossible values."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Blind angular velocities of a held pendulum, as of a phone that is the bob, are fitted as its angles are."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

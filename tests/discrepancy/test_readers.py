@@ -1,7 +1,5 @@
 """Every form in which measured data comes, good and bad; the oracle is the table that the text was made from."""
 
-from __future__ import annotations
-
 import math
 import re
 import time

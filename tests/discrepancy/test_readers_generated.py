@@ -1,7 +1,5 @@
 """Generated files of measured data: a Tracker export reads back exactly, and whatever else is read or refused in one line."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

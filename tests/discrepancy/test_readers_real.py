@@ -1,7 +1,5 @@
 """The shipped data files are read whole: counts and first values as the files have them."""
 
-from __future__ import annotations
-
 import pytest
 
 from looping_pendulum.measured.observations import Observations, with_event_errors

@@ -6,8 +6,6 @@ hand (3 %: by the bowling ball, which the air hardly brakes, the two drops' scal
 longer than a frame, so no model leaves white noise: what passes does so with correlated noise, whose size is stated.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The report as people read it: a sentence, a picture and what to do next come first; statistics stand in tables."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import re

@@ -1,7 +1,5 @@
 """Residual tests pass on noise and fail on what is planted in it; the noise law is recovered."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -1,7 +1,5 @@
 """Shortcuts of a fit change no result: parameters that are only partly checked, runs that are only partly sampled."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -1,7 +1,5 @@
 """Study files: what they say, what is wrong with bad ones, and that a written one reads back the same."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Templates of listed effects: changes of a given size are found, whatever their power of the value; what would show, shows."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -1,7 +1,5 @@
 """Project files of Tracker are read as Tracker shows them. Positions and times in the tests are worked out by hand."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import math

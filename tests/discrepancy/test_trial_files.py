@@ -1,7 +1,5 @@
 """Files of a trial for `compare --marks`: the oracle is the motion that the files were made of, seen by a known camera."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A pool of worker processes does all items, for any number of processes, whatever becomes of a worker process."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

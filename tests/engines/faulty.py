@@ -1,7 +1,5 @@
 """Engines that misbehave on purpose, in a module of their own, so that they can be pickled for their process."""
 
-from __future__ import annotations
-
 import ctypes
 import math
 import os

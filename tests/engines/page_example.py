@@ -1,7 +1,5 @@
 """The worked example of docs/write-an-engine.md, taken from the page."""
 
-from __future__ import annotations
-
 import sys
 import types
 

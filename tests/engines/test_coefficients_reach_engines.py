@@ -4,8 +4,6 @@ Forces are examined by `engines.conformance`; here are gravity and the two frict
 supplies in a way of its own.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

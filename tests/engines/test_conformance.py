@@ -1,7 +1,5 @@
 """One suite for every engine, the reference included."""
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

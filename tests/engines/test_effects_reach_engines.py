@@ -1,7 +1,5 @@
 """Forces of time and pushes at release reach every engine; that each effect acts in it is for `engines.conformance`."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -1,7 +1,5 @@
 """An engine that dies takes nothing with it: the others' results, and what it had computed itself, stay."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

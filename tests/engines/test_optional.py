@@ -1,7 +1,5 @@
 """Engines that are optional: their adapters take the road of a third party's, and are a gap without their package."""
 
-from __future__ import annotations
-
 import importlib.util
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Processes that the package starts import nothing because it lies in the working folder, and end with what started them."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

@@ -1,7 +1,5 @@
 """PyBullet's variants for studies: the chain made anew, that in maximal coordinates, the defaults; and all declared studies."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

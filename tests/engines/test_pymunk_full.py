@@ -1,7 +1,5 @@
 """pymunk chains along the whole string, by public calls, against closed forms and the reference."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import math

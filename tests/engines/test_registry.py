@@ -1,7 +1,5 @@
 """Adapters of other packages: a broken one is one clear line and stops none of the others."""
 
-from __future__ import annotations
-
 import sys
 import warnings
 

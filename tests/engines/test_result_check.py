@@ -1,7 +1,5 @@
 """What an engine of somebody else's may return: refused where it ran, with the field, what was found and what was needed."""
 
-from __future__ import annotations
-
 from contextlib import closing
 from dataclasses import replace
 from types import SimpleNamespace

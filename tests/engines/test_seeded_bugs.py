@@ -4,8 +4,6 @@ Each bug is a change of the page's own code, as a typing error would make it, or
 Unless a bug concerns another release, the engine declares only the looping release, so that no other release reveals it.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The static capstan test: the reference, whose law is exact, must show that law, whatever the trial's numbers are."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

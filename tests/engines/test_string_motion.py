@@ -1,7 +1,5 @@
 """Sliding and resting read from positions, against closed forms. Bounds: the detector's own resolution, 0.1 mm and 10 ms."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The detector of sliding and resting on a dozen samples each, where every position and time can be worked out by hand."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The support table: what the variants declare, and the page in the docs that was written from it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from looping_pendulum.engines.protocol import Profile

@@ -1,7 +1,5 @@
 """The string's pull from the motion, against closed forms and against the reference's own tensions."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -1,7 +1,5 @@
 """The worked example of docs/write-an-engine.md: its code is taken from the page, installed and held against the suite."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """Rendered films, made once for all tests."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

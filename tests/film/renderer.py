@@ -6,8 +6,6 @@ the camera's gamma, its noise, and an encoder. Motions come from the blind simul
 package.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field

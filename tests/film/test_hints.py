@@ -1,7 +1,5 @@
 """Films that the tracker cannot read, or reads wrongly, without a person's hint; its message names the one that helps."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

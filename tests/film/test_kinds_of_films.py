@@ -1,7 +1,5 @@
 """Kinds of films and cameras: what each costs, and damaged files."""
 
-from __future__ import annotations
-
 import contextlib
 from dataclasses import replace
 

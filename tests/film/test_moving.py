@@ -1,7 +1,5 @@
 """Background, blobs and paths on pictures of a few grey discs, whose places are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

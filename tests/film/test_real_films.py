@@ -1,7 +1,5 @@
 """Real films of other motions, with what is known of them (README.md beside them); they are no part of the project."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

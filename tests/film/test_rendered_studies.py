@@ -4,8 +4,6 @@ No seed and no kind of film here set a threshold of the tracker. Fifteen hide no
 simulator. `python -m pytest -m accurate tests/film/test_rendered_studies.py` takes about an hour.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tracked points against the renderer's truth; the bounds are those that the tracker must reach."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace

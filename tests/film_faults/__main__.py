@@ -1,7 +1,5 @@
 """The command ``python -m tests.film_faults``."""
 
-from __future__ import annotations
-
 import multiprocessing
 import tempfile
 import time

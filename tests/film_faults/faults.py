@@ -1,7 +1,5 @@
 """Faults of films and of tables: each is put into a clean study at random, and says by which words it may be named."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 Each form is a `Form`, plain data, so that a failing one can be reduced to the part that matters.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable, Sequence

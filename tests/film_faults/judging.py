@@ -1,7 +1,5 @@
 """Read a faulty study, take the first look and identify: were the points put right, or was the fault named?"""
 
-from __future__ import annotations
-
 import copy
 import itertools
 import re

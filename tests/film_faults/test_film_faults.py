@@ -1,7 +1,5 @@
 """A sample of `python -m tests.film_faults`, and what the harness itself must be able to tell."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -3,8 +3,6 @@
 Each case is a table of a smooth motion whose points are known, and says what was read of it when it was found.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """The command ``python -m tests.fuzz``."""
 
-from __future__ import annotations
-
 import faulthandler
 import resource
 import sys

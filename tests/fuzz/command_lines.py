@@ -1,7 +1,5 @@
 """Command lines, run in this process by the program's own `main`, up to where the work would begin."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import os

@@ -1,7 +1,5 @@
 """Run one input and say what became of it."""
 
-from __future__ import annotations
-
 import signal
 import traceback
 import warnings

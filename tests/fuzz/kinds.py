@@ -1,7 +1,5 @@
 """What is fuzzed: where real inputs come from, how they are damaged, and what is done with one."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

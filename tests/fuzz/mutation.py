@@ -1,7 +1,5 @@
 """Damage to inputs: bytes, words, lines, cells and JSON values, each chosen by a seeded generator."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Many inputs of several kinds, their tally, and what is kept of each fault."""
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import tempfile

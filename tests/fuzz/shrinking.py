@@ -1,7 +1,5 @@
 """Make an input smaller for as long as it stays the same fault."""
 
-from __future__ import annotations
-
 import re
 import time
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """The fuzzer itself: it counts what there is to count, it sees faults, and a short run of it finds none."""
 
-from __future__ import annotations
-
 import warnings
 
 import pytest

@@ -3,8 +3,6 @@
 Most were found by the fuzzer and shrunk by it, the others by faults put in on purpose.
 """
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """Random apparatuses of the live page, and their runs by the reference and by the JavaScript."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The JavaScript engines in which the live model runs."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """The command that writes the live page, and the script that it puts into it."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

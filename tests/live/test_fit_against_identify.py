@@ -3,8 +3,6 @@
 The trials are those of the example folder, and blind ones, whose simulator shares no equation with the model.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The generated JavaScript: it is what the generator writes, and calculates what the same formulas do in Python."""
 
-from __future__ import annotations
-
 import math
 from importlib.resources import files
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """The lesson's steps over the model: each right answer is the reference's, and no other one is called right."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The live model's runs, held to the reference: random apparatuses, the shipped scenarios, and runs just beside a graze."""
 
-from __future__ import annotations
-
 import math
 from functools import partial
 

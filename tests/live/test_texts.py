@@ -1,7 +1,5 @@
 """The page's tables of texts: the same keys and values in each language, none unused, none missing."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

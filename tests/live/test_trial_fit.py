@@ -1,7 +1,5 @@
 """The live page's fit of a trial: the oracle is what was planted. `test_fit_against_identify` compares it with `identify`."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

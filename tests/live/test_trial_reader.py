@@ -1,7 +1,5 @@
 """Files of tracked points on the live page: the oracle is the reader of `identify`, on good, bad and damaged files alike."""
 
-from __future__ import annotations
-
 import base64
 import itertools
 import re

@@ -1,7 +1,5 @@
 """``python -m tests.mutation``: draw mutants, ask the tests, and say which share was caught."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -1,7 +1,5 @@
 """Which tests run which line, how long each takes, and so which to ask about a mutant."""
 
-from __future__ import annotations
-
 import ast
 import hashlib
 import json

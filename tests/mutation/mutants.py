@@ -1,7 +1,5 @@
 """Every mutant of a folder: where it is and what it changes. Cosmic Ray's operators, less those that prove nothing."""
 
-from __future__ import annotations
-
 import ast
 import hashlib
 import random

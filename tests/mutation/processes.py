@@ -1,7 +1,5 @@
 """A forked process per test run, in a copy of the project: third-party packages are imported once, ours in every child."""
 
-from __future__ import annotations
-
 import contextlib
 import gc
 import importlib

@@ -1,7 +1,5 @@
 """From outcomes to the share caught: its interval, the survivors, and those that nothing can catch."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from dataclasses import dataclass

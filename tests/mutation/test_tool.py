@@ -1,7 +1,5 @@
 """The mutation tool itself: what it draws, what it changes, and the interval that it states."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 

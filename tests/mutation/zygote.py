@@ -4,8 +4,6 @@ A mutant inside a function is laid into the function that is already there, by i
 import (a constant, a decorator, a default) cannot be, and gets a process that imports it (`covering.ask`).
 """
 
-from __future__ import annotations
-
 import ast
 import os
 import sys

@@ -1,7 +1,5 @@
 """axe-core on a page: which of its rules the page breaks."""
 
-from __future__ import annotations
-
 from functools import cache
 from importlib.resources import files
 from typing import Any

@@ -1,7 +1,5 @@
 """Colours as the colour-blind see them, and how far apart two of them are."""
 
-from __future__ import annotations
-
 import numpy as np
 
 VISIONS = {

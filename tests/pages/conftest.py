@@ -1,7 +1,5 @@
 """A real browser, and pages opened in it from files; every message and every request of theirs is kept."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """The live page as its tests take it: its text, a preset chosen, a value read."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """An identification with every part that its page can show; nothing of it was fitted."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

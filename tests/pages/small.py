@@ -1,7 +1,5 @@
 """A cheap comparison that pages are made of: the reference, two engines, one that breaks off and one that is missing."""
 
-from __future__ import annotations
-
 import dataclasses
 from functools import cache
 

@@ -1,7 +1,5 @@
 """A figure as data is the same on paper and on a page: bars, bands, spans, lines of two points, grids, words."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The colour-blind can tell apart what the pages colour: by colours that differ for them, too, or by dashes and shapes."""
 
-from __future__ import annotations
-
 from itertools import combinations, pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Stored runs on the live page in a real browser: what moves, what is marked where, what can be switched."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

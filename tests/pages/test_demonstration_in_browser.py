@@ -1,7 +1,5 @@
 """A demonstration's page in a real browser: no requests or complaints, fits a phone, dark on request, hostile text as text."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import pytest

@@ -1,7 +1,5 @@
 """A film in the live page: under the model and on its clock, tracked from two clicks, and fitted."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """One glossary: the documentation shows it whole, the reports show their part, and its names are those of the code."""
 
-from __future__ import annotations
-
 import io
 import re
 import tokenize

@@ -1,7 +1,5 @@
 """What is printed in place of the page: a worksheet on the setting that is shown, and a sheet with its answers."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

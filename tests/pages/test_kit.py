@@ -1,7 +1,5 @@
 """The kit: what goes into a page stays text there, the policy allows no request, and the same input gives the same bytes."""
 
-from __future__ import annotations
-
 import base64
 import dataclasses
 import hashlib

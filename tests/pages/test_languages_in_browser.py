@@ -1,7 +1,5 @@
 """The live page in another language: nothing on it stays English, nothing that was set is lost."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """The leaderboard is what the stored data say, has every variant, and is sorted by mouse and keyboard in a browser."""
 
-from __future__ import annotations
-
 import math
 import re
 

@@ -1,7 +1,5 @@
 """The lesson on the live page: predictions right and wrong, in both languages, by mouse and by keys."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

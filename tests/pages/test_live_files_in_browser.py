@@ -1,7 +1,5 @@
 """Files that the live page reads and writes, in a real browser: trials, a fit of one, scenarios, pictures and tables."""
 
-from __future__ import annotations
-
 import math
 import re
 from pathlib import Path

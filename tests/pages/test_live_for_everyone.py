@@ -3,8 +3,6 @@
 What the map says is held to the reference's solution.
 """
 
-from __future__ import annotations
-
 import math
 import re
 

@@ -3,8 +3,6 @@
 What the model computes is held in tests/live; here the oracle is the reference's solution of the same settings.
 """
 
-from __future__ import annotations
-
 import math
 import re
 

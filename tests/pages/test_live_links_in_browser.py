@@ -1,7 +1,5 @@
 """The live page's state in the address bar, there and back, in a real browser."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Numbers for people. Oracles: pint reads a quantity back into SI; the bound is half a unit of the last digit shown."""
 
-from __future__ import annotations
-
 import math
 import re
 

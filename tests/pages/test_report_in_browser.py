@@ -4,8 +4,6 @@ A page takes seconds to open, most of them for Plotly. So each report is opened 
 them is all that a calm page shows, and that nothing of it is run.
 """
 
-from __future__ import annotations
-
 import pytest
 
 from looping_pendulum.compare.figures import charts

@@ -1,7 +1,5 @@
 """To which settings stored runs belong on the live page, and when one stands in for the page's own model."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -3,8 +3,6 @@
 Sweeps compile hundreds of systems, each for a run or two, and test the equations, which are the same.
 """
 
-from __future__ import annotations
-
 import pytest
 
 from looping_pendulum.reference_ode.solve import available_integrators

@@ -1,7 +1,5 @@
 """Random states of every mode and effect, with their forces as vectors, for `test_newton`."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -2,8 +2,6 @@
 Taylor series of expressions, and the search for the first fall of polynomials.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import warnings

@@ -1,7 +1,5 @@
 """Every closed form against Newton's laws solved anew, against quadrature, and against the SciPy integrator."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

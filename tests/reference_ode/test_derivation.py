@@ -1,7 +1,5 @@
 """Newton's second law, by computer algebra, against the lines that the integrators run."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import pytest

@@ -1,7 +1,5 @@
 """Effects beyond the paper's model: data, null values, closed forms, energy, two integrators, and the way to the engines."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

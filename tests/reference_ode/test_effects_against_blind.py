@@ -3,8 +3,6 @@
 That simulator shares no equation with the package: it keeps the string, as a stiff one, and the plane as x and y.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Where heyoka gives up, SciPy solves the run, and the result says so: alone, in samples, in a batch and as an engine."""
 
-from __future__ import annotations
-
 import math
 from importlib.util import find_spec
 

@@ -1,7 +1,5 @@
 """Losses at a held pendulum's pivot, the size of its bob: closed forms, the separate pendulum, passing turning points."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

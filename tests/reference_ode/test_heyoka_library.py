@@ -1,7 +1,5 @@
 """heyoka's cache of compiled code is limited, in our folder, and never a reason to fail; its import does not import SymPy."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """A string that becomes taut at once: impulses and momenta, solved anew as linear equations; and stretches at rest."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

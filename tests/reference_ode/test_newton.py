@@ -5,8 +5,6 @@ vectors, in `instants`. Bounds: central differences over 1e-6 s err by 1e-12 of 
 1e-6, 1e-9.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

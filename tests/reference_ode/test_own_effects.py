@@ -1,7 +1,5 @@
 """Effects of a study's own: formulas are checked and give the right numbers, and travel with the parameters."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

@@ -1,7 +1,5 @@
 """Parameters are accepted up to the edges of what is possible; positions agree with plane geometry."""
 
-from __future__ import annotations
-
 import math
 import pickle
 import re

@@ -1,7 +1,5 @@
 """The small parts that every run is made of: what a state implies, how steps are stored, what may be asked for."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 

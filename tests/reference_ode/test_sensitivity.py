@@ -1,7 +1,5 @@
 """Derivatives of a run, through all its events: against differences of runs, closed forms, and the laws that they obey."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

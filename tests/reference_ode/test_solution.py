@@ -1,7 +1,5 @@
 """What `solve` returns: halts and stops, sampled positions and velocities, and what it refuses."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

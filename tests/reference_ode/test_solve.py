@@ -1,7 +1,5 @@
 """The hybrid reference against closed forms, invariants, its own order of accuracy and a second integrator."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """An engine whose numbers depend on its release, in a module of its own, so that it can be pickled for its process."""
 
-from __future__ import annotations
-
 import math
 import os
 import shlex

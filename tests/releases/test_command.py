@@ -1,7 +1,5 @@
 """The command `versions`, and the stored study that docs/versions.md is written from."""
 
-from __future__ import annotations
-
 import json
 import sys
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """How releases are listed and installed, by what pip and uv print; nothing here asks an index."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import threading

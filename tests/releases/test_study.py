@@ -1,7 +1,5 @@
 """A study of releases with a fake installer: rows, errors, pins, moves, resumption and interruption."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import replace
 

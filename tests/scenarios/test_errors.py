@@ -1,7 +1,5 @@
 """Every faulty file gives one line: file, line, key, what was found, what was needed, and a way out."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st

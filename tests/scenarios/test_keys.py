@@ -1,7 +1,5 @@
 """The schemas of all three files, and the page of their keys, which a script writes from them."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

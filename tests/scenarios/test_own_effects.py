@@ -1,7 +1,5 @@
 """The key ``own_effects`` of scenarios, ``candidates`` of studies: read, written, refused with one line that names the key."""
 
-from __future__ import annotations
-
 import pytest
 
 from looping_pendulum.errors import ScenarioError

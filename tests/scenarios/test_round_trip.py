@@ -1,7 +1,5 @@
 """What is dumped loads back equal, whatever it is; and what a file means."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """The scenarios that come with the package."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 import re

@@ -1,7 +1,5 @@
 """Quantities: exact both ways, and of the right dimension or refused."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """A solver that costs nothing, in a module of its own so that it travels to processes; and a program that maps with it."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import resource

@@ -1,7 +1,5 @@
 """Small map files, and what a map left on the disk."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

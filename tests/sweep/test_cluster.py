@@ -1,7 +1,5 @@
 """The same maps on a Dask cluster: a real scheduler and real workers, each a process, on this machine's loopback."""
 
-from __future__ import annotations
-
 import json
 import signal
 import socket

@@ -1,7 +1,5 @@
 """The command that makes maps: what it prints and writes, and how it ends when it is interrupted."""
 
-from __future__ import annotations
-
 import re
 import signal
 import subprocess

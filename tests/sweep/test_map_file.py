@@ -1,7 +1,5 @@
 """Map files: what they mean, and one clear line for each fault."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Making a map: the same bytes however often it is interrupted, killed or damaged; and what stops it leaves the rest whole."""
 
-from __future__ import annotations
-
 import errno
 import os
 import shutil

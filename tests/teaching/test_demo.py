@@ -1,7 +1,5 @@
 """The demonstration's data against the result they come from, and when results on disk are used again."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import shutil

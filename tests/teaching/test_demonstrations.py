@@ -1,7 +1,5 @@
 """The demonstrations: what a page says is what a run shows, and a page whose run shows something else says so."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The film of a demonstration; the oracle is the file as Pillow reads it, and the runs themselves."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

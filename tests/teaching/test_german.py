@@ -1,7 +1,5 @@
 """German of what the package says of runs: nothing of its own is left out, and numbers keep their place."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 import re

@@ -1,7 +1,5 @@
 """`new` and `init`: what they write loads, what they ask is checked, and nothing is written over."""
 
-from __future__ import annotations
-
 import math
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`new study`: what the files say is not asked, no answer is lost, and `identify` accepts what is written."""
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """What a notebook shows of results: their numbers, and hostile text as text."""
 
-from __future__ import annotations
-
 import dataclasses
 from importlib import import_module
 

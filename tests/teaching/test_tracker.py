@@ -1,7 +1,5 @@
 """A motion for Tracker: what our own readers make of the file, and where its rows lie."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Every Python process imports this first, under a backend: it takes heyoka away, or changes how heyoka compiles."""
 
-from __future__ import annotations
-
 import json
 import os
 import sys
