@@ -30,10 +30,8 @@ from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import select
 from looping_pendulum.engines.studies import Ladder, Studies
-from looping_pendulum.engines.trajectory import RunStatus
-from looping_pendulum.errors import EngineError
 from looping_pendulum.scenarios import load
-from tests.compare.delayed import STEPS, DelayedEngine
+from tests.compare.delayed import DelayedEngine
 
 PNG = b"\x89PNG"
 
@@ -198,43 +196,6 @@ def test_a_budget_leaves_out_what_would_cost_too_much(tmp_path, scenario, counte
     assert [rung.run.status for rung in rungs] == ["FINISHED"] * 3 + ["SKIPPED"], "cost: 0.1 ms of time step are a second"
     assert rungs[-1].run.why == "left out: expected 1 s"
     assert "1 run was left out" in render(result)
-
-
-def test_an_interrupted_run_is_made_again(tmp_path, scenario, monkeypatch):
-    engine = DelayedEngine()
-    task = RunTask(key=run_key(engine, scenario), engine=engine, scenario=scenario, what="run")
-
-    def interrupted(engine, scenario, *, cancelled, **_):
-        cancelled.set()
-        return dataclasses.replace(engine.simulate(scenario), status=RunStatus.INTERRUPTED)
-
-    monkeypatch.setattr(run_cache, "run_isolated", interrupted)
-    runner = Runner(RunCache(tmp_path), jobs=1, time_limit=10, budget=None)
-    assert runner.run([task]) == {}
-    assert runner.cancelled.is_set()
-    monkeypatch.setattr(run_cache, "run_isolated", lambda engine, scenario, **_: engine.simulate(scenario))
-    assert Runner(RunCache(tmp_path), jobs=1, time_limit=10, budget=None).run([task])[task.key].run.status.ok
-
-
-def test_a_run_cut_by_its_time_limit_is_kept_for_that_limit(tmp_path, scenario):
-    engine = DelayedEngine()
-    task = RunTask(key=run_key(engine, scenario), engine=engine, scenario=scenario, what="run")
-    cut = dataclasses.replace(engine.simulate(scenario), status=RunStatus.TIME_LIMIT)
-    RunCache(tmp_path).put(task, EndedRun(run=cut, seconds=10.0), time_limit=10.0)
-    assert RunCache(tmp_path).get(task, 10.0).run.status is RunStatus.TIME_LIMIT
-    assert RunCache(tmp_path).get(task, 11.0) is None
-
-
-def test_a_ladder_out_of_order_is_refused_with_its_name(scenario):
-    with pytest.raises(EngineError, match="delayed:exact: ladder of time_step: found values .* that neither rise nor fall"):
-        plan_variant(DelayedEngine(steps=(4e-4, 1e-4, 2e-4)), scenario, [])
-
-
-def test_the_name_of_a_run_tells_settings_and_scenario_apart(scenario):
-    keys = {run_key(DelayedEngine(time_step=step), scenario) for step in STEPS}
-    keys.add(run_key(DelayedEngine(time_step=STEPS[0]), dataclasses.replace(scenario, duration=0.5)))
-    assert len(keys) == 5
-    assert run_key(DelayedEngine(), scenario) == run_key(DelayedEngine(), scenario)
 
 
 def archive(**arrays):

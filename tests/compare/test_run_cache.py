@@ -62,6 +62,7 @@ def test_the_name_of_a_run_changes_with_versions_profile_and_scenario(scenario, 
     assert run_key(engine, scenario) != before
     heavier = dataclasses.replace(scenario, parameters=scenario.parameters.replace(heavy_mass=0.2))
     assert run_key(DelayedEngine(), heavier) != before
+    assert run_key(DelayedEngine(), dataclasses.replace(scenario, duration=0.5)) != before
     assert run_key(DelayedEngine(), dataclasses.replace(scenario, title="other", name="other")) == before
     monkeypatch.setattr(run_cache, "installed_version", lambda package: "another")
     assert run_key(DelayedEngine(), scenario) != before
@@ -147,7 +148,9 @@ def test_after_an_interrupt_no_run_is_begun_and_the_cut_one_is_not_done(tmp_path
     monkeypatch.setattr(run_cache, "run_isolated", run)
     assert set(runner.run(tasks)) == {tasks[0].key}
     assert len(begun) == 2
+    assert runner.cancelled.is_set()
     assert RunCache(tmp_path).get(tasks[1], 7.0) is None
+    assert set(Runner(RunCache(tmp_path), jobs=1, time_limit=7.0, budget=None).run(tasks[:2])) == {t.key for t in tasks[:2]}
 
 
 def test_an_error_of_a_run_is_not_swallowed(tmp_path, tasks, monkeypatch):
