@@ -31,7 +31,7 @@ LONG = {
 
 What they hold is held daily by the same variant in a shorter run, or by another chain in the same scenario: free fall, a swing
 from a hand, Atwood's machine, the sliding part of ten_to_one and the beads' way to its halt in tests/engines
-(`test_pybullet.py`, `test_mujoco_beads.py`, ...), a loop without friction in `test_conformance.py` there, static friction by
+(`test_pybullet.py`, `test_bead_chains.py`, ...), a loop without friction in `test_conformance.py` there, static friction by
 `test_coefficients_reach_engines.py` there, the fat rod by `pymunk:chain` and `mujoco:beads` here; 2:1 and 2.5:1 by the tendons
 alone. 10:1 is held to its limits by `pymunk:chain` until after the halt in `test_pymunk.py` there; to the rod it winds on the
 fat rod, here.

@@ -19,32 +19,15 @@ from looping_pendulum.engines.tension import measure_capstan_exponent
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.solve import solve, solve_at
-from looping_pendulum.scenarios.scenario import Scenario
-from tests.apparatus import TEN_TO_ONE
+from tests.apparatus import NO_DRAG, TEN_TO_ONE, distances, fitted_acceleration, simulated
 
 HERE = importlib.util.find_spec("exudyn") is not None
 needs_exudyn = pytest.mark.skipif(not HERE, reason="exudyn is not installed")
 
-NO_DRAG = {"light_drag": 0.0, "heavy_drag": 0.0, "string_drag": 0.0}
 SHORT = TEN_TO_ONE.replace(release="vertical", free_length=0.05, **NO_DRAG)
 """So little string that a run of the cable takes a second."""
 QUARTER = TEN_TO_ONE.replace(free_length=TEN_TO_ONE.free_length / 4)
 """The trial on a quarter of its string: it halts at 0.18 s."""
-
-
-def run(engine, parameters, duration, **changes):
-    scenario = Scenario(name="test", title="", description="", parameters=parameters, duration=duration)
-    return engine.with_settings(**changes).simulate(scenario).raise_if_failed()
-
-
-def distances(trajectory, parameters):
-    exact = solve_at(parameters, trajectory.t, duration=trajectory.t[-1] + 0.01)
-    return np.linalg.norm(trajectory.light_position - exact.light_position, axis=1)
-
-
-def fitted_acceleration(trajectory):
-    square = 0.5 * trajectory.t**2
-    return square @ trajectory.heavy_drop / (square @ square)
 
 
 def test_a_step_that_does_not_divide_a_sample_is_refused():
@@ -74,7 +57,7 @@ def test_static_capstan(share, holds):
     # Oracle: the capstan ratio e^{mu pi}. 5 % less is held: the segments' springs give way by mu N / k = 20 um, and the string
     # stretches by as much per newton. 5 % more slides, with at least half of the exact acceleration.
     p = SHORT.replace(heavy_mass=share * SHORT.light_mass * math.exp(0.34 * math.pi))
-    drop = run(ExudynCable(), p, 0.05).heavy_drop
+    drop = simulated(ExudynCable(), p, 0.05).heavy_drop
     assert (abs(drop[-1] - drop[25]) < 1e-5) if holds else (drop[-1] > 0.5 * 0.5 * atwood_acceleration(p) * 0.05**2)
 
 
@@ -82,14 +65,14 @@ def test_static_capstan(share, holds):
 def test_without_a_penalty_there_is_no_friction():
     # Oracle: Atwood's machine without friction, which a friction coefficient of 0.34 leaves as it is with Exudyn's defaults.
     # Bound: 1 % of the acceleration, of which the string's stretch of some 10 um in 2 mm makes half.
-    fallen = run(ExudynCable(), SHORT, 0.02, friction_stiffness=0.0)
+    fallen = simulated(ExudynCable(), SHORT, 0.02, friction_stiffness=0.0)
     assert fitted_acceleration(fallen) == pytest.approx(atwood_acceleration(SHORT.replace(kinetic_friction=0.0)), rel=1e-2)
 
 
 @needs_exudyn
 def test_the_cable_follows_the_reference_while_it_begins_to_slide():
     # Oracle: the reference. Bound: a quarter of 0.6 mm, that of other chains over the whole string.
-    begun = run(ExudynCable(), QUARTER, 0.04)
+    begun = simulated(ExudynCable(), QUARTER, 0.04)
     assert distances(begun, QUARTER).max() < 0.15e-3
     assert np.nanmax(np.abs(begun.string_stretch)) < 0.1e-3
 
@@ -100,7 +83,7 @@ def test_the_cable_follows_the_reference_to_the_halt():
     # Oracle: the reference. Bounds: about twice what was measured, 0.17 mm to the halt's time less a tenth, 0.5 mm in the drop,
     # by which the string is longer that holds the light mass's pull, and 2 ms, two samples, in the halt.
     halt = solve(QUARTER).halting_time
-    halted = run(ExudynCable(), QUARTER, round(halt + 0.025, 3))
+    halted = simulated(ExudynCable(), QUARTER, round(halt + 0.025, 3))
     until = halted.t <= 0.91 * halt
     assert math.sqrt(np.mean(distances(halted, QUARTER)[until] ** 2)) < 0.35e-3
     exact = solve_at(QUARTER, halted.t[-1:], duration=halted.t[-1] + 0.01)
@@ -114,7 +97,7 @@ def test_the_cable_follows_the_reference_to_the_halt():
 def test_contacts_that_are_not_iterated_to_the_end_brake_too_much():
     # Oracle: the exact drop. With Exudyn's default tolerance of 1 N a segment that comes into contact may hold with any force
     # below that for a step; with the adapter's it lags by less than a tenth.
-    careless = run(ExudynCable(), QUARTER, 0.12, contact_tolerance=1.0, contact_iterations=5)
+    careless = simulated(ExudynCable(), QUARTER, 0.12, contact_tolerance=1.0, contact_iterations=5)
     exact = solve_at(QUARTER, careless.t[-1:], duration=0.13)
     assert careless.heavy_drop[-1] - (-QUARTER.hanging_length - exact.heavy_position[-1, 1]) < -0.5e-3
 
@@ -150,7 +133,7 @@ def test_the_rope_follows_the_frictionless_reference_past_a_full_turn():
     # Oracle: the reference. Bound: a tenth of the 39 mm by which the rope would be too short if a turn were forgotten, until
     # the light mass is nearer to the rod than a radius of it; before, twice the rope's stretch.
     p = QUARTER.replace(kinetic_friction=0.0)
-    wound = run(ExudynReeving(), p, 0.2)
+    wound = simulated(ExudynReeving(), p, 0.2)
     assert wound.wrap_angle[-1] > 2 * math.pi
     distance, early = distances(wound, p), wound.wrap_angle < 1.5 * math.pi
     assert distance[early].max() < 2 * np.abs(wound.string_stretch).max()
@@ -161,7 +144,7 @@ def test_the_rope_follows_the_frictionless_reference_past_a_full_turn():
 @pytest.mark.parametrize("engine", [ExudynCable(), ExudynReeving()], ids=["cable", "reeving"])
 def test_drop_is_free_fall(engine):
     # Oracle: g t^2 / 2, which the generalised-alpha method gives exactly; bound: rounding and Newton's tolerance.
-    fallen = run(engine, TEN_TO_ONE.replace(release="drop", **NO_DRAG), 0.1)
+    fallen = simulated(engine, TEN_TO_ONE.replace(release="drop", **NO_DRAG), 0.1)
     for position in (fallen.light_position, fallen.heavy_position):
         np.testing.assert_allclose(position[0, 1] - position[:, 1], 0.5 * 9.81 * fallen.t**2, rtol=0, atol=1e-6)
 

@@ -9,17 +9,13 @@ from looping_pendulum.engines.mujoco.tendon import FrictionSize, MujocoTendon, f
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.solve import solve, solve_at
-from looping_pendulum.scenarios.scenario import Scenario
-from tests.apparatus import TEN_TO_ONE
+from tests.apparatus import NO_DRAG, TEN_TO_ONE, scenario
 
 pytest.importorskip("mujoco")
 
-NO_DRAG = {"light_drag": 0.0, "heavy_drag": 0.0, "string_drag": 0.0}
-
 
 def run(parameters, duration, variant="frictionloss", **fields):
-    scenario = Scenario(name="test", title="", description="", parameters=parameters, duration=duration)
-    return MujocoTendon(variant=variant, **fields).simulate(scenario)
+    return MujocoTendon(variant=variant, **fields).simulate(scenario(parameters, duration))
 
 
 def rms(trajectory, parameters, until):

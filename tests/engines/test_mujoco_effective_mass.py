@@ -10,12 +10,10 @@ from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.solve import solve, solve_at
-from looping_pendulum.scenarios.scenario import Scenario
-from tests.apparatus import TEN_TO_ONE, TWO_TO_ONE
+from tests.apparatus import NO_DRAG, TEN_TO_ONE, TWO_TO_ONE, distances, scenario, simulated
 
 pytest.importorskip("mujoco")
 
-NO_DRAG = {"light_drag": 0.0, "heavy_drag": 0.0, "string_drag": 0.0}
 LIGHT_DRAG = {"light_drag": 2.72e-4, "heavy_drag": 1.11e-3, "string_drag": 1.56e-6}
 both = pytest.mark.parametrize("coordinates", ["effective_mass", "drum"])
 daily_without_drum = pytest.mark.parametrize(
@@ -25,15 +23,7 @@ daily_without_drum = pytest.mark.parametrize(
 
 
 def run(coordinates, parameters, duration, *, profile=Profile.QUICK, **changes):
-    scenario = Scenario(name="test", title="", description="", parameters=parameters, duration=duration)
-    engine = MujocoEffectiveMass(coordinates=coordinates, profile=profile)
-    return (engine.with_settings(**changes) if changes else engine).simulate(scenario).raise_if_failed()
-
-
-def distance(trajectory, parameters):
-    """Return the distance of the light mass from the reference's at every sample [m]."""
-    exact = solve_at(parameters, trajectory.t, duration=trajectory.t[-1] + 0.01)
-    return np.linalg.norm(trajectory.light_position - exact.light_position, axis=1)
+    return simulated(MujocoEffectiveMass(coordinates=coordinates, profile=profile), parameters, duration, **changes)
 
 
 @both
@@ -79,14 +69,14 @@ def test_drop_is_free_fall(coordinates):
 def test_held_pendulum_follows_the_reference(coordinates):
     # Oracle: reference. Bound: a micrometre; nothing slides and nothing is fed in.
     p = TEN_TO_ONE.replace(release="held")
-    assert distance(run(coordinates, p, 1.0), p).max() < 1e-6
+    assert distances(run(coordinates, p, 1.0), p).max() < 1e-6
 
 
 @daily_without_drum
 def test_ten_to_one_keeps_the_targets(coordinates):
     # Oracle: reference. Bounds: the accurate figures of the prototype, 0.1 um, 2 um and 4 um, rounded up.
     trajectory = run(coordinates, TEN_TO_ONE, 1.0, profile=Profile.ACCURATE)
-    error = distance(trajectory, TEN_TO_ONE)
+    error = distances(trajectory, TEN_TO_ONE)
     for until, bound in ((0.35, 1e-7), (0.7, 2e-6), (1.0, 4e-6)):
         assert math.sqrt(np.mean(error[trajectory.t <= until + 1e-9] ** 2)) <= bound
     halt = solve(TEN_TO_ONE).halting_time
@@ -116,7 +106,7 @@ def test_error_falls_with_the_square_of_the_step(coordinates):
     # Oracle: order of convergence against the reference, over sliding alone. Half-way between first and second order.
     stiff = 5 if coordinates == "effective_mass" else 2
     errors = [
-        distance(run(coordinates, TEN_TO_ONE, 0.3, time_step=dt, string_time_constant=stiff * dt), TEN_TO_ONE)[-1]
+        distances(run(coordinates, TEN_TO_ONE, 0.3, time_step=dt, string_time_constant=stiff * dt), TEN_TO_ONE)[-1]
         for dt in (1e-3, 1e-4)
     ]
     assert errors[0] / errors[1] >= 10**1.5
@@ -130,24 +120,22 @@ def test_held_string_goes_slack_and_is_caught(coordinates):
     trajectory = run(coordinates, p, 1.0, profile=Profile.ACCURATE)
     assert trajectory.string_stretch.min() < -0.1
     way = np.linalg.norm(trajectory.light_velocity, axis=1).max()
-    assert distance(trajectory, p).max() < way * SETTINGS[coordinates, Profile.ACCURATE].string_time_constant
+    assert distances(trajectory, p).max() < way * SETTINGS[coordinates, Profile.ACCURATE].string_time_constant
 
 
 def test_the_drum_ends_at_the_rod():
     # The light mass comes in faster than a step resolves; the run must end there all the same.
     p = TEN_TO_ONE.replace(rod_radius=0.03)
-    scenario = Scenario(name="test", title="", description="", parameters=p, duration=0.6)
-    trajectory = MujocoEffectiveMass(coordinates="drum").simulate(scenario)
+    trajectory = MujocoEffectiveMass(coordinates="drum").simulate(scenario(p, 0.6))
     assert trajectory.status is RunStatus.LIGHT_REACHED_ROD
     assert trajectory.t[-1] == pytest.approx(solve(p).end_time, abs=2e-3)
 
 
 def test_two_rigs_in_one_process_keep_apart():
     # MuJoCo's callback is one for the whole process.
-    p = TEN_TO_ONE.replace(light_drag=0.05)
-    scenario = Scenario(name="test", title="", description="", parameters=p, duration=0.05)
-    alone = MujocoEffectiveMass(coordinates="drum").simulate(scenario)
-    rigs = [MujocoEffectiveMass(coordinates="drum").build(scenario) for _ in range(2)]
+    short = scenario(TEN_TO_ONE.replace(light_drag=0.05), 0.05)
+    alone = MujocoEffectiveMass(coordinates="drum").simulate(short)
+    rigs = [MujocoEffectiveMass(coordinates="drum").build(short) for _ in range(2)]
     for _ in range(50):
         for rig in rigs:
             rig.advance()

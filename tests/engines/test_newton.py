@@ -22,8 +22,7 @@ from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.geometry import string_coordinates
 from looping_pendulum.reference_ode.solve import solve_at
 from looping_pendulum.scenarios import load
-from looping_pendulum.scenarios.scenario import Scenario
-from tests.apparatus import TEN_TO_ONE
+from tests.apparatus import NO_DRAG, TEN_TO_ONE, scenario
 
 STORED = Path(__file__).parents[2] / "docs" / "data" / "measured" / "newton_tendon.json"
 needs_newton = pytest.mark.skipif(importlib.util.find_spec("newton") is None, reason="newton is not installed")
@@ -31,11 +30,6 @@ SLIDES_WHILE_LOADED = (
     "measured 0.22 mm: the string is not stretched at release and slides while it takes its load; from 0.05 s on it is held, "
     "to 5 um in 0.05 s"
 )
-NO_DRAG = {"light_drag": 0.0, "heavy_drag": 0.0, "string_drag": 0.0}
-
-
-def scenario(parameters, duration):
-    return Scenario(name="test", title="", description="", parameters=parameters, duration=duration)
 
 
 def time_of_half_a_turn():

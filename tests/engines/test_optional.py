@@ -1,4 +1,4 @@
-"""Engines that are optional: their adapters take the road of a third party's, and are a gap without their package."""
+"""Adapters that take the road of a third party's and are a gap without their package, and what holds of every adapter."""
 
 import importlib.util
 import subprocess
@@ -41,16 +41,6 @@ def test_it_takes_the_third_partys_road(engine):
 
 
 @pytest.mark.parametrize("engine", OPTIONAL)
-def test_making_the_adapter_does_not_import_it(engine):
-    package, _ = OPTIONAL[engine]
-    code = (
-        f"import sys; from looping_pendulum.engines.{engine} import engines; "
-        f"engines('quick')[0].studies(); sys.exit({package!r} in sys.modules)"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False, timeout=60).returncode == 0
-
-
-@pytest.mark.parametrize("engine", OPTIONAL)
 def test_without_it_a_run_is_a_gap_that_says_how_to_get_it(engine):
     package, wanted = OPTIONAL[engine]
     if importlib.util.find_spec(package):
@@ -63,11 +53,30 @@ def test_without_it_a_run_is_a_gap_that_says_how_to_get_it(engine):
     assert trajectory.message == f"get it: {how_to_get(package, anywhere=True)}"
 
 
-@pytest.mark.parametrize("engine", OPTIONAL)
-def test_studies_vary_one_thing_at_a_time(engine):
-    for one in import_module(f"looping_pendulum.engines.{engine}").engines(Profile.QUICK):
-        studies = one.studies()
-        for ladder in studies.ladders:
-            assert [getattr(each.settings, ladder.setting) for each in ladder.engines] == list(ladder.values)
-            assert getattr(one.settings, ladder.setting) in ladder.values
-        assert all(each.engine.settings != one.settings for each in (*studies.defaults, *studies.choices))
+PACKAGES = {name: name for name in ("mujoco", "pymunk", "pybullet")} | {
+    name: package for name, (package, _) in OPTIONAL.items()
+}
+
+
+@pytest.mark.parametrize("engine", PACKAGES)
+def test_making_the_adapter_and_its_studies_does_not_import_it(engine):
+    code = (
+        f"import sys; from looping_pendulum.engines.{engine} import engines\n"
+        "for profile in ('quick', 'accurate'):\n    for one in engines(profile): one.studies()\n"
+        f"sys.exit({PACKAGES[engine]!r} in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False, timeout=60).returncode == 0
+
+
+@pytest.mark.parametrize("engine", PACKAGES)
+def test_studies_vary_what_they_say(engine):
+    for profile in Profile:
+        for one in import_module(f"looping_pendulum.engines.{engine}").engines(profile):
+            studies = one.studies()
+            for ladder in studies.ladders:
+                assert [getattr(rung.settings, ladder.setting) for rung in ladder.engines] == pytest.approx(list(ladder.values))
+                assert len(set(ladder.values)) == len(ladder.values)
+            for other in (entry.engine for entry in (*studies.defaults, *studies.choices)):
+                assert other.variant == one.variant
+                # The quick drum's step is as near to MuJoCo's default as samples allow
+                assert vars(other) != vars(one) or (one.variant, profile) == ("drum", Profile.QUICK)

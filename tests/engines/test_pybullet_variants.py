@@ -7,14 +7,13 @@ import pytest
 
 from looping_pendulum.engines.chain import MIN_BEADS
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.pybullet import engines
 from looping_pendulum.engines.pybullet.chain import PybulletChain, PybulletDefaults
 from looping_pendulum.engines.pybullet.links import ChainState
 from looping_pendulum.engines.pybullet.point_to_point import PybulletPointToPoint
 from looping_pendulum.engines.pybullet.remade import SETTINGS, NodeChanges, PybulletRemade, RemadeRig, nodes_at_release
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.cartesian import release_velocity
-from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import solve_at
 from looping_pendulum.scenarios.scenario import Scenario
 from tests.apparatus import TEN_TO_ONE
@@ -128,25 +127,6 @@ def test_making_the_multibody_anew_holds_the_state() -> None:
     assert rig.rebuild_count > 1
 
 
-@pytest.mark.parametrize("release", [Release.LOOPING, Release.VERTICAL, Release.HELD])
-def test_remade_chain_is_laid_between_the_masses_with_its_nodes_on_the_rod(release: Release) -> None:
-    p = scenario(0.1, free_length=0.4, release=release).parameters
-    s = QUICK
-    chain, circle = nodes_at_release(p, s, release_velocity(p)), s.node_circle(p)
-    theta = p.release_angle
-    light = (
-        p.rod_radius * math.cos(theta) - p.free_length * math.sin(theta),
-        p.rod_radius * math.sin(theta) + p.free_length * math.cos(theta),
-    )
-    assert chain.positions[-1] == pytest.approx(light, abs=1e-12)
-    assert chain.positions[0] == pytest.approx((p.rod_radius, -p.hanging_length), abs=1e-12)
-    assert np.hypot(*chain.positions[1:-1].T) == pytest.approx(circle, abs=1e-12)
-    assert chain.lengths[1:-1] == pytest.approx(s.length_on_rod(p), rel=1e-12)
-    # Between corners a polygon's length differs from the string's by |c sin(x) - R x| < R (b/2)^3 / 6 at either end.
-    bend = s.length_on_rod(p) / p.rod_radius
-    assert chain.lengths.sum() == pytest.approx(p.string_length, abs=2 * p.rod_radius * (bend / 2) ** 3 / 6)
-
-
 def test_links_too_long_for_the_rod_are_refused() -> None:
     with pytest.raises(EngineError, match="cannot wrap a rod of radius 1 mm; shorten link_length to 1.3 mm"):
         QUICK.length_on_rod(scenario(0.1, rod_radius=1e-3).parameters)
@@ -161,18 +141,6 @@ def test_remade_chain_follows_the_reference_while_the_string_slides() -> None:
 @pytest.mark.xfail(strict=True, reason="joint motors, on by default, hold every hinge: the string is a stiff wire")
 def test_defaults_follow_the_reference() -> None:
     assert farthest(PybulletDefaults(), scenario(0.15)) < 5e-3
-
-
-@pytest.mark.parametrize("profile", Profile)
-def test_studies_vary_what_they_say(profile: Profile) -> None:
-    for engine in engines(profile):
-        studies = engine.studies()
-        for ladder in studies.ladders:
-            for value, rung in zip(ladder.values, ladder.engines, strict=True):
-                assert getattr(rung.settings, ladder.setting) == pytest.approx(value)
-            assert len(set(ladder.values)) == len(ladder.values)
-        for varied in (*studies.defaults, *studies.choices):
-            assert varied.engine.settings != engine.settings, varied
 
 
 def test_every_time_step_of_a_ladder_divides_the_sample_interval() -> None:
