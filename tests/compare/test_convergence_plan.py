@@ -72,12 +72,11 @@ def test_coarse_rungs_of_every_ladder_come_before_fine_ones(scenario):
 
 
 def test_a_ladder_out_of_order_says_where_to_put_it_in_order(scenario):
-    engine = DelayedEngine(steps=(1e-3, 4e-3, 2e-3))
-    with pytest.raises(
-        EngineError,
-        match=r"delayed:exact: ladder of time_step: found values .* neither rise nor fall.* put them in order in the adapter's studies",
-    ):
-        plan_variant(engine, scenario, [])
+    said = (
+        "delayed:exact: ladder of time_step: found values .* neither rise nor fall.* put them in order in the adapter's studies"
+    )
+    with pytest.raises(EngineError, match=said):
+        plan_variant(DelayedEngine(steps=(1e-3, 4e-3, 2e-3)), scenario, [])
 
 
 # ---- a whole variant, its runs made of the closed form

@@ -6,7 +6,18 @@ from types import SimpleNamespace
 import pytest
 
 from looping_pendulum.compare.convergence import study
-from looping_pendulum.compare.convergence.report import halting_table, opening, render, splits_table
+from looping_pendulum.compare.convergence.report import (
+    choices_table,
+    defaults_table,
+    format_setting,
+    halting_table,
+    halting_verdict,
+    ladders_table,
+    opening,
+    render,
+    splits_table,
+    verdict_cell,
+)
 from looping_pendulum.compare.convergence.result import (
     DROP,
     HALT,
@@ -153,10 +164,112 @@ def test_the_parts_of_an_error_are_stated_to_two_digits():
     assert table_rows[2] == ["toy:a", "different model", "3.7", "7.4", "15", "11", "19", "22"]
     unknown = variant(splits=(split(EARLY, 1, causes=(ErrorCause.UNKNOWN,), without_limit=("dt",)),))
     assert cells(splits_table(result(unknown), [EARLY]), "toy:a")[0][1] == "–"
+    two = variant(splits=(split(EARLY, 1, causes=(ErrorCause.MODEL, ErrorCause.NOT_CONVERGED), without_limit=("dt",)),))
+    cause = f"{ErrorCause.MODEL.value}, then {ErrorCause.NOT_CONVERGED.value} (no limit known for dt)"
+    assert cells(splits_table(result(two), [EARLY]), "toy:a")[0][1] == cause
     nothing = result(variant(splits=()))
     assert "error [mm]" in splits_table(nothing, [EARLY])
     assert "error [ms]" in splits_table(nothing, [HALT])
     assert "error [mm]" in splits_table(nothing, [DROP])
+
+
+NEVER_HALTS = {"halting_time": None, "halting_time_error": None}
+
+
+@pytest.mark.parametrize(
+    ("own", "quantity", "said"),
+    [
+        (run("o", 1, **NEVER_HALTS), HALT, "never halts"),
+        (run("o", 1, **NEVER_HALTS), EARLY, "the reference has no value"),
+        (run("o", 1), HALT, "the reference has no value"),
+        (run("o", 1, **FAILED), HALT, "it died"),
+        (run("o", 1, **FAILED | {"why": "the string drifted; shorten the time step"}), EARLY, "the string drifted"),
+    ],
+)
+def test_why_there_is_no_split(own, quantity, said):
+    made = result(variant(own=own, splits=()))
+    assert cells(splits_table(made, [quantity]), "toy:a") == [["toy:a", said, *["–"] * 6]]
+
+
+def with_kinds(*kinds, **fields):
+    """A variant with a ladder for each kind, whose halting times scatter by 2, 4, 6, ... ms."""
+    ladders = [
+        dataclasses.replace(
+            variant().ladders[0],
+            setting=f"dt{k}",
+            verdicts=(dataclasses.replace(verdict(HALT, kind), scatter=2e-3 * (k + 1)),),
+        )
+        for k, kind in enumerate(kinds)
+    ]
+    return variant(ladders=tuple(ladders), **fields)
+
+
+CONVERGES, NEVER, SCATTERS = SequenceKind.CONVERGES, SequenceKind.NEVER, SequenceKind.SCATTERS
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [
+        (with_kinds(), "the adapter offers no ladder"),
+        (with_kinds(NEVER, NEVER), "never halts"),
+        (with_kinds(CONVERGES, own=run("o", 1, **FAILED)), "its run at its own settings does not end properly"),
+        (with_kinds(CONVERGES, NEVER, own=run("o", 1, **NEVER_HALTS)), "no; it halts only with some settings"),
+        (with_kinds(SCATTERS, CONVERGES, SCATTERS), "no; it scatters by ± 6 ms"),
+        (with_kinds(CONVERGES, NEVER), "no; it scatters by ± 0 ms"),
+        (with_kinds(CONVERGES, SequenceKind.UNKNOWN), "along some ladder too few runs halt to tell"),
+        (with_kinds(CONVERGES, SequenceKind.SETTLED, splits=()), "along some ladder too few runs halt to tell"),
+        (
+            with_kinds(CONVERGES, SequenceKind.WITHIN_SPREAD),
+            "only to within ± 11 ms, the spread of small changes of the start",
+        ),
+        (with_kinds(CONVERGES, SequenceKind.SETTLED), "yes, to within ± 11 ms"),
+    ],
+)
+def test_whether_the_halting_time_converges(made, said):
+    assert halting_verdict(made).startswith(said)
+
+
+def test_a_ladder_that_another_refines_further_does_not_decide():
+    """It decided: `mujoco:capstan` was said not to converge for a ladder whose coarse end its time step's ladder passes."""
+    decides, other = with_kinds(CONVERGES, SCATTERS).ladders
+    ladders = (decides, dataclasses.replace(other, refined_further_by="dt0"))
+    assert halting_verdict(variant(ladders=ladders)) == "yes, to within ± 11 ms"
+
+
+@pytest.mark.parametrize(
+    ("kind", "limit", "said"),
+    [
+        (CONVERGES, -3e-3, "order 1.5 → 3 ± 1"),
+        (SequenceKind.SETTLED, -3e-3, "settled → 3 ± 1"),
+        (SCATTERS, -3e-3, "± 4 about 3 ± 1"),
+        (SequenceKind.WITHIN_SPREAD, -3e-3, "± 4 about 3 ± 1, in the spread"),
+        (SCATTERS, None, "halts on some rungs"),
+        (NEVER, None, "never halts"),
+        (SequenceKind.UNKNOWN, None, "–"),
+    ],
+)
+def test_a_verdict_fits_a_cell(kind, limit, said):
+    assert verdict_cell(SimpleNamespace(kind=kind, order=1.5, limit_error=limit, uncertainty=1e-3, scatter=4e-3)) == said
+
+
+def test_ladders_are_reported_from_the_first_to_the_last_rung_that_ran():
+    ladder = variant().ladders[0]
+    sizes = {EARLY: 1e-3, LATE: 2e-3, HALT: -3e-3, DROP: 4e-3}
+    verdicts = tuple(dataclasses.replace(one, limit_error=sizes[one.quantity]) for one in ladder.verdicts)
+    table = ladders_table(result(variant(ladders=(dataclasses.replace(ladder, verdicts=verdicts),))))
+    (row,) = cells(table, "toy:a")
+    limits = [f"order 1 → {size} ± 0.1" for size in (1, 2, 3)]
+    assert row == ["toy:a", "dt", "0.8 ms", "0.4 ms", "2 of 3", *limits]
+    head, rule = table.splitlines()[:2]
+    assert rule.split("|")[1:-1] == [" --- "] * 8, "words and amounts with their units: all to the left"
+    assert len(head.split("|")) == len(rule.split("|"))
+    nowhere = dataclasses.replace(ladder, rungs=tuple(rung(1e-4, 1, "r", status="NOT_RUN") for _ in range(3)))
+    assert cells(ladders_table(result(variant(ladders=(nowhere,)))), "toy:a")[0][2:5] == ["–", "–", "0 of 3"]
+
+
+def test_angles_stay_in_radians():
+    assert format_setting(0.28, "rad") == "0.28 rad"
+    assert format_setting(5e-3, "m") == "5 mm"
 
 
 def test_a_ladder_is_reported_rung_by_rung():
@@ -193,6 +306,8 @@ def test_small_changes_of_the_start_are_reported_with_their_errors():
 def test_the_halting_table_tells_of_the_halting_time_alone():
     (row,) = cells(halting_table(result()), "toy:a")
     assert row == ["toy:a", "yes, to within ± 11 ms", "-7.41", "1.2"]
+    never = result(variant(own=run("o", 1, **NEVER_HALTS)))
+    assert cells(halting_table(never), "toy:a")[0][2] == "does not halt"
     broken = result(variant(own=run("o", 1, halting_time=None, halting_time_error=None, **FAILED)))
     assert cells(halting_table(broken), "toy:a")[0][1:3] == [
         "its run at its own settings does not end properly",
@@ -214,6 +329,12 @@ def test_defaults_and_choices_are_stated_in_milliseconds_and_millimetres():
     bare = variant(provenance=RunProvenance(versions={}, settings={}, supplies=()))
     assert cells(render(result(bare)), "toy:a", "## Provenance") == [["toy:a", "–"]]
     assert "- **toy:a**: –\n" in render(result(bare))
+
+
+@pytest.mark.parametrize(("fields", "note"), [(NEVER_HALTS, "never halts"), (FAILED, "it died")])
+def test_a_choice_that_does_not_halt_or_fails_says_so(fields, note):
+    made = result(variant(choices=(variation("c", "c", **fields),), defaults=(variation("d", "d", **fields),)))
+    assert cells(choices_table(made), "toy:a")[0][-1] == cells(defaults_table(made), "toy:a")[0][-1] == note
 
 
 def test_words_are_to_the_left_and_numbers_to_the_right():

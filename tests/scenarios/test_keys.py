@@ -11,14 +11,16 @@ from pydantic import BaseModel
 
 from looping_pendulum.measured import study_file
 from looping_pendulum.measured.study_file import StudyFile
+from looping_pendulum.scenarios import dump, json_schema, load
 from looping_pendulum.scenarios.schema import Limits, file_model
 from looping_pendulum.sweep import map_file
 from looping_pendulum.sweep.map_file import MapFile
 from scripts.keys_page import PAGE, page
 from tests.command_line import here
-from tests.scenarios.test_shipped import problems
+from tests.scenarios.test_shipped import NAMES
 
 PACKAGE = Path(__file__).parents[2] / "looping_pendulum"
+SCENARIO = (PACKAGE / "scenarios" / "ten_to_one.yaml").read_text(encoding="utf-8")
 STUDY = (PACKAGE / "teaching" / "example" / "study.yaml").read_text(encoding="utf-8")
 MAP = (PACKAGE / "sweep" / "maps" / "quick.yaml").read_text(encoding="utf-8")
 SECTIONS = {"Scenario": file_model(), "Study": StudyFile, "Map": MapFile}
@@ -35,6 +37,36 @@ EditorLoader.add_implicit_resolver(
 
 def as_an_editor_reads(text: str) -> object:
     return yaml.load(text, Loader=EditorLoader)
+
+
+# A checker of the few words of JSON Schema that ours uses, so that no further package is needed.
+def problems(schema: dict, data: object, root: dict, at: str = "") -> list[str]:
+    if "$ref" in schema:
+        return problems(root["$defs"][schema["$ref"].removeprefix("#/$defs/")], data, root, at)
+    faults = []
+    for choice in ("anyOf", "oneOf"):
+        if choice in schema and not any(not problems(s, data, root, at) for s in schema[choice]):
+            faults.append(f"{at}: none of {choice}")
+    types = {"object": dict, "array": list, "string": str, "number": (int, float), "integer": int, "boolean": bool}
+    if "type" in schema and (
+        not isinstance(data, types[schema["type"]]) or (isinstance(data, bool) and schema["type"] != "boolean")
+    ):
+        return [f"{at}: not a {schema['type']}"]
+    if "pattern" in schema and not re.search(schema["pattern"], str(data)):
+        faults.append(f"{at}: pattern")
+    if "enum" in schema and data not in schema["enum"]:
+        faults.append(f"{at}: enum")
+    if isinstance(data, int | float) and not schema.get("minimum", data) <= data <= schema.get("maximum", data):
+        faults.append(f"{at}: bounds")
+    if isinstance(data, list):
+        for i, item in enumerate(data):
+            faults += problems(schema.get("items", {}), item, root, f"{at}[{i}]")
+    if isinstance(data, dict):
+        faults += [f"{at}.{key}: missing" for key in schema.get("required", []) if key not in data]
+        for key, value in data.items():
+            below = schema.get("properties", {}).get(key, schema.get("additionalProperties", {}))
+            faults += [f"{at}.{key}: unknown"] if below is False else problems(below, value, root, f"{at}.{key}")
+    return faults
 
 
 def test_the_page_is_what_the_script_writes():
@@ -78,17 +110,27 @@ def test_each_command_prints_the_schema_of_its_files(command, name):
     assert "x-words" not in done.stdout
 
 
+SCHEMAS = {SCENARIO: json_schema, STUDY: study_file.json_schema, MAP: map_file.json_schema}
+
+
 def test_the_schemas_accept_what_is_shipped():
-    schema = study_file.json_schema()
-    assert problems(schema, as_an_editor_reads(STUDY), schema) == []
-    schema = map_file.json_schema()
-    for path in (PACKAGE / "sweep" / "maps").glob("*.yaml"):
-        assert problems(schema, as_an_editor_reads(path.read_text(encoding="utf-8")), schema) == []
+    scenarios = [(PACKAGE / "scenarios" / f"{name}.yaml").read_text(encoding="utf-8") for name in NAMES]
+    maps = [path.read_text(encoding="utf-8") for path in (PACKAGE / "sweep" / "maps").glob("*.yaml")]
+    shipped = {json_schema: [*scenarios, *(dump(load(name)) for name in NAMES)], map_file.json_schema: maps}
+    for made, texts in (shipped | {study_file.json_schema: [STUDY]}).items():
+        schema = made()
+        for text in texts:
+            assert problems(schema, as_an_editor_reads(text), schema) == [], text
 
 
 @pytest.mark.parametrize(
     ("text", "old", "new", "problem"),
     [
+        (SCENARIO, "6.25 mm", "6.25", ".rod.radius: not a string"),
+        (SCENARIO, "  radius:", "  raduis:", ".rod.radius: missing"),
+        (SCENARIO, "kind: looping", "kind: lopping", ".release.kind: enum"),
+        (SCENARIO, "kinetic_friction: 0.3431", "kinetic_friction: -1", ".string.kinetic_friction: none of anyOf"),
+        (SCENARIO, "rms_0.7s:", "rms:", ".tolerances.mujoco:capstan.accurate.rms: unknown"),
         (STUDY, "title:", "titel:", ".title: missing"),
         (STUDY, "10 g +/- 0.05 g", "ten g", ".apparatus.light.mass: pattern"),
         (STUDY, "held_out: true", "held_out: maybe", ".trials[1].held_out: not a boolean"),
@@ -100,6 +142,17 @@ def test_the_schemas_accept_what_is_shipped():
     ],
 )
 def test_the_schemas_refuse_what_the_loaders_refuse(text, old, new, problem):
-    schema = (study_file if text is STUDY else map_file).json_schema()
+    schema = SCHEMAS[text]()
     assert old in text
     assert problem in problems(schema, as_an_editor_reads(text.replace(old, new)), schema)
+
+
+def test_json_schema_describes_units_with_examples():
+    schema = json_schema()
+    assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+    radius = schema["$defs"]["RodGroup"]["properties"]["radius"]
+    assert "a length above 0, with its unit" in radius["description"]
+    assert radius["examples"] == ["6.25 mm"]
+    for group in schema["$defs"].values():
+        assert group.get("additionalProperties") is False
+    assert "null" not in str(schema)

@@ -2,7 +2,6 @@
 
 import hashlib
 import math
-import re
 import subprocess
 import sys
 from importlib import resources
@@ -11,7 +10,7 @@ import pytest
 
 from looping_pendulum.measured.events import find_data, read_event_table
 from looping_pendulum.reference_ode.parameters import Release
-from looping_pendulum.scenarios import dump, json_schema, load, load_text, shipped
+from looping_pendulum.scenarios import dump, load, load_text, shipped
 from looping_pendulum.scenarios.document import parse
 from looping_pendulum.scenarios.quantities import FILE_KEYS
 
@@ -107,77 +106,6 @@ def test_unknown_attribute_is_still_an_error():
 
     with pytest.raises(AttributeError, match="nonsense"):
         _ = package.nonsense
-
-
-# A checker of the few words of JSON Schema that ours uses, so that no further package is needed.
-def problems(schema: dict, data: object, root: dict, at: str = "") -> list[str]:
-    if "$ref" in schema:
-        return problems(root["$defs"][schema["$ref"].removeprefix("#/$defs/")], data, root, at)
-    faults = []
-    for choice in ("anyOf", "oneOf"):
-        if choice in schema and not any(not problems(s, data, root, at) for s in schema[choice]):
-            faults.append(f"{at}: none of {choice}")
-    types = {"object": dict, "array": list, "string": str, "number": (int, float), "integer": int, "boolean": bool}
-    if "type" in schema and (
-        not isinstance(data, types[schema["type"]]) or (isinstance(data, bool) and schema["type"] != "boolean")
-    ):
-        return [f"{at}: not a {schema['type']}"]
-    if "pattern" in schema and not re.search(schema["pattern"], str(data)):
-        faults.append(f"{at}: pattern")
-    if "enum" in schema and data not in schema["enum"]:
-        faults.append(f"{at}: enum")
-    if isinstance(data, int | float) and not schema.get("minimum", data) <= data <= schema.get("maximum", data):
-        faults.append(f"{at}: bounds")
-    if isinstance(data, list):
-        for i, item in enumerate(data):
-            faults += problems(schema.get("items", {}), item, root, f"{at}[{i}]")
-    if isinstance(data, dict):
-        faults += [f"{at}.{key}: missing" for key in schema.get("required", []) if key not in data]
-        for key, value in data.items():
-            below = schema.get("properties", {}).get(key, schema.get("additionalProperties", {}))
-            faults += [f"{at}.{key}: unknown"] if below is False else problems(below, value, root, f"{at}.{key}")
-    return faults
-
-
-def as_an_editor_reads(text: str) -> object:
-    import yaml
-
-    return yaml.safe_load(text)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_json_schema_accepts_what_is_shipped(name):
-    schema = json_schema()
-    assert problems(schema, as_an_editor_reads((FOLDER / f"{name}.yaml").read_text(encoding="utf-8")), schema) == []
-    assert problems(schema, as_an_editor_reads(dump(load(name))), schema) == []
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "problem"),
-    [
-        ("6.25 mm", "6.25", ".rod.radius: not a string"),
-        ("  radius:", "  raduis:", ".rod.radius: missing"),
-        ("kind: looping", "kind: lopping", ".release.kind: enum"),
-        ("kinetic_friction: 0.3431", "kinetic_friction: -1", ".string.kinetic_friction: none of anyOf"),
-        ("rms_0.7s:", "rms:", ".tolerances.mujoco:capstan.accurate.rms: unknown"),
-    ],
-)
-def test_json_schema_refuses_what_the_loader_refuses(old, new, problem):
-    text = (FOLDER / "ten_to_one.yaml").read_text(encoding="utf-8")
-    assert old in text
-    schema = json_schema()
-    assert problem in problems(schema, as_an_editor_reads(text.replace(old, new)), schema)
-
-
-def test_json_schema_describes_units_with_examples():
-    schema = json_schema()
-    assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
-    radius = schema["$defs"]["RodGroup"]["properties"]["radius"]
-    assert "a length above 0, with its unit" in radius["description"]
-    assert radius["examples"] == ["6.25 mm"]
-    for group in schema["$defs"].values():
-        assert group.get("additionalProperties") is False
-    assert "null" not in str(schema)
 
 
 def test_every_parameter_has_its_place_in_a_file():
