@@ -16,8 +16,6 @@ from tests.film_faults.faults import KINDS, NONE
 from tests.film_faults.films import APPARATUS
 from tests.film_faults.judging import MOVED_BY, Judgement, Outcome, Task, judge_group, line_of
 
-MIN_SHARE_NOTICED = 0.95
-"""Smallest share of the faults that move a point by more than the noise that must be named or put right."""
 SHOWN = 400
 """Longest message that is shown [characters]; the whole one is kept with the study."""
 

@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -426,101 +426,39 @@ def _names(rng: np.random.Generator, **more: object) -> Form:
     return dataclasses.replace(form, **more)  # type: ignore[arg-type]
 
 
-def _units(rng: np.random.Generator) -> dict[str, object]:
-    return {
-        "units": pick(rng, list(UNIT_STYLES)), "length": pick(rng, ("m", "cm", "mm")), "time": pick(rng, ("s", "s", "ms")),
-    }  # fmt: skip
+UNITS = {"units": tuple(UNIT_STYLES), "length": ("m", "cm", "mm"), "time": ("s", "s", "ms")}
+COMMAS = (",", ";", "\t")
+SECOND_TABLES = ("each object beside", "force beside", "each object below", "statistics below", "second run below")
 
 
-def any_names(rng: np.random.Generator, study: CleanStudy) -> Faulty:
-    return _form_fault(rng, study, _names(rng, heavy_first=bool(rng.random() < 0.3)), "names")
+def any_of(said: str, *, named: bool = True, **options: object) -> Put:
+    """Return the kind of fault that takes one of several forms at random.
+
+    Parameters
+    ----------
+    named
+        Whether the columns have names of any kind.
+    options
+        Field of `Form` -> values of which one is taken, the share of True, or the value itself.
+    """
+
+    def put(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+        chosen = {name: _chosen(rng, option) for name, option in options.items()}
+        return _form_fault(rng, study, _names(rng, **chosen) if named else Form(**chosen), said)
+
+    return put
 
 
-def any_units(rng: np.random.Generator, study: CleanStudy) -> Faulty:
-    return _form_fault(rng, study, _names(rng, **_units(rng)), "units")
-
-
-def programs_words(rng: np.random.Generator, study: CleanStudy) -> Faulty:
-    return _form_fault(rng, study, _names(rng, **_units(rng), around=pick(rng, list(AROUND)[1:])), "words around names")
-
-
-def index_column(rng: np.random.Generator, study: CleanStudy) -> Faulty:
-    return _form_fault(rng, study, _names(rng, index=pick(rng, INDICES)), "index column")
-
-
-def time_anywhere(rng: np.random.Generator, study: CleanStudy) -> Faulty:
-    return _form_fault(rng, study, _names(rng, **_units(rng), time_place=int(rng.integers(1, 5))), "time elsewhere")
-
-
-def separator_line(rng: np.random.Generator, study: CleanStudy) -> Faulty:
-    delimiter = pick(rng, (",", ";", "\t", "|"))
-    comma = bool(rng.random() < 0.5)
-    form = _names(rng, separator_line=True, delimiter=delimiter, decimal_comma=comma, quoted=pick(rng, ("", "names", "all")))
-    return _form_fault(rng, study, form, "sep line")
-
-
-def quotes(rng: np.random.Generator, study: CleanStudy) -> Faulty:
-    form = _names(rng, quoted=pick(rng, ("names", "all")), delimiter=pick(rng, DELIMITERS), **_units(rng))
-    return _form_fault(rng, study, form, "quotes")
-
-
-def encodings(rng: np.random.Generator, study: CleanStudy) -> Faulty:
-    form = _names(rng, encoding=pick(rng, ENCODINGS), newline=pick(rng, ("\n", "\r\n", "\r")))
-    return _form_fault(rng, study, form, "encoding")
-
-
-def decimal_commas(rng: np.random.Generator, study: CleanStudy) -> Faulty:
-    form = _names(
-        rng,
-        decimal_comma=True,
-        delimiter=pick(rng, DELIMITERS),
-        number=pick(rng, ("fixed", "short", "exponent")),
-        **_units(rng),
-    )
-    return _form_fault(rng, study, form, "decimal commas")
-
-
-def comments(rng: np.random.Generator, study: CleanStudy) -> Faulty:
-    form = _names(rng, comments=pick(rng, COMMENTS), delimiter=pick(rng, DELIMITERS), newline=pick(rng, ("\n", "\r\n")))
-    return _form_fault(rng, study, form, "comments")
-
-
-def settings(rng: np.random.Generator, study: CleanStudy) -> Faulty:
-    form = _names(
-        rng, settings=pick(rng, ("own row", "first row")), units=pick(rng, ("[m]", "(m)")), quoted=pick(rng, ("", "all")),
-        delimiter=pick(rng, (",", ";", "\t")), decimal_comma=bool(rng.random() < 0.5),
-        velocities=pick(rng, ("", "empty", "filled")),
-    )  # fmt: skip
-    return _form_fault(rng, study, form, "settings in the table")
-
-
-def second_tables(rng: np.random.Generator, study: CleanStudy) -> Faulty:
-    layout = pick(rng, ("each object beside", "force beside", "each object below", "statistics below", "second run below"))
-    form = _names(rng, layout=layout, delimiter=pick(rng, (",", ";", "\t")), units=pick(rng, ("", "(m)", "[m]")))
-    return _form_fault(rng, study, form, "second table")
-
-
-def long_tables(rng: np.random.Generator, study: CleanStudy) -> Faulty:
-    layout = pick(rng, ("long by frame", "long by object", "long with frames"))
-    objects = pick(rng, (*OBJECTS, ("0", "1"), ("1", "2")))
-    form = Form(layout=layout, objects=objects, units=pick(rng, ("", "(m)")), heavy_first=bool(rng.random() < 0.3))
-    return _form_fault(rng, study, form, "long table")
-
-
-def no_value(rng: np.random.Generator, study: CleanStudy) -> Faulty:
-    form = _names(rng, missing=pick(rng, MISSING), delimiter=pick(rng, DELIMITERS))
-    return _form_fault(rng, study, form, "no value")
+def _chosen(rng: np.random.Generator, option: Any) -> Any:
+    if isinstance(option, tuple):
+        return pick(rng, option)
+    return bool(rng.random() < option) if isinstance(option, float) else option
 
 
 def short_rows(rng: np.random.Generator, study: CleanStudy) -> Faulty:
     delimiter = pick(rng, (",", ";", "\t"))
     form = _names(rng, layout="short rows", delimiter=delimiter, decimal_comma=bool(delimiter != "," and rng.random() < 0.5))
     return _form_fault(rng, study, form, "short rows")
-
-
-def no_names(rng: np.random.Generator, study: CleanStudy) -> Faulty:
-    form = Form(layout="no names", delimiter=pick(rng, DELIMITERS), missing=pick(rng, ("", "nan")))
-    return _form_fault(rng, study, form, "no names")
 
 
 def contradicting_names(rng: np.random.Generator, study: CleanStudy) -> Faulty:
@@ -546,7 +484,8 @@ def any_form(rng: np.random.Generator, study: CleanStudy) -> Faulty:
     delimiter = pick(rng, DELIMITERS)
     sure = delimiter != " "
     form = _names(
-        rng, delimiter=delimiter, **_units(rng), around=pick(rng, ("", "", *AROUND)), quoted=pick(rng, ("", "names", "all")),
+        rng, delimiter=delimiter, **{name: pick(rng, styles) for name, styles in UNITS.items()},
+        around=pick(rng, ("", "", *AROUND)), quoted=pick(rng, ("", "names", "all")),
         encoding=pick(rng, ENCODINGS), newline=pick(rng, ("\n", "\r\n")), separator_line=bool(sure and rng.random() < 0.2),
         decimal_comma=bool(rng.random() < 0.4), comments=pick(rng, ((), (), *COMMENTS)), missing=pick(rng, ("", *MISSING)),
         index=pick(rng, (None, None, None, *INDICES)), time_place=int(pick(rng, (0, 0, 0, 1, 2, 4))),
@@ -575,25 +514,37 @@ KINDS: dict[str, Put] = {
     "late rows": late_rows,
     "wrong unit of time": wrong_unit_of_time,
     "exchanged columns": exchanged_columns,
-    "form: names": any_names,
-    "form: units": any_units,
-    "form: program's words": programs_words,
-    "form: index": index_column,
-    "form: time": time_anywhere,
-    "form: sep line": separator_line,
-    "form: quotes": quotes,
-    "form: encoding": encodings,
-    "form: decimal commas": decimal_commas,
-    "form: comments": comments,
-    "form: settings": settings,
-    "form: second table": second_tables,
-    "form: long table": long_tables,
-    "form: no value": no_value,
+    "form: names": any_of("names", heavy_first=0.3),
+    "form: units": any_of("units", **UNITS),
+    "form: program's words": any_of("words around names", **UNITS, around=tuple(AROUND)[1:]),
+    "form: index": any_of("index column", index=INDICES),
+    "form: time": any_of("time elsewhere", **UNITS, time_place=(1, 2, 3, 4)),
+    "form: sep line": any_of(
+        "sep line", delimiter=(*COMMAS, "|"), decimal_comma=0.5, separator_line=True, quoted=("", "names", "all")
+    ),
+    "form: quotes": any_of("quotes", quoted=("names", "all"), delimiter=DELIMITERS, **UNITS),
+    "form: encoding": any_of("encoding", encoding=ENCODINGS, newline=("\n", "\r\n", "\r")),
+    "form: decimal commas": any_of(
+        "decimal commas", decimal_comma=True, delimiter=DELIMITERS, number=("fixed", "short", "exponent"), **UNITS
+    ),
+    "form: comments": any_of("comments", comments=COMMENTS, delimiter=DELIMITERS, newline=("\n", "\r\n")),
+    "form: settings": any_of(
+        "settings in the table", settings=("own row", "first row"), units=("[m]", "(m)"), quoted=("", "all"), delimiter=COMMAS,
+        decimal_comma=0.5, velocities=("", "empty", "filled"),
+    ),
+    "form: second table": any_of(
+        "second table", layout=SECOND_TABLES, delimiter=COMMAS, units=("", "(m)", "[m]"),
+    ),
+    "form: long table": any_of(
+        "long table", named=False, layout=("long by frame", "long by object", "long with frames"),
+        objects=(*OBJECTS, ("0", "1"), ("1", "2")), units=("", "(m)"), heavy_first=0.3,
+    ),
+    "form: no value": any_of("no value", missing=MISSING, delimiter=DELIMITERS),
     "form: short rows": short_rows,
-    "form: no names": no_names,
+    "form: no names": any_of("no names", named=False, layout="no names", delimiter=DELIMITERS, missing=("", "nan")),
     "form: contradiction": contradicting_names,
     "form: many at once": any_form,
-}
+}  # fmt: skip
 """Name of each kind of fault -> the function that puts one into a study."""
 NONE = "none"
 """Name of the kind that leaves a study as it is."""

@@ -68,10 +68,6 @@ MISSING = ("", "NaN", "nan", "NAN", "NA", "N/A", "#N/A", "-", "--", "null", "Non
 INDICES = ("", "#", "row", "index", "Nr", "point", "unnamed in the rows alone")
 ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "utf-16-be", "utf-16-le", "latin-1")
 DELIMITERS = (",", ";", "\t", "|", " ")
-LAYOUTS = (
-    "wide", "Tracker", "long by frame", "long by object", "long with frames", "each object beside", "force beside",
-    "each object below", "statistics below", "second run below", "short rows", "no names",
-)  # fmt: skip
 COMMENTS = (
     ("version = pymecavideo 8.0", "lastvideo = clip.mp4", "temps en seconde, positions en mètre"),
     ("Tracker 6.1.3", "video: clip.mp4"),
