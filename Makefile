@@ -33,8 +33,8 @@ accurate: $(VENV)/test ## run the long accuracy tests: accurate profiles, the bl
 COVERED = tests/scenarios $(addprefix tests/reference_ode/test_,closed_forms.py impact.py newton.py parameters_and_geometry.py parts.py solution.py solve.py) \
 	$(addprefix tests/compare/test_,baseline.py landmarks.py metrics.py metrics_by_hand.py report_cells.py \
 		result.py signs_and_units.py stories.py tables.py) \
-	$(addprefix tests/engines/test_,string_motion.py string_motion_by_hand.py) \
-	$(addprefix tests/discrepancy/test_,held_out.py likelihood.py measurement.py places.py readers.py readers_generated.py study.py)
+	$(addprefix tests/engines/test_,string_motion.py) \
+	$(addprefix tests/discrepancy/test_,held_out.py likelihood.py measurement.py readers.py readers_generated.py study.py trial_files.py)
 # From Python 3.12 on by sys.monitoring, below by coverage's tracer in C. Both about double the time: 733 tests on 3.13 took 16.4 s of a
 # processor with the former, 17.1 s with the latter and 8.0 s without either.
 coverage: $(VENV)/coverage ## lines that quick tests of the calculating packages run; fails below the floor in pyproject.toml

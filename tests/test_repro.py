@@ -1,4 +1,4 @@
-"""Each claim about an engine, run as a stranger would: in a process that cannot import this package."""
+"""Claims about engines and recipes for a rope, run as a stranger would: in a process that cannot import this package."""
 
 import json
 import math
@@ -6,12 +6,13 @@ import re
 
 import pytest
 
-from looping_pendulum.cli.common import claim_engine_names
+from looping_pendulum.cli.common import claim_engine_names, recipe_engine_names
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import all_engines, select
 from looping_pendulum.engines.tension import chain_capstan_exponent, measure_capstan_exponent
-from looping_pendulum.repro.claims import all_claims, read_claim
-from scripts.repro_page import PAGE, page
+from looping_pendulum.repro.claims import RECIPES, all_claims, read_claim
+from scripts import repro_page, rope_page
+from scripts.repro_page import PAGE
 from tests.command_line import here
 from tests.stranger import (
     MODULES,
@@ -26,9 +27,10 @@ from tests.stranger import (
 )
 
 CLAIMS = {claim.file_name: claim for claim in all_claims()}
+RECIPES_BY_FILE = {recipe.file_name: recipe for recipe in all_claims(RECIPES)}
 PRINTED = (
-    r"closed form (\S+)(| \S+), mended within (\S+)\2\n"
-    r"observed (\S+)\2 with (\S+) (\S+): the claim (holds|is mended)\n"
+    r"closed form (\S+)(| \S+), (?:mended|reached) within (\S+)\2\n"
+    r"observed (\S+)\2 with (\S+) (\S+): the (?:claim|recipe) (holds|is mended|fails)\n"
 )
 WITHOUT_SCRIPT = {
     ("mujoco", "jacobian"): "moves nothing in the study",
@@ -105,23 +107,51 @@ REMEDIES = [
 """Script, what to replace in it and by what, so that the engine does what it should."""
 
 
-@pytest.mark.parametrize("claim", [pytest.param(c, id=name, marks=accurate_if_slow(c.engine)) for name, c in CLAIMS.items()])
-def test_a_claim_holds_as_its_head_says(claim, tmp_path):
-    skip_unless_installed(claim.engine)
-    done = run(written(claim, tmp_path))
-    assert done.returncode == 1, done.stdout + done.stderr
-    assert_as_its_head_says(claim, PRINTED, done)
+REFINED = [
+    ("mujoco_capstan", [("ANGLE = 1e-4", "ANGLE = 2e-5")], 0.06),
+    ("mujoco_drum", [("HEAVY = 1e-3", "HEAVY = 1e-4")], 2e-3),
+    ("mujoco_beads", [("BEAD = 1e-5, 11, 12", "BEAD = 2.5e-6, 16, 17"), ("2e-4 * LIGHT", "1e-4 * LIGHT")], 0.004),
+    ("pymunk_chain", [("SLOP = 1e-5, 11, 12", "SLOP = 2.5e-6, 16, 17"), ("2e-4 * LIGHT", "5e-5 * LIGHT")], 0.007),
+    ("pymunk_segments", [("MASS = 1e-5", "MASS = 2e-6")], 0.011),
+    ("pybullet_chain", [("NODE = 2e-5, 11, 12", "NODE = 5e-6, 16, 17")], 0.015),
+    ("rapier_chain", [("1e-5, 32, 11, 12", "1e-5, 64, 16, 17")], 0.002),
+    ("exudyn_cable", [("1e-4, 10, 6, 4", "1e-4, 16, 9, 4")], 0.016),
+    ("newton_tendon", [("1e-5, 1e-4, 2.0, 1e-3", "4e-6, 2e-5, 3.0, 1e-3")], 0.005),
+    ("box2d_chain", [("SECOND = 1e-5, 11, 12", "SECOND = 2.5e-6, 11, 12"), ("2e-4 * LIGHT", "5e-5 * LIGHT")], 0.003),
+]
+"""Recipe, finer settings, and the error that remains with them, measured and rounded up by a fifth, in the recipe's unit."""
 
 
-@pytest.mark.parametrize("claim", CLAIMS.values(), ids=CLAIMS)
-def test_a_script_stands_alone(claim):
-    assert_stands_alone(claim)
+SCRIPTS = CLAIMS | RECIPES_BY_FILE
+every_script = pytest.mark.parametrize("script", SCRIPTS.values(), ids=SCRIPTS)
 
 
-@pytest.mark.parametrize("claim", CLAIMS.values(), ids=CLAIMS)
-def test_head_and_limit_are_consistent(claim):
-    assert abs(claim.observed - claim.expected) - claim.spread > claim.limit  # no last bit decides whether it holds
-    assert claim.variant in {engine.variant for engine in all_engines(Profile.QUICK) if engine.name == claim.engine}
+@pytest.mark.parametrize(
+    "script", [pytest.param(one, id=name, marks=accurate_if_slow(one.engine)) for name, one in SCRIPTS.items()]
+)
+def test_a_script_prints_what_its_head_says(script, tmp_path):
+    """A claim that holds ends with status 1, a recipe that does so with 0."""
+    skip_unless_installed(script.engine)
+    done = run(written(script, tmp_path))
+    assert done.returncode == (script.file_name in CLAIMS), done.stdout + done.stderr
+    assert ("recipe" in done.stdout, "reached within" in done.stdout) == (script.file_name in RECIPES_BY_FILE,) * 2
+    assert_as_its_head_says(script, PRINTED, done)
+
+
+@every_script
+def test_a_script_stands_alone(script):
+    assert_stands_alone(script)
+
+
+@every_script
+def test_head_and_limit_are_consistent(script):
+    """No last bit decides whether it holds."""
+    if script.file_name in CLAIMS:
+        assert abs(script.observed - script.expected) - script.spread > script.limit
+        assert script.variant in {engine.variant for engine in all_engines(Profile.QUICK) if engine.name == script.engine}
+    else:
+        assert abs(script.observed - script.expected) + script.spread < script.limit
+        assert script.name == script.variant
 
 
 @pytest.mark.parametrize(
@@ -135,6 +165,27 @@ def test_with_the_remedy_the_claim_is_mended(name, old, new, tmp_path):
     assert claim.source.count(old) == 1
     done = run(written(claim, tmp_path, claim.source.replace(old, new)))
     assert (done.returncode, printed(PRINTED, done)[-1]) == (0, "is mended")
+
+
+@pytest.mark.accurate
+@pytest.mark.parametrize(("name", "changes", "error"), REFINED, ids=[name for name, *_ in REFINED])
+def test_finer_settings_come_nearer(name, changes, error, tmp_path):
+    recipe = RECIPES_BY_FILE[f"{name}.py"]
+    skip_unless_installed(recipe.engine)
+    source = recipe.source
+    for old, new in changes:
+        assert old in source
+        source = source.replace(old, new)
+    assert float(printed(PRINTED, run(written(recipe, tmp_path, source)))[3]) == pytest.approx(recipe.expected, abs=error)
+
+
+def test_a_recipe_that_misses_says_so(tmp_path):
+    recipe = RECIPES_BY_FILE["mujoco_drum.py"]
+    skip_unless_installed(recipe.engine)
+    broken = recipe.source.replace("MU, R, FREE, ANGLE, HEAVY = 1e-3, 0.3431", "MU, R, FREE, ANGLE, HEAVY = 1e-3, 0.2")
+    assert broken != recipe.source
+    done = run(written(recipe, tmp_path, broken))
+    assert (done.returncode, printed(PRINTED, done)[-1]) == (1, "fails")
 
 
 def test_a_value_that_is_no_number_does_not_count_as_mended(tmp_path):
@@ -189,8 +240,10 @@ def test_the_versions_are_those_of_the_stored_study():
     assert {(claim.package, claim.version) for claim in CLAIMS.values()} <= versions | set(newton.items())
 
 
-def test_the_page_is_what_the_scripts_say():
-    assert PAGE.read_text(encoding="utf-8") == page(), "out of date; write it again: python -m scripts.repro_page"
+@pytest.mark.parametrize("written_page", [repro_page, rope_page], ids=["repro", "rope"])
+def test_the_page_is_what_the_scripts_and_the_stored_numbers_say(written_page):
+    again = f"out of date; write it again: python -m {written_page.__name__}"
+    assert written_page.PAGE.read_text(encoding="utf-8") == written_page.page(), again
 
 
 @pytest.mark.parametrize("engine", MODULES)
@@ -206,9 +259,19 @@ def test_the_command_lists_the_scripts_of_an_engine(engine):
     assert len(of_variant) == sum(c.variant == one.variant for c in of_engine)
 
 
-def test_claims_over_all_engines():
-    assert len(CLAIMS) >= 12
-    assert claim_engine_names() == sorted(MODULES) == sorted({claim.engine for claim in CLAIMS.values()})
+def test_there_are_claims_and_recipes_of_every_engine():
+    for names, scripts in ((claim_engine_names(), CLAIMS), (recipe_engine_names(), RECIPES_BY_FILE)):
+        assert len(scripts) >= 11
+        assert names == sorted(MODULES) == sorted({one.engine for one in scripts.values()})
+
+
+def test_the_command_lists_and_writes_a_recipe(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert [line.split()[0] for line in here("recipe", "pymunk").stdout.splitlines()] == ["chain", "segments"]
+    for status, message in ((0, ""), (2, "found a file, which is left as it is")):
+        done = here("recipe", "pymunk", "--variant", "chain")
+        assert (done.returncode, message in done.stderr) == (status, True)
+    assert (tmp_path / "pymunk_chain.py").read_text(encoding="utf-8") == RECIPES_BY_FILE["pymunk_chain.py"].source
 
 
 def test_the_command_writes_the_script_and_never_over_a_file(tmp_path, monkeypatch):
@@ -230,19 +293,22 @@ def test_the_command_writes_the_script_and_never_over_a_file(tmp_path, monkeypat
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["bullet"], "choose one of box2d, drake, exudyn, mujoco, newton, pybullet, pymunk, rapier"),
-        (["pymunk", "--variant", "nope"], "choose one of chain, defaults"),
-        (["pymunk", "--claim", "nope"], "choose one of chain_corners, "),
+        (["repro", "bullet"], "choose one of box2d, drake, exudyn, mujoco, newton, pybullet, pymunk, rapier"),
+        (["repro", "pymunk", "--variant", "nope"], "choose one of chain, defaults"),
+        (["repro", "pymunk", "--claim", "nope"], "choose one of chain_corners, "),
         (
-            ["pymunk", "--variant", "chain", "--claim", "chain_stretches"],
+            ["repro", "pymunk", "--variant", "chain", "--claim", "chain_stretches"],
             "claim about pymunk:chain; choose one of chain_corners",
         ),
-        (["pymunk", "--out", "claims.py"], "--out: found it without --claim"),
+        (["repro", "pymunk", "--out", "claims.py"], "--out: found it without --claim"),
+        (["recipe", "bullet"], "choose one of box2d, drake, exudyn, mujoco, newton, pybullet, pymunk, rapier"),
+        (["recipe", "pymunk", "--variant", "nope"], "choose one of chain, segments"),
+        (["recipe", "pymunk", "--out", "rope.py"], "--out: found it without --variant"),
     ],
 )
 def test_a_mistake_is_one_line_that_names_the_choices(arguments, message, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    done = here("repro", *arguments)
+    done = here(*arguments)
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
     assert message in done.stderr
     assert not list(tmp_path.iterdir())

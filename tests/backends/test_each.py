@@ -12,9 +12,9 @@ from tests.backends import BACKENDS, DEFAULT, current, environment
 PROJECT = Path(__file__).parents[2]
 CHECKED = (
     "tests/backends/test_decisions.py",
-    "tests/engines/test_static_capstan.py::test_over_half_a_turn_it_is_exact",
-    "tests/engines/test_static_capstan.py::test_a_string_that_does_not_slide_is_no_measurement",
-    "tests/engines/test_static_capstan.py::test_what_rounding_or_creep_moves_a_stuck_string_is_no_slide",
+    "tests/engines/test_tension.py::test_over_half_a_turn_it_is_exact",
+    "tests/engines/test_tension.py::test_a_string_that_does_not_slide_is_no_measurement",
+    "tests/engines/test_tension.py::test_what_rounding_or_creep_moves_a_stuck_string_is_no_slide",
 )
 DAILY = {
     "heyoka-avx512": ["-k", "events or derivatives or direction or edge or under_the_backend or does_not_slide"],

@@ -234,161 +234,121 @@ def test_what_is_not_used_is_counted(clip):
 
 
 BAD = {
-    "text": ("t,light_x,light_y\n0,1,2\n.01,abc,3\n", {}, r"clip.csv:3: column light_x: found 'abc', needed a number .*; "),
-    "infinite": ("t,light_x,light_y\n0,1e999,2\n.01,1,3\n", {}, r"clip.csv:2: column light_x: found '1e999'"),
-    "ragged": ("t,light_x,light_y\n0,1,2\n.01,1,2,5\n", {}, r"clip.csv:3: found 4 cells, needed 3; if .*decimal commas"),
-    "cut off": ("t,light_x,light_y\n0,1,2\n.01,1\n.02,1\n", {}, r"clip.csv:3: found 2 cells, needed 3; complete or delete"),
-    "times go back": (
-        "t,light_x,light_y\n0,1,2\n.02,1,2\n.01,1,3\n",
-        {},
-        r"clip.csv:4: column t: found 0.01 after 0.02 \(line 3\)",
-    ),
-    "pixels": (
-        "t,light_x,light_y\n0,300,200\n.01,534,2\n",
-        {},
-        r"clip.csv:3: column light_x: found 534 m, needed at most 20; .*units",
-    ),
-    "degrees": ("t,angle\n0,40\n.01,39\n", {}, r"clip.csv:2: column angle: found 40 rad.*\{angle: deg\}"),
-    "milliseconds": (
-        "t,light_x,light_y\n0,1,2\n4.2,1,2\n8.3,1,2\n",
-        {},
-        r"clip.csv:2: column t: found a row every 4.* s.*time: ms",
-    ),
-    "no unit of length": ("t,light_x [kg],light_y\n0,1,2\n", {}, r"clip.csv:1: column light_x \[kg\]: found the unit 'kg'"),
+    "text": ("t,light_x,light_y\n0,1,2\n.01,abc,3\n", r":3: column light_x: found 'abc', needed a number .*; "),
+    "infinite": ("t,light_x,light_y\n0,1e999,2\n.01,1,3\n", r":2: column light_x: found '1e999'"),
+    "ragged": ("t,light_x,light_y\n0,1,2\n.01,1,2,5\n", r":3: found 4 cells, needed 3; if .*decimal commas"),
+    "cut off": ("t,light_x,light_y\n0,1,2\n.01,1\n.02,1\n", r":3: found 2 cells, needed 3; complete or delete"),
+    "times go back": ("t,light_x,light_y\n0,1,2\n.02,1,2\n.01,1,3\n", r":4: column t: found 0.01 after 0.02 \(line 3\)"),
+    "pixels": ("t,light_x,light_y\n0,300,200\n.01,534,2\n", r":3: column light_x: found 534 m, needed at most 20; .*units"),
+    "degrees": ("t,angle\n0,40\n.01,39\n", r":2: column angle: found 40 rad.*\{angle: deg\}"),
+    "milliseconds": ("t,light_x,light_y\n0,1,2\n4.2,1,2\n8.3,1,2\n", r":2: column t: found a row every 4.* s.*time: ms"),
+    "no unit of length": ("t,light_x [kg],light_y\n0,1,2\n", r":1: column light_x \[kg\]: found the unit 'kg'"),
     "pixels without a size": (
         "t,light_x [px],light_y\n0,1,2\n",
-        {},
-        r"clip.csv: column light_x \[px\]: found lengths in pixels, needed the size of one; say so by 'units: {length: ",
+        r": column light_x \[px\]: found lengths in pixels, needed the size of one; say so by 'units: {length: ",
     ),
-    "mixed decimals": ("t;x;y\n0,1;1.5;2,2\n", {"tracks": LIGHT}, r"clip.csv:2: column x: found '1.5' among .*decimal comma"),
-    "decimal commas": (
-        "t,x,y\n0,00,1,5,2,3\n",
-        {"tracks": LIGHT},
-        r"clip.csv:2: found 6 cells, needed 3; if these are decimal commas",
-    ),
+    "mixed decimals": ("t;x;y\n0,1;1.5;2,2\n", r":2: column x: found '1.5' among .*decimal comma", {"tracks": LIGHT}),
+    "decimal commas": ("t,x,y\n0,00,1,5,2,3\n", r":2: found 6 cells, needed 3; if these are decimal commas", {"tracks": LIGHT}),
     "which mass": (
         "#multi:\n,mass A,,mass B,,\nt,x,y,x,y,\n0,1,2,3,4,\n",
-        {},
-        r"found the tracks 'mass A', 'mass B', .*\{light: mass B, heavy: mass A\}",
+        r".*found the tracks 'mass A', 'mass B', .*\{light: mass B, heavy: mass A\}",
     ),
     "another track": (
         ",mass B,,\nt,x,y,\n0,1,2,\n",
+        r".*found the tracks 'mass B', needed 'mass A'; by their motion, write 'tracks: {light: mass B}'",
         {"tracks": LIGHT},
-        r"found the tracks 'mass B', needed 'mass A'; by their motion, write 'tracks: {light: mass B}'",
     ),
     "no such mass": (
         ",mass B,,\nt,x,y,\n0,1,2,\n",
+        r".*tracks: found 'big', needed 'light' or 'heavy'",
         {"tracks": {"big": "mass B"}},
-        r"tracks: found 'big', needed 'light' or 'heavy'",
     ),
-    "one column twice": ("t,light_x,light_x\n0,1,2\n", {}, r"column light_x: found light_x a second time"),
-    "no marks": ("t,light_x,light_y\n0,,2\n.01,,3\n", {}, r"column light_x: found no values at all"),
-    "misspelt": ("t,heigth\n0,1\n", {}, r"clip.csv:1: found columns .*did you mean 'height' by 'heigth'\?"),
-    "misspelt mass": ("t,ligth_x,ligth_y\n0,1,2\n", {}, r"clip.csv: found the tracks 'ligth', .*\{light: ligth\}"),
-    "no times": ("x,y\n0,1\n", {}, r"clip.csv:1: found no column of times among 'x, y', needed one; name it 't'"),
-    "six columns": ("0,1,2,3,4,5\n", {}, r"clip.csv:1: found 6 columns without names, needed a line of names above"),
-    "frames without rate": ("frame,light_x,light_y\n7,1,2\n9,1,2\n", {}, r"found frame numbers but no times, .*'frame_rate'"),
-    "frames go back": ("t,frame,light_x\n0,9,1\n.1,7,2\n", {"frame_rate": 30.0}, r"clip.csv:3: column frame: found 7 after 9"),
-    "empty": ("", {}, r"clip.csv: found no rows"),
-    "only names": ("t,light_x,light_y\n", {}, r"clip.csv:1: found no row of numbers"),
-    "spreadsheet": (b"PK\x03\x04rest", {}, r"clip.csv: found a zip archive .*File > Export > Data"),
-    "XML": (b"<?xml version='1.0'?>", {}, r"clip.csv: found XML, needed a text table"),
-    "binary": (b"\x00\x01\x02", {}, r"clip.csv: found binary data"),
-    "rate": ("t,light_x\n0,1\n", {"frame_rate": 0.0}, r"clip.csv: frame_rate: found 0 Hz"),
+    "one column twice": ("t,light_x,light_x\n0,1,2\n", r".*column light_x: found light_x a second time"),
+    "no marks": ("t,light_x,light_y\n0,,2\n.01,,3\n", r".*column light_x: found no values at all"),
+    "misspelt": ("t,heigth\n0,1\n", r":1: found columns .*did you mean 'height' by 'heigth'\?"),
+    "misspelt mass": ("t,ligth_x,ligth_y\n0,1,2\n", r": found the tracks 'ligth', .*\{light: ligth\}"),
+    "no times": ("x,y\n0,1\n", r":1: found no column of times among 'x, y', needed one; name it 't'"),
+    "six columns": ("0,1,2,3,4,5\n", r":1: found 6 columns without names, needed a line of names above"),
+    "frames without rate": ("frame,light_x,light_y\n7,1,2\n9,1,2\n", r".*found frame numbers but no times, .*'frame_rate'"),
+    "frames go back": ("t,frame,light_x\n0,9,1\n.1,7,2\n", r":3: column frame: found 7 after 9", {"frame_rate": 30.0}),
+    "empty": ("", r": found no rows"),
+    "only names": ("t,light_x,light_y\n", r":1: found no row of numbers"),
+    "spreadsheet": (b"PK\x03\x04rest", r": found a zip archive .*File > Export > Data"),
+    "XML": (b"<?xml version='1.0'?>", r": found XML, needed a text table"),
+    "binary": (b"\x00\x01\x02", r": found binary data"),
+    "rate": ("t,light_x\n0,1\n", r": frame_rate: found 0 Hz", {"frame_rate": 0.0}),
     "one track for both": (
         "t,light_x\n0,1\n",
+        r": tracks: found 'light' for both masses",
         {"tracks": {"light": "light", "heavy": "light"}},
-        r"clip.csv: tracks: found 'light' for both masses",
     ),
-    "kind": ("t,light_x\n0,1\n", {"kind": "vido"}, r"clip.csv: found kind 'vido', needed one of auto, positions"),
-    "which drop": (
-        "drop,time,height\n1,0,9\n2,0,9\n",
-        {},
-        r"clip.csv: found the runs 1, 2, needed one trial; choose by 'run: 1'",
-    ),
-    "no such drop": ("drop,time,height\n1,0,9\n2,0,9\n", {"run": "3"}, r"clip.csv: found the runs 1, 2, needed run '3'"),
-    "no drops": ("t,height\n0,9\n", {"run": "1"}, r"found a single run without a number, needed run '1'"),
+    "kind": ("t,light_x\n0,1\n", r": found kind 'vido', needed one of auto, positions", {"kind": "vido"}),
+    "which drop": ("drop,time,height\n1,0,9\n2,0,9\n", r": found the runs 1, 2, needed one trial; choose by 'run: 1'"),
+    "no such drop": ("drop,time,height\n1,0,9\n2,0,9\n", r": found the runs 1, 2, needed run '3'", {"run": "3"}),
+    "no drops": ("t,height\n0,9\n", r".*found a single run without a number, needed run '1'", {"run": "1"}),
     "one time for two rows": (
         "t,light_x,light_y\n0,1,2\n0,1.5,2\n",
-        {},
-        r"clip.csv:3: column t: found 0 after 0 \(line 2\), needed times that grow; export them with more decimals",
+        r":3: column t: found 0 after 0 \(line 2\), needed times that grow; export them with more decimals",
     ),
     "values without times": (
         "t,light_x,light_y\n,1,2\n0,,\n",
-        {},
-        r"clip.csv: column light_x: found no values at all, needed light_x\(t\); export that track again",
+        r": column light_x: found no values at all, needed light_x\(t\); export that track again",
     ),
     "rates of which no row is complete": (
         "t,gyroscope x,gyroscope y\n0,1,\n.1,,2\n",
-        {},
-        r"clip.csv: column gyroscope x: found no values at all, needed angle_rate; export",
+        r": column gyroscope x: found no values at all, needed angle_rate; export",
     ),
     "rates of two objects": (
         "t,particle,gyroscope x,gyroscope y\n" + "".join(f"{i // 2 / 10},{'ab'[i % 2]},{i},2\n" for i in range(7)),
-        {},
-        r"clip.csv: column gyroscope x \(b\): found angle_rate a second time, .*'tracks'",
+        r": column gyroscope x \(b\): found angle_rate a second time, .*'tracks'",
     ),
     "rates of two groups": (
         "t,a: gyroscope x,b: gyroscope x\n0,1,2\n.1,2,3\n",
-        {},
-        r"clip.csv: column b: gyroscope x: found angle_rate a second time",
+        r": column b: gyroscope x: found angle_rate a second time",
     ),
-    "rates about no axis": (
-        "t,omega,omega 2\n0,1,2\n.1,2,3\n",
-        {},
-        r"clip.csv: column omega 2: found angle_rate a second time",
-    ),
+    "rates about no axis": ("t,omega,omega 2\n0,1,2\n.1,2,3\n", r": column omega 2: found angle_rate a second time"),
     "a run without times": (
         "t Run 1,x Run 1,y Run 1,x Run 2,y Run 2\n0,1,2,3,4\n.1,1,2,3,4\n",
+        r": column x Run 2: found no column of times among 'x Run 2', needed one; name it 't'",
         {"tracks": LIGHT, "run": "2"},
-        r"clip.csv: column x Run 2: found no column of times among 'x Run 2', needed one; name it 't'",
     ),
-    "two rows at minus zero": ("t,light_x\n-0.0,1\n-0.0,2\n", {}, r"clip.csv:3: column t: found 0 after 0 \(line 2\)"),
+    "two rows at minus zero": ("t,light_x\n-0.0,1\n-0.0,2\n", r":3: column t: found 0 after 0 \(line 2\)"),
     "times without a difference": (
         "t,angle,omega\n" + "".join(f"{i}e-320,{i},{i}\n" for i in range(6)),
+        r":3: column t: found 0 after 0 \(line 2\)",
         {"frame_rate": 30.0},
-        r"clip.csv:3: column t: found 0 after 0 \(line 2\)",
     ),
-    "rates that are none": ("t,gyroscope x,gyroscope y\n0,1e90,1\n.1,1,2\n", {}, r"found .*e\+90 rad/s, needed at most 1000"),
-    "a number that is too large": (
-        "t,light_x\n0,1e301\n",
-        {},
-        r"clip.csv:2: column light_x: found '1e301', needed a finite number",
-    ),
+    "rates that are none": ("t,gyroscope x,gyroscope y\n0,1e90,1\n.1,1,2\n", r".*found .*e\+90 rad/s, needed at most 1000"),
+    "a number that is too large": ("t,light_x\n0,1e301\n", r":2: column light_x: found '1e301', needed a finite number"),
     "a run without a name": (
         "t,x,y,t Run 2,x Run 2,y Run 2\n0,1,2,0,3,4\n",
+        r": found the runs one without a name, 2, needed one trial; choose by 'run: 2'",
         {"tracks": LIGHT},
-        r"clip.csv: found the runs one without a name, 2, needed one trial; choose by 'run: 2'",
     ),
     "many tracks": (
         "t,particle,x,y\n" + "".join(f"{i // 20 / 10},p{i % 20},{i % 7},2\n" for i in range(40)),
-        {},
-        r"clip.csv: found the tracks 'p0', 'p1', 'p2', 'p3', 'p4' and 15 more, needed to know which mass each is",
+        r": found the tracks 'p0', 'p1', 'p2', 'p3', 'p4' and 15 more, needed to know which mass each is",
     ),
-    "event twice": (
-        "quantity,index,value,sigma,unit\nstop,1,1,1,s\nstop,1,2,1,s\n",
-        {},
-        r"clip.csv:3: column index: found stop 1 again",
-    ),
-    "event without error": ("quantity,index,value,sigma,unit\nstop,1,1,,s\n", {}, r"clip.csv:2: column sigma: found nothing"),
-    "event unit": ("quantity,index,value,sigma,unit\nstop,1,1,1,K\n", {}, r"clip.csv:2: column unit: found 'K'"),
+    "event twice": ("quantity,index,value,sigma,unit\nstop,1,1,1,s\nstop,1,2,1,s\n", r":3: column index: found stop 1 again"),
+    "event without error": ("quantity,index,value,sigma,unit\nstop,1,1,,s\n", r":2: column sigma: found nothing"),
+    "event unit": ("quantity,index,value,sigma,unit\nstop,1,1,1,K\n", r":2: column unit: found 'K'"),
     "event columns": (
         "quantity,value\nstop,1\nstop,2\n",
+        r".*found columns 'quantity,value', needed 'quantity,index",
         {"kind": "events"},
-        r"found columns 'quantity,value', needed 'quantity,index",
     ),
 }
+"""Name -> text, what is said behind the file's name, and options."""
 
 
 @pytest.mark.parametrize("case", BAD)
 def test_a_bad_file_gives_one_clear_line(clip, case):
-    text, options, pattern = BAD[case]
+    text, pattern, *options = BAD[case]
     with pytest.raises(DataError) as caught:
-        read(clip(text), **options)
+        read(clip(text), **dict(*options))
     message = str(caught.value)
-    assert re.search(pattern, message), message
+    assert re.match(rf"clip\.csv{pattern}", message), message
     assert "\n" not in message
-    assert message.startswith("clip.csv")
 
 
 def test_two_columns_of_one_name_are_counted_both(clip):
@@ -413,9 +373,9 @@ def test_one_step_and_one_gap_are_put_to_the_stated_rate(clip):
 def test_many_short_rows_take_no_time_for_each_pair_of_rows(clip):
     """8000 rows with every third cut short took 4 s; the time grew with the square."""
     rows = "".join(f"{i / 100},{i % 13},2\n" if i % 3 else f"{i / 100},1\n" for i in range(20_000))
-    start = time.perf_counter()
+    start = time.process_time()
     assert len(read(clip("t,light_x,light_y\n" + rows)).channel("light_x")) == 13_333
-    assert time.perf_counter() - start < 10
+    assert time.process_time() - start < 10
 
 
 def test_a_missing_file_says_so(tmp_path):

@@ -196,16 +196,8 @@ BAD = [
     ("58 cm +/- 1 mm, hang", "1 mm, hang", "first: free_length: found 0.001 m, but the light mass already touches the rod"),
     ("apparatus:\n", "apparatus:\n\t", "found a tab, needed spaces"),
     ("scale: 1 +/- 1 %", "zoom: 1", "trials[1].camera.zoom: found an unknown key, needed one of: origin_x"),
-    (
-        "{scale: 1 +/- 1 %}",
-        "1 %",
-        "trials[1].camera: expected a group of keys (origin_x, origin_y, scale, tilt,",
-    ),
-    (
-        "scale: 1 +/- 1 %",
-        "perspective_x: 3 m",
-        "trials[1].camera.perspective_x: expected a quantity in 1/m, got '3 m'",
-    ),
+    ("{scale: 1 +/- 1 %}", "1 %", "trials[1].camera: expected a group of keys (origin_x, origin_y, scale, tilt,"),
+    ("scale: 1 +/- 1 %", "perspective_x: 3 m", "trials[1].camera.perspective_x: expected a quantity in 1/m, got '3 m'"),
     ("scale: 1 +/- 1 %", "distortion: 5 1/m^2", "trials[1].camera.distortion: "),
 ]
 

@@ -35,7 +35,7 @@ CHAINS = frozenset(
 """Variants that take 5 to 80 s of processor time per simulated second, or to compile; daily, only `DAILY_FOR_CHAINS`.
 
 Their friction and halts are judged daily by the scenarios' tolerances (tests/test_tolerances.py), their falls, swings and
-static friction by their own files of tests, effects by test_effects_reach_engines.py.
+static friction by their own files of tests, effects by test_coefficients_reach_engines.py.
 """
 DAILY_FOR_CHAINS = frozenset(
     {

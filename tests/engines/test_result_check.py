@@ -1,5 +1,6 @@
 """What an engine of somebody else's may return: refused where it ran, with the field, what was found and what was needed."""
 
+import math
 from contextlib import closing
 from dataclasses import replace
 from types import SimpleNamespace
@@ -9,13 +10,16 @@ import pytest
 
 from looping_pendulum.compare import compare, write
 from looping_pendulum.engines.isolation import run_all
+from looping_pendulum.engines.protocol import MemoryRecorder
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.result_check import validate_trajectory
-from looping_pendulum.engines.trajectory import Provenance, RunStatus, TrajectoryEvent
-from looping_pendulum.engines.worker import FileRecorder
+from looping_pendulum.engines.trajectory import COLUMNS, Provenance, RunStatus, TrajectoryEvent, from_samples
+from looping_pendulum.engines.worker import FileRecorder, read_rows
 from looping_pendulum.errors import EngineError
+from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.scenario import Scenario
 from tests.apparatus import TEN_TO_ONE
+from tests.compare.conftest import SUPPLIES
 from tests.engines.faulty import FaultyEngine
 
 SCENARIO = Scenario(name="s", title="", description="", parameters=TEN_TO_ONE, duration=0.05)
@@ -116,3 +120,41 @@ def test_a_sample_of_another_length_is_refused_before_it_shifts_the_others(tmp_p
         with pytest.raises(EngineError, match="found 9 values with its time, needed 10 or 11"):
             recorder.add([0.0] * 9)
         assert len(recorder.rows()) == 0
+
+
+# ---- a reading may leave out the string's slip, and what it says of it survives a run's file, its cache and its CSV
+
+
+PARAMETERS = load("ten_to_one").parameters
+SHORT = (0.0, 0.1, -0.2, 0.0, 0.0, 0.00625, -0.4, 0.0, 0.0, 1e-4)
+
+
+def trajectory(rows):
+    return from_samples(
+        rows,
+        parameters=PARAMETERS,
+        engine="toy",
+        variant="toy",
+        profile="quick",
+        scenario="ten_to_one",
+        provenance=Provenance(versions={}, settings={}, supplies=SUPPLIES),
+    )
+
+
+@pytest.mark.parametrize("slips", [(), (0.003,)])
+def test_both_recorders_keep_a_row_with_and_without_its_slip(tmp_path, slips):
+    in_file, in_memory = FileRecorder(tmp_path / "samples.bin"), MemoryRecorder()
+    for recorder in (in_file, in_memory):
+        recorder.add((*SHORT, *slips))
+        recorder.add((*SHORT, *slips))
+    expected = np.array([(*SHORT, *(slips or (math.nan,)))] * 2)
+    for rows in (in_file.rows(), in_memory.rows(), read_rows(tmp_path / "samples.bin")):
+        assert rows.shape == (2, len(COLUMNS))
+        np.testing.assert_array_equal(rows, expected)
+    in_file._file.close()
+
+
+def test_a_slip_that_nobody_said_is_none():
+    assert trajectory(np.array([SHORT, SHORT])).string_slip is None
+    assert trajectory(np.array([(*SHORT, math.nan)] * 2)).string_slip is None
+    np.testing.assert_array_equal(trajectory(np.array([(*SHORT, 0.003)] * 2)).string_slip, [0.003, 0.003])

@@ -1,7 +1,8 @@
-"""The string's pull from the motion, against closed forms and against the reference's own tensions."""
+"""The string's pull from the motion, against closed forms and the reference's own tensions, and the static capstan test."""
 
 import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,8 +10,15 @@ import pytest
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import select
-from looping_pendulum.engines.tension import AVERAGING_TIME, tension_from_motion
+from looping_pendulum.engines.tension import (
+    AVERAGING_TIME,
+    chain_capstan_exponent,
+    measure_capstan_exponent,
+    tension_from_motion,
+)
+from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.reference_ode.solve import available_integrators
 from looping_pendulum.scenarios import load
 
 HALF = 0.5 * AVERAGING_TIME + SAMPLE_INTERVAL
@@ -71,3 +79,78 @@ def test_what_the_motion_cannot_tell_is_none():
     drop = load("drop")
     assert tension_from_motion(Reference(drop)(np.arange(301) * SAMPLE_INTERVAL), drop.parameters) == (None, None)
     assert tension_from_motion(Reference(held)(np.zeros(1)), held.parameters) == (None, None)
+
+
+# ---- the static capstan test: the reference, whose law is exact, must show that law, whatever the trial's numbers are
+
+
+@pytest.fixture(scope="module")
+def scipy_engine():
+    (engine,) = select(["scipy_engine:scipy"], Profile.QUICK)
+    return engine
+
+
+@pytest.mark.parametrize("degrees", [90, 135, 225, 270])
+def test_the_reference_shows_the_capstan_law_at_any_angle(scipy_engine, degrees):
+    # Oracle: mu theta. Bound: half the square of mu times the angle's spread, which is at most half of its range.
+    point = measure_capstan_exponent(scipy_engine, wrap_angle=math.radians(degrees))
+    spread = abs(point.wrap_angle - math.radians(degrees))
+    assert abs(point.exponent - point.ideal) < 0.5 * (0.34 * spread) ** 2 + 1e-6
+
+
+@pytest.mark.parametrize(("friction", "overload", "duration"), [(0.34, 2.0, 0.15), (0.1, 1.1, 0.05), (0.6, 3.0, 0.1)])
+def test_over_half_a_turn_it_is_exact(scipy_engine, friction, overload, duration):
+    # Oracle: the Atwood machine, whose wrap angle does not change. Bound: the scipy_engine's own tolerance.
+    point = measure_capstan_exponent(scipy_engine, friction=friction, overload=overload, duration=duration)
+    assert point.wrap_angle == pytest.approx(math.pi, abs=1e-9)
+    assert point.exponent == pytest.approx(friction * math.pi, abs=1e-8)
+    assert point.error == pytest.approx(0.0, abs=1e-7)
+
+
+def test_a_wrap_angle_that_lets_the_string_go_slack_is_refused(scipy_engine):
+    with pytest.raises(EngineError, match="found a wrap angle of 45 deg, needed one from 85 to 275 deg"):
+        measure_capstan_exponent(scipy_engine, wrap_angle=math.radians(45))
+
+
+@pytest.mark.parametrize("integrator", available_integrators())
+def test_a_string_that_does_not_slide_is_no_measurement(integrator):
+    # SciPy leaves a drop of 9e-15 m with AVX-512, and 0 or less elsewhere: `slid > 0` took that for a slide.
+    (engine,) = select([f"scipy_engine:{integrator}"], Profile.QUICK)
+    with pytest.raises(EngineError, match="did not slide .* needed a slide of 1.1 mm; raise overload above 0.9"):
+        measure_capstan_exponent(engine, overload=0.9)
+
+
+class Creeping:
+    """The scipy_engine with a heavy mass that sinks linearly, as a stuck string creeps by rounding or soft contacts."""
+
+    def __init__(self, scipy_engine, drop):
+        self.scipy_engine, self.drop = scipy_engine, drop
+
+    def simulate(self, scenario):
+        run = self.scipy_engine.simulate(scenario)
+        place, speed = run.heavy_position.copy(), run.heavy_velocity.copy()
+        place[:, 1] -= self.drop * run.t / run.t[-1]
+        speed[:, 1] -= self.drop / run.t[-1]
+        return replace(run, heavy_position=place, heavy_velocity=speed)
+
+
+@pytest.mark.parametrize("drop", [-1e-14, 1e-16, 1e-14, 1e-9, 3e-4])
+def test_what_rounding_or_creep_moves_a_stuck_string_is_no_slide(scipy_engine, drop):
+    # 0.3 mm in 0.15 s is what the softest chain of the engines here creeps.
+    with pytest.raises(EngineError, match="did not slide"):
+        measure_capstan_exponent(Creeping(scipy_engine, drop), overload=0.9)
+
+
+def test_a_string_that_slides_as_little_as_may_be_is_measured(scipy_engine):
+    # Oracle: the Atwood machine, a / g = (overload - 1) / (overload + 1) = 0.0119, just above `MIN_SLIDE_FRACTION`.
+    point = measure_capstan_exponent(scipy_engine, overload=1.024)
+    assert point.slide_length == pytest.approx(0.0119 * 0.5 * 9.81 * 0.15**2, rel=5e-3)
+    assert point.error == pytest.approx(0.0, abs=1e-7)
+
+
+def test_a_chain_of_many_corners_is_a_string():
+    # Oracle: 2 N artanh(mu tan(theta / 2N)) tends to mu theta from above, as the square of the corner.
+    excess = [chain_capstan_exponent(0.34, math.pi, bend) / (0.34 * math.pi) - 1 for bend in (0.4, 0.2, 0.1)]
+    assert excess[0] / excess[1] == pytest.approx(4, rel=0.05)
+    assert excess[1] / excess[2] == pytest.approx(4, rel=0.02)
+    assert 0 < excess[2] < 1e-3

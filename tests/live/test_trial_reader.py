@@ -78,7 +78,7 @@ def test_every_form_gives_what_identify_reads(both):
 
 
 def test_a_bad_file_gives_the_message_of_identify(both):
-    cases = [(text, options) for name, (text, options, _) in BAD.items() if not NOT_ON_THE_PAGE.search(name)]
+    cases = [(text, dict(*options)) for name, (text, _, *options) in BAD.items() if not NOT_ON_THE_PAGE.search(name)]
     assert len(cases) > 25
     for expected, found in both(cases):
         assert "message" in expected
