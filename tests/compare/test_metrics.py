@@ -141,10 +141,6 @@ REGISTRY = pint.UnitRegistry()
 each_metric = pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
 
 
-def test_every_metric_is_computed_in_the_order_of_the_table(scenario, reference, make_run):
-    assert list(compare(scenario, reference, [make_run()]).engines[0].metrics) == list(METRICS)
-
-
 @each_metric
 def test_the_unit_in_which_it_is_shown_is_that_many_of_the_si_unit(metric):
     # Oracle: pint.

@@ -138,12 +138,6 @@ def test_the_story_says_where_when_and_why(scenario, reference, make_run, no_fri
     assert "Halts on time (at rest until the run ends at 1.050 s)." in full
 
 
-def test_a_stretched_string_is_named(scenario, reference, make_run):
-    run = make_run(shift=(2e-3, 0.0))
-    run.string_stretch[:] = 1.5e-3
-    assert "stretched by up to 1.5 mm" in compare(scenario, reference, [run]).engines[0].story
-
-
 def test_the_report_begins_with_the_verdict(measured_scenario, reference, make_run, table):
     report = render(compare(measured_scenario, reference, [make_run(shift=(3e-3, 0.0))], table))
     heads = [line for line in report.splitlines() if line.startswith("#")]

@@ -6,13 +6,14 @@ from importlib import import_module
 import pytest
 
 from looping_pendulum.compare.comparison import compare
-from looping_pendulum.discrepancy.result import FitReport, Identification, TrialError, Verdict
+from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import select
 from looping_pendulum.notebook import FORMATTERS, html
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import load
+from tests.pages.made_up import identification
 
 HOSTILE = "<script>alert(1)</script> | [x](javascript:alert(2)) `<b>` <img src=x onerror=alert(3)>"
 SCENARIO = load("ten_to_one")
@@ -63,25 +64,10 @@ def test_a_comparison_shows_its_verdict(run):
 
 
 def test_a_verdict_shows_its_sentence_and_errors():
-    fit = FitReport(
-        parameters=(),
-        correlations=(),
-        condition_number=1.0,
-        chi2_per_dof=1.0,
-        held_out_chi2=1.0,
-        failed_tests=(),
-        start_costs=(),
+    made = identification(HOSTILE)
+    result = dataclasses.replace(
+        made, verdict=Verdict.NO_MISSING_EFFECT, sentence="Nothing was added.", effects=(), explanations=(), unlisted=None
     )
-    error = TrialError(
-        trial=HOSTILE, held_out=True, rms_before=4e-3, rms_after=2e-3, standardised_rms_before=1.9, standardised_rms_after=1.0,
-        events_before={}, events_after={},
-    )  # fmt: skip
-    result = Identification(
-        study="s", title=HOSTILE, seed=0, verdict=Verdict.NO_MISSING_EFFECT, sentence="Nothing was added.", effects=(),
-        explanations=(), unlisted=None, correlated_noise=(), record_starts=(),
-        smallest_visible=(), next_experiments=(), errors=(error,), events=(), outliers=(), before=fit,
-        after=fit, judged_on="held-out trials", data=(), provenance={}, scenario="",
-    )  # fmt: skip
     page = harmless(html(result))
     assert "Nothing is missing" in page
     assert "Nothing was added." in page
