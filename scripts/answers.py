@@ -13,17 +13,12 @@ import time
 from answers_parts import boundaries, common, figures, page, precision, questions
 
 SUMMARIES = {
-    "four_angles": precision.four_angles,
-    "plain_programs": precision.plain_programs,
-    "growth": boundaries.growth,
-    "near_75": boundaries.near_75,
-    "along_the_angle": boundaries.along_the_angle,
-    "family": boundaries.family,
-    "exponents": boundaries.exponents,
-    "halting_map": questions.halting_map,
-    "lowest_ratio": questions.lowest_ratio,
-    "mass_scale": questions.mass_scale,
-    "friction_and_radius": questions.friction_and_radius,
+    compute.__name__: compute
+    for compute in (
+        *(precision.four_angles, precision.plain_programs, boundaries.growth, boundaries.near_75, boundaries.along_the_angle),
+        *(boundaries.family, boundaries.exponents, questions.halting_map, questions.lowest_ratio, questions.mass_scale),
+        questions.friction_and_radius,
+    )
 }
 """Name of a summary -> the function that computes it."""
 

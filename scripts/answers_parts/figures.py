@@ -1,7 +1,6 @@
 """Draw the figures of the page from the committed summaries. One column of a journal is 86 mm wide, two columns are 178 mm."""
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -36,23 +35,16 @@ NO_HALT_GREY = "0.88"
 
 def draw() -> list[Path]:
     """Draw every figure and return the paths."""
-    figures: dict[str, Callable[[], Figure]] = {
-        "four-angles": four_angles,
-        "precision": precision,
-        "growth": growth,
-        "boundaries": boundaries,
-        "uncertainty": uncertainty,
-        "halting-map": halting_map,
-        "lowest-ratio": lowest_ratio,
-        "mass-scale": mass_scale,
-        "friction-radius": friction_radius,
-    }
+    figures = (
+        *(four_angles, precision, growth, boundaries, uncertainty),
+        *(halting_map, lowest_ratio, mass_scale, friction_radius),
+    )
     paths = []
-    for name, make in figures.items():
+    for make in figures:
         with mpl.rc_context(RC_PARAMS):
             figure = make()
             FigureCanvasAgg(figure)
-            path = IMAGES / f"answers-{name}.png"
+            path = IMAGES / f"answers-{make.__name__.replace('_', '-')}.png"
             figure.savefig(path, dpi=200, metadata={"Software": None})
         paths.append(path)
     return paths
@@ -78,10 +70,7 @@ def four_angles() -> Figure:
         for k, curve in enumerate(curves[kind]):
             t, drop = np.array(curve["t"]), 1e3 * np.array(curve["drop"])
             axis.plot(t, drop, color=COLOURS[k], label=f"{curve['angle']:g}°", ls=("-", "--", "-.", ":")[k])
-        axis.set_title(f"({'ab'[kind == 'rk4']}) {title}")
-        axis.set_xlabel("time [s]")
-        axis.set_xlim(0, 3.0)
-        axis.set_ylim(600, 0)
+        axis.set(title=f"({'ab'[kind == 'rk4']}) {title}", xlabel="time [s]", xlim=(0, 3.0), ylim=(600, 0))
     axes[0].set_ylabel("drop of heavy mass [mm]")
     axes[0].legend(title="release angle", loc="upper right")
     return figure
@@ -106,9 +95,7 @@ def precision() -> Figure:
     spread = _spread(angles)
     axis.axhline(spread, color="k", ls=":", lw=0.8)
     axis.text(1.3e-15, spread * 1.5, "between the four angles", fontsize=6)
-    axis.set_xlabel("relative tolerance of a step")
-    axis.set_ylabel("error of the halting time [s]")
-    axis.set_ylim(1e-17, 1e-1)
+    axis.set(xlabel="relative tolerance of a step", ylabel="error of the halting time [s]", ylim=(1e-17, 1e-1))
     axis.legend(loc="center left", bbox_to_anchor=(0.0, 0.72))
     return figure
 
@@ -126,9 +113,7 @@ def growth() -> Figure:
         summary = data[name]
         left.semilogy(summary["t"], summary["growth"], color=COLOURS[k], label=CASE_LABELS[name])
         left.semilogy(summary["at_last_stop"]["t"], summary["at_last_stop"]["growth"], "o", ms=4, color=COLOURS[k])
-    left.set_xlabel("time [s]")
-    left.set_ylabel("greatest growth of a difference")
-    left.set_title("(a) released at 75°; dot: last stop")
+    left.set(xlabel="time [s]", ylabel="greatest growth of a difference", title="(a) released at 75°; dot: last stop")
     left.legend(loc="upper left")
     rows = data["over_angle"]
     angle = np.array([r["angle"] for r in rows])
@@ -136,8 +121,7 @@ def growth() -> Figure:
     halts = np.array([r["halts"] for r in rows])
     right.semilogy(angle[halts], value[halts], "o", ms=2.5, color=COLOURS[0], label="to the halt")
     right.semilogy(angle[~halts], value[~halts], "x", ms=3, color="0.5", label="no halt: to the last stop")
-    right.set_xlabel("release angle [deg]")
-    right.set_title("(b) scenario, to the last stop")
+    right.set(xlabel="release angle [deg]", title="(b) scenario, to the last stop")
     right.legend(loc="upper left")
     return figure
 
@@ -150,10 +134,12 @@ def boundaries() -> Figure:
     for change in data["equal"]:
         left.axvline(change["angle"], color="0.8", lw=0.4, zorder=0)
     left.axvspan(75.0, 75.3, color=COLOURS[1], alpha=0.5, lw=0, zorder=0)
-    left.set_xlabel("release angle [deg]")
-    left.set_ylabel("halting time [s]")
-    left.set_title("(a) grey: sequence changes; orange: 75.0–75.3°")
-    left.set_xlim(60, 130)
+    left.set(
+        xlabel="release angle [deg]",
+        ylabel="halting time [s]",
+        title="(a) grey: sequence changes; orange: 75.0–75.3°",
+        xlim=(60, 130),
+    )
     widths = data["equal"][0]["gap_widths_deg"]
     for k, (kind, label) in enumerate((("equal", "static = kinetic"), ("static_above", "static 16 % higher"))):
         gaps = np.array([_with_nan(c["gap"]) for c in data[kind]])
@@ -169,9 +155,11 @@ def boundaries() -> Figure:
                 alpha=0.6,
                 label=label if j == 0 else None,
             )
-    right.set_xlabel("distance of the two releases [deg]")
-    right.set_ylabel("largest distance of the runs [mm]")
-    right.set_title("(b) two runs across a change")
+    right.set(
+        xlabel="distance of the two releases [deg]",
+        ylabel="largest distance of the runs [mm]",
+        title="(b) two runs across a change",
+    )
     right.legend(loc="lower right")
     return figure
 
@@ -194,8 +182,7 @@ def uncertainty() -> Figure:
             label=f"{label}: α = {data[name]['exponent']:.3f} ± {data[name]['standard_error']:.3f}",
         )
     axis.loglog(eps, 0.3 * eps / eps[0] * 0.2, "k:", lw=0.8, label="slope 1")
-    axis.set_xlabel("distance ε [part of the range]")
-    axis.set_ylabel("fraction of uncertain releases")
+    axis.set(xlabel="distance ε [part of the range]", ylabel="fraction of uncertain releases")
     axis.legend(loc="upper left", fontsize=6)
     axis.set_ylim(1e-8, 30)
     return figure
@@ -217,8 +204,7 @@ def halting_map() -> Figure:
     stops = np.where(halts, data["stops"], np.nan).T
     _map_axis(figure, right, angle, ratio, np.minimum(stops, 8), "stops up to the halt (8: or more)", vmin=1, vmax=8)
     for axis, title in ((left, "(a) when it halts"), (right, "(b) how often it stops")):
-        axis.set_xlabel("release angle [deg]")
-        axis.set_title(title + "; grey: it does not halt")
+        axis.set(xlabel="release angle [deg]", title=title + "; grey: it does not halt")
         axis.plot([75.0, 75.3], [2.5, 2.5], color="w", lw=3)
     left.set_ylabel("mass ratio $M_2/M_1$")
     return figure
@@ -244,8 +230,7 @@ def lowest_ratio() -> Figure:
         row = data["scenario"]["watched"][f"{watch:g}"]
         right.plot(data["scenario"]["angle"], _with_nan(row), marker=".", ms=2, lw=0.5, color=COLOURS[k], label=f"{watch:g} s")
     for axis, title in ((left, f"(a) within {data['watched'][-1]:g} s; star: lowest"), (right, "(b) scenario, within")):
-        axis.set_xlabel("release angle [deg]")
-        axis.set_title(title)
+        axis.set(xlabel="release angle [deg]", title=title)
         axis.legend(loc="best")
     left.set_ylabel("lowest $M_2/M_1$ that halts")
     return figure
@@ -265,13 +250,11 @@ def mass_scale() -> Figure:
         for kind, style in (("halting_time", "-"), ("as_solids", "--")):
             apart = np.abs(_with_nan(row[kind]) - limit)
             right.loglog(scale, 1e3 * apart, color=COLOURS[k], ls=style)
-    left.set_xlabel("factor on both masses")
-    left.set_ylabel("halting time [s]")
-    left.set_title("(a) drag coefficients kept; dotted: without drag")
+    left.set(
+        xlabel="factor on both masses", ylabel="halting time [s]", title="(a) drag coefficients kept; dotted: without drag"
+    )
     left.legend(title="$M_2/M_1$")
-    right.set_xlabel("factor on both masses")
-    right.set_ylabel("change by drag [ms]")
-    right.set_title("(b) solid: drag kept; dashed: drag as area")
+    right.set(xlabel="factor on both masses", ylabel="change by drag [ms]", title="(b) solid: drag kept; dashed: drag as area")
     return figure
 
 
@@ -283,6 +266,5 @@ def friction_radius() -> Figure:
     radius, friction = 1e3 * data["rod_radius"], data["kinetic_friction"]
     _map_axis(figure, axis, radius, friction, data["halting_time"], "halting time [s]", vmin=0.0, vmax=2.0)
     axis.plot(1e3 * at["radius"], at["friction"], "+", color="w", ms=8, mew=1.5)  # the paper's trial
-    axis.set_xlabel("rod radius [mm]")
-    axis.set_ylabel("friction coefficient")
+    axis.set(xlabel="rod radius [mm]", ylabel="friction coefficient")
     return figure

@@ -6,24 +6,11 @@ from typing import Any
 import jinja2
 import numpy as np
 
-from .common import CASES, DURATION, PAPER_ANGLES, read
+from .common import CASES, DATA, DURATION, PAPER_ANGLES, read
 from .precision import METHODS
 from .questions import RATIO_STEP
 
 TEMPLATE = Path(__file__).with_name("answers.md.j2")
-SUMMARIES = (
-    "four_angles",
-    "plain_programs",
-    "growth",
-    "near_75",
-    "along_the_angle",
-    "family",
-    "exponents",
-    "halting_map",
-    "lowest_ratio",
-    "mass_scale",
-    "friction_and_radius",
-)
 EVENT_DESCRIPTIONS = {
     "slip_onset_down": "a slip onset downwards",
     "slip_onset_up": "a slip onset upwards",
@@ -52,7 +39,7 @@ def render() -> str:
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True, autoescape=False
     )
     environment.filters |= {"power": power, "f": fixed, "pct": percent}
-    data = {name: read(name) for name in SUMMARIES}
+    data = {file.stem: read(file.stem) for file in DATA.glob("*.json")}
     return environment.from_string(TEMPLATE.read_text()).render(
         **data,
         cases=CASES,
