@@ -80,7 +80,6 @@ def rounded(values):
     return values.astype(np.float32).astype(float)
 
 
-TENSION_ON_LIGHT = "fx += light_tension * math.sin(self.wrap_angle)"
 GRAVITY = 'gravity = p.coefficients["gravity"]'
 FRICTION = "most = math.exp(friction * max(self.wrap_angle, 0.0))"
 LIGHT_STRETCH = "light = free_length + p.rod_radius * self.wrap_angle - self.out"

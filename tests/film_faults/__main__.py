@@ -1,17 +1,16 @@
 """The command ``python -m tests.film_faults``."""
 
-import multiprocessing
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from looping_pendulum.cli.terminal import new_table, show_table
+from looping_pendulum.sweep.executors import in_process, in_processes
 from tests.film_faults.faults import KINDS, NONE
 from tests.film_faults.films import APPARATUS
 from tests.film_faults.judging import MOVED_BY, Judgement, Outcome, Task, judge_group, line_of
@@ -29,17 +28,6 @@ def tasks(count: int, seed: int, kinds: Sequence[str], folder: Path, *, with_ide
         name = f"{number}-{kind.replace(': ', '-').replace(' ', '_')}"
         groups.setdefault(number % APPARATUS, []).append((number, kind, folder / name, with_identify))
     return list(groups.values())
-
-
-def judge_all(groups: list[list[Task]], jobs: int) -> Iterator[list[Judgement]]:
-    """Judge groups of studies in so many processes."""
-    if jobs == 1:
-        yield from map(judge_group, groups)
-        return
-    # Not multiprocessing.Pool, which waits for ever for a worker that was killed
-    with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
-        for future in as_completed([pool.submit(judge_group, group) for group in groups]):
-            yield future.result()
 
 
 def main(
@@ -69,7 +57,8 @@ def main(
             [(number, kind, folder / f"{number}-{kind.replace(': ', '-').replace(' ', '_')}", identify) for kind in asked]
         ]
     judged: list[Judgement] = []
-    for group in judge_all(groups, jobs):
+    # Groups of one apparatus, not multiprocessing.Pool, which waits for ever for a worker that was killed
+    for group in in_process(iter(groups), judge_group) if jobs == 1 else in_processes(iter(groups), judge_group, jobs):
         judged += group
         for j in group:
             if j.outcome.is_failure or every:

@@ -5,7 +5,7 @@ import hashlib
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from random import Random
@@ -88,8 +88,3 @@ def keep(kind: InputKind, data: bytes, verdict: Verdict, folder: Path, cpu_limit
             return judge(kind.run, smaller, cpu_limit=cpu_limit).signature == verdict.signature
 
         stem.with_suffix(".shrunk").write_bytes(shrink(data, is_same_fault, seconds=shrink_seconds))
-
-
-def fuzz_all(kinds: Iterable[InputKind], counts: dict[str, int], *, seed: int, failures: Path) -> list[Tally]:
-    """Try inputs of several kinds, as many of each as ``counts`` says."""
-    return [fuzz(kind, counts[kind.name], seed=seed, failures=failures) for kind in kinds]
