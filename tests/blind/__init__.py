@@ -1,5 +1,7 @@
 """Blind test data: a simulator and a camera that share no equation with the package. Here: what may be simulated."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 

@@ -3,6 +3,8 @@
 A camera that looks at the motion from an angle, or whose lens distorts, is one in space, which sees points along rays.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

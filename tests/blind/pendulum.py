@@ -4,6 +4,8 @@ Like the rest of `tests.blind` it shares no equation with the package, which fol
 mass on a string that winds on a rod. Here there is no rod and no string: I phi'' is the sum of the torques about the axle.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from pathlib import Path

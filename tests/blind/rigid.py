@@ -4,6 +4,8 @@ A string that stretches then needs a time of order 1/sqrt(k) to reverse its fric
 fixed part of the string's period, the error is one power series in 1/sqrt(k); several stiffnesses cancel its first terms.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 

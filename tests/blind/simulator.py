@@ -15,6 +15,8 @@ Origin: the centre of the rod, x right, y up, z along the rod. SI units.
 Accuracy: the string's stiffness sets the distance to a rigid string (order 1/k, see the tests), not the step.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

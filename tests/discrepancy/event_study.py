@@ -1,5 +1,7 @@
 """Studies of event tables: the paper's two trials, and tables made from the blind simulator's motions."""
 
+from __future__ import annotations
+
 import zlib
 from collections.abc import Sequence
 from functools import lru_cache

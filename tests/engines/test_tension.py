@@ -86,7 +86,7 @@ def test_what_the_motion_cannot_tell_is_none():
 
 @pytest.fixture(scope="module")
 def scipy_engine():
-    (engine,) = select(["scipy_engine:scipy"], Profile.QUICK)
+    (engine,) = select(["reference:scipy"], Profile.QUICK)
     return engine
 
 
@@ -100,7 +100,7 @@ def test_the_reference_shows_the_capstan_law_at_any_angle(scipy_engine, degrees)
 
 @pytest.mark.parametrize(("friction", "overload", "duration"), [(0.34, 2.0, 0.15), (0.1, 1.1, 0.05), (0.6, 3.0, 0.1)])
 def test_over_half_a_turn_it_is_exact(scipy_engine, friction, overload, duration):
-    # Oracle: the Atwood machine, whose wrap angle does not change. Bound: the scipy_engine's own tolerance.
+    # Oracle: the Atwood machine, whose wrap angle does not change. Bound: the reference's own tolerance.
     point = measure_capstan_exponent(scipy_engine, friction=friction, overload=overload, duration=duration)
     assert point.wrap_angle == pytest.approx(math.pi, abs=1e-9)
     assert point.exponent == pytest.approx(friction * math.pi, abs=1e-8)
@@ -115,13 +115,13 @@ def test_a_wrap_angle_that_lets_the_string_go_slack_is_refused(scipy_engine):
 @pytest.mark.parametrize("integrator", available_integrators())
 def test_a_string_that_does_not_slide_is_no_measurement(integrator):
     # SciPy leaves a drop of 9e-15 m with AVX-512, and 0 or less elsewhere: `slid > 0` took that for a slide.
-    (engine,) = select([f"scipy_engine:{integrator}"], Profile.QUICK)
+    (engine,) = select([f"reference:{integrator}"], Profile.QUICK)
     with pytest.raises(EngineError, match="did not slide .* needed a slide of 1.1 mm; raise overload above 0.9"):
         measure_capstan_exponent(engine, overload=0.9)
 
 
 class Creeping:
-    """The scipy_engine with a heavy mass that sinks linearly, as a stuck string creeps by rounding or soft contacts."""
+    """The reference with a heavy mass that sinks linearly, as a stuck string creeps by rounding or soft contacts."""
 
     def __init__(self, scipy_engine, drop):
         self.scipy_engine, self.drop = scipy_engine, drop

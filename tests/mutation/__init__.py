@@ -18,7 +18,7 @@ FOLDERS = {
             "looping_pendulum/engines/landmarks.py",
             "looping_pendulum/engines/string_motion.py",
         ),
-        ("tests/compare", "tests/engines/test_string_motion.py", "tests/engines/test_string_motion.py", CONVENTIONS),
+        ("tests/compare", "tests/engines/test_string_motion.py", CONVENTIONS),
     ),
     "reference_ode": (("looping_pendulum/reference_ode",), ("tests/reference_ode", CONVENTIONS)),
     "fit": (("looping_pendulum/discrepancy/fit",), ("tests/discrepancy", CONVENTIONS)),
