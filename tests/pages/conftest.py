@@ -105,3 +105,9 @@ def opened(one_page):
     live_page.preset(page, "ten_to_one")
     one_page.complaints.clear()
     return one_page
+
+
+@pytest.fixture
+def page(opened):
+    """The page itself of ``opened``, which a file of tests may have of its own."""
+    return opened.page

@@ -93,8 +93,7 @@ def test_the_page_itself_moves_as_the_stored_reference(opened):
         assert np.hypot(*(np.array(sample["light"]) - reference.light_position[i])) < 1e-7
 
 
-def test_play_moves_the_masses_and_stops_at_the_end(opened):
-    page = opened.page
+def test_play_moves_the_masses_and_stops_at_the_end(page):
     page.click("[data-slow='1']")
     before, picture = light_mass(page), page.evaluate(COUNT, [STAGE, "#000000"])
     page.click("#play")
@@ -107,8 +106,7 @@ def test_play_moves_the_masses_and_stops_at_the_end(opened):
     until(page, "live.player.playing && live.player.time < 0.5")
 
 
-def test_slow_motion_is_slower(opened):
-    page = opened.page
+def test_slow_motion_is_slower(page):
     page.click("[data-slow='50']")
     page.click("#play")
     until(page, "live.player.time > 0")
@@ -119,8 +117,7 @@ def test_slow_motion_is_slower(opened):
     assert 0 < motion <= (seconds + 0.1) / 50  # 0.1 s: a frame that was under way; a late frame only slows it
 
 
-def test_the_slider_sets_the_time_and_all_that_follows_it(opened):
-    page = opened.page
+def test_the_slider_sets_the_time_and_all_that_follows_it(page):
     page.evaluate("""() => {
       const slider = document.getElementById("time");
       slider.value = 0.5;
@@ -139,8 +136,7 @@ def test_the_slider_sets_the_time_and_all_that_follows_it(opened):
     assert cursors[0] == pytest.approx(44 + 0.5 / small_result().duration * (width - 54), abs=1.5)
 
 
-def test_keys(opened):
-    page = opened.page
+def test_keys(page):
     page.keyboard.press("End")
     assert page.evaluate("live.player.time") == small_result().duration
     page.keyboard.press("Home")
@@ -155,8 +151,7 @@ def test_keys(opened):
     assert not page.evaluate("live.player.playing")
 
 
-def test_keys_go_from_moment_to_moment_of_the_shown_runs(opened):
-    page = opened.page
+def test_keys_go_from_moment_to_moment_of_the_shown_runs(page):
     for box in page.locator("#engine-runs input:enabled").all()[1:]:
         box.uncheck()
     times = [event["t"] for event in page.evaluate("live.engines.data.runs[0].events")]
@@ -176,8 +171,7 @@ def test_keys_go_from_moment_to_moment_of_the_shown_runs(opened):
 @pytest.mark.parametrize(
     "what", ["[data-slow='10']", "#forward", "#forces", "#engine-runs input[data-run=run1]", "#engine-runs .name >> nth=1"]
 )
-def test_space_plays_whatever_was_clicked_last(opened, what):
-    page = opened.page
+def test_space_plays_whatever_was_clicked_last(page, what):
     page.click(what)
     settled(page)
     before = page.evaluate("[live.player.time, live.engines.shown.size]")
@@ -189,8 +183,7 @@ def test_space_plays_whatever_was_clicked_last(opened, what):
     assert page.evaluate("live.engines.shown.size") == before[1]
 
 
-def test_space_on_a_button_that_the_keyboard_led_to_presses_it(opened):
-    page = opened.page
+def test_space_on_a_button_that_the_keyboard_led_to_presses_it(page):
     page.locator("#end").focus()
     page.keyboard.press("Space")
     assert page.evaluate("live.player.time") == small_result().duration
@@ -216,8 +209,7 @@ def test_tracked_points_come_in_step_and_can_be_switched_off(visit):
     opened.assert_no_requests_or_complaints(page.url)
 
 
-def test_a_switched_off_engine_disappears(opened):
-    page = opened.page
+def test_a_switched_off_engine_disappears(page):
     at(page, 0.5)
     page.evaluate("document.documentElement.dataset.theme === 'light' || document.getElementById('theme').click()")
     settled(page)
@@ -259,8 +251,7 @@ def test_marks_are_where_the_result_has_them(opened):
     assert kinds == [*expected, ["slip", events["slip_onset"]], ["halt", events["halt"]]]
 
 
-def test_gaps_say_why(opened):
-    page = opened.page
+def test_gaps_say_why(page):
     rows = page.locator("#engine-runs .run").all()
     assert [row.locator(".name").inner_text() for row in rows] == ["reference", *LABELS]
     assert rows[4].locator("input").is_disabled()

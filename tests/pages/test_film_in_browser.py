@@ -71,9 +71,8 @@ def show(page, frame):
     settled(page)
 
 
-def test_a_film_is_tracked_from_two_clicks_and_fitted(opened, film):
+def test_a_film_is_tracked_from_two_clicks_and_fitted(page, film):
     path, places = film
-    page = opened.page
     page.set_input_files("#film-file", str(path))
     until(page, "/per second|cannot/.test(document.getElementById('film-message').textContent)", seconds=30)
     if "cannot" in page.inner_text("#film-message"):
@@ -118,8 +117,7 @@ def test_a_film_is_tracked_from_two_clicks_and_fitted(opened, film):
     assert page.evaluate("live.film.film") is None
 
 
-def test_what_is_no_film_says_so(opened, tmp_path):
-    page = opened.page
+def test_what_is_no_film_says_so(page, tmp_path):
     path = tmp_path / "notes.mp4"
     path.write_bytes(b"no film")
     page.set_input_files("#film-file", str(path))

@@ -55,8 +55,7 @@ def test_two_pages_of_paper_hold_all(opened, name, language):
     assert opened.complaints == []
 
 
-def test_on_paper_is_the_worksheet_alone(opened, printed):
-    page = opened.page
+def test_on_paper_is_the_worksheet_alone(page, printed):
     at(page, 0.2)
     page.check("#forces")
     sheets = printed()
@@ -80,8 +79,7 @@ def test_on_paper_is_the_worksheet_alone(opened, printed):
 
 
 @pytest.mark.parametrize("name", RELEASES)
-def test_answers_are_those_of_the_pages_runs(opened, printed, name):
-    page = opened.page
+def test_answers_are_those_of_the_pages_runs(page, printed, name):
     preset(page, name)
     sheets = printed()
     first, second, changed = answers(sheets)

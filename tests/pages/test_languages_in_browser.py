@@ -313,8 +313,7 @@ def test_numbers_have_a_comma_and_are_taken_with_one(german):
     assert "112,5" not in page.evaluate("live.keeping.scenario()")
 
 
-def test_another_language_keeps_all_that_was_set(opened):
-    page = opened.page
+def test_another_language_keeps_all_that_was_set(page):
     page.fill("#field-mass_ratio", "7")
     page.keyboard.press("Tab")
     page.evaluate("live.player.stopAt(0.2)")

@@ -46,8 +46,7 @@ def drop_file(page, name, content):
     )
 
 
-def test_a_trial_is_dropped_and_drawn_over_the_motion(opened, example):
-    page = opened.page
+def test_a_trial_is_dropped_and_drawn_over_the_motion(page, example):
     drop_file(page, "first.csv", example.read_text(encoding="utf-8"))
     until(page, "live.trial.trial !== null")
     settled(page)
@@ -68,8 +67,7 @@ def test_a_trial_is_dropped_and_drawn_over_the_motion(opened, example):
     assert not page.is_visible("#residuals")
 
 
-def test_a_trial_with_german_commas_named_tracks_and_centimetres(opened):
-    page = opened.page
+def test_a_trial_with_german_commas_named_tracks_and_centimetres(page):
     rows = "".join(f"{0.01 * i:.2f};{55 - i};{-20 - i}\n".replace(".", ",") for i in range(20))
     page.set_input_files(
         "#trial-file", {"name": "versuch.csv", "mimeType": "text/csv", "buffer": f";Kugel;\nt;x;y\n{rows}".encode()}
@@ -92,8 +90,7 @@ def test_a_trial_with_german_commas_named_tracks_and_centimetres(opened):
     assert page.evaluate("live.trial.points('light')[0][0]") == pytest.approx(-0.05)
 
 
-def test_pixels_runs_and_faults_of_the_clock_are_told_and_put_right_by_fields(opened):
-    page = opened.page
+def test_pixels_runs_and_faults_of_the_clock_are_told_and_put_right_by_fields(page):
     t = np.delete(np.arange(60), 30) / 120  # one picture is lost, and the times do not show it
     points = motion(t)[:, :2] + 2e-4 * np.random.default_rng(1).standard_normal((len(t), 2))
     rows = "".join(
@@ -121,8 +118,7 @@ def test_pixels_runs_and_faults_of_the_clock_are_told_and_put_right_by_fields(op
     assert page.inner_text("#trial-faults") == ""
 
 
-def test_a_bad_file_cannot_write_into_the_page(opened):
-    page = opened.page
+def test_a_bad_file_cannot_write_into_the_page(page):
     drop_file(page, "bad.csv", "t,light_x,light_y\n0,1,2\n.01,<img src=x onerror=alert(1)>,3\n")
     until(page, "document.getElementById('trial-error').textContent !== ''")
     assert page.inner_text("#trial-error").startswith("bad.csv:3: column light_x: found '<img src=x onerror=alert(1)>'")
@@ -132,9 +128,9 @@ def test_a_bad_file_cannot_write_into_the_page(opened):
 def test_a_bad_file_is_refused_in_one_line_as_by_identify(opened, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     page = opened.page
-    cases = [case for name, case in BAD.items() if not case[1] and not NOT_ON_THE_PAGE.search(name)]
+    cases = [text for name, (text, _, *options) in BAD.items() if not (options or NOT_ON_THE_PAGE.search(name))]
     assert len(cases) > 20
-    for content, _, _ in cases:
+    for content in cases:
         raw = content if isinstance(content, bytes) else content.encode()
         page.set_input_files("#trial-file", {"name": FILE, "mimeType": "text/csv", "buffer": raw})
         until(page, "document.getElementById('trial-error').textContent !== ''")
@@ -149,8 +145,7 @@ def test_a_bad_file_is_refused_in_one_line_as_by_identify(opened, tmp_path, monk
     assert opened.complaints == []
 
 
-def test_files_of_the_page(opened, tmp_path):
-    page = opened.page
+def test_files_of_the_page(page, tmp_path):
     with page.expect_download() as download:
         page.click("#save-scenario")
     assert Path(download.value.path()).read_text(encoding="utf-8") == page.evaluate("live.keeping.scenario()")
@@ -180,8 +175,7 @@ GOOD = "t,light_x,light_y\n" + "".join(f"{0.01 * i:.2f},{-0.5 + 0.01 * i:.3f},{-
 
 
 @pytest.mark.parametrize("bad", ["", "t,light_x,light_y\n0,1,2\n.01,x,3\n", "not a table"])
-def test_a_bad_file_keeps_the_good_trial(opened, bad):
-    page = opened.page
+def test_a_bad_file_keeps_the_good_trial(page, bad):
     drop_file(page, "good.csv", GOOD)
     until(page, "live.trial.trial !== null")
     page.fill("#trial-release", "0.02")
@@ -204,8 +198,7 @@ def test_a_bad_file_keeps_the_good_trial(opened, bad):
     until(page, "document.getElementById('trial-error').textContent === ''")
 
 
-def test_a_message_stands_beside_the_field_that_helps(opened):
-    page = opened.page
+def test_a_message_stands_beside_the_field_that_helps(page):
     drop_file(page, "cm.csv", GOOD.replace("-0.", "-10"))
     until(page, "document.getElementById('trial-error').textContent !== ''")
     assert (
@@ -220,9 +213,8 @@ def test_a_message_stands_beside_the_field_that_helps(opened):
 
 
 @pytest.mark.parametrize(("slower", "words"), [(8, "8 times"), (1, ""), (0.25, "1/4 times")])
-def test_a_wrong_frame_rate_is_named_as_look_names_it(opened, slower, words):
+def test_a_wrong_frame_rate_is_named_as_look_names_it(page, slower, words):
     """As `looping-pendulum look`: times that are 8 times what the declared apparatus allows, and frame_rate: 240 Hz."""
-    page = opened.page
     t = np.arange(0, 1.0, 1 / 240)
     places = solve(load("ten_to_one").parameters).sample(t).light_position
     rows = "".join(f"{slower * time:.6f},{x:.5f},{y:.5f}\n" for time, (x, y) in zip(t, places, strict=True))
@@ -244,9 +236,8 @@ def test_a_wrong_frame_rate_is_named_as_look_names_it(opened, slower, words):
 
 
 @pytest.mark.parametrize("language", ["en", "de"])
-def test_the_table_of_the_run_is_read_as_a_trial(opened, tmp_path, language):
+def test_the_table_of_the_run_is_read_as_a_trial(page, tmp_path, language):
     """In German spreadsheets, cells are separated by semicolons, as the comma is the decimal sign."""
-    page = opened.page
     page.select_option("#language", language)
     with page.expect_download() as download:
         page.click("#save-numbers")
@@ -261,8 +252,7 @@ def test_the_table_of_the_run_is_read_as_a_trial(opened, tmp_path, language):
 
 
 @pytest.mark.accurate  # daily, the other files that the page writes
-def test_a_film_of_the_motion(opened):
-    page = opened.page
+def test_a_film_of_the_motion(page):
     page.click("[data-slow='1']")
     with page.expect_download() as download:
         page.click("#save-film")
@@ -286,8 +276,7 @@ def test_a_scenario_of_ones_own_comes_first(visit, tmp_path):
     assert opened.complaints == []
 
 
-def test_a_fit_sets_the_sliders_says_what_is_left_and_writes_the_study(opened, example):
-    page = opened.page
+def test_a_fit_sets_the_sliders_says_what_is_left_and_writes_the_study(page, example):
     page.set_input_files("#trial-file", example)
     until(page, "live.trial.trial !== null")
     page.click("#trial-fit")

@@ -160,8 +160,7 @@ def drop_of_reference(scenario, **changes):
     return 100 * float(heights[0] - heights[1])
 
 
-def test_the_map_is_read_and_set_by_keys(opened):
-    page = opened.page
+def test_the_map_is_read_and_set_by_keys(page):
     page.focus("#map")
     time = page.evaluate("live.player.time")
 
@@ -193,8 +192,7 @@ def test_the_map_is_read_and_set_by_keys(opened):
     assert page.get_attribute("#map-reading", "role") == "status"
 
 
-def test_events_are_announced_once_as_the_motion_passes_them(opened):
-    page = opened.page
+def test_events_are_announced_once_as_the_motion_passes_them(page):
     preset(page, "two_to_one")
     page.evaluate("""() => {
       window.added = 0;
@@ -238,8 +236,7 @@ def test_events_are_announced_once_as_the_motion_passes_them(opened):
     assert announced.all_inner_texts() == events
 
 
-def test_the_slider_of_the_time_says_what_happens_then(opened):
-    page = opened.page
+def test_the_slider_of_the_time_says_what_happens_then(page):
     page.focus("#time")
     page.keyboard.press("End")
     settled(page)
@@ -250,8 +247,7 @@ def test_the_slider_of_the_time_says_what_happens_then(opened):
     assert page.get_attribute("#time", "aria-valuetext") == "0.020 seconds: the string slides; the heavy mass falls"
 
 
-def test_the_table_of_the_run_names_its_events(opened):
-    page = opened.page
+def test_the_table_of_the_run_names_its_events(page):
     preset(page, "two_to_one")
     page.evaluate("document.getElementById('table-of-run').open = true")
     settled(page)

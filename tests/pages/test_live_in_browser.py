@@ -34,8 +34,7 @@ def test_it_asks_for_nothing_and_complains_of_nothing(visit):
     assert opened.complaints == []
 
 
-def test_the_policy_lets_nothing_be_loaded_or_evaluated(opened):
-    page = opened.page
+def test_the_policy_lets_nothing_be_loaded_or_evaluated(page):
     policy = page.get_attribute("meta[http-equiv=Content-Security-Policy]", "content")
     assert "default-src 'none'" in policy
     assert "unsafe-eval" not in policy
@@ -65,8 +64,7 @@ DAILY = ("ten_to_one", "held")
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.accurate] * (n not in DAILY)) for n in shipped()])
-def test_a_scenario_halts_when_the_reference_does(opened, name):
-    page = opened.page
+def test_a_scenario_halts_when_the_reference_does(page, name):
     scenario = load(name)
     preset(page, name)
     reference = solve(scenario.parameters, duration=5.0)
@@ -80,8 +78,7 @@ def test_a_scenario_halts_when_the_reference_does(opened, name):
     assert " ".join(scenario.description.split()) == page.inner_text("#story")
 
 
-def test_a_slider_steps_by_keys_and_takes_a_typed_number(opened):
-    page = opened.page
+def test_a_slider_steps_by_keys_and_takes_a_typed_number(page):
     page.focus("#range-release_angle")
     for key, number in (
         ("Home", 5),
@@ -125,8 +122,7 @@ def test_every_slider_has_a_name_a_range_and_steps(opened):
         assert outcome["ends"] == [outcome["min"], outcome["max"]], outcome
 
 
-def test_a_slider_follows_the_mouse(opened):
-    page = opened.page
+def test_a_slider_follows_the_mouse(page):
     box = page.locator("#range-mass_ratio").bounding_box()
     page.mouse.click(box["x"] + 0.75 * box["width"], box["y"] + box["height"] / 2)
     assert value(page, "mass_ratio") == pytest.approx(1 + 0.75 * 19, abs=0.5)
@@ -141,8 +137,7 @@ def test_a_slider_follows_the_mouse(opened):
         ("400", "Angle of the string: found 400 °, needed 5 to 180 °"),
     ],
 )
-def test_a_bad_number_is_refused_in_one_line(opened, typed, message):
-    page = opened.page
+def test_a_bad_number_is_refused_in_one_line(page, typed, message):
     page.fill("#field-release_angle", typed)
     page.keyboard.press("Tab")
     assert page.inner_text("#fault") == message
@@ -152,8 +147,7 @@ def test_a_bad_number_is_refused_in_one_line(opened, typed, message):
     assert value(page, "release_angle") == 113.08
 
 
-def test_a_refusal_outlives_the_frame_of_a_change_just_before_it(opened):
-    page = opened.page
+def test_a_refusal_outlives_the_frame_of_a_change_just_before_it(page):
     page.evaluate("""() => {
       for (const [name, typed] of [["mass_ratio", "12"], ["release_angle", "400"]]) {
         const field = document.getElementById(`field-${name}`);
@@ -169,8 +163,7 @@ def test_a_refusal_outlives_the_frame_of_a_change_just_before_it(opened):
     assert page.inner_text("#fault") == ""
 
 
-def test_friction_at_rest_is_never_below_that_of_sliding(opened):
-    page = opened.page
+def test_friction_at_rest_is_never_below_that_of_sliding(page):
     page.fill("#field-kinetic_friction", "0.5")
     page.keyboard.press("Tab")
     assert value(page, "static_friction") == 0.5  # equal before, so it follows
@@ -182,8 +175,7 @@ def test_friction_at_rest_is_never_below_that_of_sliding(opened):
     assert value(page, "kinetic_friction") == 0.3
 
 
-def test_the_light_mass_is_dragged_to_its_release(opened):
-    page = opened.page
+def test_the_light_mass_is_dragged_to_its_release(page):
     page.evaluate("live.player.stopAt(0.2)")
     settled(page)
     x, y = light_mass(page)
@@ -206,8 +198,7 @@ def test_the_light_mass_is_dragged_to_its_release(opened):
     assert value(page, "release_angle") == 113.08
 
 
-def test_undo_and_redo_go_through_all_settings(opened):
-    page = opened.page
+def test_undo_and_redo_go_through_all_settings(page):
     states = [page.evaluate("location.hash")]
     for angle in (100, 90, 80):
         page.fill("#field-release_angle", str(angle))
@@ -225,8 +216,7 @@ def test_undo_and_redo_go_through_all_settings(opened):
     assert page.is_disabled("#redo")
 
 
-def test_a_ghost_and_the_change_as_numbers(opened):
-    page = opened.page
+def test_a_ghost_and_the_change_as_numbers(page):
     first = page.evaluate("live.run.halt")
     page.fill("#field-mass_ratio", "12")
     page.keyboard.press("Tab")
@@ -242,8 +232,7 @@ def test_a_ghost_and_the_change_as_numbers(opened):
     assert page.inner_text("#compared") == ""
 
 
-def test_play_slow_motion_steps_and_the_time(opened):
-    page = opened.page
+def test_play_slow_motion_steps_and_the_time(page):
     page.click("[data-slow='1']")
     page.click("#play")
     until(page, "live.player.time > 0.1")
@@ -269,8 +258,7 @@ def test_play_slow_motion_steps_and_the_time(opened):
     assert page.inner_text("#doing") == "the rod holds the string"
 
 
-def test_a_click_in_a_curve_sets_the_time_of_all(opened):
-    page = opened.page
+def test_a_click_in_a_curve_sets_the_time_of_all(page):
     plot = page.locator("[data-plot=energy]")
     plot.scroll_into_view_if_needed()
     box = plot.bounding_box()
@@ -278,8 +266,7 @@ def test_a_click_in_a_curve_sets_the_time_of_all(opened):
     assert page.evaluate("live.player.time") == pytest.approx(page.evaluate("live.run.end") / 2, abs=0.01)
 
 
-def test_forces_are_arrows_on_demand(opened):
-    page = opened.page
+def test_forces_are_arrows_on_demand(page):
     page.evaluate("live.player.stopAt(0.3)")
     settled(page)
     pink = """() => {
@@ -342,8 +329,7 @@ def test_bars_have_a_scale_and_numbers_as_people_write_them(visit, size, languag
         assert right <= width, one
 
 
-def test_no_string_crosses_the_name_of_a_mass(opened):
-    page = opened.page
+def test_no_string_crosses_the_name_of_a_mass(page):
     page.evaluate(KEEP_WORDS)
     for step in range(21):
         page.evaluate("(share) => live.player.stopAt(share * live.run.end)", step / 20)
@@ -370,8 +356,7 @@ def test_stage_and_forces_are_seen_together(visit):
         assert box["y"] + box["height"] <= 800, part
 
 
-def test_the_stage_fills_the_screen_on_request(opened):
-    page = opened.page
+def test_the_stage_fills_the_screen_on_request(page):
     height = page.locator("#stage").bounding_box()["height"]
     page.click("#full")
     until(page, "document.fullscreenElement !== null")
@@ -383,9 +368,8 @@ def test_the_stage_fills_the_screen_on_request(opened):
     until(page, "document.fullscreenElement === null")
 
 
-def test_release_is_one_thing(opened):
+def test_release_is_one_thing(page):
     """The button that leads to the start of the motion, and the choice of how the masses are let go, have different names."""
-    page = opened.page
     names = page.evaluate(
         "[...document.querySelectorAll('button, label, summary, h2')].map((one) => one.innerText.trim()).filter(Boolean)"
     )
@@ -393,8 +377,7 @@ def test_release_is_one_thing(opened):
     assert len(set(names)) == len(names)
 
 
-def test_the_map_is_that_of_the_runs_and_a_click_sets_both(opened):
-    page = opened.page
+def test_the_map_is_that_of_the_runs_and_a_click_sets_both(page):
     page.locator("#map").scroll_into_view_if_needed()
     until(page, "live.map.grids.length && live.map.grids[0].drops.every((row) => row)")
     drops = page.evaluate("live.map.grids[0].drops")

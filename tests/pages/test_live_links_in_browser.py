@@ -14,8 +14,7 @@ NAMES_IN_CODES = (
 """Settings of a code `LP1:...`, in its order."""
 
 
-def test_a_link_leads_to_its_setting_and_back(opened):
-    page = opened.page
+def test_a_link_leads_to_its_setting_and_back(page):
     preset(page, "two_to_one")
     link = page.evaluate("location.hash")
     values = page.evaluate("live.state")
@@ -69,17 +68,15 @@ def test_any_setting_comes_back_by_its_link(opened):
         ("mass_ratio=5&free_length_cm=<b>1</b>", "the link: free_length_cm: found '<b>1</b>', needed 10 to 150; "),
     ],
 )
-def test_a_bad_link_says_so_and_keeps_the_rest(opened, link, message):
-    page = opened.page
+def test_a_bad_link_says_so_and_keeps_the_rest(page, link, message):
     page.evaluate("(link) => { location.hash = link; }", link)
     until(page, "document.getElementById('fault').textContent !== ''")
     assert page.inner_text("#fault").startswith(message)
     assert value(page, "mass_ratio") == 5
 
 
-def test_a_saved_page_gives_a_code_that_any_copy_takes(opened, tmp_path):
+def test_a_saved_page_gives_a_code_that_any_copy_takes(page, tmp_path):
     """Its address, `file:///...`, is a dead link for all others."""
-    page = opened.page
     preset(page, "two_to_one")
     state = page.evaluate("live.state")
     code = page.evaluate("live.keeping.page.address.shared")
@@ -99,9 +96,8 @@ def test_a_saved_page_gives_a_code_that_any_copy_takes(opened, tmp_path):
     assert page.evaluate("live.state") == state
 
 
-def test_a_code_of_the_first_form_stays_readable(opened):
+def test_a_code_of_the_first_form_stays_readable(page):
     """It names no settings: with other controls, or in another order, the form needs another number."""
-    page = opened.page
     names = page.evaluate("liveControls.map(({ name }) => name)")
     assert names == NAMES_IN_CODES
     page.fill("#code", "lp1:looping;20")
@@ -109,8 +105,7 @@ def test_a_code_of_the_first_form_stays_readable(opened):
     assert page.inner_text("#fault").startswith("the link: free_length_cm: found '0', needed 10 to 150; ")
 
 
-def test_what_is_no_code_is_named(opened):
-    page = opened.page
+def test_what_is_no_code_is_named(page):
     page.fill("#code", "hello")
     page.dispatch_event("#code", "change")
     assert (
@@ -119,9 +114,8 @@ def test_what_is_no_code_is_named(opened):
     )
 
 
-def test_the_qr_code_is_the_code(opened):
+def test_the_qr_code_is_the_code(page):
     cv2 = pytest.importorskip("cv2", reason="OpenCV, which reads the QR code, is not installed (extra `film`)")
-    page = opened.page
     page.click("#show-qr")
     modules = page.evaluate("""() => {
       const canvas = document.getElementById("qr"), { width, height } = canvas;
