@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from looping_pendulum.cli import terminal as cli_terminal
-from looping_pendulum.cli.terminal import ProgressBars, convergence_bars, new_table, say, say_file, show_table
+from looping_pendulum.cli.terminal import ProgressBars, convergence_bars, say, say_file, show_table
 
 HOSTILE = "[/x][red]\x1b[2J\u202e\u2066\x07\x9b1A\ud800"
 """rich's markup, an escape sequence, bidirectional controls, a bell, an 8-bit control sequence, half a character."""
@@ -19,9 +19,7 @@ def test_lines_show_control_characters_as_escapes(capsys):
 
 
 def test_tables_show_markup_and_control_characters(capsys):
-    table = new_table("name [mm]", HOSTILE)
-    table.add_row(HOSTILE, 3)
-    show_table(table)
+    show_table(["name [mm]", HOSTILE], [[HOSTILE, 3]])
     out = capsys.readouterr().out
     assert "name [mm]" in out
     assert out.count(SHOWN) == 2

@@ -21,7 +21,7 @@ from looping_pendulum.cli.common import (
     run_and_compare,
     scenario_names,
 )
-from looping_pendulum.cli.terminal import new_table, say, show_json, show_table
+from looping_pendulum.cli.terminal import say, show_json, show_table
 from looping_pendulum.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -93,11 +93,11 @@ def _show(result: ComparisonResult) -> None:
     """Print a table of the limits and their outcomes."""
     from looping_pendulum.compare.report import limit_and_value
 
-    table = new_table("scenario", "engine", "metric", "value", "limit", "outcome")
+    rows = []
     for t in result.tolerances:
         limit, value = limit_and_value(t)
-        table.add_row(result.scenario, t.engine, t.metric, value, limit, t.outcome.value)
-    show_table(table)
+        rows.append([result.scenario, t.engine, t.metric, value, limit, t.outcome.value])
+    show_table(["scenario", "engine", "metric", "value", "limit", "outcome"], rows)
 
 
 def interrupted(result: ComparisonResult) -> bool:

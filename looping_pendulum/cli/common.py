@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from looping_pendulum.cli.terminal import ProgressBars, choose_json, choose_quiet, note, say
+from looping_pendulum.cli.terminal import ProgressBars, choose_json, choose_quiet, note, say, show_table
 
 if TYPE_CHECKING:
     from looping_pendulum.compare.result import ComparisonResult
@@ -267,7 +267,6 @@ def page_meanwhile(folder: Path) -> Callable[[ComparisonResult, tuple[str, ...]]
 
 def show_residuals(result: ComparisonResult) -> None:
     """Print what a measured trial says of the reference and of each engine, and what looks like a mistake in it."""
-    from looping_pendulum.cli.terminal import new_table, show_table
     from looping_pendulum.compare.report import short_residual_rows
 
     if result.trial is None:
@@ -275,10 +274,7 @@ def show_residuals(result: ComparisonResult) -> None:
     say(f"Trial {result.trial.name}, measured less predicted:")
     head, rows = short_residual_rows(result)
     if rows:
-        table = new_table(*head)
-        for row in rows:
-            table.add_row(*row)
-        show_table(table)
+        show_table(head, rows)
     for remark in result.trial.notes:
         say(f"- {remark}")
 

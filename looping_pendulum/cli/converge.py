@@ -22,7 +22,7 @@ from looping_pendulum.cli.common import (
     report_folder,
     scenario_names,
 )
-from looping_pendulum.cli.terminal import convergence_bars, new_table, say, show_json, show_table
+from looping_pendulum.cli.terminal import convergence_bars, say, show_json, show_table
 
 
 def converge(
@@ -104,15 +104,14 @@ def converge(
         written = write(result, folder)
     finally:
         signal.signal(signal.SIGINT, previous_handler)
-    table = new_table(
-        "variant", "quantity", "error", "not converged", "different model", "+/-", "choice", "spread", "larger part"
-    )
+    head = ["variant", "quantity", "error", "not converged", "different model", "+/-", "choice", "spread", "larger part"]
+    rows = []
     for v in result.variants:
         for s in v.splits:
             parts = (s.error, s.numerics, s.model, s.numerics_uncertainty, s.choice, s.spread)
             cells = [number(x, 1e3, 2) for x in parts]
-            table.add_row(v.label, f"{s.quantity} [m{s.unit}]", *cells, ", then ".join(c.value for c in s.causes))
-    show_table(table)
+            rows.append([v.label, f"{s.quantity} [m{s.unit}]", *cells, ", then ".join(c.value for c in s.causes)])
+    show_table(head, rows)
     for v in result.variants:
         say(f"- {v.label}: halting time converges: {halting_verdict(v)}")
     say(f"wrote {written}")

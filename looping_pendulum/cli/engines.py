@@ -23,7 +23,7 @@ from looping_pendulum.cli.common import (
     recipe_engine_names,
     scenario_names,
 )
-from looping_pendulum.cli.terminal import ProgressBars, new_table, note, say, show_json, show_table
+from looping_pendulum.cli.terminal import ProgressBars, note, say, show_json, show_table
 from looping_pendulum.errors import EngineError
 
 if TYPE_CHECKING:
@@ -54,7 +54,8 @@ def _list_engines(profile: Profile, markdown: bool) -> None:
     from looping_pendulum.engines.registry import adapter_packages, how_to_get, label, load_engines, missing_packages
     from looping_pendulum.engines.trajectory import supplies_as_rows
 
-    table = new_table("engine", "here", "winding", "friction law", "stick-slip", "drag", "runs", "what it is")
+    head = ["engine", "here", "winding", "friction law", "stick-slip", "drag", "runs", "what it is"]
+    rows: list[list[str]] = []
     notes: dict[str, str] = {}
     listed: list[dict[str, Any]] = []
     available, load_errors = load_engines(profile)
@@ -65,7 +66,7 @@ def _list_engines(profile: Profile, markdown: bool) -> None:
         when = "as reference" if engine.name == "reference" else "always" if engine.abilities.main else "if named"
         source = f" (of the package {packages[engine.name]})" if packages.get(engine.name) else ""
         summary = engine.abilities.summary + source
-        table.add_row(label(engine), "no" if missing else "yes", *supplied_by.values(), when, summary)
+        rows.append([label(engine), "no" if missing else "yes", *supplied_by.values(), when, summary])
         listed.append(
             {
                 "engine": label(engine),
@@ -76,9 +77,8 @@ def _list_engines(profile: Profile, markdown: bool) -> None:
             }
         )
         notes |= {package: how_to_get(package) for package in missing}
-    for name in load_errors:
-        table.add_row(name, "broken", *[""] * 5, "left out; see below")
-    show_table(table)
+    rows += [[name, "broken", *[""] * 5, "left out; see below"] for name in load_errors]
+    show_table(head, rows)
     for package, how in notes.items():
         say(f"{package} is not installed; to get it: {how}")
     for load_error in load_errors.values():
@@ -98,10 +98,7 @@ def _list_support(profile: Profile, markdown: bool) -> None:
     tables = list(support.tables(available))
     show_json({"tables": [[dict(zip(header, row, strict=True)) for row in rows] for header, rows in tables]})
     for header, rows in tables:
-        table = new_table(*header)
-        for row in rows:
-            table.add_row(*row)
-        show_table(table)
+        show_table(header, rows)
 
 
 def conformance(
@@ -206,10 +203,7 @@ def versions(
             progress=lambda fraction, description: bars.update(description, fraction),
         )
         result = study.run(releases)
-    table = new_table(*HEADER)
-    for row in rows(result):
-        table.add_row(*row)
-    show_table(table)
+    show_table(HEADER, rows(result))
     if result.interrupted:
         note(f"interrupted: {len(result.releases)} of {len(releases)} releases are kept in {folder}; the same command goes on")
         show_json({"result": result, "file": None})

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from looping_pendulum.cli.common import INTERRUPTED, AsJson, Quiet, report_folder, schema_option
-from looping_pendulum.cli.terminal import ProgressBars, new_table, say, show_json, show_table
+from looping_pendulum.cli.terminal import ProgressBars, say, show_json, show_table
 from looping_pendulum.errors import HarnessError
 
 if TYPE_CHECKING:
@@ -159,18 +159,13 @@ def _identify(study: Path, out: Path | None, seed: int, time_limit: float | None
     say(f"{result.verdict.value}: {result.sentence}")
     for note in result.notes:
         say(note)
-    table = new_table("trial", "held out", "RMS before [mm]", "RMS after [mm]", "before [noise]", "after [noise]")
+    rows = []
     for e in result.errors:
         # A trial without tracked points has measured events only, and so no RMS distance.
         sizes = ["" if rms is None else f"{1e3 * rms:.2f}" for rms in (e.rms_before, e.rms_after)]
-        table.add_row(
-            e.trial,
-            "yes" if e.held_out else "no",
-            *sizes,
-            f"{e.standardised_rms_before:.2f}",
-            f"{e.standardised_rms_after:.2f}",
-        )
-    show_table(table)
+        sizes += [f"{rms:.2f}" for rms in (e.standardised_rms_before, e.standardised_rms_after)]
+        rows.append([e.trial, "yes" if e.held_out else "no", *sizes])
+    show_table(["trial", "held out", "RMS before [mm]", "RMS after [mm]", "before [noise]", "after [noise]"], rows)
     say(f"wrote {written} and report.html")
     summary = {"verdict": result.verdict, "sentence": result.sentence, "notes": result.notes, "errors": result.errors}
     show_json({"study": loaded.name, **summary, "report": written})

@@ -50,7 +50,7 @@ from looping_pendulum.cli.identify import identify, look
 from looping_pendulum.cli.maps import map_
 from looping_pendulum.cli.new import new
 from looping_pendulum.cli.teaching import demo, demonstrations, init, live, tracker
-from looping_pendulum.cli.terminal import ProgressBars, new_table, reset_output, say, say_file, show_json, show_table
+from looping_pendulum.cli.terminal import ProgressBars, reset_output, say, say_file, show_json, show_table
 from looping_pendulum.cli.track import track
 from looping_pendulum.errors import HarnessError, one_line, shorten
 
@@ -155,15 +155,14 @@ def scenarios(
         say_file(text)
         show_json(yaml_content(text))
         return
-    table = new_table("scenario", "release", "M2/M1", "title")
-    listed = []
+    rows, listed = [], []
     for shipped in loader.shipped():
         scenario = loader.load(shipped)
         p = scenario.parameters
         ratio = p.heavy_mass / p.light_mass
-        table.add_row(shipped, p.release.value, f"{ratio:g}", scenario.title)
+        rows.append([shipped, p.release.value, f"{ratio:g}", scenario.title])
         listed.append({"scenario": shipped, "release": p.release, "mass_ratio": ratio, "title": scenario.title})
-    show_table(table)
+    show_table(["scenario", "release", "M2/M1", "title"], rows)
     show_json({"scenarios": listed})
 
 
@@ -211,7 +210,7 @@ def run(
             progress=bars.update_engine,
             finished=bars.show_finished_run,
         )
-    table = new_table("engine", "samples", "until [s]", "M2 dropped [m]", "CPU [s]", "ended")
+    rows: list[list[str]] = []
     listed: list[dict[str, Any]] = []
     stems = file_stems([(result.label, result.profile) for result in runs])
     for result, stem in zip(runs, stems, strict=True):
@@ -219,7 +218,7 @@ def run(
         ended = result.status.value + (f" ({result.message})" if result.message else "")
         if result.status is RunStatus.LIGHT_REACHED_ROD:
             ended += f"; the scenario lasts {chosen.duration:g} s"
-        table.add_row(result.label, str(len(result.t)), until, drop, f"{result.cpu_time:.2f}", ended)
+        rows.append([result.label, str(len(result.t)), until, drop, f"{result.cpu_time:.2f}", ended])
         for event in result.events:
             later = f", after the scenario's end at {chosen.duration:g} s" if event.time > chosen.duration else ""
             say(f"{result.label}: {event.time:.6f} s {event.name}{later}")
@@ -241,7 +240,7 @@ def run(
                 "file": path if out is not None and len(result.t) else None,
             }
         )
-    show_table(table)
+    show_table(["engine", "samples", "until [s]", "M2 dropped [m]", "CPU [s]", "ended"], rows)
     show_json({"scenario": chosen.name, "profile": profile, "runs": listed})
     show_output_of_failed(runs)
     exit_with_status(runs)
@@ -295,11 +294,7 @@ def compare(
     changes = None if earlier is None else changes_since(earlier, result, source=str(baseline), relative=baseline_threshold)
     folder = comparison_folder(folder, result)
     written = write(result, folder, changes)
-    header, rows = verdict_rows(result)
-    table = new_table(*header)
-    for row in rows:
-        table.add_row(*row)
-    show_table(table)
+    show_table(*verdict_rows(result))
     show_residuals(result)
     for engine_result in result.engines:
         say(f"- {engine_result.label}: {engine_result.story}")
@@ -339,11 +334,8 @@ def _show_changes(changes: ResultChanges) -> None:
 
     say(heading(changes))
     changed_rows = rows(changes)
-    table = new_table(*HEADER)
-    for row in changed_rows[:MAX_CONSOLE_CHANGES]:
-        table.add_row(*row)
     if changed_rows:
-        show_table(table)
+        show_table(HEADER, changed_rows[:MAX_CONSOLE_CHANGES])
     if len(changed_rows) > MAX_CONSOLE_CHANGES:
         say(f"... and {len(changed_rows) - MAX_CONSOLE_CHANGES} more in report.md and changes.json")
 

@@ -21,7 +21,7 @@ from looping_pendulum.cli.common import (
     schema_option,
     yaml_content,
 )
-from looping_pendulum.cli.terminal import ProgressBars, new_table, note, say, say_file, show_json, show_table
+from looping_pendulum.cli.terminal import ProgressBars, note, say, say_file, show_json, show_table
 
 if TYPE_CHECKING:
     from looping_pendulum.sweep.plan import MapPlan
@@ -159,12 +159,11 @@ def _list_maps() -> None:
     """Print a table of the shipped maps."""
     from looping_pendulum.sweep import map_file
 
-    table = new_table("map", "runs", "over", "title")
-    listed = []
+    rows, listed = [], []
     for shipped in map_file.shipped():
         plan = map_file.load(shipped)
         over = [axis.name for axis in plan.design.axes]
-        table.add_row(shipped, str(plan.runs), ", ".join(over), plan.title)
+        rows.append([shipped, str(plan.runs), ", ".join(over), plan.title])
         listed.append({"map": shipped, "runs": plan.runs, "over": over, "title": plan.title})
-    show_table(table)
+    show_table(["map", "runs", "over", "title"], rows)
     show_json({"maps": listed})

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import sys
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -88,29 +89,24 @@ def say_file(text: str) -> None:
         typer.echo(printable(text) if sys.stdout.isatty() else text, nl=False)
 
 
-def new_table(*columns: str) -> Any:
-    """Return an empty table for a terminal, whose cells are plain text: "[mm]" and "[/x]" are no markup."""
+def show_table(head: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
+    """Print a table whose cells are plain text: "[mm]" and "[/x]" are no markup.
+
+    Outside a terminal it is 200 columns wide, so that lines do not wrap.
+    """
+    if not output.shows_text:
+        return
+    # Imported on use, as rich is slow to import
     from rich.box import SIMPLE_HEAD
+    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
-    # Defined here, as rich, whose import is slow, is imported on use
-    class PlainTable(Table):
-        def add_row(self, *cells: Any, **options: Any) -> None:
-            super().add_row(*(Text(printable(str(cell))) for cell in cells), **options)
-
-    table = PlainTable(box=SIMPLE_HEAD, pad_edge=False)
-    for column in columns:
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    for column in head:
         table.add_column(Text(printable(column)), overflow="fold")
-    return table
-
-
-def show_table(table: Any) -> None:
-    """Print a table that `new_table` returned; outside a terminal 200 columns wide, so that lines do not wrap."""
-    if not output.shows_text:
-        return
-    from rich.console import Console
-
+    for row in rows:
+        table.add_row(*(Text(printable(str(cell))) for cell in row))
     console = Console()
     if not console.is_terminal:
         console = Console(width=200)

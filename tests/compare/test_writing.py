@@ -39,9 +39,7 @@ HOSTILE = ("[/x]", "[bold", "$\\frac{", "$a$", "a" * 260, "_hidden", "half a pai
 def test_no_name_of_a_trial_costs_the_report_of_identify(tmp_path, name, capsys):
     """A trial called "[/x]" ended `identify` with MarkupError and nothing written."""
     check_identify(made_up.identification(name), tmp_path)
-    table = cli_terminal.new_table("trial [mm]", name)
-    table.add_row(name, "[red]")
-    cli_terminal.show_table(table)
+    cli_terminal.show_table(["trial [mm]", name], [[name, "[red]"]])
     shown = capsys.readouterr().out
     assert "[mm]" in shown
     assert "[red]" in shown

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from looping_pendulum.cli.terminal import new_table, show_table
+from looping_pendulum.cli.terminal import show_table
 from looping_pendulum.sweep.executors import in_process, in_processes
 from tests.film_faults.faults import KINDS, NONE
 from tests.film_faults.films import APPARATUS
@@ -86,12 +86,13 @@ def main(
 def show(judged: Sequence[Judgement], kinds: Sequence[str]) -> None:
     """Print a table of outcomes by kind."""
     ways = [o for o in Outcome if not o.is_failure or any(j.outcome is o for j in judged)]
-    table = new_table("kind", "tried", *ways, "FAILED")
+    rows = []
     for kind in (*kinds, "all"):
         of_kind = [j for j in judged if kind in (j.kind, "all")]
         outcomes = Counter(j.outcome for j in of_kind)
-        table.add_row(kind, len(of_kind), *(outcomes[o] or "" for o in ways), sum(j.outcome.is_failure for j in of_kind) or "")
-    show_table(table)
+        failures = sum(j.outcome.is_failure for j in of_kind)
+        rows.append([kind, len(of_kind), *(outcomes[o] or "" for o in ways), failures or ""])
+    show_table(["kind", "tried", *ways, "FAILED"], rows)
 
 
 if __name__ == "__main__":

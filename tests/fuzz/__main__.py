@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from looping_pendulum.cli.terminal import new_table, show_table
+from looping_pendulum.cli.terminal import show_table
 from tests.fuzz.judging import WALL_LIMIT, Outcome
 from tests.fuzz.kinds import KINDS
 from tests.fuzz.session import Tally, fuzz
@@ -52,13 +52,14 @@ def main(
             tallies.append(fuzz(KINDS[name], share, seed=seed, failures=failures, report_progress=show))
             done += share
     faulthandler.cancel_dump_traceback_later()
-    table = new_table("kind", "tried", *Outcome, "wall [s]")
-    for tally in tallies:
-        table.add_row(tally.kind, tally.tried, *(tally.outcomes[outcome] for outcome in Outcome), f"{tally.seconds:.1f}")
+    rows = [
+        [tally.kind, tally.tried, *(tally.outcomes[outcome] for outcome in Outcome), f"{tally.seconds:.1f}"]
+        for tally in tallies
+    ]
     faults = sum(tally.faults for tally in tallies)
     totals = [sum(tally.outcomes[outcome] for tally in tallies) for outcome in Outcome]
-    table.add_row("all", sum(totals), *totals, f"{sum(tally.seconds for tally in tallies):.1f}")
-    show_table(table)
+    rows.append(["all", sum(totals), *totals, f"{sum(tally.seconds for tally in tallies):.1f}"])
+    show_table(["kind", "tried", *Outcome, "wall [s]"], rows)
     for tally in tallies:
         for signature, times in tally.signatures.most_common():
             typer.echo(f"{tally.kind}: {times} x {signature}")
