@@ -23,8 +23,9 @@ from looping_pendulum.compare.convergence.result import (
     VariantStudy,
     VariationStudy,
 )
-from looping_pendulum.compare.tables import GAP, number, table
 from looping_pendulum.pages.drawing import legend_below, make_figure
+from looping_pendulum.pages.markdown import table
+from looping_pendulum.pages.numbers import GAP, number
 from looping_pendulum.pages.palette import COLOURS, GREY, MARKERS, styles
 
 COMMAND = "python -m benchmarks.engine_study"

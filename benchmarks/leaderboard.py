@@ -14,12 +14,12 @@ from typing import Any
 
 from benchmarks.stored_study import DOCS, SUMMARY, EngineStudy, Measurement, own_costs, read
 from looping_pendulum.compare.convergence.result import VariantStudy
-from looping_pendulum.compare.tables import GAP, number, signed
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.registry import DISTRIBUTIONS, label, missing_packages, select
 from looping_pendulum.engines.tension import measure_capstan_exponent
 from looping_pendulum.errors import EngineError
 from looping_pendulum.files import write_atomically
+from looping_pendulum.pages.numbers import GAP, number, signed
 from looping_pendulum.versions import installed_version
 
 PAGE, STORED = DOCS / "leaderboard.md", DOCS / "data" / "static_capstan.json"

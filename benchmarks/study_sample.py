@@ -16,11 +16,12 @@ from benchmarks.stored_study import SUMMARY, EngineStudy, read
 from looping_pendulum.compare.align import align
 from looping_pendulum.compare.convergence.result import PATH_END_TIMES, RunSummary, VariantStudy
 from looping_pendulum.compare.metrics import rms_until
-from looping_pendulum.compare.tables import number, table
 from looping_pendulum.engines.isolation import run_isolated
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import select
+from looping_pendulum.pages.markdown import table
+from looping_pendulum.pages.numbers import number
 from looping_pendulum.scenarios import load
 
 SAME = 0.01

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from looping_pendulum.pages.notebook import notebook_html, table
+from looping_pendulum.pages import markdown
 
 if TYPE_CHECKING:
     from looping_pendulum.compare.result import ComparisonResult
@@ -44,6 +44,16 @@ def html(result: Any) -> str:
     raise TypeError(f"a notebook cannot show {type(result).__name__}; it can show {known}")
 
 
+def _html(title: str, note: str, *parts: str) -> str:
+    """Return the HTML of a title, a note in plain text, and Markdown ``parts``."""
+    heading = f"**{markdown.plain(title)}**"
+    return str(markdown.html("\n\n".join([heading, *([markdown.plain(note)] if note.strip() else []), *parts])))
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    return markdown.table(head, rows, left=len(head), cell=markdown.plain)
+
+
 def reference_run(run: Run) -> str:
     """Return an exact run's events, with the apparatus at each."""
     from looping_pendulum.reference_ode.transitions import PHASE_EVENTS
@@ -63,7 +73,7 @@ def reference_run(run: Run) -> str:
         if e.event not in PHASE_EVENTS
     ]
     head = ["time [s]", "event", "mode after it", "M2 has fallen by [m]", "wrap angle [rad]", "free length [m]"]
-    return notebook_html("Exact reference", note, table(head, rows))
+    return _html("Exact reference", note, _table(head, rows))
 
 
 def scenario(scenario: Scenario) -> str:
@@ -76,11 +86,11 @@ def scenario(scenario: Scenario) -> str:
 
     tree = yaml.safe_load(loader.dump(scenario))
     numbers = {key: value for key, value in tree.items() if key not in NOT_NUMBERS}
-    parts = [table(["key", "value"], _leaves(numbers))]
+    parts = [_table(["key", "value"], _leaves(numbers))]
     if scenario.tolerances:
         rows = [[t.engine, t.profile, t.metric, show(t.limit, METRICS[t.metric].unit), t.reason] for t in scenario.tolerances]
-        parts.append(table(["engine", "profile", "metric", "limit", "why this much"], rows))
-    return notebook_html(f"{scenario.name}: {scenario.title}", scenario.description, *parts)
+        parts.append(_table(["engine", "profile", "metric", "limit", "why this much"], rows))
+    return _html(f"{scenario.name}: {scenario.title}", scenario.description, *parts)
 
 
 def _leaves(tree: dict[str, Any], above: str = "") -> Iterator[tuple[str, str]]:
@@ -102,32 +112,25 @@ def trajectory(run: Trajectory) -> str:
         else ""
     )
     versions = ", ".join(f"{name} {version}" for name, version in run.provenance.versions.items())
-    parts = [table(["physics", "by", "how"], supplies_as_rows(run.provenance.supplies))]
+    parts = [_table(["physics", "by", "how"], supplies_as_rows(run.provenance.supplies))]
     if run.events:
-        parts.insert(0, table(["time [s]", "event"], [[f"{e.time:.6f}", e.name.replace("_", " ")] for e in run.events]))
+        parts.insert(0, _table(["time [s]", "event"], [[f"{e.time:.6f}", e.name.replace("_", " ")] for e in run.events]))
     note = f"{run.status.value}. {until}{run.message} {versions}"
-    return notebook_html(f"{run.label} on {run.scenario}, {run.profile}", note, *parts)
+    return _html(f"{run.label} on {run.scenario}, {run.profile}", note, *parts)
 
 
 def comparison(result: ComparisonResult) -> str:
     """Return verdict, table and stories of a comparison."""
     from looping_pendulum.compare.report import before_figures
 
-    return _report_start(before_figures(result))
+    return str(markdown.html("\n\n".join(before_figures(result))))
 
 
 def identification(result: Identification) -> str:
     """Return verdict, what was added, and the errors before and after."""
     from looping_pendulum.discrepancy.report.markdown import before_figures
 
-    return _report_start(before_figures(result))
-
-
-def _report_start(sections: Iterable[str]) -> str:
-    """Return the Markdown sections that stand before a report's figures, as HTML."""
-    from looping_pendulum.pages.markdown import html as from_markdown
-
-    return str(from_markdown("\n\n".join(sections)))
+    return str(markdown.html("\n\n".join(before_figures(result))))
 
 
 FORMATTERS: dict[tuple[str, str], Callable[[Any], str]] = {

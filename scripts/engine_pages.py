@@ -6,11 +6,11 @@ python -m scripts.engine_pages
 from pathlib import Path
 
 from looping_pendulum.compare.convergence.report import format_setting
-from looping_pendulum.compare.tables import table
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.registry import all_engines, how_to_get, label
 from looping_pendulum.engines.support import kind
 from looping_pendulum.engines.trajectory import supplies_as_rows
+from looping_pendulum.pages.markdown import table
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS
 from looping_pendulum.scenarios.quantities import file_key
 from looping_pendulum.scenarios.units import pretty

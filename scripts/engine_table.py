@@ -14,8 +14,7 @@ from typing import Any
 
 from benchmarks import rounded
 from benchmarks.stored_study import SUMMARY, own_costs, read
-from looping_pendulum.compare.tables import GAP
-from looping_pendulum.pages.numbers import amount, quantity
+from looping_pendulum.pages.numbers import GAP, amount, quantity
 from looping_pendulum.scenarios.metrics import RMS_END_TIMES
 
 FOLDER = Path(__file__).parents[1] / "docs" / "data" / "ten_to_one"

@@ -9,9 +9,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from looping_pendulum.compare.tables import table
 from looping_pendulum.measured.camera import CAMERA
 from looping_pendulum.measured.study_file import StudyFile
+from looping_pendulum.pages.markdown import table
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, LIBRARY, Coefficient
 from looping_pendulum.reference_ode.effects.closure import CLOSURE
 from looping_pendulum.scenarios.fields import QUANTITY_TEXT, QuantityField, undescribed_schema

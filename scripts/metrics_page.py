@@ -5,7 +5,7 @@ python -m scripts.metrics_page
 
 from pathlib import Path
 
-from looping_pendulum.compare.tables import table
+from looping_pendulum.pages.markdown import table
 from looping_pendulum.scenarios.metrics import METRICS
 from looping_pendulum.sweep.cells import FIELDS
 

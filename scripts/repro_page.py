@@ -6,7 +6,7 @@ python -m scripts.repro_page
 from itertools import groupby
 from pathlib import Path
 
-from looping_pendulum.compare.tables import table
+from looping_pendulum.pages.markdown import table
 from looping_pendulum.repro.claims import Claim, all_claims
 from scripts.engine_pages import TITLES
 

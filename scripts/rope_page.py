@@ -12,9 +12,10 @@ from benchmarks.engine_study_page import fold
 from benchmarks.rope_budgets import BUDGETS, STATIC_ONLY, Candidate, best
 from benchmarks.stored_study import MARK, EngineStudy, supplied_by_engine
 from looping_pendulum.compare.convergence.result import HALT, VariationStudy
-from looping_pendulum.compare.tables import GAP, fixed, number, signed, table
 from looping_pendulum.files import write_atomically
 from looping_pendulum.pages.drawing import legend_below, make_figure, png
+from looping_pendulum.pages.markdown import table
+from looping_pendulum.pages.numbers import GAP, fixed, number, signed
 from looping_pendulum.pages.palette import GREY, styles
 from looping_pendulum.repro.claims import RECIPES, Claim, all_claims
 from scripts.engine_pages import TITLES

@@ -14,8 +14,9 @@ from pathlib import Path
 import yaml
 
 from benchmarks import rounded
-from looping_pendulum.compare.tables import number, table
 from looping_pendulum.files import write_atomically
+from looping_pendulum.pages.markdown import table
+from looping_pendulum.pages.numbers import number
 from looping_pendulum.releases.figure import png_of
 from looping_pendulum.releases.result import QUANTITIES, SHOWN, ReleaseRow, ReleasesResult, move_sentences, remark
 from scripts.engine_pages import TITLES

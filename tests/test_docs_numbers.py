@@ -8,10 +8,10 @@ import pytest
 
 from benchmarks.leaderboard import HEAD
 from benchmarks.stored_study import SUMMARY, read
-from looping_pendulum.compare.tables import GAP
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.measured.readers import survey
 from looping_pendulum.measured.study_io import load as load_study
+from looping_pendulum.pages.numbers import GAP
 from looping_pendulum.reference_ode.solve import available_integrators
 from looping_pendulum.teaching.example_folder import write_example
 from looping_pendulum.versions import installed_version

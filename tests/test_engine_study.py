@@ -11,10 +11,10 @@ from benchmarks.engine_study_page import COMMAND, ERRORS, FILES, cells, data_fil
 from benchmarks.stored_study import SUMMARY, EngineStudy, Point, front, read, renewed, runs_of
 from benchmarks.study_sample import measured_again, same, stored_runs
 from looping_pendulum.compare.convergence.result import HALT
-from looping_pendulum.compare.tables import table
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import ADAPTERS, all_engines, label
+from looping_pendulum.pages.markdown import table
 from looping_pendulum.scenarios import load
 
 

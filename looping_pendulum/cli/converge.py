@@ -73,10 +73,10 @@ def converge(
     from looping_pendulum.compare.convergence.result import FILE
     from looping_pendulum.compare.convergence.study import study_convergence, write
     from looping_pendulum.compare.harness import chosen_engines
-    from looping_pendulum.compare.tables import number
     from looping_pendulum.engines.isolation import parse_memory
     from looping_pendulum.engines.protocol import Profile
     from looping_pendulum.files import prepare_output_folder
+    from looping_pendulum.pages.numbers import number
 
     chosen = load_scenario(scenario)
     engines = chosen_engines(engine or (), Profile(profile.value))

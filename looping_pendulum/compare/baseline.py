@@ -16,10 +16,10 @@ from typing import Any
 
 from looping_pendulum.compare.json_text import dump
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, RunProvenance
-from looping_pendulum.compare.tables import GAP, number, table
 from looping_pendulum.engines.landmarks import Landmarks
 from looping_pendulum.errors import ResultError
-from looping_pendulum.pages.numbers import DISPLAY_UNITS, DisplayUnit
+from looping_pendulum.pages.markdown import table
+from looping_pendulum.pages.numbers import DISPLAY_UNITS, GAP, DisplayUnit, number
 from looping_pendulum.scenarios.metrics import metric_called
 
 SCHEMA_ID = "looping-pendulum/changes"

@@ -1,14 +1,37 @@
-"""Converts the Markdown of reports to HTML.
+"""Markdown of reports: its tables, plain text in it, and what a browser shows of it.
 
-Names in it come from scenarios and files, so the result must not be able to run or fetch anything.
+Names come from scenarios and files, so the HTML must not be able to run or fetch anything.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
+from typing import Any
 
-from markdown_it import MarkdownIt
 from markupsafe import Markup
+
+SPECIAL = str.maketrans({c: f"\\{c}" for c in "\\`*_[]|<>"})
+"""Characters that have a meaning in Markdown -> their escapes."""
+
+
+def plain(text: str) -> str:
+    """Return ``text`` on one line with the characters escaped that have a meaning in Markdown."""
+    return " ".join(text.split()).translate(SPECIAL)
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|")
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1, *, cell: Callable[[str], str] = _cell) -> str:
+    """Return a table; the first ``left`` columns are aligned left as text, the others right as numbers.
+
+    ``cell`` turns the text of a cell into Markdown: as it stands, or with `plain` for text that is no Markdown.
+    """
+    align = ["---"] * left + ["---:"] * (len(head) - left)
+    lines = [head, align, *([cell(text) for text in row] for row in rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
 
 
 def html(text: str) -> Markup:
@@ -20,5 +43,8 @@ def html(text: str) -> Markup:
 
 
 @cache
-def _parser() -> MarkdownIt:
+def _parser() -> Any:
+    # Imported on use, as many results have tables that are never shown in a browser
+    from markdown_it import MarkdownIt
+
     return MarkdownIt("commonmark", {"html": False}).enable("table").disable(["image", "link", "autolink", "reference"])

@@ -5,7 +5,6 @@ The map is read from its store chunk by chunk, so that memory use does not grow 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ import numpy as np
 import zarr
 
 from looping_pendulum.files import optional_output, write_atomically
+from looping_pendulum.pages.markdown import table
 from looping_pendulum.pages.numbers import number
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.sweep.cells import ENDING_DESCRIPTIONS, ENDINGS, FIELDS
@@ -155,7 +155,7 @@ def _axes_table(plan: MapPlan, summaries: list[EngineSummary]) -> str:
             where = one.where_halting[axis.name]
             cells += [_formatted(axis, where.low), _formatted(axis, where.high)] if where.count else ["–", "–"]
         rows.append(cells)
-    return _table(head, rows)
+    return table(head, rows, left=len(head))
 
 
 def _formatted(axis: Axis, value: float) -> str:
@@ -167,7 +167,7 @@ def _ends_table(one: EngineSummary) -> str:
     rows = [["halts: M2 rests until the light mass reaches the rod", str(one.halted), _percent(one.halted, one.runs)]]
     for ending, count in sorted(one.ends.items(), key=lambda pair: -pair[1]):
         rows.append([f"does not halt; {ENDING_DESCRIPTIONS[ending]}", str(count), _percent(count, one.runs)])
-    return _table(["end", "runs", "share"], rows)
+    return table(["end", "runs", "share"], rows, left=3)
 
 
 def _ranges_table(one: EngineSummary) -> str:
@@ -177,7 +177,7 @@ def _ranges_table(one: EngineSummary) -> str:
         of = f"{name} [{units[name]}]" if units[name] else name
         cells = [number(value, digits=6) for value in (values.low, values.mean, values.high)] if values.count else ["–"] * 3
         rows.append([of, *cells, str(values.count)])
-    return _table(["quantity", "smallest", "mean", "largest", "runs that have it"], rows)
+    return table(["quantity", "smallest", "mean", "largest", "runs that have it"], rows, left=5)
 
 
 def _provenance(plan: MapPlan) -> str:
@@ -194,9 +194,4 @@ def _provenance(plan: MapPlan) -> str:
     ]
     if isinstance(plan.design, Sample):
         rows.insert(2, ["sample", f"{plan.design.method}, {plan.design.count} runs, seed {plan.design.seed}"])
-    return _table(["", ""], rows)
-
-
-def _table(head: list[str], rows: Iterable[list[str]]) -> str:
-    lines = [head, ["---"] * len(head), *([" ".join(cell.split()).replace("|", "\\|") for cell in row] for row in rows)]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return table(["", ""], rows, left=2)

@@ -10,11 +10,11 @@ from looping_pendulum.compare import compare, report
 from looping_pendulum.compare.report import halting_section as render_halts
 from looping_pendulum.compare.report import measured_events_table as render_paper
 from looping_pendulum.compare.result import SupplyEntry, ToleranceOutcome, WallTime
-from looping_pendulum.compare.tables import table as markdown
 from looping_pendulum.compare.trajectories import trajectory_csv, trajectory_files
 from looping_pendulum.engines.landmarks import Extremum, HaltingTimeAt, Landmarks, Rebound
 from looping_pendulum.engines.string_motion import RESOLUTIONS
 from looping_pendulum.engines.trajectory import RunStatus
+from looping_pendulum.pages.markdown import table as markdown
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import metrics
 from looping_pendulum.scenarios.scenario import Inference

@@ -11,12 +11,12 @@ import pytest
 from looping_pendulum.compare import compare, write
 from looping_pendulum.compare.report import render
 from looping_pendulum.compare.result import ComparisonResult, ToleranceOutcome
-from looping_pendulum.compare.tables import number, signed
-from looping_pendulum.compare.tables import table as markdown
 from looping_pendulum.compare.trajectories import CSV_COLUMNS
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import ResultError
 from looping_pendulum.files import write_atomically
+from looping_pendulum.pages.markdown import table as markdown
+from looping_pendulum.pages.numbers import number, signed
 from looping_pendulum.pages.palette import COLOURS, styles
 
 

@@ -22,11 +22,11 @@ from looping_pendulum.compare.convergence.result import (
     VariantStudy,
     VariationStudy,
 )
-from looping_pendulum.compare.tables import GAP, fixed, number, signed, table
 from looping_pendulum.errors import EngineError
 from looping_pendulum.files import file_stem, optional_output
 from looping_pendulum.pages.drawing import legend_below, make_figure, png, without_mathtext
-from looping_pendulum.pages.numbers import DISPLAY_UNITS, quantity
+from looping_pendulum.pages.markdown import table
+from looping_pendulum.pages.numbers import DISPLAY_UNITS, GAP, fixed, number, quantity, signed
 from looping_pendulum.pages.palette import COLOURS, GREY
 from looping_pendulum.scenarios.units import pretty
 

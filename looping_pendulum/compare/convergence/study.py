@@ -45,7 +45,6 @@ from looping_pendulum.compare.landmarks import SampledReference
 from looping_pendulum.compare.metrics import END_TIME_TOLERANCE, rms_until
 from looping_pendulum.compare.result import RunProvenance, SupplyEntry
 from looping_pendulum.compare.run_cache import EndedRun, Progress, RunCache, Runner, RunTask, run_key
-from looping_pendulum.compare.tables import number
 from looping_pendulum.engines.isolation import MEMORY_LIMIT, TIME_LIMIT
 from looping_pendulum.engines.landmarks import run_landmarks
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine
@@ -55,7 +54,7 @@ from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladde
 from looping_pendulum.engines.trajectory import supplies_as_rows
 from looping_pendulum.errors import EngineError
 from looping_pendulum.files import write_atomically
-from looping_pendulum.pages.numbers import DISPLAY_UNITS
+from looping_pendulum.pages.numbers import DISPLAY_UNITS, number
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.scenario import Scenario
 

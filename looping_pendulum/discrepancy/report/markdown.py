@@ -9,7 +9,6 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from looping_pendulum.compare.landmarks import quantity_label
-from looping_pendulum.compare.tables import GAP, number, signed, table
 from looping_pendulum.discrepancy.fit.event_prediction import MISSED_EVENT_ERRORS
 from looping_pendulum.discrepancy.fit.residual import ModelTest
 from looping_pendulum.discrepancy.report import next_steps
@@ -25,7 +24,8 @@ from looping_pendulum.discrepancy.result import (
     Verdict,
 )
 from looping_pendulum.discrepancy.verdict_sentence import BODY_IN_WORDS, limits_in_words
-from looping_pendulum.pages.numbers import DISPLAY_UNITS, amount, quantity, uncertain, unit_in_words
+from looping_pendulum.pages.markdown import table
+from looping_pendulum.pages.numbers import DISPLAY_UNITS, GAP, amount, number, quantity, signed, uncertain, unit_in_words
 from looping_pendulum.reference_ode.effects.types import EffectKind
 
 HEADLINES = {

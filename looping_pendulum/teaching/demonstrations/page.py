@@ -10,12 +10,11 @@ from typing import Any
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from looping_pendulum.compare.tables import table
 from looping_pendulum.files import write_atomically
-from looping_pendulum.pages.drawing import png
+from looping_pendulum.pages.drawing import png, themed_svg
+from looping_pendulum.pages.markdown import table
 from looping_pendulum.pages.palette import COLOURS, DASHES, MARKERS
 from looping_pendulum.pages.shell import page
-from looping_pendulum.pages.svg import themed_svg
 from looping_pendulum.teaching.demonstrations.chains import POLYGON, STRETCHY
 from looping_pendulum.teaching.demonstrations.demonstration import Demonstration, DemonstrationError, DemonstrationResult
 from looping_pendulum.teaching.demonstrations.friction import CONSTANT_FRICTION, CREEP, FORGOTTEN_TURNS, TENDON_WITHOUT_FRICTION
