@@ -1,7 +1,7 @@
 """Lists what changed between two results of the same scenario.
 
 `changes.json` is `ResultChanges` as JSON: one object per dataclass, one key per field, SI and radians, and first the key
-``schema`` with `SCHEMA_ID` and `SCHEMA_VERSION`. It is written beside `result.json`, which does not depend on the baseline.
+``schema`` with its id and version. It is written beside `result.json`, which does not depend on the baseline.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from looping_pendulum.compare.json_text import dump
+from looping_pendulum.compare.json_text import JsonResult
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, RunProvenance
 from looping_pendulum.engines.landmarks import Landmarks
 from looping_pendulum.errors import ResultError
@@ -22,8 +22,6 @@ from looping_pendulum.pages.markdown import table
 from looping_pendulum.pages.numbers import DISPLAY_UNITS, GAP, DisplayUnit, number
 from looping_pendulum.scenarios.metrics import metric_called
 
-SCHEMA_ID = "looping-pendulum/changes"
-SCHEMA_VERSION = 1
 SAME_SETTING = 1e-9
 """Largest relative difference of equal settings: some are computed, and their last bits depend on the processor."""
 
@@ -86,8 +84,11 @@ class ResultChange:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ResultChanges:
+class ResultChanges(JsonResult):
     """All differences between two results."""
+
+    SCHEMA_ID = "looping-pendulum/changes"
+    SCHEMA_VERSION = 1
 
     scenario: str
     baseline: str
@@ -99,10 +100,6 @@ class ResultChanges:
     floors: dict[str, float]
     landmark_floors: dict[str, float]
     changes: tuple[ResultChange, ...]
-
-    def to_json(self) -> str:
-        """Return the text of ``changes.json``."""
-        return dump(self, SCHEMA_ID, SCHEMA_VERSION)
 
 
 def read_baseline(path: Path, scenario: str) -> ComparisonResult:

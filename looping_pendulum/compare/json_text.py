@@ -9,7 +9,7 @@ import types
 import typing
 from collections.abc import Mapping
 from enum import Enum
-from typing import Any, TypeVar
+from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 
@@ -18,8 +18,6 @@ from looping_pendulum.files import utf8
 from looping_pendulum.scenarios.document import quote, shorten
 
 T = TypeVar("T")
-
-REWRITE_HINT = "write it again with `looping-pendulum compare`"
 
 
 def plain(value: Any) -> Any:
@@ -66,8 +64,8 @@ def load(
     schema_id: str,
     version: int,
     *,
-    file: str = "result.json",
-    rewrite_hint: str = REWRITE_HINT,
+    file: str,
+    rewrite_hint: str = "",
 ) -> T:
     """Read `dump`'s text back as ``cls``.
 
@@ -97,6 +95,32 @@ def load(
         return typing.cast(T, _build(cls, tree, ""))
     except ValueError as error:
         raise ResultError(f"{file}: not as documented: {error}; {rewrite_hint}") from None
+
+
+class JsonResult:
+    """Base of a result that is one JSON file; a frozen dataclass that derives from it names the file's schema."""
+
+    SCHEMA_ID: ClassVar[str]
+    SCHEMA_VERSION: ClassVar[int]
+    FILE: ClassVar[str] = "result.json"
+    COMMAND: ClassVar[str] = "compare"
+    """Command that writes the file."""
+
+    def to_json(self) -> str:
+        """Return the text of the file; everything but ``clock``, where it has one, is the same for the same input."""
+        return dump(self, self.SCHEMA_ID, self.SCHEMA_VERSION)
+
+    @classmethod
+    def from_json(cls, text: str) -> Self:
+        """Read `to_json`'s text back.
+
+        Raises
+        ------
+        ResultError
+            If the text is not such a result, or is of a later version.
+        """
+        hint = f"write it again with `looping-pendulum {cls.COMMAND}`"
+        return load(cls, text, cls.SCHEMA_ID, cls.SCHEMA_VERSION, file=cls.FILE, rewrite_hint=hint)
 
 
 MAX_NESTING = 64

@@ -2,7 +2,7 @@
 
 `result.json` is this tree of dataclasses (`Landmarks` is defined in `engines.landmarks`), one JSON object per dataclass and one
 key per field, in the order of the fields; the text under a field is its documentation. Units are SI and radians throughout. One
-key is added, ``schema``, the first: it holds `SCHEMA_ID` and `SCHEMA_VERSION`. One is left out: `ComparisonResult.samples`, the
+key is added, ``schema``, the first, with the schema's id and version. One is left out: `ComparisonResult.samples`, the
 trajectories, are written as CSV instead. Everything that differs between two runs of the same input (times of day, run times)
 is in the last block, ``clock``. A reader must refuse another id and a higher version; a version grows when a key changes its
 name or meaning or goes away.
@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
-from looping_pendulum.compare.json_text import dump, load
+from looping_pendulum.compare.json_text import JsonResult
 from looping_pendulum.compare.trial import TrialComparison
 from looping_pendulum.engines.landmarks import Landmarks
 from looping_pendulum.scenarios.scenario import Inference
@@ -22,9 +22,6 @@ from looping_pendulum.scenarios.scenario import Inference
 if TYPE_CHECKING:
     from looping_pendulum.compare.align import Aligned
     from looping_pendulum.engines.trajectory import Trajectory
-
-SCHEMA_ID = "looping-pendulum/comparison"
-SCHEMA_VERSION = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -234,8 +231,11 @@ class ResultSamples:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ComparisonResult:
-    """One scenario, one reference, several engines."""
+class ComparisonResult(JsonResult):
+    """One scenario, one reference, several engines; `from_json` reads it without the samples."""
+
+    SCHEMA_ID = "looping-pendulum/comparison"
+    SCHEMA_VERSION = 4
 
     scenario: str
     title: str
@@ -277,18 +277,3 @@ class ComparisonResult:
     def broke_off(self, engine: EngineResult) -> bool:
         """Whether ``engine``'s run failed although no tolerance of it declares an expected failure."""
         return engine.available and not engine.ok and not any(t.expected_failure for t in self.judged(engine))
-
-    def to_json(self) -> str:
-        """Return the text of ``result.json``; everything but ``clock`` is the same for the same input."""
-        return dump(self, SCHEMA_ID, SCHEMA_VERSION)
-
-    @classmethod
-    def from_json(cls, text: str) -> ComparisonResult:
-        """Read `to_json`'s text back, without the samples.
-
-        Raises
-        ------
-        ResultError
-            If the text is not such a result, or is of a later version.
-        """
-        return load(cls, text, SCHEMA_ID, SCHEMA_VERSION)

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from itertools import groupby
 from types import MappingProxyType
 
-from looping_pendulum.compare.json_text import dump, load
+from looping_pendulum.compare.json_text import JsonResult
 from looping_pendulum.pages.numbers import PERCENT, number
 from looping_pendulum.scenarios.metrics import METRICS, Metric
 
-SCHEMA, SCHEMA_VERSION = "looping-pendulum/releases", 1
 FILE = "versions.json"
 """Name of the file of the results in the folder of a study."""
 
@@ -119,8 +118,13 @@ class Move:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReleasesResult:
+class ReleasesResult(JsonResult):
     """A study of the releases of one engine."""
+
+    SCHEMA_ID = "looping-pendulum/releases"
+    SCHEMA_VERSION = 1
+    FILE = FILE
+    COMMAND = "versions"
 
     engine: str
     distribution: str
@@ -136,17 +140,6 @@ class ReleasesResult:
     spread: Spread | None
     """None if no release ran."""
     moves: tuple[Move, ...]
-
-    def to_json(self) -> str:
-        """Return the text of `FILE`."""
-        return dump(self, SCHEMA, SCHEMA_VERSION)
-
-    @classmethod
-    def from_json(cls, text: str) -> ReleasesResult:
-        """Read `to_json`'s text back."""
-        return load(
-            cls, text, SCHEMA, SCHEMA_VERSION, file=FILE, rewrite_hint="write it again with `looping-pendulum versions`"
-        )
 
     def labels(self) -> tuple[str, ...]:
         """Return the variants, in the order of the study."""

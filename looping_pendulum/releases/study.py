@@ -31,7 +31,7 @@ import looping_pendulum
 from looping_pendulum import __version__
 from looping_pendulum.compare.comparison import compare
 from looping_pendulum.compare.convergence.study import START_CHANGES, changed_starts
-from looping_pendulum.compare.json_text import dump, load, plain
+from looping_pendulum.compare.json_text import JsonResult, plain
 from looping_pendulum.compare.run_cache import source_digest
 from looping_pendulum.engines.isolation import MEMORY_LIMIT, run_isolated
 from looping_pendulum.engines.protocol import Engine, Profile
@@ -60,7 +60,6 @@ older one, and SciPy one that goes with it.
 """
 NOT_KEPT = ("TIME_LIMIT", "MEMORY_LIMIT", "INTERRUPTED")
 """Statuses of runs that another try may bring to their end."""
-RECORD, RECORD_VERSION = "looping-pendulum/release", 2
 
 Install = Callable[[Path, Sequence[str], threading.Event], str]
 """Function that makes an environment in a folder with some requirements, and returns the path of its Python."""
@@ -142,8 +141,11 @@ def _range(available: Sequence[Version]) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class StoredRecord:
+class StoredRecord(JsonResult):
     """File of one release, or of the spread."""
+
+    SCHEMA_ID = "looping-pendulum/release"
+    SCHEMA_VERSION = 2
 
     task: str
     """Digest of all that its content depends on."""
@@ -231,7 +233,8 @@ class ReleaseStudy:
             # Not kept: it costs seconds to try again, perhaps with a network
             return ReleaseRow(release=str(release), error=errors[0], packages={})
         if not any(v.status in NOT_KEPT for v in best.variants):
-            self._store(self._file(str(release)), StoredRecord(task=self._task(str(release)), row=best))
+            record = StoredRecord(task=self._task(str(release)), row=best)
+            write_atomically(self._file(str(release)), record.to_json())
         return best
 
     def _try(self, release: Version, pins: tuple[str, ...], reference: Reference, errors: list[str]) -> ReleaseRow | None:
@@ -286,7 +289,7 @@ class ReleaseStudy:
         if self.interrupted:
             return None
         spread = Spread(release=newest.release, values={name: standard_deviations(each) for name, each in values.items()})
-        self._store(file, StoredRecord(task=task, spread=spread))
+        write_atomically(file, StoredRecord(task=task, spread=spread).to_json())
         return spread
 
     def _spread_values(self, row: ReleaseRow, interpreter: Interpreter) -> dict[str, list[dict[str, float | None]]]:
@@ -356,15 +359,11 @@ class ReleaseStudy:
     def _read(file: Path, task: str) -> StoredRecord | None:
         """Return the record of a task; None if there is none."""
         try:
-            stored = load(StoredRecord, file.read_text(encoding="utf-8"), RECORD, RECORD_VERSION, file=file.name)
+            stored = StoredRecord.from_json(file.read_text(encoding="utf-8"))
         # Of another version of this program, or damaged: it is made again
         except (OSError, ValueError, ResultError):
             return None
         return stored if stored.task == task else None
-
-    @staticmethod
-    def _store(file: Path, record: StoredRecord) -> None:
-        write_atomically(file, dump(record, RECORD, RECORD_VERSION))
 
 
 def _ran(row: ReleaseRow) -> int:

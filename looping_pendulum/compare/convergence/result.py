@@ -2,7 +2,7 @@
 
 `convergence.json` is this tree of dataclasses, one JSON object per dataclass and one key per field; the text under a field is
 its documentation. Units are SI and radians throughout, a missing number is null. One key is added, ``schema``, the first: it
-holds `SCHEMA_ID` and `SCHEMA_VERSION`. Wall times and the time of day are in the last block, ``clock``. (With a budget, the
+holds the id and the version of the schema. Wall times and the time of day are in the last block, ``clock``. (With a budget, the
 runs that it leaves out depend on the machine too.) A reader must refuse another id and a higher version.
 """
 
@@ -12,11 +12,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from looping_pendulum.compare.json_text import dump, load
+from looping_pendulum.compare.json_text import JsonResult
 from looping_pendulum.compare.result import RunProvenance
 
-SCHEMA_ID = "looping-pendulum/convergence"
-SCHEMA_VERSION = 4
 FILE = "convergence.json"
 
 HALT = "halting_time"
@@ -217,8 +215,13 @@ class StudyClock:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ConvergenceResult:
+class ConvergenceResult(JsonResult):
     """Convergence studies of several variants on one scenario."""
+
+    SCHEMA_ID = "looping-pendulum/convergence"
+    SCHEMA_VERSION = 4
+    FILE = FILE
+    COMMAND = "converge"
 
     scenario: str
     title: str
@@ -236,20 +239,3 @@ class ConvergenceResult:
     interrupted: bool
     variants: tuple[VariantStudy, ...]
     clock: StudyClock
-
-    def to_json(self) -> str:
-        """Return the text of ``convergence.json``."""
-        return dump(self, SCHEMA_ID, SCHEMA_VERSION)
-
-    @classmethod
-    def from_json(cls, text: str) -> ConvergenceResult:
-        """Read `to_json`'s text back.
-
-        Raises
-        ------
-        ResultError
-            If it is something else, or from a later version.
-        """
-        return load(
-            cls, text, SCHEMA_ID, SCHEMA_VERSION, file=FILE, rewrite_hint="write it again with `looping-pendulum converge`"
-        )
