@@ -47,7 +47,7 @@ from looping_pendulum.measured.study import Study
 from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.effects.own import multiplied_coefficient
-from looping_pendulum.sweep.executors import in_process, in_processes
+from looping_pendulum.sweep.executors import in_processes
 from looping_pendulum.versions import MISSING, installed_version
 from tests.discrepancy.expected import PLANTED_LAWS
 
@@ -140,7 +140,7 @@ def run(
     with ProgressBars(time_left=True, line_every_fraction=0.1) as bars:
         bars.update(title, len(known) / max(len(tasks), 1))
         try:
-            for name, outcome in in_process(waiting, solve) if jobs == 1 else in_processes(waiting, solve, jobs):
+            for name, outcome in in_processes(waiting, solve, jobs):
                 known[name] = outcome
                 record = {"task": _as_json(by_name[name]), "outcome": outcome}
                 write_atomically(folder / f"{name}.json", json.dumps(record, indent=1) + "\n")

@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from looping_pendulum.pages.drawing import png, without_mathtext
+from looping_pendulum.pages.drawing import new_figure, png, without_mathtext
 from looping_pendulum.pages.palette import Style, styles
 from looping_pendulum.releases.result import CAPSTAN, QUANTITIES, ReleasesResult
 
@@ -30,8 +29,7 @@ def png_of(results: Sequence[ReleasesResult]) -> bytes:
 def figure(results: Sequence[ReleasesResult]) -> Figure:
     """Draw `DRAWN` of each study; a ring marks a release that moved the number by more than its spread."""
     look = styles(label for result in results for label in result.labels())
-    picture = Figure(figsize=(WIDTH, 0.6 + ROW_HEIGHT * len(results)), dpi=110, layout="constrained")
-    FigureCanvasAgg(picture)
+    picture = new_figure(WIDTH, 0.6 + ROW_HEIGHT * len(results), dpi=110)
     grid = picture.subplots(len(results), len(DRAWN), squeeze=False)
     for axes_of_row, result in zip(grid, results, strict=True):
         for axes, quantity in zip(axes_of_row, DRAWN, strict=True):

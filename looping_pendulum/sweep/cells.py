@@ -132,6 +132,12 @@ def versions(engine: str, profile: Profile) -> dict[str, str]:
     return {"looping-pendulum": __version__} | {package: installed_version(package) for package in sorted(packages)}
 
 
+def differing_versions(one: Mapping[str, str], other: Mapping[str, str]) -> list[tuple[str, str, str]]:
+    """Return (package, version in ``one``, in ``other``) where they differ; "none" if one has no such package."""
+    pairs = [(package, one.get(package, "none"), other.get(package, "none")) for package in sorted({*one, *other})]
+    return [pair for pair in pairs if pair[1] != pair[2]]
+
+
 def engine_called(name: str, profile: Profile) -> Engine:
     """Return the engine variant with this label."""
     return select([name], profile)[0]

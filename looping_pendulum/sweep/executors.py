@@ -34,20 +34,17 @@ WINDOW_CHECK = 32
 """Number of results after which the number of workers is checked again, as they may join or leave during a long map."""
 
 
-def in_process(tasks: Iterator[CellTask], solve: Solve) -> Iterator[CellResult]:
-    """Run tasks in this process, one after another."""
-    for task in tasks:
-        yield solve(task)
-
-
 def in_processes(tasks: Iterator[CellTask], solve: Solve, jobs: int) -> Iterator[CellResult]:
-    """Run tasks in ``jobs`` processes of this machine.
+    """Run tasks in ``jobs`` processes of this machine; with one job, in this process itself.
 
     Raises
     ------
     EngineError
         If one of them dies.
     """
+    if jobs <= 1:
+        yield from map(solve, tasks)
+        return
     try:
         with process_pool(jobs) as pool:
             # Two for each process, so that none waits for its next; not all of a long map, since each task holds its columns

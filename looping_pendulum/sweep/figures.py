@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
@@ -17,7 +16,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FormatStrFormatter, MaxNLocator
 from numpy.typing import NDArray
 
-from looping_pendulum.pages.drawing import png
+from looping_pendulum.pages.drawing import new_figure, png
 from looping_pendulum.pages.palette import styles
 from looping_pendulum.reference_ode.transitions import Event
 from looping_pendulum.sweep.cells import ENDING_DESCRIPTIONS, ENDINGS, REFERENCE
@@ -80,7 +79,7 @@ def _of_engine(plan: MapPlan, data: xr.Dataset, i: int) -> xr.Dataset:
 
 def _lines(plan: MapPlan, data: xr.Dataset, axis: Axis) -> Figure:
     """Draw one varied quantity: halting time above, number of stops below; ticks mark runs that do not halt."""
-    figure = _figure(7.6, 5.6)
+    figure = new_figure(7.6, 5.6, dpi=130)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     # Many points, or a sample's in any order, are not joined: the line would hide them
     few = data.sizes[next(iter(data["end"].dims[-1:]))] <= 200 and not isinstance(plan.design, Sample)
@@ -204,7 +203,7 @@ def _grey_and_hatch(code: int) -> tuple[str, str]:
 def _panels(count: int, data: xr.Dataset) -> tuple[Figure, list[Axes], Normalize]:
     columns = 1 if count == 1 else 2 if count in (2, 4) else 3
     rows = -(-count // columns)
-    figure = _figure(7.6 if columns == 1 else 3.9 * columns, 5.6 if columns == 1 else 3.5 * rows)
+    figure = new_figure(7.6, 5.6, dpi=130) if columns == 1 else new_figure(3.9 * columns, 3.5 * rows, dpi=130)
     grid = list(figure.subplots(rows, columns, squeeze=False).ravel())
     for axes in grid[count:]:
         axes.set_axis_off()
@@ -228,10 +227,4 @@ def _finish(figure: Figure, grid: list[Axes], norm: Normalize, title: str, handl
     figure.suptitle(title)
     if handles:
         figure.legend(handles=handles, loc="outside lower center", ncols=min(2, len(handles)), frameon=False)
-    return figure
-
-
-def _figure(width: float, height: float) -> Figure:
-    figure = Figure(figsize=(width, height), dpi=130, layout="constrained")
-    FigureCanvasAgg(figure)
     return figure

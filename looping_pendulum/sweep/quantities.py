@@ -19,6 +19,8 @@ from looping_pendulum.scenarios.units import QuantityKind
 
 NOT_VARIABLE = ("release",)
 """Entries of a scenario that are not numbers and cannot be varied."""
+ApplyRatio = Callable[[Array, Mapping[str, Any]], dict[str, Array]]
+"""Function of a ratio's values and of all parameters' values so far that returns the columns that the ratio sets."""
 AXIS_NAMES = MappingProxyType({"free_length": "release_free_length"})
 """Parameter -> name of its axis, where a field of the map has the parameter's own name; arrays need names of their own."""
 
@@ -32,6 +34,8 @@ class Variable:
     meaning: str
     sets: tuple[str, ...]
     """Names of the fields and coefficients that it sets."""
+    apply: ApplyRatio | None = None
+    """For a ratio, which is no field of `Parameters` but sets some of them."""
 
     @property
     def axis_name(self) -> str:
@@ -39,47 +43,30 @@ class Variable:
         return AXIS_NAMES.get(self.name, self.name)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Ratio:
-    """A quantity that is not a field of `Parameters` but sets some of them."""
-
-    example: str
-    low: float
-    exclusive_low: bool
-    meaning: str
-    sets: tuple[str, ...]
-    apply: Callable[[Array, Mapping[str, Any]], dict[str, Array]]
-    """Function of the ratio's values and all parameters' values so far that returns the columns that it sets."""
-
-
-RATIOS = MappingProxyType(
-    {
-        "mass_scale": Ratio(
-            example="2",
-            low=0.0,
-            exclusive_low=True,
-            meaning="factor on both masses, their ratio kept",
-            sets=("light_mass", "heavy_mass"),
-            apply=lambda scale, now: {"light_mass": scale * now["light_mass"], "heavy_mass": scale * now["heavy_mass"]},
-        ),
-        "mass_ratio": Ratio(
-            example="2.5",
-            low=0.0,
-            exclusive_low=True,
-            meaning="heavy over light mass M2/M1, the light one kept",
-            sets=("heavy_mass",),
-            apply=lambda ratio, now: {"heavy_mass": ratio * now["light_mass"]},
-        ),
-        "static_ratio": Ratio(
-            example="1.2",
-            low=1.0,
-            exclusive_low=False,
-            meaning="static over kinetic friction, the kinetic one kept",
-            sets=("static_friction",),
-            apply=lambda ratio, now: {"static_friction": ratio * now["kinetic_friction"]},
-        ),
-    }
+_RATIOS = (
+    Variable(
+        name="mass_scale",
+        kind=QuantityKind(unit="", low=0.0, exclusive_low=True, example="2"),
+        meaning="factor on both masses, their ratio kept",
+        sets=("light_mass", "heavy_mass"),
+        apply=lambda scale, now: {"light_mass": scale * now["light_mass"], "heavy_mass": scale * now["heavy_mass"]},
+    ),
+    Variable(
+        name="mass_ratio",
+        kind=QuantityKind(unit="", low=0.0, exclusive_low=True, example="2.5"),
+        meaning="heavy over light mass M2/M1, the light one kept",
+        sets=("heavy_mass",),
+        apply=lambda ratio, now: {"heavy_mass": ratio * now["light_mass"]},
+    ),
+    Variable(
+        name="static_ratio",
+        kind=QuantityKind(unit="", low=1.0, example="1.2"),
+        meaning="static over kinetic friction, the kinetic one kept",
+        sets=("static_friction",),
+        apply=lambda ratio, now: {"static_friction": ratio * now["kinetic_friction"]},
+    ),
 )
+RATIOS = MappingProxyType({ratio.name: ratio for ratio in _RATIOS})
 """Ratio by name, in the order in which they are applied: each uses what those before it have set."""
 
 ALLOWED_OVERLAPS = frozenset({("mass_scale", "mass_ratio")})
@@ -96,10 +83,7 @@ def variables() -> MappingProxyType[str, Variable]:
             by_name[name] = Variable(name=name, kind=q.kind, meaning=f"{q.group}: {q.description()}".rstrip("."), sets=(name,))
     for name, c in effect_library.COEFFICIENTS.items():
         by_name[name] = Variable(name=name, kind=quantity_kind(c), meaning=c.meaning, sets=(name,))
-    for name, r in RATIOS.items():
-        kind = QuantityKind(unit="", low=r.low, exclusive_low=r.exclusive_low, example=r.example)
-        by_name[name] = Variable(name=name, kind=kind, meaning=r.meaning, sets=r.sets)
-    return MappingProxyType(by_name)
+    return MappingProxyType(by_name | RATIOS)
 
 
 def columns(base: Parameters, given: Mapping[str, Array]) -> dict[str, Array]:
@@ -118,7 +102,7 @@ def columns(base: Parameters, given: Mapping[str, Array]) -> dict[str, Array]:
         {parameters.get(name, name): np.asarray(values, dtype=float) for name, values in given.items() if name not in RATIOS}
     )
     for name, ratio in RATIOS.items():
-        if name in given:
+        if name in given and ratio.apply:
             # The chain looks into what is set so far first, so that a ratio uses a varied value rather than the scenario's
             out |= ratio.apply(np.asarray(given[name], dtype=float), ChainMap(out, known))
     return out

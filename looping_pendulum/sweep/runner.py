@@ -99,10 +99,8 @@ def run_map(
         processes = min(jobs or core_count(), len(missing))
         if cluster is not None:
             results = executors.on_cluster(tasks, solve, cluster)
-        elif processes > 1:
-            results = executors.in_processes(tasks, solve, processes)
         else:
-            results = executors.in_process(tasks, solve)
+            results = executors.in_processes(tasks, solve, processes)
         outcome = _fill(plan, store, folder, missing, results, progress)
         if outcome.seconds:
             _note_time(folder, outcome, "a cluster" if cluster else f"{jobs or core_count()} processes")
@@ -164,11 +162,9 @@ def _fill(
 
 def _refuse_other_versions(worker_versions: dict[str, str], own_versions: dict[str, str]) -> None:
     """Refuse results of a worker whose package versions differ from this process's."""
-    for package in sorted({*worker_versions, *own_versions}):
-        there, here = worker_versions.get(package, "none"), own_versions.get(package, "none")
-        if there != here:
-            message = f"--cluster: found {package} {there} on a worker, needed {here} as on this machine"
-            raise EngineError(one_line(f"{message}; install {package} {here} there"))
+    for package, there, here in cells.differing_versions(worker_versions, own_versions):
+        message = f"--cluster: found {package} {there} on a worker, needed {here} as on this machine"
+        raise EngineError(one_line(f"{message}; install {package} {here} there"))
 
 
 def _note_time(folder: Path, outcome: MapOutcome, where: str) -> None:

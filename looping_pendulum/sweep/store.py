@@ -27,7 +27,16 @@ from zarr.codecs import ZstdCodec
 from looping_pendulum.files import LockedError, locked
 from looping_pendulum.scenarios import dump
 from looping_pendulum.scenarios.document import one_line, shorten
-from looping_pendulum.sweep.cells import ENDING_DESCRIPTIONS, ENDINGS, FIELDS, REFERENCE, Values, engine_called, versions
+from looping_pendulum.sweep.cells import (
+    ENDING_DESCRIPTIONS,
+    ENDINGS,
+    FIELDS,
+    REFERENCE,
+    Values,
+    differing_versions,
+    engine_called,
+    versions,
+)
 from looping_pendulum.sweep.plan import Grid, MapError, MapPlan, Sample, WorkUnit
 
 STORE = "map.zarr"
@@ -189,12 +198,9 @@ def _refuse_other(plan: MapPlan, folder: Path) -> None:
         title = shorten(str(stored.get("title", "?")))
         message = f"{folder}: found another map ({title!r}, or this one before a change), needed the map of {plan.file}"
         raise MapError(one_line(f"{message}; {way_out}"))
-    before, now = stored.get("versions", {}), wanted["versions"]
-    for package in sorted({*before, *now}):
-        old, new = before.get(package, "none"), now.get(package, "none")
-        if old != new:
-            message = f"{folder}: found a map begun with {package} {old}, and here is {new}; a map is made with one"
-            raise MapError(one_line(f"{message}: install {package} {old}, or {way_out}"))
+    for package, old, new in differing_versions(stored.get("versions", {}), wanted["versions"]):
+        message = f"{folder}: found a map begun with {package} {old}, and here is {new}; a map is made with one"
+        raise MapError(one_line(f"{message}: install {package} {old}, or {way_out}"))
 
 
 def _refuse_damaged(plan: MapPlan, path: Path) -> None:
@@ -259,66 +265,38 @@ def _create(plan: MapPlan, path: Path | zarr.storage.MemoryStore) -> None:
     """Create the store with everything but the results."""
     group = zarr.open_group(path, mode="w", zarr_format=3, attributes=attributes(plan))
     dims, shape, chunks = plan.design.dims, plan.design.shape, plan.chunk_shape
+    compressors = [ZstdCodec(level=3, checksum=True)]
+
+    def coordinate(name: str, values: Any, attrs: dict[str, Any], dtype: Any = "float64") -> None:
+        # The value of a lost chunk: zarr's default of 0 would look like a coordinate
+        fill: Any = "" if dtype is str else float("nan")
+        whole: dict[str, Any] = {"shape": values.shape, "chunks": values.shape, "dtype": dtype, "fill_value": fill}
+        array = group.create_array(name, **whole, dimension_names=(name,), attributes=attrs, compressors=compressors)
+        array[...] = values
+
+    def results(name: str, dtype: str, fill: float, attrs: dict[str, Any]) -> None:
+        empty: dict[str, Any] = {"shape": shape, "chunks": chunks, "dtype": dtype, "fill_value": fill}
+        group.create_array(name, **empty, dimension_names=dims, attributes=attrs, compressors=compressors)
+
     coordinates = {}
-    attrs: dict[str, Any]
     for axis in plan.design.axes:
-        axis_attrs = {"long_name": axis.meaning, "units": axis.unit or "1", "written_units": axis.written or "1"}
+        attrs = {"long_name": axis.meaning, "units": axis.unit or "1", "written_units": axis.written or "1"}
         if isinstance(plan.design, Grid):
-            _whole_array(group, axis.name, axis.values, axis_attrs)
+            coordinate(axis.name, axis.values, attrs)
         else:
-            _empty_array(group, axis.name, "float64", float("nan"), shape, chunks, dims, axis_attrs)
+            results(axis.name, "float64", float("nan"), attrs)
             coordinates = {"coordinates": " ".join(a.name for a in plan.design.axes)}
     if plan.several:
-        _whole_array(group, "engine", np.array(plan.engines, dtype=object), {"long_name": "engine and variant"}, dtype=str)
+        coordinate("engine", np.array(plan.engines, dtype=object), {"long_name": "engine and variant"}, dtype=str)
         # A chunk belongs to one engine, since it is computed and written as one unit
         dims, shape, chunks = ("engine", *dims), (len(plan.engines), *shape), (1, *chunks)
     for field in FIELDS:
-        attrs = {"long_name": field.meaning, "units": field.unit or "1", **coordinates}
+        of_field: dict[str, Any] = {"long_name": field.meaning, "units": field.unit or "1", **coordinates}
         if field.name == "end":
-            attrs |= {"flag_values": list(range(len(ENDINGS))), "flag_meanings": " ".join(ENDINGS)}
-            attrs["flag_words"] = [ENDING_DESCRIPTIONS[name] for name in ENDINGS]
-        _empty_array(group, field.name, field.dtype, field.fill, shape, chunks, dims, attrs)
+            endings = {"flag_values": list(range(len(ENDINGS))), "flag_meanings": " ".join(ENDINGS)}
+            of_field |= endings | {"flag_words": [ENDING_DESCRIPTIONS[name] for name in ENDINGS]}
+        results(field.name, field.dtype, field.fill, of_field)
     with warnings.catch_warnings():
-        warnings.simplefilter(
-            "ignore"
-        )  # zarr warns that consolidated metadata is not in the standard yet; readers work without it
+        # Zarr warns that consolidated metadata is not in the standard yet; readers work without it
+        warnings.simplefilter("ignore")
         zarr.consolidate_metadata(path)
-
-
-def _empty_array(
-    group: Any,
-    name: str,
-    dtype: str,
-    fill: float,
-    shape: tuple[int, ...],
-    chunks: tuple[int, ...],
-    dims: tuple[str, ...],
-    attrs: dict[str, Any],
-) -> None:
-    group.create_array(
-        name,
-        shape=shape,
-        chunks=chunks,
-        dtype=dtype,
-        fill_value=fill,
-        dimension_names=dims,
-        attributes=attrs,
-        compressors=[ZstdCodec(level=3, checksum=True)],
-    )
-
-
-def _whole_array(group: Any, name: str, values: Any, attrs: dict[str, Any], dtype: Any = "float64") -> None:
-    """Create the array of a coordinate and write its values."""
-    array = group.create_array(
-        name,
-        shape=values.shape,
-        chunks=values.shape,
-        dtype=dtype,
-        fill_value=""
-        if dtype is str
-        else float("nan"),  # value of a lost chunk: zarr's default of 0 would look like a coordinate
-        dimension_names=(name,),
-        attributes=attrs,
-        compressors=[ZstdCodec(level=3, checksum=True)],
-    )
-    array[...] = values
