@@ -141,7 +141,7 @@ def measure(chosen: Sequence[Engine], sample: Sequence[Scenario], work: Path, jo
             jobs=jobs,
             time_limit=time_limit,
             budget=None,
-            progress=lambda fraction, description: bars.update(description, fraction),
+            progress=bars.update,
         )
         done = runner.run(tasks)
     references = {scenario.name: Reference(scenario) for scenario in sample}

@@ -68,7 +68,7 @@ def main() -> None:
                 budget=options.budget,
                 jobs=options.jobs,
                 time_limit=3600.0,
-                progress=lambda fraction, description: bars.update(description, fraction),
+                progress=bars.update,
             )
         write(result, options.work)
         if result.interrupted:

@@ -266,7 +266,7 @@ class EngineVariant(pytest.Collector):
         limit, profile = self.config.getoption("--lp-time-limit"), self.config.getoption("--lp-profile")
         with _warnings_shown():
             result = compare_engines(self.scenario, engines=[self.name], profile=profile, jobs=1, time_limit=limit)
-        if result.engines[0].status == "INTERRUPTED":
+        if result.interrupted:
             raise KeyboardInterrupt  # Ctrl-C, which the run of the engine took for itself
         return result
 
@@ -355,9 +355,9 @@ class ToleranceItem(pytest.Item):
 
 
 def _judgement(t: ToleranceResult) -> str:
-    from looping_pendulum.compare.report import limit_and_value
+    from looping_pendulum.compare.report import value_and_limit
 
-    limit, value = limit_and_value(t)
+    value, limit = value_and_limit(t)
     first_line = f"{t.metric} is {value}, limit {limit}"
     lines = [first_line, f"  why this limit: {t.reason}", f"  remark:        {t.explanation}" if t.explanation else ""]
     return "\n".join(line for line in lines if line)

@@ -48,6 +48,7 @@ def check(
 
     looping-pendulum check mine.yaml --engine pymunk
     """
+    from looping_pendulum.compare.report import value_and_limit
     from looping_pendulum.engines.protocol import Profile
     from looping_pendulum.engines.registry import expand_tolerances, label, select, why_no_tolerances
     from looping_pendulum.scenarios import loader
@@ -69,9 +70,10 @@ def check(
         with_limits = {t.engine for t in loaded.tolerances if t.profile == profile.value}
         wanted = sorted(with_limits if requested is None else with_limits & requested)
         result = run_and_compare(loaded, wanted, profile, time_limit=time_limit, memory_limit=memory_limit, jobs=jobs)
-        _show(result)
+        rows = [[result.scenario, t.engine, t.metric, *value_and_limit(t), t.outcome.value] for t in result.tolerances]
+        show_table(["scenario", "engine", "metric", "value", "limit", "outcome"], rows)
         results.append(result)
-        if interrupted(result):
+        if result.interrupted:
             break
         gap = why_nothing_judged(result)
         not_judged += [f"{loaded.name}: {gap}"] if gap else []
@@ -79,7 +81,7 @@ def check(
     judged = {result.scenario: result.tolerances for result in results}
     gaps = {"without_tolerances": without_tolerances, "not_judged": not_judged}
     show_json({"within_tolerance": within if results else None, "profile": profile, "tolerances": judged, **gaps})
-    if results and interrupted(results[-1]):
+    if results and results[-1].interrupted:
         raise typer.Exit(INTERRUPTED)
     if not within:
         raise typer.Exit(OUTSIDE_TOLERANCE)
@@ -87,24 +89,6 @@ def check(
         raise ScenarioError(f"check: nothing was judged of {'; '.join(not_judged)}")
     if not results:
         raise ScenarioError("check: nothing was judged: no scenario has tolerances for this profile of the engines asked for")
-
-
-def _show(result: ComparisonResult) -> None:
-    """Print a table of the limits and their outcomes."""
-    from looping_pendulum.compare.report import limit_and_value
-
-    rows = []
-    for t in result.tolerances:
-        limit, value = limit_and_value(t)
-        rows.append([result.scenario, t.engine, t.metric, value, limit, t.outcome.value])
-    show_table(["scenario", "engine", "metric", "value", "limit", "outcome"], rows)
-
-
-def interrupted(result: ComparisonResult) -> bool:
-    """Return whether the user interrupted the runs of ``result``."""
-    from looping_pendulum.engines.trajectory import RunStatus
-
-    return any(engine.status == RunStatus.INTERRUPTED.name for engine in result.engines)
 
 
 def why_nothing_judged(result: ComparisonResult) -> str:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+import signal
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from enum import StrEnum
 from importlib import import_module
 from importlib.metadata import entry_points
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
@@ -100,6 +102,9 @@ ScenarioName = Annotated[
         help="Name of a shipped scenario (see `scenarios`), or path of a YAML file.",
         autocompletion=scenario_names,
     ),
+]
+OptionalScenario = Annotated[
+    str, typer.Argument(metavar="[SCENARIO]", help="Shipped scenario, or path of a YAML file.", autocompletion=scenario_names)
 ]
 EngineNames = Annotated[
     list[str] | None,
@@ -311,20 +316,28 @@ def report_folder(folder: Path, file: str, *, interrupted: bool, was_interrupted
 
 def comparison_folder(folder: Path, result: ComparisonResult) -> Path:
     """Return the folder to write a comparison into, as `report_folder` does for any report."""
-
-    def interrupted(statuses: Iterable[str]) -> bool:
-        return "INTERRUPTED" in statuses
-
     return report_folder(
         folder,
         "result.json",
-        interrupted=interrupted(e.status for e in result.engines),
-        was_interrupted=lambda tree: interrupted(e["status"] for e in tree["engines"]),
+        interrupted=result.interrupted,
+        was_interrupted=lambda tree: "INTERRUPTED" in (e["status"] for e in tree["engines"]),
     )
 
 
-def exit_with_status(runs: list[Trajectory], *, within: bool | None = None) -> None:
-    """Exit with the status of ``runs``: `INTERRUPTED`, `OUTSIDE_TOLERANCE` or 0.
+@contextmanager
+def without_interrupts() -> Iterator[None]:
+    """Ignore Ctrl-C, which must not cut a report short: writing one takes two seconds."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def exit_with_status(runs: Iterable[Trajectory], *, within: bool | None = None) -> NoReturn:
+    """Print the last lines of what each failed engine printed, and exit with the status of ``runs``.
+
+    It is `INTERRUPTED`, `OUTSIDE_TOLERANCE` or 0.
 
     Parameters
     ----------
@@ -333,19 +346,16 @@ def exit_with_status(runs: list[Trajectory], *, within: bool | None = None) -> N
     """
     from looping_pendulum.engines.trajectory import RunStatus
 
-    statuses = {run.status for run in runs}
+    statuses = set()
+    for run in runs:
+        statuses.add(run.status)
+        if not run.status.ok and run.output.strip():
+            say(f"{run.label} printed:", err=True)
+            for line in run.output.strip().splitlines()[-8:]:
+                say(f"    {line}", err=True)
     if RunStatus.INTERRUPTED in statuses:
         raise typer.Exit(INTERRUPTED)
     if within is None:
         not_started = {RunStatus.MISSING, RunStatus.UNSUPPORTED}
         within = all(status.ok or status in not_started for status in statuses)
     raise typer.Exit(0 if within else OUTSIDE_TOLERANCE)
-
-
-def show_output_of_failed(runs: list[Trajectory]) -> None:
-    """Print the last lines of what each failed engine printed."""
-    for run in runs:
-        if not run.status.ok and run.output.strip():
-            say(f"{run.label} printed:", err=True)
-            for line in run.output.strip().splitlines()[-8:]:
-                say(f"    {line}", err=True)

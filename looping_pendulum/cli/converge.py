@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from pathlib import Path
 from typing import Annotated
 
@@ -13,6 +12,7 @@ from looping_pendulum.cli.common import (
     AsJson,
     Jobs,
     MemoryLimit,
+    OptionalScenario,
     ProfileChoice,
     ProfileName,
     Quiet,
@@ -20,16 +20,13 @@ from looping_pendulum.cli.common import (
     engine_names,
     load_scenario,
     report_folder,
-    scenario_names,
+    without_interrupts,
 )
 from looping_pendulum.cli.terminal import convergence_bars, say, show_json, show_table
 
 
 def converge(
-    scenario: Annotated[
-        str,
-        typer.Argument(metavar="[SCENARIO]", help="Shipped scenario, or path of a YAML file.", autocompletion=scenario_names),
-    ] = "ten_to_one",
+    scenario: OptionalScenario = "ten_to_one",
     engine: Annotated[
         list[str] | None,
         typer.Option(
@@ -94,16 +91,13 @@ def converge(
             jobs=jobs,
             time_limit=time_limit,
             memory_limit=parse_memory(memory_limit),
-            progress=lambda fraction, description: bars.update(description, fraction),
+            progress=bars.update,
         )
-    previous_handler = signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C must not cut the report short
-    try:
+    with without_interrupts():
         folder = report_folder(
             folder, FILE, interrupted=result.interrupted, was_interrupted=lambda result: result["interrupted"]
         )
         written = write(result, folder)
-    finally:
-        signal.signal(signal.SIGINT, previous_handler)
     head = ["variant", "quantity", "error", "not converged", "different model", "+/-", "choice", "spread", "larger part"]
     rows = []
     for v in result.variants:

@@ -46,11 +46,14 @@ def engines(
 
     if markdown and not support:
         raise EngineError("--markdown: found it alone, needed --support with it; write `engines --support --markdown`")
-    (_list_support if support else _list_engines)(Profile(profile.value), markdown)
+    if support:
+        _list_support(Profile(profile.value), markdown)
+    else:
+        _list_engines(Profile(profile.value))
 
 
-def _list_engines(profile: Profile, markdown: bool) -> None:
-    """Print a table of the engines; ``markdown`` has no meaning here."""
+def _list_engines(profile: Profile) -> None:
+    """Print a table of the engines."""
     from looping_pendulum.engines.registry import adapter_packages, how_to_get, label, load_engines, missing_packages
     from looping_pendulum.engines.trajectory import supplies_as_rows
 
@@ -200,7 +203,7 @@ def versions(
             jobs=jobs,
             time_limit=time_limit,
             memory_limit=memory_bytes,
-            progress=lambda fraction, description: bars.update(description, fraction),
+            progress=bars.update,
         )
         result = study.run(releases)
     show_table(HEADER, rows(result))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from looping_pendulum.cli.common import INTERRUPTED, AsJson, Quiet, report_folder, schema_option
+from looping_pendulum.cli.common import INTERRUPTED, AsJson, Quiet, report_folder, schema_option, without_interrupts
 from looping_pendulum.cli.terminal import ProgressBars, say, show_json, show_table
 from looping_pendulum.errors import HarnessError
 
@@ -142,11 +141,8 @@ def _identify(study: Path, out: Path | None, seed: int, time_limit: float | None
     )  # refuse an unusable folder before the work, not after it
     with stop_at_mistakes(folder), ProgressBars() as bars:
         result = find(loaded, seed=seed, progress=bars.update, time_limit=time_limit, anyway=anyway, workers=workers)
-    previous_handler = signal.signal(
-        signal.SIGINT, signal.SIG_IGN
-    )  # Ctrl-C must not cut the report short; writing it takes two seconds
-    try:
-        interrupted = result.verdict is Verdict.INTERRUPTED
+    interrupted = result.verdict is Verdict.INTERRUPTED
+    with without_interrupts():
         folder = report_folder(
             folder,
             "verdict.json",
@@ -154,8 +150,6 @@ def _identify(study: Path, out: Path | None, seed: int, time_limit: float | None
             was_interrupted=lambda verdict: verdict["verdict"] == Verdict.INTERRUPTED,
         )
         written = writing.write(result, folder, workers)
-    finally:
-        signal.signal(signal.SIGINT, previous_handler)
     say(f"{result.verdict.value}: {result.sentence}")
     for note in result.notes:
         say(note)

@@ -40,7 +40,6 @@ from looping_pendulum.cli.common import (
     run_and_compare,
     scenario_names,
     schema_option,
-    show_output_of_failed,
     show_residuals,
     yaml_content,
 )
@@ -242,7 +241,6 @@ def run(
         )
     show_table(["engine", "samples", "until [s]", "M2 dropped [m]", "CPU [s]", "ended"], rows)
     show_json({"scenario": chosen.name, "profile": profile, "runs": listed})
-    show_output_of_failed(runs)
     exit_with_status(runs)
 
 
@@ -303,9 +301,7 @@ def compare(
     say(f"wrote {written} and report.html")
     show_json({"result": result, "changes": changes, "report": written})
     assert result.samples is not None
-    runs = [aligned.run for aligned in result.samples.aligned]
-    show_output_of_failed(runs)
-    exit_with_status(runs, within=result.within_tolerance)
+    exit_with_status((aligned.run for aligned in result.samples.aligned), within=result.within_tolerance)
 
 
 app.command()(check)

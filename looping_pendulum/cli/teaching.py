@@ -16,6 +16,7 @@ from looping_pendulum.cli.common import (
     MarksFiles,
     MarksSettings,
     MemoryLimit,
+    OptionalScenario,
     ProfileChoice,
     ProfileName,
     TimeLimit,
@@ -26,7 +27,6 @@ from looping_pendulum.cli.common import (
     read_marks,
     run_and_compare,
     scenario_names,
-    show_output_of_failed,
 )
 from looping_pendulum.cli.terminal import ProgressBars, note, say
 
@@ -35,10 +35,7 @@ EXAMPLE_FOLDER = Path("looping-pendulum-example")
 
 
 def demo(
-    scenario: Annotated[
-        str,
-        typer.Argument(metavar="[SCENARIO]", help="Shipped scenario, or path of a YAML file.", autocompletion=scenario_names),
-    ] = "ten_to_one",
+    scenario: OptionalScenario = "ten_to_one",
     engine: EngineNames = None,
     profile: ProfileName = ProfileChoice.QUICK,
     out: Annotated[
@@ -104,10 +101,8 @@ def demo(
     if not no_open and not pages.show(path):
         say(f"no browser was found; open {path.resolve().as_uri()} in one")
     assert result.samples is not None
-    runs = [aligned.run for aligned in result.samples.aligned]
-    show_output_of_failed(runs)
     # The command shows the motion, and judges no tolerance
-    exit_with_status(runs, within=True)
+    exit_with_status((aligned.run for aligned in result.samples.aligned), within=True)
 
 
 def tracker(

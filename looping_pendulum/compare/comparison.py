@@ -21,7 +21,6 @@ from looping_pendulum.compare.result import (
     ReferenceResult,
     ResultSamples,
     RunProvenance,
-    SupplyEntry,
     ToleranceOutcome,
     ToleranceResult,
     WallTime,
@@ -31,12 +30,10 @@ from looping_pendulum.compare.trial import MeasuredTrial, compare_trial
 from looping_pendulum.engines.landmarks import Landmarks, run_landmarks
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
 from looping_pendulum.engines.trajectory import (
-    Provenance,
     RunStatus,
     Trajectory,
     finite_length,
     first_samples,
-    supplies_as_rows,
 )
 from looping_pendulum.measured.events import MeasuredEventRow, MeasuredEventTable
 from looping_pendulum.reference_ode.geometry import Array
@@ -83,7 +80,7 @@ def compare(
             sampled=sampled.landmarks_beside(),
             events=tuple((event.name, float(event.time)) for event in reference_run.events),
             end_time=float(reference_run.t[finite_length(reference_run) - 1]),
-            provenance=_provenance(reference_run.provenance),
+            provenance=RunProvenance.of(**vars(reference_run.provenance)),
         ),
         engines=engines,
         tolerances=judge(scenario.tolerances, engines),
@@ -135,7 +132,7 @@ def _engine(
         comparable=not not_comparable,
     )
     departures = measure.departures(aligned, reference_run.events)
-    provenance = _provenance(run.provenance)
+    provenance = RunProvenance.of(**vars(run.provenance))
     return EngineResult(
         engine=run.engine,
         variant=run.variant,
@@ -159,16 +156,6 @@ def _engine(
         lacks=missing_physics(provenance.supplies, scenario.parameters, run.lacks),
         story=story(aligned.run, scenario.parameters, provenance.supplies, departures, own, expected, not_comparable),
         provenance=provenance,
-    )
-
-
-def _provenance(provenance: Provenance) -> RunProvenance:
-    rows = supplies_as_rows(provenance.supplies)
-    return RunProvenance(
-        versions=plain(provenance.versions),
-        settings=plain(provenance.settings),
-        supplies=tuple(SupplyEntry(what=what, by=by, how=how) for what, by, how in rows),
-        seed=provenance.seed,
     )
 
 
@@ -219,17 +206,7 @@ def judge_tolerance(tolerance: Tolerance, run: EngineResult) -> ToleranceResult:
     """Judge one tolerance against its engine's run."""
     value = run.metrics[tolerance.metric]
     outcome, explanation = _outcome(tolerance, run, value)
-    return ToleranceResult(
-        engine=tolerance.engine,
-        profile=tolerance.profile,
-        metric=tolerance.metric,
-        limit=tolerance.limit,
-        value=value,
-        outcome=outcome,
-        explanation=explanation,
-        reason=tolerance.reason,
-        expected_failure=tolerance.expected_failure,
-    )
+    return ToleranceResult(**vars(tolerance), value=value, outcome=outcome, explanation=explanation)
 
 
 def _outcome(tolerance: Tolerance, run: EngineResult, value: float | None) -> tuple[ToleranceOutcome, str]:
@@ -243,12 +220,7 @@ def _outcome(tolerance: Tolerance, run: EngineResult, value: float | None) -> tu
         return ToleranceOutcome.EXPECTED_FAILURE, tolerance.expected_failure
     if passes:
         return ToleranceOutcome.PASSED, ""
-    return ToleranceOutcome.FAILED, "" if value is not None else _why_no_value(run)
-
-
-def _why_no_value(run: EngineResult) -> str:
-    if not run.ok:
-        return f"no value: {run.status_sentence}"
-    if run.not_comparable:
-        return f"no value: {run.not_comparable}"
-    return "no value: the run or the reference ends before the time at which the metric is taken"
+    if value is not None:
+        return ToleranceOutcome.FAILED, ""
+    why = run.not_comparable or "the run or the reference ends before the time at which the metric is taken"
+    return ToleranceOutcome.FAILED, f"no value: {why if run.ok else run.status_sentence}"

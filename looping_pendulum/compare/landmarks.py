@@ -15,7 +15,7 @@ from types import MappingProxyType
 import numpy as np
 
 from looping_pendulum.compare.align import SAME_TIME, Reference, sample_reference
-from looping_pendulum.engines.landmarks import Extremum, Landmarks, Stop, extrema, run_landmarks
+from looping_pendulum.engines.landmarks import Landmarks, Stop, extrema, run_landmarks
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
 from looping_pendulum.engines.string_motion import MIN_REST
 from looping_pendulum.engines.trajectory import RunStatus, Trajectory, TrajectoryEvent, finite_length, first_samples
@@ -150,20 +150,17 @@ def why_not_comparable(run: Trajectory, own: Landmarks, reference: SampledRefere
     return f"the run ends at {end:.3f} s, less than {MIN_REST * 1e3:.0f} ms after the reference halts at {halt:.3f} s{rests}"
 
 
-ReadQuantity = Callable[[Landmarks, int], float | None]
-"""Function of a run's landmarks and an index from 1 that returns the value [SI], or None where the run has none."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class EventQuantity:
     """One quantity of an event table, such as the time of a stop."""
 
     kind: str
     """"time", "height" (of the heavy mass, less its height at release), "drop" (the same, downward), "length" or "angle"."""
-    value: ReadQuantity
+    values: Callable[[Landmarks], Sequence[float | None]]
+    """Function that returns all values of it in a run [SI], in order of time; None in place of one that the run lacks."""
     measured_at: str
     """Name of the quantity that is the time at which this one is measured; a time names itself."""
-    several: bool = False
+    several: bool
     """Whether a run can have more than one, told apart by their index."""
 
     @property
@@ -172,50 +169,28 @@ class EventQuantity:
         return {"time": "s", "angle": "rad"}.get(self.kind, "m")
 
 
-def _time(events: Sequence[Stop | Extremum], index: int) -> float | None:
-    return events[index - 1].time if index <= len(events) else None
-
-
-def _height(stops: Sequence[Stop], index: int) -> float | None:
-    return stops[index - 1].height_change if index <= len(stops) else None
-
-
-def _last_slip_onset(landmarks: Landmarks) -> float | None:
-    halt = landmarks.halting_time
-    before = [t for t in landmarks.slip_onsets if halt is not None and t < halt]
-    return before[-1] if before else None
-
-
-def _single(kind: str, value: Callable[[Landmarks], float | None], measured_at: str) -> EventQuantity:
-    return EventQuantity(kind=kind, value=lambda landmarks, _: value(landmarks), measured_at=measured_at)
-
-
-def _several(kind: str, value: ReadQuantity, measured_at: str) -> EventQuantity:
-    return EventQuantity(kind=kind, value=value, measured_at=measured_at, several=True)
-
-
+_QUANTITIES: tuple[tuple[str, str, str, bool, Callable[[Landmarks], Sequence[float | None]]], ...] = (
+    ("x1_extremum", "time", "x1_extremum", True, lambda m: [e.time for e in m.x1_extrema]),
+    ("y1_extremum", "time", "y1_extremum", True, lambda m: [e.time for e in m.y1_extrema]),
+    ("stop_time", "time", "stop_time", True, lambda m: [s.time for s in m.stops]),
+    ("height_change_at_stop", "height", "stop_time", True, lambda m: [s.height_change for s in m.stops]),
+    ("slip_onset_time", "time", "slip_onset_time", True, lambda m: m.slip_onsets),
+    ("t_A", "time", "t_A", False, lambda m: [s.time for s in m.stops[:1]]),
+    ("height_change_at_A", "height", "t_A", False, lambda m: [s.height_change for s in m.stops[:1]]),
+    ("t_B", "time", "t_B", False, lambda m: [s.time for s in m.stops[1:2]]),
+    ("height_change_at_B", "height", "t_B", False, lambda m: [s.height_change for s in m.stops[1:2]]),
+    ("t_C", "time", "t_C", False, lambda m: [t for t in m.slip_onsets if m.halting_time and t < m.halting_time][-1:]),
+    ("halting_time", "time", "halting_time", False, lambda m: [m.halting_time]),
+    ("height_change_at_halt", "height", "halting_time", False, lambda m: [] if m.drop_at_halt is None else [-m.drop_at_halt]),
+    ("drop_at_halt", "drop", "halting_time", False, lambda m: [m.drop_at_halt]),
+    ("wrap_angle_at_halt", "angle", "halting_time", False, lambda m: [m.wrap_angle_at_halt]),
+    ("free_length_at_halt", "length", "halting_time", False, lambda m: [m.free_length_at_halt]),
+    ("time_light_reaches_rod", "time", "time_light_reaches_rod", False, lambda m: [m.light_reaches_rod]),
+)
 EVENT_QUANTITIES = MappingProxyType(
     {
-        "x1_extremum": _several("time", lambda m, i: _time(m.x1_extrema, i), "x1_extremum"),
-        "y1_extremum": _several("time", lambda m, i: _time(m.y1_extrema, i), "y1_extremum"),
-        "stop_time": _several("time", lambda m, i: _time(m.stops, i), "stop_time"),
-        "height_change_at_stop": _several("height", lambda m, i: _height(m.stops, i), "stop_time"),
-        "slip_onset_time": _several(
-            "time", lambda m, i: m.slip_onsets[i - 1] if i <= len(m.slip_onsets) else None, "slip_onset_time"
-        ),
-        "t_A": _single("time", lambda m: _time(m.stops, 1), "t_A"),
-        "height_change_at_A": _single("height", lambda m: _height(m.stops, 1), "t_A"),
-        "t_B": _single("time", lambda m: _time(m.stops, 2), "t_B"),
-        "height_change_at_B": _single("height", lambda m: _height(m.stops, 2), "t_B"),
-        "t_C": _single("time", _last_slip_onset, "t_C"),
-        "halting_time": _single("time", lambda m: m.halting_time, "halting_time"),
-        "height_change_at_halt": _single(
-            "height", lambda m: None if m.drop_at_halt is None else -m.drop_at_halt, "halting_time"
-        ),
-        "drop_at_halt": _single("drop", lambda m: m.drop_at_halt, "halting_time"),
-        "wrap_angle_at_halt": _single("angle", lambda m: m.wrap_angle_at_halt, "halting_time"),
-        "free_length_at_halt": _single("length", lambda m: m.free_length_at_halt, "halting_time"),
-        "time_light_reaches_rod": _single("time", lambda m: m.light_reaches_rod, "time_light_reaches_rod"),
+        name: EventQuantity(kind=kind, measured_at=measured_at, several=several, values=values)
+        for name, kind, measured_at, several, values in _QUANTITIES
     }
 )
 """Event quantity by name.
@@ -227,7 +202,10 @@ the final plunge. Stops and slip onsets are also there by number. The halt is th
 def event_value(landmarks: Landmarks, quantity: str, index: int) -> float | None:
     """Return the value [SI] of a quantity of an event table; None where the run has none, or the quantity is not known."""
     known = EVENT_QUANTITIES.get(quantity)
-    return None if known is None or index < 1 else known.value(landmarks, index)
+    if known is None or index < 1:
+        return None
+    values, place = known.values(landmarks), index - 1 if known.several else 0
+    return values[place] if place < len(values) else None
 
 
 def quantity_label(quantity: str, index: int) -> str:

@@ -89,8 +89,6 @@ def _departure(aligned: Aligned, i: int, threshold: float, events: tuple[Traject
     earlier = [("release", 0.0), *events_to_show((e.name, e.time) for e in events if e.time <= time)]
     after, after_time = earlier[-1]
     free_length, angle_error = reference.free_length[i], run.wrap_angle[i] - reference.wrap_angle[i]
-    stretch = run.string_stretch[: i + 1]
-    known = stretch[np.isfinite(stretch)]
     return Departure(
         threshold=threshold,
         time=time,
@@ -101,8 +99,14 @@ def _departure(aligned: Aligned, i: int, threshold: float, events: tuple[Traject
         along=_number(run.free_length[i] - free_length) or 0.0,
         across=_number(free_length * angle_error) or 0.0,
         heavy=float(aligned.heavy_deviation[i]),
-        stretch=float(np.abs(known).max()) if len(known) else None,
+        stretch=largest_stretch(run.string_stretch[: i + 1]),
     )
+
+
+def largest_stretch(stretch: Array) -> float | None:
+    """Return the largest magnitude of a string's stretch [m] in the samples that are finite; None without any."""
+    known = stretch[np.isfinite(stretch)]
+    return float(np.abs(known).max()) if len(known) else None
 
 
 def growth_rate(departures: tuple[Departure, ...]) -> float | None:
@@ -187,9 +191,7 @@ class ComparedRun:
     @property
     def string_stretch(self) -> float | None:
         """Largest magnitude of the stretch in the samples that are finite [m]."""
-        stretch = self.aligned.run.string_stretch[: finite_length(self.aligned.run)]
-        known = stretch[np.isfinite(stretch)]
-        return float(np.abs(known).max()) if len(known) else None
+        return largest_stretch(self.aligned.run.string_stretch[: finite_length(self.aligned.run)])
 
     @property
     def acceleration_error(self) -> float | None:

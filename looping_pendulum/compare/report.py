@@ -285,19 +285,17 @@ def _tolerances(result: ComparisonResult) -> str:
     if not result.tolerances:
         return "The scenario declares no tolerances for these engines and this profile.\n"
     head = ["engine", "metric", "outcome", "value", "limit", "reason for the limit", "remark"]
-    return table(head, [_tolerance_row(t) for t in result.tolerances], left=7)
+    rows = []
+    for t in result.tolerances:
+        outcome = t.outcome.value if t.outcome.good else f"**{t.outcome.value}**"
+        rows.append([f"{t.engine}, {t.profile}", t.metric, outcome, *value_and_limit(t), t.reason, t.explanation])
+    return table(head, rows, left=7)
 
 
-def limit_and_value(t: ToleranceResult) -> tuple[str, str]:
-    """Return limit and value with their unit, for example ("at most 0.6 mm", "0.41 mm")."""
+def value_and_limit(t: ToleranceResult) -> tuple[str, str]:
+    """Return value and limit with their unit, for example ("0.41 mm", "at most 0.6 mm")."""
     metric = metric_called(t.metric)
-    return f"{metric.limit_words} {metric.quantity(t.limit)}", metric.quantity(t.value)
-
-
-def _tolerance_row(t: ToleranceResult) -> list[str]:
-    limit, value = limit_and_value(t)
-    outcome = t.outcome.value if t.outcome.good else f"**{t.outcome.value}**"
-    return [f"{t.engine}, {t.profile}", t.metric, outcome, value, limit, t.reason, t.explanation]
+    return metric.quantity(t.value), f"{metric.limit_words} {metric.quantity(t.limit)}"
 
 
 def _provenance(result: ComparisonResult) -> str:

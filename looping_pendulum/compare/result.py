@@ -14,9 +14,10 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
-from looping_pendulum.compare.json_text import JsonResult
+from looping_pendulum.compare.json_text import JsonResult, plain
 from looping_pendulum.compare.trial import TrialComparison
 from looping_pendulum.engines.landmarks import Landmarks
+from looping_pendulum.engines.trajectory import Provenance, RunStatus, Supplier, Supplies, Supply, supplies_as_rows
 from looping_pendulum.scenarios.scenario import Inference
 
 if TYPE_CHECKING:
@@ -83,6 +84,18 @@ class RunProvenance:
     """Settings of the engine, SI."""
     supplies: tuple[SupplyEntry, ...]
     seed: int | None = None
+
+    @classmethod
+    def of(cls, *, versions: Any, settings: Any, supplies: Supplies, seed: int | None = None) -> RunProvenance:
+        """Return what a `Provenance` has, or an engine without a run, in the form of result.json."""
+        rows = tuple(SupplyEntry(what=what, by=by, how=how) for what, by, how in supplies_as_rows(supplies))
+        return cls(versions=plain(versions), settings=plain(settings), supplies=rows, seed=seed)
+
+    def as_of_a_run(self) -> Provenance:
+        """Return the `Provenance` that this is made of."""
+        # The result has these names with spaces, for its readers
+        supplies = {s.what.replace(" ", "_"): Supply(by=Supplier(s.by), how=s.how) for s in self.supplies}
+        return Provenance(versions=self.versions, settings=self.settings, supplies=Supplies(**supplies), seed=self.seed)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -264,6 +277,11 @@ class ComparisonResult(JsonResult):
     def within_tolerance(self) -> bool:
         """Whether no tolerance fails and no run broke off unexpectedly; the exit code says the same."""
         return all(t.outcome.good for t in self.tolerances) and not any(self.broke_off(e) for e in self.engines)
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether the user interrupted a run."""
+        return any(engine.status == RunStatus.INTERRUPTED.name for engine in self.engines)
 
     def short_name(self, engine: EngineResult) -> str:
         """Return the label of ``engine``, with its profile if the engine was run with several."""

@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
@@ -25,7 +25,7 @@ from looping_pendulum.engines.registry import label
 from looping_pendulum.engines.trajectory import COLUMNS, RunStatus, Trajectory, from_samples
 from looping_pendulum.engines.worker import identity
 from looping_pendulum.files import file_stem, write_atomically
-from looping_pendulum.jobs import core_count, run_many
+from looping_pendulum.jobs import ReportShare, core_count, run_many
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.versions import installed_version
 
@@ -39,10 +39,6 @@ MAX_FIRST_COST_FACTOR = 10.0
 
 class DamagedRunWarning(UserWarning):
     """A cached run cannot be read, so it is made again."""
-
-
-Progress = Callable[[float, str], None]
-"""Callback that is given the share of the work that is done, 0 to 1, and a description of what is running."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,7 +180,7 @@ class Runner:
         time_limit: float,
         budget: float | None,
         memory_limit: int = MEMORY_LIMIT,
-        progress: Progress | None = None,
+        progress: ReportShare | None = None,
     ) -> None:
         self.cache, self.jobs, self.budget, self.progress = cache, jobs or core_count(), budget, progress
         self.time_limit, self.memory_limit = time_limit, memory_limit
@@ -279,7 +275,7 @@ class Runner:
             total, finished = total + weight, finished + share * weight
         running_tasks = ", ".join(task.what for task in tasks if task.key in running)
         ended_runs = sum(task.key in self.done for task in tasks)
-        self.progress(finished / total if total else 1.0, f"{ended_runs} of {len(tasks)} runs; {running_tasks}")
+        self.progress(f"{ended_runs} of {len(tasks)} runs; {running_tasks}", finished / total if total else 1.0)
 
 
 def unknown_as_nan(values: np.ndarray | None, run: Trajectory) -> np.ndarray:

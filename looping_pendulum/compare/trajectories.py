@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import io
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,17 +13,13 @@ import numpy as np
 
 from looping_pendulum.compare.align import SAME_TIME, align
 from looping_pendulum.compare.json_text import plain
-from looping_pendulum.compare.result import ComparisonResult, ResultSamples, RunProvenance
+from looping_pendulum.compare.result import ComparisonResult, ResultSamples
 from looping_pendulum.compare.run_cache import run_key, unknown_as_nan
 from looping_pendulum.compare.trial import TrialComparison, residual
 from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.engines.trajectory import (
     UNKNOWN_MODE,
-    Provenance,
     RunStatus,
-    Supplier,
-    Supplies,
-    Supply,
     Trajectory,
     TrajectoryEvent,
 )
@@ -108,7 +104,7 @@ def stored_result(folder: Path, scenario: Scenario, engines: Sequence[Engine] | 
                 return None
             if any(RunStatus[engine.status] in RETRIED_STATUSES for engine in result.engines):
                 return None
-        return replace(result, samples=_samples(result, folder / "trajectories"))
+        return dataclasses.replace(result, samples=_samples(result, folder / "trajectories"))
     # Whatever is wrong with the files, making the runs again repairs it
     except (OSError, ValueError, KeyError, IndexError, ResultError):
         return None
@@ -124,13 +120,16 @@ def _samples(result: ComparisonResult, folder: Path) -> ResultSamples:
         profile="",
         scenario=result.scenario,
         events=tuple(TrajectoryEvent(name=name, time=time) for name, time in exact.events),
-        provenance=_provenance(exact.provenance),
+        provenance=exact.provenance.as_of_a_run(),
     )
 
     def at(times: Array) -> Trajectory:
         # Times were rounded when the files were written, so that equal ones may differ in their last digits
         place = np.clip(np.searchsorted(reference.t, times - SAME_TIME), 0, len(reference.t) - 1)
-        return _rows(reference, place[np.abs(reference.t[place] - times) < SAME_TIME])
+        known = place[np.abs(reference.t[place] - times) < SAME_TIME]
+        sampled = ((f.name, getattr(reference, f.name)) for f in dataclasses.fields(reference))
+        changed: dict[str, Any] = {name: value[known] for name, value in sampled if isinstance(value, np.ndarray)}
+        return dataclasses.replace(reference, **changed)
 
     runs = [
         _trajectory(
@@ -142,7 +141,7 @@ def _samples(result: ComparisonResult, folder: Path) -> ResultSamples:
             scenario=result.scenario,
             status=RunStatus[e.status],
             message=e.message,
-            provenance=_provenance(e.provenance),
+            provenance=e.provenance.as_of_a_run(),
         )
         for e, file in zip(result.engines, trajectory_files(result), strict=True)
     ]
@@ -181,16 +180,3 @@ def _trajectory(path: Path | None, **fields: Any) -> Trajectory:
         heavy_tension=if_known("heavy_tension"),
         **fields,
     )
-
-
-def _rows(run: Trajectory, indices: np.ndarray) -> Trajectory:
-    """Return ``run`` at the samples ``indices``."""
-    names = ("t", "light_position", "light_velocity", "heavy_position", "heavy_velocity", "free_length", "wrap_angle", "mode")
-    changed: dict[str, Any] = {name: getattr(run, name)[indices] for name in (*names, "string_stretch")}
-    return replace(run, **changed)
-
-
-def _provenance(stored: RunProvenance) -> Provenance:
-    # The result has these names with spaces, for its readers
-    supplies = {s.what.replace(" ", "_"): Supply(by=Supplier(s.by), how=s.how) for s in stored.supplies}
-    return Provenance(versions=stored.versions, settings=stored.settings, supplies=Supplies(**supplies), seed=stored.seed)

@@ -41,7 +41,7 @@ from looping_pendulum.engines.tension import FREE_LENGTH, measure_capstan_expone
 from looping_pendulum.engines.trajectory import RunStatus, Trajectory
 from looping_pendulum.errors import EngineError, ResultError, shorten
 from looping_pendulum.files import file_stem, write_atomically
-from looping_pendulum.jobs import run_many
+from looping_pendulum.jobs import ReportShare, run_many
 from looping_pendulum.jobs.processes import Interpreter
 from looping_pendulum.releases.installers import InstallationStopped, ReleaseError, install
 from looping_pendulum.releases.result import CAPSTAN, QUANTITIES, ReleaseRow, ReleasesResult, Spread, VariantRow, find_moves
@@ -63,8 +63,6 @@ NOT_KEPT = ("TIME_LIMIT", "MEMORY_LIMIT", "INTERRUPTED")
 
 Install = Callable[[Path, Sequence[str], threading.Event], str]
 """Function that makes an environment in a folder with some requirements, and returns the path of its Python."""
-Progress = Callable[[float, str], None]
-"""Callback that is given the share of the work that is done, 0 to 1, and what goes on."""
 T = TypeVar("T")
 
 
@@ -177,7 +175,7 @@ class ReleaseStudy:
         jobs: int = 2,
         time_limit: float = 900.0,
         memory_limit: int = MEMORY_LIMIT,
-        progress: Progress | None = None,
+        progress: ReportShare | None = None,
         make_environment: Install | None = None,
     ) -> None:
         self.engines, self.folder, self.jobs, self.progress = tuple(engines), folder, jobs, progress
@@ -203,7 +201,7 @@ class ReleaseStudy:
         in_order = tuple(rows[release] for release in sorted(rows))
         spread = None if self.interrupted else self._spread(in_order)
         if self.progress is not None:
-            self.progress(1.0 if not self.interrupted else self._share(), "")
+            self.progress("", 1.0 if not self.interrupted else self._share())
         return ReleasesResult(
             engine=self.engines[0].name,
             distribution=self.distribution,
@@ -321,7 +319,7 @@ class ReleaseStudy:
 
         def report(_: Mapping[int, T]) -> None:
             if self.progress is not None:
-                self.progress(self._share(), "; ".join(self._going[:3]))
+                self.progress("; ".join(self._going[:3]), self._share())
 
         results = run_many([call for _, call in calls], self.jobs, cancelled=self.cancelled, meanwhile=report)
         self.interrupted = self.interrupted or self.cancelled.is_set()

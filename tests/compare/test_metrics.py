@@ -12,7 +12,7 @@ from looping_pendulum.compare import compare
 from looping_pendulum.compare.align import align, sample_reference
 from looping_pendulum.compare.comparison import judge_tolerance
 from looping_pendulum.compare.metrics import acceleration_error, departures, evaluate_tube, growth_rate, rms_until
-from looping_pendulum.compare.report import limit_and_value
+from looping_pendulum.compare.report import value_and_limit
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.parameters import Release
@@ -157,7 +157,7 @@ def test_a_scenario_may_limit_it_in_the_unit_in_which_it_is_shown(metric, scenar
     (tolerance,) = load_text(text, "a").tolerances
     assert tolerance.limit == pytest.approx(3 / metric.shown_in.per_si_unit, rel=1e-12)
     judged = judge_tolerance(tolerance, compare(scenario, reference, [make_run()]).engines[0])
-    limit, value = limit_and_value(judged)
+    value, limit = value_and_limit(judged)
     assert limit == f"{metric.limit_words} 3 {metric.shown_in.name}"
     assert value.endswith(f" {metric.shown_in.name}") or judged.value is None
     if judged.value is not None:

@@ -241,7 +241,7 @@ def test_three_digits_of_a_thousandth(result, size, shown):
     detail = cells(report.render(all_alike), ME, "## Detail")[0]
     assert [detail[6], detail[9], detail[11], detail[12]] == [shown, f"+{shown}", f"+{shown}", shown]
     for metric, (_, factor) in ((name, known.shown_in) for name, known in metrics.METRICS.items()):
-        texts = report.limit_and_value(limit(GOOD, metric, 1e3 * size / factor, **{"limit": 1e3 * size / factor}))
+        texts = report.value_and_limit(limit(GOOD, metric, 1e3 * size / factor, **{"limit": 1e3 * size / factor}))
         assert [one.split()[-2] for one in texts] == [shown, shown], metric
     text = rendered(result, Landmarks(stops=at(0.2)), Landmarks(stops=at(0.2 + size)))
     assert cells(text, "stop")[0][2] == f"+{shown}"

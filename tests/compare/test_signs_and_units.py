@@ -11,7 +11,7 @@ from looping_pendulum.compare import compare
 from looping_pendulum.compare.align import align
 from looping_pendulum.compare.comparison import judge_tolerance
 from looping_pendulum.compare.metrics import DEPARTURE_THRESHOLDS, departures, growth_rate
-from looping_pendulum.compare.report import limit_and_value, render, verdict_rows
+from looping_pendulum.compare.report import render, value_and_limit, verdict_rows
 from looping_pendulum.compare.result import ToleranceOutcome
 from looping_pendulum.compare.trajectories import trajectory_csv
 from looping_pendulum.engines.landmarks import run_landmarks
@@ -108,9 +108,9 @@ def test_an_engine_that_is_early_breaks_its_limit_as_one_that_is_late(scenario, 
 )  # fmt: skip
 def test_limits_are_stated_in_the_unit_of_the_paper(scenario, reference, make_run, limit, metric, value, shown):
     judged = judge_tolerance(limit(metric, value), compare(scenario, reference, [make_run()]).engines[0])
-    texts = limit_and_value(dataclasses.replace(judged, value=value / 2))
-    assert texts[0] == f"{'at least' if METRICS[metric].has_lower_limit else 'at most'} {shown}"
-    number, unit = texts[1].split()
+    texts = value_and_limit(dataclasses.replace(judged, value=value / 2))
+    assert texts[1] == f"{'at least' if METRICS[metric].has_lower_limit else 'at most'} {shown}"
+    number, unit = texts[0].split()
     assert float(number) == pytest.approx(float(shown.split()[0]) / 2, rel=5e-3)
     assert unit == shown.split()[1]
 

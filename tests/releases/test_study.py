@@ -89,7 +89,7 @@ def test_a_damaged_file_and_one_of_other_settings_are_made_again(tmp_path, no_sp
 def test_an_interrupt_keeps_what_has_ended(tmp_path, no_spread):
     interrupts = 0
 
-    def interrupt_after_the_first(share, _):
+    def interrupt_after_the_first(_, share):
         nonlocal interrupts
         if share > 0 and not interrupts and (tmp_path / "releases").exists():
             interrupts += 1

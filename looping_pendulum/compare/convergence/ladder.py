@@ -322,7 +322,6 @@ def _not_monotone(values: Sequence[Array]) -> str:
 class Correction:
     """Difference that refining one setting to its limit would make."""
 
-    ladder: str
     change: Array
     """Limit less the value at the variant's setting, shape (samples, components)."""
     uncertainty: float

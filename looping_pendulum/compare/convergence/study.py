@@ -42,18 +42,18 @@ from looping_pendulum.compare.convergence.result import (
 )
 from looping_pendulum.compare.json_text import plain
 from looping_pendulum.compare.landmarks import SampledReference
-from looping_pendulum.compare.metrics import END_TIME_TOLERANCE, rms_until
-from looping_pendulum.compare.result import RunProvenance, SupplyEntry
-from looping_pendulum.compare.run_cache import EndedRun, Progress, RunCache, Runner, RunTask, run_key
+from looping_pendulum.compare.metrics import END_TIME_TOLERANCE, largest_stretch, rms_until
+from looping_pendulum.compare.result import RunProvenance
+from looping_pendulum.compare.run_cache import EndedRun, RunCache, Runner, RunTask, run_key
 from looping_pendulum.engines.isolation import MEMORY_LIMIT, TIME_LIMIT
 from looping_pendulum.engines.landmarks import run_landmarks
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import label
 from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder
-from looping_pendulum.engines.trajectory import supplies_as_rows
 from looping_pendulum.errors import EngineError
 from looping_pendulum.files import write_atomically
+from looping_pendulum.jobs import ReportShare
 from looping_pendulum.pages.numbers import DISPLAY_UNITS, number
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.scenario import Scenario
@@ -131,7 +131,7 @@ def plan_variant(engine: Engine, scenario: Scenario, starts: Sequence[tuple[str,
     for ladder in studies.ladders:
         rungs: list[RunTask] = []
         try:
-            sizes = rung_sizes(ladder)
+            sizes = refinement_sizes(ladder.values)
         except ValueError as error:
             raise EngineError(
                 f"{name}: ladder of {ladder.setting}: {error}; put them in order in the adapter's studies()"
@@ -161,7 +161,7 @@ def study_convergence(
     jobs: int | None = None,
     time_limit: float = TIME_LIMIT,
     memory_limit: int = MEMORY_LIMIT,
-    progress: Progress | None = None,
+    progress: ReportShare | None = None,
 ) -> ConvergenceResult:
     """Run the convergence studies of ``engines`` on ``scenario`` and split every error into its parts.
 
@@ -178,7 +178,7 @@ def study_convergence(
     time_limit, memory_limit
         Limits of each run [s], [bytes].
     progress
-        Called with the share of the work that is done and a description of what is running.
+        Called with a description of what is running and the share of the work that is done.
     """
     scenario = cut_to_watched(scenario, until)
     starts = changed_starts(scenario)
@@ -260,12 +260,10 @@ def evaluate_variant(
             for default, task in plan.defaults
         ),
         splits=tuple(split for split in splits if split is not None),
-        provenance=RunProvenance(
-            versions=plain(own_run.run.provenance.versions) if own_run is not None and own_run.run is not None else {},
-            settings=plain(plan.engine.settings),
-            supplies=tuple(
-                SupplyEntry(what=what, by=by, how=how) for what, by, how in supplies_as_rows(plan.engine.abilities.supplies)
-            ),
+        provenance=RunProvenance.of(
+            versions=own_run.run.provenance.versions if own_run is not None and own_run.run is not None else {},
+            settings=plan.engine.settings,
+            supplies=plan.engine.abilities.supplies,
         ),
     )
 
@@ -274,7 +272,7 @@ def evaluate_ladder(
     ladder: Ladder, rungs: tuple[MeasuredRun, ...], engine: Engine, spread: dict[str, float | None], floors: dict[str, float]
 ) -> LadderResult:
     """Return how every quantity behaves along one ladder."""
-    h = rung_sizes(ladder)
+    h = refinement_sizes(ladder.values)
     findings: dict[str, SequenceFinding] = {}
     for name in QUANTITIES:
         known = [value is not None for value in (rung.errors[name] for rung in rungs)]
@@ -414,7 +412,6 @@ def measure_run(key: str, ended: EndedRun | None, target: ReferenceTarget) -> Me
         exact = target.numbers[name]
         differences[name] = None if value is None or exact is None else value - exact
         errors[name] = None if differences[name] is None else np.array([[differences[name]]], dtype=float)
-    stretch = np.abs(run.string_stretch[np.isfinite(run.string_stretch)])
     summary = RunSummary(
         key=key,
         status=run.status.name,
@@ -425,7 +422,7 @@ def measure_run(key: str, ended: EndedRun | None, target: ReferenceTarget) -> Me
         halting_time_error=differences[HALT],
         drop_at_halt=own[DROP],
         drop_error=differences[DROP],
-        string_stretch=float(stretch.max()) if len(stretch) else None,
+        string_stretch=largest_stretch(run.string_stretch),
     )
     return MeasuredRun(errors=errors, summary=summary)
 
@@ -555,7 +552,6 @@ def correction(quantity: str, result: LadderResult, own: MeasuredRun) -> Correct
     if start is None:
         return None
     return Correction(
-        ladder=result.ladder.setting,
         change=finding.limit - start,
         uncertainty=finding.uncertainty,
         converges=finding.kind in (SequenceKind.CONVERGES, SequenceKind.SETTLED),
@@ -588,8 +584,3 @@ def error_split(
         spread=spread,
         floor=floor,
     )
-
-
-def rung_sizes(ladder: Ladder) -> Array:
-    """Return the decreasing sizes of a ladder's rungs."""
-    return refinement_sizes(ladder.values)
