@@ -127,6 +127,10 @@ class JudgedCount:
             )
 
 
+_SESSION = pytest.StashKey[Path]()
+"""Folder of a session in which pytest itself keeps none."""
+
+
 class JudgementError(Exception):
     """A limit is exceeded, or there is no limit to judge."""
 
@@ -375,13 +379,6 @@ def _session_folder(config: pytest.Config) -> Path:
     """Return a temporary folder of this test session; pytest clears old ones away."""
     factory = getattr(config, "_tmp_path_factory", None)
     if factory is None:  # -p no:tmpdir
-        return Path(tempfile.gettempdir()) / f"looping-pendulum-{config.stash.setdefault(_SESSION, _new_session_name())}"
+        return config.stash.setdefault(_SESSION, Path(tempfile.mkdtemp(prefix="looping-pendulum-")))
     base = Path(factory.getbasetemp())
     return base.parent if hasattr(config, "workerinput") else base
-
-
-_SESSION = pytest.StashKey[str]()
-
-
-def _new_session_name() -> str:
-    return Path(tempfile.mkdtemp(prefix="looping-pendulum-")).name.removeprefix("looping-pendulum-")

@@ -105,7 +105,7 @@ def map_(
         _list_maps()
         return
     if to_print:
-        text = map_file.source_text(file)
+        text = map_file.load(file).text
         say_file(text)
         show_json(yaml_content(text))
         return

@@ -64,11 +64,11 @@ def charts(result: ComparisonResult) -> list[Chart]:
 def path_chart(result: ComparisonResult, samples: ResultSamples) -> Chart:
     """Return the path of the light mass, with halts and places where runs broke off."""
     reference, radius = samples.reference, float(result.parameters["rod_radius"])
-    curves = [_path("reference", reference, None)]
+    curves = [run_curve("reference", *reference.light_position.T, None)]
     tracked = None if result.trial is None else result.trial.light_positions()
     if tracked is not None:
         curves.append(tracked_points(*tracked))
-    curves += [_path(name, aligned.run, style) for name, aligned, style in _drawn(result, samples)]
+    curves += [run_curve(name, *aligned.run.light_position.T, style) for name, aligned, style in _drawn(result, samples)]
     box = [-radius, radius]
     x, y = with_room(reach([box, *(c.x for c in curves)]), reach([box, *(c.y for c in curves)]))
     # The reference's star is larger and behind, so that both are seen where a run halts at the same place
@@ -85,10 +85,6 @@ def path_chart(result: ComparisonResult, samples: ResultSamples) -> Chart:
         panels=[Panel(curves=curves, y=Axis(label="y [m]", limits=y), disc=radius, to_scale=True)],
         size=(7.0, 6.4),
     )
-
-
-def _path(name: str, run: Trajectory, style: Style | None) -> Curve:
-    return run_curve(name, run.light_position[:, 0], run.light_position[:, 1], style)
 
 
 def _marks(run: Trajectory, halt: float | None, label: str, colour: str, size: float) -> list[Curve]:
@@ -241,10 +237,12 @@ def events_chart(result: ComparisonResult) -> Chart:
         name = result.short_name(result.engines[i])
         add(name, [r.engines[i] for r in rows], offset, marker=style.marker, colour=style.colour, size=4.5)
     furthest = 1.1 * max(float(np.nanmax(np.abs(curve.x))) for curve in curves)
+    printed = all(row.sigma is None for row in result.measured)
+    meaning = "half of the last digit that the paper prints" if printed else "standard error of the measured value"
     numbers = (-500, -100, -LINEAR_DELAY, -10, 0, 10, LINEAR_DELAY, 100, 500)
     return Chart(
         id="events",
-        caption=f"Event times less the measured ones; grey bars: {bar_words(result)}.",
+        caption=f"Event times less the measured ones; grey bars: {meaning}.",
         subject=result.scenario,
         title="event times",
         x=Axis(
@@ -271,13 +269,6 @@ def events_chart(result: ComparisonResult) -> Chart:
 def half_width(row: MeasuredRow) -> float:
     """Return the half-width [SI] of a measured value's bar: its standard error, or half of the last digit that is printed."""
     return PRINTED_HALF_DIGIT if row.sigma is None else row.sigma
-
-
-def bar_words(result: ComparisonResult) -> str:
-    """Say what the bars of the measured values are."""
-    if all(row.sigma is None for row in result.measured):
-        return "half of the last digit that the paper prints"
-    return "standard error of the measured value"
 
 
 def _drawn(result: ComparisonResult, samples: ResultSamples) -> list[tuple[str, Aligned, Style]]:

@@ -15,7 +15,7 @@ from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import expand_tolerances, label, main_engines, select
 from looping_pendulum.engines.trajectory import Trajectory
-from looping_pendulum.measured.events import MeasuredEventTable, find_data, read_event_table
+from looping_pendulum.measured.events import find_data, read_event_table
 from looping_pendulum.scenarios.scenario import Scenario
 
 
@@ -80,8 +80,11 @@ def compare_engines(
     scenario = expand_tolerances(scenario, profile)
     chosen = chosen_engines(engines, profile)
     reference = Reference(scenario)
-    # Read before the runs, so that a faulty table does not waste them
-    measured = measured_table(scenario, data_folder) if trial is None else None
+    # Before the runs, too, so that a faulty table does not waste them; without its file there is nothing to compare with
+    measured = None
+    if trial is None and scenario.measured is not None:
+        path = find_data(scenario.measured.file, data_folder)
+        measured = None if path is None else read_event_table(path, scenario.measured.sha256)
 
     def compared(runs: list[Trajectory]) -> ComparisonResult:
         result = compare(scenario, reference, runs, measured)
@@ -104,11 +107,3 @@ def compare_engines(
     )
     # `compare` knows trajectories only, and a key takes the engine with its settings
     return dataclasses.replace(compared(runs), run_keys=tuple(run_key(engine, scenario) for engine in chosen))
-
-
-def measured_table(scenario: Scenario, data_folder: Path | None = None) -> MeasuredEventTable | None:
-    """Return the measured event table of ``scenario``, or None if it has none or its file cannot be found."""
-    if scenario.measured is None:
-        return None
-    path = find_data(scenario.measured.file, data_folder)
-    return None if path is None else read_event_table(path, scenario.measured.sha256)

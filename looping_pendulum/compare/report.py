@@ -12,7 +12,6 @@ from looping_pendulum.compare.result import (
     ComparisonResult,
     EngineResult,
     MeasuredRow,
-    RunProvenance,
     ToleranceOutcome,
     ToleranceResult,
 )
@@ -217,17 +216,12 @@ def _stories(result: ComparisonResult) -> str:
     events = "".join(f", {n.replace('_', ' ')} at {t:.4f} s" for n, t in events_to_show(result.reference.events))
     end = "" if halt is not None else ", never halts"
     reference = f"- **reference** ({result.reference.engine}:{result.reference.variant}): released at 0 s{events}{end}.\n"
-    lines = [
-        f"- **{name(e)}**: {e.story}{_range_warning(e)}{' ' + _quoted(e.message) if e.message else ''}\n"
-        for e in result.engines
-    ]
+    lines = []
+    for e in result.engines:
+        outside = "; ".join(e.outside_range)
+        warning = f" **Its accuracy was not measured for such a scenario:** {outside}." if outside else ""
+        lines.append(f"- **{name(e)}**: {e.story}{warning}{' ' + _quoted(e.message) if e.message else ''}\n")
     return reference + "".join(lines)
-
-
-def _range_warning(engine: EngineResult) -> str:
-    if not engine.outside_range:
-        return ""
-    return f" **Its accuracy was not measured for such a scenario:** {'; '.join(engine.outside_range)}."
 
 
 def _quoted(message: str) -> str:
@@ -311,13 +305,12 @@ def _provenance(result: ComparisonResult) -> str:
         text += f"- Inferred, because the source does not print them: {', '.join(i.parameters)}. {i.how}{script}\n"
     runs = [(f"reference, {result.reference.engine}:{result.reference.variant}", result.reference.provenance)]
     runs += [(name(e), e.provenance) for e in result.engines]
-    return text + "\n" + table(["run", "versions", "settings [SI]", "seed"], [_provenance_row(*run) for run in runs], left=4)
-
-
-def _provenance_row(label: str, p: RunProvenance) -> list[str]:
-    versions = ", ".join(f"{k} {v}" for k, v in p.versions.items()) or GAP
-    settings = ", ".join(f"{k} {_setting(v)}" for k, v in p.settings.items()) or GAP
-    return [label, versions, settings, GAP if p.seed is None else str(p.seed)]
+    rows = []
+    for label, provenance in runs:
+        versions = ", ".join(f"{k} {v}" for k, v in provenance.versions.items()) or GAP
+        settings = ", ".join(f"{k} {_setting(v)}" for k, v in provenance.settings.items()) or GAP
+        rows.append([label, versions, settings, GAP if provenance.seed is None else str(provenance.seed)])
+    return text + "\n" + table(["run", "versions", "settings [SI]", "seed"], rows, left=4)
 
 
 def _setting(value: Any) -> str:
@@ -517,8 +510,10 @@ def halting_section(result: ComparisonResult) -> list[str]:
         row = [label, *(fixed(each.time, 4) for each in landmarks.halting_times)]
         row.append(f"{landmarks.at_least}{number(landmarks.halting_time_uncertainty, 1e3, 2)}")
         rows.append([*row, *([GAP, GAP] if rebound is None else [number(x, 1e3, 2) for x in (rebound.travel, rebound.speed)])])
-    text = f"{HALT_DEFINITION} {_check_against_events(result)}"
-    return [f"## When does it halt?\n\n{text}\n\n{_not_comparable(result)}{table(head, rows)}"]
+    text = f"{HALT_DEFINITION} {_check_against_events(result)}\n\n"
+    unlike = [f"- {e.label}, {e.profile}: not comparable: {e.not_comparable}.\n" for e in result.engines if e.not_comparable]
+    text += "".join(unlike) + ("\n" if unlike else "")
+    return [f"## When does it halt?\n\n{text}{table(head, rows)}"]
 
 
 def _check_against_events(result: ComparisonResult) -> str:
@@ -531,8 +526,3 @@ def _check_against_events(result: ComparisonResult) -> str:
         return f"By its exact events the reference halts at {exact:.6f} s, so reading samples has an error of {error} here."
     exact_words = "does not halt" if exact is None else f"halts at {exact:.4f} s"
     return f"By its exact events the reference {exact_words}: until then it slides by less than reading samples can resolve."
-
-
-def _not_comparable(result: ComparisonResult) -> str:
-    lines = [f"- {e.label}, {e.profile}: not comparable: {e.not_comparable}.\n" for e in result.engines if e.not_comparable]
-    return "".join(lines) + "\n" if lines else ""

@@ -77,14 +77,12 @@ def styles(labels: Iterable[str]) -> dict[str, Style]:
         taken.add(slot)
         # Behind the known ones, so that a colour that both have goes with other dashes and markers
         slots[label] = len(KNOWN_LABELS) + slot
-    return {label: _style(slot) for label, slot in slots.items()}
-
-
-def _style(slot: int) -> Style:
-    count = len(COLOURS)
-    # Each round through the colours pairs them with other dashes and markers
-    shape = (slot + slot // count) % count
-    return Style(colour=COLOURS[slot % count], dashes=DASHES[shape], marker=MARKERS[shape], slot=slot % count)
+    made = {}
+    for label, slot in slots.items():
+        # Each round through the colours pairs them with other dashes and markers
+        shape = (slot + slot // count) % count
+        made[label] = Style(colour=COLOURS[slot % count], dashes=DASHES[shape], marker=MARKERS[shape], slot=slot % count)
+    return made
 
 
 def colour_rules() -> str:

@@ -8,7 +8,6 @@ import json
 from collections.abc import Mapping, Sequence
 from functools import cache, lru_cache
 from importlib.resources import files
-from importlib.resources.abc import Traversable
 from typing import Any
 
 from jinja2 import DictLoader, Environment, StrictUndefined, Template
@@ -24,7 +23,7 @@ SHARED_PACKAGE = "looping_pendulum.pages"
 @cache
 def asset(package: str, name: str) -> str:
     """Return the text of a file in the folder ``assets`` of ``package``."""
-    return _assets(package).joinpath(name).read_text(encoding="utf-8")
+    return files(package).joinpath("assets", name).read_text(encoding="utf-8")
 
 
 def embedded(data: Any) -> str:
@@ -84,10 +83,6 @@ def _compiled(package: str, template: str) -> Template:
         loader=DictLoader(sources), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     return environment.get_template(template)
-
-
-def _assets(package: str) -> Traversable:
-    return files(package) / "assets"
 
 
 @lru_cache(maxsize=8)  # plotly.js, which every report embeds, has megabytes

@@ -48,7 +48,8 @@ def _panel(axes: Axes, result: ReleasesResult, quantity: str, look: dict[str, St
     for label in result.labels():
         values = [None if (v := row.variant(label)) is None else v.values.get(quantity) for row in result.releases]
         known = [(place, abs(value) * scale) for place, value in enumerate(values) if value]
-        size = _spread(result, label, quantity)
+        spread = None if result.spread is None else result.spread.values.get(label, {}).get(quantity)
+        size = (spread or 0.0) * scale
         drawn += [end for _, value in known for end in (value, value + size)]
         if known:
             _line(axes, result, label, quantity, known, size, look[label])
@@ -70,12 +71,6 @@ def _panel(axes: Axes, result: ReleasesResult, quantity: str, look: dict[str, St
     axes.set_ylabel(metric.column, fontsize=8)
     axes.tick_params(axis="y", labelsize=7)
     axes.set_title(without_mathtext(f"{result.distribution}: {metric.heading}"), fontsize=9)
-
-
-def _spread(result: ReleasesResult, label: str, quantity: str) -> float:
-    """Return the spread of a number in the unit in which it is drawn; 0 if it is not known."""
-    spread = None if result.spread is None else result.spread.values.get(label, {}).get(quantity)
-    return (spread or 0.0) * QUANTITIES[quantity].shown_in.per_si_unit
 
 
 def _line(

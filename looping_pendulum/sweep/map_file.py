@@ -150,11 +150,6 @@ def load_text(raw: bytes | str, *, file: str = "map.yaml", name: str = "map", fo
     return plan
 
 
-def source_text(name_or_path: str | Path) -> str:
-    """Return the text of a map file, with its comments, after checking that it loads. Raises as `load`."""
-    return load(name_or_path).text
-
-
 def refuse_unintended_size(plan: MapPlan, most: int | None = None) -> None:
     """Refuse a map of more than ``most`` runs, by default of more than anybody is likely to intend.
 

@@ -136,14 +136,9 @@ class WorkUnit:
     """Slices of the design's dimensions."""
 
     @property
-    def shape(self) -> tuple[int, ...]:
-        """Shape of the region."""
-        return tuple(where.stop - where.start for where in self.region)
-
-    @property
     def runs(self) -> int:
         """Number of runs."""
-        return math.prod(self.shape)
+        return math.prod(where.stop - where.start for where in self.region)
 
 
 @dataclass(frozen=True, kw_only=True)

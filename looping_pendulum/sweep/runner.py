@@ -147,7 +147,9 @@ def _fill(
             for result in results if missing else ():
                 unit = plan.unit(result.index)
                 # Before writing: versions on a cluster's machines may differ, and a map is made with one
-                _refuse_other_versions(result.versions, wanted[plan.engines[unit.engine]])
+                for package, there, here in cells.differing_versions(result.versions, wanted[plan.engines[unit.engine]]):
+                    message = f"--cluster: found {package} {there} on a worker, needed {here} as on this machine"
+                    raise EngineError(one_line(f"{message}; install {package} {here} there"))
                 store.write(unit, result.values)
                 done += unit.runs
                 if progress is not None:
@@ -158,13 +160,6 @@ def _fill(
     return MapOutcome(
         folder=folder, runs=plan.runs, runs_before=before, runs_now=done, seconds=seconds, interrupted=interrupted
     )
-
-
-def _refuse_other_versions(worker_versions: dict[str, str], own_versions: dict[str, str]) -> None:
-    """Refuse results of a worker whose package versions differ from this process's."""
-    for package, there, here in cells.differing_versions(worker_versions, own_versions):
-        message = f"--cluster: found {package} {there} on a worker, needed {here} as on this machine"
-        raise EngineError(one_line(f"{message}; install {package} {here} there"))
 
 
 def _note_time(folder: Path, outcome: MapOutcome, where: str) -> None:

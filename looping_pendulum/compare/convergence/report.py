@@ -138,17 +138,16 @@ def splits_table(result: ConvergenceResult, quantities: Sequence[str] = (EARLY, 
             "choice",
             "spread",
         ]
-        rows = [_split_row(v, name, scale) for v in result.variants]
+        rows = []
+        for v in result.variants:
+            split = next((s for s in v.splits if s.quantity == name), None)
+            if split is None:
+                rows.append([v.label, _why_without(v, name), *[GAP] * 6])
+                continue
+            cells = (split.error, split.numerics, split.model, split.numerics_uncertainty, split.choice, split.spread)
+            rows.append([v.label, _causes(split), *(number(x, scale, 2) for x in cells)])
         parts.append(f"### {QUANTITY_LABELS[name][0].upper()}{QUANTITY_LABELS[name][1:]}\n\n{table(head, rows, left=2)}")
     return "\n".join(parts)
-
-
-def _split_row(v: VariantStudy, name: str, scale: float) -> list[str]:
-    split = next((s for s in v.splits if s.quantity == name), None)
-    if split is None:
-        return [v.label, _why_without(v, name), *[GAP] * 6]
-    cells = [number(x, scale, 2) for x in (split.error, split.numerics, split.model, split.numerics_uncertainty)]
-    return [v.label, _causes(split), *cells, number(split.choice, scale, 2), number(split.spread, scale, 2)]
 
 
 def _causes(split: ErrorSplit) -> str:
@@ -212,22 +211,16 @@ def _variant(v: VariantStudy, figures: Mapping[str, tuple[str, str]]) -> str:
     parts += [_ladder(ladder) for ladder in v.ladders] or [f"The adapter offers no ladder ({LADDERS}).\n"]
     parts += [f"![{caption}]({path})\n\n*{caption}*\n" for path, (label, caption) in figures.items() if label == v.label]
     if v.starts:
-        rows = [[one.what, *_error_cells(one.run)] for one in v.starts]
+        rows = []
+        for one in v.starts:
+            row = [one.what, number(one.run.rms[EARLY], 1e3), number(one.run.rms[LATE], 1e3)]
+            row += [signed(one.run.halting_time_error, 1e3), signed(one.run.drop_error, 1e3)]
+            rows.append([*row, "" if one.run.ok else _fault(one.run)])
         parts.append(
             "Runs with slightly changed starts, each compared with its own reference:\n\n"
             + table(["start", *ERROR_COLUMNS], rows)
         )
     return "\n".join(parts)
-
-
-def _error_cells(run: RunSummary) -> list[str]:
-    cells = [
-        number(run.rms[EARLY], 1e3),
-        number(run.rms[LATE], 1e3),
-        signed(run.halting_time_error, 1e3),
-        signed(run.drop_error, 1e3),
-    ]
-    return [*cells, "" if run.ok else _fault(run)]
 
 
 def _change_cells(one: VariationStudy) -> list[str]:
