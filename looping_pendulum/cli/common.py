@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from looping_pendulum.cli.terminal import ProgressBars, choose_json, choose_quiet, note, say, show_table
+from looping_pendulum.pages.palette import KNOWN_LABELS
 
 if TYPE_CHECKING:
     from looping_pendulum.compare.result import ComparisonResult
@@ -24,26 +25,10 @@ if TYPE_CHECKING:
     from looping_pendulum.scenarios.scenario import Scenario
 
 
-VARIANTS = (
-    "reference:heyoka",
-    "reference:scipy",
-    "mujoco:documented",
-    "mujoco:capstan",
-    "mujoco:frictionloss",
-    "mujoco:defaults",
-    "mujoco:effective_mass",
-    "mujoco:drum",
-    "mujoco:beads",
-    "pymunk:chain",
-    "pymunk:beads",
-    "pymunk:segments",
-    "pymunk:defaults",
-    "pybullet:chain",
-    "pybullet:remade",
-    "pybullet:point_to_point",
-    "pybullet:defaults",
-)
-"""Variants of this package's engines; the adapters, which know them, import NumPy. A test compares the two."""
+OWN_ENGINES = ("reference", "mujoco", "pymunk", "pybullet")
+"""Engines that are no entry points of a package; the adapters, which know their variants, import NumPy."""
+VARIANTS = tuple(label for label in KNOWN_LABELS if label.partition(":")[0] in OWN_ENGINES)
+"""Variants of these engines. A test compares them with the adapters'."""
 
 
 def scenario_names() -> list[str]:
@@ -65,7 +50,7 @@ def _names(*folders: str, suffix: str = ".yaml") -> list[str]:
 def engine_names() -> list[str]:
     """Return the names of engines and variants; of other packages' engines, only the engine's name is known."""
     others = sorted({point.name for point in entry_points(group="looping_pendulum.engines")})
-    return [*dict.fromkeys(variant.partition(":")[0] for variant in VARIANTS), *VARIANTS, *others, "all"]
+    return [*OWN_ENGINES, *VARIANTS, *others, "all"]
 
 
 def claim_engine_names() -> list[str]:

@@ -5,11 +5,12 @@ An engine's run is never interpolated: the reference is exact at any time, so it
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE, Trajectory
 from looping_pendulum.reference_ode.geometry import Array
@@ -22,29 +23,12 @@ SAME_TIME = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReferenceSamples:
-    """The reference sampled at given times; NaN (or `UNKNOWN_MODE`) after its end."""
-
-    t: Array
-    """[s], shape (n,)."""
-    light_position: Array
-    """[m], shape (n, 2)."""
-    heavy_height: Array
-    """[m], shape (n,)."""
-    free_length: Array
-    """[m], shape (n,)."""
-    wrap_angle: Array
-    """[rad], shape (n,)."""
-    mode: NDArray[np.int8]
-    """Shape (n,)."""
-
-
-@dataclass(frozen=True, kw_only=True)
 class Aligned:
     """One engine's run beside the reference, at the engine's own sample times."""
 
     run: Trajectory
-    reference: ReferenceSamples
+    reference: Trajectory
+    """The reference at the same times; NaN (or `UNKNOWN_MODE`) after its end."""
 
     @property
     def t(self) -> Array:
@@ -64,11 +48,11 @@ class Aligned:
     @property
     def heavy_deviation(self) -> Array:
         """Height of the heavy mass, engine minus reference [m], shape (n,)."""
-        return np.asarray(self.run.heavy_position[:, 1] - self.reference.heavy_height)
+        return np.asarray(self.run.heavy_position[:, 1] - self.reference.heavy_position[:, 1])
 
 
-def sample_reference(reference: Reference, times: Array) -> ReferenceSamples:
-    """Sample ``reference`` at any ``times`` [s], in any order, also beyond its end.
+def sample_reference(reference: Reference, times: Array) -> Trajectory:
+    """Sample ``reference`` at any ``times`` [s], in any order; its samples beyond its end are NaN, the modes `UNKNOWN_MODE`.
 
     Parameters
     ----------
@@ -81,23 +65,16 @@ def sample_reference(reference: Reference, times: Array) -> ReferenceSamples:
     # A reference may leave out times, so that its samples are found by their time and not by their place
     nearest = np.clip(np.searchsorted(samples.t, ascending), 0, max(len(samples.t) - 1, 0))
     known = np.abs(samples.t[nearest] - ascending) < SAME_TIME if len(samples.t) else np.zeros(len(ascending), dtype=bool)
-
-    def in_given_order(values: Array) -> Array:
-        out = np.full((len(ascending), *values.shape[1:]), np.nan)
-        out[known] = values[nearest[known]]
-        return np.asarray(out[inverse])
-
-    # Apart from the others, because integers have no NaN
-    mode = np.full(len(ascending), UNKNOWN_MODE, dtype=np.int8)
-    mode[known] = samples.mode[nearest[known]]
-    return ReferenceSamples(
-        t=times,
-        light_position=in_given_order(samples.light_position),
-        heavy_height=in_given_order(samples.heavy_position[:, 1]),
-        free_length=in_given_order(samples.free_length),
-        wrap_angle=in_given_order(samples.wrap_angle),
-        mode=mode[inverse],
-    )
+    sampled: dict[str, Any] = {}
+    for field in dataclasses.fields(samples):
+        values = getattr(samples, field.name)
+        if isinstance(values, np.ndarray):
+            # Integers have no NaN
+            missing = UNKNOWN_MODE if field.name == "mode" else np.nan
+            out = np.full((len(ascending), *values.shape[1:]), missing, dtype=values.dtype)
+            out[known] = values[nearest[known]]
+            sampled[field.name] = out[inverse]
+    return dataclasses.replace(samples, **(sampled | {"t": times}))
 
 
 def align(run: Trajectory, reference: Reference) -> Aligned:

@@ -60,11 +60,12 @@ def reference_landmarks(reference: Reference, grid: Array) -> Landmarks:
     times = reference_event_times(run.events)
     stops, halt = times.stops, times.halting_time
     at = sample_reference(reference, np.array([0.0, *([] if halt is None else [halt]), *stops]))
-    release_height = float(at.heavy_height[0])
+    heights = at.heavy_position[:, 1]
+    release_height = float(heights[0])
     return Landmarks(
         stops=tuple(
             Stop(time=time, height_change=float(height) - release_height)
-            for time, height in zip(stops, at.heavy_height[-len(stops) :], strict=True)
+            for time, height in zip(stops, heights[-len(stops) :], strict=True)
         )
         # Not left to the slice: with no stops, [-0:] is the whole array
         if stops
@@ -72,7 +73,7 @@ def reference_landmarks(reference: Reference, grid: Array) -> Landmarks:
         slip_onsets=times.slip_onsets,
         halting_time=halt,
         halting_confirmed=halt is not None,
-        drop_at_halt=None if halt is None else release_height - float(at.heavy_height[1]),
+        drop_at_halt=None if halt is None else release_height - float(heights[1]),
         wrap_angle_at_halt=None if halt is None else float(at.wrap_angle[1]),
         free_length_at_halt=None if halt is None else float(at.free_length[1]),
         light_reaches_rod=times.light_reaches_rod,

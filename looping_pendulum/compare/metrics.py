@@ -145,7 +145,7 @@ def acceleration_error(aligned: Aligned, parameters: Parameters) -> float | None
         return None
     t = aligned.t[known]
     fitted = fitted_acceleration(t, aligned.run.heavy_drop[known])
-    height = aligned.reference.heavy_height[known]
+    height = aligned.reference.heavy_position[known, 1]
     # With the same fit on both sides, an engine with the exact motion has no error, although its acceleration is not constant
     exact = fitted_acceleration(t, height[0] - height) if drag_acts(parameters) else atwood_acceleration(parameters)
     return None if fitted is None or not exact else fitted / exact - 1

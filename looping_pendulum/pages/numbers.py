@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -76,29 +75,22 @@ def fixed(value: float | None, decimals: int) -> str:
     return GAP if value is None else f"{value:.{decimals}f}"
 
 
-@dataclass(frozen=True)
-class _Step:
-    """A unit that a quantity may be written in."""
-
-    size: float
-    """Size of the unit in the SI unit."""
-    name: str
-    least: float = 1.0
-    """Smallest number that is written in this unit; smaller ones use the next smaller unit."""
+_Step = tuple[float, str, float]
+"""Size of a unit in the SI unit, its name, and the smallest number that is written in it: smaller ones use the next unit."""
 
 
 def _metric(unit: str) -> tuple[_Step, ...]:
     """Return the steps of a unit; thousandths are used down to 0.01, since 0.053 mm is easier to read than 53 µm."""
-    return (_Step(1.0, unit), _Step(1e-3, f"m{unit}", 0.01), _Step(1e-6, f"µ{unit}", 0.01), _Step(1e-9, f"n{unit}", 0.0))
+    return (1.0, unit, 1.0), (1e-3, f"m{unit}", 0.01), (1e-6, f"µ{unit}", 0.01), (1e-9, f"n{unit}", 0.0)
 
 
-_STEPS = {
+_STEPS: dict[str, tuple[_Step, ...]] = {
     "m": _metric("m"),
     "s": _metric("s"),
     "N": _metric("N"),
     "m/s": _metric("m/s"),
-    "kg": (_Step(1.0, "kg"), _Step(1e-3, "g", 0.01), _Step(1e-6, "mg", 0.0)),
-    "rad": (_Step(math.pi / 180, "deg", 0.01), _Step(1e-6, "µrad", 0.01), _Step(1e-9, "nrad", 0.0)),
+    "kg": ((1.0, "kg", 1.0), (1e-3, "g", 0.01), (1e-6, "mg", 0.0)),
+    "rad": ((math.pi / 180, "deg", 0.01), (1e-6, "µrad", 0.01), (1e-9, "nrad", 0.0)),
 }
 """SI unit -> units in which it is written, the largest first."""
 
@@ -120,14 +112,12 @@ def quantity(value: float | None, unit: str, digits: int = 2, *, sign: bool = Fa
     if value is None:
         return GAP
     size = float(value)
-    steps = _STEPS.get(unit, (_Step(1.0, unit, 0.0),))
+    steps = _STEPS.get(unit, ((1.0, unit, 0.0),))
     if size == 0 or not math.isfinite(size):
-        return f"{number(size)} {steps[min(1, len(steps) - 1)].name}".rstrip()
-    for step in steps:
-        text = amount(size / step.size, digits=digits)
-        if abs(float(text)) >= step.least:
-            break
-    return f"{'+' if sign and size > 0 else ''}{text} {unit_in_words(step.name)}".rstrip()
+        return f"{number(size)} {steps[min(1, len(steps) - 1)][1]}".rstrip()
+    texts = ((amount(size / unit_size, digits=digits), name, least) for unit_size, name, least in steps)
+    text, name = next((text, name) for text, name, least in texts if abs(float(text)) >= least)
+    return f"{'+' if sign and size > 0 else ''}{text} {unit_in_words(name)}".rstrip()
 
 
 def unit_in_words(unit: str) -> str:

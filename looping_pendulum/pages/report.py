@@ -4,22 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 from markupsafe import Markup
 
 from looping_pendulum.pages import markdown
 from looping_pendulum.pages.figures import Figure, plotly_source
 from looping_pendulum.pages.shell import SHARED_PACKAGE, asset, page
-
-
-@dataclass(frozen=True, kw_only=True)
-class Section:
-    """A section of a report."""
-
-    id: str
-    title: str
-    body: Markup
 
 
 def render(
@@ -66,9 +56,9 @@ def render(
     )
 
 
-def _section(html: Markup, name: str) -> Section:
+def _section(html: Markup, name: str) -> dict[str, str]:
     """Separate a section's heading from its body, for the table of contents."""
     heading = re.match(r"<h2>(.*?)</h2>\n?", html, re.DOTALL)
     if heading is None:
-        return Section(id=name, title="", body=html)
-    return Section(id=name, title=Markup(heading[1]).striptags(), body=Markup(html[heading.end() :]))
+        return {"id": name, "title": "", "body": html}
+    return {"id": name, "title": Markup(heading[1]).striptags(), "body": Markup(html[heading.end() :])}
