@@ -64,11 +64,15 @@ def charts(result: ComparisonResult) -> list[Chart]:
 def path_chart(result: ComparisonResult, samples: ResultSamples) -> Chart:
     """Return the path of the light mass, with halts and places where runs broke off."""
     reference, radius = samples.reference, float(result.parameters["rod_radius"])
-    curves = [run_curve("reference", *reference.light_position.T, None)]
+    lines = [
+        run_curve(name, run.light_position[:, 0], run.light_position[:, 1], style)
+        for name, run, style in _runs(result, samples)
+    ]
+    curves = lines[:1]
     tracked = None if result.trial is None else result.trial.light_positions()
     if tracked is not None:
         curves.append(tracked_points(*tracked))
-    curves += [run_curve(name, *aligned.run.light_position.T, style) for name, aligned, style in _drawn(result, samples)]
+    curves += lines[1:]
     box = [-radius, radius]
     x, y = with_room(reach([box, *(c.x for c in curves)]), reach([box, *(c.y for c in curves)]))
     # The reference's star is larger and behind, so that both are seen where a run halts at the same place
@@ -191,14 +195,12 @@ def divergence_chart(result: ComparisonResult, samples: ResultSamples) -> Chart:
 
 def residual_chart(result: ComparisonResult, samples: ResultSamples, trial: TrialComparison) -> Chart:
     """Return the distance of every tracked point from each run, one panel for each tracked body."""
-    runs: list[tuple[str, Trajectory, Style | None]] = [("reference", samples.reference, None)]
-    runs += [(name, aligned.run, style) for name, aligned, style in _drawn(result, samples)]
     panels: list[Panel] = []
     for comparison in trial.tracks:
         track, unit = comparison.track, RESIDUAL_UNITS[comparison.track.unit]
         curves = [
             run_curve(name, np.array(track.t), distance(track, run) * unit.per_si_unit, style, in_legend=not panels)
-            for name, run, style in runs
+            for name, run, style in _runs(result, samples)
         ]
         panels.append(Panel(curves=curves, y=Axis(label=f"{track.name}:\nresidual [{unit.name}]", scale="log")))
     return Chart(
@@ -269,6 +271,11 @@ def events_chart(result: ComparisonResult) -> Chart:
 def half_width(row: MeasuredRow) -> float:
     """Return the half-width [SI] of a measured value's bar: its standard error, or half of the last digit that is printed."""
     return PRINTED_HALF_DIGIT if row.sigma is None else row.sigma
+
+
+def _runs(result: ComparisonResult, samples: ResultSamples) -> list[tuple[str, Trajectory, Style | None]]:
+    """Return name, motion and style of the reference, which has none, and of each engine whose run makes a line."""
+    return [("reference", samples.reference, None), *((name, a.run, style) for name, a, style in _drawn(result, samples))]
 
 
 def _drawn(result: ComparisonResult, samples: ResultSamples) -> list[tuple[str, Aligned, Style]]:

@@ -162,7 +162,7 @@ class RunCache:
             "versions": run.provenance.versions,
         }
         parts = (run.light_position, run.light_velocity, run.heavy_position, run.heavy_velocity)
-        slip = unknown_as_nan(run.string_slip, run)
+        slip = np.full(len(run.t), np.nan) if run.string_slip is None else run.string_slip
         rows = np.column_stack([run.t, *parts, run.string_stretch, slip]).reshape(-1, len(COLUMNS))
         out = io.BytesIO()
         np.savez_compressed(out, rows=rows, said=np.array(json.dumps(said)))
@@ -276,8 +276,3 @@ class Runner:
         running_tasks = ", ".join(task.what for task in tasks if task.key in running)
         ended_runs = sum(task.key in self.done for task in tasks)
         self.progress(f"{ended_runs} of {len(tasks)} runs; {running_tasks}", finished / total if total else 1.0)
-
-
-def unknown_as_nan(values: np.ndarray | None, run: Trajectory) -> np.ndarray:
-    """Return ``values`` of a run, shape (n,), or NaN at every sample if the engine does not report them."""
-    return np.full(len(run.t), np.nan) if values is None else values

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ import numpy as np
 from looping_pendulum.compare.align import SAME_TIME, align
 from looping_pendulum.compare.json_text import plain
 from looping_pendulum.compare.result import ComparisonResult, ResultSamples
-from looping_pendulum.compare.run_cache import run_key, unknown_as_nan
+from looping_pendulum.compare.run_cache import run_key
 from looping_pendulum.compare.trial import TrialComparison, residual
 from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.engines.trajectory import (
@@ -29,35 +29,43 @@ from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.scenarios.scenario import Scenario
 
-CSV_COLUMNS: tuple[tuple[str, Callable[[Trajectory], np.ndarray]], ...] = (
-    ("t [s]", lambda run: run.t),
-    ("light_x [m]", lambda run: run.light_position[:, 0]),
-    ("light_y [m]", lambda run: run.light_position[:, 1]),
-    ("light_vx [m/s]", lambda run: run.light_velocity[:, 0]),
-    ("light_vy [m/s]", lambda run: run.light_velocity[:, 1]),
-    ("heavy_x [m]", lambda run: run.heavy_position[:, 0]),
-    ("heavy_y [m]", lambda run: run.heavy_position[:, 1]),
-    ("heavy_vx [m/s]", lambda run: run.heavy_velocity[:, 0]),
-    ("heavy_vy [m/s]", lambda run: run.heavy_velocity[:, 1]),
-    ("free_length [m]", lambda run: run.free_length),
-    ("wrap_angle [rad]", lambda run: run.wrap_angle),
-    ("string_stretch [m]", lambda run: run.string_stretch),
-    ("string_slip [m]", lambda run: unknown_as_nan(run.string_slip, run)),
-    ("light_tension [N]", lambda run: unknown_as_nan(run.light_tension, run)),
-    ("heavy_tension [N]", lambda run: unknown_as_nan(run.heavy_tension, run)),
+CSV_COLUMNS = (
+    ("t [s]", "t", 0),
+    ("light_x [m]", "light_position", 0),
+    ("light_y [m]", "light_position", 1),
+    ("light_vx [m/s]", "light_velocity", 0),
+    ("light_vy [m/s]", "light_velocity", 1),
+    ("heavy_x [m]", "heavy_position", 0),
+    ("heavy_y [m]", "heavy_position", 1),
+    ("heavy_vx [m/s]", "heavy_velocity", 0),
+    ("heavy_vy [m/s]", "heavy_velocity", 1),
+    ("free_length [m]", "free_length", 0),
+    ("wrap_angle [rad]", "wrap_angle", 0),
+    ("string_stretch [m]", "string_stretch", 0),
+    ("string_slip [m]", "string_slip", 0),
+    ("light_tension [N]", "light_tension", 0),
+    ("heavy_tension [N]", "heavy_tension", 0),
 )
-"""Header with unit, and the function that gives the column; a last column ``mode`` has the name of the mode."""
+"""Header with unit, field of `Trajectory` and component of it; a last column ``mode`` has the name of the mode."""
+CSV_HEADER = [*(name for name, _, _ in CSV_COLUMNS), "mode"]
+NOT_ALWAYS_KNOWN = ("string_slip", "light_tension", "heavy_tension")
+"""Fields that are None where the engine does not report them."""
 RETRIED_STATUSES = (RunStatus.INTERRUPTED, RunStatus.TIME_LIMIT, RunStatus.MEMORY_LIMIT)
 """Statuses of runs that are made again, because another try may succeed."""
 
 
 def trajectory_csv(run: Trajectory) -> str:
     """Return CSV text, one line per sample, with nine significant digits (a nanometre in a metre); unknown values are empty."""
-    columns = np.stack([values(run) for _, values in CSV_COLUMNS], axis=1)
+    columns = []
+    for _, field, component in CSV_COLUMNS:
+        values = getattr(run, field)
+        if values is None:
+            values = np.full(len(run.t), np.nan)
+        columns.append(values if values.ndim == 1 else values[:, component])
     out = io.StringIO()
-    out.write(",".join([*(name for name, _ in CSV_COLUMNS), "mode"]) + "\n")
+    out.write(",".join(CSV_HEADER) + "\n")
     modes = {int(mode): mode.name.lower() for mode in Mode} | {UNKNOWN_MODE: ""}
-    for row, mode in zip(columns.tolist(), run.mode.tolist(), strict=True):
+    for row, mode in zip(np.stack(columns, axis=1).tolist(), run.mode.tolist(), strict=True):
         cells = ["" if value != value else f"{value:.9g}" for value in row]  # only NaN differs from itself
         out.write(",".join([*cells, modes[mode]]) + "\n")
     return out.getvalue()
@@ -151,32 +159,14 @@ def _samples(result: ComparisonResult, folder: Path) -> ResultSamples:
 def _trajectory(path: Path | None, **fields: Any) -> Trajectory:
     """Read a file that `trajectory_csv` wrote; without a path, return a run without samples."""
     lines = [] if path is None else path.read_text(encoding="utf-8").splitlines()
-    head = [name for name, _ in CSV_COLUMNS]
-    if lines and lines[0].split(",") != [*head, "mode"]:
-        raise ResultError(f"{path}: found other columns, needed {','.join(head)},mode")
+    if lines and lines[0].split(",") != CSV_HEADER:
+        raise ResultError(f"{path}: found other columns, needed {','.join(CSV_HEADER)}")
     cells = [line.split(",") for line in lines[1:]]
-    numbers = np.array([[float(c) if c else np.nan for c in row[: len(head)]] for row in cells]).reshape(-1, len(head))
-    column = dict(zip((name.partition(" [")[0] for name in head), numbers.T, strict=True))
-
-    def pair(mass: str, quantity: str = "") -> Array:
-        return np.column_stack([column[f"{mass}_{quantity}x"], column[f"{mass}_{quantity}y"]])
-
-    def if_known(name: str) -> Array | None:
-        return None if np.isnan(column[name]).all() else column[name]
-
+    width = len(CSV_COLUMNS)
+    numbers = np.array([[float(c) if c else np.nan for c in row[:width]] for row in cells]).reshape(-1, width)
+    for field in dict.fromkeys(field for _, field, _ in CSV_COLUMNS):
+        values = numbers[:, [field == one for _, one, _ in CSV_COLUMNS]]
+        fields[field] = values if values.shape[1] > 1 else values[:, 0]
+    fields |= {field: None for field in NOT_ALWAYS_KNOWN if np.isnan(fields[field]).all()}
     modes = [UNKNOWN_MODE if not row[-1] else Mode[row[-1].upper()] for row in cells]
-    return Trajectory(
-        t=column["t"],
-        light_position=pair("light"),
-        light_velocity=pair("light", "v"),
-        heavy_position=pair("heavy"),
-        heavy_velocity=pair("heavy", "v"),
-        free_length=column["free_length"],
-        wrap_angle=column["wrap_angle"],
-        string_stretch=column["string_stretch"],
-        string_slip=if_known("string_slip"),
-        mode=np.array(modes, dtype=np.int8),
-        light_tension=if_known("light_tension"),
-        heavy_tension=if_known("heavy_tension"),
-        **fields,
-    )
+    return Trajectory(mode=np.array(modes, dtype=np.int8), **fields)

@@ -11,7 +11,7 @@ import pytest
 from looping_pendulum.compare import compare, write
 from looping_pendulum.compare.report import render
 from looping_pendulum.compare.result import ComparisonResult, ToleranceOutcome
-from looping_pendulum.compare.trajectories import CSV_COLUMNS
+from looping_pendulum.compare.trajectories import CSV_HEADER
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import ResultError
 from looping_pendulum.files import write_atomically
@@ -181,7 +181,7 @@ def test_write_makes_whole_files(tmp_path, measured_scenario, reference, make_ru
     assert ComparisonResult.from_json((tmp_path / "result.json").read_text()) == result
     assert all(f"({name})" in report.read_text() for name in files if name.startswith("figures"))
     header, *lines = (tmp_path / "trajectories/pymunk-chain-quick.csv").read_text().splitlines()
-    assert header.split(",") == [*(name for name, _ in CSV_COLUMNS), "mode"]
+    assert header.split(",") == CSV_HEADER
     assert len(lines) == 1051
     t, x = (float(cell) for cell in lines[700].split(",")[:2])
     assert t == 0.7
