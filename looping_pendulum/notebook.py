@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from looping_pendulum.pages import markdown
@@ -80,26 +80,18 @@ def scenario(scenario: Scenario) -> str:
     """Return a scenario's numbers with their units, and the limits that engines must keep."""
     import yaml
 
+    from looping_pendulum.compare.json_text import flatten
     from looping_pendulum.scenarios import loader
     from looping_pendulum.scenarios.metrics import METRICS
     from looping_pendulum.scenarios.units import show
 
     tree = yaml.safe_load(loader.dump(scenario))
     numbers = {key: value for key, value in tree.items() if key not in NOT_NUMBERS}
-    parts = [_table(["key", "value"], _leaves(numbers))]
+    parts = [_table(["key", "value"], [(key, str(value)) for key, value in flatten(numbers).items()])]
     if scenario.tolerances:
         rows = [[t.engine, t.profile, t.metric, show(t.limit, METRICS[t.metric].unit), t.reason] for t in scenario.tolerances]
         parts.append(_table(["engine", "profile", "metric", "limit", "why this much"], rows))
     return _html(f"{scenario.name}: {scenario.title}", scenario.description, *parts)
-
-
-def _leaves(tree: dict[str, Any], above: str = "") -> Iterator[tuple[str, str]]:
-    """Yield key and value of every number, keys as "light.mass"."""
-    for key, value in tree.items():
-        if isinstance(value, dict):
-            yield from _leaves(value, f"{above}{key}.")
-        else:
-            yield f"{above}{key}", str(value)
 
 
 def trajectory(run: Trajectory) -> str:

@@ -14,7 +14,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from looping_pendulum.compare.json_text import JsonResult
+from looping_pendulum.compare.json_text import JsonResult, flatten
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, RunProvenance
 from looping_pendulum.engines.landmarks import Landmarks
 from looping_pendulum.errors import ResultError
@@ -144,7 +144,7 @@ def changes_since(
     relative
         Smallest change of a metric that is listed, as a fraction of its earlier value.
     """
-    old, new = ({**_flatten(result.parameters), "duration": result.duration} for result in (before, after))
+    old, new = ({**flatten(result.parameters), "duration": result.duration} for result in (before, after))
     changes = [
         *_differences(ChangeKind.SCENARIO, "", old, new),
         *_reference(before, after),
@@ -236,7 +236,7 @@ def _quantities(landmark: Any) -> dict[str, float]:
 
 def _provenance(run: str, before: RunProvenance, after: RunProvenance) -> Iterator[ResultChange]:
     yield from _differences(ChangeKind.VERSION, run, before.versions, after.versions)
-    old, new = (_flatten(p.settings) | ({} if p.seed is None else {"seed": p.seed}) for p in (before, after))
+    old, new = (flatten(p.settings) | ({} if p.seed is None else {"seed": p.seed}) for p in (before, after))
     yield from _differences(ChangeKind.SETTING, run, old, new)
     by, now_by = ({s.what: s.by for s in p.supplies} for p in (before, after))
     yield from _differences(ChangeKind.SUPPLY, run, by, now_by)
@@ -250,13 +250,6 @@ def _differences(kind: ChangeKind, run: str, old: Mapping[str, Any], new: Mappin
             continue
         if was != now:
             yield ResultChange(kind=kind, run=run, what=key, unit="", before=was, after=now)
-
-
-def _flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    flat: dict[str, Any] = {}
-    for key, value in tree.items():
-        flat |= _flatten(value, f"{prefix}{key}.") if isinstance(value, Mapping) else {f"{prefix}{key}": value}
-    return flat
 
 
 def _has_changed(was: float | None, now: float | None, floor: float) -> bool:

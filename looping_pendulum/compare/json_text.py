@@ -51,6 +51,14 @@ def plain(value: Any) -> Any:
     return str(value)
 
 
+def flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return the values of nested mappings in one, by keys such as "light.mass"."""
+    flat: dict[str, Any] = {}
+    for key, value in tree.items():
+        flat |= flatten(value, f"{prefix}{key}.") if isinstance(value, Mapping) else {f"{prefix}{key}": value}
+    return flat
+
+
 def dump(result: Any, schema_id: str, version: int) -> str:
     """Write a result, a dataclass, as JSON text."""
     tree = {"schema": {"id": schema_id, "version": version}} | plain(result)

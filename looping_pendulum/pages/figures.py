@@ -226,10 +226,10 @@ def _shown(axis: Axis, values: np.ndarray) -> list[Any]:
     return list(plain(values))
 
 
-def plain(values: Iterable[float], digits: int = 6) -> list[float | None]:
-    """Return ``values`` rounded to ``digits`` significant digits, None where they are not finite."""
+def plain(values: Iterable[float]) -> list[float | None]:
+    """Return ``values`` rounded to six significant digits, None where they are not finite."""
     # Six digits are more than a screen shows, and keep the page small; None is a gap in plotly, while NaN is no JSON
-    return [float(f"{v:.{digits}g}") if math.isfinite(v) else None for v in values]
+    return [float(f"{v:.6g}") if math.isfinite(v) else None for v in values]
 
 
 def escaped(text: str) -> str:

@@ -95,7 +95,7 @@ _STEPS: dict[str, tuple[_Step, ...]] = {
 """SI unit -> units in which it is written, the largest first."""
 
 
-def quantity(value: float | None, unit: str, digits: int = 2, *, sign: bool = False) -> str:
+def quantity(value: float | None, unit: str, digits: int = 2) -> str:
     """Return an amount in SI with the unit that a person would choose: "700 ms", "0.053 mm", "12 mm", "1.2 s".
 
     Parameters
@@ -106,8 +106,6 @@ def quantity(value: float | None, unit: str, digits: int = 2, *, sign: bool = Fa
         SI unit; one without smaller siblings in this module stays as it is.
     digits
         Significant digits. A whole number of three digits keeps them all: "278 mm".
-    sign
-        Whether a positive amount is written with its sign too, as an error is.
     """
     if value is None:
         return GAP
@@ -117,7 +115,7 @@ def quantity(value: float | None, unit: str, digits: int = 2, *, sign: bool = Fa
         return f"{number(size)} {steps[min(1, len(steps) - 1)][1]}".rstrip()
     texts = ((amount(size / unit_size, digits=digits), name, least) for unit_size, name, least in steps)
     text, name = next((text, name) for text, name, least in texts if abs(float(text)) >= least)
-    return f"{'+' if sign and size > 0 else ''}{text} {unit_in_words(name)}".rstrip()
+    return f"{text} {unit_in_words(name)}".rstrip()
 
 
 def unit_in_words(unit: str) -> str:

@@ -1,9 +1,14 @@
-"""Renders a report as a page: its Markdown sections as HTML with sortable tables, and its figures with plotly."""
+"""Renders a report as a page: its Markdown sections as HTML with sortable tables, its figures with plotly, and its glossary.
+
+The glossary is `glossary.md` beside this file: the documentation shows it whole, each report the terms that it uses.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from functools import cache
+from importlib.resources import files
 
 from markupsafe import Markup
 
@@ -62,3 +67,29 @@ def _section(html: Markup, name: str) -> dict[str, str]:
     if heading is None:
         return {"id": name, "title": "", "body": html}
     return {"id": name, "title": Markup(heading[1]).striptags(), "body": Markup(html[heading.end() :])}
+
+
+PAGES = ("comparison", "identification")
+"""Reports that show a part of the glossary."""
+
+
+@cache
+def glossary_rows() -> tuple[dict[str, str], ...]:
+    """Return the rows of the glossary's table, each as {column: text}."""
+    text = files("looping_pendulum.pages").joinpath("glossary.md").read_text(encoding="utf-8")
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("|")]
+    head, _, *body = cells
+    return tuple(dict(zip(head, row, strict=True)) for row in body)
+
+
+def glossary(page: str) -> dict[str, str]:
+    """Return {term: meaning} of the terms that ``page``, one of `PAGES`, shows.
+
+    Raises
+    ------
+    ValueError
+        If no such page is known.
+    """
+    if page not in PAGES:
+        raise ValueError(f"page: found {page!r}, needed one of {', '.join(PAGES)}")
+    return {row["Term"]: row["Meaning"] for row in glossary_rows() if page in row["Pages"]}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from types import MappingProxyType
@@ -181,19 +181,16 @@ def _moves(release: str, variant: VariantRow, since: str, before: VariantRow, sp
 
 def rows(result: ReleasesResult) -> list[tuple[str, ...]]:
     """Return a row for each variant with each release, as `HEADER`."""
-    return [cells for row in result.releases for cells in _cells(row)]
-
-
-def _cells(row: ReleaseRow) -> Iterator[tuple[str, ...]]:
-    gaps = ("",) * (len(HEADER) - 3)
-    if row.error:
-        yield row.release, "", *gaps, f"not installed: {row.error}"
-    for variant in row.variants:
-        if variant.ran:
-            values = (QUANTITIES[name].cell(variant.values.get(name)) for name in SHOWN)
-            yield row.release, variant.label, *values, number(variant.cpu_time, digits=2), remark(row, variant)
-        else:
-            yield row.release, variant.label, *gaps, remark(row, variant)
+    gaps = [""] * (len(HEADER) - 3)
+    made: list[tuple[str, ...]] = []
+    for row in result.releases:
+        if row.error:
+            made.append((row.release, "", *gaps, f"not installed: {row.error}"))
+        for variant in row.variants:
+            values = [QUANTITIES[name].cell(variant.values.get(name)) for name in SHOWN]
+            cells = [*values, number(variant.cpu_time, digits=2)] if variant.ran else gaps
+            made.append((row.release, variant.label, *cells, remark(row, variant)))
+    return made
 
 
 def remark(row: ReleaseRow, variant: VariantRow) -> str:

@@ -118,7 +118,7 @@ def _maps(plan: MapPlan, data: xr.Dataset, varied: list[Axis]) -> Figure:
         chosen = sorted({round(i) for i in np.linspace(0, n - 1, min(n, MAX_PANELS // len(plan.engines) or 1))})
     panels = [(i, j) for i in range(len(plan.engines)) for j in chosen]
     figure, grid, norm = _panels(len(panels), data)
-    endings: set[int] = set()
+    handles: dict[int, Any] = {}
     for axes, (i, j) in zip(grid, panels, strict=True):
         one = _of_engine(plan, data, i)
         title = [plan.engines[i]] if plan.several else []
@@ -126,26 +126,23 @@ def _maps(plan: MapPlan, data: xr.Dataset, varied: list[Axis]) -> Figure:
             title.append(f"{_label(panel_axis)} {_values(panel_axis, one)[j]:.4g}")
             one = one.isel({panel_axis.name: j})
         one = one.squeeze([d for d in one.dims if d not in (x.name, y.name)]).transpose(y.name, x.name)
-        endings |= _heat(axes, x, y, one, norm)
+        handles |= _heat(axes, x, y, one, norm)
         _scales(axes, x, y)
         axes.set_title(", ".join(title), fontsize="medium")
-    handles = []
-    for code in sorted(endings):
-        grey, hatch = _grey_and_hatch(code)
-        handles.append(Patch(facecolor=grey, edgecolor="0.45", hatch=hatch, lw=0, label=NO_HALT[ENDINGS[code]]))
     return _finish(figure, grid, norm, plan.title, handles)
 
 
-def _heat(axes: Axes, x: Axis, y: Axis, one: xr.Dataset, norm: Normalize) -> set[int]:
-    """Draw one heat map; return the endings among its runs that do not halt."""
+def _heat(axes: Axes, x: Axis, y: Axis, one: xr.Dataset, norm: Normalize) -> dict[int, Patch]:
+    """Draw one heat map; return code -> what the legend shows of the endings of its runs that do not halt."""
     halt, end = one["halting_time"].values, one["end"].values
     (across, right), (up, top) = (_edges(axis, _values(axis, one)) for axis in (x, y))
     axes.pcolormesh(right, top, np.ma.masked_invalid(halt), cmap=MAP, norm=norm)
     without = ~np.isfinite(halt)
-    codes = {int(code) for code in np.unique(end[without])}
-    for code in sorted(codes):
+    handles = {}
+    for code in map(int, np.unique(end[without])):
         here = without & (end == code)
-        grey, hatch = _grey_and_hatch(code)
+        grey, hatch = GREYS[code % len(GREYS)], HATCHES[code % len(HATCHES)]
+        handles[code] = Patch(facecolor=grey, edgecolor="0.45", hatch=hatch, lw=0, label=NO_HALT[ENDINGS[code]])
         shade = np.ma.masked_where(~here, np.full(here.shape, float(grey)))
         axes.pcolormesh(right, top, shade, cmap="gray", vmin=0, vmax=1)
         if hatch:
@@ -155,7 +152,7 @@ def _heat(axes: Axes, x: Axis, y: Axis, one: xr.Dataset, norm: Normalize) -> set
             around = axes.contourf(across, up, wide, levels=[0.5, 1.5], colors="none", hatches=[hatch])
             around.set_edgecolor("0.45")
             around.set_linewidth(0)
-    return codes
+    return handles
 
 
 def _edges(axis: Axis, centres: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -174,30 +171,21 @@ def _scatter_panels(plan: MapPlan, data: xr.Dataset) -> Figure:
     pairs = [(a, b) for n, a in enumerate(axes_of) for b in axes_of[n + 1 :]]
     panels = [(i, pair) for i in range(len(plan.engines)) for pair in pairs]
     figure, grid, norm = _panels(len(panels), data)
-    endings: set[int] = set()
+    handles: dict[int, Any] = {}
     for axes, (i, (x, y)) in zip(grid, panels, strict=True):
         one = _of_engine(plan, data, i)
         halt, end = one["halting_time"].values, one["end"].values
         halts = np.isfinite(halt)
         across, up = _values(x, one), _values(y, one)
-        for code in np.unique(end[~halts]):
-            endings.add(int(code))
-            here = ~halts & (end == code)
-            axes.plot(across[here], up[here], MARKERS[code % len(MARKERS)], ms=3, color="0.6", mew=0.6, zorder=1)
+        for code in map(int, np.unique(end[~halts])):
+            here, marker = ~halts & (end == code), MARKERS[code % len(MARKERS)]
+            axes.plot(across[here], up[here], marker, ms=3, color="0.6", mew=0.6, zorder=1)
+            handles[code] = Line2D([], [], ls="", marker=marker, color="0.6", label=NO_HALT[ENDINGS[code]])
         axes.scatter(across[halts], up[halts], c=halt[halts], s=5, cmap=MAP, norm=norm, linewidths=0, zorder=2)
         _scales(axes, x, y)
         if plan.several:
             axes.set_title(plan.engines[i], fontsize="medium")
-    handles = [
-        Line2D([], [], ls="", marker=MARKERS[code % len(MARKERS)], color="0.6", label=NO_HALT[ENDINGS[code]])
-        for code in sorted(endings)
-    ]
     return _finish(figure, grid, norm, plan.title, handles)
-
-
-def _grey_and_hatch(code: int) -> tuple[str, str]:
-    """Return grey level and hatch of an ending."""
-    return GREYS[code % len(GREYS)], HATCHES[code % len(HATCHES)]
 
 
 def _panels(count: int, data: xr.Dataset) -> tuple[Figure, list[Axes], Normalize]:
@@ -215,7 +203,7 @@ def _panels(count: int, data: xr.Dataset) -> tuple[Figure, list[Axes], Normalize
     return figure, grid[:count], LogNorm(low, high) if high > 3 * low > 0 else Normalize(low, high)
 
 
-def _finish(figure: Figure, grid: list[Axes], norm: Normalize, title: str, handles: list[Any]) -> Figure:
+def _finish(figure: Figure, grid: list[Axes], norm: Normalize, title: str, handles: dict[int, Any]) -> Figure:
     bar = figure.colorbar(ScalarMappable(norm=norm, cmap=MAP), ax=grid, label="halting time [s]", shrink=0.9)
     if isinstance(norm, LogNorm):
         low, high = float(norm.vmin or 0), float(norm.vmax or 0)
@@ -226,5 +214,6 @@ def _finish(figure: Figure, grid: list[Axes], norm: Normalize, title: str, handl
         bar.ax.yaxis.set_major_formatter(FormatStrFormatter("%g"))
     figure.suptitle(title)
     if handles:
-        figure.legend(handles=handles, loc="outside lower center", ncols=min(2, len(handles)), frameon=False)
+        shown = [handles[code] for code in sorted(handles)]
+        figure.legend(handles=shown, loc="outside lower center", ncols=min(2, len(handles)), frameon=False)
     return figure

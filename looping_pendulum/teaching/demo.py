@@ -24,9 +24,9 @@ from looping_pendulum.engines.tension import AVERAGING_TIME, tension_from_motion
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE, Supplier, Trajectory
 from looping_pendulum.files import write_atomically
 from looping_pendulum.live.write import render as render_live
-from looping_pendulum.pages.glossary import glossary
 from looping_pendulum.pages.numbers import number, quantity
 from looping_pendulum.pages.palette import styles
+from looping_pendulum.pages.report import glossary
 from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release, parameters_from
 from looping_pendulum.reference_ode.transitions import Mode

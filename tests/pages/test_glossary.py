@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from looping_pendulum.pages.glossary import COLUMNS, PAGES, glossary, rows
+from looping_pendulum.pages.report import PAGES, glossary, glossary_rows
 
 ROOT = Path(__file__).parents[2]
 
@@ -27,17 +27,17 @@ def test_the_documentations_page_is_the_packages_file():
 
 
 def test_rows_are_whole_and_terms_stand_once():
-    assert tuple(rows()[0]) == COLUMNS
-    assert all(row["Term"] and row["Meaning"].endswith(".") for row in rows())
-    terms = [row["Term"] for row in rows()]
+    assert tuple(glossary_rows()[0]) == ("Term", "Meaning", "Symbol, unit", "Name in code", "Pages")
+    assert all(row["Term"] and row["Meaning"].endswith(".") for row in glossary_rows())
+    terms = [row["Term"] for row in glossary_rows()]
     assert len(set(terms)) == len(terms)
-    assert {page for row in rows() for page in row["Pages"].split(", ") if page} == set(PAGES)
+    assert {page for row in glossary_rows() for page in row["Pages"].split(", ") if page} == set(PAGES)
 
 
 @pytest.mark.parametrize("page", PAGES)
 def test_a_report_shows_its_terms(page):
     assert glossary(page)
-    assert all(row["Meaning"] == glossary(page)[row["Term"]] for row in rows() if page in row["Pages"])
+    assert all(row["Meaning"] == glossary(page)[row["Term"]] for row in glossary_rows() if page in row["Pages"])
 
 
 def test_an_unknown_page_is_refused():
@@ -47,7 +47,7 @@ def test_an_unknown_page_is_refused():
 
 def test_names_in_code_are_in_the_code():
     known = names_in_code()
-    named = [name for row in rows() for name in re.findall(r"`([\w.]+)`", row["Name in code"])]
+    named = [name for row in glossary_rows() for name in re.findall(r"`([\w.]+)`", row["Name in code"])]
     assert named
     missing = [name for name in named if not set(name.split(".")) <= known]
     assert not missing

@@ -74,13 +74,6 @@ def test_a_quantity_has_the_unit_that_suits_it(value, unit):
     assert size < 1000 or name in (unit, "deg"), (written, name)
 
 
-@given(SIGNED_SIZES, st.sampled_from(UNITS))
-def test_a_sign_is_shown_on_request_and_nothing_else_changes(value, unit):
-    plain = quantity(value, unit)
-    assert quantity(value, unit, sign=True) == (plain if value < 0 else f"+{plain}")
-    assert quantity(0.0, unit, sign=True) == quantity(0.0, unit)
-
-
 @given(st.floats(-1e300, 1e300), st.integers(1, 9))
 def test_a_number_keeps_its_digits_at_every_size(value, digits):
     text = number(value, digits=digits)

@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -383,20 +384,13 @@ def measure_run(key: str, ended: EndedRun | None, target: ReferenceTarget) -> Me
     """Return the errors of a run against ``target``; all are None where there is no run."""
     run = None if ended is None else ended.run
     if run is None:
-        skipped = ended is not None and ended.expected is not None
-        why = f"left out: expected {number(ended.expected, digits=2)} s" if ended is not None and skipped else "not run"
-        summary = RunSummary(
-            key=key,
-            status="SKIPPED" if skipped else "NOT_RUN",
-            ok=False,
-            why=why,
-            rms=dict.fromkeys(PATH_END_TIMES),
-            halting_time=None,
-            halting_time_error=None,
-            drop_at_halt=None,
-            drop_error=None,
-            string_stretch=None,
+        expected = None if ended is None else ended.expected
+        status = "NOT_RUN" if expected is None else "SKIPPED"
+        why = "not run" if expected is None else f"left out: expected {number(expected, digits=2)} s"
+        nothing: dict[str, Any] = dict.fromkeys(
+            ("halting_time", "halting_time_error", "drop_at_halt", "drop_error", "string_stretch")
         )
+        summary = RunSummary(key=key, status=status, ok=False, why=why, rms=dict.fromkeys(PATH_END_TIMES), **nothing)
         return MeasuredRun(errors=dict.fromkeys(QUANTITIES), summary=summary)
     aligned = align(run, target.reference)
     rms = {name: rms_until(aligned, end_time) for name, end_time in PATH_END_TIMES.items()}

@@ -14,7 +14,7 @@ from looping_pendulum.pages import drawing
 from looping_pendulum.pages import report as pages
 from looping_pendulum.pages.chart import Chart
 from looping_pendulum.pages.figures import on_page
-from looping_pendulum.pages.glossary import glossary
+from looping_pendulum.pages.report import glossary
 
 FILES, FOLDERS = ("verdict.json", "repaired.yaml", "report.md", "report.html"), ("figures",)
 """Files and folders that `write` makes."""
