@@ -6,21 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from looping_pendulum.cli.common import (
-    INTERRUPTED,
-    OUTSIDE_TOLERANCE,
-    AsJson,
-    EngineNames,
-    Jobs,
-    MemoryLimit,
-    ProfileChoice,
-    ProfileName,
-    Quiet,
-    TimeLimit,
-    load_scenario,
-    run_and_compare,
-    scenario_names,
-)
+from looping_pendulum.cli import common
 from looping_pendulum.cli.terminal import say, show_json, show_table
 from looping_pendulum.errors import ScenarioError
 
@@ -31,15 +17,15 @@ if TYPE_CHECKING:
 def check(
     scenario: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[SCENARIO]...", help="Default: all shipped scenarios.", autocompletion=scenario_names),
+        typer.Argument(metavar="[SCENARIO]...", help="Default: all shipped scenarios.", autocompletion=common.scenario_names),
     ] = None,
-    engine: EngineNames = None,
-    profile: ProfileName = ProfileChoice.QUICK,
-    time_limit: TimeLimit = 900.0,
-    memory_limit: MemoryLimit = "2 GiB",
-    jobs: Jobs = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    engine: common.EngineNames = None,
+    profile: common.ProfileName = common.ProfileChoice.QUICK,
+    time_limit: common.TimeLimit = 900.0,
+    memory_limit: common.MemoryLimit = "2 GiB",
+    jobs: common.Jobs = None,
+    as_json: common.AsJson = False,
+    quiet: common.Quiet = False,
 ) -> None:
     """Check whether engines keep the tolerances in scenario files; write no report.
 
@@ -55,7 +41,7 @@ def check(
 
     engine_profile = Profile(profile.value)
     requested = None if not engine else {label(variant) for variant in select(engine, engine_profile)}
-    scenarios = [expand_tolerances(load_scenario(name), engine_profile) for name in scenario or loader.shipped()]
+    scenarios = [expand_tolerances(common.load_scenario(name), engine_profile) for name in scenario or loader.shipped()]
     results: list[ComparisonResult] = []
     without_tolerances: dict[str, str] = {}
     not_judged: list[str] = []
@@ -69,7 +55,7 @@ def check(
             continue
         with_limits = {t.engine for t in loaded.tolerances if t.profile == profile.value}
         wanted = sorted(with_limits if requested is None else with_limits & requested)
-        result = run_and_compare(loaded, wanted, profile, time_limit=time_limit, memory_limit=memory_limit, jobs=jobs)
+        result = common.run_and_compare(loaded, wanted, profile, time_limit=time_limit, memory_limit=memory_limit, jobs=jobs)
         rows = [[result.scenario, t.engine, t.metric, *value_and_limit(t), t.outcome.value] for t in result.tolerances]
         show_table(["scenario", "engine", "metric", "value", "limit", "outcome"], rows)
         results.append(result)
@@ -82,9 +68,9 @@ def check(
     gaps = {"without_tolerances": without_tolerances, "not_judged": not_judged}
     show_json({"within_tolerance": within if results else None, "profile": profile, "tolerances": judged, **gaps})
     if results and results[-1].interrupted:
-        raise typer.Exit(INTERRUPTED)
+        raise typer.Exit(common.INTERRUPTED)
     if not within:
-        raise typer.Exit(OUTSIDE_TOLERANCE)
+        raise typer.Exit(common.OUTSIDE_TOLERANCE)
     if not_judged:
         raise ScenarioError(f"check: nothing was judged of {'; '.join(not_judged)}")
     if not results:

@@ -7,26 +7,12 @@ from typing import Annotated
 
 import typer
 
-from looping_pendulum.cli.common import (
-    INTERRUPTED,
-    AsJson,
-    Jobs,
-    MemoryLimit,
-    OptionalScenario,
-    ProfileChoice,
-    ProfileName,
-    Quiet,
-    TimeLimit,
-    engine_names,
-    load_scenario,
-    report_folder,
-    without_interrupts,
-)
+from looping_pendulum.cli import common
 from looping_pendulum.cli.terminal import convergence_bars, say, show_json, show_table
 
 
 def converge(
-    scenario: OptionalScenario = "ten_to_one",
+    scenario: common.OptionalScenario = "ten_to_one",
     engine: Annotated[
         list[str] | None,
         typer.Option(
@@ -34,10 +20,10 @@ def converge(
             "-e",
             metavar="NAME",
             help="Engine, variant, or all; repeatable. Default: the main variants.",
-            autocompletion=engine_names,
+            autocompletion=common.engine_names,
         ),
     ] = None,
-    profile: ProfileName = ProfileChoice.QUICK,
+    profile: common.ProfileName = common.ProfileChoice.QUICK,
     out: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder for the report and the runs; default: report/SCENARIO-converge."),
@@ -52,11 +38,11 @@ def converge(
         float | None,
         typer.Option(metavar="SECONDS", min=0.1, help="Leave out runs that are expected to take longer than this time."),
     ] = None,
-    time_limit: TimeLimit = 3600.0,
-    memory_limit: MemoryLimit = "2 GiB",
-    jobs: Jobs = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    time_limit: common.TimeLimit = 3600.0,
+    memory_limit: common.MemoryLimit = "2 GiB",
+    jobs: common.Jobs = None,
+    as_json: common.AsJson = False,
+    quiet: common.Quiet = False,
 ) -> None:
     """Split each engine's error into three parts: not converged, different model, and adapter's choice.
 
@@ -75,7 +61,7 @@ def converge(
     from looping_pendulum.files import prepare_output_folder
     from looping_pendulum.pages.numbers import number
 
-    chosen = load_scenario(scenario)
+    chosen = common.load_scenario(scenario)
     engines = chosen_engines(engine or (), Profile(profile.value))
     folder = out or Path("report") / f"{chosen.name}-converge"
     prepare_output_folder(
@@ -93,8 +79,8 @@ def converge(
             memory_limit=parse_memory(memory_limit),
             progress=bars.update,
         )
-    with without_interrupts():
-        folder = report_folder(
+    with common.without_interrupts():
+        folder = common.report_folder(
             folder, FILE, interrupted=result.interrupted, was_interrupted=lambda result: result["interrupted"]
         )
         written = write(result, folder)
@@ -112,4 +98,4 @@ def converge(
     listed = [{"variant": v.label, "splits": v.splits, "halting_time_converges": halting_verdict(v)} for v in result.variants]
     show_json({"scenario": chosen.name, "interrupted": result.interrupted, "variants": listed, "report": written})
     if result.interrupted:
-        raise typer.Exit(INTERRUPTED)
+        raise typer.Exit(common.INTERRUPTED)

@@ -7,22 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from looping_pendulum.cli.common import (
-    INTERRUPTED,
-    MAX_JOBS,
-    OUTSIDE_TOLERANCE,
-    AsJson,
-    MemoryLimit,
-    ProfileChoice,
-    ProfileName,
-    Quiet,
-    TimeLimit,
-    claim_engine_names,
-    engine_names,
-    load_scenario,
-    recipe_engine_names,
-    scenario_names,
-)
+from looping_pendulum.cli import common
 from looping_pendulum.cli.terminal import ProgressBars, note, say, show_json, show_table
 from looping_pendulum.errors import EngineError
 
@@ -33,10 +18,10 @@ if TYPE_CHECKING:
 
 
 def engines(
-    profile: ProfileName = ProfileChoice.QUICK,
+    profile: common.ProfileName = common.ProfileChoice.QUICK,
     support: Annotated[bool, typer.Option("--support", help="Show which engine can run which scenario, and why not.")] = False,
     markdown: Annotated[bool, typer.Option("--markdown", help="With --support: print it as a Markdown page.")] = False,
-    as_json: AsJson = False,
+    as_json: common.AsJson = False,
 ) -> None:
     """List the engines, how to install missing ones, and which physics is the engine's own or fed in by its adapter.
 
@@ -108,13 +93,13 @@ def conformance(
     name: Annotated[
         str,
         typer.Argument(
-            metavar="ENGINE", help="Engine (all its variants) or variant (my_engine:chain).", autocompletion=engine_names
+            metavar="ENGINE", help="Engine (all its variants) or variant (my_engine:chain).", autocompletion=common.engine_names
         ),
     ],
-    profile: ProfileName = ProfileChoice.QUICK,
-    time_limit: TimeLimit = 300.0,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    profile: common.ProfileName = common.ProfileChoice.QUICK,
+    time_limit: common.TimeLimit = 300.0,
+    as_json: common.AsJson = False,
+    quiet: common.Quiet = False,
 ) -> None:
     """Check that an engine does what every engine must do; for adapters of your own (docs/write-an-engine.md).
 
@@ -138,12 +123,13 @@ def conformance(
             say(f"  {verdict.outcome.value:8}  {verdict.check.replace('_', ' ')}{why}")
             all_good = all_good and verdict.outcome.acceptable
     show_json({"profile": profile, "conforms": all_good, "checks": listed})
-    raise typer.Exit(0 if all_good else OUTSIDE_TOLERANCE)
+    raise typer.Exit(0 if all_good else common.OUTSIDE_TOLERANCE)
 
 
 def versions(
     engine: Annotated[
-        str, typer.Argument(metavar="ENGINE", help="Engine whose releases are run (mujoco).", autocompletion=engine_names)
+        str,
+        typer.Argument(metavar="ENGINE", help="Engine whose releases are run (mujoco).", autocompletion=common.engine_names),
     ],
     first: Annotated[
         str | None, typer.Option("--from", metavar="V", help="Oldest release; default: the first there is.")
@@ -158,18 +144,22 @@ def versions(
     ] = None,
     scenario: Annotated[
         str,
-        typer.Option(metavar="SCENARIO", help="Shipped scenario, or path of a YAML file.", autocompletion=scenario_names),
+        typer.Option(
+            metavar="SCENARIO", help="Shipped scenario, or path of a YAML file.", autocompletion=common.scenario_names
+        ),
     ] = "ten_to_one",
-    profile: ProfileName = ProfileChoice.QUICK,
+    profile: common.ProfileName = common.ProfileChoice.QUICK,
     out: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder for the results and for each ended release; default: report/versions-ENGINE."),
     ] = None,
-    time_limit: TimeLimit = 900.0,
-    memory_limit: MemoryLimit = "2 GiB",
-    jobs: Annotated[int, typer.Option(metavar="N", min=1, max=MAX_JOBS, help="Number of releases at the same time.")] = 2,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    time_limit: common.TimeLimit = 900.0,
+    memory_limit: common.MemoryLimit = "2 GiB",
+    jobs: Annotated[
+        int, typer.Option(metavar="N", min=1, max=common.MAX_JOBS, help="Number of releases at the same time.")
+    ] = 2,
+    as_json: common.AsJson = False,
+    quiet: common.Quiet = False,
 ) -> None:
     """Run many releases of one engine, and name each release in which a number moved by more than its spread.
 
@@ -190,7 +180,7 @@ def versions(
     from looping_pendulum.releases.study import ReleaseStudy, chosen_releases, chosen_variants, distribution_of
 
     engines = chosen_variants(engine, variant or (), Profile(profile.value))
-    chosen, memory_bytes = load_scenario(scenario), parse_memory(memory_limit)
+    chosen, memory_bytes = common.load_scenario(scenario), parse_memory(memory_limit)
     package = distribution_of(engines[0])
     releases = chosen_releases(package, list_releases(package), first=first, last=last, listed=listed)
     folder = out or Path("report") / f"versions-{engine}"
@@ -210,7 +200,7 @@ def versions(
     if result.interrupted:
         note(f"interrupted: {len(result.releases)} of {len(releases)} releases are kept in {folder}; the same command goes on")
         show_json({"result": result, "file": None})
-        raise typer.Exit(INTERRUPTED)
+        raise typer.Exit(common.INTERRUPTED)
     for release, label, sentence in move_sentences(result):
         say(f"- {release}, {label}, {sentence}")
     if not result.moves:
@@ -220,7 +210,7 @@ def versions(
         write_atomically(folder / "versions.png", png_of([result]))
     say(f"wrote {folder / FILE}")
     show_json({"result": result, "file": folder / FILE})
-    raise typer.Exit(0 if any(row.ran for row in result.releases) else OUTSIDE_TOLERANCE)
+    raise typer.Exit(0 if any(row.ran for row in result.releases) else common.OUTSIDE_TOLERANCE)
 
 
 OutFile = Annotated[Path | None, typer.Option(metavar="FILE", help="File to write; default: ENGINE_NAME.py.")]
@@ -229,7 +219,9 @@ OutFile = Annotated[Path | None, typer.Option(metavar="FILE", help="File to writ
 def repro(
     engine: Annotated[
         str,
-        typer.Argument(metavar="ENGINE", help="Engine whose claims are listed (mujoco).", autocompletion=claim_engine_names),
+        typer.Argument(
+            metavar="ENGINE", help="Engine whose claims are listed (mujoco).", autocompletion=common.claim_engine_names
+        ),
     ],
     variant: Annotated[
         str | None, typer.Option(metavar="NAME", help="Only claims that concern this variant (documented).")
@@ -238,7 +230,7 @@ def repro(
         str | None, typer.Option(metavar="NAME", help="Write the script of this claim (tendon_without_friction).")
     ] = None,
     out: OutFile = None,
-    as_json: AsJson = False,
+    as_json: common.AsJson = False,
 ) -> None:
     """List the claims about an engine, or write a script that shows one of them to that engine's users.
 
@@ -261,11 +253,13 @@ def repro(
 def recipe(
     engine: Annotated[
         str,
-        typer.Argument(metavar="ENGINE", help="Engine whose recipes are listed (pymunk).", autocompletion=recipe_engine_names),
+        typer.Argument(
+            metavar="ENGINE", help="Engine whose recipes are listed (pymunk).", autocompletion=common.recipe_engine_names
+        ),
     ],
     variant: Annotated[str | None, typer.Option(metavar="NAME", help="Write the recipe of this variant (chain).")] = None,
     out: OutFile = None,
-    as_json: AsJson = False,
+    as_json: common.AsJson = False,
 ) -> None:
     """List the recipes for a rope over a rod in an engine, or write one as a script for that engine's users.
 

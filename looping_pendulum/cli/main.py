@@ -13,36 +13,8 @@ import typer
 import typer.core
 
 from looping_pendulum import __version__
+from looping_pendulum.cli import common
 from looping_pendulum.cli.check import check
-from looping_pendulum.cli.common import (
-    BAD_INPUT,
-    COMPARE_FILES,
-    COMPARE_FOLDERS,
-    INTERRUPTED,
-    OUTSIDE_TOLERANCE,
-    AsJson,
-    DataFolder,
-    EngineNames,
-    Jobs,
-    MarksFiles,
-    MarksSettings,
-    MemoryLimit,
-    ProfileChoice,
-    ProfileName,
-    Quiet,
-    ScenarioName,
-    TimeLimit,
-    comparison_folder,
-    exit_with_status,
-    load_scenario,
-    page_meanwhile,
-    read_marks,
-    run_and_compare,
-    scenario_names,
-    schema_option,
-    show_residuals,
-    yaml_content,
-)
 from looping_pendulum.cli.converge import converge
 from looping_pendulum.cli.engines import conformance, engines, recipe, repro, versions
 from looping_pendulum.cli.identify import identify, look
@@ -137,10 +109,12 @@ def root(version: Annotated[bool, typer.Option("--version", help="Print the vers
 def scenarios(
     name: Annotated[
         str | None,
-        typer.Argument(metavar="[SCENARIO]", help="Print the YAML file of this scenario.", autocompletion=scenario_names),
+        typer.Argument(
+            metavar="[SCENARIO]", help="Print the YAML file of this scenario.", autocompletion=common.scenario_names
+        ),
     ] = None,
-    schema: Annotated[bool, schema_option("scenario", "looping_pendulum.scenarios.loader")] = False,
-    as_json: AsJson = False,
+    schema: Annotated[bool, common.schema_option("scenario", "looping_pendulum.scenarios.loader")] = False,
+    as_json: common.AsJson = False,
 ) -> None:
     """List the shipped scenarios, print one of them, or print the schema of scenario files.
 
@@ -152,7 +126,7 @@ def scenarios(
     if name is not None:
         text = loader.source_text(name)
         say_file(text)
-        show_json(yaml_content(text))
+        show_json(common.yaml_content(text))
         return
     rows, listed = [], []
     for shipped in loader.shipped():
@@ -170,17 +144,17 @@ app.command()(engines)
 
 @app.command()
 def run(
-    scenario: ScenarioName,
-    engine: EngineNames = None,
-    profile: ProfileName = ProfileChoice.QUICK,
+    scenario: common.ScenarioName,
+    engine: common.EngineNames = None,
+    profile: common.ProfileName = common.ProfileChoice.QUICK,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write the trajectories as CSV files into this folder.")
     ] = None,
-    time_limit: TimeLimit = 900.0,
-    memory_limit: MemoryLimit = "2 GiB",
-    jobs: Jobs = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    time_limit: common.TimeLimit = 900.0,
+    memory_limit: common.MemoryLimit = "2 GiB",
+    jobs: common.Jobs = None,
+    as_json: common.AsJson = False,
+    quiet: common.Quiet = False,
 ) -> None:
     """Run one scenario and print its events and how each run ended; without --engine, solve the exact reference.
 
@@ -195,7 +169,7 @@ def run(
     from looping_pendulum.files import file_stems, prepare_output_folder, write_atomically
     from looping_pendulum.reference_ode.solve import available_integrators
 
-    chosen, speed, memory_bytes = load_scenario(scenario), Profile(profile.value), parse_memory(memory_limit)
+    chosen, speed, memory_bytes = common.load_scenario(scenario), Profile(profile.value), parse_memory(memory_limit)
     wanted = chosen_engines(engine, speed) if engine else [ReferenceEngine(available_integrators()[0], speed)]
     if out is not None:
         prepare_output_folder(out)  # refuse an unusable folder before the work, not after it
@@ -241,29 +215,29 @@ def run(
         )
     show_table(["engine", "samples", "until [s]", "M2 dropped [m]", "CPU [s]", "ended"], rows)
     show_json({"scenario": chosen.name, "profile": profile, "runs": listed})
-    exit_with_status(runs)
+    common.exit_with_status(runs)
 
 
 @app.command()
 def compare(
-    scenario: ScenarioName,
-    engine: EngineNames = None,
-    profile: ProfileName = ProfileChoice.QUICK,
+    scenario: common.ScenarioName,
+    engine: common.EngineNames = None,
+    profile: common.ProfileName = common.ProfileChoice.QUICK,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the report; default: report/SCENARIO.")] = None,
-    data: DataFolder = None,
-    marks: MarksFiles = None,
-    marks_set: MarksSettings = None,
-    time_limit: TimeLimit = 900.0,
-    memory_limit: MemoryLimit = "2 GiB",
-    jobs: Jobs = None,
+    data: common.DataFolder = None,
+    marks: common.MarksFiles = None,
+    marks_set: common.MarksSettings = None,
+    time_limit: common.TimeLimit = 900.0,
+    memory_limit: common.MemoryLimit = "2 GiB",
+    jobs: common.Jobs = None,
     baseline: Annotated[
         Path | None, typer.Option(metavar="RESULT.json", help="List what changed since this earlier result (file or folder).")
     ] = None,
     baseline_threshold: Annotated[
         float, typer.Option(metavar="FRACTION", min=0.0, help="Smallest relative change of a metric to list; 0.01 is 1 %.")
     ] = 0.01,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    as_json: common.AsJson = False,
+    quiet: common.Quiet = False,
 ) -> None:
     """Run all engines on one scenario and report how each departs from the exact reference.
 
@@ -280,20 +254,22 @@ def compare(
     from looping_pendulum.compare.report import verdict_rows
     from looping_pendulum.files import prepare_output_folder
 
-    chosen = load_scenario(scenario)
-    trial = read_marks(marks, marks_set)
+    chosen = common.load_scenario(scenario)
+    trial = common.read_marks(marks, marks_set)
     earlier = None if baseline is None else read_baseline(baseline, chosen.name)
     folder = out or Path("report") / chosen.name
     prepare_output_folder(
-        folder, files=(*COMPARE_FILES, "changes.json"), folders=COMPARE_FOLDERS
+        folder, files=(*common.COMPARE_FILES, "changes.json"), folders=common.COMPARE_FOLDERS
     )  # refuse an unusable folder before the work, not after it
     limits: dict[str, Any] = {"time_limit": time_limit, "memory_limit": memory_limit, "jobs": jobs}
-    result = run_and_compare(chosen, engine, profile, data=data, trial=trial, meanwhile=page_meanwhile(folder), **limits)
+    result = common.run_and_compare(
+        chosen, engine, profile, data=data, trial=trial, meanwhile=common.page_meanwhile(folder), **limits
+    )
     changes = None if earlier is None else changes_since(earlier, result, source=str(baseline), relative=baseline_threshold)
-    folder = comparison_folder(folder, result)
+    folder = common.comparison_folder(folder, result)
     written = write(result, folder, changes)
     show_table(*verdict_rows(result))
-    show_residuals(result)
+    common.show_residuals(result)
     for engine_result in result.engines:
         say(f"- {engine_result.label}: {engine_result.story}")
     if changes is not None:
@@ -301,7 +277,7 @@ def compare(
     say(f"wrote {written} and report.html")
     show_json({"result": result, "changes": changes, "report": written})
     assert result.samples is not None
-    exit_with_status((aligned.run for aligned in result.samples.aligned), within=result.within_tolerance)
+    common.exit_with_status((aligned.run for aligned in result.samples.aligned), within=result.within_tolerance)
 
 
 app.command()(check)
@@ -343,7 +319,7 @@ def _short_warning(message: Warning | str, *_: object, **__: object) -> str:
 def _fail(message: str) -> NoReturn:
     """Print a user's mistake in one line, and exit."""
     say(f"error: {shorten(one_line(message), MAX_MESSAGE_LENGTH)}", err=True)
-    sys.exit(BAD_INPUT)
+    sys.exit(common.BAD_INPUT)
 
 
 def main() -> None:
@@ -370,17 +346,17 @@ def main() -> None:
         # Only the message quotes what was typed, and may be long
         usage, error_sign, message = text.getvalue().rstrip("\n").partition("\nError: ")
         say(f"{usage}{error_sign}{shorten(one_line(message), MAX_MESSAGE_LENGTH)}", err=True)
-        sys.exit(BAD_INPUT)
+        sys.exit(common.BAD_INPUT)
     except typer.Abort:
         say("Aborted.", err=True)
-        sys.exit(OUTSIDE_TOLERANCE)
+        sys.exit(common.OUTSIDE_TOLERANCE)
     except HarnessError as error:
         if debug:
             raise
         _fail(str(error))
     except KeyboardInterrupt:
         say("interrupted", err=True)
-        sys.exit(INTERRUPTED)
+        sys.exit(common.INTERRUPTED)
     except OSError as error:
         if debug:
             raise

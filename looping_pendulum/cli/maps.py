@@ -10,17 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from looping_pendulum.cli.common import (
-    INTERRUPTED,
-    AsJson,
-    Jobs,
-    MemoryLimit,
-    Quiet,
-    TimeLimit,
-    map_names,
-    schema_option,
-    yaml_content,
-)
+from looping_pendulum.cli import common
 from looping_pendulum.cli.terminal import ProgressBars, note, say, say_file, show_json, show_table
 
 if TYPE_CHECKING:
@@ -69,24 +59,24 @@ def map_(
         typer.Argument(
             metavar="[MAP.yaml]",
             help="Map file, or name of a shipped map; without it, list the shipped maps.",
-            autocompletion=map_names,
+            autocompletion=common.map_names,
         ),
     ] = None,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the map; default: report/MAP-map.")] = None,
-    jobs: Jobs = None,
+    jobs: common.Jobs = None,
     cluster: Annotated[
         str | None, typer.Option(metavar="tcp://HOST:PORT", help="Run on the workers of this Dask scheduler instead of here.")
     ] = None,
     to_print: Annotated[bool, typer.Option("--print", help="Print the map file, to change it, and run nothing.")] = False,
-    schema: Annotated[bool, schema_option("map", "looping_pendulum.sweep.map_file")] = False,
+    schema: Annotated[bool, common.schema_option("map", "looping_pendulum.sweep.map_file")] = False,
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Whether to draw figures.")] = True,
     max_runs: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Refuse a map of more runs; default: 20 million, 20 000 of engines.")
     ] = None,
-    time_limit: TimeLimit = 900.0,
-    memory_limit: MemoryLimit = "2 GiB",
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    time_limit: common.TimeLimit = 900.0,
+    memory_limit: common.MemoryLimit = "2 GiB",
+    as_json: common.AsJson = False,
+    quiet: common.Quiet = False,
 ) -> None:
     """Run one scenario over ranges of one to three quantities, and map how each run ends.
 
@@ -107,7 +97,7 @@ def map_(
     if to_print:
         text = map_file.load(file).text
         say_file(text)
-        show_json(yaml_content(text))
+        show_json(common.yaml_content(text))
         return
     if cluster is not None:
         executors.check_address(cluster)
@@ -135,7 +125,7 @@ def map_(
     if outcome.interrupted:
         stored = f"{outcome.runs_now} of {outcome.runs} runs are kept in {folder}"
         say(f"interrupted: {stored}; the same command continues from there", err=True)
-        raise typer.Exit(INTERRUPTED)
+        raise typer.Exit(common.INTERRUPTED)
     for summary in outcome.summaries:
         say(report.verdict(summary, several=plan.several))
     say(f"wrote {folder / report.REPORT} and {folder / STORE}")

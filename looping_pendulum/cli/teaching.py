@@ -7,27 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from looping_pendulum.cli.common import (
-    COMPARE_FILES,
-    COMPARE_FOLDERS,
-    OUTSIDE_TOLERANCE,
-    EngineNames,
-    Jobs,
-    MarksFiles,
-    MarksSettings,
-    MemoryLimit,
-    OptionalScenario,
-    ProfileChoice,
-    ProfileName,
-    TimeLimit,
-    comparison_folder,
-    engine_names,
-    exit_with_status,
-    load_scenario,
-    read_marks,
-    run_and_compare,
-    scenario_names,
-)
+from looping_pendulum.cli import common
 from looping_pendulum.cli.terminal import ProgressBars, note, say
 
 EXAMPLE_FOLDER = Path("looping-pendulum-example")
@@ -35,9 +15,9 @@ EXAMPLE_FOLDER = Path("looping-pendulum-example")
 
 
 def demo(
-    scenario: OptionalScenario = "ten_to_one",
-    engine: EngineNames = None,
-    profile: ProfileName = ProfileChoice.QUICK,
+    scenario: common.OptionalScenario = "ten_to_one",
+    engine: common.EngineNames = None,
+    profile: common.ProfileName = common.ProfileChoice.QUICK,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the page and the results; default: report/SCENARIO.")
     ] = None,
@@ -45,12 +25,12 @@ def demo(
         Path | None, typer.Option(metavar="FILE", help="Also write a film for slides: demo.gif, or demo.mp4 with ffmpeg.")
     ] = None,
     no_open: Annotated[bool, typer.Option("--no-open", help="Write the page, but do not open it in a browser.")] = False,
-    marks: MarksFiles = None,
-    marks_set: MarksSettings = None,
+    marks: common.MarksFiles = None,
+    marks_set: common.MarksSettings = None,
     again: Annotated[bool, typer.Option("--again", help="Run the engines even if DIR has their results.")] = False,
-    time_limit: TimeLimit = 900.0,
-    memory_limit: MemoryLimit = "2 GiB",
-    jobs: Jobs = None,
+    time_limit: common.TimeLimit = 900.0,
+    memory_limit: common.MemoryLimit = "2 GiB",
+    jobs: common.Jobs = None,
 ) -> None:
     """Animate the reference and all engines together, on the page of `live`, which works offline.
 
@@ -68,8 +48,8 @@ def demo(
     from looping_pendulum.files import prepare_output_folder
     from looping_pendulum.teaching import demo as pages
 
-    chosen = load_scenario(scenario)
-    trial = read_marks(marks, marks_set)
+    chosen = common.load_scenario(scenario)
+    trial = common.read_marks(marks, marks_set)
     if film is not None:
         from looping_pendulum.teaching.film import check_film, write_film
 
@@ -77,14 +57,14 @@ def demo(
         prepare_output_folder(film.parent, files=(film.name,))
     folder = out or Path("report") / chosen.name
     prepare_output_folder(
-        folder, files=(*COMPARE_FILES, pages.FILE), folders=COMPARE_FOLDERS
+        folder, files=(*common.COMPARE_FILES, pages.FILE), folders=common.COMPARE_FOLDERS
     )  # refuse an unusable folder before the work, not after it
     engines = chosen_engines(engine or (), Profile(profile.value))
     result = None if again else stored_result(folder, chosen, engines)
     if result is None:
         limits: dict[str, Any] = {"time_limit": time_limit, "memory_limit": memory_limit, "jobs": jobs}
-        result = run_and_compare(chosen, engine, profile, trial=trial, **limits)
-        folder = comparison_folder(folder, result)
+        result = common.run_and_compare(chosen, engine, profile, trial=trial, **limits)
+        folder = common.comparison_folder(folder, result)
         write(result, folder)
     else:
         note(f"{folder} has the results of this input; use --again to run the engines again")
@@ -102,7 +82,7 @@ def demo(
         say(f"no browser was found; open {path.resolve().as_uri()} in one")
     assert result.samples is not None
     # The command shows the motion, and judges no tolerance
-    exit_with_status((aligned.run for aligned in result.samples.aligned), within=True)
+    common.exit_with_status((aligned.run for aligned in result.samples.aligned), within=True)
 
 
 def tracker(
@@ -111,7 +91,7 @@ def tracker(
         typer.Argument(
             metavar="SOURCE",
             help="Scenario (name or file), folder that `compare` wrote, or CSV file that `run` wrote.",
-            autocompletion=scenario_names,
+            autocompletion=common.scenario_names,
         ),
     ],
     engine: Annotated[
@@ -121,12 +101,12 @@ def tracker(
             "-e",
             metavar="NAME",
             help="Take the motion of this variant (mujoco:capstan); default: the reference.",
-            autocompletion=engine_names,
+            autocompletion=common.engine_names,
         ),
     ] = None,
     fps: Annotated[float, typer.Option(metavar="RATE", help="True frame rate of the video.")] = 240.0,
     start: Annotated[float, typer.Option(metavar="SECONDS", help="Time of the release by the video's clock.")] = 0.0,
-    profile: ProfileName = ProfileChoice.QUICK,
+    profile: common.ProfileName = common.ProfileChoice.QUICK,
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="File to write; default: NAME-tracker.csv.")] = None,
 ) -> None:
     """Write a motion as a file that Tracker draws over a video (docs/tracker.md).
@@ -214,7 +194,7 @@ def demonstrations(
         say(f"wrote {write_index(out)}")
     elif not name:
         write_atomically(out / "index.md", index())
-    raise typer.Exit(0 if all_hold else OUTSIDE_TOLERANCE)
+    raise typer.Exit(0 if all_hold else common.OUTSIDE_TOLERANCE)
 
 
 def live(
@@ -241,7 +221,7 @@ def live(
     from looping_pendulum.live.write import write
     from looping_pendulum.teaching import demo
 
-    chosen = load_scenario(scenario)
+    chosen = common.load_scenario(scenario)
     prepare_output_folder(out.parent, files=(out.name,))  # refuse an unusable folder before the work, not after it
     folder = results or Path("report") / chosen.name
     result = stored_result(folder, chosen, engines=None)

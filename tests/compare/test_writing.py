@@ -212,8 +212,7 @@ def test_commands_notice_before_the_work_that_they_cannot_write(tmp_path, monkey
         raise AssertionError("the work was begun")
 
     for place in (
-        "looping_pendulum.cli.main.run_and_compare",
-        "looping_pendulum.cli.teaching.run_and_compare",
+        "looping_pendulum.cli.common.run_and_compare",
         # Before what it imports: a module that is first imported here would keep the patched function after this test
         "looping_pendulum.compare.harness.run_all",
         "looping_pendulum.engines.isolation.run_all",
@@ -240,8 +239,8 @@ def test_an_interrupted_comparison_goes_beside_a_complete_one(tmp_path, monkeypa
     whole = compare(scenario, reference, [make_run()])
     cut = compare(scenario, reference, [make_run(until=0.2, status=RunStatus.INTERRUPTED)])
     for result, status in ((cut, 130), (whole, 0), (cut, 130), (cut, 130), (whole, 0)):
-        monkeypatch.setattr(cli, "load_scenario", lambda _: scenario)
-        monkeypatch.setattr(cli, "run_and_compare", lambda *_, result=result, **__: result)
+        monkeypatch.setattr(cli_common, "load_scenario", lambda _: scenario)
+        monkeypatch.setattr(cli_common, "run_and_compare", lambda *_, result=result, **__: result)
         done = CliRunner().invoke(cli.app, ["compare", "made_up", "--out", str(tmp_path)])
         assert done.exit_code == status, done.output
         kept = ComparisonResult.from_json((tmp_path / "result.json").read_text())

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from looping_pendulum.cli import common as cli_common
 from looping_pendulum.cli import main as cli
-from looping_pendulum.cli import teaching as cli_teaching
 from looping_pendulum.compare import ComparisonResult, write
 from looping_pendulum.compare.trajectories import stored_result
 from looping_pendulum.engines.trajectory import RunStatus
@@ -193,7 +193,7 @@ def test_the_command_uses_what_compare_left(tmp_path, monkeypatch):
     def no_run(*_, **__):
         raise AssertionError("an engine was run again")
 
-    monkeypatch.setattr(cli_teaching, "run_and_compare", no_run)
+    monkeypatch.setattr(cli_common, "run_and_compare", no_run)
     for extra in ([], ["--no-open"]):
         done = CliRunner().invoke(cli.app, ["demo", *arguments, *extra])
         assert done.exit_code == 0, done.output
