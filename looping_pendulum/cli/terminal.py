@@ -113,33 +113,18 @@ def show_table(head: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
     console.print(table)
 
 
+@dataclass(kw_only=True)
 class ProgressBars:
-    """A bar per task on a terminal; elsewhere lines of text now and then, or nothing.
+    """A bar per task on a terminal; elsewhere lines of text now and then, or nothing."""
 
-    Parameters
-    ----------
-    time_left
-        Whether to estimate the time that is left: of use where work is spread evenly over the task.
-    keep
-        Whether the bars stay on the terminal at the end.
-    line_every_fraction
-        Without a terminal, print a line whenever the task has advanced by this fraction.
-    line_every_seconds
-        Without a terminal, print a line after this time [s], and one at the end.
-    """
-
-    def __init__(
-        self,
-        *,
-        time_left: bool = False,
-        keep: bool = False,
-        line_every_fraction: float = math.inf,
-        line_every_seconds: float = math.inf,
-    ) -> None:
-        self._time_left = time_left
-        self._keep = keep
-        self._line_every_fraction = line_every_fraction
-        self._line_every_seconds = line_every_seconds
+    time_left: bool = False
+    """Whether to estimate the time that is left: of use where work is spread evenly over the task."""
+    keep: bool = False
+    """Whether the bars stay on the terminal at the end."""
+    line_every_fraction: float = math.inf
+    """Without a terminal, a line is printed whenever the task has advanced by this fraction."""
+    line_every_seconds: float = math.inf
+    """Without a terminal, a line is printed after this time [s], and one at the end."""
 
     def __enter__(self) -> ProgressBars:
         # rich is imported here, as it would double the time that --help takes
@@ -149,13 +134,13 @@ class ProgressBars:
         console = Console(stderr=True)
         self.on_terminal = console.is_terminal and not output.quiet
         columns: list[Any] = [BarColumn(), TaskProgressColumn(), TimeElapsedColumn()]
-        if self._time_left:
+        if self.time_left:
             columns += [TextColumn("left:"), TimeRemainingColumn()]
         self._bar = Progress(
             *columns,
             TextColumn("{task.description}", markup=False),
             console=console,
-            transient=not self._keep,
+            transient=not self.keep,
             disable=not self.on_terminal,
             speed_estimate_period=120.0,  # [s]; longer than the default of 30 s, as a single run may take minutes
         )
@@ -190,11 +175,11 @@ class ProgressBars:
             note(line or f"{100 * fraction:.0f} %: {description}")
 
     def _line_is_due(self, fraction: float) -> bool:
-        if fraction >= self._line_fraction + self._line_every_fraction:
+        if fraction >= self._line_fraction + self.line_every_fraction:
             return True
-        if math.isinf(self._line_every_seconds):
+        if math.isinf(self.line_every_seconds):
             return False
-        return fraction >= 1 or time.monotonic() >= self._line_time + self._line_every_seconds
+        return fraction >= 1 or time.monotonic() >= self._line_time + self.line_every_seconds
 
     def update_engine(self, engine: Any, fraction: float) -> None:
         """Show that ``fraction`` of the run of ``engine`` is complete, on a bar of its own."""

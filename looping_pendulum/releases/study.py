@@ -292,6 +292,11 @@ class ReleaseStudy:
 
     def _spread_values(self, row: ReleaseRow, interpreter: Interpreter) -> dict[str, list[dict[str, float | None]]]:
         """Return the values of the runs with changed starts of each variant that runs, its own start's among them."""
+
+        def shown(name: str, call: Callable[[], T]) -> T:
+            with self._shown(f"changed starts: {name}"):
+                return call()
+
         references = [Reference(changed) for _, changed in changed_starts(self.scenario)]
         values: dict[str, list[dict[str, float | None]]] = {}
         calls = []
@@ -300,13 +305,8 @@ class ReleaseStudy:
             if own is None:
                 continue
             values[label(engine)] = [own.values]
-            for number, call in enumerate(spread_runs(self._elsewhere(engine, interpreter), references)):
-
-                def shown(name: str = label(engine), call: Callable[[], Any] = call) -> Any:
-                    with self._shown(f"changed starts: {name}"):
-                        return call()
-
-                calls.append(((label(engine), number), shown))
+            runs = spread_runs(self._elsewhere(engine, interpreter), references)
+            calls += [((label(engine), number), partial(shown, label(engine), run)) for number, run in enumerate(runs)]
         for (name, _), one in self._in_threads(calls).items():
             values[name].append(one)
         return values
@@ -460,18 +460,15 @@ def spread_runs(elsewhere: EngineElsewhere, references: Sequence[Reference]) -> 
     starts = [{"wrap_angle": math.pi + sign * changes["release_angle"]} for sign in (1, -1)]
     starts += [{"free_length": FREE_LENGTH + sign * changes["free_length"]} for sign in (1, -1)]
 
-    def metrics_run(reference: Reference) -> Callable[[], dict[str, float | None]]:
-        def make() -> dict[str, float | None]:
-            run = elsewhere.simulate(reference.scenario)
-            # No values of a run that broke off for another reason than the engine's numbers
-            return metrics_of(run, reference) if run.status is not RunStatus.INTERRUPTED and len(run.t) else {}
+    def metrics_run(reference: Reference) -> dict[str, float | None]:
+        run = elsewhere.simulate(reference.scenario)
+        # No values of a run that broke off for another reason than the engine's numbers
+        return metrics_of(run, reference) if run.status is not RunStatus.INTERRUPTED and len(run.t) else {}
 
-        return make
+    def capstan_run(start: dict[str, float]) -> dict[str, float | None]:
+        return {CAPSTAN.name: capstan_error(elsewhere, **start)[0]}
 
-    def capstan_run(start: dict[str, float]) -> Callable[[], dict[str, float | None]]:
-        return lambda: {CAPSTAN.name: capstan_error(elsewhere, **start)[0]}
-
-    return [*map(metrics_run, references), *(capstan_run(start) for start in starts)]
+    return [*(partial(metrics_run, each) for each in references), *(partial(capstan_run, start) for start in starts)]
 
 
 def standard_deviations(values: Sequence[dict[str, float | None]]) -> dict[str, float | None]:

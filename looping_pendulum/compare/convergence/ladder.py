@@ -132,7 +132,7 @@ def classify_sequence(h: Array, values: Sequence[Array], *, floor: float = 0.0, 
     if closing is not None:
         return closing
     tail = values[-min(len(values), SCATTER_RUNGS) :]
-    scatter = _deviation(tail)
+    scatter = deviation(tail) or 0.0
     within = spread is not None and scatter <= SIGNIFICANT_CHANGE * max(spread, floor)
     why = "refinement changes it no more than small changes of the start do" if within else _not_monotone(values)
     mean = np.mean(tail, axis=0)
@@ -295,17 +295,12 @@ def _converging(h: Array, values: Sequence[Array], fit: _Fit, noise: float) -> S
     )
 
 
-def _deviation(values: Sequence[Array]) -> float:
-    """Return the standard deviation of ``values`` about their mean; 0 for a single one."""
-    if len(values) < 2:
-        return 0.0
+def deviation(values: Sequence[Array]) -> float | None:
+    """Return the standard deviation of ``values`` about their mean, None for fewer than three."""
+    if len(values) < MIN_RUNGS:
+        return None
     mean = np.mean(values, axis=0)
     return math.sqrt(sum(rms_norm(value - mean) ** 2 for value in values) / (len(values) - 1))
-
-
-def deviation(values: Sequence[Array]) -> float | None:
-    """Return the standard deviation of ``values``, None for fewer than three."""
-    return _deviation(values) if len(values) >= MIN_RUNGS else None
 
 
 def _not_monotone(values: Sequence[Array]) -> str:
