@@ -170,16 +170,12 @@ class ProgressBars:
         else:
             # Not add and then update: rich would count a fraction that was complete before for the speed. It annotates an int.
             self._tasks[task] = self._bar.add_task(printable(description), total=1.0, completed=fraction)  # type: ignore[arg-type]
-        if not self.on_terminal and self._line_is_due(fraction):
+        due = fraction >= self._line_fraction + self.line_every_fraction
+        if math.isfinite(self.line_every_seconds):
+            due = due or fraction >= 1 or time.monotonic() >= self._line_time + self.line_every_seconds
+        if due and not self.on_terminal:
             self._line_fraction, self._line_time = fraction, time.monotonic()
             note(line or f"{100 * fraction:.0f} %: {description}")
-
-    def _line_is_due(self, fraction: float) -> bool:
-        if fraction >= self._line_fraction + self.line_every_fraction:
-            return True
-        if math.isinf(self.line_every_seconds):
-            return False
-        return fraction >= 1 or time.monotonic() >= self._line_time + self.line_every_seconds
 
     def update_engine(self, engine: Any, fraction: float) -> None:
         """Show that ``fraction`` of the run of ``engine`` is complete, on a bar of its own."""

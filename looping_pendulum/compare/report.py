@@ -66,7 +66,9 @@ def render(
     changes
         Changes since a baseline, if there is one.
     """
-    figures_section = "## Figures\n\n" + _figures(figures or {})
+    pictures = [f"![{caption}]({path})\n\n*{caption}*\n" for path, caption in (figures or {}).items()]
+    none = "There are none, because this report was made without the trajectories.\n"
+    figures_section = "## Figures\n\n" + ("\n".join(pictures) or none)
     words = "## Words\n\n" + "".join(f"- **{word}**: {meaning}\n" for word, meaning in glossary("comparison").items())
     return "\n".join([*before_figures(result, changes), figures_section, *after_figures(result), words])
 
@@ -229,12 +231,6 @@ def _quoted(message: str) -> str:
     lines = message.strip().splitlines()
     # A backtick would end the code, and a traceback says most in its last line
     return "`" + lines[-1].replace("`", "'")[:200] + "`" if lines else ""
-
-
-def _figures(figures: Mapping[str, str]) -> str:
-    if not figures:
-        return "There are none, because this report was made without the trajectories.\n"
-    return "\n".join(f"![{caption}]({path})\n\n*{caption}*\n" for path, caption in figures.items())
 
 
 def _detail(result: ComparisonResult) -> str:

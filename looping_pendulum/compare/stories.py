@@ -109,7 +109,11 @@ def story(
     sentences.append(_rebound(own))
     # Without any friction law, a missing static friction says nothing more
     if STATIC_FRICTION in missing and "friction_law" not in missing:
-        sentences.append(_without_static_friction(parameters))
+        c = parameters.coefficients
+        values = f"{c['static_friction']:g} before it slides, {c['kinetic_friction']:g} while it does"
+        sentences.append(
+            f"It has one friction coefficient where this scenario has two ({values}): its run lacks the static one."
+        )
     if not run.status.ok:
         sentences.append(f"The run broke off at {run.t[-1]:.3f} s: {run.status.value}.")
     return " ".join(s for s in sentences if s)
@@ -120,12 +124,6 @@ def missing_physics(supplies: tuple[SupplyEntry, ...], parameters: Parameters, l
     scenario_physics = physics_of(parameters)
     nobody = (s.what.replace(" ", "_") for s in supplies if s.by == Supplier.NOBODY.value)
     return tuple(dict.fromkeys([*(what for what in nobody if what in scenario_physics), *lacks]))
-
-
-def _without_static_friction(parameters: Parameters) -> str:
-    c = parameters.coefficients
-    values = f"{c['static_friction']:g} before it slides, {c['kinetic_friction']:g} while it does"
-    return f"It has one friction coefficient where this scenario has two ({values}): its run lacks the static one."
 
 
 def _when(departures: tuple[Departure, ...], end: float) -> str:

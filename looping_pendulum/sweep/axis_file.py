@@ -69,7 +69,10 @@ def read_axis(variable: Variable, content: object, *, sampled: bool) -> Axis:
         if key not in keys:
             why = " (a sample has one count for all, under 'sample')" if sampled and key in ("count", "values") else ""
             raise input_error(f"found an unknown key, needed one of: {', '.join(keys)}{why}{suggest(key, keys)}", key)
-    logarithmic = _spacing(group.get("spacing", "linear"))
+    spacing = group.get("spacing", "linear")
+    if spacing not in ("linear", "log"):
+        raise input_error(f"expected linear or log, got {quote(spacing)}; leave it out for linear", "spacing")
+    logarithmic = spacing == "log"
     if "values" in group:
         values, first = _listed(quantity, group)
     else:
@@ -84,13 +87,6 @@ def read_axis(variable: Variable, content: object, *, sampled: bool) -> Axis:
         values=values,
         logarithmic=logarithmic,
     )
-
-
-def _spacing(raw: object) -> bool:
-    """Return whether the values are spaced by a constant factor."""
-    if raw not in ("linear", "log"):
-        raise input_error(f"expected linear or log, got {quote(raw)}; leave it out for linear", "spacing")
-    return raw == "log"
 
 
 def _listed(quantity: QuantityField, group: dict[str, Any]) -> tuple[Array, str]:

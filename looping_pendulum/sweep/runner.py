@@ -19,7 +19,7 @@ from looping_pendulum.sweep import cells, executors, report
 from looping_pendulum.sweep.executors import Solve
 from looping_pendulum.sweep.plan import MapPlan
 from looping_pendulum.sweep.report import EngineSummary
-from looping_pendulum.sweep.store import STORE, MapStore, claimed, full_disk_as_map_error, open_store
+from looping_pendulum.sweep.store import STORE, MapStore, claimed, open_store
 
 TIMINGS = "timings.json"
 """File with the times at which a map was made and its speed; the store itself does not depend on them."""
@@ -92,7 +92,7 @@ def run_map(
         If a worker process or the cluster fails.
     """
     folder = Path(folder)
-    with full_disk_as_map_error(folder), claimed(folder):
+    with claimed(folder):
         store = open_store(plan, folder)
         missing = store.missing()
         tasks = _tasks(plan, missing, time_limit, memory_limit)

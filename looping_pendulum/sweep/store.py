@@ -57,21 +57,14 @@ BYTES_PER_RUN = sum(np.dtype(field.dtype).itemsize for field in FIELDS)
 
 @contextmanager
 def claimed(folder: Path) -> Iterator[None]:
-    """Keep a second process out of ``folder``."""
-    folder.mkdir(parents=True, exist_ok=True)
+    """Keep a second process out of ``folder``; turn the exception of a full disk into a `MapError` of one line."""
     try:
+        folder.mkdir(parents=True, exist_ok=True)
         with locked(folder / LOCK, wait=False):
             yield
     except LockedError:
         message = f"{folder}: found another run that is writing here, needed a folder of its own; wait for it to end"
         raise MapError(one_line(message)) from None
-
-
-@contextmanager
-def full_disk_as_map_error(folder: Path) -> Iterator[None]:
-    """Turn the exception of a full disk into a `MapError` of one line."""
-    try:
-        yield
     except OSError as error:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT):
             raise
