@@ -8,6 +8,7 @@ import typer
 
 from looping_pendulum.cli import common
 from looping_pendulum.cli.terminal import say, show_json, show_table
+from looping_pendulum.engines import Profile
 from looping_pendulum.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ def check(
         typer.Argument(metavar="[SCENARIO]...", help="Default: all shipped scenarios.", autocompletion=common.scenario_names),
     ] = None,
     engine: common.EngineNames = None,
-    profile: common.ProfileName = common.ProfileChoice.QUICK,
+    profile: common.ProfileName = Profile.QUICK,
     time_limit: common.TimeLimit = 900.0,
     memory_limit: common.MemoryLimit = "2 GiB",
     jobs: common.Jobs = None,
@@ -35,13 +36,11 @@ def check(
     looping-pendulum check mine.yaml --engine pymunk
     """
     from looping_pendulum.compare.report import value_and_limit
-    from looping_pendulum.engines.protocol import Profile
     from looping_pendulum.engines.registry import expand_tolerances, label, select, why_no_tolerances
     from looping_pendulum.scenarios import loader
 
-    engine_profile = Profile(profile.value)
-    requested = None if not engine else {label(variant) for variant in select(engine, engine_profile)}
-    scenarios = [expand_tolerances(common.load_scenario(name), engine_profile) for name in scenario or loader.shipped()]
+    requested = None if not engine else {label(variant) for variant in select(engine, profile)}
+    scenarios = [expand_tolerances(common.load_scenario(name), profile) for name in scenario or loader.shipped()]
     results: list[ComparisonResult] = []
     without_tolerances: dict[str, str] = {}
     not_judged: list[str] = []

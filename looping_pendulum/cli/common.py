@@ -6,7 +6,6 @@ import json
 import signal
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from enum import StrEnum
 from importlib import import_module
 from importlib.metadata import entry_points
 from importlib.resources import files
@@ -16,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from looping_pendulum.cli.terminal import ProgressBars, choose_json, choose_quiet, note, say, show_table
+from looping_pendulum.engines import Profile
 from looping_pendulum.pages.palette import KNOWN_LABELS
 
 if TYPE_CHECKING:
@@ -73,13 +73,6 @@ INTERRUPTED_FOLDER = "interrupted"
 """Name of the folder of an interrupted report, inside the folder of a complete one."""
 
 
-class ProfileChoice(StrEnum):
-    """Choices of --profile: the values of `engines.protocol.Profile`, which would take too long to import for --help."""
-
-    QUICK = "quick"
-    ACCURATE = "accurate"
-
-
 ScenarioName = Annotated[
     str,
     typer.Argument(
@@ -102,7 +95,7 @@ EngineNames = Annotated[
     ),
 ]
 ProfileName = Annotated[
-    ProfileChoice,
+    Profile,
     typer.Option("--profile", "-p", help="Settings of the engines. quick: a run takes seconds to a minute. accurate: minutes."),
 ]
 TimeLimit = Annotated[
@@ -201,7 +194,7 @@ def load_scenario(name: str) -> Scenario:
 def run_and_compare(
     scenario: Scenario,
     engine: list[str] | None,
-    profile: ProfileChoice,
+    profile: Profile,
     *,
     data: Path | None = None,
     trial: MeasuredTrial | None = None,

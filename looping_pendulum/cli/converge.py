@@ -9,6 +9,7 @@ import typer
 
 from looping_pendulum.cli import common
 from looping_pendulum.cli.terminal import convergence_bars, say, show_json, show_table
+from looping_pendulum.engines import Profile
 
 
 def converge(
@@ -23,7 +24,7 @@ def converge(
             autocompletion=common.engine_names,
         ),
     ] = None,
-    profile: common.ProfileName = common.ProfileChoice.QUICK,
+    profile: common.ProfileName = Profile.QUICK,
     out: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder for the report and the runs; default: report/SCENARIO-converge."),
@@ -57,12 +58,11 @@ def converge(
     from looping_pendulum.compare.convergence.study import study_convergence, write
     from looping_pendulum.compare.harness import chosen_engines
     from looping_pendulum.engines.isolation import parse_memory
-    from looping_pendulum.engines.protocol import Profile
     from looping_pendulum.files import prepare_output_folder
     from looping_pendulum.pages.numbers import number
 
     chosen = common.load_scenario(scenario)
-    engines = chosen_engines(engine or (), Profile(profile.value))
+    engines = chosen_engines(engine or (), profile)
     folder = out or Path("report") / f"{chosen.name}-converge"
     prepare_output_folder(
         folder, files=("convergence.md", FILE), folders=("figures",)

@@ -9,16 +9,16 @@ import typer
 
 from looping_pendulum.cli import common
 from looping_pendulum.cli.terminal import ProgressBars, note, say, show_json, show_table
+from looping_pendulum.engines import Profile
 from looping_pendulum.errors import EngineError
 
 if TYPE_CHECKING:
     from looping_pendulum.engines.conformance import CheckResult
-    from looping_pendulum.engines.protocol import Profile
     from looping_pendulum.repro.claims import Claim
 
 
 def engines(
-    profile: common.ProfileName = common.ProfileChoice.QUICK,
+    profile: common.ProfileName = Profile.QUICK,
     support: Annotated[bool, typer.Option("--support", help="Show which engine can run which scenario, and why not.")] = False,
     markdown: Annotated[bool, typer.Option("--markdown", help="With --support: print it as a Markdown page.")] = False,
     as_json: common.AsJson = False,
@@ -27,14 +27,12 @@ def engines(
 
     An engine from another package is listed with the package's name.
     """
-    from looping_pendulum.engines.protocol import Profile
-
     if markdown and not support:
         raise EngineError("--markdown: found it alone, needed --support with it; write `engines --support --markdown`")
     if support:
-        _list_support(Profile(profile.value), markdown)
+        _list_support(profile, markdown)
     else:
-        _list_engines(Profile(profile.value))
+        _list_engines(profile)
 
 
 def _list_engines(profile: Profile) -> None:
@@ -96,7 +94,7 @@ def conformance(
             metavar="ENGINE", help="Engine (all its variants) or variant (my_engine:chain).", autocompletion=common.engine_names
         ),
     ],
-    profile: common.ProfileName = common.ProfileChoice.QUICK,
+    profile: common.ProfileName = Profile.QUICK,
     time_limit: common.TimeLimit = 300.0,
     as_json: common.AsJson = False,
     quiet: common.Quiet = False,
@@ -106,12 +104,11 @@ def conformance(
     Each run has a process of its own, so a crash or a hang fails one check only.
     """
     from looping_pendulum.engines.conformance import run_checks
-    from looping_pendulum.engines.protocol import Profile
     from looping_pendulum.engines.registry import how_to_get, label, missing_packages, select
 
     all_good = True
     listed: dict[str, list[CheckResult]] = {}
-    for engine in select([name], Profile(profile.value)):
+    for engine in select([name], profile):
         missing = missing_packages(engine)
         if missing:
             raise EngineError(f"{label(engine)}: {missing[0]} is not installed; to get it: {how_to_get(missing[0])}")
@@ -148,7 +145,7 @@ def versions(
             metavar="SCENARIO", help="Shipped scenario, or path of a YAML file.", autocompletion=common.scenario_names
         ),
     ] = "ten_to_one",
-    profile: common.ProfileName = common.ProfileChoice.QUICK,
+    profile: common.ProfileName = Profile.QUICK,
     out: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder for the results and for each ended release; default: report/versions-ENGINE."),
@@ -172,14 +169,13 @@ def versions(
     looping-pendulum versions mujoco --from 3.1 --to 3.3
     """
     from looping_pendulum.engines.isolation import parse_memory
-    from looping_pendulum.engines.protocol import Profile
     from looping_pendulum.files import optional_output, prepare_output_folder, write_atomically
     from looping_pendulum.releases.figure import png_of
     from looping_pendulum.releases.installers import list_releases
     from looping_pendulum.releases.result import FILE, HEADER, move_sentences, rows
     from looping_pendulum.releases.study import ReleaseStudy, chosen_releases, chosen_variants, distribution_of
 
-    engines = chosen_variants(engine, variant or (), Profile(profile.value))
+    engines = chosen_variants(engine, variant or (), profile)
     chosen, memory_bytes = common.load_scenario(scenario), parse_memory(memory_limit)
     package = distribution_of(engines[0])
     releases = chosen_releases(package, list_releases(package), first=first, last=last, listed=listed)

@@ -23,6 +23,7 @@ from looping_pendulum.cli.new import new
 from looping_pendulum.cli.teaching import demo, demonstrations, init, live, tracker
 from looping_pendulum.cli.terminal import ProgressBars, reset_output, say, say_file, show_json, show_table
 from looping_pendulum.cli.track import track
+from looping_pendulum.engines import Profile
 from looping_pendulum.errors import HarnessError, one_line, shorten
 
 if TYPE_CHECKING:
@@ -146,7 +147,7 @@ app.command()(engines)
 def run(
     scenario: common.ScenarioName,
     engine: common.EngineNames = None,
-    profile: common.ProfileName = common.ProfileChoice.QUICK,
+    profile: common.ProfileName = Profile.QUICK,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write the trajectories as CSV files into this folder.")
     ] = None,
@@ -163,14 +164,13 @@ def run(
     from looping_pendulum.compare.harness import chosen_engines
     from looping_pendulum.compare.trajectories import trajectory_csv
     from looping_pendulum.engines.isolation import parse_memory, run_all
-    from looping_pendulum.engines.protocol import Profile
     from looping_pendulum.engines.reference import ReferenceEngine
     from looping_pendulum.engines.trajectory import RunStatus
     from looping_pendulum.files import file_stems, prepare_output_folder, write_atomically
     from looping_pendulum.reference_ode.solve import available_integrators
 
-    chosen, speed, memory_bytes = common.load_scenario(scenario), Profile(profile.value), parse_memory(memory_limit)
-    wanted = chosen_engines(engine, speed) if engine else [ReferenceEngine(available_integrators()[0], speed)]
+    chosen, memory_bytes = common.load_scenario(scenario), parse_memory(memory_limit)
+    wanted = chosen_engines(engine, profile) if engine else [ReferenceEngine(available_integrators()[0], profile)]
     if out is not None:
         prepare_output_folder(out)  # refuse an unusable folder before the work, not after it
     with ProgressBars(time_left=True, keep=True) as bars:
@@ -222,7 +222,7 @@ def run(
 def compare(
     scenario: common.ScenarioName,
     engine: common.EngineNames = None,
-    profile: common.ProfileName = common.ProfileChoice.QUICK,
+    profile: common.ProfileName = Profile.QUICK,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the report; default: report/SCENARIO.")] = None,
     data: common.DataFolder = None,
     marks: common.MarksFiles = None,

@@ -9,6 +9,7 @@ import typer
 
 from looping_pendulum.cli import common
 from looping_pendulum.cli.terminal import ProgressBars, note, say
+from looping_pendulum.engines import Profile
 
 EXAMPLE_FOLDER = Path("looping-pendulum-example")
 """Folder that `init` fills where none is named."""
@@ -17,7 +18,7 @@ EXAMPLE_FOLDER = Path("looping-pendulum-example")
 def demo(
     scenario: common.OptionalScenario = "ten_to_one",
     engine: common.EngineNames = None,
-    profile: common.ProfileName = common.ProfileChoice.QUICK,
+    profile: common.ProfileName = Profile.QUICK,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the page and the results; default: report/SCENARIO.")
     ] = None,
@@ -44,7 +45,6 @@ def demo(
     from looping_pendulum.compare.comparison import with_trial
     from looping_pendulum.compare.harness import chosen_engines
     from looping_pendulum.compare.trajectories import stored_result
-    from looping_pendulum.engines.protocol import Profile
     from looping_pendulum.files import prepare_output_folder
     from looping_pendulum.teaching import demo as pages
 
@@ -59,7 +59,7 @@ def demo(
     prepare_output_folder(
         folder, files=(*common.COMPARE_FILES, pages.FILE), folders=common.COMPARE_FOLDERS
     )  # refuse an unusable folder before the work, not after it
-    engines = chosen_engines(engine or (), Profile(profile.value))
+    engines = chosen_engines(engine or (), profile)
     result = None if again else stored_result(folder, chosen, engines)
     if result is None:
         limits: dict[str, Any] = {"time_limit": time_limit, "memory_limit": memory_limit, "jobs": jobs}
@@ -106,7 +106,7 @@ def tracker(
     ] = None,
     fps: Annotated[float, typer.Option(metavar="RATE", help="True frame rate of the video.")] = 240.0,
     start: Annotated[float, typer.Option(metavar="SECONDS", help="Time of the release by the video's clock.")] = 0.0,
-    profile: common.ProfileName = common.ProfileChoice.QUICK,
+    profile: common.ProfileName = Profile.QUICK,
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="File to write; default: NAME-tracker.csv.")] = None,
 ) -> None:
     """Write a motion as a file that Tracker draws over a video (docs/tracker.md).
@@ -116,13 +116,12 @@ def tracker(
 
     looping-pendulum tracker ten_to_one --fps 240 --start 0.35 --out overlay.csv
     """
-    from looping_pendulum.engines.protocol import Profile
     from looping_pendulum.files import file_stem, prepare_output_folder, write_atomically
     from looping_pendulum.teaching.tracker import find_motion, overlay
 
     path = out or Path(f"{file_stem(Path(source).stem, engine or '')}-tracker.csv")
     prepare_output_folder(path.parent, files=(path.name,))
-    frames = overlay(find_motion(source, engine, Profile(profile.value)), frame_rate=fps, start=start)
+    frames = overlay(find_motion(source, engine, profile), frame_rate=fps, start=start)
     write_atomically(path, frames.to_csv())
     last = frames.first_frame + len(frames.t) - 1
     say(f"wrote {path}: {frames.name}; one row per frame, frames {frames.first_frame} to {last} at {fps:g} a second")

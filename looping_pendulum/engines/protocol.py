@@ -9,11 +9,11 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from enum import StrEnum
 from typing import Any, ClassVar, Protocol, Self, runtime_checkable
 
 import numpy as np
 
+from looping_pendulum.engines import Profile as Profile
 from looping_pendulum.engines.studies import Studies
 from looping_pendulum.engines.trajectory import (
     COLUMNS,
@@ -75,15 +75,6 @@ def has_own_static_friction(parameters: Parameters) -> bool:
     """Return whether the string slides over the rod and its static friction differs from the kinetic one."""
     c = parameters.coefficients
     return parameters.release in (Release.LOOPING, Release.VERTICAL) and c["static_friction"] != c["kinetic_friction"]
-
-
-class Profile(StrEnum):
-    """Set of numerical settings, by how much a run may cost."""
-
-    QUICK = "quick"
-    """Seconds per run: for everyday use and for the tests."""
-    ACCURATE = "accurate"
-    """Minutes per run: the most accurate settings that the adapter has."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,6 @@ from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.engines.registry import label
 from looping_pendulum.engines.trajectory import supplies_as_rows
 from looping_pendulum.engines.validated import QUANTITIES, VALIDATED_METRICS, Spread, ValidatedQuantity
-from looping_pendulum.pages.markdown import table
 from looping_pendulum.pages.numbers import amount
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.parameters import Parameters
@@ -115,9 +114,7 @@ def kind(engine: Engine) -> str:
 
 def page(engines: Sequence[Engine]) -> str:
     """Return the page docs/support.md: all tables as Markdown."""
-    scenarios, effects, supplies, additions, errors, ranges = (
-        table(head, rows, left=len(head)) for head, rows in tables(engines)
-    )
+    scenarios, effects, supplies, additions, errors, ranges = (_markdown(*each) for each in tables(engines))
     return f"""# Which engine can run what
 
 `{COMMAND}` writes this page from what every variant declares
@@ -152,3 +149,9 @@ scenario lies outside the range.
 The scenarios covered these ranges:
 
 {ranges}"""
+
+
+def _markdown(header: list[str], rows: list[list[str]]) -> str:
+    """Return a table in Markdown."""
+    lines = [header, ["---"] * len(header), *([cell.replace("|", "\\|") for cell in row] for row in rows)]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
