@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from looping_pendulum.errors import ParameterError, ScenarioError
 from looping_pendulum.reference_ode import effects as effect_library
@@ -22,7 +22,6 @@ from looping_pendulum.scenarios import document, own_effects, schema
 from looping_pendulum.scenarios.document import Document, one_line
 from looping_pendulum.scenarios.fields import first_error
 from looping_pendulum.scenarios.metrics import METRICS
-from looping_pendulum.scenarios.own_effects import OwnEffectsFile
 from looping_pendulum.scenarios.quantities import FILE_KEYS, file_key, unit_of
 from looping_pendulum.scenarios.scenario import (
     PROFILES,
@@ -127,7 +126,7 @@ def _not_found(path: Path, shown: str) -> str:
 
 def _scenario(doc: Document, name: str) -> Scenario:
     """Validate a document and return its scenario."""
-    model: type[BaseModel] = OwnEffectsFile
+    model = ScenarioFile
     try:
         own = own_effects.read(doc.data)
         model = schema.file_model(c for each in own for c in effect_of(each).coefficients)
