@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from looping_pendulum.measured.camera import Camera
 from looping_pendulum.measured.observations import Channel, DataError
-from looping_pendulum.reference_ode.effects.types import TURN
 from looping_pendulum.reference_ode.geometry import Array, xy_pairs
-from looping_pendulum.reference_ode.solution import Samples, heavy_mass_position, light_mass_position
+from looping_pendulum.reference_ode.solution import Samples, heavy_mass_position, light_mass_position, string_overlap
 from looping_pendulum.reference_ode.state import Effects, State
 
 # Runs of ten_to_one and two_to_one agree with those of `solve.TOLERANCE` within 1e-11 m. Batches and single runs of the same
@@ -128,17 +127,14 @@ class SampledRuns:
     @cached_property
     def light_position(self) -> Array:
         """Position of the light mass [m], shape (n, times, 2)."""
-        return xy_pairs(*light_mass_position(np, self.state, self._overlap, self._p, self._effects))
+        overlap = string_overlap(self.state, self._effects)
+        return xy_pairs(*light_mass_position(np, self.state, overlap, self._p, self._effects))
 
     @cached_property
     def heavy_position(self) -> Array:
         """Position of the heavy mass [m], shape (n, times, 2)."""
-        return xy_pairs(*heavy_mass_position(np, self.state, self._overlap, self._p, self._effects))
-
-    @property
-    def _overlap(self) -> Array | float:
-        """Return where the string lies on itself: beyond the first full turn, if an effect asks for it."""
-        return (self.state.wrap_angle > TURN) * 1.0 if any(e.watches_first_turn for e in self._effects) else 0.0
+        overlap = string_overlap(self.state, self._effects)
+        return xy_pairs(*heavy_mass_position(np, self.state, overlap, self._p, self._effects))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
