@@ -60,7 +60,7 @@ def _coefficient(
     error: float, reach: float | None = None, changes: tuple[str, ...] = ("positions",), if_stated: bool = False,
 ) -> Any:  # fmt: skip
     """Return the field of `Camera` of a coefficient, of which all is said here but its name."""
-    known = {"unit": unit, "null": null, "bounds": bounds, "meaning": meaning, "error": error}
+    known = {"unit": unit, "default": null, "null": null, "bounds": bounds, "meaning": meaning, "error": error}
     return field(default=null, metadata={**known, "candidate_reach": reach, "changes": changes, "if_stated": if_stated})
 
 
@@ -269,7 +269,7 @@ class Camera:
         return np.asarray(self.perspective_x * v[..., 0] + self.perspective_y * v[..., 1])[..., np.newaxis]
 
 
-CAMERA = MappingProxyType({f.name: CameraCoefficient(name=f.name, default=f.default, **f.metadata) for f in fields(Camera)})
+CAMERA = MappingProxyType({f.name: CameraCoefficient(name=f.name, **f.metadata) for f in fields(Camera)})
 """Coefficients of the camera model, by name; the null values are those of a perfect camera."""
 _BOUNDS = tuple((c.name, c.bounds) for c in CAMERA.values())
 

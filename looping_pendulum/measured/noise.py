@@ -136,7 +136,7 @@ def _fit_noise_law(difference: Array, speed: Array, typical_sigma: float) -> tup
         clipped = sigma**2 * np.minimum((difference / sigma) ** 2, CLIP_SIGMAS**2) / mean
         # Linearised, the estimating equation is a weighted line through (sigma + clipped / sigma) / 2.
         target = 0.5 * (sigma + clipped / sigma)
-        new_a, new_b = _weighted_line(speed, target, 1 / sigma**2)
+        new_a, new_b = weighted_line(speed, target, 1 / sigma**2)
         # Both in the unit of sigma, b by what it adds at a typical speed
         change = abs(new_a - a) + abs(new_b - b) * float(np.median(speed))
         a, b = new_a, new_b
@@ -145,7 +145,7 @@ def _fit_noise_law(difference: Array, speed: Array, typical_sigma: float) -> tup
     return a, b
 
 
-def _weighted_line(v: Array, y: Array, weight: Array) -> tuple[float, float]:
+def weighted_line(v: Array, y: Array, weight: Array) -> tuple[float, float]:
     """Fit a weighted line y = a + b v with a, b >= 0."""
     total = float(weight.sum())
     flat = max(float(weight @ y) / total, MIN_SCALE)

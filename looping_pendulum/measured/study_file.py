@@ -146,7 +146,7 @@ def text_by_key(expected: str, keys: Mapping[str, str]) -> FieldType:
         return dict(raw)
 
     properties = {key: {"type": "string", "description": meaning} for key, meaning in keys.items()}
-    return FieldType(read, {"minProperties": 1} | _group_schema(properties))
+    return FieldType(read=read, json_schema={"minProperties": 1} | _group_schema(properties))
 
 
 def low_and_high(kind: QuantityKind, example: str) -> FieldType:
@@ -161,7 +161,8 @@ def low_and_high(kind: QuantityKind, example: str) -> FieldType:
         return low, high
 
     words = f"the lowest and the highest value, each {kind.requirement}"
-    return FieldType(read, {"type": "array", "minItems": 2, "maxItems": 2, "examples": [example], QUANTITY_TEXT: words})
+    schema = {"type": "array", "minItems": 2, "maxItems": 2, "examples": [example], QUANTITY_TEXT: words}
+    return FieldType(read=read, json_schema=schema)
 
 
 def _group_schema(properties: JsonSchemaValue, *, further: bool = False) -> JsonSchemaValue:
@@ -234,8 +235,8 @@ Effects = Annotated[
 Camera = Annotated[
     dict[str, Estimate],
     FieldType(
-        _camera,
-        _group_schema({n: f.json_schema | {"description": CAMERA[n].meaning} for n, f in _CAMERA_FIELDS.items()}),
+        read=_camera,
+        json_schema=_group_schema({n: f.json_schema | {"description": CAMERA[n].meaning} for n, f in _CAMERA_FIELDS.items()}),
     ),
 ]
 """Field type of the declared errors of a camera: coefficient -> estimate."""
