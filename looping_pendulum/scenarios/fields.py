@@ -76,7 +76,7 @@ class QuantityField:
         }
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class FieldType:
     """Field type for pydantic: how a key's value is read from the file, and its JSON Schema."""
 
@@ -98,7 +98,7 @@ def one_of(*words: str) -> FieldType:
             return value
         raise input_error(f"expected one of {', '.join(words)}, got {quote(value)}{suggest(str(value), words)}")
 
-    return FieldType(read, {"type": "string", "enum": list(words)})
+    return FieldType(read=read, json_schema={"type": "string", "enum": list(words)})
 
 
 def whole_number(example: str, *, low: int = 1) -> FieldType:
@@ -111,7 +111,7 @@ def whole_number(example: str, *, low: int = 1) -> FieldType:
             return int(value)
         raise input_error(f"expected a whole number from {low}, got {quote(value)}; write for example '{example}'")
 
-    return FieldType(read, {"type": "integer", "minimum": low, "examples": [int(example)]})
+    return FieldType(read=read, json_schema={"type": "integer", "minimum": low, "examples": [int(example)]})
 
 
 def _flag(value: object) -> bool:
@@ -120,7 +120,7 @@ def _flag(value: object) -> bool:
     raise input_error(f"expected true or false, got {quote(value)}")
 
 
-Flag = Annotated[bool, FieldType(_flag, {"type": "boolean"})]
+Flag = Annotated[bool, FieldType(read=_flag, json_schema={"type": "boolean"})]
 
 
 def _text(value: object) -> str:

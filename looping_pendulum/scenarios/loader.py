@@ -216,7 +216,10 @@ def dump(scenario: Scenario) -> str:
         if name not in FILE_KEYS and value != known[name].default
     }
     measured = dataclasses.asdict(scenario.measured) if scenario.measured else {}
-    inferred = [_inferred_entry(i) for i in scenario.inferred]
+    # Without a script the key is left out
+    inferred = [
+        {"parameters": list(i.parameters), "how": i.how} | ({"script": i.script} if i.script else {}) for i in scenario.inferred
+    ]
     optional = {
         own_effects.KEY: own_effects.tree(p.own_effects),
         "effects": others,
@@ -226,12 +229,6 @@ def dump(scenario: Scenario) -> str:
     }
     data |= {key: value for key, value in optional.items() if value}
     return str(yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100))
-
-
-def _inferred_entry(inference: Inference) -> dict[str, Any]:
-    """Return an inference as a file has it; without a script the key is left out."""
-    entry: dict[str, Any] = {"parameters": list(inference.parameters), "how": inference.how}
-    return entry | ({"script": inference.script} if inference.script else {})
 
 
 def _yaml_value(parameter: str, value: Any) -> Any:

@@ -141,15 +141,14 @@ def read(data: Mapping[str, Any], key: str = KEY) -> tuple[OwnEffect, ...]:
 
 def tree(own_effects: Sequence[OwnEffect]) -> dict[str, Any]:
     """Return effects as nested keys and texts of a file, which `read` reads."""
-    return {own.name: _group_tree(own) for own in own_effects}
-
-
-def _group_tree(own: OwnEffect) -> dict[str, Any]:
-    entry = {
-        "meaning": own.meaning,
-        "unit": pretty(own.unit) or 1,
-        "bounds": [show(bound, own.unit) if own.unit else bound for bound in own.bounds],
-        "force": dict(own.force),
-        "source": own.source,
+    groups = {
+        own.name: {
+            "meaning": own.meaning,
+            "unit": pretty(own.unit) or 1,
+            "bounds": [show(bound, own.unit) if own.unit else bound for bound in own.bounds],
+            "force": dict(own.force),
+            "source": own.source,
+        }
+        for own in own_effects
     }
-    return {key: value for key, value in entry.items() if value != ""}
+    return {name: {key: value for key, value in group.items() if value != ""} for name, group in groups.items()}

@@ -71,11 +71,6 @@ class DragShape(Group):
     """Density of the air; 1.2 kg/m^3 if not given."""
 
 
-def _drag_form(value: object) -> str:
-    """Return the tag by which pydantic chooses between a drag coefficient and a shape."""
-    return "<shape>" if isinstance(value, dict) else "<direct>"
-
-
 def _annotation(q: Quantity) -> Any:
     """Return the type of a quantity's key; a quadratic drag may be given by a shape, too."""
     number = Annotated[float, QuantityField(q.kind)]
@@ -84,7 +79,7 @@ def _annotation(q: Quantity) -> Any:
     # Tags in brackets, as no key has them: `fields.first_error` takes them out of the paths that it shows
     return Annotated[
         Annotated[number, Tag("<direct>")] | Annotated[DragShape, Tag("<shape>")],
-        Discriminator(_drag_form),
+        Discriminator(lambda value: "<shape>" if isinstance(value, dict) else "<direct>"),
     ]
 
 
