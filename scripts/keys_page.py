@@ -15,8 +15,9 @@ from looping_pendulum.pages.markdown import table
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, LIBRARY, Coefficient
 from looping_pendulum.reference_ode.effects.closure import CLOSURE
 from looping_pendulum.scenarios.fields import QUANTITY_TEXT, QuantityField, undescribed_schema
-from looping_pendulum.scenarios.quantities import file_key, quantity_kind, with_unit
+from looping_pendulum.scenarios.quantities import file_key, quantity_kind
 from looping_pendulum.scenarios.schema import file_model
+from looping_pendulum.scenarios.units import pretty
 from looping_pendulum.sweep.map_file import MapFile
 from looping_pendulum.sweep.quantities import RATIOS, variables
 
@@ -133,7 +134,11 @@ def section(model: Any, defaults: Mapping[str, str] = MappingProxyType({})) -> s
 
 def coefficient_default(c: Coefficient) -> str:
     """Return the value of a coefficient that a file leaves out."""
-    return "the kinetic one" if c.name == "static_friction" else f"`{with_unit(f'{c.default:g}', c.unit)}`"
+    return "the kinetic one" if c.name == "static_friction" else _with_unit(c.default, c.unit)
+
+
+def _with_unit(value: float, unit: str) -> str:
+    return f"`{value:g} {pretty(unit)}".rstrip() + "`"
 
 
 def coefficient_rows() -> Iterator[list[str]]:
@@ -149,7 +154,7 @@ def coefficient_rows() -> Iterator[list[str]]:
 def camera_rows() -> Iterator[list[str]]:
     """Yield a row for each error of a camera."""
     for c in CAMERA.values():
-        yield [f"`{c.name}`", quantity_kind(c).requirement, f"`{with_unit(f'{c.null:g}', c.unit)}`", c.meaning]
+        yield [f"`{c.name}`", quantity_kind(c).requirement, _with_unit(c.null, c.unit), c.meaning]
 
 
 def variable_rows() -> Iterator[list[str]]:

@@ -36,13 +36,12 @@ ADDED = {
     "an error of the camera": [
         (
             CAMERA,
-            "        for c in (\n",
+            "    scale: float = _coefficient(\n",
             """
-                    for c in (
-                        _coefficient("sag", "1/m", 0.0, (-1.0, 1.0), "how the picture hangs", error=0.01, reach=0.3),
+                sag: float = _coefficient("1/m", 0.0, (-1.0, 1.0), "how the picture hangs", error=0.01, reach=0.3)
+                scale: float = _coefficient(
             """,
         ),
-        (CAMERA, '    scale: float = CAMERA["scale"].null\n', '    scale: float = 1.0\n    sag: float = CAMERA["sag"].null\n'),
         (
             CAMERA,
             "        turned[..., 1] += self.origin_y\n",

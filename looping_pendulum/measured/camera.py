@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 from typing import Any
 
@@ -56,88 +56,15 @@ MEASURED = ("positions", "angle", "angle_rate", "height", "events")
 
 
 def _coefficient(
-    name: str, unit: str, null: float, bounds: tuple[float, float], meaning: str, *,
+    unit: str, null: float, bounds: tuple[float, float], meaning: str, *,
     error: float, reach: float | None = None, changes: tuple[str, ...] = ("positions",), if_stated: bool = False,
-) -> CameraCoefficient:  # fmt: skip
-    return CameraCoefficient(
-        name=name, unit=unit, default=null, null=null, bounds=bounds, meaning=meaning,
-        error=error, candidate_reach=reach, changes=changes, if_stated=if_stated,
-    )  # fmt: skip
+) -> Any:  # fmt: skip
+    """Return the field of `Camera` of a coefficient, of which all is said here but its name."""
+    known = {"unit": unit, "default": null, "null": null, "bounds": bounds, "meaning": meaning, "error": error}
+    return field(default=null, metadata={**known, "candidate_reach": reach, "changes": changes, "if_stated": if_stated})
 
 
 _ANGLE = math.radians(0.5)
-CAMERA = MappingProxyType(
-    {
-        c.name: c
-        for c in (
-            # The origin is no candidate, because a fit of the declared model has that of each camera already
-            _coefficient("origin_x", "m", 0.0, (-2e3, 2e3), "x at which the rod's centre is measured", error=5e-3),
-            _coefficient(
-                "origin_y", "m", 0.0, (-2e3, 2e3), "y at which the rod's centre is measured",
-                error=5e-3, changes=("positions", "height"),
-            ),
-            # Heights and angles are measured along the vertical and near the rod, where scale and tilt are all that matters
-            _coefficient(
-                "scale", "", 1.0, (0.2, 5.0), "measured length per true length",
-                error=0.005, reach=0.3, changes=("positions", "height", "events"),
-            ),
-            _coefficient(
-                "tilt", "rad", 0.0, (-math.pi, math.pi), "angle by which the picture is turned, counterclockwise",
-                error=_ANGLE, reach=math.radians(20), changes=("positions", "angle", "events"),
-            ),
-            _coefficient(
-                "foreshortening", "", 1.0, (0.2, 5.0), "horizontal length in the picture per equally long vertical one",
-                error=0.005, reach=0.3,
-            ),
-            _coefficient(
-                "shear", "", 0.0, (-1.0, 1.0), "rise in the picture per length to the right, while upright lines stay upright",
-                error=0.005, reach=0.3,
-            ),
-            _coefficient(
-                "perspective_x", "1/m", 0.0, (-1.0, 1.0),
-                "relative growth of the distance from the camera, per length to the right",
-                error=0.005, reach=0.3,
-            ),
-            _coefficient(
-                "perspective_y", "1/m", 0.0, (-1.0, 1.0),
-                "relative growth of the distance from the camera, per length upwards",
-                error=0.005, reach=0.3,
-            ),
-            _coefficient(
-                "distortion", "1/m^2", 0.0, (-1.0, 1.0),
-                "relative growth of distances from the picture's centre by the lens, per square of the distance",
-                error=0.01, reach=0.3,
-            ),
-            # Without a distortion the picture's centre does not matter, and with one it is seldom determined by the motion
-            _coefficient("centre_x", "m", 0.0, (-10.0, 10.0), "x of the picture's centre, from the rod's", error=0.1),
-            _coefficient("centre_y", "m", 0.0, (-10.0, 10.0), "y of the picture's centre, from the rod's", error=0.1),
-            _coefficient(
-                "clock_offset", "s", 0.0, (-60.0, 60.0), "true time since release at which the file's clock is 0",
-                error=4e-3, reach=0.1, changes=MEASURED,
-            ),
-            _coefficient(
-                "clock_ratio", "", 1.0, (0.01, 100.0), "true time per measured time", error=0.002, reach=0.3, changes=MEASURED,
-            ),
-            _coefficient(
-                "readout", "s/m", 0.0, (-0.1, 0.1), "delay of the picture's rows, per length downwards (rolling shutter)",
-                error=2e-4, reach=0.04, if_stated=True,
-            ),
-            # No candidate: it moves no point of the light mass
-            _coefficient(
-                "heavy_offset_x", "m", 0.0, (-0.1, 0.1), "how far right of the heavy mass its points are",
-                error=5e-4, if_stated=True,
-            ),
-            # No candidate either: every fit of angular velocities has it
-            _coefficient(
-                "rate_offset", "rad/s", 0.0, (-1.0, 1.0), "angular velocity that is measured at rest",
-                error=0.02, changes=("angle_rate",),
-            ),
-        )
-    }
-)  # fmt: skip
-"""Coefficients of the camera model, by name; the null values are those of a perfect camera."""
-
-
 NEWTON_STEPS = 8
 """Newton steps of `Camera.true_position`: from an error of some centimetres they reach rounding in four or five."""
 
@@ -149,22 +76,62 @@ class Camera:
     Values may be arrays, with as many dimensions as positions have before their last one: many cameras at once (`of_many`).
     """
 
-    origin_x: float = CAMERA["origin_x"].null
-    origin_y: float = CAMERA["origin_y"].null
-    scale: float = CAMERA["scale"].null
-    tilt: float = CAMERA["tilt"].null
-    foreshortening: float = CAMERA["foreshortening"].null
-    shear: float = CAMERA["shear"].null
-    perspective_x: float = CAMERA["perspective_x"].null
-    perspective_y: float = CAMERA["perspective_y"].null
-    distortion: float = CAMERA["distortion"].null
-    centre_x: float = CAMERA["centre_x"].null
-    centre_y: float = CAMERA["centre_y"].null
-    clock_offset: float = CAMERA["clock_offset"].null
-    clock_ratio: float = CAMERA["clock_ratio"].null
-    readout: float = CAMERA["readout"].null
-    heavy_offset_x: float = CAMERA["heavy_offset_x"].null
-    rate_offset: float = CAMERA["rate_offset"].null
+    # The origin is no candidate, because a fit of the declared model has that of each camera already
+    origin_x: float = _coefficient("m", 0.0, (-2e3, 2e3), "x at which the rod's centre is measured", error=5e-3)
+    origin_y: float = _coefficient(
+        "m", 0.0, (-2e3, 2e3), "y at which the rod's centre is measured", error=5e-3, changes=("positions", "height")
+    )
+    # Heights and angles are measured along the vertical and near the rod, where scale and tilt are all that matters
+    scale: float = _coefficient(
+        "", 1.0, (0.2, 5.0), "measured length per true length",
+        error=0.005, reach=0.3, changes=("positions", "height", "events"),
+    )  # fmt: skip
+    tilt: float = _coefficient(
+        "rad", 0.0, (-math.pi, math.pi), "angle by which the picture is turned, counterclockwise",
+        error=_ANGLE, reach=math.radians(20), changes=("positions", "angle", "events"),
+    )  # fmt: skip
+    foreshortening: float = _coefficient(
+        "", 1.0, (0.2, 5.0), "horizontal length in the picture per equally long vertical one", error=0.005, reach=0.3
+    )
+    shear: float = _coefficient(
+        "", 0.0, (-1.0, 1.0), "rise in the picture per length to the right, while upright lines stay upright",
+        error=0.005, reach=0.3,
+    )  # fmt: skip
+    perspective_x: float = _coefficient(
+        "1/m", 0.0, (-1.0, 1.0),
+        "relative growth of the distance from the camera, per length to the right",
+        error=0.005, reach=0.3,
+    )  # fmt: skip
+    perspective_y: float = _coefficient(
+        "1/m", 0.0, (-1.0, 1.0), "relative growth of the distance from the camera, per length upwards", error=0.005, reach=0.3
+    )
+    distortion: float = _coefficient(
+        "1/m^2", 0.0, (-1.0, 1.0),
+        "relative growth of distances from the picture's centre by the lens, per square of the distance",
+        error=0.01, reach=0.3,
+    )  # fmt: skip
+    # Without a distortion the picture's centre does not matter, and with one it is seldom determined by the motion
+    centre_x: float = _coefficient("m", 0.0, (-10.0, 10.0), "x of the picture's centre, from the rod's", error=0.1)
+    centre_y: float = _coefficient("m", 0.0, (-10.0, 10.0), "y of the picture's centre, from the rod's", error=0.1)
+    clock_offset: float = _coefficient(
+        "s", 0.0, (-60.0, 60.0), "true time since release at which the file's clock is 0",
+        error=4e-3, reach=0.1, changes=MEASURED,
+    )  # fmt: skip
+    clock_ratio: float = _coefficient(
+        "", 1.0, (0.01, 100.0), "true time per measured time", error=0.002, reach=0.3, changes=MEASURED
+    )
+    readout: float = _coefficient(
+        "s/m", 0.0, (-0.1, 0.1), "delay of the picture's rows, per length downwards (rolling shutter)",
+        error=2e-4, reach=0.04, if_stated=True,
+    )  # fmt: skip
+    # No candidate: it moves no point of the light mass
+    heavy_offset_x: float = _coefficient(
+        "m", 0.0, (-0.1, 0.1), "how far right of the heavy mass its points are", error=5e-4, if_stated=True
+    )
+    # No candidate either: every fit of angular velocities has it
+    rate_offset: float = _coefficient(
+        "rad/s", 0.0, (-1.0, 1.0), "angular velocity that is measured at rest", error=0.02, changes=("angle_rate",)
+    )
 
     def __post_init__(self) -> None:
         """Refuse values out of their bounds."""
@@ -302,6 +269,8 @@ class Camera:
         return np.asarray(self.perspective_x * v[..., 0] + self.perspective_y * v[..., 1])[..., np.newaxis]
 
 
+CAMERA = MappingProxyType({f.name: CameraCoefficient(name=f.name, **f.metadata) for f in fields(Camera)})
+"""Coefficients of the camera model, by name; the null values are those of a perfect camera."""
 _BOUNDS = tuple((c.name, c.bounds) for c in CAMERA.values())
 
 

@@ -8,9 +8,9 @@ motion is needed.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Protocol, TypeVar
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -400,7 +400,8 @@ class _Film:
         """Return displacements by the longest window of each row in which the motion is a polynomial."""
         best, *longer = (self.displacements(half, onward=onward) for half in self.halves)
         for other in longer:
-            best = best.replaced(other, other.misfit < MAX_MISFIT_RATIO * np.maximum(best.misfit, 1.0))
+            fits = other.misfit < MAX_MISFIT_RATIO * np.maximum(best.misfit, 1.0)
+            best = _Displacements(*(np.where(fits, new, old) for new, old in zip(other, best, strict=True)))
         return best
 
     def stops(self) -> NDArray[np.intp]:
@@ -459,8 +460,7 @@ class _Pattern:
         return np.asarray(~copy) if copy.any() and np.all(clear) else None
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Displacements:
+class _Displacements(NamedTuple):
     """By how much each row is displaced in time, shape (n,) each."""
 
     half: NDArray[np.intp]
@@ -473,12 +473,6 @@ class _Displacements:
     """Mean square of the residuals, in variances of the noise."""
     across: Array
     """Displacement otherwise than along the velocities [standard errors]."""
-
-    def replaced(self, other: _Displacements, where: NDArray[np.bool_]) -> _Displacements:
-        """Return these with some of the others in their places."""
-        return _Displacements(
-            **{f.name: np.where(where, getattr(other, f.name), getattr(self, f.name)) for f in fields(_Displacements)}
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -15,24 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.measured.camera import Camera
-from looping_pendulum.measured.noise import Noise, estimate_noise, speed_at
 from looping_pendulum.measured.observations import Channel, DataError
-from looping_pendulum.reference_ode.effects.types import TURN
 from looping_pendulum.reference_ode.geometry import Array, xy_pairs
-from looping_pendulum.reference_ode.parameters import Parameters
-from looping_pendulum.reference_ode.solution import Samples, heavy_mass_position, light_mass_position
-from looping_pendulum.reference_ode.solve import solve_at
+from looping_pendulum.reference_ode.solution import Samples, heavy_mass_position, light_mass_position, string_overlap
 from looping_pendulum.reference_ode.state import Effects, State
-
-__all__ = [
-    "Noise",
-    "Prediction",
-    "SampleFunction",
-    "estimate_noise",
-    "predict",
-    "sampler",
-    "speed_at",
-]
 
 # Runs of ten_to_one and two_to_one agree with those of `solve.TOLERANCE` within 1e-11 m. Batches and single runs of the same
 # trials with every candidate agree within 1e-10 m; at 1e-7 that were 6e-9 m
@@ -46,30 +32,15 @@ It may leave out times past the run's end.
 """
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Prediction:
-    """Values that the camera would have measured in a run."""
+def predict(sample: SampleFunction, camera: Camera, channels: Sequence[Channel], *, dropped: str = "heavy") -> dict[str, Array]:
+    """Return the values [SI] that ``camera`` measures in each channel of a run, at the channel's own times.
 
-    values: Mapping[str, Array]
-    """Channel -> predicted values [SI] at its measured times, shape (n,); past the run's end, those of its end."""
-    after_end: Mapping[str, int]
-    """Channel -> number of measured points past the run's end."""
-    before_release: Mapping[str, int]
-    """Channel -> number of measured points before the release, when the masses are at rest."""
-
-
-def sampler(parameters: Parameters) -> SampleFunction:
-    """Return the reference run of ``parameters`` as a function of time."""
-    return lambda t: solve_at(parameters, t, duration=float(t[-1]) + 1e-3)
-
-
-def predict(sample: SampleFunction, camera: Camera, channels: Sequence[Channel], *, dropped: str = "heavy") -> Prediction:
-    """Predict the values that ``camera`` measures in each channel of a run, at the channel's own times.
+    Past the run's end they are those of its end.
 
     Parameters
     ----------
     sample
-        The run, as from `sampler`. It is called once, with all times that any channel needs.
+        The run. It is called once, with all times that any channel needs.
     dropped
         Mass that a channel "height" shows, "light" or "heavy". Height is measured from its release, plus origin_y.
 
@@ -86,17 +57,16 @@ def predict(sample: SampleFunction, camera: Camera, channels: Sequence[Channel],
         # Not the last sample: within a frame of its end the light mass moves by centimetres
         samples = samples.and_end()
     series = _series(samples, camera, dropped, set(times.index))
-    values, after = {}, {}
+    values = {}
     for name, index in times.index.items():
         # np.take is several times faster than indexing with an array
         values[name] = np.take(series[name], np.minimum(index, known) if ends_early else index)
-        after[name] = int(np.count_nonzero(index >= known)) if ends_early else 0
-        if after[name] and after[name] == len(index):
+        if ends_early and len(index) and np.min(index) >= known:
             raise DataError("found no point during the run, needed some; check the times and the clock offset")
         if name == "angle_rate":
             # before its release the mass is at rest, but the run's first sample may have the speed of a push
             values[name][: times.before_release[name]] = camera.rate_offset
-    return Prediction(values=values, after_end=after, before_release=times.before_release)
+    return values
 
 
 def predict_many(
@@ -157,17 +127,14 @@ class SampledRuns:
     @cached_property
     def light_position(self) -> Array:
         """Position of the light mass [m], shape (n, times, 2)."""
-        return xy_pairs(*light_mass_position(np, self.state, self._overlap, self._p, self._effects))
+        overlap = string_overlap(self.state, self._effects)
+        return xy_pairs(*light_mass_position(np, self.state, overlap, self._p, self._effects))
 
     @cached_property
     def heavy_position(self) -> Array:
         """Position of the heavy mass [m], shape (n, times, 2)."""
-        return xy_pairs(*heavy_mass_position(np, self.state, self._overlap, self._p, self._effects))
-
-    @property
-    def _overlap(self) -> Array | float:
-        """Return where the string lies on itself: beyond the first full turn, if an effect asks for it."""
-        return (self.state.wrap_angle > TURN) * 1.0 if any(e.watches_first_turn for e in self._effects) else 0.0
+        overlap = string_overlap(self.state, self._effects)
+        return xy_pairs(*heavy_mass_position(np, self.state, overlap, self._p, self._effects))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -47,34 +47,19 @@ class Noise:
     """Standard deviation at rest [unit of the channel]."""
     b: float
     """Growth of the standard deviation with speed [s]: about half an exposure time."""
-    a_error: float
-    """Standard error of a."""
-    b_error: float
-    """Standard error of b."""
-    correlation: float
-    """Correlation of the errors of a and b."""
-    count: int
-    """Number of differences that it is estimated from."""
-    curvature: float
-    """Relative bias of sigma by the motion itself: how much the scatter shrinks with differences of two orders more.
-
-    Compare it with ``a_error / a``.
-    """
 
     def sigma(self, speed: Array) -> Array:
         """Return the standard deviation of a tracked point at ``speed`` [unit/s]."""
         return np.asarray(self.a + self.b * np.abs(speed))
 
 
-def estimate_noise(channels: Sequence[Channel], *, with_speed: bool = True) -> Noise:
+def estimate_noise(channels: Sequence[Channel]) -> Noise:
     """Estimate the noise law of one body from its tracked points.
 
     Parameters
     ----------
     channels
         Components of its motion, as ``Observations.bodies()`` groups them.
-    with_speed
-        Whether sigma may grow with speed; otherwise b = 0.
 
     Raises
     ------
@@ -89,17 +74,8 @@ def estimate_noise(channels: Sequence[Channel], *, with_speed: bool = True) -> N
     difference = np.concatenate([d for _, d in differences])
     typical_sigma = _robust_standard_deviation(difference)
     speed = np.concatenate([speed_at(channels, t, typical_sigma) for t, _ in differences])
-    a, b = _fit_noise_law(difference, speed, typical_sigma, with_speed)
-    a_error, b_error, correlation = _errors(difference, speed, a, b, with_speed)
-    return Noise(
-        a=a,
-        b=b,
-        a_error=a_error,
-        b_error=b_error,
-        correlation=correlation,
-        count=count,
-        curvature=_curvature(channels, typical_sigma),
-    )
+    a, b = _fit_noise_law(difference, speed, typical_sigma)
+    return Noise(a=a, b=b)
 
 
 def speed_at(channels: Sequence[Channel], t: Array, sigma: float = 0.0) -> Array:
@@ -149,26 +125,18 @@ def _robust_standard_deviation(difference: Array) -> float:
     return max(GAUSSIAN_MAD * float(np.median(np.abs(difference))), MIN_SCALE)
 
 
-def _clipped_moment(power: int) -> float:
-    """Return the mean of min(z^2, CLIP_SIGMAS^2) (power 1) or of its square (power 2) for Gaussian z."""
+def _fit_noise_law(difference: Array, speed: Array, typical_sigma: float) -> tuple[float, float]:
+    """Solve sum (1, v) chi(d / sigma) / sigma = 0 for a, b >= 0; chi(z) is min(z^2, CLIP_SIGMAS^2) less its Gaussian mean."""
     tail = math.erfc(CLIP_SIGMAS / math.sqrt(2))
     density = math.exp(-(CLIP_SIGMAS**2) / 2) / math.sqrt(2 * math.pi)
-    second = 1 - tail - 2 * CLIP_SIGMAS * density
-    if power == 1:
-        return second + CLIP_SIGMAS**2 * tail
-    return 3 * second - 2 * CLIP_SIGMAS**3 * density + CLIP_SIGMAS**4 * tail
-
-
-def _fit_noise_law(difference: Array, speed: Array, typical_sigma: float, with_speed: bool) -> tuple[float, float]:
-    """Solve sum (1, v) chi(d / sigma) / sigma = 0 for a, b >= 0; chi(z) is min(z^2, CLIP_SIGMAS^2) less its Gaussian mean."""
-    mean = _clipped_moment(1)
+    mean = 1 - tail - 2 * CLIP_SIGMAS * density + CLIP_SIGMAS**2 * tail
     a, b = typical_sigma, 0.0
     for _ in range(200):
         sigma = np.maximum(a + b * speed, 1e-3 * typical_sigma)
         clipped = sigma**2 * np.minimum((difference / sigma) ** 2, CLIP_SIGMAS**2) / mean
         # Linearised, the estimating equation is a weighted line through (sigma + clipped / sigma) / 2.
         target = 0.5 * (sigma + clipped / sigma)
-        new_a, new_b = _weighted_line(speed, target, 1 / sigma**2, with_speed)
+        new_a, new_b = weighted_line(speed, target, 1 / sigma**2)
         # Both in the unit of sigma, b by what it adds at a typical speed
         change = abs(new_a - a) + abs(new_b - b) * float(np.median(speed))
         a, b = new_a, new_b
@@ -177,12 +145,10 @@ def _fit_noise_law(difference: Array, speed: Array, typical_sigma: float, with_s
     return a, b
 
 
-def _weighted_line(v: Array, y: Array, weight: Array, with_speed: bool) -> tuple[float, float]:
+def weighted_line(v: Array, y: Array, weight: Array) -> tuple[float, float]:
     """Fit a weighted line y = a + b v with a, b >= 0."""
     total = float(weight.sum())
     flat = max(float(weight @ y) / total, MIN_SCALE)
-    if not with_speed:
-        return flat, 0.0
     mean_time = float(weight @ v) / total
     spread = float(weight @ (v - mean_time) ** 2)
     # Points at one speed do not tell a from b
@@ -196,39 +162,3 @@ def _weighted_line(v: Array, y: Array, weight: Array, with_speed: bool) -> tuple
     if a < 0:
         return MIN_SCALE, float(weight @ (v * y)) / float(weight @ v**2)
     return a, b
-
-
-def _errors(difference: Array, speed: Array, a: float, b: float, with_speed: bool) -> tuple[float, float, float]:
-    """Return the standard errors of a and b and their correlation.
-
-    Windows of neighbouring differences overlap, so that fewer differences are independent than there are.
-    """
-    sigma = np.maximum(a + b * speed, MIN_SCALE)
-    tail = math.erfc(CLIP_SIGMAS / math.sqrt(2))
-    density = math.exp(-(CLIP_SIGMAS**2) / 2) / math.sqrt(2 * math.pi)
-    sensitivity = 2 * (1 - tail - 2 * CLIP_SIGMAS * density)  # mean of z chi'(z)
-    variance = _clipped_moment(2) - _clipped_moment(1) ** 2
-    factor = variance / sensitivity**2 * overlap_variance_factor(ORDER)
-    design = np.stack([np.ones_like(speed), speed], axis=1) if with_speed else np.ones((len(speed), 1))
-    normal = (design / sigma[:, None]).T @ (design / sigma[:, None])
-    if not with_speed or np.linalg.cond(normal) > 1e12:
-        # The data do not determine b, or it is held at zero
-        return math.sqrt(factor / float(normal[0, 0])), math.inf if with_speed else 0.0, 0.0
-    covariance = factor * np.linalg.inv(normal)
-    errors = np.sqrt(np.diag(covariance))
-    return float(errors[0]), float(errors[1]), float(covariance[0, 1] / (errors[0] * errors[1]))
-
-
-def overlap_variance_factor(order: int) -> float:
-    """Return the variance of a mean square of overlapping differences in units of that of independent ones."""
-    whole = math.comb(2 * order, order)
-    return 1 + 2 * sum((math.comb(2 * order, order + j) / whole) ** 2 for j in range(1, order + 1))
-
-
-def _curvature(channels: Sequence[Channel], typical_sigma: float) -> float:
-    """Return the relative excess of the scatter by fourth differences over that by sixth differences, at least zero."""
-    higher = [d for d in (_differences(c, ORDER + 2)[1] for c in channels) if len(d)]
-    if not higher or typical_sigma <= MIN_SCALE:
-        return 0.0
-    finer = _robust_standard_deviation(np.concatenate(higher))
-    return max(typical_sigma / finer - 1, 0.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections import Counter
 from collections.abc import Mapping
@@ -302,7 +301,7 @@ def rates_from_release(observations: Observations, small_swing_period: float, re
     first = int(np.argmax(speed > MAX_RATE_AT_REST * speed.max()))
     if rates.t[first] - rates.t[0] >= MIN_REST * small_swing_period:
         at_rest = UnusedValues(count=first, reason="angle_rate: at rest, before the release")
-        rates = dataclasses.replace(rates, t=rates.t[first:], value=rates.value[first:])
-        observations = dataclasses.replace(observations, channels=(rates,), unused=(*observations.unused, at_rest))
+        rates = replace(rates, t=rates.t[first:], value=rates.value[first:])
+        observations = replace(observations, channels=(rates,), unused=(*observations.unused, at_rest))
     first_swing = rates.value[np.argmax(np.abs(rates.value) > speed.max() / 2)]
     return mirrored(observations) if release_angle is not None and first_swing * math.sin(release_angle) < 0 else observations

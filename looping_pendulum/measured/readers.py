@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -41,7 +41,13 @@ from looping_pendulum.measured.observations import (
     UnusedValues,
     value_range,
 )
-from looping_pendulum.measured.tracker_project import LARGEST_ARCHIVE, is_named_project, is_project, read_project
+from looping_pendulum.measured.tracker_project import (
+    LARGEST_ARCHIVE,
+    TrackerProject,
+    is_named_project,
+    is_project,
+    read_project,
+)
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.units import UnitError, to_si
@@ -63,6 +69,11 @@ A record whose masses are faster in its first two steps begins later.
 """
 MAX_START_SIGMAS = 4.0
 """The same by noise, in its standard deviations."""
+FORMATS: tuple[tuple[Callable[[str, bytes], bool], Callable[[bytes, str], TrackerProject | DelimitedText]], ...] = (
+    (lambda file, raw: is_named_project(file) or is_project(raw), read_project),
+    (lambda file, raw: True, read_text),
+)
+"""Whether a file is of a format, by its name and content, and the function of content and name that reads it."""
 _NO_NAME = "one without a name"
 _DEFAULT_UNITS = {"length": "m", "time": "s", "angle": "rad"}
 _KIND_OF_UNIT = {"t": "time", "x": "length", "y": "length", "height": "length", "angle": "angle"}
@@ -116,16 +127,15 @@ def read(
         if rate is not None and not (np.isfinite(rate) and rate > 0):
             raise data_error(file, None, "", f"{key}: found {rate:g} Hz, needed a number above 0")
     notes = ReadingNotes()
-    raw = read_content(path, file)
+    content = _parsed(path, file)
     all_units = _DEFAULT_UNITS | dict(units or {})
-    if is_named_project(file) or is_project(raw):
-        sheets = _project_sheets(raw, file, tracks, all_units, notes)
+    if isinstance(content, TrackerProject):
+        sheets = _project_sheets(content, file, tracks, all_units, notes)
     else:
-        text = read_text(raw, file)
-        if kind == "events" or (kind == "auto" and is_event_table(text)):
-            return read_events(text, name)
-        columns = _of_one_run(text, read_columns(text, kind, list((tracks or {}).values()), notes), run, notes)
-        sheets = _sheets(text, columns, tracks, all_units, notes)
+        if kind == "events" or (kind == "auto" and is_event_table(content)):
+            return read_events(content, name)
+        columns = read_columns(content, kind, list((tracks or {}).values()), notes)
+        sheets = _sheets(content, _of_one_run(content, columns, run, notes), tracks, all_units, notes)
     for sheet in sheets:
         _refuse_implausible_values(file, sheet)
     channels = timed_channels(sheets, frame_rate, clip_rate, partial(data_error, file), notes)
@@ -144,9 +154,11 @@ def read(
     )
 
 
-def read_content(path: str | Path, file: str) -> bytes:
-    """Return the content of a file; a project of Tracker may be large, as it may hold the film."""
-    return read_bytes(path, file, LARGEST_ARCHIVE if is_named_project(file) else LARGEST_FILE)
+def _parsed(path: str | Path, file: str) -> TrackerProject | DelimitedText:
+    """Return the content of a file, by the first of `FORMATS` that it is of."""
+    # A project may hold the film
+    raw = read_bytes(path, file, LARGEST_ARCHIVE if is_named_project(file) else LARGEST_FILE)
+    return next(parse for is_of_format, parse in FORMATS if is_of_format(file, raw))(raw, file)
 
 
 def _of_one_run(text: DelimitedText, columns: list[Column], run: str | None, notes: ReadingNotes) -> list[Column]:
@@ -373,10 +385,9 @@ def _mass_of_track(file: str, have: Sequence[Track], tracks: Mapping[str, str] |
 
 
 def _project_sheets(
-    raw: bytes, file: str, tracks: Mapping[str, str] | None, units: Mapping[str, str], notes: ReadingNotes
+    project: TrackerProject, file: str, tracks: Mapping[str, str] | None, units: Mapping[str, str], notes: ReadingNotes
 ) -> list[Sheet]:
     """Return the channels of a project of Tracker."""
-    project = read_project(raw, file)
     notes.assumptions += project.notes
     unit = _size_of_pixel(file, "", units) if project.length_unit in PIXELS else project.length_unit
     try:
@@ -516,34 +527,32 @@ def survey(path: str | Path) -> FileSurvey:
         If it cannot be read as a table of positions, angles, heights or events, or as a project of Tracker.
     """
     file = os.fspath(path)
-    raw = read_content(path, file)
-    if is_named_project(file) or is_project(raw):
-        project = read_project(raw, file)
+    content = _parsed(path, file)
+    if isinstance(content, TrackerProject):
         return FileSurvey(
             file=file,
             kind="positions",
-            tracks=project.tracks,
-            time_step=_typical_step(np.concatenate([project.frame_time[t.frame] for t in project.tracks])),
-            length_unit="" if project.length_unit in PIXELS else project.length_unit,
+            tracks=content.tracks,
+            time_step=_typical_step(np.concatenate([content.frame_time[t.frame] for t in content.tracks])),
+            length_unit="" if content.length_unit in PIXELS else content.length_unit,
             time_unit="s",
         )
-    text = read_text(raw, file)
-    if is_event_table(text):
+    if is_event_table(content):
         return FileSurvey(file=file, kind="events")
     has_names = True
     try:
-        columns = read_columns(text, "auto", (), ReadingNotes())
+        columns = read_columns(content, "auto", (), ReadingNotes())
     except DataError:
         # Five columns without names are read if both tracks get names from outside
-        columns = read_columns(text, "auto", tuple(UNNAMED_TRACKS.values()), ReadingNotes())
+        columns = read_columns(content, "auto", tuple(UNNAMED_TRACKS.values()), ReadingNotes())
         has_names = False
     roles = {c.role for c in columns}
     clock = next((c for c in columns if c.role == "t"), None)
-    times = None if clock is None else numbers(text, clock)[0]
+    times = None if clock is None else numbers(content, clock)[0]
     return FileSurvey(
         file=file,
         kind="positions" if roles & {"x", "y"} else "drop" if "height" in roles else "angle",
-        tracks=tuple(tracks_of(text, columns)),
+        tracks=tuple(tracks_of(content, columns)),
         has_names=has_names,
         time_step=None if times is None else _typical_step(times[np.isfinite(times)]),
         length_unit=next((c.unit for c in columns if c.role in ("x", "y", "height") and c.unit), ""),

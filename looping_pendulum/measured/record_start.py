@@ -107,7 +107,12 @@ def _start(study: Study, trial: Trial, observations: Observations) -> _Start | N
     """Return the start by the first points; None: there are too few, or they show no angle."""
     length, gravity = _value(study, trial, "free_length"), _value(study, trial, "gravity")
     is_rate = [c.name for c in observations.channels] == ["angle_rate"]
-    t, value, noise = _rates(trial, observations) if is_rate else _angles(study, trial, observations, length)
+    if is_rate:
+        (rates,) = observations.channels
+        offset = trial.camera.get("rate_offset")
+        t, value, noise = rates.t, rates.value - (offset.value if offset else 0.0), estimate_noise((rates,)).a
+    else:
+        t, value, noise = _angles(study, trial, observations, length)
     if len(t) < MIN_POINTS:
         return None
     period = 2 * math.pi * math.sqrt(length / gravity)
@@ -134,13 +139,6 @@ def _value_and_slope(t: Array, value: Array, noise: float, part: float, degree: 
     scatter = max(math.sqrt(float(residual @ residual) / (len(residual) - degree - 1)), noise)
     errors = scatter * np.sqrt(np.diag(np.linalg.inv(powers.T @ powers)))
     return coefficients[:2].tolist(), errors[:2].tolist()
-
-
-def _rates(trial: Trial, observations: Observations) -> tuple[Array, Array, float]:
-    """Return the times of angular velocities by the file's clock [s], their values [rad/s] and their noise [rad/s]."""
-    (rates,) = observations.channels
-    known = trial.camera.get("rate_offset")
-    return rates.t, rates.value - (known.value if known else 0.0), estimate_noise((rates,)).a
 
 
 def _angles(study: Study, trial: Trial, observations: Observations, length: float) -> tuple[Array, Array, float]:

@@ -305,24 +305,11 @@ class Study:
         return priors | by_reading | {n: e for n, e in trial.camera.items() if n in priors}
 
 
-def influences_motion(parameter: str, release: Release) -> bool:
-    """Return whether a parameter or coefficient can change what is seen of the masses after this release."""
-    effect = _EFFECT_OF.get(parameter)
-    if effect is not None:
-        return can_act(effect, release)
-    if release is Release.HELD:
-        return not parameter.startswith(("heavy", "hanging"))
-    return not (release is Release.VERTICAL and parameter == "release_angle")
-
-
 def can_act(effect: Effect, release: Release) -> bool:
     """Return whether an effect can change what is seen of the masses after this release."""
-    return is_possible(effect, release) and not (release is Release.HELD and _needs_moving_string(effect))
-
-
-def _needs_moving_string(effect: Effect) -> bool:
-    """Return whether an effect acts only on the heavy mass, on the rod, or on a string that slides over it."""
-    return effect.kind is effect_library.EffectKind.STRING_LAW or effect.acts_on in ("heavy mass", "rod")
+    # A held pendulum shows neither the heavy mass nor the rod, nor a string that slides over it
+    hidden = effect.kind is effect_library.EffectKind.STRING_LAW or effect.acts_on in ("heavy mass", "rod")
+    return is_possible(effect, release) and not (release is Release.HELD and hidden)
 
 
 def _acts_in(parameter: str, trial: Trial) -> bool:
@@ -331,7 +318,12 @@ def _acts_in(parameter: str, trial: Trial) -> bool:
         other = "light" if trial.dropped == "heavy" else "heavy"
         if parameter.startswith((other, "rod", "string", "kinetic", "static", "release", "free_length", "hanging")):
             return False
-    return influences_motion(parameter, trial.release)
+    effect = _EFFECT_OF.get(parameter)
+    if effect is not None:
+        return can_act(effect, trial.release)
+    if trial.release is Release.HELD:
+        return not parameter.startswith(("heavy", "hanging"))
+    return not (trial.release is Release.VERTICAL and parameter == "release_angle")
 
 
 def _effect_acts_in(effect: Effect, trial: Trial) -> bool:

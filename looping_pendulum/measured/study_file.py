@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from typing import Annotated, Any
 
 from pydantic import (
-    BaseModel,
     Field,
     GetCoreSchemaHandler,
     PlainValidator,
@@ -32,14 +31,16 @@ from looping_pendulum.scenarios.document import Document, Path, quote
 from looping_pendulum.scenarios.fields import (
     NUMBER_PATTERN,
     QUANTITY_TEXT,
+    FieldType,
     Flag,
     Group,
-    OneOf,
     QuantityField,
     Text,
     first_error,
     input_error,
+    keys_below,
     model_schema,
+    one_of,
     suggest,
 )
 from looping_pendulum.scenarios.own_effects import KEY, KEY_IN_STUDY, OwnEffects
@@ -130,8 +131,8 @@ def _split(text: str) -> list[str]:
     return [part.strip() for part in _PLUS_MINUS.split(text)]
 
 
-def text_by_key(expected: str, keys: Mapping[str, str]) -> PlainValidator:
-    """Return a validator of a mapping from known keys to text; ``keys`` has the meaning of each."""
+def text_by_key(expected: str, keys: Mapping[str, str]) -> FieldType:
+    """Return the type of a mapping from known keys to text; ``keys`` has the meaning of each."""
 
     def read(raw: object) -> dict[str, str]:
         example = f"'{{{next(iter(keys))}: ...}}'"
@@ -145,11 +146,11 @@ def text_by_key(expected: str, keys: Mapping[str, str]) -> PlainValidator:
         return dict(raw)
 
     properties = {key: {"type": "string", "description": meaning} for key, meaning in keys.items()}
-    return PlainValidator(read, json_schema_input_type=_with_schema({"minProperties": 1} | _group_schema(properties)))
+    return FieldType(read=read, json_schema={"minProperties": 1} | _group_schema(properties))
 
 
-def low_and_high(kind: QuantityKind, example: str) -> PlainValidator:
-    """Return a validator of a pair of a lowest and a highest value."""
+def low_and_high(kind: QuantityKind, example: str) -> FieldType:
+    """Return the type of a pair of a lowest and a highest value."""
 
     def read(raw: object) -> tuple[float, float]:
         if not isinstance(raw, list) or len(raw) != 2:
@@ -161,7 +162,7 @@ def low_and_high(kind: QuantityKind, example: str) -> PlainValidator:
 
     words = f"the lowest and the highest value, each {kind.requirement}"
     schema = {"type": "array", "minItems": 2, "maxItems": 2, "examples": [example], QUANTITY_TEXT: words}
-    return PlainValidator(read, json_schema_input_type=_with_schema(schema))
+    return FieldType(read=read, json_schema=schema)
 
 
 def _group_schema(properties: JsonSchemaValue, *, further: bool = False) -> JsonSchemaValue:
@@ -169,9 +170,26 @@ def _group_schema(properties: JsonSchemaValue, *, further: bool = False) -> Json
     return {"type": "object", "properties": properties, "additionalProperties": {} if further else False}
 
 
-def _with_schema(schema: JsonSchemaValue) -> Any:
-    """Return a type that pydantic describes by ``schema``."""
-    return Annotated[Any, WithJsonSchema(schema)]
+def _coefficient_field(c: Coefficient) -> MeasuredField:
+    known = QUANTITIES.get(c.name)
+    return MeasuredField(quantity_kind(c), c.default if known is None or known.free_start is None else known.free_start)
+
+
+_CAMERA_FIELDS = {c.name: MeasuredField(quantity_kind(c, example=show(c.null, c.unit)), c.null) for c in CAMERA.values()}
+
+
+def _estimates(group: Mapping[str, object], known: Mapping[str, MeasuredField], place: str) -> dict[str, Estimate]:
+    """Return coefficient -> estimate of a group of the file; ``place`` has "{}" where its key stands in that of an error."""
+    values = {}
+    for name, each in group.items():
+        key = place.format(name)
+        if name not in known:
+            raise input_error(f"found an unknown key, needed one of: {', '.join(known)}{suggest(name, known)}", key)
+        try:
+            values[name] = known[name].estimate(each)
+        except PydanticCustomError as error:
+            raise input_error(str(error), key) from None
+    return values
 
 
 def _effects(raw: object, info: ValidationInfo) -> dict[str, Estimate]:
@@ -184,14 +202,12 @@ def _effects(raw: object, info: ValidationInfo) -> dict[str, Estimate]:
         if effect not in library:
             near = suggest(effect, library)
             raise input_error(f"found an unknown effect, needed one of: {', '.join(library)}{near}", effect)
-        known = {c.name: c for c in library[effect].coefficients}
-        # A single value is that of the effect's first coefficient, which switches it on
-        group = content if isinstance(content, dict) else {next(iter(known)): content}
-        for name, each in group.items():
-            key = f"{effect}.{name}" if isinstance(content, dict) else effect
-            if name not in known:
-                raise _unknown_key(name, known, key)
-            values[name] = _coefficient_estimate(_coefficient_field(known[name]), each, key)
+        known = {c.name: _coefficient_field(c) for c in library[effect].coefficients}
+        if isinstance(content, dict):
+            values |= _estimates(content, known, effect + ".{}")
+        else:
+            # A single value is that of the effect's first coefficient, which switches it on
+            values |= _estimates({next(iter(known)): content}, known, effect)
     return values
 
 
@@ -199,23 +215,7 @@ def _camera(raw: object) -> dict[str, Estimate]:
     """Return coefficient -> estimate of every declared error of a camera, which replaces its usual prior."""
     if not isinstance(raw, dict):
         raise input_error(f"expected a group of keys ({', '.join(CAMERA)}), got {quote(raw)}; write them indented below it")
-    values = {}
-    for name, each in raw.items():
-        if name not in CAMERA:
-            raise _unknown_key(name, CAMERA, name)
-        values[name] = _coefficient_estimate(_camera_field(CAMERA[name]), each, name)
-    return values
-
-
-def _unknown_key(name: str, known: Collection[str], key: str) -> PydanticCustomError:
-    return input_error(f"found an unknown key, needed one of: {', '.join(known)}{suggest(name, known)}", key)
-
-
-def _coefficient_estimate(field: MeasuredField, raw: object, key: str) -> Estimate:
-    try:
-        return field.estimate(raw)
-    except PydanticCustomError as error:
-        raise input_error(str(error), key) from None
+    return _estimates(raw, _CAMERA_FIELDS, "{}")
 
 
 def _effects_schema() -> JsonSchemaValue:
@@ -227,23 +227,18 @@ def _effects_schema() -> JsonSchemaValue:
     return _group_schema(properties, further=True)
 
 
-def _camera_schema() -> JsonSchemaValue:
-    """Return the JSON Schema of the declared errors of a camera."""
-    return _group_schema({c.name: _camera_field(c).json_schema | {"description": c.meaning} for c in CAMERA.values()})
-
-
-def _coefficient_field(c: Coefficient) -> MeasuredField:
-    known = QUANTITIES.get(c.name)
-    return MeasuredField(quantity_kind(c), c.default if known is None or known.free_start is None else known.free_start)
-
-
-def _camera_field(c: Coefficient) -> MeasuredField:
-    return MeasuredField(quantity_kind(c, example=show(c.null, c.unit)), c.null)
-
-
-Effects = Annotated[dict[str, Estimate], PlainValidator(_effects, json_schema_input_type=_with_schema(_effects_schema()))]
+Effects = Annotated[
+    dict[str, Estimate],
+    PlainValidator(_effects, json_schema_input_type=Annotated[Any, WithJsonSchema(_effects_schema())]),
+]
 """Field type of the declared effects: coefficient -> estimate."""
-Camera = Annotated[dict[str, Estimate], PlainValidator(_camera, json_schema_input_type=_with_schema(_camera_schema()))]
+Camera = Annotated[
+    dict[str, Estimate],
+    FieldType(
+        read=_camera,
+        json_schema=_group_schema({n: f.json_schema | {"description": CAMERA[n].meaning} for n, f in _CAMERA_FIELDS.items()}),
+    ),
+]
 """Field type of the declared errors of a camera: coefficient -> estimate."""
 
 
@@ -257,7 +252,7 @@ _ANGLE_ERROR = QuantityField(QuantityKind(unit="rad", low=0.0, exclusive_low=Tru
 class _Release(Group):
     """How the masses were let go."""
 
-    kind: Annotated[str, OneOf(*_RELEASES)] = Release.LOOPING.value
+    kind: Annotated[str, one_of(*_RELEASES)] = Release.LOOPING.value
     """looping: as in the demonstration; vertical: both hang; held: the heavy mass is clamped; drop: no string."""
 
 
@@ -317,7 +312,7 @@ class TrialGroup(Group):
     """A file for each mass, instead of `file`."""
     events: Text | None = None
     """Table of measured events beside the tracked points."""
-    kind: Annotated[str, OneOf(*KINDS)] = "auto"
+    kind: Annotated[str, one_of(*KINDS)] = "auto"
     """What the file holds; auto: as its header says."""
     frame_rate: Annotated[float, _RATE] | None = None
     """True frame rate of the camera; the file's times then only count frames."""
@@ -348,11 +343,11 @@ class TrialGroup(Group):
     """Units of the columns whose header has none."""
     run: Text | None = None
     """Number of the run or drop, in a file of several."""
-    dropped: Annotated[str, OneOf("light", "heavy")] = "heavy"
+    dropped: Annotated[str, one_of("light", "heavy")] = "heavy"
     """Mass whose height the file has, or that a drop lets fall."""
-    mirrored: Annotated[bool, Flag()] = False
+    mirrored: Flag = False
     """Whether the light mass starts on the right: the camera stood on the other side."""
-    held_out: Annotated[bool, Flag()] = False
+    held_out: Flag = False
     """Whether the error before and after is judged on the trial, by fits to the others alone."""
     light: StudyLightGroup = StudyLightGroup()  # type: ignore[valid-type]
     heavy: StudyHeavyGroup = StudyHeavyGroup()  # type: ignore[valid-type]
@@ -371,7 +366,7 @@ class LimitsGroup(Group):
     """Smallest and largest angle of release."""
     mass_ratio: Annotated[tuple[float, float], low_and_high(QUANTITIES["mass_ratio"].kind, "[2, 10]")] | None = None
     """Smallest and largest ratio M2/M1."""
-    releases: Annotated[list[Annotated[str, OneOf(*_RELEASES)]], Field(min_length=1)] | None = None
+    releases: Annotated[list[Annotated[str, one_of(*_RELEASES)]], Field(min_length=1)] | None = None
     """Kinds of release that are possible; all if not given."""
 
 
@@ -412,7 +407,7 @@ def check(doc: Document) -> StudyFile:
     try:
         return StudyFile.model_validate(doc.data, context=_own_effects(doc))
     except ValidationError as error:
-        raise first_error(error, doc, _message) from None
+        raise first_error(error, doc, StudyFile, _own_words) from None
 
 
 def _own_effects(doc: Document) -> tuple[OwnEffect, ...]:
@@ -425,37 +420,13 @@ def _own_effects(doc: Document) -> tuple[OwnEffect, ...]:
     return own_effects
 
 
-def _message(each: ErrorDetails, path: Path) -> str:
-    """Return a message in the project's words for an error of pydantic."""
-    raw = each["input"]
-    if each["type"] == "scenario":
-        return each["msg"]
+def _own_words(each: ErrorDetails, path: Path) -> str:
+    """Return a message of a study's own for an error of pydantic, '' if it is that of other files."""
     if each["type"] == "extra_forbidden":
         if path == (KEY,):
             return f"found a key of scenarios, needed '{KEY_IN_STUDY}'"
-        known = list(_model_at(path[:-1]).model_fields)
+        known = keys_below(StudyFile, path[:-1])
         return f"found an unknown key, needed one of: {', '.join(known)}{suggest(str(path[-1]), known)}"
-    keys = ", ".join(_model_at(path).model_fields)
     if each["type"] == "missing":
         return f"missing, needed {'a list of trials, each begun with ' + repr('- ') if path == ('trials',) else 'text'}"
-    if each["type"] == "too_short":
-        return "found an empty list, needed at least one entry"
-    if each["type"] == "list_type":
-        return f"expected a list, got {quote(raw)}; begin each entry with '- '"
-    return f"expected a group of keys ({keys}), got {quote(raw)}; write them indented below it"
-
-
-def _model_at(path: Path) -> type[BaseModel]:
-    """Return the model of the group at ``path``."""
-    model: type[BaseModel] = StudyFile
-    for part in path:
-        if isinstance(part, str) and part in model.model_fields:
-            model = _inner(model.model_fields[part].annotation) or model
-    return model
-
-
-def _inner(annotation: Any) -> type[BaseModel] | None:
-    """Return the first model in an annotation such as ``list[TrialGroup]``."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    return next((m for a in getattr(annotation, "__args__", ()) if (m := _inner(a))), None)
+    return "found an empty list, needed at least one entry" if each["type"] == "too_short" else ""

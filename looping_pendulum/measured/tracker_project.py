@@ -71,8 +71,6 @@ class ProjectTrack(Track):
 
     frame: NDArray[np.intp]
     """Numbers of the film's frames, from 0, ascending, shape (n,)."""
-    mass: float | None
-    """Mass [`TrackerProject.mass_unit`]; None if it is Tracker's default of 1, which nobody stated."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,14 +84,8 @@ class TrackerProject:
 
     Every tracked frame has one. The clip's first frame has the clip's start time, 0 unless the user changed it.
     """
-    frame_time_source: str
-    """"film": frame times of the film, which the project holds; "rate": equal steps."""
-    frame_rate: float
-    """Mean frame rate by the project's clock [Hz]."""
     length_unit: str
     """Unit of the positions as the project names it, "m" if it names none; "px" if the project is not calibrated."""
-    mass_unit: str
-    """Unit of the masses as the project names it, "kg" if it names none."""
     notes: tuple[str, ...]
     """Sentences about what was used and what was left out."""
 
@@ -141,14 +133,10 @@ def read_project(raw: bytes, file: str) -> TrackerProject:
         notes.append("The project is not calibrated: positions are in pixels.")
     if clip.step > 1:
         notes.append(f"The project's step size is {clip.step} frames.")
-    time, source, rate = _frame_times(panel, clip, int(used[-1]), notes)
     return TrackerProject(
         tracks=tuple(tracks),
-        frame_time=time,
-        frame_time_source=source,
-        frame_rate=rate,
+        frame_time=_frame_times(panel, clip, int(used[-1]), notes),
         length_unit=(panel.text("length_unit") or "m") if calibrated else "px",
-        mass_unit=panel.text("mass_unit") or "kg",
         notes=tuple(notes),
     )
 
@@ -367,8 +355,7 @@ def _tracks(panel: _Object, clip: _Clip, axes: _Axes) -> tuple[list[ProjectTrack
         if any(name == known.name for known in tracks):
             raise panel.error(f"found two tracks named {quote(name)}, needed different names; rename one in Tracker")
         x, y = axes.positions(frame, pixel.T)
-        mass = track.plausible("mass", 1)
-        tracks.append(ProjectTrack(name=name, frame=frame, x=x, y=y, mass=None if mass == 1 else mass))
+        tracks.append(ProjectTrack(name=name, frame=frame, x=x, y=y))
     if not tracks:
         instead = f" but {', '.join(others[:5])}" if others else ""
         raise panel.error(f"found no point mass with points{instead}, needed one; track it in Tracker and save again")
@@ -377,8 +364,8 @@ def _tracks(panel: _Object, clip: _Clip, axes: _Axes) -> tuple[list[ProjectTrack
     return tracks, notes
 
 
-def _frame_times(panel: _Object, clip: _Clip, last: int, notes: list[str]) -> tuple[Array, str, float]:
-    """Return the times of all frames up to ``last`` or the film's end [s], their source and their mean rate [Hz]; add notes.
+def _frame_times(panel: _Object, clip: _Clip, last: int, notes: list[str]) -> Array:
+    """Return the times of all frames up to ``last`` or the film's end [s]; add notes.
 
     As in `StepperClipControl.getStepTime` and `VideoPlayer.getStepTime`: the film's own times count from the clip's start,
     and are stretched until the mean frame of the clip lasts "delta_t". So a film in slow motion has the clock of its user.
@@ -403,9 +390,8 @@ def _frame_times(panel: _Object, clip: _Clip, last: int, notes: list[str]) -> tu
         notes.append(f"Frames after {film.size - 1}, the last that has a time in the project, are taken at equal steps.")
     if clip.start_time:
         notes.append(f"The project's clock reads {clip.start_time / 1000:g} s at frame {clip.start}.")
-    source = "film" if film.size > 1 else "rate"
     film = film if film.size else np.zeros(1)
     frame = np.arange(max(last + 1, film.size))
     known = np.minimum(frame, film.size - 1)
     time = film[known] * stretch + (frame - known) * duration
-    return (time - time[clip.start] + clip.start_time) / 1000, source, 1000 / duration
+    return np.asarray((time - time[clip.start] + clip.start_time) / 1000)

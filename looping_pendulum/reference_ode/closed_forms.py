@@ -56,14 +56,6 @@ def halted_free_length(t: Array, *, halt_length: float, halt_time: float, end_ti
     return halt_length * np.sqrt((end_time - t) / (end_time - halt_time))
 
 
-def halted_wrap_angle(
-    t: Array, *, halt_length: float, halt_angle: float, halt_time: float, end_time: float, rod_radius: float
-) -> Array:
-    """Return the wrap angle that goes with `halted_free_length` [rad] (paper, eq. theta0)."""
-    free_length = halted_free_length(t, halt_length=halt_length, halt_time=halt_time, end_time=end_time)
-    return halt_angle + (halt_length - free_length) / rod_radius
-
-
 def held_period(parameters: Parameters) -> float:
     """Return the period of the held pendulum, whose string winds on and off the rod, without drag [s].
 
@@ -95,14 +87,6 @@ def held_period(parameters: Parameters) -> float:
     speed = np.sqrt(2 * gravity * (height(start) - height(theta)))
     integrand = (total - p.rod_radius * theta) / speed * (turn - start) / 2 * np.sin(nodes)
     return float(2 * integrand.sum() * math.pi / HELD_PERIOD_NODES)
-
-
-def simple_pendulum_period(length: float, amplitude: float, gravity: float) -> float:
-    """Return the period of a pendulum on a thin pivot, any amplitude [rad]: 4 sqrt(l / g) K(sin^2(A / 2)) [s]."""
-    from scipy.special import ellipk
-
-    # SciPy's ellipk takes the parameter m = k^2, not the modulus k
-    return float(4 * math.sqrt(length / gravity) * ellipk(math.sin(amplitude / 2) ** 2))
 
 
 def release_acceleration(parameters: Parameters) -> tuple[float, float, float]:

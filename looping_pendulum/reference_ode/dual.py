@@ -6,6 +6,7 @@ The driver, run with dual numbers, differentiates the release and what happens a
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -104,45 +105,31 @@ def derivatives_of(x: Any, count: int) -> Array:
     return x.derivatives if isinstance(x, Dual) else np.zeros(count)
 
 
-def exp(x: Any) -> Any:
-    """Return e**x."""
-    if not isinstance(x, Dual):
-        return math.exp(x)
-    # NumPy's function, here and below, as the value may be an array of samples, which `math` does not take
-    value = np.exp(x.value)
-    return Dual(value, value * x.derivatives)
+def _function(name: str, differential: Callable[[Any, Any, Array], Array]) -> Callable[[Any], Any]:
+    """Return a function of a number or a dual number.
 
-
-def sin(x: Any) -> Any:
-    """Return the sine of ``x`` [rad]."""
-    return Dual(np.sin(x.value), np.cos(x.value) * x.derivatives) if isinstance(x, Dual) else math.sin(x)
-
-
-def cos(x: Any) -> Any:
-    """Return the cosine of ``x`` [rad]."""
-    return Dual(np.cos(x.value), -np.sin(x.value) * x.derivatives) if isinstance(x, Dual) else math.cos(x)
-
-
-def tanh(x: Any) -> Any:
-    """Return the hyperbolic tangent of ``x``."""
-    if not isinstance(x, Dual):
-        return math.tanh(x)
-    value = np.tanh(x.value)
-    return Dual(value, (1.0 - value * value) * x.derivatives)
-
-
-def log(x: Any) -> Any:
-    """Return the natural logarithm of ``x``."""
-    return Dual(np.log(x.value), x.derivatives / x.value) if isinstance(x, Dual) else math.log(x)
-
-
-def sqrt(x: Any) -> Any:
-    """Return the square root of ``x`` >= 0, with derivatives of 0 at 0.
-
-    There it is a speed, which only ever multiplies a velocity that is 0, too.
+    Parameters
+    ----------
+    differential
+        Function of the argument, the value there and the argument's derivatives that returns the value's.
     """
-    if not isinstance(x, Dual):
-        return math.sqrt(x)
-    root = np.sqrt(x.value)
-    # `where` evaluates both branches, so that the division must be harmless at 0
-    return Dual(root, np.where(x.value > 0, 0.5 / np.maximum(root, 1e-300), 0.0) * x.derivatives)
+    # NumPy's for dual numbers, as the value may be an array of samples, which `math` does not take
+    of_number, of_samples = getattr(math, name), getattr(np, name)
+
+    def of_any(x: Any) -> Any:
+        if not isinstance(x, Dual):
+            return of_number(x)
+        value = of_samples(x.value)
+        return Dual(value, differential(x.value, value, x.derivatives))
+
+    return of_any
+
+
+exp = _function("exp", lambda x, value, dx: value * dx)
+sin = _function("sin", lambda x, value, dx: np.cos(x) * dx)
+cos = _function("cos", lambda x, value, dx: -np.sin(x) * dx)
+tanh = _function("tanh", lambda x, value, dx: (1.0 - value * value) * dx)
+log = _function("log", lambda x, value, dx: dx / x)
+# `where` evaluates both branches, so that the division must be harmless at 0
+sqrt = _function("sqrt", lambda x, root, dx: np.where(x > 0, 0.5 / np.maximum(root, 1e-300), 0.0) * dx)
+"""Square root of a number from 0 on. Its derivatives at 0 are 0: there it is a speed, which only multiplies velocities of 0."""

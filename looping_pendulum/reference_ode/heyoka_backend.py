@@ -51,6 +51,11 @@ class Turns(NamedTuple):
     """Signs of the speed across the string just after, shape (n,)."""
 
 
+def absent_coefficients(effects: Effects) -> dict[str, float]:
+    """Return the null values of the coefficients of all effects but those given."""
+    return {c.name: c.null for effect in EFFECTS.values() if effect not in effects for c in effect.coefficients}
+
+
 class ModeEquations:
     """Equations and event functions of one mode as heyoka expressions."""
 
@@ -65,8 +70,7 @@ class ModeEquations:
         self.parameters = {name: hy.par[offset + i] for i, name in enumerate(parameter_names)}
         """Name -> heyoka parameter; in heyoka's parameter array those of ``parameter_names`` follow the signs."""
         # Coefficients of absent effects are constants, so that heyoka folds their terms away
-        absent = {c.name: c.null for effect in EFFECTS.values() for c in effect.coefficients}
-        p = SimpleNamespace(**(absent | self.parameters))
+        p = SimpleNamespace(**(absent_coefficients(effects) | self.parameters))
         equations = Equations(hy, p, effects)
         rates = equations.rates(mode, t, y, signs)
         # A rate that is constant is a Python float; the sum makes it an expression
@@ -149,9 +153,7 @@ def _on_turn(*_: Any) -> bool:
     return _swinging is not None and _swinging.pass_turn()
 
 
-@lru_cache(maxsize=64)
-def _compiled(mode: Mode, effects: Effects, tolerance: float, parameter_names: tuple[str, ...]) -> _IntegratorOfMode:
-    return _IntegratorOfMode(mode, effects, tolerance, parameter_names)
+_compiled = lru_cache(maxsize=64)(_IntegratorOfMode)
 
 
 # So that runs with and without a push share their compiled code
@@ -164,8 +166,7 @@ def _in_the_equations(effects: Effects) -> Effects:
 @lru_cache(maxsize=64)
 def _parameter_names(known: tuple[str, ...], effects: Effects) -> tuple[str, ...]:
     """Return the names of the parameters that a compiled integrator takes, without those of absent effects."""
-    absent = {c.name for effect in EFFECTS.values() if effect not in effects for c in effect.coefficients}
-    return tuple(sorted(set(known) - absent - {"release"}))
+    return tuple(sorted(set(known) - absent_coefficients(effects).keys() - {"release"}))
 
 
 class HeyokaIntegrator:

@@ -107,8 +107,11 @@ class Sensitivities:
         return self._position_derivatives(heavy_mass_position)
 
     def _position_derivatives(self, place: Any) -> Array:
-        p = _broadcast_over_samples(self.parameters)
-        parts = place(dual, self.dual_state, self.samples.signs.overlap, p.values(), p.effects)
+        p = SimpleNamespace(**vars(self.parameters.values()))
+        for name, x in vars(p).items():
+            if isinstance(x, Dual):
+                setattr(p, name, Dual(x.value, x.derivatives[:, None]))  # shape (m, 1), which broadcasts over samples
+        parts = place(dual, self.dual_state, self.samples.signs.overlap, p, self.parameters.effects)
         shape = (len(self.wrt), len(self.samples.t))
         return np.stack([np.broadcast_to(x.derivatives if isinstance(x, Dual) else 0.0, shape) for x in parts]).transpose(
             2, 0, 1
@@ -185,16 +188,6 @@ def _as_dual_numbers(parameters: Parameters, wrt: tuple[str, ...]) -> Parameters
         target: dict[str, Any] = coefficients if name in coefficients else fields
         target[name] = Dual(float(target[name]), derivatives)
     return _DualParameters(**fields, coefficients=coefficients)
-
-
-def _broadcast_over_samples(parameters: Parameters) -> Parameters:
-    """Return ``parameters`` with derivatives of shape (m, 1), which broadcast over samples."""
-
-    def spread(x: Any) -> Any:
-        return Dual(x.value, x.derivatives[:, None]) if isinstance(x, Dual) else x
-
-    fields = {f.name: spread(getattr(parameters, f.name)) for f in dataclasses.fields(parameters) if f.name != "coefficients"}
-    return _DualParameters(**fields, coefficients={name: spread(c) for name, c in parameters.coefficients.items()})
 
 
 def _check_wrt(parameters: Parameters, wrt: tuple[str, ...]) -> None:

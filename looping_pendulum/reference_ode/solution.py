@@ -93,8 +93,8 @@ class Run:
 
     def heavy_drop(self, state: State) -> Array:
         """Return how far the heavy mass is below its release [m] in states of this run (numbers or arrays)."""
-        overlap = _overlap(state) if string_has_thickness(self.parameters.effects) else 0.0
-        return np.asarray(heavy_drop(np, state, overlap, self.parameters.values(), self.parameters.effects))
+        effects = self.parameters.effects
+        return np.asarray(heavy_drop(np, state, string_overlap(state, effects), self.parameters.values(), effects))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +126,7 @@ class Samples:
     @cached_property
     def light_position(self) -> Array:
         """Position (x, y) of the light mass [m], shape (n, 2)."""
-        return xy_pairs(*light_mass_position(np, self.state, self._overlap, *self._model))
+        return xy_pairs(*light_mass_position(np, self.state, *self._model))
 
     @cached_property
     def light_velocity(self) -> Array:
@@ -137,7 +137,7 @@ class Samples:
     @cached_property
     def heavy_position(self) -> Array:
         """Position (x, y) of the heavy mass [m], shape (n, 2)."""
-        return xy_pairs(*heavy_mass_position(np, self.state, self._overlap, *self._model))
+        return xy_pairs(*heavy_mass_position(np, self.state, *self._model))
 
     @cached_property
     def heavy_velocity(self) -> Array:
@@ -148,14 +148,10 @@ class Samples:
         across, cosine, sine = self.state.heavy_across_speed, np.cos(self.state.heavy_tilt), np.sin(self.state.heavy_tilt)
         return xy_pairs(across * cosine - speed * sine, across * sine + speed * cosine)
 
-    @property
-    def _model(self) -> tuple[SimpleNamespace, Effects]:
-        return self.run.parameters.values(), self.run.parameters.effects
-
     @cached_property
-    def _overlap(self) -> Any:
-        """1 where the string lies on itself, else 0; 0 throughout if it has no thickness."""
-        return _overlap(self.state) if string_has_thickness(self.run.parameters.effects) else 0.0
+    def _model(self) -> tuple[Any, SimpleNamespace, Effects]:
+        p = self.run.parameters
+        return string_overlap(self.state, p.effects), p.values(), p.effects
 
     @cached_property
     def tensions(self) -> tuple[Array, Array]:
@@ -168,6 +164,11 @@ class Samples:
             state, signs = State(*(v[here] for v in self.state)), Signs(*(v[here] for v in self.signs))
             light[here], heavy[here] = equations.tensions(mode, self.t[here], state, signs)
         return light, heavy
+
+
+def string_overlap(state: State, effects: Effects) -> Any:
+    """Return 1 where the string lies on itself, else 0; 0 throughout if it has no thickness."""
+    return np.asarray(np.asarray(state.wrap_angle) > TURN, dtype=float) if string_has_thickness(effects) else 0.0
 
 
 def light_mass_position(xp: Any, s: State, overlap: Any, p: SimpleNamespace, effects: Effects) -> tuple[Any, Any]:
@@ -245,13 +246,16 @@ class Solution(Run):
         owner = np.searchsorted(starts, t, side="right") - 1
         order = np.argsort(owner, kind="stable")
         parts = [segment.sample(t[owner == i]) for i, segment in enumerate(self.segments)]
-        samples = join_samples(self, parts)
-        return samples if np.array_equal(order, np.arange(len(t))) else _reorder(samples, np.argsort(order))
-
-
-def _overlap(state: State) -> Array:
-    """Return 1 where the string lies on itself, else 0."""
-    return np.asarray(np.asarray(state.wrap_angle) > TURN, dtype=float)
+        samples, place = join_samples(self, parts), np.argsort(order)
+        if np.array_equal(order, np.arange(len(t))):
+            return samples
+        return Samples(
+            run=self,
+            t=t,
+            state=State(*(v[place] for v in samples.state)),
+            mode=samples.mode[place],
+            signs=Signs(*(v[place] for v in samples.signs)),
+        )
 
 
 def join_samples(run: Run, parts: Sequence[SegmentSamples]) -> Samples:
@@ -268,14 +272,4 @@ def join_samples(run: Run, parts: Sequence[SegmentSamples]) -> Samples:
         state=State(*values),
         mode=np.repeat([part.mode.value for part in parts], counts).astype(np.int8),
         signs=Signs(*signs),
-    )
-
-
-def _reorder(samples: Samples, index: NDArray[np.int64]) -> Samples:
-    return Samples(
-        run=samples.run,
-        t=samples.t[index],
-        state=State(*(v[index] for v in samples.state)),
-        mode=samples.mode[index],
-        signs=Signs(*(v[index] for v in samples.signs)),
     )

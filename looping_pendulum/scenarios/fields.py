@@ -5,7 +5,8 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Callable, Iterable
-from typing import Annotated, Any
+from dataclasses import dataclass
+from typing import Annotated, Any, get_origin
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationError
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
@@ -75,61 +76,51 @@ class QuantityField:
         }
 
 
-class OneOf:
-    """Field type for pydantic: one of a few words."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FieldType:
+    """Field type for pydantic: how a key's value is read from the file, and its JSON Schema."""
 
-    def __init__(self, *words: str) -> None:
-        self.words = words
-
-    def read(self, value: object) -> str:
-        """Return the word in the file."""
-        if isinstance(value, str) and value in self.words:
-            return value
-        raise input_error(f"expected one of {', '.join(self.words)}, got {quote(value)}{suggest(str(value), self.words)}")
+    read: Callable[[object], Any]
+    json_schema: JsonSchemaValue
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        return {"type": "string", "enum": list(self.words)}
+        return self.json_schema
 
 
-class WholeNumber:
-    """Field type for pydantic: a whole number without a sign, of ten digits at most."""
+def one_of(*words: str) -> FieldType:
+    """Return the type of a key that takes one of a few words."""
 
-    def __init__(self, example: str, *, low: int = 1) -> None:
-        self.example = example
-        self.low = low
+    def read(value: object) -> str:
+        if isinstance(value, str) and value in words:
+            return value
+        raise input_error(f"expected one of {', '.join(words)}, got {quote(value)}{suggest(str(value), words)}")
 
-    def read(self, value: object) -> int:
-        """Return the number in the file."""
+    return FieldType(read=read, json_schema={"type": "string", "enum": list(words)})
+
+
+def whole_number(example: str, *, low: int = 1) -> FieldType:
+    """Return the type of a key that takes a whole number without a sign, of ten digits at most."""
+
+    def read(value: object) -> int:
         # ASCII, as isdigit() takes superscripts, too, which int() refuses; the length first, as int() of a very long text takes
         # quadratic time
-        if isinstance(value, str) and value.isascii() and value.isdigit() and len(value) <= 10 and int(value) >= self.low:
+        if isinstance(value, str) and value.isascii() and value.isdigit() and len(value) <= 10 and int(value) >= low:
             return int(value)
-        raise input_error(f"expected a whole number from {self.low}, got {quote(value)}; write for example '{self.example}'")
+        raise input_error(f"expected a whole number from {low}, got {quote(value)}; write for example '{example}'")
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return core_schema.no_info_plain_validator_function(self.read)
-
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        return {"type": "integer", "minimum": self.low, "examples": [int(self.example)]}
+    return FieldType(read=read, json_schema={"type": "integer", "minimum": low, "examples": [int(example)]})
 
 
-class Flag:
-    """Field type for pydantic: true or false."""
+def _flag(value: object) -> bool:
+    if value in ("true", "false"):
+        return value == "true"
+    raise input_error(f"expected true or false, got {quote(value)}")
 
-    def read(self, value: object) -> bool:
-        """Return the flag in the file."""
-        if value in ("true", "false"):
-            return value == "true"
-        raise input_error(f"expected true or false, got {quote(value)}")
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return core_schema.no_info_plain_validator_function(self.read)
-
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        return {"type": "boolean"}
+Flag = Annotated[bool, FieldType(read=_flag, json_schema={"type": "boolean"})]
 
 
 def _text(value: object) -> str:
@@ -193,14 +184,17 @@ def _describe_quantities(schema: Any) -> None:
 
 
 def first_error(
-    error: ValidationError, doc: Document, message: Callable[[ErrorDetails, Path], str] | type[BaseModel]
+    error: ValidationError,
+    doc: Document,
+    model: type[BaseModel],
+    own_words: Callable[[ErrorDetails, Path], str] = lambda details, path: "",
 ) -> ScenarioError:
     """Return the error to correct first: an unknown key (often a missing one, misspelt), else the topmost in the file.
 
     Parameters
     ----------
-    message
-        Function of pydantic's error and its place that words it; or the model, for the words of scenarios and maps.
+    own_words
+        Function of pydantic's error and its place that words what this kind of file words in its own way; else ''.
     """
     errors = [(_path(details), details) for details in error.errors(include_url=False)]
 
@@ -211,7 +205,7 @@ def first_error(
         return details["type"] != "extra_forbidden", lines[0] if lines else 1 << 30
 
     path, first = min(errors, key=order)
-    return doc.error(path, _message(first, path, message) if isinstance(message, type) else message(first, path))
+    return doc.error(path, own_words(first, path) or _message(first, path, model))
 
 
 def _path(details: ErrorDetails) -> Path:
@@ -279,7 +273,7 @@ def _group_at(model: type[BaseModel], path: Path) -> type[BaseModel]:
     for name, field in model.model_fields.items():
         if path[0] in (name, field.alias):
             below, rest = _model_in(field.annotation), path[1:]
-            is_collection = not _is_model(field.annotation) and path[0] in ("inferred", "tolerances", "own_effects")
+            is_collection = get_origin(field.annotation) in (list, dict)
             if is_collection and not rest:
                 return BaseModel
             # [1:]: a number in the list, or an engine's name, stands between the collection and its group
@@ -287,14 +281,9 @@ def _group_at(model: type[BaseModel], path: Path) -> type[BaseModel]:
     return BaseModel
 
 
-def _is_model(annotation: Any) -> bool:
-    """Return whether a field's annotation is itself a model."""
-    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
-
-
 def _model_in(annotation: Any) -> type[BaseModel]:
-    """Return the model inside ``X | None``, ``list[X]`` or ``dict[str, X]``."""
-    if _is_model(annotation):
-        return annotation  # type: ignore[no-any-return]
+    """Return the model in an annotation: ``X``, ``X | None``, ``list[X]`` or ``dict[str, X]``."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
     inner = [_model_in(a) for a in getattr(annotation, "__args__", ())]
     return next((m for m in inner if m is not BaseModel), BaseModel)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from looping_pendulum.errors import ParameterError, ScenarioError
 from looping_pendulum.reference_ode import effects as effect_library
@@ -22,7 +22,6 @@ from looping_pendulum.scenarios import document, own_effects, schema
 from looping_pendulum.scenarios.document import Document, one_line
 from looping_pendulum.scenarios.fields import first_error
 from looping_pendulum.scenarios.metrics import METRICS
-from looping_pendulum.scenarios.own_effects import OwnEffectsFile
 from looping_pendulum.scenarios.quantities import FILE_KEYS, file_key, unit_of
 from looping_pendulum.scenarios.scenario import (
     PROFILES,
@@ -127,7 +126,7 @@ def _not_found(path: Path, shown: str) -> str:
 
 def _scenario(doc: Document, name: str) -> Scenario:
     """Validate a document and return its scenario."""
-    model: type[BaseModel] = OwnEffectsFile
+    model = ScenarioFile
     try:
         own = own_effects.read(doc.data)
         model = schema.file_model(c for each in own for c in effect_of(each).coefficients)
@@ -217,7 +216,10 @@ def dump(scenario: Scenario) -> str:
         if name not in FILE_KEYS and value != known[name].default
     }
     measured = dataclasses.asdict(scenario.measured) if scenario.measured else {}
-    inferred = [_inferred_entry(i) for i in scenario.inferred]
+    # Without a script the key is left out
+    inferred = [
+        {"parameters": list(i.parameters), "how": i.how} | ({"script": i.script} if i.script else {}) for i in scenario.inferred
+    ]
     optional = {
         own_effects.KEY: own_effects.tree(p.own_effects),
         "effects": others,
@@ -227,12 +229,6 @@ def dump(scenario: Scenario) -> str:
     }
     data |= {key: value for key, value in optional.items() if value}
     return str(yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100))
-
-
-def _inferred_entry(inference: Inference) -> dict[str, Any]:
-    """Return an inference as a file has it; without a script the key is left out."""
-    entry: dict[str, Any] = {"parameters": list(inference.parameters), "how": inference.how}
-    return entry | ({"script": inference.script} if inference.script else {})
 
 
 def _yaml_value(parameter: str, value: Any) -> Any:

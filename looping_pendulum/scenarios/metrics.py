@@ -62,8 +62,22 @@ class Metric:
         return number(value, self.shown_in.per_si_unit) + ("" if value is None else f" {self.shown_in.name}")
 
 
-_MILLIMETRES, _MILLISECONDS, _MILLIRADIANS = (DISPLAY_UNITS[unit] for unit in ("m", "s", "rad"))
+_MILLIMETRES = DISPLAY_UNITS["m"]
 _SECONDS = DisplayUnit("s", 1.0)
+
+
+def _error_at_halt(name: str, unit: str, heading: str, quantity: str, landmark: str) -> Metric:
+    """Return the metric of the error of a quantity at the halt, which ``landmark`` names in `compare.metrics.ComparedRun`."""
+    return Metric(
+        name=name,
+        unit=unit,
+        shown_in=DISPLAY_UNITS[unit],
+        heading=heading,
+        description=f"{quantity} less the reference's.",
+        value=methodcaller("error_at_halt", landmark),
+        has_sign=True,
+    )
+
 
 METRICS = MappingProxyType(
     {
@@ -88,15 +102,7 @@ METRICS = MappingProxyType(
                 description="Root mean square distance of the light mass from the reference's until the reference halts.",
                 value=attrgetter("rms_until_halt"),
             ),
-            Metric(
-                name="halting_time_error",
-                unit="s",
-                shown_in=_MILLISECONDS,
-                heading="halting error",
-                description="Halting time less the reference's.",
-                value=methodcaller("error_at_halt", "halting_time"),
-                has_sign=True,
-            ),
+            _error_at_halt("halting_time_error", "s", "halting error", "Halting time", "halting_time"),
             Metric(
                 name="rebound",
                 unit="m",
@@ -105,33 +111,9 @@ METRICS = MappingProxyType(
                 description="Distance between the string's extreme positions after its first rest.",
                 value=attrgetter("rebound"),
             ),
-            Metric(
-                name="drop_error",
-                unit="m",
-                shown_in=_MILLIMETRES,
-                heading="drop error",
-                description="Drop of the heavy mass at the halt less the reference's.",
-                value=methodcaller("error_at_halt", "drop_at_halt"),
-                has_sign=True,
-            ),
-            Metric(
-                name="wrap_angle_error",
-                unit="rad",
-                shown_in=_MILLIRADIANS,
-                heading="wrap angle error",
-                description="Wrap angle at the halt less the reference's.",
-                value=methodcaller("error_at_halt", "wrap_angle_at_halt"),
-                has_sign=True,
-            ),
-            Metric(
-                name="free_length_error",
-                unit="m",
-                shown_in=_MILLIMETRES,
-                heading="free length error",
-                description="Free length at the halt less the reference's.",
-                value=methodcaller("error_at_halt", "free_length_at_halt"),
-                has_sign=True,
-            ),
+            _error_at_halt("drop_error", "m", "drop error", "Drop of the heavy mass at the halt", "drop_at_halt"),
+            _error_at_halt("wrap_angle_error", "rad", "wrap angle error", "Wrap angle at the halt", "wrap_angle_at_halt"),
+            _error_at_halt("free_length_error", "m", "free length error", "Free length at the halt", "free_length_at_halt"),
             Metric(
                 name="string_stretch",
                 unit="m",

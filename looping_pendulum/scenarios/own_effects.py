@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, cast
 
-from pydantic import AfterValidator, BaseModel, PlainValidator, WithJsonSchema
+from pydantic import AfterValidator, BaseModel, PlainValidator, WithJsonSchema, create_model
 from pydantic_core import PydanticCustomError
 
 from looping_pendulum.errors import HarnessError
@@ -117,19 +117,12 @@ OwnEffects = Annotated[dict[str, OwnEffectGroup], AfterValidator(_own_effects)]
 """Field type of the group: keys and texts in a file, a tuple of `OwnEffect` in the program."""
 
 
-class OwnEffectsFile(BaseModel):
-    """The one group of a file that has to be read before the others, which may name what it defines."""
-
-    own_effects: OwnEffects = {}
-
-
-class CandidatesFile(BaseModel):
-    """The same group of a study."""
-
-    candidates: OwnEffects = {}
-
-
-_FILES: dict[str, type[BaseModel]] = {KEY: OwnEffectsFile, KEY_IN_STUDY: CandidatesFile}
+# The group has to be read before the others, which may name what it defines
+_FILES: dict[str, type[BaseModel]] = {
+    key: create_model(f"file with {key}", **{key: (OwnEffects, {})})  # type: ignore[call-overload]
+    for key in (KEY, KEY_IN_STUDY)
+}
+"""Key of the group -> model of a file of which only that group is read."""
 
 
 def read(data: Mapping[str, Any], key: str = KEY) -> tuple[OwnEffect, ...]:
@@ -148,15 +141,14 @@ def read(data: Mapping[str, Any], key: str = KEY) -> tuple[OwnEffect, ...]:
 
 def tree(own_effects: Sequence[OwnEffect]) -> dict[str, Any]:
     """Return effects as nested keys and texts of a file, which `read` reads."""
-    return {own.name: _group_tree(own) for own in own_effects}
-
-
-def _group_tree(own: OwnEffect) -> dict[str, Any]:
-    entry = {
-        "meaning": own.meaning,
-        "unit": pretty(own.unit) or 1,
-        "bounds": [show(bound, own.unit) if own.unit else bound for bound in own.bounds],
-        "force": dict(own.force),
-        "source": own.source,
+    groups = {
+        own.name: {
+            "meaning": own.meaning,
+            "unit": pretty(own.unit) or 1,
+            "bounds": [show(bound, own.unit) if own.unit else bound for bound in own.bounds],
+            "force": dict(own.force),
+            "source": own.source,
+        }
+        for own in own_effects
     }
-    return {key: value for key, value in entry.items() if value != ""}
+    return {name: {key: value for key, value in group.items() if value != ""} for name, group in groups.items()}

@@ -14,7 +14,7 @@ from typing import Any
 
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Coefficient
-from looping_pendulum.scenarios.units import QuantityKind, pretty
+from looping_pendulum.scenarios.units import QuantityKind
 
 _DEGREE = math.radians(1.0)
 
@@ -211,8 +211,3 @@ def unit_of(parameter: str) -> str:
     """Return the SI unit of a quantity or of any coefficient of the library."""
     known = QUANTITIES.get(parameter)
     return known.kind.unit if known else effect_library.COEFFICIENTS[parameter].unit
-
-
-def with_unit(value: str, unit: str) -> str:
-    """Return a number's text with its SI unit behind it, if it has one."""
-    return f"{value} {pretty(unit)}".rstrip()

@@ -27,7 +27,7 @@ from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode import parameters
 from looping_pendulum.reference_ode.effects import Coefficient
 from looping_pendulum.scenarios.document import quote
-from looping_pendulum.scenarios.fields import Group, OneOf, QuantityField, Text, input_error, model_schema, suggest
+from looping_pendulum.scenarios.fields import Group, QuantityField, Text, input_error, model_schema, one_of, suggest
 from looping_pendulum.scenarios.metrics import METRICS
 from looping_pendulum.scenarios.own_effects import OwnEffects
 from looping_pendulum.scenarios.quantities import FILE_KEYS, QUANTITIES, Quantity, file_key, group_of, quantity_kind
@@ -71,11 +71,6 @@ class DragShape(Group):
     """Density of the air; 1.2 kg/m^3 if not given."""
 
 
-def _drag_form(value: object) -> str:
-    """Return the tag by which pydantic chooses between a drag coefficient and a shape."""
-    return "<shape>" if isinstance(value, dict) else "<direct>"
-
-
 def _annotation(q: Quantity) -> Any:
     """Return the type of a quantity's key; a quadratic drag may be given by a shape, too."""
     number = Annotated[float, QuantityField(q.kind)]
@@ -84,7 +79,7 @@ def _annotation(q: Quantity) -> Any:
     # Tags in brackets, as no key has them: `fields.first_error` takes them out of the paths that it shows
     return Annotated[
         Annotated[number, Tag("<direct>")] | Annotated[DragShape, Tag("<shape>")],
-        Discriminator(_drag_form),
+        Discriminator(lambda value: "<shape>" if isinstance(value, dict) else "<direct>"),
     ]
 
 
@@ -106,7 +101,7 @@ def _group(name: str, meaning: str = "", base: type[Group] = Group) -> Any:
 class _Release(Group):
     """How the masses are let go."""
 
-    kind: Annotated[str, OneOf(*(r.value for r in parameters.Release))] = parameters.Release.LOOPING.value
+    kind: Annotated[str, one_of(*(r.value for r in parameters.Release))] = parameters.Release.LOOPING.value
     """looping: as in the demonstration; vertical: both hang; held: the heavy mass is clamped; drop: no string."""
     # A placeholder for the quantity that is checked here; the table of quantities has its type
     angle: Any = None

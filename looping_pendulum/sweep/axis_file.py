@@ -10,7 +10,7 @@ from pydantic_core import PydanticCustomError
 
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.document import quote
-from looping_pendulum.scenarios.fields import QuantityField, WholeNumber, input_error, suggest
+from looping_pendulum.scenarios.fields import QuantityField, input_error, suggest, whole_number
 from looping_pendulum.scenarios.quantities import FILE_KEYS
 from looping_pendulum.scenarios.units import factor, unit_text
 from looping_pendulum.sweep.plan import Axis
@@ -20,7 +20,7 @@ MAX_AXES = 3
 """Largest number of quantities that a map varies."""
 MAX_RUNS = 20_000_000
 """Largest number of runs of the reference without --max-runs: a quarter of an hour at 25 000 runs/s."""
-COUNT = WholeNumber("100")
+COUNT = whole_number("100")
 """Field type of a number of runs."""
 
 
@@ -140,7 +140,7 @@ def _counted(group: dict[str, Any], example: str) -> int:
     if group["count"] == "0":
         raise input_error("found 0, so an empty grid, needed 1 or more; write for example '50'", "count")
     try:
-        count = COUNT.read(group["count"])
+        count: int = COUNT.read(group["count"])
     except PydanticCustomError as error:
         raise input_error(str(error), "count") from None
     if count > MAX_RUNS:

@@ -19,14 +19,14 @@ from looping_pendulum.scenarios import document, loader
 from looping_pendulum.scenarios.document import Document, one_line, quote, shorten
 from looping_pendulum.scenarios.fields import (
     Group,
-    OneOf,
     QuantityField,
     Text,
-    WholeNumber,
     first_error,
     input_error,
     model_schema,
+    one_of,
     suggest,
+    whole_number,
 )
 from looping_pendulum.scenarios.quantities import FILE_KEYS, QUANTITIES
 from looping_pendulum.scenarios.scenario import Scenario
@@ -58,11 +58,11 @@ _ENGINE_SCHEMA = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"typ
 class SampleGroup(Group):
     """Runs distributed evenly over the box of all parameters, instead of a grid."""
 
-    method: Annotated[str, OneOf("sobol", "halton")] = "sobol"
+    method: Annotated[str, one_of("sobol", "halton")] = "sobol"
     """Low-discrepancy sequence, scrambled: sobol (a power of 2 runs is best) or halton."""
     count: Count
     """Number of runs."""
-    seed: Annotated[int, WholeNumber("1", low=0)] = 0
+    seed: Annotated[int, whole_number("1", low=0)] = 0
     """Seed of the scrambling."""
 
 
@@ -77,7 +77,7 @@ class MapFile(Group):
     """Shipped scenario, or path of a file from this file's folder."""
     engine: Annotated[Any, BeforeValidator(_names), WithJsonSchema(_ENGINE_SCHEMA)] = [REFERENCE]
     """reference, if not given, or a list of engines and variants, whose runs take seconds each."""
-    profile: Annotated[str, OneOf(*(p.value for p in Profile))] = Profile.QUICK.value
+    profile: Annotated[str, one_of(*(p.value for p in Profile))] = Profile.QUICK.value
     """Profile of the engines' settings; the reference has its tolerance."""
     parameters: Annotated[Any, WithJsonSchema(parameters_schema())]
     """One to three quantities, each with a range or a list of values."""

@@ -12,11 +12,12 @@ from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report import markdown
 from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.measured.camera import Camera
-from looping_pendulum.measured.measurement import predict, sampler
+from looping_pendulum.measured.measurement import predict
 from looping_pendulum.measured.observations import Channel, Observations, rates_from_release
 from looping_pendulum.measured.study import Trial
 from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.parameters import Parameters, Release
+from tests.apparatus import sampler
 from tests.blind.pendulum import Pendulum, motion, write_gyroscope
 from tests.discrepancy.blind_study import only_candidates
 from tests.discrepancy.held_study import write_held_study
@@ -136,7 +137,7 @@ def test_predicted_rates_and_their_derivatives():
     before = camera.true_time(channel.t) < 0
 
     def predicted(parameters, camera=camera):
-        return predict(sampler(parameters), camera, [channel]).values["angle_rate"]
+        return predict(sampler(parameters), camera, [channel])["angle_rate"]
 
     exact = motion(
         Pendulum(mass=0.15, length=0.4, angle=math.pi - 2.5, rate=-0.3 / 0.4, quadratic_drag=4e-3, gravity=9.81),

@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured.camera import CAMERA, Camera
-from looping_pendulum.measured.measurement import predict, sampler
+from looping_pendulum.measured.measurement import predict
 from looping_pendulum.measured.observations import DataError
 from looping_pendulum.measured.study import Estimate, read_files
 from looping_pendulum.measured.study_io import StudyError, dump, load, load_text
 from looping_pendulum.reference_ode.parameters import Release
+from tests.apparatus import sampler
 from tests.discrepancy.real_data import real
 
 STUDY = """
@@ -285,7 +286,7 @@ trials:
     def miss(offset):
         camera = Camera(origin_y=priors["origin_y"].value, clock_offset=offset)
         prediction = predict(sampler(study.parameters({}, one)), camera, observations.channels, dropped=one.dropped)
-        return float(np.sqrt(np.mean((prediction.values["height"] - height.value) ** 2)))
+        return float(np.sqrt(np.mean((prediction["height"] - height.value) ** 2)))
 
     assert min(miss(offset) for offset in np.linspace(-0.2, 0.1, 31)) < 0.5
 
@@ -309,7 +310,7 @@ trials:
     observations = read_files(study.folder, trial)
     assert set(study.camera_priors(trial, observations)) == {"clock_offset", "clock_ratio", "tilt"}
     prediction = predict(sampler(study.parameters({}, trial)), Camera(), observations.channels)
-    assert np.all(np.isfinite(prediction.values["angle"]))
+    assert np.all(np.isfinite(prediction["angle"]))
     # The first swing, before drag counts: the same period and side.
     first = observations.channel("angle").t < 1.2
-    assert np.corrcoef(prediction.values["angle"][first], observations.channel("angle").value[first])[0, 1] > 0.98
+    assert np.corrcoef(prediction["angle"][first], observations.channel("angle").value[first])[0, 1] > 0.98

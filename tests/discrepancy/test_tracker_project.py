@@ -91,15 +91,13 @@ def test_a_students_pendulum():
     assert is_project(raw)
     read_back = read(raw)
     (mass,) = read_back.tracks
-    assert (mass.name, mass.mass, read_back.length_unit) == ("mass A", None, "m")
+    assert (mass.name, read_back.length_unit) == ("mass A", "m")
     assert mass.frame.tolist() == list(range(1300, 1700, 5))
     # The file's calibration stick of 0.6096 m lies between (864.5, 1044) and (1226.5, 1043), the origin is at (868.5, 6.5)
     scale = math.hypot(362, 1) / 0.6096
     assert np.allclose([mass.x[0], mass.y[0]], [(1293.5 - 868.5) / scale, (6.5 - 534.5) / scale], rtol=1e-12)
     # Time counts from frame 0, by 16.668... ms
-    assert read_back.frame_time_source == "rate"
     assert read_back.frame_time[1300] == pytest.approx(1300 * 16.668018018018017e-3, rel=1e-12)
-    assert read_back.frame_rate == pytest.approx(59.995, abs=1e-3)
     assert read_back.notes == ("The project's step size is 5 frames.",)
     # It is a pendulum: on a circle about the origin, with the period 2 pi sqrt(L / g) (1 + a^2 / 16) of its length L. The
     # circle is seen as an oval, 4 % longer than wide, so that the period is uncertain by 2 %.
@@ -123,17 +121,15 @@ def test_the_forms_project_equals_its_table(trial):
         for values, shown in ((mass.x, table[mass.frame, column]), (mass.y, table[mass.frame, column + 1])):
             assert np.all(np.abs(values - shown) <= 0.51e-4 * np.maximum(np.abs(shown), 1e-3))
     # The phone played 240 frames a second at 30: its frame times are eight times the table's, which have five digits
-    assert project_read.frame_time_source == "film"
     assert np.all(np.abs(project_read.frame_time - 8 * table[:, -1]) <= 8 * 0.51e-4 * np.maximum(table[:, -1], 1e-3))
-    assert project_read.frame_rate == pytest.approx(30)
 
 
 def test_positions_have_y_up_and_the_projects_unit():
-    read_back = read(project(more=(prop("length_unit", "cm", "string"), prop("mass_unit", "g", "string"))))
+    read_back = read(project(more=(prop("length_unit", "cm", "string"),)))
     (mass,) = read_back.tracks
     assert mass.x.tolist() == [0, 1, 2]
     assert mass.y.tolist() == [0, 1, 3]
-    assert (read_back.length_unit, read_back.mass_unit) == ("cm", "g")
+    assert read_back.length_unit == "cm"
     assert read(project()).length_unit == "m"
     assert read_back.notes == ()
 
@@ -187,9 +183,9 @@ def test_a_project_without_a_scale_is_in_pixels():
     assert read_back.notes == ("The project is not calibrated: positions are in pixels.",)
 
 
-def test_several_tracks_their_names_and_masses():
+def test_several_tracks_and_their_names():
     tracks = [
-        track("light &amp; small", mass=0.005),
+        track("light &amp; small"),
         track('<![CDATA[the "heavy" <one>]]>', marks={1: (100, 150)}),
         track("cm", kind="CenterOfMass"),
         track("fall", kind="DynamicParticle"),
@@ -198,9 +194,9 @@ def test_several_tracks_their_names_and_masses():
         track("empty", marks={}),
     ]
     read_back = read(project(tracks))
-    assert [(t.name, t.mass, len(t.frame)) for t in read_back.tracks] == [
-        ("light & small", 0.005, 3),
-        ('the "heavy" <one>', None, 1),
+    assert [(t.name, len(t.frame)) for t in read_back.tracks] == [
+        ("light & small", 3),
+        ('the "heavy" <one>', 1),
     ]
     left_out = "'cm' (centre of mass), 'fall' (particle model), 'v' (vector), 'empty' (no points in the clip)"
     assert read_back.notes == (f"Tracks that were left out: {left_out}.",)
@@ -216,7 +212,6 @@ def test_time_counts_from_the_start_frame_and_its_time():
     read_back = read(project([track(marks={2: (1, 1), 6: (1, 1)})], clip=clip(start=2, step=2, start_time=500.0)))
     # 20 ms per frame, 0.5 s at frame 2
     assert np.allclose(read_back.frame_time, [0.46, 0.48, 0.5, 0.52, 0.54, 0.56, 0.58])
-    assert (read_back.frame_time_source, read_back.frame_rate) == ("rate", 50)
     assert read_back.notes == ("The project's step size is 2 frames.", "The project's clock reads 0.5 s at frame 2.")
 
 
@@ -232,9 +227,7 @@ def test_the_films_own_times_are_used():
     times = (7.0, 40.0, 75.0, 106.0, 140.0)
     # The mean of frames 1 to 4 lasts (140 - 40) / 3 ms
     read_back = read(project(video=start_times(*times), control=(prop("delta_t", 100 / 3),), clip=clip(start=1, count=4)))
-    assert read_back.frame_time_source == "film"
     assert np.allclose(read_back.frame_time, [-0.033, 0, 0.035, 0.066, 0.1])
-    assert read_back.frame_rate == pytest.approx(30)
     assert read_back.notes == ("Points of 'A' outside the project's clip (frames 1 to 4) were left out: 1.",)
 
 
@@ -242,7 +235,6 @@ def test_the_films_own_times_are_stretched_to_the_projects_rate():
     # The film plays at 25 frames a second, the user has set 250
     read_back = read(project(video=start_times(0, 41, 80, 119, 160), control=(prop("delta_t", 4.0),)))
     assert np.allclose(read_back.frame_time, [0, 0.0041, 0.008, 0.0119, 0.016])
-    assert read_back.frame_rate == 250
     assert read_back.notes == ("A frame lasts 4 ms by the project's clock, which is used, and 40 ms by the film's.",)
 
 
@@ -250,7 +242,6 @@ def test_short_arrays_and_projects_without_a_rate():
     video = (prop("start_times", prop("[0]", 0.0) + prop("[1]", 10.0) + prop("[2]", 30.0), "array"),)
     read_back = read(project(video=video, control=()))
     assert np.allclose(read_back.frame_time, [0, 0.01, 0.03])
-    assert read_back.frame_rate == pytest.approx(1 / 0.015)
     # A folder of pictures as a film
     assert np.allclose(read(project(video=(prop("delta_t", 50.0),), control=())).frame_time, [0, 0.05, 0.1])
 
@@ -265,7 +256,6 @@ def test_frames_after_the_films_last_time():
 def test_frame_times_that_do_not_rise_are_not_used(times):
     read_back = read(project(video=start_times(*times)))
     assert np.allclose(read_back.frame_time, [0, 0.02, 0.04])
-    assert read_back.frame_time_source == "rate"
     assert read_back.notes == ("The frame times of the film do not rise, so that its frames are taken at equal steps.",)
 
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
 from looping_pendulum.errors import MissingPackageError, ParameterError
 from looping_pendulum.reference_ode import closed_forms
@@ -81,7 +82,9 @@ def test_a_held_string_released_at_a_right_angle_is_taut_though_its_tension_is_z
 
 def test_held_period_tends_to_the_simple_pendulums_as_the_rod_thins():
     thin = TEN_TO_ONE.replace(release="held", rod_radius=1e-5, release_angle=math.radians(130))
-    simple = closed_forms.simple_pendulum_period(thin.free_length, math.radians(50), 9.81)
+    k = math.sin(math.radians(50) / 2)
+    elliptic_integral, _ = quad(lambda phi: 1 / math.sqrt(1 - (k * math.sin(phi)) ** 2), 0, math.pi / 2, epsrel=1e-12)
+    simple = 4 * math.sqrt(thin.free_length / 9.81) * elliptic_integral
     # the string at the bottom is R (pi - theta) shorter: relative change of the period about R 0.87 / (2 l)
     assert closed_forms.held_period(thin) == pytest.approx(simple, rel=2e-5)
 
@@ -121,11 +124,6 @@ def test_the_papers_approximate_motion_after_the_halt_is_a_few_percent_off_witho
     approximate = closed_forms.halted_free_length(t, end_time=end, **halt)
     error = np.abs(approximate - run.sample(t).state.free_length).max() / run.halt.state.free_length
     assert 0.001 < error < 0.04
-    angle = closed_forms.halted_wrap_angle(
-        t, halt_angle=run.halt.state.wrap_angle, end_time=end, rod_radius=TEN_TO_ONE.rod_radius, **halt
-    )
-    total = run.halt.state.wrap_angle + run.halt.state.free_length / TEN_TO_ONE.rod_radius
-    assert np.allclose(angle, total - approximate / TEN_TO_ONE.rod_radius)
 
 
 @HEYOKA

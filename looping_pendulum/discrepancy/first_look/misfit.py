@@ -392,7 +392,7 @@ def _distance(
     def sample(t: Array) -> Samples:
         return solution.sample(t[t <= solution.end_time])
 
-    predicted = predict(sample, camera, channels, dropped=declared.trial.dropped).values
+    predicted = predict(sample, camera, channels, dropped=declared.trial.dropped)
     groups: dict[str, list[Channel]] = {}
     for c in channels:
         groups.setdefault(_SHIFTS.get(c.name, ""), []).append(c)

@@ -233,7 +233,7 @@ class Problem:
         d = self.data[k]
         parts = []
         if d.channels:
-            values = predict(sample, camera, d.channels, dropped=d.trial.dropped).values
+            values = predict(sample, camera, d.channels, dropped=d.trial.dropped)
             parts = [values[c.name] for c in d.channels]
         if d.events:
             parts.append(with_missed_events(self._predict_events(parameters, camera, k), d.events))

@@ -15,9 +15,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from looping_pendulum.reference_ode.effects import EFFECTS, EffectKind
+from looping_pendulum.reference_ode.effects import EffectKind
 from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.heyoka_backend import absent_coefficients
 from looping_pendulum.reference_ode.heyoka_library import COMPILER_OPTIONS, compiled, load_heyoka
 from looping_pendulum.reference_ode.state import Effects, Signs, State, extra_variables, heavy_drop
 from looping_pendulum.reference_ode.transitions import Mode
@@ -42,9 +43,8 @@ def batch_model(effects: Effects, parameters: Mapping[str, Any]) -> BatchModel:
     A motion at release is left out, as it enters no equation; so are coefficients of effects that do not act.
     """
     stepped = tuple(effect for effect in effects if effect.kind is not EffectKind.RELEASE)
-    absent = {c.name for effect in EFFECTS.values() if effect not in stepped for c in effect.coefficients}
     unread = DERIVED_ONLY - ({"hanging_length"} if "heavy_tilt" in extra_variables(stepped) else set())
-    return BatchModel(stepped, tuple(sorted(parameters.keys() - absent - unread)))
+    return BatchModel(stepped, tuple(sorted(parameters.keys() - absent_coefficients(stepped).keys() - unread)))
 
 
 class CompiledFunction:
@@ -113,7 +113,7 @@ class Symbols:
         # A prefix tells parameters from the state's entries of the same name (free_length)
         parameters = {name: hy.expression(f"given {name}") for name in model.names}
         self.inputs = [*self.leading.values(), *parameters.values()]
-        absent = {c.name: c.null for effect in EFFECTS.values() for c in effect.coefficients}
+        absent = absent_coefficients(model.effects)
         self.signs = Signs(**{name: self.algebra.series(self.leading[name]) for name in Signs._fields})
         self.p = SimpleNamespace(**(absent | {name: self.algebra.series(symbol) for name, symbol in parameters.items()}))
         self.equations = Equations(self.algebra, self.p, model.effects)
@@ -303,49 +303,42 @@ class SeriesAlgebra:
     def _expression(self, x: Any) -> Any:
         return self._hy.expression(x) if isinstance(x, (int, float)) else x
 
-    def sqrt(self, x: Any) -> Series:
-        """Return the square root of ``x``."""
+    def _function(self, name: str, x: Any, further: Callable[[int, Series, Series], Any]) -> Series:
+        """Return a function of ``x`` that heyoka has.
+
+        Parameters
+        ----------
+        further
+            Function of an order above 0, the series ``x`` and the function's own that returns the latter's coefficient.
+        """
         a = self.series(x)
 
         def compute(n: int, own: Series) -> Any:
-            if n == 0:
-                return self._hy.sqrt(a[0])
-            return (a[n] - self.square(own, n, 1)) * (0.5 * self.inverse(own))
+            return further(n, a, own) if n else getattr(self._hy, name)(self._expression(a[0]))
 
-        return self.cached("sqrt", a, a, compute)
+        return self.cached(name, a, a, compute)
+
+    def sqrt(self, x: Any) -> Series:
+        """Return the square root of ``x``."""
+        return self._function("sqrt", x, lambda n, a, own: (a[n] - self.square(own, n, 1)) * (0.5 * self.inverse(own)))
 
     def exp(self, x: Any) -> Series:
         """Return e**x."""
-        a = self.series(x)
-
-        def compute(n: int, own: Series) -> Any:
-            if n == 0:
-                return self._hy.exp(self._expression(a[0]))
-            return self.product(a, own, range(1, n + 1), n, lambda j: j / n)
-
-        return self.cached("exp", a, a, compute)
+        return self._function("exp", x, lambda n, a, own: self.product(a, own, range(1, n + 1), n, lambda j: j / n))
 
     def log(self, x: Any) -> Series:
         """Return the natural logarithm of ``x``, from its rate log' = x' / x."""
-        a = self.series(x)
 
-        def compute(n: int, own: Series) -> Any:
-            if n == 0:
-                return self._hy.log(self._expression(a[0]))
+        def further(n: int, a: Series, own: Series) -> Any:
             return (a[n] - self.product(own, a, range(1, n), n, lambda j: j / n)) * self.inverse(a)
 
-        return self.cached("log", a, a, compute)
+        return self._function("log", x, further)
 
     def tanh(self, x: Any) -> Series:
         """Return the hyperbolic tangent of ``x``, from its rate tanh' = (1 - tanh^2) x'."""
-        a = self.series(x)
-
-        def compute(n: int, own: Series) -> Any:
-            if n == 0:
-                return self._hy.tanh(self._expression(a[0]))
-            return self.product(a, 1.0 - own * own, range(1, n + 1), n, lambda j: j / n)
-
-        return self.cached("tanh", a, a, compute)
+        return self._function(
+            "tanh", x, lambda n, a, own: self.product(a, 1.0 - own * own, range(1, n + 1), n, lambda j: j / n)
+        )
 
     def sin(self, x: Any) -> Series:
         """Return the sine of ``x`` [rad]."""

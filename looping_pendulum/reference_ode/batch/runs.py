@@ -5,9 +5,10 @@ from __future__ import annotations
 import dataclasses
 import multiprocessing
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from dataclasses import dataclass
 from operator import attrgetter
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -217,14 +218,9 @@ def summary(run: Run) -> dict[str, Any]:
     return {name: column.of_run(run) for name, column in COLUMNS.items()}
 
 
-class _LocalCounter:
-    """A counter with the interface of `multiprocessing.Value`, for a batch that only this process works on."""
-
-    value = 0
-
-    def get_lock(self) -> AbstractContextManager[None]:
-        """Return a lock that never waits."""
-        return nullcontext()
+def _counter(alone: bool) -> Any:
+    """Return a counter for the processes of a batch; for one process alone, one whose lock never waits."""
+    return SimpleNamespace(value=0, get_lock=nullcontext) if alone else _SPAWN.Value("q", 0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -275,8 +271,8 @@ class SharedBatch:
             processes=processes,
             column_buffer=np.empty(value_count) if alone else _SPAWN.RawArray("d", value_count),
             result_buffer=bytearray(result_bytes) if alone else _SPAWN.RawArray("b", result_bytes),
-            taken_count=_LocalCounter() if alone else _SPAWN.Value("q", 0),
-            ended_count=_LocalCounter() if alone else _SPAWN.Value("q", 0),
+            taken_count=_counter(alone),
+            ended_count=_counter(alone),
         )
         for name, values in job.columns().items():
             values[:] = columns[name]

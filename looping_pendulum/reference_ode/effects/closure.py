@@ -51,8 +51,8 @@ _WEIGHTS = {side: attrgetter(*(weight_name(side, i) for i in range(N_BASIS_FUNCT
 """Getters of many coefficients at once, for speed: a run reads them at each of its events."""
 
 
-def _closure_coefficient(name: str, meaning: str, unit: str = "", bound: float = 1e6) -> Coefficient:
-    return Coefficient(name=name, unit=unit, default=0.0, null=0.0, bounds=(-bound, bound), meaning=meaning)
+def _closure_coefficient(name: str, meaning: str, unit: str = "") -> Coefficient:
+    return Coefficient(name=name, unit=unit, default=0.0, null=0.0, bounds=(-1e6, 1e6), meaning=meaning)
 
 
 def _from_point(xp: Any, x: Any, y: Any, p: SimpleNamespace) -> tuple[Any, Any, Any]:
