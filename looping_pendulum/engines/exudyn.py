@@ -21,10 +21,10 @@ from looping_pendulum.engines.chain import (
     point_on_string,
     polygon_friction,
 )
-from looping_pendulum.engines.protocol import APPLIED_DRAG, SAMPLE_INTERVAL, Engine, Profile, TunedEngine, steps_per_sample
+from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine, Profile, TunedEngine, steps_per_sample
 from looping_pendulum.engines.shipped import shipped_abilities
 from looping_pendulum.engines.studies import DefaultRow, Studies, studies_from_rows
-from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
+from looping_pendulum.engines.trajectory import Supplier, Supply
 from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import CartesianForce, cartesian_force, release_velocity
@@ -413,16 +413,9 @@ class ExudynCable(TunedEngine):
     abilities = shipped_abilities(
         "exudyn:cable",
         quick_cost=70.0,
-        supplies=Supplies(
-            winding=Supply(by=Supplier.ENGINE, how="contact of the cable's segments with a circle"),
-            friction_law=Supply(
-                by=Supplier.ENGINE,
-                how="Coulomb friction between segments and circle, its coefficient solved for their corners",
-            ),
-            stick_slip=Supply(by=Supplier.ENGINE, how="the same contact: a sticking segment is held by a spring"),
-            drag=APPLIED_DRAG,
-        ),
-        packages=("exudyn",),
+        winding="contact of the cable's segments with a circle",
+        friction_law="Coulomb friction between segments and circle, its coefficient solved for their corners",
+        stick_slip="the same contact: a sticking segment is held by a spring",
         summary="An elastic cable of ANCF elements with mass along the whole string, over a circle with friction.",
         limits=(
             ONE_COEFFICIENT,
@@ -576,15 +569,9 @@ class ExudynReeving(TunedEngine):
     abilities = shipped_abilities(
         "exudyn:reeving",
         quick_cost=1.0,
-        supplies=Supplies(
-            winding=Supply(
-                by=Supplier.ENGINE, how="a rope tangent to a sheave; the adapter counts turns, by the rope's length"
-            ),
-            friction_law=Supply(by=Supplier.NOBODY, how="a reeving system's tension is the same on both sides of a sheave"),
-            stick_slip=Supply(by=Supplier.NOBODY, how="nothing to stick to"),
-            drag=APPLIED_DRAG,
-        ),
-        packages=("exudyn",),
+        winding="a rope tangent to a sheave; the adapter counts turns, by the rope's length",
+        friction_law=Supply(by=Supplier.NOBODY, how="a reeving system's tension is the same on both sides of a sheave"),
+        stick_slip=Supply(by=Supplier.NOBODY, how="nothing to stick to"),
         summary="One elastic rope without mass and without friction, over a sheave.",
         limits=(
             "without friction the heavy mass never halts",

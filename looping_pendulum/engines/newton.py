@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.engines.chain import NO_STOP, ONE_COEFFICIENT, point_on_string
-from looping_pendulum.engines.protocol import APPLIED_DRAG, SAMPLE_INTERVAL, Engine, Profile, TunedEngine, groups_per_sample
+from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine, Profile, StepGroups, TunedEngine
 from looping_pendulum.engines.shipped import shipped_abilities
 from looping_pendulum.engines.studies import Studies, studies_from_rows
-from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
 from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
@@ -27,7 +26,7 @@ from looping_pendulum.versions import installed_version
 
 
 @dataclass(frozen=True, kw_only=True)
-class NewtonTendonSettings:
+class NewtonTendonSettings(StepGroups):
     """Numerical settings of Newton's tendon, in SI units."""
 
     time_step: float
@@ -53,21 +52,11 @@ class NewtonTendonSettings:
 
     def __post_init__(self) -> None:
         """Raise EngineError where groups do not divide the sample interval, or do not end in the state they began in."""
-        groups_per_sample(self.time_step, self.steps_per_group)
+        super().__post_init__()
         if self.steps_per_group % 2:
             raise EngineError(
                 f"steps_per_group: found {self.steps_per_group}, needed an even number, as two states take turns; write 2"
             )
-
-    @property
-    def groups_per_sample(self) -> int:
-        """Number of groups of steps in one sample interval."""
-        return groups_per_sample(self.time_step, self.steps_per_group)
-
-    @property
-    def group_time(self) -> float:
-        """Length of a group [s]."""
-        return self.steps_per_group * self.time_step
 
 
 SETTINGS = {
@@ -283,14 +272,6 @@ class NewtonTendonRig:
             )
 
 
-_SUPPLIES = Supplies(
-    winding=Supply(by=Supplier.ENGINE, how="tangents to a fixed roller; string that winds on is taken from the straight parts"),
-    friction_law=Supply(by=Supplier.ENGINE, how="the capstan law of the roller, up to half a turn"),
-    stick_slip=Supply(
-        by=Supplier.ENGINE, how="the same: string passes only where the tensions differ by more than the law's ratio"
-    ),
-    drag=APPLIED_DRAG,
-)
 _LIMITS = (
     "a string that slides with friction may be wound by half a turn only: beyond it Newton goes on with the friction of the "
     "angle that is left to a full turn, and the adapter ends the run",
@@ -316,8 +297,9 @@ class NewtonTendon(TunedEngine):
     abilities = shipped_abilities(
         "newton:tendon",
         quick_cost=3.0,
-        supplies=_SUPPLIES,
-        packages=("newton",),
+        winding="tangents to a fixed roller; string that winds on is taken from the straight parts",
+        friction_law="the capstan law of the roller, up to half a turn",
+        stick_slip="the same: string passes only where the tensions differ by more than the law's ratio",
         summary="A massless tendon over a fixed roller with the capstan law, in Newton's position-based solver on the CPU.",
         limits=_LIMITS,
         known_failures={"samples_every_millisecond_from_rest": "places are in single precision: measured 12 nm off at release"}

@@ -334,6 +334,29 @@ def groups_per_sample(time_step: float, steps_per_group: int) -> int:
     return steps // steps_per_group
 
 
+class StepGroups:
+    """What follows from settings with steps in groups; a dataclass that derives from it has the fields."""
+
+    time_step: float
+    """Length of a step [s]; it must divide the sample interval."""
+    steps_per_group: int
+    """Steps between two updates of what the adapter sees to."""
+
+    def __post_init__(self) -> None:
+        """Raise EngineError where groups of steps do not divide the sample interval."""
+        groups_per_sample(self.time_step, self.steps_per_group)
+
+    @property
+    def groups_per_sample(self) -> int:
+        """Number of groups of steps in one sample interval."""
+        return groups_per_sample(self.time_step, self.steps_per_group)
+
+    @property
+    def group_time(self) -> float:
+        """Length of a group [s]."""
+        return self.steps_per_group * self.time_step
+
+
 def _run(rig: Rig, scenario: Scenario, end_length: float, add: Callable[[Sequence[float]], None]) -> RunStatus:
     """Advance ``rig`` sample by sample, pass each sample to ``add``, and return how the run ended."""
     p = scenario.parameters

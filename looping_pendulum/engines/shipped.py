@@ -7,7 +7,8 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities
+from looping_pendulum.engines.protocol import APPLIED_DRAG, FORCES_AND_RELEASE, Abilities
+from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
 from looping_pendulum.engines.validated import shipped_range
 from looping_pendulum.pages.numbers import amount
 from looping_pendulum.reference_ode.parameters import Release
@@ -23,16 +24,34 @@ SIGNIFICANT_DIGITS = 2
 
 
 def shipped_abilities(
-    label: str, *, first_additions: tuple[str, ...] = (), additions: tuple[str, ...] = (), **declared: Any
+    label: str,
+    *,
+    winding: str | Supply,
+    friction_law: str | Supply,
+    stick_slip: str | Supply,
+    first_additions: tuple[str, ...] = (),
+    additions: tuple[str, ...] = (),
+    **declared: Any,
 ) -> Abilities:
     """Return abilities of the variant ``label``, "mujoco:beads": all releases, forces and pushes, and what was measured of it.
 
-    ``first_additions`` come before the measured ones, ``additions`` after them; ``declared`` are further fields of `Abilities`.
+    Parameters
+    ----------
+    winding, friction_law, stick_slip
+        Who supplies them; a text says how the engine itself does it.
+    first_additions, additions
+        What the adapter adds, before and after the measured additions.
+    declared
+        Further fields of `Abilities`; without ``packages`` the engine's package has its name.
     """
+    supplied = {"winding": winding, "friction_law": friction_law, "stick_slip": stick_slip}
+    by = {piece: Supply(by=Supplier.ENGINE, how=who) if isinstance(who, str) else who for piece, who in supplied.items()}
+    usual = {"releases": frozenset(Release), "effect_kinds": FORCES_AND_RELEASE, "packages": (label.partition(":")[0],)}
     return Abilities(
+        supplies=Supplies(drag=APPLIED_DRAG, **by),
         additions=(*first_additions, *measured_additions(label), *additions),
         validated=shipped_range(label),
-        **({"releases": frozenset(Release), "effect_kinds": FORCES_AND_RELEASE} | declared),
+        **(usual | declared),
     )
 
 

@@ -21,6 +21,7 @@ from looping_pendulum.engines.mujoco.model import (
     SWITCH_DOWN,
     SWITCH_UP,
     TAUT_MARGIN,
+    WRAPPED_TENDON,
     AlternatingTendons,
     StringSettings,
     breakdown_warnings,
@@ -31,7 +32,6 @@ from looping_pendulum.engines.mujoco.model import (
     string_defaults,
 )
 from looping_pendulum.engines.protocol import (
-    APPLIED_DRAG,
     FORCES_AND_RELEASE,
     Abilities,
     Profile,
@@ -40,7 +40,7 @@ from looping_pendulum.engines.protocol import (
 )
 from looping_pendulum.engines.shipped import shipped_abilities
 from looping_pendulum.engines.studies import Studies, studies_from_rows
-from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
+from looping_pendulum.engines.trajectory import Supplier, Supply
 from looping_pendulum.reference_ode import effects
 from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
 from looping_pendulum.reference_ode.effects import EffectKind, Kinematics
@@ -503,20 +503,16 @@ SETTINGS = {
 """Variant and profile -> settings."""
 
 
-def _abilities(variant: str, winding: Supply, string: str, *limits: str) -> Abilities:
+def _abilities(variant: str, winding: str | Supply, string: str, *limits: str) -> Abilities:
     """Return the abilities of a variant with this ``string``."""
     friction = "heavy mass times exp(sign(v2) mu theta), which is the capstan law while it slides"
     stick_slip = "finds the stop within the step and locks the heavy mass while the rod can hold it"
     return shipped_abilities(
         f"mujoco:{variant}",
         effect_kinds=FORCES_AND_RELEASE | {EffectKind.STRING_LAW},
-        supplies=Supplies(
-            winding=winding,
-            friction_law=Supply(by=Supplier.ADAPTER, how=friction),
-            stick_slip=Supply(by=Supplier.ADAPTER, how=stick_slip),
-            drag=APPLIED_DRAG,
-        ),
-        packages=("mujoco",),
+        winding=winding,
+        friction_law=Supply(by=Supplier.ADAPTER, how=friction),
+        stick_slip=Supply(by=Supplier.ADAPTER, how=stick_slip),
         summary=f"{string}, friction as a factor on the heavy mass.",
         limits=(
             "the pull of a string that becomes taut has friction the way the heavy mass moved before; the reference: the way "
@@ -531,7 +527,7 @@ def _abilities(variant: str, winding: Supply, string: str, *limits: str) -> Abil
 _ABILITIES = {
     "effective_mass": _abilities(
         "effective_mass",
-        Supply(by=Supplier.ENGINE, how="spatial tendon wrapped over a cylinder; the adapter counts turns, using two in turn"),
+        WRAPPED_TENDON,
         "Two spatial tendons used in turn over a cylinder",
     ),
     "drum": _abilities(

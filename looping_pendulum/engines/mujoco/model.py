@@ -28,6 +28,8 @@ It differs from `SWITCH_UP` - pi, so that a light mass that swings to and fro th
 """
 TAUT_MARGIN = 1e-9
 """Length by which the string's limit is reduced [m], so that a string exactly at its rest length counts as taut."""
+WRAPPED_TENDON = "spatial tendon wrapped over a cylinder; the adapter counts turns, using two in turn"
+"""How MuJoCo supplies the winding with `AlternatingTendons`."""
 
 
 class AlternatingTendons:

@@ -24,6 +24,7 @@ from looping_pendulum.engines.mujoco.model import (
     SWITCH_DOWN,
     SWITCH_UP,
     TAUT_MARGIN,
+    WRAPPED_TENDON,
     AlternatingTendons,
     StringSettings,
     breakdown_warnings,
@@ -35,7 +36,6 @@ from looping_pendulum.engines.mujoco.model import (
     time_constant_default,
 )
 from looping_pendulum.engines.protocol import (
-    APPLIED_DRAG,
     FORCES_AND_RELEASE,
     SAMPLE_INTERVAL,
     Abilities,
@@ -45,7 +45,7 @@ from looping_pendulum.engines.protocol import (
 )
 from looping_pendulum.engines.shipped import shipped_abilities
 from looping_pendulum.engines.studies import AdapterChoice, Studies, studies_from_rows
-from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
+from looping_pendulum.engines.trajectory import Supplier, Supply
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode import effects
 from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
@@ -360,19 +360,17 @@ def _abilities(
     variant: str,
     friction: str,
     *,
-    friction_law: Supply = _NO_FRICTION,
-    stick_slip: Supply = _NO_STICKING,
+    friction_law: str | Supply = _NO_FRICTION,
+    stick_slip: str | Supply = _NO_STICKING,
     limits: tuple[str, ...],
     **declared: Any,
 ) -> Abilities:
     """Return the abilities of a variant; by default it has no friction."""
-    how = "spatial tendon wrapped over a cylinder; the adapter counts turns, using two in turn"
     return shipped_abilities(
         f"mujoco:{variant}",
-        supplies=Supplies(
-            winding=Supply(by=Supplier.ENGINE, how=how), friction_law=friction_law, stick_slip=stick_slip, drag=APPLIED_DRAG
-        ),
-        packages=("mujoco",),
+        winding=WRAPPED_TENDON,
+        friction_law=friction_law,
+        stick_slip=stick_slip,
         summary=f"Two spatial tendons used in turn over a cylinder, {friction}.",
         limits=(
             "a slack string is caught within one time step, so up to a step's way too late",
@@ -409,11 +407,8 @@ _ABILITIES = {
     "frictionloss": _abilities(
         "frictionloss",
         "MuJoCo's constant friction loss for friction",
-        friction_law=Supply(
-            by=Supplier.ENGINE,
-            how="constant frictionloss of the hanging part's tendon, whatever its load; its size is the adapter's",
-        ),
-        stick_slip=Supply(by=Supplier.ENGINE, how="the same friction-loss constraint"),
+        friction_law="constant frictionloss of the hanging part's tendon, whatever its load; its size is the adapter's",
+        stick_slip="the same friction-loss constraint",
         limits=(
             "friction does not grow with the tension or with the turns on the rod, so the grip that ends the fall is missing",
             "MuJoCo's frictionloss of the string's own tendon would brake nothing, as its length stays; the hanging part has "

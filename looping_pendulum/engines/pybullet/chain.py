@@ -38,6 +38,7 @@ from looping_pendulum.engines.pybullet.world import (
     DEFAULT_ITERATIONS,
     DEFAULT_SPEED_LIMIT,
     LARGEST_STEP,
+    LINK_CONTACT,
     NO_SPEED_LIMIT,
     ONE_COEFFICIENT,
     LongestStep,
@@ -47,7 +48,6 @@ from looping_pendulum.engines.pybullet.world import (
     WorldSettings,
     common_choices,
     iteration_rungs,
-    link_supplies,
     step_rungs,
     world_defaults,
 )
@@ -528,11 +528,9 @@ class PybulletChain(PybulletVariant):
     abilities = shipped_abilities(
         "pybullet:chain",
         quick_cost=10.0,
-        supplies=link_supplies(
-            "contact of the links' end spheres with a static sphere of the rod's section; quick: the adapter joins and splits "
-            "links on the straight parts only"
-        ),
-        packages=("pybullet",),
+        winding="contact of the links' end spheres with a static sphere of the rod's section; quick: the adapter joins and "
+        "splits links on the straight parts only",
+        **LINK_CONTACT,
         summary="One Featherstone multibody of links that slides over a static sphere under Coulomb contact.",
         limits=(
             ONE_COEFFICIENT,

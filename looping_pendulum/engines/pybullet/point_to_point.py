@@ -11,6 +11,7 @@ from looping_pendulum.engines.chain import MASS_COMPENSATION, SlipGauge, point_o
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.pybullet.links import LinkSettings, typical_wrap_angle
 from looping_pendulum.engines.pybullet.world import (
+    LINK_CONTACT,
     ONE_COEFFICIENT,
     PybulletVariant,
     Row,
@@ -18,7 +19,6 @@ from looping_pendulum.engines.pybullet.world import (
     World,
     common_choices,
     iteration_rungs,
-    link_supplies,
     step_rungs,
     world_defaults,
 )
@@ -151,8 +151,8 @@ class PybulletPointToPoint(PybulletVariant):
     settings: PointToPointSettings
     abilities = shipped_abilities(
         "pybullet:point_to_point",
-        supplies=link_supplies("contact of the bodies' spheres with a static sphere of the rod's section"),
-        packages=("pybullet",),
+        winding="contact of the bodies' spheres with a static sphere of the rod's section",
+        **LINK_CONTACT,
         summary="Rigid bodies pinned point to point, in maximal coordinates, over a static sphere.",
         limits=(
             ONE_COEFFICIENT,

@@ -29,12 +29,12 @@ from looping_pendulum.engines.pybullet.links import (
     typical_wrap_angle,
 )
 from looping_pendulum.engines.pybullet.world import (
+    LINK_CONTACT,
     ONE_COEFFICIENT,
     PybulletVariant,
     Row,
     World,
     iteration_rungs,
-    link_supplies,
     step_rungs,
 )
 from looping_pendulum.engines.shipped import shipped_abilities
@@ -288,11 +288,9 @@ class PybulletRemade(PybulletVariant):
     abilities = shipped_abilities(
         "pybullet:remade",
         quick_cost=15.0,
-        supplies=link_supplies(
-            "contact of the links' end spheres with a static sphere of the rod's section; the adapter adds and takes off links "
-            "on the straight parts only"
-        ),
-        packages=("pybullet",),
+        winding="contact of the links' end spheres with a static sphere of the rod's section; the adapter adds and takes off "
+        "links on the straight parts only",
+        **LINK_CONTACT,
         main=False,
         additions=(
             f"nodes on the rod weigh {100 * SETTINGS[Profile.QUICK].bead_mass_ratio:.2g} % of the light mass each; nothing is "

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, ClassVar
 
-from looping_pendulum.engines.protocol import APPLIED_DRAG, SAMPLE_INTERVAL, Rig, TunedEngine, steps_per_sample
+from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Rig, TunedEngine, steps_per_sample
 from looping_pendulum.engines.studies import ChoiceRow, DefaultRow, LadderRow
-from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
 from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import CartesianForce, cartesian_force, release_velocity
@@ -291,17 +290,12 @@ class FallingRig(SteppedRig):
 ONE_COEFFICIENT = "one Coulomb coefficient: of a static friction above the kinetic one, only the kinetic one is represented"
 
 
-def link_supplies(winding: str) -> Supplies:
-    """Return who supplies which physics in a chain of links; ``winding`` says what touches the rod."""
-    friction = (
-        "Coulomb contact at every node; the adapter solves its coefficient from the capstan law for the polygon's corners"
-    )
-    return Supplies(
-        winding=Supply(by=Supplier.ENGINE, how=winding),
-        friction_law=Supply(by=Supplier.ENGINE, how=friction),
-        stick_slip=Supply(by=Supplier.ENGINE, how="Coulomb contact"),
-        drag=APPLIED_DRAG,
-    )
+LINK_CONTACT = {
+    "friction_law": "Coulomb contact at every node; the adapter solves its coefficient from the capstan law for the polygon's "
+    "corners",
+    "stick_slip": "Coulomb contact",
+}
+"""How Bullet supplies the friction of a chain of links."""
 
 
 class PybulletVariant(TunedEngine):

@@ -392,7 +392,6 @@ class PymunkChain(TunedEngine):
         quick_cost=7.0,
         rod="static circle",
         stick_slip="the solver clamps friction to its cone",
-        packages=("pymunk",),
         summary="Point beads on pin joints over a static circle, a slide joint for each straight part of the string.",
         limits=(
             ONE_COEFFICIENT,

@@ -18,7 +18,7 @@ from looping_pendulum.engines.chain import (
     polygon_friction,
     polygon_radius,
 )
-from looping_pendulum.engines.protocol import APPLIED_DRAG, Abilities, Profile, TunedEngine, groups_per_sample, steps_per_sample
+from looping_pendulum.engines.protocol import Abilities, Profile, TunedEngine, groups_per_sample, steps_per_sample
 from looping_pendulum.engines.pymunk.space import (
     DEFAULT_COLLISION_SLOP,
     DEFAULT_ITERATIONS,
@@ -37,7 +37,6 @@ from looping_pendulum.engines.pymunk.space import (
 )
 from looping_pendulum.engines.shipped import shipped_abilities
 from looping_pendulum.engines.studies import Studies, rows_that_differ, studies_from_rows
-from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios.scenario import Scenario
@@ -145,13 +144,9 @@ def _abilities(variant: str, links: str, friction: str, summary: str, limit: str
     """Return the abilities of a variant whose ``links`` touch the rod, with ``friction`` between them and the circle."""
     return shipped_abilities(
         f"pymunk:{variant}",
-        supplies=Supplies(
-            winding=Supply(by=Supplier.ENGINE, how=f"contact of {links} along the whole string with a static circle"),
-            friction_law=Supply(by=Supplier.ENGINE, how=f"Coulomb friction between {links} and circle, {friction}"),
-            stick_slip=Supply(by=Supplier.ENGINE, how="the same contact: the solver clamps friction to its cone"),
-            drag=APPLIED_DRAG,
-        ),
-        packages=("pymunk",),
+        winding=f"contact of {links} along the whole string with a static circle",
+        friction_law=f"Coulomb friction between {links} and circle, {friction}",
+        stick_slip="the same contact: the solver clamps friction to its cone",
         summary=summary,
         limits=(ONE_COEFFICIENT, limit),
         additions=(
