@@ -22,7 +22,6 @@ from looping_pendulum.engines.studies import Studies, studies_from_rows
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-from looping_pendulum.scenarios.scenario import Scenario
 
 BODY_ORIGIN = np.zeros(3)
 """Point of a body at which its links are attached, in the body's frame [m]."""
@@ -320,6 +319,7 @@ class DrakeChain(TunedEngine):
     distribution = "drake"
     variant = "chain"
     settings_by_profile = SETTINGS
+    rig = DrakeChainRig
     settings: DrakeChainSettings
     abilities = bead_abilities(
         "drake:chain",
@@ -332,10 +332,6 @@ class DrakeChain(TunedEngine):
         bead_mass_ratio=SETTINGS[Profile.QUICK].bead_mass_ratio,
         main=False,
     )
-
-    def build(self, scenario: Scenario) -> DrakeChainRig:
-        """Build the scenario's apparatus at the moment of release."""
-        return DrakeChainRig(scenario.parameters, self.settings)
 
     def studies(self) -> Studies:
         """Return ladders of step, links, mass and contact, Drake's defaults, and the adapter's choices."""

@@ -288,12 +288,19 @@ class TunedEngine(SteppedEngine):
 
     distribution: ClassVar[str]
     """The engine's package, as pip names it."""
+    rig: ClassVar[Callable[..., Any]]
+    """Class of the apparatus, called with parameters and settings; a variant that needs more overrides `build`."""
     settings_by_profile: ClassVar[Mapping[Profile, Any]]
     """Profile -> settings."""
 
     def __init__(self, *, profile: Profile = Profile.QUICK, settings: Any = None) -> None:
         self.profile = profile
         self.settings = settings if settings is not None else self.settings_by_profile[profile]
+
+    def build(self, scenario: Scenario) -> Rig:
+        """Build the scenario's apparatus at the moment of release."""
+        rig: Rig = self.rig(scenario.parameters, self.settings)
+        return rig
 
     def versions(self) -> dict[str, str]:
         """Return the version of the engine's package."""

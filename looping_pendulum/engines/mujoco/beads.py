@@ -26,7 +26,6 @@ from looping_pendulum.engines.protocol import Profile, StepGroups, TunedEngine
 from looping_pendulum.engines.studies import Studies, studies_from_rows
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-from looping_pendulum.scenarios.scenario import Scenario
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -254,6 +253,7 @@ class MujocoBeads(TunedEngine):
     distribution = "mujoco"
     variant = "beads"
     settings_by_profile = SETTINGS
+    rig = MujocoBeadRig
     settings: BeadSettings
     abilities = bead_abilities(
         "mujoco:beads",
@@ -269,10 +269,6 @@ class MujocoBeads(TunedEngine):
         ),
         bead_mass_ratio=SETTINGS[Profile.QUICK].bead_mass_ratio,
     )
-
-    def build(self, scenario: Scenario) -> MujocoBeadRig:
-        """Rebuild the scenario's apparatus at the moment of release."""
-        return MujocoBeadRig(scenario.parameters, self.settings)
 
     def studies(self) -> Studies:
         """Return the studies: step, softness, links and their mass; MuJoCo's defaults; the polygon and the updates of beads."""

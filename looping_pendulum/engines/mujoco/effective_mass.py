@@ -23,9 +23,9 @@ from looping_pendulum.engines.mujoco.model import (
     TAUT_MARGIN,
     WRAPPED_TENDON,
     AlternatingTendons,
+    StringRig,
     StringSettings,
-    breakdown_warnings,
-    compile_model,
+    kinematics,
     model_xml,
     softness_rungs,
     step_rungs,
@@ -36,13 +36,11 @@ from looping_pendulum.engines.protocol import (
     Abilities,
     Profile,
     TunedEngine,
-    steps_per_sample,
 )
 from looping_pendulum.engines.shipped import shipped_abilities
 from looping_pendulum.engines.studies import Studies, studies_from_rows
 from looping_pendulum.engines.trajectory import Supplier, Supply
 from looping_pendulum.reference_ode import effects
-from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
 from looping_pendulum.reference_ode.effects import EffectKind, Kinematics
 from looping_pendulum.reference_ode.geometry import light_position, next_string_coordinates
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -93,43 +91,25 @@ class EffectiveMassMotion(Enum):
     """The rod holds the string, and the heavy mass is locked."""
 
 
-class EffectiveMassRig(abc.ABC):
+class EffectiveMassRig(StringRig, abc.ABC):
     """The apparatus in MuJoCo, with a heavy mass that changes at every step; a subclass defines the light mass's coordinates.
 
-    Parameters
-    ----------
-    parameters, settings
-        Physics and numerics.
-    xml
-        MuJoCo model: two degrees of freedom of the light mass, that of the heavy mass, and an equality constraint to lock it.
-    end_length
-        Free length [m] below which the rig stops.
+    An equality constraint of its model locks the heavy mass.
     """
 
     def __init__(self, parameters: Parameters, settings: EffectiveMassSettings, xml: str, end_length: float) -> None:
-        import mujoco
-
         p = parameters
-        self._mujoco: Any = mujoco
-        self._model: Any = compile_model(mujoco, xml)
-        self._data: Any = mujoco.MjData(self._model)
-        self._qpos, self._qvel, self._qacc = self._data.qpos, self._data.qvel, self._data.qacc
+        super().__init__(p, settings, xml, end_length)
         self._passive_force = self._data.qfrc_passive
-        self._breakdowns = breakdown_warnings(mujoco, self._data)
-        self._dt, self._steps = settings.time_step, steps_per_sample(settings.time_step)
         self._split = settings.split_steps
-        self._parameters, self._values, self._effects = p, p.values(), p.effects
+        self._values, self._effects = p.values(), p.effects
         self._weight = p.heavy_mass * p.coefficients["gravity"]
-        self._has_string, self._held = p.release is not Release.DROP, p.release is Release.HELD
-        self._heavy_body = mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_BODY, "heavy")
-        self._end_length = end_length if self._has_string else -math.inf
-        self._force = cartesian_force(p)
+        self._heavy_body = self._mujoco.mj_name2id(self._model, self._mujoco.mjtObj.mjOBJ_BODY, "heavy")
         self._mass_ratio = 1.0
         self._motion = EffectiveMassMotion.FREE
         self._catch_time = settings.catch_time
         self._catch_stretch, self._last_stretch = 0.0, 0.0
         self._substeps, self._time_constants = 1, self._model.tendon_solref_lim[:, 0].copy()
-        self._release_velocity = release_velocity(p)
 
     @abc.abstractmethod
     def _light_mass_state(self, ahead: float = 0.0) -> tuple[float, float, float, float]:
@@ -161,13 +141,8 @@ class EffectiveMassRig(abc.ABC):
         finally:
             self._mujoco.set_mjcb_passive(None)
 
-    def read(self) -> tuple[float, ...]:
-        """Return positions [m], velocities [m/s] and string stretch [m]: `COLUMNS` without the time."""
-        if any(warning.number for warning in self._breakdowns):
-            return (math.nan,) * 9
-        x, y, vx, vy = self._light_mass_state()
-        stretch = self._stretch() if self._has_string else math.nan
-        return (x, y, vx, vy, self._parameters.rod_radius, self._heavy_height(), 0.0, self._heavy_speed(), stretch)
+    def _read_motion(self) -> tuple[float, ...]:
+        return (*self._light_mass_state(), self._heavy_speed())
 
     def _initialise(self) -> None:
         """Determine the motion of the string at release; a subclass calls it after setting its coordinates."""
@@ -269,21 +244,8 @@ class EffectiveMassRig(abc.ABC):
         """Return the kinematics on which the effects depend, extrapolated by ``ahead`` [s] to first order."""
         _, _, vx, vy = self._light_mass_state(ahead)
         length, angle = self._string_coordinates(ahead)
-        cosine, sine = math.cos(angle), math.sin(angle)
-        radial_speed, transverse_speed = vy * cosine - vx * sine, -(vx * cosine + vy * sine)
         heavy = self._heavy_speed() + (0.0 if self._held else ahead * float(self._qacc[HEAVY_DOF]))
-        speed = math.hypot(vx, vy)
-        return Kinematics(
-            self._data.time + ahead,
-            length,
-            angle,
-            radial_speed,
-            transverse_speed,
-            abs(transverse_speed),
-            speed,
-            heavy,
-            abs(heavy),
-        )
+        return kinematics(self._data.time + ahead, length, angle, vx, vy, heavy)
 
     def _passive(self, model: Any, data: Any) -> None:
         """Apply the effects' forces; MuJoCo calls this at every stage of its integrator."""
@@ -344,10 +306,6 @@ class EffectiveMassRig(abc.ABC):
         if falls < 0 or rises < 0:
             self._motion = EffectiveMassMotion.DOWN if falls < 0 else EffectiveMassMotion.UP
             self._data.eq_active[LOCK_ROW] = 0
-
-    def _heavy_height(self) -> float:
-        """Return the height of the heavy mass [m]."""
-        return -self._parameters.hanging_length if self._held else float(self._qpos[HEAVY_DOF])
 
     def _heavy_speed(self) -> float:
         """Return the upward velocity of the heavy mass [m/s]."""

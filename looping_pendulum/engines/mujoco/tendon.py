@@ -26,9 +26,9 @@ from looping_pendulum.engines.mujoco.model import (
     TAUT_MARGIN,
     WRAPPED_TENDON,
     AlternatingTendons,
+    StringRig,
     StringSettings,
-    breakdown_warnings,
-    compile_model,
+    kinematics,
     model_xml,
     softness_rungs,
     step_rungs,
@@ -41,14 +41,12 @@ from looping_pendulum.engines.protocol import (
     Abilities,
     Profile,
     TunedEngine,
-    steps_per_sample,
 )
 from looping_pendulum.engines.shipped import shipped_abilities
 from looping_pendulum.engines.studies import AdapterChoice, Studies, studies_from_rows
 from looping_pendulum.engines.trajectory import Supplier, Supply
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode import effects
-from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
 from looping_pendulum.reference_ode.effects import EffectKind, Kinematics
 from looping_pendulum.reference_ode.geometry import next_string_coordinates
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -100,15 +98,13 @@ FRICTION_ROW, STRING_ROW = 0, 1
 """MuJoCo's constraint rows: friction losses come first, then the limits that are reached; a slack string has no row."""
 
 
-class TendonRig:
+class TendonRig(StringRig):
     """The apparatus in MuJoCo.
 
     Parameters
     ----------
-    parameters, settings
-        Physics and numerics.
-    end_length
-        Free length [m] below which the rig stops, because the light mass would run into the rod.
+    parameters, settings, end_length
+        As for `StringRig`.
     capstan
         Whether the effects' string laws act between string and rod.
     friction_loss
@@ -119,37 +115,25 @@ class TendonRig:
         self,
         parameters: Parameters,
         settings: TendonSettings,
-        *,
         end_length: float,
+        *,
         capstan: bool = False,
         friction_loss: float = 0.0,
     ) -> None:
-        import mujoco
-
         p = parameters
         time_constant = settings.friction_time_constant
         xml = model_xml(p, settings, friction_time_constant=time_constant, friction_loss=friction_loss)
-        self._model: Any = compile_model(mujoco, xml)
-        self._data: Any = mujoco.MjData(self._model)
-        self._mj_step, self._mj_forward, self._mj_position = mujoco.mj_step, mujoco.mj_forward, mujoco.mj_fwdPosition
-        self._qpos, self._qvel, self._qacc = self._data.qpos, self._data.qvel, self._data.qacc
+        super().__init__(p, settings, xml, end_length)
         self._applied = self._data.qfrc_applied
-        self._breakdowns = breakdown_warnings(mujoco, self._data)
-        self._dt, self._steps = settings.time_step, steps_per_sample(settings.time_step)
         self._half_step = 0.5 * settings.time_step if settings.corrections else 0.0
         self._rest_speed = settings.rest_speed
-        self._radius, self._hanging, self._string_length = p.rod_radius, p.hanging_length, p.string_length
-        self._has_string, self._held = p.release is not Release.DROP, p.release is Release.HELD
         self._free_length, self._wrap_angle = p.free_length, p.release_angle
-        self._end_length = end_length if self._has_string else -math.inf
         # MuJoCo leaves the string's turning (l omega^2) out of a tendon's acceleration. The string's length limit is shifted by
         # the amount that pulls equally strongly. The constraint's damping uses velocities half a step old, which already pulls
         # a part of it.
         softness = settings.impedance * settings.string_time_constant
         self._corrections = settings.corrections
         self._turning_shift = softness * softness * (1 - self._dt / softness)
-        self._force = cartesian_force(p)
-        self._release_velocity = release_velocity(p)
         gripping = capstan and self._has_string and not self._held
         self._capstan_friction = (
             CapstanFriction(p, self._model, self._data, settings, self._release_velocity[HEAVY_DOF]) if gripping else None
@@ -157,12 +141,13 @@ class TendonRig:
         self._has_friction = gripping or friction_loss > 0
         turns = AlternatingTendons(p, self._model, settings.switch_up, settings.switch_down) if self._has_string else None
         self._tendons = turns
-        self._was_slack, self._catch_stretch, self._catch_decay = (
-            False,
-            0.0,
-            math.exp(-settings.time_step / settings.catch_time),
-        )
-        self._initialise()
+        self._was_slack, self._catch_stretch = False, 0.0
+        self._catch_decay = math.exp(-settings.time_step / settings.catch_time)
+        # The accelerations at release, and the velocities half a step before it
+        self._qvel[:] = self._release_velocity[: len(self._qvel)]
+        self._prepare()
+        self._mujoco.mj_forward(self._model, self._data)
+        self._qvel -= self._half_step * self._qacc
 
     def advance(self) -> None:
         """Step through one sample interval, or less if the light mass reaches the rod."""
@@ -170,29 +155,12 @@ class TendonRig:
             if self._free_length <= self._end_length:
                 return
             self._prepare()
-            self._mj_step(self._model, self._data)
-            self._update_string_coordinates()
+            self._mujoco.mj_step(self._model, self._data)
+            x, y = self._qpos[:2].tolist()
+            self._free_length, self._wrap_angle = next_string_coordinates(x, y, self._parameters.rod_radius, self._wrap_angle)
 
-    def read(self) -> tuple[float, ...]:
-        """Return positions [m], velocities [m/s] and string stretch [m]: `COLUMNS` without the time."""
-        if any(warning.number for warning in self._breakdowns):
-            return (math.nan,) * 9
-        x, y = self._qpos[:2].tolist()
-        vx, vy, heavy_v = self._velocities()
-        heavy_y = -self._hanging if self._held else float(self._qpos[HEAVY_DOF])
-        return (x, y, vx, vy, self._radius, heavy_y, 0.0, heavy_v, self._stretch())
-
-    def _initialise(self) -> None:
-        """Compute the accelerations at release, and set the velocities to half a step before it."""
-        self._qvel[:] = self._release_velocity[: len(self._qvel)]
-        self._prepare()
-        self._mj_forward(self._model, self._data)
-        self._qvel -= self._half_step * self._qacc
-
-    def _update_string_coordinates(self) -> None:
-        """Update free length and wrap angle of the taut string, with full turns counted."""
-        x, y = self._qpos[:2].tolist()
-        self._free_length, self._wrap_angle = next_string_coordinates(x, y, self._radius, self._wrap_angle)
+    def _read_motion(self) -> tuple[float, ...]:
+        return (*self._qpos[:2].tolist(), *self._velocities())
 
     def _velocities(self) -> tuple[float, float, float]:
         """Return the present velocities of light x and y and heavy y [m/s]; the engine's are half a step old."""
@@ -208,11 +176,10 @@ class TendonRig:
     def _prepare(self) -> None:
         """Set the string's length limit, the applied forces and the friction bound for the coming step."""
         vx, vy, heavy_v = self._velocities()
-        cosine, sine = math.cos(self._wrap_angle), math.sin(self._wrap_angle)
-        radial_speed, transverse_speed = vy * cosine - vx * sine, -(vx * cosine + vy * sine)
+        k = kinematics(self._data.time, self._free_length, self._wrap_angle, vx, vy, heavy_v)
         if self._tendons is not None:
             self._tendons.select(self._wrap_angle)
-            self._tendons.allow_extra_length(self._correction(transverse_speed) - TAUT_MARGIN)
+            self._tendons.allow_extra_length(self._correction(k.across_speed) - TAUT_MARGIN)
         force_on_heavy_mass = 0.0
         if self._force is not None:
             x, y = self._qpos[:2].tolist()
@@ -220,10 +187,6 @@ class TendonRig:
             if not self._held:
                 self._applied[HEAVY_DOF] = force_on_heavy_mass
         if self._capstan_friction is not None:
-            time, length, angle, speed = self._data.time, self._free_length, self._wrap_angle, math.hypot(vx, vy)
-            k = Kinematics(
-                time, length, angle, radial_speed, transverse_speed, abs(transverse_speed), speed, heavy_v, abs(heavy_v)
-            )
             self._applied[HEAVY_DOF] = force_on_heavy_mass + self._capstan_friction.prepare(k)
 
     def _correction(self, transverse_speed: float) -> float:
@@ -237,8 +200,8 @@ class TendonRig:
 
         Pulling it back at once would throw the light mass off the string again.
         """
-        hanging = self._hanging if self._held else -float(self._qpos[HEAVY_DOF])
-        excess = self._free_length + self._radius * self._wrap_angle + hanging - self._string_length
+        p = self._parameters
+        excess = self._free_length + p.rod_radius * self._wrap_angle - self._heavy_height() - p.string_length
         if self._was_slack and excess > 0:
             self._catch_stretch = excess
         self._was_slack = excess < -SLACK_LENGTH
@@ -246,11 +209,9 @@ class TendonRig:
         return self._catch_stretch
 
     def _stretch(self) -> float:
-        """Return how much longer than its rest length the string is [m]."""
-        if self._tendons is None:
-            return math.nan
+        assert self._tendons is not None
         # mj_step leaves the tendon lengths of the step's start in its data
-        self._mj_position(self._model, self._data)
+        self._mujoco.mj_fwdPosition(self._model, self._data)
         return float(self._data.ten_length[self._tendons.tendon]) - self._tendons.rest_length
 
 
@@ -488,7 +449,7 @@ class MujocoTendon(TunedEngine):
         return TendonRig(
             scenario.parameters,
             self.settings,
-            end_length=self.end_length(scenario),
+            self.end_length(scenario),
             capstan=self.variant == "capstan",
             friction_loss=friction_loss(scenario.parameters, self.friction_size) if constant else 0.0,
         )

@@ -29,7 +29,9 @@ from looping_pendulum.engines.pybullet.links import (
     ChainState,
     MultibodyRig,
     contact_friction,
+    fitting_length,
     free_joints,
+    node_angles,
     set_joints,
     typical_wrap_angle,
 )
@@ -59,7 +61,6 @@ from looping_pendulum.reference_ode.cartesian import release_velocity
 from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import solve
-from looping_pendulum.scenarios.scenario import Scenario
 
 MAX_LINK_LENGTHENING = 1.5
 """Largest factor by which links may be longer than the settings say, so that a long string fits `MAX_JOINTS`."""
@@ -95,6 +96,10 @@ class PybulletChainSettings(WorldSettings):
     """Factor by which steps are longer once the heavy mass hangs still."""
     divided_step: bool = True
     """Whether steps are shorter where a wave on the taut chain would pass too much of a link, and longer after the halt."""
+
+    def last_link_length(self, parameters: Parameters) -> float:
+        """Return the free length [m] with which only the last link is left."""
+        return self.outer_link_length
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,12 +149,11 @@ def _chain_of_links(p: Parameters, s: PybulletChainSettings, inner: float, outer
     """Return a chain of links of about ``inner`` [m] and, near the light mass, ``outer`` [m]."""
     light = np.array(light_position(np, p.free_length, p.release_angle, p.rod_radius))
     heavy = np.array([p.rod_radius, -p.hanging_length])
-    if p.release is Release.VERTICAL:
-        # The wrap angle is constant. Links that divide it reach and leave the rod at the same moments, so that the ripple which
-        # a passing node makes in the string's speed is the same at both ends, and the masses do not feel it.
-        wound = p.rod_radius * p.release_angle
-        inner = wound / math.ceil(wound / inner)
-    on_rod = _nodes_on_rod(p, s, inner)
+    inner = fitting_length(p, inner)
+    bend = inner / p.rod_radius
+    circle = polygon_radius(p.rod_radius, bend) if s.polygon else p.rod_radius
+    angles = node_angles(p, bend, round(p.release_angle / bend))
+    on_rod = np.stack([circle * np.cos(angles), circle * np.sin(angles)], axis=1)
     straight = math.dist(on_rod[-1], light)
     inner_count = round(s.sliding_share * straight / inner)
     outer_count = max(1, round((straight - inner_count * inner) / outer))
@@ -175,15 +179,6 @@ def _chain_of_links(p: Parameters, s: PybulletChainSettings, inner: float, outer
     bends = local / p.rod_radius
     circles = np.asarray(polygon_radius(p.rod_radius, bends)) if s.polygon else np.full(len(bends), p.rod_radius)
     return ReleasedChain(positions=positions, velocities=velocities, bends=bends, node_circles=circles)
-
-
-def _nodes_on_rod(p: Parameters, s: PybulletChainSettings, link_length: float) -> Array:
-    """Return the nodes [m] on the rod at release, heavy side first, symmetric about the middle of the wound string."""
-    bend = link_length / p.rod_radius
-    circle = polygon_radius(p.rod_radius, bend) if s.polygon else p.rod_radius
-    links = round(p.release_angle / bend)
-    angles = 0.5 * p.release_angle + bend * (np.arange(links + 1) - 0.5 * links)
-    return np.stack([circle * np.cos(angles), circle * np.sin(angles)], axis=1)
 
 
 def body_masses(p: Parameters, s: PybulletChainSettings, lengths: Array, last_length: float) -> Array:
@@ -602,10 +597,6 @@ class PybulletChain(PybulletVariant):
                 ("inertia of a link", f"{s.relative_inertia:g} m h^2", "three times", {"relative_inertia": 0.03}),
             ),
         )
-
-    def end_length(self, scenario: Scenario) -> float:
-        """Return the free length [m] at which the run ends: a chain cannot follow once only its last link is left."""
-        return max(super().end_length(scenario), self.settings.outer_link_length)
 
 
 PYBULLET_DEFAULTS = PybulletChainSettings(

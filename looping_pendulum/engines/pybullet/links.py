@@ -50,6 +50,24 @@ def contact_friction(friction: float, bend: float, wrap_angle: float) -> float:
     return float(brentq(lambda m: exponent(m) - friction * wrap_angle, 0.5 * lowest, highest, xtol=1e-15))
 
 
+def fitting_length(parameters: Parameters, length: float) -> float:
+    """Return the ``length`` [m] of a link on the rod, in a vertical release adjusted so that links divide the wound string."""
+    if parameters.release is not Release.VERTICAL:
+        return length
+    # The wrap angle is constant. Links that divide it reach and leave the rod at the same moments, so that the ripple which a
+    # passing node makes in the string's speed is the same at both ends, and the masses do not feel it.
+    wound = parameters.rod_radius * parameters.release_angle
+    return wound / math.ceil(wound / length)
+
+
+def node_angles(parameters: Parameters, bend: float, links: int) -> Array:
+    """Return the angles [rad] of the ends of so many ``links`` on the rod at release, evenly about the wound string's middle.
+
+    Each link turns the string by ``bend`` [rad]; the heavy side's end comes first.
+    """
+    return np.asarray(0.5 * parameters.release_angle + bend * (np.arange(links + 1) - 0.5 * links))
+
+
 @dataclass(frozen=True, kw_only=True)
 class ChainState:
     """Positions and velocities of a chain at one moment: its ends and the nodes between, from heavy to light mass."""
@@ -108,13 +126,11 @@ class LinkSettings(WorldSettings):
                 f"pybullet: links of {1e3 * self.link_length:.3g} mm cannot wrap a rod of radius {1e3 * radius:.3g} mm; "
                 f"shorten link_length to {1e3 * MAX_BEND * radius:.2g} mm or less"
             )
-        length = max(self.link_length, self.least_bend * radius)
-        if parameters.release is Release.VERTICAL:
-            # The wrap angle is constant. Links that divide it reach and leave the rod at the same moments, so that the ripple
-            # which a passing node makes in the string's speed is the same at both ends, and the masses do not feel it.
-            wound = radius * parameters.release_angle
-            length = wound / math.ceil(wound / length)
-        return length
+        return fitting_length(parameters, max(self.link_length, self.least_bend * radius))
+
+    def last_link_length(self, parameters: Parameters) -> float:
+        """Return the free length [m] with which only the last link is left."""
+        return 2 * self.length_on_rod(parameters)
 
     def node_circle(self, parameters: Parameters) -> float:
         """Return the distance of a node on the rod from the rod's centre [m]."""

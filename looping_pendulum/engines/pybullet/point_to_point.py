@@ -27,7 +27,6 @@ from looping_pendulum.engines.studies import Studies, rows_that_differ, studies_
 from looping_pendulum.reference_ode.cartesian import release_velocity
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
-from looping_pendulum.scenarios.scenario import Scenario
 
 ROD_GROUP, STRING_GROUP = 1, 2
 """Collision groups: nodes collide with the rod, not with each other."""
@@ -172,10 +171,6 @@ class PybulletPointToPoint(PybulletVariant):
             "vertical_release_obeys_the_capstan_law": "measured 5.73 m/s^2 for 5.80: a ratio of tensions too high by 2.4 %",
         },
     )
-
-    def end_length(self, scenario: Scenario) -> float:
-        """Return the free length [m] at which the run ends: a chain cannot follow once only its last link is left."""
-        return max(super().end_length(scenario), 2 * self.settings.length_on_rod(scenario.parameters))
 
     def studies(self) -> Studies:
         """Return ladders of step, link length and iterations, PyBullet's defaults, and the adapter's choices."""

@@ -25,6 +25,7 @@ from looping_pendulum.engines.pybullet.links import (
     LinkSettings,
     MultibodyRig,
     free_joints,
+    node_angles,
     set_joints,
     typical_wrap_angle,
 )
@@ -42,7 +43,6 @@ from looping_pendulum.engines.studies import Studies, studies_from_rows
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.cartesian import release_velocity
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-from looping_pendulum.scenarios.scenario import Scenario
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,8 +76,7 @@ def nodes_at_release(
     """
     p, bend = parameters, settings.length_on_rod(parameters) / parameters.rod_radius
     circle = settings.node_circle(p)
-    corners = max(round(p.release_angle / bend), 1)
-    angles = 0.5 * p.release_angle + bend * (np.arange(corners + 1) - 0.5 * corners)
+    angles = node_angles(p, bend, max(round(p.release_angle / bend), 1))
     vx, vy, heavy_v = release_velocity
     on_rod = np.stack([circle * np.cos(angles), circle * np.sin(angles)], axis=1)
     sliding = heavy_v * np.stack([-np.sin(angles), np.cos(angles)], axis=1)
@@ -330,7 +329,3 @@ class PybulletRemade(PybulletVariant):
                 ("steps between two looks at the nodes", f"{s.look_interval}", "1", {"look_interval": 1}),
             ),
         )
-
-    def end_length(self, scenario: Scenario) -> float:
-        """Return the free length [m] at which the run ends: a chain cannot follow once only its last link is left."""
-        return max(super().end_length(scenario), 2 * self.settings.length_on_rod(scenario.parameters))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, ClassVar
+from typing import Any
 
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Rig, TunedEngine, steps_per_sample
 from looping_pendulum.engines.studies import ChoiceRow, DefaultRow, LadderRow
@@ -290,7 +290,7 @@ class FallingRig(SteppedRig):
 ONE_COEFFICIENT = "one Coulomb coefficient: of a static friction above the kinetic one, only the kinetic one is represented"
 
 
-LINK_CONTACT = {
+LINK_CONTACT: Mapping[str, Any] = {
     "friction_law": "Coulomb contact at every node; the adapter solves its coefficient from the capstan law for the polygon's "
     "corners",
     "stick_slip": "Coulomb contact",
@@ -303,14 +303,17 @@ class PybulletVariant(TunedEngine):
 
     name = "pybullet"
     distribution = "pybullet"
-    rig: ClassVar[type[Any]]
-    """Class of the apparatus with a string, called with parameters and settings."""
 
     def build(self, scenario: Scenario) -> Rig:
         """Build the scenario's apparatus at the moment of release."""
-        rig_class = FallingRig if scenario.parameters.release is Release.DROP else self.rig
-        rig: Rig = rig_class(scenario.parameters, self.settings)
-        return rig
+        if scenario.parameters.release is Release.DROP:
+            return FallingRig(scenario.parameters, self.settings)
+        return super().build(scenario)
+
+    def end_length(self, scenario: Scenario) -> float:
+        """Return the free length [m] at which the run ends: a chain cannot follow once only its last link is left."""
+        last_link: float = self.settings.last_link_length(scenario.parameters)
+        return max(super().end_length(scenario), last_link)
 
 
 def step_rungs(settings: WorldSettings) -> LadderRow:

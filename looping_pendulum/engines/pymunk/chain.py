@@ -25,11 +25,12 @@ from looping_pendulum.engines.chain import (
     polygon_friction,
     polygon_radius,
 )
-from looping_pendulum.engines.protocol import Profile, TunedEngine, groups_per_sample, steps_per_sample
+from looping_pendulum.engines.protocol import Profile, TunedEngine
 from looping_pendulum.engines.pymunk.space import (
     DEFAULT_RATE,
     DEFAULT_RATE_TEXT,
     MAX_SLOP_IN_RADIUS,
+    ForceIntervals,
     PublicCalls,
     SpaceRig,
     Vector,
@@ -47,7 +48,7 @@ from looping_pendulum.scenarios.scenario import Scenario
 
 
 @dataclass(frozen=True, kw_only=True)
-class PymunkChainSettings:
+class PymunkChainSettings(ForceIntervals):
     """Numerical settings of the bead chain."""
 
     time_step: float
@@ -89,12 +90,7 @@ class PymunkChainSettings:
             raise ValueError(
                 f"leak_interval: found {self.leak_interval}, needed a divisor of force_interval, {self.force_interval}"
             )
-        groups_per_sample(self.time_step, self.force_interval)
-
-    @property
-    def steps_per_sample(self) -> int:
-        """Number of steps in one sample interval."""
-        return steps_per_sample(self.time_step)
+        super().__post_init__()
 
 
 SETTINGS = {
@@ -335,19 +331,6 @@ class _BeadString:
         return stretch, self._slip.read(places, self.lengths)
 
 
-def space_with_gravity(parameters: Parameters, settings: PymunkChainSettings) -> Any:
-    """Create a Chipmunk space with gravity and the solver's settings, and nothing in it."""
-    import pymunk
-
-    space = pymunk.Space()
-    space.gravity = (0.0, -parameters.coefficients["gravity"])
-    space.damping = 1.0  # fraction of the speed kept per second: drag is applied as forces of the scenario's effects
-    space.iterations = settings.iterations
-    space.collision_slop = settings.contact_slop
-    space.collision_bias = math.exp(-settings.contact_rate)  # fraction of an error left after a second
-    return space
-
-
 class PymunkChainRig(SpaceRig):
     """The apparatus in one Chipmunk space.
 
@@ -358,8 +341,9 @@ class PymunkChainRig(SpaceRig):
     """
 
     def __init__(self, parameters: Parameters, settings: PymunkChainSettings, library: Any) -> None:
-        super().__init__(parameters, settings)
-        self._space = space = space_with_gravity(parameters, settings)
+        super().__init__(parameters, settings, slop=settings.contact_slop)
+        space = self._space
+        space.collision_bias = math.exp(-settings.contact_rate)  # fraction of an error left after a second
         if library is None:
             self._calls, error_rate = PublicCalls(space, settings.time_step), PUBLIC_ERROR_RATE
         else:

@@ -18,13 +18,14 @@ from looping_pendulum.engines.chain import (
     polygon_friction,
     polygon_radius,
 )
-from looping_pendulum.engines.protocol import Abilities, Profile, TunedEngine, groups_per_sample, steps_per_sample
+from looping_pendulum.engines.protocol import Abilities, Profile, TunedEngine
 from looping_pendulum.engines.pymunk.space import (
     DEFAULT_COLLISION_SLOP,
     DEFAULT_ITERATIONS,
     DEFAULT_RATE,
     DEFAULT_TIME_STEP,
     MAX_SLOP_IN_RADIUS,
+    ForceIntervals,
     PublicCalls,
     SpaceRig,
     Vector,
@@ -43,7 +44,7 @@ from looping_pendulum.scenarios.scenario import Scenario
 
 
 @dataclass(frozen=True, kw_only=True)
-class FullChainSettings:
+class FullChainSettings(ForceIntervals):
     """Numerical settings of a chain of links along the whole string."""
 
     time_step: float
@@ -72,15 +73,6 @@ class FullChainSettings:
     """Whether the circle's radius is corrected for it."""
     force_interval: int = 10
     """Steps between two updates of the drag forces."""
-
-    def __post_init__(self) -> None:
-        """Raise ValueError where steps or groups of steps do not divide the sample interval."""
-        groups_per_sample(self.time_step, self.force_interval)
-
-    @property
-    def steps_per_sample(self) -> int:
-        """Number of steps in one sample interval."""
-        return steps_per_sample(self.time_step)
 
     def bend(self, rod_radius: float) -> float:
         """Return the angle between neighbouring links on a rod of ``rod_radius`` [m], in rad."""
@@ -215,44 +207,44 @@ _ABILITIES = {
 """Variant -> what it can do."""
 
 
-class _Beads:
-    """Light mass, beads and heavy mass in a row, with a pin joint between neighbours.
+class _Links:
+    """Light mass, links and heavy mass in a row, with a joint between neighbours.
 
     Parameters
     ----------
     nodes
-        Distances of masses and beads from the light mass along the string [m].
+        Distances from the light mass along the string [m]: of the masses, and of the beads or the joints between segments.
     radius
-        Distance from the rod's centre of a bead on the rod [m].
+        Distance from the rod's centre of a node on the rod [m].
     """
+
+    links: int
+    """Number of links."""
+    _anchors: list[tuple[Any, Vector]]
+    """Body and point on it [m, in the body's frame] of every node, light mass first."""
 
     def __init__(
         self, space: Any, parameters: Parameters, settings: FullChainSettings, nodes: list[float], radius: float
     ) -> None:
-        import pymunk
-
         p, s = parameters, settings
-        string_mass = s.mass_fraction * p.light_mass
-        light, heavy = masses(space, p, light_mass=p.light_mass - MASS_COMPENSATION * string_mass)
-        self.light, self.heavy = light, heavy
-        beads = []
-        for arc in nodes[1:-1]:
-            bead = pymunk.Body(string_mass / (len(nodes) - 1), math.inf)
-            bead.position, bead.velocity = point_on_string(p, arc, radius), velocity_on_string(p, arc)
-            shape = pymunk.Circle(bead, s.bead_radius)
-            add_link_shape(space, bead, shape)
-            beads.append(bead)
-        bodies = [light, *beads, heavy]
-        self.links = len(beads)
-        origin = (0.0, 0.0)
-        pairs = list(zip(bodies[:-1], bodies[1:], strict=True))
-        joints = [pymunk.PinJoint(a, b, origin, origin) for a, b in pairs]
-        add_joints(space, joints, s)
-        # A pin joint keeps the distance that its ends have when it is created
-        self._lengths = [joint.distance for joint in joints]
+        self._settings = s
+        self._lengths: list[float] = []
         self._slip = SlipGauge()
-        anchors = [(body, origin) for body in bodies]
-        add_joints(space, long_range_joints(anchors, self._lengths, s.long_range), s)
+        string_mass = s.mass_fraction * p.light_mass
+        self.light, self.heavy = masses(space, p, light_mass=p.light_mass - MASS_COMPENSATION * string_mass)
+        self._add_joints(space, self._add_links(space, p, nodes, radius, string_mass / (len(nodes) - 1)))
+        self._add_joints(space, long_range_joints(self._anchors, self._lengths, s.long_range))
+
+    def _add_links(self, space: Any, parameters: Parameters, nodes: list[float], radius: float, mass: float) -> list[Any]:
+        """Add links of ``mass`` [kg] with the release's velocities; return the joints between them and the masses."""
+        raise NotImplementedError
+
+    def _add_joints(self, space: Any, joints: list[Any]) -> None:
+        """Add ``joints`` to ``space``, with the settings' rate of error correction."""
+        for joint in joints:
+            joint.error_bias = math.exp(-self._settings.error_rate)
+            joint.collide_bodies = False
+            space.add(joint)
 
     def read(self, light: Vector, links: Array, heavy: Vector) -> tuple[float, float]:
         """Return the string's stretch beyond its rest length and its slip over the rod [m].
@@ -262,77 +254,72 @@ class _Beads:
         light, heavy
             Positions of the masses [m].
         links
-            Position [m] and angle [rad] of every bead: x, y, angle, shape (n, 3).
+            Position of the middle [m] and angle [rad] of every link: x, y, angle, shape (n, 3).
         """
+        raise NotImplementedError
+
+
+class _Beads(_Links):
+    """Beads, with a pin joint between neighbours."""
+
+    def _add_links(self, space: Any, parameters: Parameters, nodes: list[float], radius: float, mass: float) -> list[Any]:
+        import pymunk
+
+        beads = []
+        for arc in nodes[1:-1]:
+            bead = pymunk.Body(mass, math.inf)
+            bead.position, bead.velocity = point_on_string(parameters, arc, radius), velocity_on_string(parameters, arc)
+            add_link_shape(space, bead, pymunk.Circle(bead, self._settings.bead_radius))
+            beads.append(bead)
+        self.links = len(beads)
+        self._anchors = [(body, (0.0, 0.0)) for body in (self.light, *beads, self.heavy)]
+        pairs = zip(self._anchors[:-1], self._anchors[1:], strict=True)
+        joints = [pymunk.PinJoint(a, b, on_a, on_b) for (a, on_a), (b, on_b) in pairs]
+        # A pin joint keeps the distance that its ends have when it is created
+        self._lengths = [joint.distance for joint in joints]
+        return joints
+
+    def read(self, light: Vector, links: Array, heavy: Vector) -> tuple[float, float]:
         nodes = np.vstack([light, links[:, :2], heavy])
         stretch = float(np.hypot(*np.diff(nodes, axis=0).T).sum()) - math.fsum(self._lengths)
         return stretch, self._slip.read(nodes.tolist(), self._lengths)
 
 
-class _Segments:
-    """Light mass, rigid segments and heavy mass in a row, with a pivot joint between neighbours.
+class _Segments(_Links):
+    """Rigid segments, with a pivot joint between neighbours."""
 
-    Parameters
-    ----------
-    nodes
-        Distances of masses and joints from the light mass along the string [m].
-    radius
-        Distance from the rod's centre of a joint on the rod [m].
-    """
-
-    def __init__(
-        self, space: Any, parameters: Parameters, settings: FullChainSettings, nodes: list[float], radius: float
-    ) -> None:
+    def _add_links(self, space: Any, parameters: Parameters, nodes: list[float], radius: float, mass: float) -> list[Any]:
         import pymunk
 
-        p, s = parameters, settings
-        string_mass = s.mass_fraction * p.light_mass
-        light, heavy = masses(space, p, light_mass=p.light_mass - MASS_COMPENSATION * string_mass)
-        self.light, self.heavy = light, heavy
-        places = [point_on_string(p, arc, radius) for arc in nodes]
-        speeds = [velocity_on_string(p, arc) for arc in nodes]
-        mass = string_mass / (len(nodes) - 1)
-        origin = (0.0, 0.0)
-        joints, last, last_anchor, anchors, lengths = [], light, origin, [(light, origin)], []
+        places = np.array([point_on_string(parameters, arc, radius) for arc in nodes])
+        speeds = np.array([velocity_on_string(parameters, arc) for arc in nodes])
+        joints, last, last_anchor, origin = [], self.light, (0.0, 0.0), (0.0, 0.0)
+        self._anchors = [(last, origin)]
         for i in range(len(nodes) - 1):
-            start, end = places[i : i + 2]
-            length = math.dist(start, end)
+            (x, y), (vx, vy) = (np.diff(row[i : i + 2], axis=0)[0].tolist() for row in (places, speeds))
+            length = math.dist(*places[i : i + 2].tolist())
             # The moment of inertia of a thin rod about its middle
             body = pymunk.Body(mass, mass * length * length / 12)
-            body.position, body.angle = _middle(start, end), math.atan2(end[1] - start[1], end[0] - start[0])
-            body.velocity, body.angular_velocity = _rigid_motion(start, end, *speeds[i : i + 2])
+            body.position, body.velocity = ((0.5 * (row[i] + row[i + 1])).tolist() for row in (places, speeds))
+            body.angle, body.angular_velocity = math.atan2(y, x), (x * vy - y * vx) / (x * x + y * y)
             front, back = (-length / 2, 0.0), (length / 2, 0.0)
-            shape = pymunk.Segment(body, front, back, s.bead_radius)
-            add_link_shape(space, body, shape)
+            add_link_shape(space, body, pymunk.Segment(body, front, back, self._settings.bead_radius))
             joints.append(pymunk.PivotJoint(last, body, last_anchor, front))
             last, last_anchor = body, back
-            anchors.append((body, back))
-            lengths.append(length)
-        joints.append(pymunk.PivotJoint(last, heavy, last_anchor, origin))
-        self._lengths = np.array(lengths)
-        self._slip = SlipGauge()
-        self.links = len(lengths)
-        add_joints(space, joints, s)
-        add_joints(space, long_range_joints(anchors, lengths, s.long_range), s)
+            self._anchors.append((body, back))
+            self._lengths.append(length)
+        joints.append(pymunk.PivotJoint(last, self.heavy, last_anchor, origin))
+        self.links = len(self._lengths)
+        return joints
 
     def read(self, light: Vector, links: Array, heavy: Vector) -> tuple[float, float]:
-        """Return the string's stretch beyond its rest length and its slip over the rod [m].
-
-        The stretch is the sum of the joints' gaps, each along the segment before it.
-
-        Parameters
-        ----------
-        light, heavy
-            Positions of the masses [m].
-        links
-            Position of the middle [m] and angle [rad] of every segment: x, y, angle, shape (n, 3).
-        """
+        # The stretch is the sum of the joints' gaps, each along the segment before it
         directions = np.stack([np.cos(links[:, 2]), np.sin(links[:, 2])], axis=1)
-        halves = 0.5 * self._lengths[:, None] * directions
+        halves = 0.5 * np.array(self._lengths)[:, None] * directions
         starts, ends = links[:, :2] - halves, links[:, :2] + halves
         gaps = np.vstack([starts[1:], heavy]) - ends
         stretch = float((gaps * directions).sum() + (starts[0] - light) @ directions[0])
-        return stretch, self._slip.read([*starts.tolist(), heavy], self._lengths.tolist())
+        return stretch, self._slip.read([*starts.tolist(), heavy], self._lengths)
 
 
 def add_link_shape(space: Any, body: Any, shape: Any) -> None:
@@ -342,14 +329,6 @@ def add_link_shape(space: Any, body: Any, shape: Any) -> None:
     shape.friction = 1.0  # Chipmunk multiplies the two shapes' coefficients: the circle's is then the pair's
     shape.filter = pymunk.ShapeFilter(group=1)
     space.add(body, shape)
-
-
-def add_joints(space: Any, joints: list[Any], settings: FullChainSettings) -> None:
-    """Add ``joints`` to ``space``, with the settings' rate of error correction."""
-    for joint in joints:
-        joint.error_bias = math.exp(-settings.error_rate)
-        joint.collide_bodies = False
-        space.add(joint)
 
 
 def long_range_joints(anchors: list[tuple[Any, Vector]], lengths: list[float], longest: int) -> list[Any]:
@@ -377,17 +356,6 @@ def long_range_joints(anchors: list[tuple[Any, Vector]], lengths: list[float], l
     return joints
 
 
-def _middle(a: Vector, b: Vector) -> Vector:
-    return ((a[0] + b[0]) / 2, (a[1] + b[1]) / 2)
-
-
-def _rigid_motion(start: Vector, end: Vector, start_velocity: Vector, end_velocity: Vector) -> tuple[Vector, float]:
-    """Return the velocity of the middle [m/s] and the angular velocity [rad/s] of a segment, from those of its ends."""
-    x, y = end[0] - start[0], end[1] - start[1]
-    vx, vy = end_velocity[0] - start_velocity[0], end_velocity[1] - start_velocity[1]
-    return _middle(start_velocity, end_velocity), (x * vy - y * vx) / (x * x + y * y)
-
-
 class FullChainRig(SpaceRig):
     """The apparatus in one Chipmunk space."""
 
@@ -395,15 +363,10 @@ class FullChainRig(SpaceRig):
         import pymunk
         import pymunk.batch
 
-        super().__init__(parameters, settings)
-        p, s = parameters, settings
-        space = pymunk.Space()
-        space.gravity = (0.0, -p.coefficients["gravity"])
-        space.iterations = s.iterations
-        space.collision_slop = s.collision_slop
-        self._space = space
+        super().__init__(parameters, settings, slop=settings.collision_slop)
+        p, s, space = parameters, settings, self._space
         self._calls = PublicCalls(space, s.time_step)
-        self._chain: _Beads | _Segments | None = None
+        self._chain: _Links | None = None
         if p.release is Release.DROP:
             self._light, self._heavy = masses(space, p)
         else:
