@@ -64,27 +64,25 @@ LOSSY_DURATION = 0.42
 """Duration of a run of `LOSSY` [s]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Requirements:
-    """What an engine must declare for a check to apply to it."""
-
-    parameters: tuple[Parameters, ...]
-    """Apparatuses that it must be able to represent."""
-    laws: bool = True
-    """Whether it must also have the physics of ``parameters``: friction, drag, a static friction other than the kinetic one."""
-    ladders: bool = False
-    """Whether it must offer a ladder of refinement."""
-
-
-REQUIREMENTS: dict[Check, Requirements] = {}
-"""Check -> what it requires of an engine; filled by `requires`, in the order in which the checks run."""
+REQUIREMENTS: dict[Check, tuple[tuple[Parameters, ...], bool, bool]] = {}
+"""Check -> what it requires of an engine, as in `requires`, in the order in which the checks run."""
 
 
 def requires(*parameters: Parameters, laws: bool = True, ladders: bool = False) -> Callable[[Check], Check]:
-    """Return a decorator that registers a check, with what it requires of an engine."""
+    """Return a decorator that registers a check, with what it requires of an engine.
+
+    Parameters
+    ----------
+    parameters
+        Apparatuses that the engine must be able to represent.
+    laws
+        Whether it must also have the physics of ``parameters``: friction, drag, a static friction other than the kinetic one.
+    ladders
+        Whether it must offer a ladder of refinement.
+    """
 
     def register(check: Check) -> Check:
-        REQUIREMENTS[check] = Requirements(parameters=parameters, laws=laws, ladders=ladders)
+        REQUIREMENTS[check] = parameters, laws, ladders
         return check
 
     return register
@@ -684,15 +682,15 @@ CHECKS: tuple[Check, ...] = tuple(REQUIREMENTS)
 
 def skip_reason(check: Check, engine: Engine) -> str:
     """Return why ``check`` does not apply to ``engine``, from the engine's own declarations; empty: it applies."""
-    required = REQUIREMENTS[check]
-    for p in required.parameters:
+    parameters, laws, ladders = REQUIREMENTS[check]
+    for p in parameters:
         unsupported, lacking = engine.abilities.unsupported(p), engine.abilities.lacks(p)
         if unsupported:
             return f"{unsupported} is not among its abilities"
-        if required.laws and lacking:
+        if laws and lacking:
             piece = lacking[0].replace("_", " ")
             return f"it declares no {piece} of its own" if lacking[0] == STATIC_FRICTION else f"nobody supplies its {piece}"
-    if required.ladders and not usable_ladders(engine):
+    if ladders and not usable_ladders(engine):
         return "it offers no ladder: studies(), in docs/write-an-engine.md"
     return ""
 

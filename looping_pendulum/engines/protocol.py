@@ -280,6 +280,8 @@ class TunedEngine(SteppedEngine):
 
     Parameters
     ----------
+    variant
+        One of `variants`, where the class has several.
     profile
         Chooses the settings.
     settings
@@ -290,12 +292,18 @@ class TunedEngine(SteppedEngine):
     """The engine's package, as pip names it."""
     rig: ClassVar[Callable[..., Any]]
     """Class of the apparatus, called with parameters and settings; a variant that needs more overrides `build`."""
-    settings_by_profile: ClassVar[Mapping[Profile, Any]]
-    """Profile -> settings."""
+    variants: ClassVar[Mapping[str, Abilities]] = {}
+    """Variant -> its abilities, where the class has several."""
+    settings_by_profile: ClassVar[Mapping[Any, Any]]
+    """Profile, or variant and profile -> settings."""
 
-    def __init__(self, *, profile: Profile = Profile.QUICK, settings: Any = None) -> None:
+    def __init__(self, *, variant: str | None = None, profile: Profile = Profile.QUICK, settings: Any = None) -> None:
+        if self.variants:
+            self.variant = variant or self.variant
+            self.abilities = self.variants[self.variant]
         self.profile = profile
-        self.settings = settings if settings is not None else self.settings_by_profile[profile]
+        usual = self.settings_by_profile
+        self.settings = settings if settings is not None else usual.get((self.variant, profile), usual.get(profile))
 
     def build(self, scenario: Scenario) -> Rig:
         """Build the scenario's apparatus at the moment of release."""

@@ -95,13 +95,28 @@ def bead_xml(parameters: Parameters, settings: BeadSettings, beads: int) -> str:
     has_string, held = p.release is not Release.DROP, p.release is Release.HELD
     heavy_mass_position = (p.rod_radius, -p.hanging_length if held else 0.0)
     bodies = [_body("light", p.light_mass, site="site0")]
-    bodies += [
-        _body(f"bead{i}", s.bead_mass_ratio * p.light_mass, site=f"site{i}", geom=_sphere(i, s.bead_radius))
-        for i in range(1, beads + 1)
-    ]
+    for i in range(1, beads + 1):
+        sphere = f'<geom name="sphere{i}" type="sphere" size="{s.bead_radius!r}"/>'
+        bodies.append(_body(f"bead{i}", s.bead_mass_ratio * p.light_mass, site=f"site{i}", geom=sphere))
     axes = "" if held else "z"
     bodies.append(_body("heavy", p.heavy_mass, site=f"site{beads + 1}", place=heavy_mass_position, axes=axes))
     links = range(beads + 1) if has_string else ()
+    time_constant, impedance = f"{s.string_time_constant!r} 1", f"{s.string_impedance!r} {s.string_impedance!r} 0.001"
+    # A straight part has an upper limit of its length
+    tendons = [
+        f'<spatial name="link{i}" limited="{"true" if i in (0, beads) else "false"}" range="0 {p.string_length!r}"'
+        f' solreflimit="{time_constant}" solimplimit="{impedance}"><site site="site{i}"/><site site="site{i + 1}"/></spatial>'
+        for i in links
+    ]
+    constraints = [
+        f'<tendon tendon1="link{i}" solref="{time_constant}" solimp="{impedance}"/>' for i in links if i not in (0, beads)
+    ]
+    friction = s.contact_friction(p.coefficients["kinetic_friction"])
+    contact = (
+        f'condim="3" solref="{s.contact_time_constant!r} 1"'
+        f' solimp="{s.least_contact_impedance!r} {s.contact_impedance!r} 0.0005" friction="{friction!r} {friction!r} 0 0 0"'
+    )
+    pairs = [f'<pair geom1="rod" geom2="sphere{i}" {contact}/>' for i in range(1, beads + 1)]
     # autoreset is off: after a breakdown MuJoCo would go on from the first state, with a mere warning
     return f"""
 <mujoco model="looping pendulum, beads">
@@ -116,9 +131,9 @@ def bead_xml(parameters: Parameters, settings: BeadSettings, beads: int) -> str:
     <geom name="rod" type="cylinder" size="{s.node_radius(p.rod_radius) - s.bead_radius!r} 0.05" euler="90 0 0"/>
     {"".join(bodies)}
   </worldbody>
-  <tendon>{"".join(_link(p, s, i, straight=i in (0, beads)) for i in links)}</tendon>
-  <equality>{"".join(_link_constraint(s, i) for i in links if i not in (0, beads))}</equality>
-  <contact>{"".join(_pair(p, s, i) for i in range(1, beads + 1))}</contact>
+  <tendon>{"".join(tendons)}</tendon>
+  <equality>{"".join(constraints)}</equality>
+  <contact>{"".join(pairs)}</contact>
 </mujoco>"""
 
 
@@ -131,34 +146,6 @@ def _body(
     inertia = f'<inertial pos="0 0 0" mass="{mass!r}" diaginertia="1e-6 1e-6 1e-6"/>'
     x, y = place
     return f'<body name="{name}" pos="{x!r} 0 {y!r}">{joints}{inertia}{geom}<site name="{site}"/></body>\n'
-
-
-def _sphere(i: int, radius: float) -> str:
-    """Return the geometry of bead ``i``."""
-    return f'<geom name="sphere{i}" type="sphere" size="{radius!r}"/>'
-
-
-def _link(parameters: Parameters, s: BeadSettings, i: int, *, straight: bool) -> str:
-    """Return tendon ``i`` of the row; a straight part has an upper limit of its length."""
-    stiffness = f'solreflimit="{s.string_time_constant!r} 1" solimplimit="{s.string_impedance!r} {s.string_impedance!r} 0.001"'
-    limit = f'limited="{"true" if straight else "false"}" range="0 {parameters.string_length!r}" {stiffness}'
-    return f'<spatial name="link{i}" {limit}><site site="site{i}"/><site site="site{i + 1}"/></spatial>\n'
-
-
-def _link_constraint(s: BeadSettings, i: int) -> str:
-    """Return the equality constraint that keeps the length of link ``i`` between two beads."""
-    solver = f'solref="{s.string_time_constant!r} 1" solimp="{s.string_impedance!r} {s.string_impedance!r} 0.001"'
-    return f'<tendon tendon1="link{i}" {solver}/>'
-
-
-def _pair(parameters: Parameters, s: BeadSettings, i: int) -> str:
-    """Return the contact of bead ``i`` with the rod, with the scenario's friction coefficient."""
-    friction = s.contact_friction(parameters.coefficients["kinetic_friction"])
-    solver = (
-        f'solref="{s.contact_time_constant!r} 1" solimp="{s.least_contact_impedance!r} {s.contact_impedance!r} 0.0005"'
-        f' friction="{friction!r} {friction!r} 0 0 0"'
-    )
-    return f'<pair geom1="rod" geom2="sphere{i}" condim="3" {solver}/>'
 
 
 class _CompiledModel:

@@ -133,7 +133,10 @@ class EffectiveMassRig(StringRig, abc.ABC):
         try:
             for _ in range(self._steps):
                 parts = self._substep_count()
-                self._scale_time_constants(parts)
+                if parts != self._substeps:
+                    # As many substeps as before: a softer string would be stretched as it turns
+                    self._substeps = parts
+                    self._model.tendon_solref_lim[:, 0] = self._time_constants / parts
                 for _ in range(parts):
                     if self._string_coordinates()[0] <= self._end_length:
                         return
@@ -170,12 +173,6 @@ class EffectiveMassRig(StringRig, abc.ABC):
         # A run that breaks down is left to `read`
         return max(math.ceil(turn / MAX_TURN_PER_STEP), 1) if math.isfinite(turn) else 1
 
-    def _scale_time_constants(self, parts: int) -> None:
-        """Keep the string's time constant the same number of substeps; a softer string would be stretched as it turns."""
-        if parts != self._substeps:
-            self._substeps = parts
-            self._model.tendon_solref_lim[:, 0] = self._time_constants / parts
-
     def _advance_step(self, length: float) -> None:
         """Take one step of ``length`` [s], split where the motion changes within it.
 
@@ -211,7 +208,10 @@ class EffectiveMassRig(StringRig, abc.ABC):
         """Let MuJoCo take a step of ``length`` [s], with the heavy mass of its middle."""
         self._decay_catch_stretch(length)
         middle = self._kinematics(0.5 * length)
-        self._mass_ratio = self._required_mass_ratio(middle)
+        self._mass_ratio = 1.0
+        if self._motion in (EffectiveMassMotion.UP, EffectiveMassMotion.DOWN):
+            exponent = max(effects.sliding_exponent(math, middle, self._values, self._effects), 0.0)
+            self._mass_ratio = math.exp(self._motion.value * exponent)
         self._set_mass()
         self._prepare(middle)
         self._model.opt.timestep = length
@@ -232,13 +232,6 @@ class EffectiveMassRig(StringRig, abc.ABC):
         """Give MuJoCo's model the effective heavy mass."""
         if not self._held:
             self._model.body_mass[self._heavy_body] = self._parameters.heavy_mass * self._mass_ratio
-
-    def _required_mass_ratio(self, k: Kinematics) -> float:
-        """Return 1 / E, the factor of the heavy mass."""
-        if self._motion not in (EffectiveMassMotion.UP, EffectiveMassMotion.DOWN):
-            return 1.0
-        exponent = max(effects.sliding_exponent(math, k, self._values, self._effects), 0.0)
-        return math.exp(self._motion.value * exponent)
 
     def _kinematics(self, ahead: float) -> Kinematics:
         """Return the kinematics on which the effects depend, extrapolated by ``ahead`` [s] to first order."""
@@ -504,30 +497,16 @@ _ABILITIES = {
 class MujocoEffectiveMass(TunedEngine):
     """MuJoCo with the capstan law as a factor on the heavy mass.
 
-    Parameters
-    ----------
-    coordinates
-        Coordinates of the light mass, after which the variant is called: "effective_mass" for x and y, where the string is a
-        spatial tendon, or "drum" for wrap angle and free length, where it is a fixed tendon.
-    profile
-        Chooses the settings.
-    settings
-        Replaces the profile's settings, for studies of convergence.
+    The variants are called after the coordinates of the light mass: "effective_mass" for x and y, where the string is a spatial
+    tendon, or "drum" for wrap angle and free length, where it is a fixed tendon.
     """
 
     name = "mujoco"
     distribution = "mujoco"
+    variant = "effective_mass"
+    variants = _ABILITIES
+    settings_by_profile = SETTINGS
     settings: EffectiveMassSettings
-
-    def __init__(
-        self,
-        *,
-        coordinates: str = "effective_mass",
-        profile: Profile = Profile.QUICK,
-        settings: EffectiveMassSettings | None = None,
-    ) -> None:
-        super().__init__(profile=profile, settings=settings if settings is not None else SETTINGS[coordinates, profile])
-        self.variant, self.abilities = coordinates, _ABILITIES[coordinates]
 
     def build(self, scenario: Scenario) -> EffectiveMassRig:
         """Rebuild the scenario's apparatus at the moment of release."""

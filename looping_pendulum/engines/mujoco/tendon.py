@@ -419,29 +419,20 @@ class MujocoTendon(TunedEngine):
         "capstan": the friction bound of the effects' string laws acts on the heavy mass's slide.
         "frictionloss": a constant friction loss, the only friction that MuJoCo has for tendons.
         "defaults": as documented, with the solver's default settings.
-    profile
-        Chooses the settings.
-    settings
-        Replaces the profile's settings, for studies of convergence.
     friction_size
         Size of the constant friction loss of "frictionloss".
     """
 
     name = "mujoco"
     distribution = "mujoco"
-    settings_by_profile = SETTINGS
+    variant = "capstan"
+    variants = _ABILITIES
+    settings_by_profile = SETTINGS | {("defaults", profile): MUJOCO_DEFAULTS for profile in Profile}
     settings: TendonSettings
 
-    def __init__(
-        self,
-        *,
-        variant: str = "capstan",
-        profile: Profile = Profile.QUICK,
-        settings: TendonSettings | None = None,
-        friction_size: FrictionSize = FrictionSize.AT_RELEASE,
-    ) -> None:
-        super().__init__(profile=profile, settings=MUJOCO_DEFAULTS if settings is None and variant == "defaults" else settings)
-        self.variant, self.friction_size, self.abilities = variant, friction_size, _ABILITIES[variant]
+    def __init__(self, *, friction_size: FrictionSize = FrictionSize.AT_RELEASE, **chosen: Any) -> None:
+        super().__init__(**chosen)
+        self.friction_size = friction_size
 
     def build(self, scenario: Scenario) -> TendonRig:
         """Rebuild the scenario's apparatus at the moment of release."""

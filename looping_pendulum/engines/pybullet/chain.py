@@ -22,35 +22,33 @@ import numpy as np
 
 from looping_pendulum.engines.chain import MASS_COMPENSATION, MASS_FRACTION, polygon_radius
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.pybullet.links import (
-    MAX_JOINTS,
-    NO_STRETCH_LIMIT,
-    RIPPLE_LIMIT,
-    ChainState,
-    MultibodyRig,
-    contact_friction,
-    fitting_length,
-    free_joints,
-    node_angles,
-    set_joints,
-    typical_wrap_angle,
-)
 from looping_pendulum.engines.pybullet.world import (
     DEFAULT_DAMPING,
     DEFAULT_ITERATIONS,
     DEFAULT_SPEED_LIMIT,
     LARGEST_STEP,
     LINK_CONTACT,
+    MAX_JOINTS,
     NO_SPEED_LIMIT,
+    NO_STRETCH_LIMIT,
     ONE_COEFFICIENT,
+    RIPPLE_LIMIT,
+    ChainState,
     LongestStep,
+    MultibodyRig,
     PybulletVariant,
     RodShape,
     World,
     WorldSettings,
     common_choices,
+    contact_friction,
+    fitting_length,
+    free_joints,
     iteration_rungs,
+    node_angles,
+    set_joints,
     step_rungs,
+    typical_wrap_angle,
     world_defaults,
 )
 from looping_pendulum.engines.shipped import shipped_abilities
@@ -381,11 +379,8 @@ class PybulletChainRig(MultibodyRig):
         """Advance by one sample interval with the effects' forces, and join or split the links that are due."""
         super().advance()
         # Meanwhile the string moves by a fraction of the links that stay short beyond the rod
-        if self._joins:
-            self._update_links()
-
-    def _update_links(self) -> None:
-        """Replace the multibody by one with other nodes, if any are due."""
+        if not self._joins:
+            return
         nodes, chain = self._joining.nodes, self._chain()
         if not self._joining.update(chain.positions.tolist()):
             return
@@ -643,6 +638,7 @@ class PybulletDefaults(PybulletChain):
     """The chain with PyBullet's own settings."""
 
     variant = "defaults"
+    settings_by_profile = dict.fromkeys(Profile, PYBULLET_DEFAULTS)
     abilities = replace(
         PybulletChain.abilities,
         main=False,
@@ -659,9 +655,6 @@ class PybulletDefaults(PybulletChain):
             "PyBullet's own step of 1/240 s is run at 1 ms, where samples fall",
         ),
     )
-
-    def __init__(self, *, profile: Profile = Profile.QUICK) -> None:
-        super().__init__(profile=profile, settings=PYBULLET_DEFAULTS)
 
     def studies(self) -> Studies:
         """Return no studies: the studies of `chain` measure each default by itself."""

@@ -9,10 +9,10 @@ import numpy as np
 
 from looping_pendulum.engines.chain import MASS_COMPENSATION, SlipGauge, point_on_string
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.pybullet.links import LinkSettings, typical_wrap_angle
 from looping_pendulum.engines.pybullet.world import (
     LINK_CONTACT,
     ONE_COEFFICIENT,
+    LinkSettings,
     PybulletVariant,
     Row,
     SteppedRig,
@@ -20,6 +20,7 @@ from looping_pendulum.engines.pybullet.world import (
     common_choices,
     iteration_rungs,
     step_rungs,
+    typical_wrap_angle,
     world_defaults,
 )
 from looping_pendulum.engines.shipped import shipped_abilities
@@ -52,7 +53,11 @@ class PointToPointRig(SteppedRig):
         rod = world.add_rod(rod_radius, 1.0)
         self._set_collision_group(rod, ROD_GROUP, STRING_GROUP)
         self._friction = s.friction(p, typical_wrap_angle(p), rod_radius)
-        positions = self._positions(p, s)
+        length = s.length_on_rod(p)
+        # The last link, above the heavy mass, takes up what does not fit
+        arcs = [i * length for i in range(math.floor(p.string_length / length))]
+        nodes = [point_on_string(p, arc, s.node_circle(p)) for arc in arcs]
+        positions = np.array([*nodes, (p.rod_radius, -p.hanging_length)])
         self._node = world.api.createCollisionShape(world.api.GEOM_SPHERE, radius=s.node_radius, physicsClientId=world.client)
         beads = [s.bead_mass_ratio * p.light_mass] * (len(positions) - 2)
         light = p.light_mass - MASS_COMPENSATION * sum(beads)
@@ -64,16 +69,6 @@ class PointToPointRig(SteppedRig):
             self._add_body(i, mass, positions)
         self._light, self._heavy = self._bodies[0], self._bodies[-1]
         self._set_release_velocities(p, positions)
-
-    @staticmethod
-    def _positions(p: Parameters, s: LinkSettings) -> Array:
-        """Return the positions [m] of light mass, nodes a link apart, and heavy mass at release, shape (n, 2)."""
-        length = s.length_on_rod(p)
-        # The last link, above the heavy mass, takes up what does not fit
-        count = math.floor(p.string_length / length)
-        circle = s.node_circle(p)
-        arcs = [i * length for i in range(count)]
-        return np.array([*(point_on_string(p, arc, circle) for arc in arcs), (p.rod_radius, -p.hanging_length)])
 
     def _add_body(self, i: int, mass: float, positions: Array) -> None:
         """Create body ``i``, and pin it to the one before it."""

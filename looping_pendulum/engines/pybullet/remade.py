@@ -17,26 +17,24 @@ import numpy as np
 
 from looping_pendulum.engines.chain import MIN_BEADS, MIN_STRAIGHT_LINKS, Point, next_bead_position, point_on_string
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.pybullet.links import (
+from looping_pendulum.engines.pybullet.world import (
+    LINK_CONTACT,
     MAX_JOINTS,
     NO_STRETCH_LIMIT,
+    ONE_COEFFICIENT,
     RIPPLE_LIMIT,
     ChainState,
     LinkSettings,
     MultibodyRig,
-    free_joints,
-    node_angles,
-    set_joints,
-    typical_wrap_angle,
-)
-from looping_pendulum.engines.pybullet.world import (
-    LINK_CONTACT,
-    ONE_COEFFICIENT,
     PybulletVariant,
     Row,
     World,
+    free_joints,
     iteration_rungs,
+    node_angles,
+    set_joints,
     step_rungs,
+    typical_wrap_angle,
 )
 from looping_pendulum.engines.shipped import shipped_abilities
 from looping_pendulum.engines.studies import Studies, studies_from_rows
@@ -121,19 +119,14 @@ class NodeChanges:
         kept = [0, *range(first, last), len(positions) - 1]
         updated = chain if len(kept) == len(positions) else _without_nodes(chain, kept, self._parameters)
         for _ in range(2):  # the light side, then the heavy one, turned round
-            updated = self._with_added_nodes(updated)
-            updated = ChainState(positions=updated.positions[::-1], velocities=updated.velocities[::-1])
+            positions, velocities = updated.positions, updated.velocities
+            while self._distance_to_adding(positions[-1], positions[-2]) < 0:
+                share = self._length / math.dist(positions[-1], positions[-2])
+                positions, velocities = (
+                    np.insert(row, -1, row[-2] + share * (row[-1] - row[-2]), axis=0) for row in (positions, velocities)
+                )
+            updated = ChainState(positions=positions[::-1], velocities=velocities[::-1])
         return updated
-
-    def _with_added_nodes(self, chain: ChainState) -> ChainState:
-        """Return the chain with the nodes that are due added before its last position."""
-        positions, velocities = chain.positions, chain.velocities
-        while self._distance_to_adding(positions[-1], positions[-2]) < 0:
-            share = self._length / math.dist(positions[-1], positions[-2])
-            positions, velocities = (
-                np.insert(row, -1, row[-2] + share * (row[-1] - row[-2]), axis=0) for row in (positions, velocities)
-            )
-        return ChainState(positions=positions, velocities=velocities)
 
     def _distance_to_adding(self, mass: Point, node: Point) -> float:
         """Return how far the string is from adding a node between ``node`` and ``mass`` [m]; infinite without room for one."""

@@ -207,46 +207,86 @@ _ABILITIES = {
 """Variant -> what it can do."""
 
 
-class _Links:
-    """Light mass, links and heavy mass in a row, with a joint between neighbours.
+class FullChainRig(SpaceRig):
+    """The apparatus in one Chipmunk space, with a joint between neighbouring links; a subclass adds the links."""
 
-    Parameters
-    ----------
-    nodes
-        Distances from the light mass along the string [m]: of the masses, and of the beads or the joints between segments.
-    radius
-        Distance from the rod's centre of a node on the rod [m].
-    """
-
-    links: int
-    """Number of links."""
+    _link_count: int
     _anchors: list[tuple[Any, Vector]]
     """Body and point on it [m, in the body's frame] of every node, light mass first."""
 
-    def __init__(
-        self, space: Any, parameters: Parameters, settings: FullChainSettings, nodes: list[float], radius: float
-    ) -> None:
-        p, s = parameters, settings
-        self._settings = s
+    def __init__(self, variant: str, parameters: Parameters, settings: FullChainSettings) -> None:
+        import pymunk
+        import pymunk.batch
+
+        super().__init__(parameters, settings, slop=settings.collision_slop)
+        p, s, space = parameters, settings, self._space
+        self._pymunk, self._parameters = pymunk, p
+        self._calls = PublicCalls(space, s.time_step)
         self._lengths: list[float] = []
         self._slip = SlipGauge()
-        string_mass = s.mass_fraction * p.light_mass
-        self.light, self.heavy = masses(space, p, light_mass=p.light_mass - MASS_COMPENSATION * string_mass)
-        self._add_joints(space, self._add_links(space, p, nodes, radius, string_mass / (len(nodes) - 1)))
-        self._add_joints(space, long_range_joints(self._anchors, self._lengths, s.long_range))
+        self._has_string = p.release is not Release.DROP
+        if self._has_string:
+            bend, friction = s.bend(p.rod_radius), p.coefficients["kinetic_friction"]
+            radius = link_contact_radius(variant, p.rod_radius, bend) if s.polygon_radius else p.rod_radius
+            rod = pymunk.Circle(space.static_body, radius - s.bead_radius + min(s.collision_slop, MAX_SLOP_IN_RADIUS))
+            rod.friction = contact_friction(variant, friction, bend) if s.polygon_friction else friction
+            space.add(rod)
+            self._add_string(radius)
+        else:
+            self._light, self._heavy = masses(space, p)
+        self._buffer = pymunk.batch.Buffer()
+        self._fields = pymunk.batch.BodyFields.POSITION | pymunk.batch.BodyFields.ANGLE
 
-    def _add_links(self, space: Any, parameters: Parameters, nodes: list[float], radius: float, mass: float) -> list[Any]:
-        """Add links of ``mass`` [kg] with the release's velocities; return the joints between them and the masses."""
+    def _add_string(self, radius: float) -> None:
+        """Add the masses, the links and their joints; ``radius`` [m] is where a link touches the rod, from the rod's centre."""
+        p, s = self._parameters, self._settings
+        string_mass = s.mass_fraction * p.light_mass
+        self._light, self._heavy = masses(self._space, p, light_mass=p.light_mass - MASS_COMPENSATION * string_mass)
+        count = round(p.string_length / s.link_length)
+        # The masses, and the beads or the joints between segments
+        nodes = [i * p.string_length / count for i in range(count + 1)]
+        for joint in (*self._add_links(nodes, radius, string_mass / count), *self._long_range_joints()):
+            joint.error_bias = math.exp(-s.error_rate)
+            joint.collide_bodies = False
+            self._space.add(joint)
+
+    def _add_links(self, nodes: list[float], radius: float, mass: float) -> list[Any]:
+        """Add links of ``mass`` [kg], with ``nodes`` at these distances from the light mass along the string [m].
+
+        They have the release's velocities. Return the joints between them and the masses.
+        """
         raise NotImplementedError
 
-    def _add_joints(self, space: Any, joints: list[Any]) -> None:
-        """Add ``joints`` to ``space``, with the settings' rate of error correction."""
-        for joint in joints:
-            joint.error_bias = math.exp(-self._settings.error_rate)
-            joint.collide_bodies = False
-            space.add(joint)
+    def _add_link(self, body: Any, shape: Any) -> None:
+        """Add ``body`` with its collision ``shape``; one group for all links, so that they do not touch one another."""
+        shape.friction = 1.0  # Chipmunk multiplies the two shapes' coefficients: the circle's is then the pair's
+        shape.filter = self._pymunk.ShapeFilter(group=1)
+        self._space.add(body, shape)
 
-    def read(self, light: Vector, links: Array, heavy: Vector) -> tuple[float, float]:
+    def _long_range_joints(self) -> list[Any]:
+        """Create slide joints over 2, 4, ... `long_range` links, as long as the string between their ends.
+
+        They pass the pull along straight string in few iterations, and are slack where it bends.
+        """
+        joints, span, lengths = [], 2, self._lengths
+        while span <= self._settings.long_range:
+            for i in range(0, len(lengths) - span + 1, span):
+                (a, on_a), (b, on_b) = self._anchors[i], self._anchors[i + span]
+                joints.append(self._pymunk.SlideJoint(a, b, on_a, on_b, 0, math.fsum(lengths[i : i + span])))
+            span *= 2
+        return joints
+
+    def _read_string(self, light: Vector, heavy: Vector) -> tuple[float, float]:
+        if not self._has_string:
+            return math.nan, math.nan
+        self._buffer.clear()
+        self._pymunk.batch.get_space_bodies(self._space, self._fields, self._buffer)
+        # pymunk lists bodies in the order in which they were added, static ones last: a clamped heavy mass is static.
+        bodies = np.frombuffer(self._buffer.float_buf()).reshape(-1, 3)
+        first = 1 if self._clamped else 2
+        return self._read_links(light, bodies[first : first + self._link_count], heavy)
+
+    def _read_links(self, light: Vector, links: Array, heavy: Vector) -> tuple[float, float]:
         """Return the string's stretch beyond its rest length and its slip over the rod [m].
 
         Parameters
@@ -259,41 +299,41 @@ class _Links:
         raise NotImplementedError
 
 
-class _Beads(_Links):
-    """Beads, with a pin joint between neighbours."""
+class BeadsRig(FullChainRig):
+    """The apparatus with beads, and a pin joint between neighbours."""
 
-    def _add_links(self, space: Any, parameters: Parameters, nodes: list[float], radius: float, mass: float) -> list[Any]:
-        import pymunk
-
+    def _add_links(self, nodes: list[float], radius: float, mass: float) -> list[Any]:
+        p, pymunk = self._parameters, self._pymunk
         beads = []
         for arc in nodes[1:-1]:
             bead = pymunk.Body(mass, math.inf)
-            bead.position, bead.velocity = point_on_string(parameters, arc, radius), velocity_on_string(parameters, arc)
-            add_link_shape(space, bead, pymunk.Circle(bead, self._settings.bead_radius))
+            bead.position, bead.velocity = point_on_string(p, arc, radius), velocity_on_string(p, arc)
+            self._add_link(bead, pymunk.Circle(bead, self._settings.bead_radius))
             beads.append(bead)
-        self.links = len(beads)
-        self._anchors = [(body, (0.0, 0.0)) for body in (self.light, *beads, self.heavy)]
+        self._link_count = len(beads)
+        self._anchors = [(body, (0.0, 0.0)) for body in (self._light, *beads, self._heavy)]
         pairs = zip(self._anchors[:-1], self._anchors[1:], strict=True)
         joints = [pymunk.PinJoint(a, b, on_a, on_b) for (a, on_a), (b, on_b) in pairs]
         # A pin joint keeps the distance that its ends have when it is created
         self._lengths = [joint.distance for joint in joints]
         return joints
 
-    def read(self, light: Vector, links: Array, heavy: Vector) -> tuple[float, float]:
+    def _read_links(self, light: Vector, links: Array, heavy: Vector) -> tuple[float, float]:
         nodes = np.vstack([light, links[:, :2], heavy])
         stretch = float(np.hypot(*np.diff(nodes, axis=0).T).sum()) - math.fsum(self._lengths)
         return stretch, self._slip.read(nodes.tolist(), self._lengths)
 
 
-class _Segments(_Links):
-    """Rigid segments, with a pivot joint between neighbours."""
+class SegmentsRig(FullChainRig):
+    """The apparatus with rigid segments, and a pivot joint between neighbours."""
 
-    def _add_links(self, space: Any, parameters: Parameters, nodes: list[float], radius: float, mass: float) -> list[Any]:
-        import pymunk
-
-        places = np.array([point_on_string(parameters, arc, radius) for arc in nodes])
-        speeds = np.array([velocity_on_string(parameters, arc) for arc in nodes])
-        joints, last, last_anchor, origin = [], self.light, (0.0, 0.0), (0.0, 0.0)
+    def _add_links(self, nodes: list[float], radius: float, mass: float) -> list[Any]:
+        p, pymunk = self._parameters, self._pymunk
+        # Segments touch the circle in their middle, so their joints lie farther from its centre
+        joint_radius = math.hypot(radius, self._settings.link_length / 2)
+        places = np.array([point_on_string(p, arc, joint_radius) for arc in nodes])
+        speeds = np.array([velocity_on_string(p, arc) for arc in nodes])
+        joints, last, last_anchor, origin = [], self._light, (0.0, 0.0), (0.0, 0.0)
         self._anchors = [(last, origin)]
         for i in range(len(nodes) - 1):
             (x, y), (vx, vy) = (np.diff(row[i : i + 2], axis=0)[0].tolist() for row in (places, speeds))
@@ -303,16 +343,16 @@ class _Segments(_Links):
             body.position, body.velocity = ((0.5 * (row[i] + row[i + 1])).tolist() for row in (places, speeds))
             body.angle, body.angular_velocity = math.atan2(y, x), (x * vy - y * vx) / (x * x + y * y)
             front, back = (-length / 2, 0.0), (length / 2, 0.0)
-            add_link_shape(space, body, pymunk.Segment(body, front, back, self._settings.bead_radius))
+            self._add_link(body, pymunk.Segment(body, front, back, self._settings.bead_radius))
             joints.append(pymunk.PivotJoint(last, body, last_anchor, front))
             last, last_anchor = body, back
             self._anchors.append((body, back))
             self._lengths.append(length)
-        joints.append(pymunk.PivotJoint(last, self.heavy, last_anchor, origin))
-        self.links = len(self._lengths)
+        joints.append(pymunk.PivotJoint(last, self._heavy, last_anchor, origin))
+        self._link_count = len(self._lengths)
         return joints
 
-    def read(self, light: Vector, links: Array, heavy: Vector) -> tuple[float, float]:
+    def _read_links(self, light: Vector, links: Array, heavy: Vector) -> tuple[float, float]:
         # The stretch is the sum of the joints' gaps, each along the segment before it
         directions = np.stack([np.cos(links[:, 2]), np.sin(links[:, 2])], axis=1)
         halves = 0.5 * np.array(self._lengths)[:, None] * directions
@@ -322,109 +362,24 @@ class _Segments(_Links):
         return stretch, self._slip.read([*starts.tolist(), heavy], self._lengths)
 
 
-def add_link_shape(space: Any, body: Any, shape: Any) -> None:
-    """Add ``body`` with its collision shape to ``space``; one group for all links, so that they do not touch one another."""
-    import pymunk
-
-    shape.friction = 1.0  # Chipmunk multiplies the two shapes' coefficients: the circle's is then the pair's
-    shape.filter = pymunk.ShapeFilter(group=1)
-    space.add(body, shape)
-
-
-def long_range_joints(anchors: list[tuple[Any, Vector]], lengths: list[float], longest: int) -> list[Any]:
-    """Create slide joints over 2, 4, ... ``longest`` links, as long as the string between their ends.
-
-    They pass the pull along straight string in few iterations, and are slack where it bends.
-
-    Parameters
-    ----------
-    anchors
-        Body and point on it [m, in the body's frame] of every node, light mass first.
-    lengths
-        Rest lengths of the links between the nodes [m].
-    longest
-        Longest span [links].
-    """
-    import pymunk
-
-    joints, span = [], 2
-    while span <= longest:
-        for i in range(0, len(lengths) - span + 1, span):
-            (a, on_a), (b, on_b) = anchors[i], anchors[i + span]
-            joints.append(pymunk.SlideJoint(a, b, on_a, on_b, 0, math.fsum(lengths[i : i + span])))
-        span *= 2
-    return joints
-
-
-class FullChainRig(SpaceRig):
-    """The apparatus in one Chipmunk space."""
-
-    def __init__(self, variant: str, parameters: Parameters, settings: FullChainSettings) -> None:
-        import pymunk
-        import pymunk.batch
-
-        super().__init__(parameters, settings, slop=settings.collision_slop)
-        p, s, space = parameters, settings, self._space
-        self._calls = PublicCalls(space, s.time_step)
-        self._chain: _Links | None = None
-        if p.release is Release.DROP:
-            self._light, self._heavy = masses(space, p)
-        else:
-            count = round(p.string_length / s.link_length)
-            nodes = [i * p.string_length / count for i in range(count + 1)]
-            bend, friction = s.bend(p.rod_radius), p.coefficients["kinetic_friction"]
-            radius = link_contact_radius(variant, p.rod_radius, bend) if s.polygon_radius else p.rod_radius
-            allowed = min(s.collision_slop, MAX_SLOP_IN_RADIUS)
-            rod = pymunk.Circle(space.static_body, radius - s.bead_radius + allowed)
-            rod.friction = contact_friction(variant, friction, bend) if s.polygon_friction else friction
-            space.add(rod)
-            if variant == "segments":
-                # Segments touch the circle in their middle, so their joints lie farther from its centre than ``radius``
-                self._chain = _Segments(space, p, s, nodes, math.hypot(radius, s.link_length / 2))
-            else:
-                self._chain = _Beads(space, p, s, nodes, radius)
-            self._light, self._heavy = self._chain.light, self._chain.heavy
-        self._batch, self._buffer = pymunk.batch, pymunk.batch.Buffer()
-        self._fields = pymunk.batch.BodyFields.POSITION | pymunk.batch.BodyFields.ANGLE
-
-    def _read_string(self, light: Vector, heavy: Vector) -> tuple[float, float]:
-        if self._chain is None:
-            return math.nan, math.nan
-        self._buffer.clear()
-        self._batch.get_space_bodies(self._space, self._fields, self._buffer)
-        # pymunk lists bodies in the order in which they were added, static ones last: a clamped heavy mass is static.
-        bodies = np.frombuffer(self._buffer.float_buf()).reshape(-1, 3)
-        first = 1 if self._clamped else 2
-        return self._chain.read(light, bodies[first : first + self._chain.links], heavy)
-
-
 class PymunkFullChain(TunedEngine):
     """Chain of links along the whole string, over a static circle.
 
-    Parameters
-    ----------
-    variant
-        What the links are: "beads" on pin joints, rigid "segments" on pivot joints, or "defaults", as beads, with everything
-        else left as Chipmunk has it.
-    profile
-        Chooses the settings.
-    settings
-        Replaces the profile's settings, for studies of convergence.
+    The variants say what the links are: "beads" on pin joints, rigid "segments" on pivot joints, or "defaults", as beads, with
+    everything else left as Chipmunk has it.
     """
 
     name = "pymunk"
     distribution = "pymunk"
+    variant = "beads"
+    variants = _ABILITIES
+    settings_by_profile = SETTINGS
     settings: FullChainSettings
-
-    def __init__(
-        self, *, variant: str = "beads", profile: Profile = Profile.QUICK, settings: FullChainSettings | None = None
-    ) -> None:
-        super().__init__(profile=profile, settings=settings if settings is not None else SETTINGS[variant, profile])
-        self.variant, self.abilities = variant, _ABILITIES[variant]
 
     def build(self, scenario: Scenario) -> FullChainRig:
         """Build the scenario's apparatus at the moment of release."""
-        return FullChainRig(self.variant, scenario.parameters, self.settings)
+        rig = SegmentsRig if self.variant == "segments" else BeadsRig
+        return rig(self.variant, scenario.parameters, self.settings)
 
     def studies(self) -> Studies:
         """Return ladders, Chipmunk's defaults and the adapter's choices; "defaults" varies its step only, which is none."""
