@@ -127,7 +127,14 @@ class NewtonTendonRig:
             self._groups += 1
         # String that is held cannot slide, and one without friction does not ask for the angle
         if self._has_string and not self._is_held and self._parameters.coefficients["kinetic_friction"] > 0:
-            self._check_wrap()
+            _, angles = string_coordinates(self._positions()[:1], self._parameters.rod_radius, self._wrap_angle)
+            self._wrap_angle = float(angles[0])
+            if self._wrap_angle > MAX_WRAP_ANGLE:
+                time = round(self._groups * self._settings.group_time / SAMPLE_INTERVAL) * SAMPLE_INTERVAL
+                raise EngineError(
+                    f"newton:tendon: found a wrap of {math.degrees(self._wrap_angle):.1f} deg at {time:.3f} s, needed at most "
+                    "180: beyond half a turn Newton's roller has the friction of the angle that is left to a full turn"
+                )
 
     def read(self) -> tuple[float, ...]:
         """Return positions [m], velocities [m/s], string stretch and slip [m]: `COLUMNS` without the time."""
@@ -217,16 +224,6 @@ class NewtonTendonRig:
 
     def _in_units(self, position: Vector) -> tuple[float, float, float]:
         return position[0] / self._unit, position[1] / self._unit, 0.0
-
-    def _check_wrap(self) -> None:
-        _, angles = string_coordinates(self._positions()[:1], self._parameters.rod_radius, self._wrap_angle)
-        self._wrap_angle = float(angles[0])
-        if self._wrap_angle > MAX_WRAP_ANGLE:
-            time = round(self._groups * self._settings.group_time / SAMPLE_INTERVAL) * SAMPLE_INTERVAL
-            raise EngineError(
-                f"newton:tendon: found a wrap of {math.degrees(self._wrap_angle):.1f} deg at {time:.3f} s, needed at most 180: "
-                "beyond half a turn Newton's roller has the friction of the angle that is left to a full turn"
-            )
 
 
 _LIMITS = (

@@ -104,7 +104,12 @@ def kind(engine: Engine) -> str:
 
 def page(engines: Sequence[Engine]) -> str:
     """Return the page docs/support.md: all tables as Markdown."""
-    scenarios, effects, supplies, additions, errors, ranges = (_markdown(*each) for each in tables(engines))
+
+    def markdown(header: list[str], rows: list[list[str]]) -> str:
+        lines = [header, ["---"] * len(header), *([cell.replace("|", "\\|") for cell in row] for row in rows)]
+        return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+    scenarios, effects, supplies, additions, errors, ranges = (markdown(*each) for each in tables(engines))
     return f"""# Which engine can run what
 
 `{COMMAND}` writes this page from what every variant declares
@@ -139,9 +144,3 @@ scenario lies outside the range.
 The scenarios covered these ranges:
 
 {ranges}"""
-
-
-def _markdown(header: list[str], rows: list[list[str]]) -> str:
-    """Return a table in Markdown."""
-    lines = [header, ["---"] * len(header), *([cell.replace("|", "\\|") for cell in row] for row in rows)]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)

@@ -179,7 +179,11 @@ class TendonRig(StringRig):
         k = kinematics(self._data.time, self._free_length, self._wrap_angle, vx, vy, heavy_v)
         if self._tendons is not None:
             self._tendons.select(self._wrap_angle)
-            self._tendons.allow_extra_length(self._correction(k.across_speed) - TAUT_MARGIN)
+            correction = 0.0
+            if self._corrections:
+                turning = self._turning_shift * k.across_speed * k.across_speed / self._free_length
+                correction = self._decayed_catch_stretch() - turning
+            self._tendons.allow_extra_length(correction - TAUT_MARGIN)
         force_on_heavy_mass = 0.0
         if self._force is not None:
             x, y = self._qpos[:2].tolist()
@@ -188,12 +192,6 @@ class TendonRig(StringRig):
                 self._applied[HEAVY_DOF] = force_on_heavy_mass
         if self._capstan_friction is not None:
             self._applied[HEAVY_DOF] = force_on_heavy_mass + self._capstan_friction.prepare(k)
-
-    def _correction(self, transverse_speed: float) -> float:
-        """Return the shift of the string's length limit [m] that compensates for the string's turning and for a late catch."""
-        if not self._corrections:
-            return 0.0
-        return self._decayed_catch_stretch() - self._turning_shift * transverse_speed * transverse_speed / self._free_length
 
     def _decayed_catch_stretch(self) -> float:
         """Return the excess length that the string may still have because it became taut within a step [m]; it decays.

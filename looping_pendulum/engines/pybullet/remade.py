@@ -27,7 +27,6 @@ from looping_pendulum.engines.pybullet.world import (
     LinkSettings,
     MultibodyRig,
     PybulletVariant,
-    Row,
     World,
     free_joints,
     iteration_rungs,
@@ -190,22 +189,21 @@ class RemadeRig(MultibodyRig):
 
     def _update_nodes(self) -> None:
         """Replace the multibody by one with more or fewer nodes, if any is due."""
-        margins = self._node_changes.margins(self._outermost(), self._node_count)
+        api, client, last = self._world.api, self._world.client, self._ends[0]
+        slide = 0 if self._held else 1
+        # The masses and the two outermost nodes on either side
+        joints = [*range(slide + 2), last - 2, last - 1, last]
+        positions = [row[0][:2] for row in api.getLinkStates(self._body, joints, physicsClientId=client)]
+        if self._held:
+            p = self._parameters
+            positions.insert(0, (p.rod_radius, -p.hanging_length))
+        margins = self._node_changes.margins(positions, self._node_count)
         if not min(margins) < 0:
             return
         chain = self._node_changes.with_updated_nodes(self._chain())
         # PyBullet cannot add a link to a multibody, so another one takes its place
-        self._world.api.removeBody(self._body, physicsClientId=self._world.client)
+        api.removeBody(self._body, physicsClientId=client)
         self._create_multibody(chain)
-
-    def _outermost(self) -> list[Row]:
-        """Return the positions [m] of the masses and of the two outermost nodes on either side."""
-        api, client, last = self._world.api, self._world.client, self._ends[0]
-        slide = 0 if self._held else 1
-        joints = [*range(slide + 2), last - 2, last - 1, last]
-        positions = [row[0][:2] for row in api.getLinkStates(self._body, joints, physicsClientId=client)]
-        p = self._parameters
-        return [(p.rod_radius, -p.hanging_length), *positions] if self._held else positions
 
     def _create_multibody(self, chain: ChainState) -> None:
         """Create the multibody: base, heavy mass on a vertical slide (unless held), links, light mass at the last one's end."""
