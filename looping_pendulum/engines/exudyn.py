@@ -23,7 +23,7 @@ from looping_pendulum.engines.chain import (
 )
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine, Profile, Rig, TunedEngine, steps_per_sample
 from looping_pendulum.engines.shipped import shipped_abilities
-from looping_pendulum.engines.studies import DefaultRow, Studies, studies_from_rows
+from looping_pendulum.engines.studies import Studies, default_row, studies_from_rows
 from looping_pendulum.engines.trajectory import Supplier, Supply
 from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import quantity
@@ -398,13 +398,8 @@ def _angles(p: Parameters, arcs: Array) -> Array:
 
 VELOCITY_PENALTY = 1.0
 """Friction per sliding speed without sticking [N s/m], with which a segment that carries 50 mN creeps at 17 mm/s."""
-PUSH = 0.1
-"""Exudyn's default of the force with which a slack rope may push [N]."""
-
-
-def _spectral_radius_default(s: SolverSettings) -> DefaultRow:
-    effect = "how little fast oscillations are damped"
-    return "spectralRadius", "0.9", f"{s.spectral_radius:g}", effect, {"spectral_radius": 0.9}
+SPECTRAL_RADIUS = ("spectral_radius", 0.9, "spectralRadius", "how little fast oscillations are damped")
+"""Exudyn's default that both variants replace, as for `default_row`."""
 
 
 class ExudynVariant(TunedEngine):
@@ -466,7 +461,7 @@ class ExudynCable(ExudynVariant):
                 ("axial_stiffness", "N", axial, "the string's damping, so that its damping time stays"),
             ),
             defaults=(
-                _spectral_radius_default(s),
+                default_row(s, *SPECTRAL_RADIUS),
                 (
                     "useModifiedNewton",
                     "on",
@@ -583,14 +578,8 @@ class ExudynReeving(ExudynVariant):
             self,
             ladders=(("time_step", "s", (5e-4, 2e-4, 1e-4, 5e-5)), ("axial_stiffness", "N", (2.5e3, 5e3, 1e4, 2e4))),
             defaults=(
-                _spectral_radius_default(s),
-                (
-                    "regularizationForce",
-                    quantity(PUSH, "N", 3),
-                    quantity(s.push_force, "N", 3),
-                    "the force with which a slack rope pushes",
-                    {"push_force": PUSH},
-                ),
+                default_row(s, *SPECTRAL_RADIUS),
+                default_row(s, "push_force", 0.1, "regularizationForce", "the force with which a slack rope pushes", unit="N"),
             ),
             choices=(("rope damping", quantity(s.axial_damping, "N s", 3), "half", {"axial_damping": s.axial_damping / 2}),),
         )

@@ -14,7 +14,7 @@ import numpy as np
 from looping_pendulum.engines.chain import NO_STOP, ONE_COEFFICIENT, point_on_string
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine, Profile, StepGroups, TunedEngine
 from looping_pendulum.engines.shipped import shipped_abilities
-from looping_pendulum.engines.studies import Studies, studies_from_rows
+from looping_pendulum.engines.studies import Studies, default_row, studies_from_rows
 from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
@@ -295,7 +295,7 @@ class NewtonTendon(TunedEngine):
                     "a mass that is slower than 1e-4 units per second is stopped, at every step",
                     {"length_unit": 1.0},
                 ),
-                ("iterations", "2", f"{s.iterations}", "corrections of the string's length per step", {"iterations": 2}),
+                default_row(s, "iterations", 2, "iterations", "corrections of the string's length per step"),
                 (
                     "joint_linear_relaxation",
                     "0.7",

@@ -23,7 +23,7 @@ from looping_pendulum.engines.mujoco.model import (
     time_constant_default,
 )
 from looping_pendulum.engines.protocol import Profile, StepGroups, TunedEngine
-from looping_pendulum.engines.studies import Studies, studies_from_rows
+from looping_pendulum.engines.studies import Studies, default_row, studies_from_rows
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
@@ -288,14 +288,8 @@ class MujocoBeads(TunedEngine):
                     "how much of a contact is enforced",
                     {"least_contact_impedance": 0.9, "contact_impedance": 0.95},
                 ),
-                ("cone", "pyramidal", s.cone, "shape of the friction cone", {"cone": "pyramidal"}),
-                (
-                    "impratio",
-                    "1",
-                    f"{s.friction_to_normal_impedance:g}",
-                    "how much harder friction is than contact",
-                    {"friction_to_normal_impedance": 1.0},
-                ),
+                default_row(s, "cone", "pyramidal", "cone", "shape of the friction cone"),
+                default_row(s, "friction_to_normal_impedance", 1.0, "impratio", "how much harder friction is than contact"),
                 *solver_defaults(s, steps_per_group=1),
             ),
             choices=(

@@ -38,7 +38,7 @@ from looping_pendulum.engines.protocol import (
     TunedEngine,
 )
 from looping_pendulum.engines.shipped import shipped_abilities
-from looping_pendulum.engines.studies import Studies, studies_from_rows
+from looping_pendulum.engines.studies import Studies, default_row, studies_from_rows
 from looping_pendulum.engines.trajectory import Supplier, Supply
 from looping_pendulum.reference_ode import effects
 from looping_pendulum.reference_ode.effects import EffectKind, Kinematics
@@ -530,12 +530,12 @@ class MujocoEffectiveMass(TunedEngine):
             ),
             defaults=(
                 *string_defaults(s),
-                (
-                    "body simple",
+                default_row(
+                    s,
+                    "simple",
                     "auto",
-                    s.simple,
+                    "body simple",
                     "whether a body that only slides keeps the mass that it was compiled with",
-                    {"simple": "auto"},
                 ),
             ),
             choices=(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, steps_per_sample
-from looping_pendulum.engines.studies import DefaultRow, LadderRow
+from looping_pendulum.engines.studies import DefaultRow, LadderRow, default_row
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
 from looping_pendulum.reference_ode.effects import Kinematics
@@ -283,8 +283,7 @@ def softness_rungs(setting: str, time_step: float) -> LadderRow:
 
 def time_constant_default(settings: Any, setting: str, name: str, effect: str) -> DefaultRow:
     """Return MuJoCo's default time constant for one kind of constraint as a hidden default."""
-    default, ours = quantity(DEFAULT_TIME_CONSTANT, "s", 3), quantity(getattr(settings, setting), "s", 3)
-    return name, default, ours, effect, {setting: DEFAULT_TIME_CONSTANT}
+    return default_row(settings, setting, DEFAULT_TIME_CONSTANT, name, effect, unit="s")
 
 
 def string_defaults(settings: StringSettings) -> tuple[DefaultRow, ...]:
@@ -317,8 +316,8 @@ def solver_defaults(settings: Any, **with_long_step: Any) -> tuple[DefaultRow, .
             "length of a step",
             {"time_step": SAMPLE_INTERVAL} | with_long_step,
         ),
-        ("integrator", "Euler", s.integrator, "how a step is taken", {"integrator": "Euler"}),
-        ("jacobian", "auto", s.jacobian, "sparse or dense algebra: dense below 60 degrees of freedom", {"jacobian": "auto"}),
-        ("iterations", "100", f"{s.solver_iterations}", "of the solver, at most", {"solver_iterations": 100}),
+        default_row(s, "integrator", "Euler", "integrator", "how a step is taken"),
+        default_row(s, "jacobian", "auto", "jacobian", "sparse or dense algebra: dense below 60 degrees of freedom"),
+        default_row(s, "solver_iterations", 100, "iterations", "of the solver, at most"),
         ("tolerance", "1e-8", f"{s.solver_tolerance:g}", "where the solver stops early", {"solver_tolerance": 1e-8}),
     )

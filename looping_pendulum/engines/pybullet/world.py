@@ -16,7 +16,7 @@ import numpy as np
 
 from looping_pendulum.engines.chain import SlipGauge, polygon_friction, polygon_radius
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Rig, TunedEngine, steps_per_sample
-from looping_pendulum.engines.studies import ChoiceRow, DefaultRow, LadderRow
+from looping_pendulum.engines.studies import ChoiceRow, DefaultRow, LadderRow, default_row
 from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import CartesianForce, cartesian_force, release_velocity
@@ -583,13 +583,7 @@ def world_defaults(settings: WorldSettings) -> tuple[DefaultRow, ...]:
             "length of a step",
             {"time_step": LARGEST_STEP},
         ),
-        (
-            "numSolverIterations",
-            f"{DEFAULT_ITERATIONS}",
-            f"{s.solver_iterations}",
-            "sweeps of the solver",
-            {"solver_iterations": DEFAULT_ITERATIONS},
-        ),
+        default_row(s, "solver_iterations", DEFAULT_ITERATIONS, "numSolverIterations", "sweeps of the solver"),
         (
             "linearDamping",
             f"{DEFAULT_DAMPING:g} /s",
