@@ -13,10 +13,11 @@ import dataclasses
 import math
 import pickle
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from enum import StrEnum
 from math import radians
+from typing import NamedTuple
 
 import numpy as np
 
@@ -570,31 +571,23 @@ def _adjacent_rung(engine: Engine, ladder: Ladder) -> tuple[float, Engine]:
     return ratios[i], ladder.engines[i]
 
 
-@dataclass(frozen=True, kw_only=True)
-class EffectCase:
+class EffectCase(NamedTuple):
     """Two runs that differ only in the coefficients of one effect, chosen so that its influence is visible."""
 
-    coefficients: Mapping[str, float]
-    """Coefficients of the effect."""
-    common_coefficients: Mapping[str, float] = field(default_factory=dict)
-    """Coefficients of both runs."""
-    base: Parameters = LOSSLESS
-    """Apparatus of both runs."""
-    duration: float = 0.06
+    parameters_with: Parameters
+    """Parameters with the effect."""
+    parameters_without: Parameters
+    """Parameters without it."""
+    duration: float
     """Duration of both runs [s]."""
 
-    @property
-    def parameters_without(self) -> Parameters:
-        """Return the parameters without the effect."""
-        return self.base.replace(**self.common_coefficients)
 
-    @property
-    def parameters_with(self) -> Parameters:
-        """Return the parameters with the effect."""
-        return self.base.replace(**self.common_coefficients, **self.coefficients)
+def _case(base: Parameters = LOSSLESS, *, duration: float = 0.06, **coefficients: float) -> EffectCase:
+    """Return the case of an effect with these ``coefficients`` on the apparatus ``base``."""
+    return EffectCase(base.replace(**coefficients), base, duration)
 
 
-SLIDING_FRICTION: Mapping[str, float] = {"kinetic_friction": 0.2}
+SLIDING = LOSSLESS.replace(kinetic_friction=0.2)
 SECOND_TURN = LOSSLESS.replace(heavy_mass=0.04, release_angle=math.radians(60), kinetic_friction=0.05)
 """The string lies on itself from 0.334 s on, and slides there."""
 
@@ -602,33 +595,29 @@ HELD = LOSSLESS.replace(release=Release.HELD, release_angle=math.radians(90))
 """A pendulum that is let go where its string is horizontal, so that the pivot's friction never holds it."""
 
 EFFECT_CASES: dict[str, EffectCase] = {
-    "light_drag": EffectCase(coefficients={"light_drag": 0.5}),
-    "heavy_drag": EffectCase(coefficients={"heavy_drag": 1.0}),
-    "string_drag": EffectCase(coefficients={"string_drag": 1.0}),
-    "light_linear_drag": EffectCase(coefficients={"light_linear_drag": 0.2}),
-    "heavy_linear_drag": EffectCase(coefficients={"heavy_linear_drag": 1.0}),
-    "attitude_drag": EffectCase(coefficients={"attitude_drag": 20.0}, common_coefficients={"light_drag": 0.1}),
-    "wind": EffectCase(coefficients={"wind_speed": -4.0}, common_coefficients={"light_drag": 0.02}),
-    "side_force": EffectCase(coefficients={"side_force": 0.05}),
-    "side_stiffness": EffectCase(coefficients={"side_stiffness": 0.2}),
-    "push_across": EffectCase(coefficients={"push_across": 0.5}),
-    "push_along": EffectCase(coefficients={"push_along": 0.5}),
-    "friction_per_speed": EffectCase(
-        coefficients={"friction_per_speed": 1.0}, common_coefficients=SLIDING_FRICTION, duration=0.1
-    ),
-    "friction_per_wrap": EffectCase(
-        coefficients={"friction_per_wrap": 0.3}, common_coefficients=SLIDING_FRICTION, duration=0.1
-    ),
-    "string_on_string": EffectCase(coefficients={"string_on_string": 0.3}, base=SECOND_TURN, duration=0.45),
-    "string_mass": EffectCase(coefficients={"string_density": 0.01}, duration=0.1),
-    "string_thickness": EffectCase(coefficients={"string_thickness": 0.004}, base=SECOND_TURN, duration=0.45),
-    "heavy_swing": EffectCase(coefficients={"heavy_swing": 0.5}, duration=0.1),
-    "out_of_plane": EffectCase(coefficients={"push_sideways": 2.0}, duration=0.1),
-    "turning_rod": EffectCase(coefficients={"rod_mobility": 1e3}, common_coefficients=SLIDING_FRICTION, duration=0.1),
-    "pivot_friction": EffectCase(coefficients={"pivot_friction": 0.02}, base=HELD),
-    "pivot_damping": EffectCase(coefficients={"pivot_damping": 0.02}, base=HELD),
-    "light_inertia": EffectCase(coefficients={"light_inertia": 2e-3}, duration=0.1),
-    "string_stretch": EffectCase(coefficients={"string_compliance": 0.01, "string_loss_time": 0.005}, duration=0.1),
+    "light_drag": _case(light_drag=0.5),
+    "heavy_drag": _case(heavy_drag=1.0),
+    "string_drag": _case(string_drag=1.0),
+    "light_linear_drag": _case(light_linear_drag=0.2),
+    "heavy_linear_drag": _case(heavy_linear_drag=1.0),
+    "attitude_drag": _case(LOSSLESS.replace(light_drag=0.1), attitude_drag=20.0),
+    "wind": _case(LOSSLESS.replace(light_drag=0.02), wind_speed=-4.0),
+    "side_force": _case(side_force=0.05),
+    "side_stiffness": _case(side_stiffness=0.2),
+    "push_across": _case(push_across=0.5),
+    "push_along": _case(push_along=0.5),
+    "friction_per_speed": _case(SLIDING, friction_per_speed=1.0, duration=0.1),
+    "friction_per_wrap": _case(SLIDING, friction_per_wrap=0.3, duration=0.1),
+    "string_on_string": _case(SECOND_TURN, string_on_string=0.3, duration=0.45),
+    "string_mass": _case(string_density=0.01, duration=0.1),
+    "string_thickness": _case(SECOND_TURN, string_thickness=0.004, duration=0.45),
+    "heavy_swing": _case(heavy_swing=0.5, duration=0.1),
+    "out_of_plane": _case(push_sideways=2.0, duration=0.1),
+    "turning_rod": _case(SLIDING, rod_mobility=1e3, duration=0.1),
+    "pivot_friction": _case(HELD, pivot_friction=0.02),
+    "pivot_damping": _case(HELD, pivot_damping=0.02),
+    "light_inertia": _case(light_inertia=2e-3, duration=0.1),
+    "string_stretch": _case(string_compliance=0.01, string_loss_time=0.005, duration=0.1),
 }
 """Effect -> its case.
 

@@ -109,9 +109,9 @@ class ReferenceEngine:
 class Reference:
     """The reference's solution of one scenario; it is sampled at an engine's times, so that no engine is ever resampled."""
 
-    def __init__(self, scenario: Scenario, profile: Profile = Profile.ACCURATE) -> None:
+    def __init__(self, scenario: Scenario) -> None:
         self.scenario = scenario
-        self.engine = ReferenceEngine(available_integrators()[0], profile)
+        self.engine = ReferenceEngine(available_integrators()[0], Profile.ACCURATE)
         tolerance = self.engine.settings.tolerance
         # Solved once for all times, unlike `ReferenceEngine`: each engine is compared at times of its own
         self.solution = solve(scenario.parameters, duration=max(DURATION, scenario.duration), tolerance=tolerance)

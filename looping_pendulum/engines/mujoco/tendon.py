@@ -126,7 +126,7 @@ class TendonRig(StringRig):
         super().__init__(p, settings, xml, end_length)
         self._applied = self._data.qfrc_applied
         self._half_step = 0.5 * settings.time_step if settings.corrections else 0.0
-        self._rest_speed = settings.rest_speed
+        self._rest_speed, self._values = settings.rest_speed, p.values()
         self._free_length, self._wrap_angle = p.free_length, p.release_angle
         # MuJoCo leaves the string's turning (l omega^2) out of a tendon's acceleration. The string's length limit is shifted by
         # the amount that pulls equally strongly. The constraint's damping uses velocities half a step old, which already pulls
@@ -134,11 +134,11 @@ class TendonRig(StringRig):
         softness = settings.impedance * settings.string_time_constant
         self._corrections = settings.corrections
         self._turning_shift = softness * softness * (1 - self._dt / softness)
-        gripping = capstan and self._has_string and not self._held
-        self._capstan_friction = (
-            CapstanFriction(p, self._model, self._data, settings, self._release_velocity[HEAVY_DOF]) if gripping else None
-        )
-        self._has_friction = gripping or friction_loss > 0
+        self._friction_bound = self._model.dof_frictionloss
+        self._has_capstan = capstan and self._has_string and not self._held
+        if self._has_capstan:
+            self._friction_bound[HEAVY_DOF] = NO_FRICTION
+        self._has_friction = self._has_capstan or friction_loss > 0
         turns = AlternatingTendons(p, self._model, settings.switch_up, settings.switch_down) if self._has_string else None
         self._tendons = turns
         self._was_slack, self._catch_stretch = False, 0.0
@@ -190,8 +190,8 @@ class TendonRig(StringRig):
             self._applied[0], self._applied[1], force_on_heavy_mass = self._force(self._data.time, x, y, vx, vy, heavy_v)
             if not self._held:
                 self._applied[HEAVY_DOF] = force_on_heavy_mass
-        if self._capstan_friction is not None:
-            self._applied[HEAVY_DOF] = force_on_heavy_mass + self._capstan_friction.prepare(k)
+        if self._has_capstan:
+            self._applied[HEAVY_DOF] = force_on_heavy_mass + self._bound_friction(k)
 
     def _decayed_catch_stretch(self) -> float:
         """Return the excess length that the string may still have because it became taut within a step [m]; it decays.
@@ -212,55 +212,47 @@ class TendonRig(StringRig):
         self._mujoco.mj_fwdPosition(self._model, self._data)
         return float(self._data.ten_length[self._tendons.tendon]) - self._tendons.rest_length
 
+    def _bound_friction(self, k: Kinematics) -> float:
+        """Set the friction loss of the heavy mass's slide to the friction bound of the string laws, for the coming step.
 
-class CapstanFriction:
-    """Sets the friction loss of the heavy mass's slide to the friction bound of the string laws.
+        The string's friction on the rod is T2 - T1. The tendon's tension is T1, so the friction acts on the heavy mass alone,
+        and the friction loss of its slide is the bound. How tension and acceleration depend on the friction is known from the
+        masses (`capstan.StringResponse`), so one solve with the friction of the step before gives the bound that is consistent
+        with its own effect.
 
-    The string's friction on the rod is T2 - T1. The tendon's tension is T1, so the friction acts on the heavy mass alone, and
-    the friction loss of the heavy mass's slide is its bound. How tension and acceleration depend on the friction is known from
-    the masses (`capstan.StringResponse`), so one solve with the friction of the step before gives the bound that is consistent
-    with its own effect.
-    """
-
-    def __init__(self, parameters: Parameters, model: Any, data: Any, settings: TendonSettings, release_speed: float) -> None:
-        import mujoco
-
-        self._model, self._data, self._mj_forward = model, data, mujoco.mj_forward
-        self._bound, self._velocity, self._acceleration = model.dof_frictionloss, data.qvel, data.qacc
-        self._bound[HEAVY_DOF] = NO_FRICTION
-        self._release_speed = release_speed
-        self._dt, self._rest_speed = settings.time_step, settings.rest_speed
-        self._values = parameters.values()
-        self._effects = parameters.effects
-        self._total_mass = parameters.light_mass + parameters.heavy_mass
-        self._light_share = parameters.light_mass / self._total_mass
-
-    def prepare(self, k: Kinematics) -> float:
-        """Set the bound for the coming step; return an additional force [N], 0 unless the string reverses its motion."""
-        tension, acceleration = self._without_friction()
+        Return an additional force [N], 0 unless the string reverses its motion.
+        """
+        p = self._parameters
+        total_mass = p.light_mass + p.heavy_mass
+        light_share = p.light_mass / total_mass
+        friction, tension = self._solve_friction()
         # At release the mass has the release's speed; the engine's velocity is that half a step earlier.
-        velocity = float(self._velocity[HEAVY_DOF]) if k.time > 0 else self._release_speed
-        sliding = max(effects.sliding_exponent(math, k, self._values, self._effects), 0.0)
-        holding = max(effects.holding_exponent(math, k, self._values, self._effects), 0.0)
-        response = StringResponse(
-            tension=tension, acceleration=acceleration, mass=self._total_mass, tension_share=self._light_share
+        velocity = float(self._qvel[HEAVY_DOF]) if k.time > 0 else self._release_velocity[HEAVY_DOF]
+        sliding, holding = (
+            max(exponent(math, k, self._values, p.effects), 0.0)
+            for exponent in (effects.sliding_exponent, effects.holding_exponent)
         )
-        self._bound[HEAVY_DOF], missing_force = response.bound(velocity, sliding, holding, self._dt, self._rest_speed)
+        # What there would be without friction
+        response = StringResponse(
+            tension=max(tension + light_share * friction, 0.0),
+            acceleration=float(self._qacc[HEAVY_DOF]) - friction / total_mass,
+            mass=total_mass,
+            tension_share=light_share,
+        )
+        bound, missing_force = response.bound(velocity, sliding, holding, self._dt, self._rest_speed)
+        self._friction_bound[HEAVY_DOF] = bound
         return missing_force
 
-    def _without_friction(self) -> tuple[float, float]:
-        """Return the tension [N] and the heavy mass's upward acceleration [m/s^2] that there would be without friction."""
-        self._mj_forward(self._model, self._data)
+    def _solve_friction(self) -> tuple[float, float]:
+        """Return the friction and the tendon's tension [N] that MuJoCo finds for the present state."""
+        self._mujoco.mj_forward(self._model, self._data)
         rows = self._data.efc_force
         tension = float(rows[STRING_ROW]) if len(rows) > STRING_ROW else 0.0
-        if (
-            tension <= 0.0 and self._bound[HEAVY_DOF] > NO_FRICTION
-        ):  # the friction made the string slack, so the linear relation does not hold
-            self._bound[HEAVY_DOF] = NO_FRICTION
-            return self._without_friction()
-        friction = float(rows[FRICTION_ROW])
-        tension_without = max(tension + self._light_share * friction, 0.0)
-        return tension_without, float(self._acceleration[HEAVY_DOF]) - friction / self._total_mass
+        if tension <= 0.0 and self._friction_bound[HEAVY_DOF] > NO_FRICTION:
+            # The friction made the string slack, so the linear relation does not hold
+            self._friction_bound[HEAVY_DOF] = NO_FRICTION
+            return self._solve_friction()
+        return float(rows[FRICTION_ROW]), tension
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -184,7 +184,7 @@ class RemadeRig(MultibodyRig):
         """Advance by one sample interval with the effects' forces, updating the nodes every `look_interval` steps."""
         steps, interval = self._world.steps, self._settings.look_interval
         for done in range(0, steps, interval):
-            self._stepper.steps(min(interval, steps - done), self)
+            self.take_steps(min(interval, steps - done))
             self._update_nodes()
 
     def _update_nodes(self) -> None:

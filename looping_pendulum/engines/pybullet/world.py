@@ -19,7 +19,7 @@ from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Rig, TunedEngine,
 from looping_pendulum.engines.studies import ChoiceRow, DefaultRow, LadderRow, default_row
 from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import quantity
-from looping_pendulum.reference_ode.cartesian import CartesianForce, cartesian_force, release_velocity
+from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
 from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios.scenario import Scenario
@@ -136,11 +136,11 @@ class World:
         self.set_friction(rod, -1, friction)
         return rod
 
-    def remove_damping(self, body: int, link: int = -1) -> None:
+    def remove_damping(self, body: int) -> None:
         """Remove the damping and the speed limit that PyBullet gives every body; a multibody has them at its base."""
         s = self.settings
-        self.change(body, link, linearDamping=s.linear_damping, angularDamping=s.angular_damping)
-        self.change(body, link, maxJointVelocity=s.speed_limit)
+        self.change(body, -1, linearDamping=s.linear_damping, angularDamping=s.angular_damping)
+        self.change(body, -1, maxJointVelocity=s.speed_limit)
 
     def set_friction(self, body: int, link: int, friction: float) -> None:
         """Set the contact friction coefficient of a link.
@@ -173,28 +173,36 @@ class World:
         api.applyExternalForce(body, link, (*force, 0.0), position, api.WORLD_FRAME, physicsClientId=self.client)
 
 
-class WorldStepper:
-    """Steps a world and applies the effects' forces, in the same way for every rig.
+class SteppedRig:
+    """Steps a world with the effects' forces; the masses are two bodies, unless a subclass reads and moves them otherwise.
 
     Parameters
     ----------
-    world
-        World to step.
     parameters
         Parameters with the effects whose forces are applied.
+    world
+        World to step.
     longest_step
         Longest step [s] at a time [s] and for the light mass's position [m] and velocity [m/s]: t, x, y, vx, vy. A group of
         ``force_interval`` steps is divided into more or fewer steps by it. None: every step is as long as the settings say.
     """
 
-    def __init__(self, world: World, parameters: Parameters, longest_step: LongestStep | None = None) -> None:
-        self._world = world
-        self._force: CartesianForce | None = cartesian_force(parameters)
+    _light: int
+    _heavy: int
+
+    def __init__(self, parameters: Parameters, world: World, longest_step: LongestStep | None = None) -> None:
+        self._parameters, self._world = parameters, world
+        self._held = parameters.release is Release.HELD
+        self._force = cartesian_force(parameters)
         self._longest_step = longest_step
         self._steps_done, self._left_in_group = 0, 0
         self._step = world.settings.time_step
 
-    def steps(self, count: int, rig: SteppedRig) -> None:
+    def advance(self) -> None:
+        """Advance by one sample interval, with the effects' forces."""
+        self.take_steps(self._world.steps)
+
+    def take_steps(self, count: int) -> None:
         """Take ``count`` steps of the settings' length, or other ones that take as long.
 
         PyBullet clears an applied force after a step, so the forces of a group are applied in its first step, as many times
@@ -206,7 +214,7 @@ class WorldStepper:
             if not self._left_in_group:
                 # A group that may be divided does not reach beyond these steps, so that it is taken whole
                 self._left_in_group = interval if self._longest_step is None else min(interval, count)
-                self._begin_group(self._left_in_group, rig)
+                self._begin_group(self._left_in_group)
             now = min(count, self._left_in_group)
             for _ in range(round(now * time_step / self._step)):  # all of a divided group
                 world.api.stepSimulation(physicsClientId=world.client)
@@ -214,12 +222,12 @@ class WorldStepper:
             self._left_in_group -= now
             self._steps_done += now
 
-    def _begin_group(self, group: int, rig: SteppedRig) -> None:
+    def _begin_group(self, group: int) -> None:
         """Set the step of the coming ``group`` of the settings' steps, and apply the effects' forces of all of them."""
         if self._force is None and self._longest_step is None:
             return
         world, t = self._world, self._steps_done * self._world.settings.time_step
-        x, y, vx, vy, heavy_v = rig.read_motion()
+        x, y, vx, vy, heavy_v = self.read_motion()
         duration = group * world.settings.time_step
         if self._longest_step is not None:
             needed = math.ceil(duration / self._longest_step(t, x, y, vx, vy) - 1e-9)  # less what rounding adds
@@ -231,23 +239,7 @@ class WorldStepper:
         if self._force is not None:
             fx, fy, heavy = self._force(t, x, y, vx, vy, heavy_v)
             share = duration / self._step
-            rig.apply_forces((share * fx, share * fy), share * heavy)
-
-
-class SteppedRig:
-    """A rig that `WorldStepper` steps; its masses are two bodies, unless a subclass reads and moves them otherwise."""
-
-    _light: int
-    _heavy: int
-
-    def __init__(self, parameters: Parameters, world: World, longest_step: LongestStep | None = None) -> None:
-        self._parameters, self._world = parameters, world
-        self._stepper = WorldStepper(world, parameters, longest_step)
-        self._held = parameters.release is Release.HELD
-
-    def advance(self) -> None:
-        """Advance by one sample interval, with the effects' forces."""
-        self._stepper.steps(self._world.steps, self)
+            self.apply_forces((share * fx, share * fy), share * heavy)
 
     def read(self) -> Row:
         """Return positions [m], velocities [m/s], and what else is known of `COLUMNS`, without the time."""
