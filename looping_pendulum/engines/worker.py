@@ -71,6 +71,10 @@ class FileRecorder:
         """Return all rows stored so far, shape (n, len(COLUMNS))."""
         return read_rows(self._path)
 
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
 
 def read_rows(path: Path) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
     """Return the complete rows of a recorder's file; a half-written last one is left out."""
