@@ -70,21 +70,26 @@ def _variant(engine: Engine) -> str:
     text = f"## {label(engine)}\n\n{_sentence(a.summary)} {KIND_SENTENCES[kind(engine)]}\n\n{supplies}\n### Limits\n\n{limits}"
     if a.additions:
         text += "\n### What the adapter adds\n\n" + "".join(f"- {addition}\n" for addition in a.additions)
-    if a.known_failures:
-        rows = [[check.replace("_", " "), why] for check, why in a.known_failures.items()]
-        text += f"\n### Checks that it fails\n\n{table(['check', 'measured reason'], rows, left=2)}"
     studies = engine.studies()
-    if studies.defaults:
-        rows = [[d.setting, d.default, d.ours, d.effect] for d in studies.defaults]
-        text += f"\n### Hidden defaults\n\n{table(['setting', 'default', 'value used here', 'effect'], rows, left=4)}"
-    if studies.choices:
-        rows = [[c.what, c.ours, c.instead] for c in studies.choices]
-        text += f"\n### Choices of the adapter\n\n{table(['choice', 'used here', 'equally good alternative'], rows, left=3)}"
-    if studies.ladders:
-        rows = [
-            [ladder.setting, ", ".join(format_setting(v, ladder.unit) for v in ladder.values)] for ladder in studies.ladders
-        ]
-        text += f"\n### Settings that can be refined\n\n{table(['setting', 'from coarse to fine'], rows, left=2)}"
+    ladders = [[each.setting, ", ".join(format_setting(v, each.unit) for v in each.values)] for each in studies.ladders]
+    tables: dict[str, tuple[list[str], list[list[str]]]] = {
+        "Checks that it fails": (
+            ["check", "measured reason"],
+            [[check.replace("_", " "), why] for check, why in a.known_failures.items()],
+        ),
+        "Hidden defaults": (
+            ["setting", "default", "value used here", "effect"],
+            [[d.setting, d.default, d.ours, d.effect] for d in studies.defaults],
+        ),
+        "Choices of the adapter": (
+            ["choice", "used here", "equally good alternative"],
+            [[c.what, c.ours, c.instead] for c in studies.choices],
+        ),
+        "Settings that can be refined": (["setting", "from coarse to fine"], ladders),
+    }
+    for title, (header, rows) in tables.items():
+        if rows:
+            text += f"\n### {title}\n\n{table(header, rows, left=len(header))}"
     return text + "\n"
 
 

@@ -1,19 +1,24 @@
-"""A rig for engines of games: beads are added where the straight string is about to touch the rod, and removed behind it.
+"""Rigs of beads: they are added where the straight string is about to touch the rod, and removed behind it.
 
 A bead on a straight part carries no lateral load, so adding or removing it there changes no force; beads that bear on the rod
-are moved by the engine alone. Each engine gives its world (`BeadWorld`), and has settings of its own (`BeadRigSettings`).
+are moved by the engine alone. An engine whose world can change while it runs gives that (`BeadWorld`), another one a model for
+every number of beads (`RebuiltBeadRig`).
 """
 
 from __future__ import annotations
 
+import abc
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
+import numpy as np
+
 from looping_pendulum.engines.chain import (
     BeadChainSettings,
     BeadCountRule,
+    Point,
     SlipGauge,
     beads_at_release,
     next_bead_position,
@@ -53,6 +58,23 @@ class BeadRigSettings(BeadChainSettings):
     def contact_friction(self, friction: float) -> float:
         """Return the contacts' coefficient for a string with the coefficient ``friction``."""
         return polygon_friction(friction, self.bend) if self.polygon_friction else friction
+
+
+class PolygonCorrection:
+    """What follows from settings with one switch for both corrections; a dataclass that derives from it has the fields."""
+
+    bend: float
+    """Angle between neighbouring links on the rod [rad]."""
+    polygon: bool
+    """Whether the rod's radius and coefficient are corrected for the polygon that the links are (`engines.chain`)."""
+
+    def node_radius(self, rod_radius: float) -> float:
+        """Return the distance of a bead on the rod from the rod's centre [m]."""
+        return float(polygon_radius(rod_radius, self.bend)) if self.polygon else rod_radius
+
+    def contact_friction(self, friction: float) -> float:
+        """Return the contacts' coefficient for a string with the coefficient ``friction``."""
+        return polygon_friction(friction, self.bend) if self.polygon else friction
 
 
 class BeadWorld(Protocol):
@@ -213,6 +235,143 @@ class BeadRig:
         places = [self._world.position(body) for body in self._bodies]
         stretch = math.fsum(map(math.dist, places[:-1], places[1:])) - math.fsum(self._lengths)
         return stretch, self._slip.read(places, self._lengths)
+
+
+LIGHT, HEAVY = 0, 1
+"""Indices of the string's two ends."""
+
+Row = list[float]
+"""Values of all coordinates: x and y of the light mass and of every bead, light side first, then y of the heavy mass."""
+
+
+class RebuiltBeadRig(abc.ABC):
+    """The apparatus in an engine whose models cannot change: one for every number of beads, made when it is first needed."""
+
+    _model: Any
+    """The model in use."""
+    _beads: int
+    """Its number of beads."""
+
+    def __init__(self, parameters: Parameters, settings: Any) -> None:
+        p, s = parameters, settings
+        self._parameters, self._settings = p, s
+        self._node_radius = s.node_radius(p.rod_radius)
+        self._rule = BeadCountRule(p.rod_radius, s.bend, self._node_radius)
+        self._has_string, self._is_held = p.release is not Release.DROP, p.release is Release.HELD
+        self._force = cartesian_force(p)
+        self._models: dict[int, Any] = {}
+        self._slip = SlipGauge()
+        self._place_chain()
+
+    @abc.abstractmethod
+    def _build_model(self, beads: int) -> Any:
+        """Build the model of ``beads`` beads."""
+
+    @abc.abstractmethod
+    def _rows(self) -> tuple[Row, ...]:
+        """Return positions [m], velocities [m/s] and, where the solver starts from them, accelerations [m/s^2]."""
+
+    @abc.abstractmethod
+    def _is_slack(self, end: int, distance: float) -> bool:
+        """Return whether the straight part at ``end`` hangs slack, whose ends are ``distance`` [m] apart."""
+
+    @abc.abstractmethod
+    def _advance_group(self) -> None:
+        """Take a group of steps with the effects' forces."""
+
+    def advance(self) -> None:
+        """Advance by one sample interval, in groups of steps."""
+        for _ in range(self._settings.groups_per_sample):
+            if self._has_string:
+                self._update_beads(LIGHT)
+                self._update_beads(HEAVY)
+            self._advance_group()
+
+    def read(self) -> tuple[float, ...]:
+        """Return positions [m], velocities [m/s], string stretch and slip [m]: `COLUMNS` without the time."""
+        positions, velocities, *_ = self._rows()
+        heavy = (self._parameters.rod_radius, positions[-1], 0.0, velocities[-1])
+        return (*positions[:2], *velocities[:2], *heavy, *self._read_string(positions))
+
+    def _place_chain(self) -> None:
+        """Place the chain along the taut string, with the release's velocities."""
+        p = self._parameters
+        beads = sliding = np.empty((0, 2))
+        if self._has_string:
+            beads, sliding = beads_at_release(p, self._settings.bend, self._node_radius)
+        light, heavy = point_on_string(p, 0.0, p.rod_radius), (p.rod_radius, -p.hanging_length)
+        self.lengths = self._distances([light, *beads.tolist(), heavy])
+        vx, vy, heavy_v = release_velocity(p)
+        positions = [*light, *beads.ravel().tolist(), heavy[1]]
+        self._use_model(len(beads), [positions, [vx, vy, *sliding.ravel().tolist(), heavy_v], [0.0] * len(positions)])
+
+    def _use_model(self, beads: int, rows: Sequence[Row]) -> None:
+        """Continue with the model of ``beads`` beads, in the state that `_rows` shall return as ``rows``."""
+        if beads not in self._models:
+            self._models[beads] = self._build_model(beads)
+        self._beads, self._model = beads, self._models[beads]
+
+    @staticmethod
+    def _distances(places: Sequence[Point]) -> list[float]:
+        """Return the distances [m] between neighbours."""
+        return [math.dist(a, b) for a, b in zip(places[:-1], places[1:], strict=True)]
+
+    def _straight_index(self, end: int) -> int:
+        """Return the index of the straight link at ``end``."""
+        return 0 if end == LIGHT else self._beads
+
+    def _mass_position(self, end: int, positions: Row) -> Row:
+        """Return the position [m] of the mass at ``end``."""
+        return positions[:2] if end == LIGHT else [self._parameters.rod_radius, positions[-1]]
+
+    def _bead(self, row: Row, end: int, index: int) -> Row:
+        """Return the x and y components in ``row`` of the bead that is number ``index`` from ``end``."""
+        first = 2 + 2 * (index if end == LIGHT else self._beads - 1 - index)
+        return row[first : first + 2]
+
+    def _update_beads(self, end: int) -> None:
+        """Add or remove a bead on the straight part at ``end``, if one is due."""
+        positions = self._rows()[0]
+        mass, outermost, following = self._mass_position(end, positions), *(self._bead(positions, end, i) for i in (0, 1))
+        distance = math.dist(mass, outermost)
+        if self._is_slack(end, distance):
+            return
+        rest_length = self.lengths[self._straight_index(end)]
+        change = self._rule.bead_count_change(mass, outermost, following, rest_length, self._beads)
+        if change > 0:
+            self._add_bead(end, self._rule.link_length / distance)
+        elif change < 0:
+            self._remove_bead(end)
+
+    def _add_bead(self, end: int, share: float) -> None:
+        """Add a bead on the straight part at ``end``, a fraction ``share`` of the way from the outermost bead to the mass."""
+        link, at = self._straight_index(end), 2 if end == LIGHT else 2 + 2 * self._beads
+        rows = self._rows()
+        heavy = ((self._parameters.rod_radius, rows[0][-1]), (0.0, rows[1][-1]), (0.0, 0.0))
+
+        def with_bead(row: Row, heavy: Point) -> Row:
+            # Position, velocity and acceleration of the new bead are all interpolated, so that the motion stays smooth
+            mass_x, mass_y = row[:2] if end == LIGHT else heavy
+            x, y = self._bead(row, end, 0)
+            return [*row[:at], x + share * (mass_x - x), y + share * (mass_y - y), *row[at:]]
+
+        rest, new = self.lengths[link] - self._rule.link_length, self._rule.link_length
+        self.lengths[link : link + 1] = [rest, new] if end == LIGHT else [new, rest]
+        self._use_model(self._beads + 1, [with_bead(*each) for each in zip(rows, heavy, strict=False)])
+
+    def _remove_bead(self, end: int) -> None:
+        """Remove the outermost bead at ``end``, so that its link becomes part of the straight string."""
+        first = 2 if end == LIGHT else 2 * self._beads
+        joined = slice(0, 2) if end == LIGHT else slice(self._beads - 1, self._beads + 1)
+        self.lengths[joined] = [math.fsum(self.lengths[joined])]
+        self._use_model(self._beads - 1, [row[:first] + row[first + 2 :] for row in self._rows()])
+
+    def _read_string(self, positions: Row) -> Vector:
+        """Return the string's stretch beyond its rest length (negative: it hangs slack) and its slip over the rod [m]."""
+        if not self._has_string:
+            return math.nan, math.nan
+        places = [*zip(positions[:-1:2], positions[1:-1:2], strict=True), (self._parameters.rod_radius, positions[-1])]
+        return math.fsum(self._distances(places)) - math.fsum(self.lengths), self._slip.read(places, self.lengths)
 
 
 class BeadEngine(TunedEngine):

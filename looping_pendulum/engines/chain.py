@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.engines.protocol import APPLIED_DRAG, Abilities, groups_per_sample
+from looping_pendulum.engines.protocol import Abilities, StepGroups
 from looping_pendulum.engines.shipped import shipped_abilities
 from looping_pendulum.engines.studies import ChoiceRow, LadderRow
-from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
 from looping_pendulum.reference_ode.cartesian import release_velocity
 from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters
@@ -33,7 +32,6 @@ STRAIGHT_STRING = "straight string has no mass and stays straight: no waves run 
 NO_STOP = (
     "the rig does not stop where the string leaves the rod (wrap angle 0) or the heavy mass reaches it, as the reference does"
 )
-"""Sentences on limits that several chain variants share."""
 """Sentences on limits that several chain variants share."""
 
 CORNER_CHOICES: tuple[ChoiceRow, ...] = (
@@ -62,7 +60,7 @@ Point = Sequence[float] | Array
 
 
 @dataclass(frozen=True, kw_only=True)
-class BeadChainSettings:
+class BeadChainSettings(StepGroups):
     """Numerical settings that bead chains of several engines share, in SI units."""
 
     time_step: float
@@ -75,20 +73,6 @@ class BeadChainSettings:
     """Radius of a bead [m]; the rod is thinner by as much, so that the bead's centre moves where the string should."""
     steps_per_group: int = 5
     """Steps between two updates of the effects' forces and of the beads that are added and removed."""
-
-    def __post_init__(self) -> None:
-        """Raise EngineError where groups of steps do not divide the sample interval."""
-        groups_per_sample(self.time_step, self.steps_per_group)
-
-    @property
-    def groups_per_sample(self) -> int:
-        """Number of groups of steps in one sample interval."""
-        return groups_per_sample(self.time_step, self.steps_per_group)
-
-    @property
-    def group_time(self) -> float:
-        """Length of a group [s]."""
-        return self.steps_per_group * self.time_step
 
 
 def bead_abilities(label: str, *, rod: str, stick_slip: str, bead_mass_ratio: float, **declared: Any) -> Abilities:
@@ -108,12 +92,9 @@ def bead_abilities(label: str, *, rod: str, stick_slip: str, bead_mass_ratio: fl
     )
     return shipped_abilities(
         label,
-        supplies=Supplies(
-            winding=Supply(by=Supplier.ENGINE, how=winding),
-            friction_law=Supply(by=Supplier.ENGINE, how=friction),
-            stick_slip=Supply(by=Supplier.ENGINE, how=f"the same contact: {stick_slip}"),
-            drag=APPLIED_DRAG,
-        ),
+        winding=winding,
+        friction_law=friction,
+        stick_slip=f"the same contact: {stick_slip}",
         additions=(
             f"beads on the rod weigh something, {100 * bead_mass_ratio:.2g} % of the light mass each; nothing is taken "
             "off the masses for them",

@@ -6,7 +6,7 @@ Offered through the entry point that a third party uses.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,10 +21,10 @@ from looping_pendulum.engines.chain import (
     point_on_string,
     polygon_friction,
 )
-from looping_pendulum.engines.protocol import APPLIED_DRAG, SAMPLE_INTERVAL, Engine, Profile, TunedEngine, steps_per_sample
+from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine, Profile, Rig, TunedEngine, steps_per_sample
 from looping_pendulum.engines.shipped import shipped_abilities
-from looping_pendulum.engines.studies import DefaultRow, Studies, studies_from_rows
-from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
+from looping_pendulum.engines.studies import Studies, default_row, studies_from_rows
+from looping_pendulum.engines.trajectory import Supplier, Supply
 from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import CartesianForce, cartesian_force, release_velocity
@@ -145,15 +145,23 @@ class Mass:
     """[N]"""
 
 
-class ExudynSystem:
-    """The two masses, the rod's centre, and the solver; a variant adds the string before `start`."""
+class ExudynRig:
+    """The apparatus in Exudyn: the two masses, the rod's centre, and the solver; a variant adds its string.
 
-    def __init__(self, parameters: Parameters, settings: SolverSettings, *, light_mass: float, end_length: float) -> None:
+    Parameters
+    ----------
+    end_length
+        Free length [m] at which a run ends.
+    light_mass
+        Mass of the light body [kg]; None: that of ``parameters``.
+    """
+
+    def __init__(self, parameters: Parameters, settings: Any, end_length: float, *, light_mass: float | None = None) -> None:
         import exudyn
         from exudyn import itemInterface
 
         p = parameters
-        self.exudyn, self.items, self._settings = exudyn, itemInterface, settings
+        self.exudyn, self.items, self._parameters, self._settings = exudyn, itemInterface, p, settings
         self._container = exudyn.SystemContainer()
         self.mbs = self._container.AddSystem()
         self._force: CartesianForce | None = cartesian_force(p)
@@ -166,7 +174,7 @@ class ExudynSystem:
         self.rod_marker = self.mbs.AddMarker(itemInterface.MarkerBodyRigid(bodyNumber=ground))
         self._light_position = light_position(math, p.free_length, p.release_angle, p.rod_radius)
         self._heavy_position = (p.rod_radius, -p.hanging_length)
-        self.light = self._add_mass(self._light_position, (vx, vy), light_mass)
+        self.light = self._add_mass(self._light_position, (vx, vy), p.light_mass if light_mass is None else light_mass)
         self.heavy: Mass | None = None
         if p.release is Release.HELD:
             self.heavy_marker = self.mbs.AddMarker(
@@ -176,12 +184,23 @@ class ExudynSystem:
             self.heavy = self._add_mass(self._heavy_position, (0.0, heavy_vy), p.heavy_mass)
             self.heavy_marker = self.heavy.marker
 
-    def start(self, before_step: Callable[[tuple[float, ...]], None] | None = None) -> None:
-        """Assemble the system and start the solver, at the moment of release.
+        if self._has_string:
+            self._add_string()
+        self._start()
 
-        ``before_step`` is called before each step with what `read_masses` returns.
-        """
-        self._before_step = before_step
+    def _add_string(self) -> None:
+        """Add the taut string between the masses, with the release's velocities."""
+        raise NotImplementedError
+
+    def _read_string(self, masses: tuple[float, ...]) -> Vector:
+        """Return the string's stretch beyond its length at release and its slip over the rod [m]."""
+        raise NotImplementedError
+
+    def _before_step(self, masses: tuple[float, ...]) -> None:
+        """Prepare the string for a step, from the masses' positions [m] and velocities [m/s]."""
+
+    def _start(self) -> None:
+        """Assemble the system and start the solver, at the moment of release."""
         s, exudyn = self._settings, self.exudyn
         self.mbs.Assemble()
         self._simulation = exudyn.SimulationSettings()
@@ -215,7 +234,12 @@ class ExudynSystem:
                 "needed one; shorten the time step"
             )
 
-    def read_masses(self) -> tuple[float, ...]:
+    def read(self) -> tuple[float, ...]:
+        """Return positions [m], velocities [m/s], string stretch and slip [m]: `COLUMNS` without the time."""
+        masses = self._read_masses()
+        return (*masses, *(self._read_string(masses) if self._has_string else (math.nan, math.nan)))
+
+    def _read_masses(self) -> tuple[float, ...]:
         """Return positions [m] and velocities [m/s] of both masses, the light one's first."""
         heavy = (*self._heavy_position, 0.0, 0.0) if self.heavy is None else self._read(self.heavy)
         return (*self._read(self.light), *heavy)
@@ -237,12 +261,12 @@ class ExudynSystem:
 
     def _prepare_step(self, mbs: Any, time: float) -> bool:
         """Set the effects' forces on the masses; Exudyn calls it before each step, and stops where this returns False."""
-        masses = self.read_masses()
+        masses = self._read_masses()
         # Nearer to the rod than that, a reeving system finds no tangent, and a cable bends by a turn within a segment
         self._has_ended = self._has_string and math.hypot(masses[0], masses[1]) <= self._end_distance
         if self._has_ended:
             return False
-        if self._before_step is not None:
+        if self._has_string:
             self._before_step(masses)
         if self._force is not None:
             x, y, vx, vy, _, _, _, heavy_vy = masses
@@ -259,32 +283,17 @@ UNDEFINED = -2.0
 """Exudyn's number for a segment of which it is not known yet whether it sticks or slides."""
 
 
-class ExudynCableRig:
+class ExudynCableRig(ExudynRig):
     """The apparatus with a cable of finite elements."""
 
     def __init__(self, parameters: Parameters, settings: CableSettings, end_length: float) -> None:
-        self._parameters, self._settings = parameters, settings
-        self._has_string = parameters.release is not Release.DROP
-        taken_off = MASS_COMPENSATION * settings.mass_fraction if self._has_string else 0.0
-        self._system = ExudynSystem(
-            parameters, settings, light_mass=(1 - taken_off) * parameters.light_mass, end_length=end_length
-        )
-        if self._has_string:
-            self._slip = SlipGauge()
-            self._add_string()
-        self._system.start()
-
-    def advance(self) -> None:
-        """Advance by one sample interval."""
-        self._system.advance()
-
-    def read(self) -> tuple[float, ...]:
-        """Return positions [m], velocities [m/s], string stretch and slip [m]: `COLUMNS` without the time."""
-        return (*self._system.read_masses(), *self._read_string())
+        taken_off = 0.0 if parameters.release is Release.DROP else MASS_COMPENSATION * settings.mass_fraction
+        self._slip = SlipGauge()
+        super().__init__(parameters, settings, end_length, light_mass=(1 - taken_off) * parameters.light_mass)
 
     def _add_string(self) -> None:
-        """Add nodes and elements along the taut string, with the release's velocities, and pin its ends to the masses."""
-        system, mbs, items = self._system, self._system.mbs, self._system.items
+        """Add nodes and elements along the string, and pin its ends to the masses."""
+        mbs, items = self.mbs, self.items
         arcs = _node_arcs(self._parameters, self._settings.bend)
         self._lengths = np.diff(arcs)
         self._reference = _coordinates_at_release(self._parameters, arcs)
@@ -299,13 +308,13 @@ class ExudynCableRig:
         on_rod = (middles > p.free_length) & (middles < p.free_length + p.rod_radius * p.release_angle)
         for pair, length, touches in zip(zip(nodes[:-1], nodes[1:], strict=True), self._lengths, on_rod, strict=True):
             self._add_element(pair, float(length), touches=bool(touches))
-        for node, marker in ((nodes[0], system.light.marker), (nodes[-1], system.heavy_marker)):
+        for node, marker in ((nodes[0], self.light.marker), (nodes[-1], self.heavy_marker)):
             end = mbs.AddMarker(items.MarkerNodePosition(nodeNumber=node))
             mbs.AddObject(items.ObjectJointRevolute2D(markerNumbers=[marker, end]))
 
     def _add_element(self, nodes: tuple[int, int], length: float, *, touches: bool) -> None:
         """Add an element of ``length`` [m] and its contact with the rod."""
-        p, s, mbs, items = self._parameters, self._settings, self._system.mbs, self._system.items
+        p, s, mbs, items = self._parameters, self._settings, self.mbs, self.items
         cable = mbs.AddObject(
             items.ObjectANCFCable2D(
                 nodeNumbers=list(nodes),
@@ -326,7 +335,7 @@ class ExudynCableRig:
         friction, bend = p.coefficients["kinetic_friction"], length / s.segments / p.rod_radius
         mbs.AddObject(
             items.ObjectContactFrictionCircleCable2D(
-                markerNumbers=[self._system.rod_marker, shape],
+                markerNumbers=[self.rod_marker, shape],
                 nodeNumber=data,
                 numberOfContactSegments=s.segments,
                 contactStiffness=s.contact_stiffness,
@@ -338,13 +347,9 @@ class ExudynCableRig:
             )
         )
 
-    def _read_string(self) -> tuple[float, float]:
-        """Return the string's stretch beyond its length at release and its slip over the rod [m]."""
-        if not self._has_string:
-            return math.nan, math.nan
-        mbs = self._system.mbs
-        first = mbs.GetNodeODE2Index(self._first_node)
-        moved = mbs.systemData.GetODE2Coordinates()[first : first + self._reference.size]
+    def _read_string(self, masses: tuple[float, ...]) -> Vector:
+        first = self.mbs.GetNodeODE2Index(self._first_node)
+        moved = self.mbs.systemData.GetODE2Coordinates()[first : first + self._reference.size]
         nodes = self._reference + np.asarray(moved).reshape(-1, 4)
         places, slopes = nodes[:, :2], nodes[:, 2:]
         lengths = self._lengths
@@ -393,36 +398,35 @@ def _angles(p: Parameters, arcs: Array) -> Array:
 
 VELOCITY_PENALTY = 1.0
 """Friction per sliding speed without sticking [N s/m], with which a segment that carries 50 mN creeps at 17 mm/s."""
-PUSH = 0.1
-"""Exudyn's default of the force with which a slack rope may push [N]."""
+SPECTRAL_RADIUS = ("spectral_radius", 0.9, "spectralRadius", "how little fast oscillations are damped")
+"""Exudyn's default that both variants replace, as for `default_row`."""
 
 
-def _spectral_radius_default(s: SolverSettings) -> DefaultRow:
-    effect = "how little fast oscillations are damped"
-    return "spectralRadius", "0.9", f"{s.spectral_radius:g}", effect, {"spectral_radius": 0.9}
-
-
-class ExudynCable(TunedEngine):
-    """A cable of finite elements over a circle."""
+class ExudynVariant(TunedEngine):
+    """A variant of the apparatus in Exudyn."""
 
     name = "exudyn"
     distribution = "exudyn"
+
+    def build(self, scenario: Scenario) -> Rig:
+        """Build the scenario's apparatus at the moment of release."""
+        rig: Rig = self.rig(scenario.parameters, self.settings, self.end_length(scenario))
+        return rig
+
+
+class ExudynCable(ExudynVariant):
+    """A cable of finite elements over a circle."""
+
     variant = "cable"
     settings_by_profile = CABLE_SETTINGS
+    rig = ExudynCableRig
     settings: CableSettings
     abilities = shipped_abilities(
         "exudyn:cable",
         quick_cost=70.0,
-        supplies=Supplies(
-            winding=Supply(by=Supplier.ENGINE, how="contact of the cable's segments with a circle"),
-            friction_law=Supply(
-                by=Supplier.ENGINE,
-                how="Coulomb friction between segments and circle, its coefficient solved for their corners",
-            ),
-            stick_slip=Supply(by=Supplier.ENGINE, how="the same contact: a sticking segment is held by a spring"),
-            drag=APPLIED_DRAG,
-        ),
-        packages=("exudyn",),
+        winding="contact of the cable's segments with a circle",
+        friction_law="Coulomb friction between segments and circle, its coefficient solved for their corners",
+        stick_slip="the same contact: a sticking segment is held by a spring",
         summary="An elastic cable of ANCF elements with mass along the whole string, over a circle with friction.",
         limits=(
             ONE_COEFFICIENT,
@@ -441,10 +445,6 @@ class ExudynCable(TunedEngine):
         main=False,
     )
 
-    def build(self, scenario: Scenario) -> ExudynCableRig:
-        """Build the scenario's apparatus at the moment of release."""
-        return ExudynCableRig(scenario.parameters, self.settings, self.end_length(scenario))
-
     def studies(self) -> Studies:
         """Return ladders of step, elements, stiffnesses and mass, Exudyn's defaults, and the adapter's choices."""
         s = self.settings
@@ -461,7 +461,7 @@ class ExudynCable(TunedEngine):
                 ("axial_stiffness", "N", axial, "the string's damping, so that its damping time stays"),
             ),
             defaults=(
-                _spectral_radius_default(s),
+                default_row(s, *SPECTRAL_RADIUS),
                 (
                     "useModifiedNewton",
                     "on",
@@ -510,49 +510,32 @@ AXIS = (0.0, 0.0, -1.0)
 """The sheave's axis: its sign says on which side of the rod the rope passes."""
 
 
-class ExudynReevingRig:
+class ExudynReevingRig(ExudynRig):
     """The apparatus with a reeving system over one sheave."""
 
-    def __init__(self, parameters: Parameters, settings: ReevingSettings, end_length: float) -> None:
-        p, s = parameters, settings
-        self._parameters, self._settings = p, s
-        self._has_string = p.release is not Release.DROP
-        self._system = system = ExudynSystem(p, s, light_mass=p.light_mass, end_length=end_length)
+    def _add_string(self) -> None:
+        p, s = self._parameters, self._settings
         self._wrap_angle, self._turns = p.release_angle, 0
-        if self._has_string:
-            self._rope = system.mbs.AddObject(
-                system.items.ObjectConnectorReevingSystemSprings(
-                    markerNumbers=[system.light.marker, system.rod_marker, system.heavy_marker],
-                    stiffnessPerLength=s.axial_stiffness,
-                    dampingPerLength=s.axial_damping,
-                    referenceLength=p.string_length,
-                    regularizationForce=s.push_force,
-                    sheavesAxes=system.exudyn.Vector3DList([list(AXIS)] * 3),
-                    sheavesRadii=[0.0, p.rod_radius, 0.0],
-                )
+        self._rope = self.mbs.AddObject(
+            self.items.ObjectConnectorReevingSystemSprings(
+                markerNumbers=[self.light.marker, self.rod_marker, self.heavy_marker],
+                stiffnessPerLength=s.axial_stiffness,
+                dampingPerLength=s.axial_damping,
+                referenceLength=p.string_length,
+                regularizationForce=s.push_force,
+                sheavesAxes=self.exudyn.Vector3DList([list(AXIS)] * 3),
+                sheavesRadii=[0.0, p.rod_radius, 0.0],
             )
-        self._system.start(self._count_turns if self._has_string else None)
+        )
 
-    def advance(self) -> None:
-        """Advance by one sample interval."""
-        self._system.advance()
-
-    def read(self) -> tuple[float, ...]:
-        """Return positions [m], velocities [m/s], string stretch and slip [m]: `COLUMNS` without the time."""
-        masses = self._system.read_masses()
-        if not self._has_string:
-            return (*masses, math.nan, math.nan)
+    def _read_string(self, masses: tuple[float, ...]) -> Vector:
+        # The length of the shortest way from mass to mass over the rod, as often around it as the string is
         p = self._parameters
-        stretch = self._string_length(masses) - p.string_length
-        return (*masses, stretch, -masses[5] - p.hanging_length)
+        free_length, self._wrap_angle = next_string_coordinates(masses[0], masses[1], p.rod_radius, self._wrap_angle)
+        length = free_length + p.rod_radius * self._wrap_angle - masses[5]
+        return length - p.string_length, -masses[5] - p.hanging_length
 
-    def _string_length(self, masses: tuple[float, ...]) -> float:
-        """Return the length of the shortest way from mass to mass over the rod, as often around it as the string is [m]."""
-        radius = self._parameters.rod_radius
-        free_length, self._wrap_angle = next_string_coordinates(masses[0], masses[1], radius, self._wrap_angle)
-        return free_length + radius * self._wrap_angle - masses[5]
-
-    def _count_turns(self, masses: tuple[float, ...]) -> None:
+    def _before_step(self, masses: tuple[float, ...]) -> None:
         """Shorten the rope by the turns that lie on the rod when the coming step ends; Exudyn forgets whole turns."""
         p, (x, y, vx, vy) = self._parameters, masses[:4]
         _, self._wrap_angle = next_string_coordinates(x, y, p.rod_radius, self._wrap_angle)
@@ -562,29 +545,22 @@ class ExudynReevingRig:
         if turns != self._turns:
             self._turns = turns
             length = p.string_length - 2 * math.pi * p.rod_radius * turns
-            self._system.mbs.SetObjectParameter(self._rope, "referenceLength", length)
+            self.mbs.SetObjectParameter(self._rope, "referenceLength", length)
 
 
-class ExudynReeving(TunedEngine):
+class ExudynReeving(ExudynVariant):
     """A reeving system over one sheave."""
 
-    name = "exudyn"
-    distribution = "exudyn"
     variant = "reeving"
     settings_by_profile = REEVING_SETTINGS
+    rig = ExudynReevingRig
     settings: ReevingSettings
     abilities = shipped_abilities(
         "exudyn:reeving",
         quick_cost=1.0,
-        supplies=Supplies(
-            winding=Supply(
-                by=Supplier.ENGINE, how="a rope tangent to a sheave; the adapter counts turns, by the rope's length"
-            ),
-            friction_law=Supply(by=Supplier.NOBODY, how="a reeving system's tension is the same on both sides of a sheave"),
-            stick_slip=Supply(by=Supplier.NOBODY, how="nothing to stick to"),
-            drag=APPLIED_DRAG,
-        ),
-        packages=("exudyn",),
+        winding="a rope tangent to a sheave; the adapter counts turns, by the rope's length",
+        friction_law=Supply(by=Supplier.NOBODY, how="a reeving system's tension is the same on both sides of a sheave"),
+        stick_slip=Supply(by=Supplier.NOBODY, how="nothing to stick to"),
         summary="One elastic rope without mass and without friction, over a sheave.",
         limits=(
             "without friction the heavy mass never halts",
@@ -595,10 +571,6 @@ class ExudynReeving(TunedEngine):
         main=False,
     )
 
-    def build(self, scenario: Scenario) -> ExudynReevingRig:
-        """Build the scenario's apparatus at the moment of release."""
-        return ExudynReevingRig(scenario.parameters, self.settings, self.end_length(scenario))
-
     def studies(self) -> Studies:
         """Return ladders of step and stiffness, Exudyn's defaults, and the adapter's choices."""
         s = self.settings
@@ -606,14 +578,8 @@ class ExudynReeving(TunedEngine):
             self,
             ladders=(("time_step", "s", (5e-4, 2e-4, 1e-4, 5e-5)), ("axial_stiffness", "N", (2.5e3, 5e3, 1e4, 2e4))),
             defaults=(
-                _spectral_radius_default(s),
-                (
-                    "regularizationForce",
-                    quantity(PUSH, "N", 3),
-                    quantity(s.push_force, "N", 3),
-                    "the force with which a slack rope pushes",
-                    {"push_force": PUSH},
-                ),
+                default_row(s, *SPECTRAL_RADIUS),
+                default_row(s, "push_force", 0.1, "regularizationForce", "the force with which a slack rope pushes", unit="N"),
             ),
             choices=(("rope damping", quantity(s.axial_damping, "N s", 3), "half", {"axial_damping": s.axial_damping / 2}),),
         )

@@ -6,6 +6,7 @@ Whatever the engine prints, from Python or from C, goes to another file.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import pickle
 import signal
@@ -105,7 +106,10 @@ def _result(
     ``status`` is None if the worker ended by itself and should have written its result.
     """
     folder = process.folder
-    output = _end_of_file(folder / OUTPUT)
+    output = ""
+    with contextlib.suppress(OSError), (folder / OUTPUT).open("rb") as file:
+        file.seek(max(0, _size(folder / OUTPUT) - MAX_RETURNED_OUTPUT))
+        output = file.read().decode(errors="replace")
     if status is None:
         try:
             trajectory: Trajectory = pickle.loads((folder / RESULT).read_bytes())
@@ -234,16 +238,6 @@ def _size(path: Path) -> int:
         return path.stat().st_size
     except OSError:
         return 0
-
-
-def _end_of_file(path: Path) -> str:
-    """Return the last `MAX_RETURNED_OUTPUT` bytes of a file as text; empty if it does not exist."""
-    try:
-        with path.open("rb") as file:
-            file.seek(max(0, _size(path) - MAX_RETURNED_OUTPUT))
-            return file.read().decode(errors="replace")
-    except OSError:
-        return ""
 
 
 def _empty_trajectory(engine: Engine, scenario: Scenario, status: RunStatus, message: str) -> Trajectory:

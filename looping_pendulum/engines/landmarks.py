@@ -158,6 +158,11 @@ def run_landmarks(run: Trajectory, parameters: Parameters) -> Landmarks:
     # friction above the kinetic one leaves a finite force at the onset, hence t^2.
     power = 3 if parameters.coefficients["static_friction"] == parameters.coefficients["kinetic_friction"] else 2
     onsets = (slip_onset(t, slip, rest, power) for rest in stops_and_rests)
+    rebound = None
+    if first_rest is not None:
+        after = np.flatnonzero(t >= first_rest)
+        speeds = np.abs(np.diff(slip[after]) / np.diff(t[after]))
+        rebound = Rebound(travel=float(np.ptp(slip[after])), speed=float(speeds.max(initial=0.0)))
     return Landmarks(
         stops=tuple(
             Stop(time=rest.stop, height_change=-at(rest.stop, run.heavy_drop)) for rest in stops_and_rests if rest.stop > t[0]
@@ -169,7 +174,7 @@ def run_landmarks(run: Trajectory, parameters: Parameters) -> Landmarks:
         halting_time_uncertainty=None
         if halt is None
         else max(abs(each.time - halt) for each in times if each.time is not None),
-        rebound=None if first_rest is None else _rebound(t, slip, first_rest),
+        rebound=rebound,
         drop_at_halt=None if halt is None else at(halt, run.heavy_drop),
         wrap_angle_at_halt=None if halt is None else at(halt, run.wrap_angle),
         free_length_at_halt=None if halt is None else at(halt, run.free_length),
@@ -188,11 +193,3 @@ def arrival_time(t: Array, free_length: Array, parameters: Parameters) -> float:
     if not end < last < before:
         return float(t[-1])
     return float(t[-1] + (t[-1] - t[-2]) * (last - end) / (before - last))
-
-
-def _rebound(t: Array, slip: Array, first_rest: float) -> Rebound:
-    """Return how far and how fast the string still moves after its first rest."""
-    after = np.flatnonzero(t >= first_rest)
-    moving = slip[after]
-    speeds = np.abs(np.diff(moving) / np.diff(t[after]))
-    return Rebound(travel=float(np.ptp(moving)), speed=float(speeds.max(initial=0.0)))

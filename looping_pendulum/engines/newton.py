@@ -6,28 +6,25 @@ Offered through the entry point that a third party uses.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from looping_pendulum.engines.chain import NO_STOP, ONE_COEFFICIENT, point_on_string
-from looping_pendulum.engines.protocol import APPLIED_DRAG, SAMPLE_INTERVAL, Engine, Profile, TunedEngine, groups_per_sample
+from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine, Profile, StepGroups, TunedEngine
 from looping_pendulum.engines.shipped import shipped_abilities
-from looping_pendulum.engines.studies import Studies, studies_from_rows
-from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
+from looping_pendulum.engines.studies import Studies, default_row, studies_from_rows
 from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
 from looping_pendulum.reference_ode.geometry import Array, string_coordinates
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.versions import installed_version
 
 
 @dataclass(frozen=True, kw_only=True)
-class NewtonTendonSettings:
+class NewtonTendonSettings(StepGroups):
     """Numerical settings of Newton's tendon, in SI units."""
 
     time_step: float
@@ -53,21 +50,11 @@ class NewtonTendonSettings:
 
     def __post_init__(self) -> None:
         """Raise EngineError where groups do not divide the sample interval, or do not end in the state they began in."""
-        groups_per_sample(self.time_step, self.steps_per_group)
+        super().__post_init__()
         if self.steps_per_group % 2:
             raise EngineError(
                 f"steps_per_group: found {self.steps_per_group}, needed an even number, as two states take turns; write 2"
             )
-
-    @property
-    def groups_per_sample(self) -> int:
-        """Number of groups of steps in one sample interval."""
-        return groups_per_sample(self.time_step, self.steps_per_group)
-
-    @property
-    def group_time(self) -> float:
-        """Length of a group [s]."""
-        return self.steps_per_group * self.time_step
 
 
 SETTINGS = {
@@ -87,122 +74,6 @@ CLOCKWISE = -1
 DEVICE = "cpu"
 
 
-class NewtonWorld:
-    """A world of Newton: first masses and a string are added, then `start` is called, then `advance`.
-
-    Parameters
-    ----------
-    gravity
-        Downward acceleration [m/s^2].
-    settings
-        Numerical settings.
-    """
-
-    def __init__(self, gravity: float, settings: NewtonTendonSettings) -> None:
-        import warp
-
-        # Compiled once for each version of Newton, in half a minute; with the gradients that nobody asks for here, in minutes
-        warp.config.enable_backward = False
-        import newton
-
-        self._warp, self._newton = warp, newton
-        self._settings, self._unit = settings, settings.length_unit
-        self._builder: Any = newton.ModelBuilder(up_axis=newton.Axis.Y, gravity=(0.0, -gravity / self._unit, 0.0))
-        self._velocities: list[Vector] = []
-        self._has_string = False
-
-    def add_mass(self, position: Vector, velocity: Vector, mass: float) -> int:
-        """Add a point mass [m, m/s, kg] and return its index."""
-        wp = self._warp
-        inertia = mass * (INERTIA_RADIUS / self._unit) ** 2
-        body: int = self._builder.add_body(
-            xform=wp.transform(p=wp.vec3(*self._place(position))),
-            mass=mass,
-            inertia=wp.mat33(inertia, 0.0, 0.0, 0.0, inertia, 0.0, 0.0, 0.0, inertia),
-            lock_inertia=True,
-        )
-        self._velocities.append(velocity)
-        return body
-
-    def add_string(self, light: int, heavy: int | Vector, rod_radius: float, friction: float) -> None:
-        """Add the string from the mass ``light`` over the rod to the mass ``heavy``, or to a fixed point [m]."""
-        guide, kind = self._newton.TendonGuide, self._newton.TendonGuideType
-        # Both are the same in every unit of length
-        span = {"compliance": self._settings.compliance, "damping": self._settings.damping}
-        rod = {"radius": rod_radius / self._unit, "orientation": CLOCKWISE, "mu": friction}
-        end = {"body": heavy} if isinstance(heavy, int) else {"body": -1, "offset": self._place(heavy)}
-        self._builder.add_tendon(
-            [
-                guide(body=light, guide_type=kind.ANCHOR),
-                guide(body=-1, guide_type=kind.ROLLER, **rod, **span),
-                guide(guide_type=kind.ANCHOR, **end, **span),
-            ]
-        )
-        self._has_string = True
-
-    def start(self) -> None:
-        """End the building: make the solver, and record a group of steps as a graph."""
-        s, wp = self._settings, self._warp
-        self._model = self._builder.finalize(device=DEVICE)
-        self._solver = self._newton.solvers.SolverXPBD(
-            self._model,
-            iterations=s.iterations,
-            joint_linear_relaxation=s.relaxation,
-            tendon_settle_tol=s.settle_tolerance,
-        )
-        self._states = self._model.state(), self._model.state()
-        velocities = np.zeros((len(self._velocities), 6))
-        velocities[:, :2] = np.array(self._velocities) / self._unit
-        self._states[0].body_qd.assign(velocities)
-        self._forces = np.zeros_like(velocities)
-        self._rest_lengths_at_release = self._rest_lengths()
-        with wp.ScopedCapture(device=DEVICE) as capture:
-            self._step_group()
-        self._graph = capture.graph
-
-    def advance(self, forces: Sequence[Vector]) -> None:
-        """Advance by a group of steps, with these forces [N] on the masses."""
-        if forces:
-            self._forces[:, :2] = np.array(forces) / self._unit
-            for state in self._states:
-                state.body_f.assign(self._forces)
-        self._warp.capture_launch(self._graph)
-
-    def positions(self) -> Array:
-        """Return the masses' positions [m], shape (n, 2)."""
-        return np.asarray(self._states[0].body_q.numpy()[:, :2] * float(self._unit), dtype=float)
-
-    def velocities(self) -> Array:
-        """Return the masses' velocities [m/s], shape (n, 2)."""
-        return np.asarray(self._states[0].body_qd.numpy()[:, :2] * float(self._unit), dtype=float)
-
-    def stretch_and_slip(self) -> Vector:
-        """Return by how much the string is longer than at rest, and how far it has slid to the heavy side [m]."""
-        rest = self._rest_lengths()
-        stretch = self._lengths().sum() - rest.sum()
-        return float(stretch), float(rest[1] - self._rest_lengths_at_release[1])
-
-    def _step_group(self) -> None:
-        control = self._model.control(clone_variables=False)
-        first, second = self._states
-        for _ in range(self._settings.steps_per_group // 2):
-            self._solver.step(first, second, control, None, self._settings.time_step)
-            self._solver.step(second, first, control, None, self._settings.time_step)
-
-    def _rest_lengths(self) -> Array:
-        """Return the rest lengths of the straight parts, light side first [m]."""
-        return self._read(self._solver.tendon_segment_rest_length)
-
-    def _lengths(self) -> Array:
-        return self._read(self._solver.tendon_segment_length)
-
-    def _read(self, values: Any) -> Array:
-        return np.asarray(values.numpy(), dtype=float) * self._unit if self._has_string else np.zeros(0)
-
-    def _place(self, position: Vector) -> tuple[float, float, float]:
-        return position[0] / self._unit, position[1] / self._unit, 0.0
-
-
 MAX_WRAP_ANGLE = math.pi + math.radians(1)
 """Wrap angle beyond which a string that slides with friction ends the run [rad].
 
@@ -212,31 +83,35 @@ less, so that a string that hangs down on both sides, within rounding errors of 
 
 
 class NewtonTendonRig:
-    """The apparatus in one world of Newton."""
+    """The apparatus in Newton."""
 
     def __init__(self, parameters: Parameters, settings: NewtonTendonSettings) -> None:
+        import warp
+
+        # Compiled once for each version of Newton, in half a minute; with the gradients that nobody asks for here, in minutes
+        warp.config.enable_backward = False
+        import newton
+
         p = self._parameters = parameters
-        self._settings = settings
-        friction = p.coefficients["kinetic_friction"]
-        self._world = NewtonWorld(p.coefficients["gravity"], settings)
+        self._warp, self._newton = warp, newton
+        self._settings, self._unit = settings, settings.length_unit
+        self._builder: Any = newton.ModelBuilder(
+            up_axis=newton.Axis.Y, gravity=(0.0, -p.coefficients["gravity"] / self._unit, 0.0)
+        )
         self._force = cartesian_force(p)
         self._groups = 0
-        self._held_at: Vector | None = None
+        self._has_string, self._is_held = p.release is not Release.DROP, p.release is Release.HELD
+        self._heavy_position = point_on_string(p, p.string_length, p.rod_radius)
         vx, vy, heavy_vy = release_velocity(p)
-        light = self._world.add_mass(point_on_string(p, 0.0, p.rod_radius), (vx, vy), p.light_mass)
-        heavy_position = point_on_string(p, p.string_length, p.rod_radius)
-        heavy: int | Vector
-        if p.release is Release.HELD:
-            heavy = self._held_at = heavy_position
-        else:
-            heavy = self._world.add_mass(heavy_position, (0.0, heavy_vy), p.heavy_mass)
-        self._has_string = p.release is not Release.DROP
+        velocities = [(vx, vy)]
+        self._add_mass(point_on_string(p, 0.0, p.rod_radius), p.light_mass)
+        if not self._is_held:
+            velocities.append((0.0, heavy_vy))
+            self._add_mass(self._heavy_position, p.heavy_mass)
         if self._has_string:
-            self._world.add_string(light, heavy, p.rod_radius, friction)
-        # String that is held cannot slide, and one without friction does not ask for the angle
-        self._wrap_is_limited = self._has_string and self._held_at is None and friction > 0
+            self._add_string()
         self._wrap_angle = p.release_angle
-        self._world.start()
+        self._start(velocities)
 
     def advance(self) -> None:
         """Advance by one sample interval.
@@ -247,50 +122,110 @@ class NewtonTendonRig:
             If the string slides with friction and is wound by more than half a turn.
         """
         for _ in range(self._settings.groups_per_sample):
-            self._world.advance(self._effect_forces())
+            self._apply_effect_forces()
+            self._warp.capture_launch(self._graph)
             self._groups += 1
-        if self._wrap_is_limited:
-            self._check_wrap()
+        # String that is held cannot slide, and one without friction does not ask for the angle
+        if self._has_string and not self._is_held and self._parameters.coefficients["kinetic_friction"] > 0:
+            _, angles = string_coordinates(self._positions()[:1], self._parameters.rod_radius, self._wrap_angle)
+            self._wrap_angle = float(angles[0])
+            if self._wrap_angle > MAX_WRAP_ANGLE:
+                time = round(self._groups * self._settings.group_time / SAMPLE_INTERVAL) * SAMPLE_INTERVAL
+                raise EngineError(
+                    f"newton:tendon: found a wrap of {math.degrees(self._wrap_angle):.1f} deg at {time:.3f} s, needed at most "
+                    "180: beyond half a turn Newton's roller has the friction of the angle that is left to a full turn"
+                )
 
     def read(self) -> tuple[float, ...]:
         """Return positions [m], velocities [m/s], string stretch and slip [m]: `COLUMNS` without the time."""
-        positions, velocities = self._world.positions().tolist(), self._world.velocities().tolist()
-        if self._held_at is not None:
-            positions.append(list(self._held_at))
+        positions, velocities = self._positions().tolist(), self._velocities().tolist()
+        if self._is_held:
+            positions.append(list(self._heavy_position))
             velocities.append([0.0, 0.0])
-        string = self._world.stretch_and_slip() if self._has_string else (math.nan, math.nan)
+        string: Vector = (math.nan, math.nan)
+        if self._has_string:
+            rest = self._in_metres(self._solver.tendon_segment_rest_length)
+            lengths = self._in_metres(self._solver.tendon_segment_length)
+            string = float(lengths.sum() - rest.sum()), float(rest[1] - self._rest_lengths_at_release[1])
         return (*positions[0], *velocities[0], *positions[1], *velocities[1], *string)
 
-    def _effect_forces(self) -> list[Vector]:
-        """Return the effects' forces [N] on the masses that can move; none without effects."""
+    def _add_mass(self, position: Vector, mass: float) -> None:
+        """Add a point mass [m, kg]."""
+        wp = self._warp
+        inertia = mass * (INERTIA_RADIUS / self._unit) ** 2
+        self._builder.add_body(
+            xform=wp.transform(p=wp.vec3(*self._in_units(position))),
+            mass=mass,
+            inertia=wp.mat33(inertia, 0.0, 0.0, 0.0, inertia, 0.0, 0.0, 0.0, inertia),
+            lock_inertia=True,
+        )
+
+    def _add_string(self) -> None:
+        """Add the string from the light mass, body 0, over the rod to the heavy mass, body 1, or to where that is held."""
+        guide, kind = self._newton.TendonGuide, self._newton.TendonGuideType
+        # Both are the same in every unit of length
+        span = {"compliance": self._settings.compliance, "damping": self._settings.damping}
+        p = self._parameters
+        friction = p.coefficients["kinetic_friction"]
+        rod = {"radius": p.rod_radius / self._unit, "orientation": CLOCKWISE, "mu": friction}
+        end = {"body": -1, "offset": self._in_units(self._heavy_position)} if self._is_held else {"body": 1}
+        self._builder.add_tendon(
+            [
+                guide(body=0, guide_type=kind.ANCHOR),
+                guide(body=-1, guide_type=kind.ROLLER, **rod, **span),
+                guide(guide_type=kind.ANCHOR, **end, **span),
+            ]
+        )
+
+    def _start(self, velocities: list[Vector]) -> None:
+        """End the building: make the solver, give the masses their ``velocities`` [m/s], and record a group of steps."""
+        s = self._settings
+        self._model = self._builder.finalize(device=DEVICE)
+        self._solver = self._newton.solvers.SolverXPBD(
+            self._model, iterations=s.iterations, joint_linear_relaxation=s.relaxation, tendon_settle_tol=s.settle_tolerance
+        )
+        self._states = first, second = self._model.state(), self._model.state()
+        scaled = np.zeros((len(velocities), 6))
+        scaled[:, :2] = np.array(velocities) / self._unit
+        first.body_qd.assign(scaled)
+        self._forces = np.zeros_like(scaled)
+        if self._has_string:
+            self._rest_lengths_at_release = self._in_metres(self._solver.tendon_segment_rest_length)
+        with self._warp.ScopedCapture(device=DEVICE) as capture:
+            control = self._model.control(clone_variables=False)
+            for _ in range(s.steps_per_group // 2):
+                self._solver.step(first, second, control, None, s.time_step)
+                self._solver.step(second, first, control, None, s.time_step)
+        self._graph = capture.graph
+
+    def _apply_effect_forces(self) -> None:
+        """Set the effects' forces on the masses that can move, for a group of steps."""
         if self._force is None:
-            return []
-        (x, y), (vx, vy), heavy_vy = self._world.positions()[0], self._world.velocities()[0], 0.0
-        if self._held_at is None:
-            heavy_vy = float(self._world.velocities()[1, 1])
+            return
+        (x, y), (vx, vy) = self._positions()[0], self._velocities()[0]
+        heavy_vy = 0.0 if self._is_held else float(self._velocities()[1, 1])
         time = self._groups * self._settings.group_time
         fx, fy, heavy_fy = self._force(time, float(x), float(y), float(vx), float(vy), heavy_vy)
-        return [(fx, fy)] if self._held_at is not None else [(fx, fy), (0.0, heavy_fy)]
+        self._forces[:, :2] = np.array([(fx, fy), (0.0, heavy_fy)][: len(self._forces)]) / self._unit
+        for state in self._states:
+            state.body_f.assign(self._forces)
 
-    def _check_wrap(self) -> None:
-        _, angles = string_coordinates(self._world.positions()[:1], self._parameters.rod_radius, self._wrap_angle)
-        self._wrap_angle = float(angles[0])
-        if self._wrap_angle > MAX_WRAP_ANGLE:
-            time = round(self._groups * self._settings.group_time / SAMPLE_INTERVAL) * SAMPLE_INTERVAL
-            raise EngineError(
-                f"newton:tendon: found a wrap of {math.degrees(self._wrap_angle):.1f} deg at {time:.3f} s, needed at most 180: "
-                "beyond half a turn Newton's roller has the friction of the angle that is left to a full turn"
-            )
+    def _positions(self) -> Array:
+        """Return the positions of the masses that can move [m], shape (n, 2)."""
+        return np.asarray(self._states[0].body_q.numpy()[:, :2] * float(self._unit), dtype=float)
+
+    def _velocities(self) -> Array:
+        """Return their velocities [m/s], shape (n, 2)."""
+        return np.asarray(self._states[0].body_qd.numpy()[:, :2] * float(self._unit), dtype=float)
+
+    def _in_metres(self, values: Any) -> Array:
+        """Return lengths of the straight parts, light side first [m]."""
+        return np.asarray(values.numpy(), dtype=float) * self._unit
+
+    def _in_units(self, position: Vector) -> tuple[float, float, float]:
+        return position[0] / self._unit, position[1] / self._unit, 0.0
 
 
-_SUPPLIES = Supplies(
-    winding=Supply(by=Supplier.ENGINE, how="tangents to a fixed roller; string that winds on is taken from the straight parts"),
-    friction_law=Supply(by=Supplier.ENGINE, how="the capstan law of the roller, up to half a turn"),
-    stick_slip=Supply(
-        by=Supplier.ENGINE, how="the same: string passes only where the tensions differ by more than the law's ratio"
-    ),
-    drag=APPLIED_DRAG,
-)
 _LIMITS = (
     "a string that slides with friction may be wound by half a turn only: beyond it Newton goes on with the friction of the "
     "angle that is left to a full turn, and the adapter ends the run",
@@ -312,12 +247,14 @@ class NewtonTendon(TunedEngine):
     distribution = "newton"
     variant = "tendon"
     settings_by_profile = SETTINGS
+    rig = NewtonTendonRig
     settings: NewtonTendonSettings
     abilities = shipped_abilities(
         "newton:tendon",
         quick_cost=3.0,
-        supplies=_SUPPLIES,
-        packages=("newton",),
+        winding="tangents to a fixed roller; string that winds on is taken from the straight parts",
+        friction_law="the capstan law of the roller, up to half a turn",
+        stick_slip="the same: string passes only where the tensions differ by more than the law's ratio",
         summary="A massless tendon over a fixed roller with the capstan law, in Newton's position-based solver on the CPU.",
         limits=_LIMITS,
         known_failures={"samples_every_millisecond_from_rest": "places are in single precision: measured 12 nm off at release"}
@@ -333,10 +270,6 @@ class NewtonTendon(TunedEngine):
         ),
         main=False,
     )
-
-    def build(self, scenario: Scenario) -> NewtonTendonRig:
-        """Build the scenario's apparatus at the moment of release."""
-        return NewtonTendonRig(scenario.parameters, self.settings)
 
     def studies(self) -> Studies:
         """Return ladders of step and compliance, Newton's defaults, and the adapter's choices."""
@@ -362,7 +295,7 @@ class NewtonTendon(TunedEngine):
                     "a mass that is slower than 1e-4 units per second is stopped, at every step",
                     {"length_unit": 1.0},
                 ),
-                ("iterations", "2", f"{s.iterations}", "corrections of the string's length per step", {"iterations": 2}),
+                default_row(s, "iterations", 2, "iterations", "corrections of the string's length per step"),
                 (
                     "joint_linear_relaxation",
                     "0.7",

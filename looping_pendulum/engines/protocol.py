@@ -271,6 +271,8 @@ class TunedEngine(SteppedEngine):
 
     Parameters
     ----------
+    variant
+        One of `variants`, where the class has several.
     profile
         Chooses the settings.
     settings
@@ -279,12 +281,25 @@ class TunedEngine(SteppedEngine):
 
     distribution: ClassVar[str]
     """The engine's package, as pip names it."""
-    settings_by_profile: ClassVar[Mapping[Profile, Any]]
-    """Profile -> settings."""
+    rig: ClassVar[Callable[..., Any]]
+    """Class of the apparatus, called with parameters and settings; a variant that needs more overrides `build`."""
+    variants: ClassVar[Mapping[str, Abilities]] = {}
+    """Variant -> its abilities, where the class has several."""
+    settings_by_profile: ClassVar[Mapping[Any, Any]]
+    """Profile, or variant and profile -> settings."""
 
-    def __init__(self, *, profile: Profile = Profile.QUICK, settings: Any = None) -> None:
+    def __init__(self, *, variant: str | None = None, profile: Profile = Profile.QUICK, settings: Any = None) -> None:
+        if self.variants:
+            self.variant = variant or self.variant
+            self.abilities = self.variants[self.variant]
         self.profile = profile
-        self.settings = settings if settings is not None else self.settings_by_profile[profile]
+        usual = self.settings_by_profile
+        self.settings = settings if settings is not None else usual.get((self.variant, profile), usual.get(profile))
+
+    def build(self, scenario: Scenario) -> Rig:
+        """Build the scenario's apparatus at the moment of release."""
+        rig: Rig = self.rig(scenario.parameters, self.settings)
+        return rig
 
     def versions(self) -> dict[str, str]:
         """Return the version of the engine's package."""
@@ -323,6 +338,29 @@ def groups_per_sample(time_step: float, steps_per_group: int) -> int:
             f"in {SAMPLE_INTERVAL:g} s; write groups of 1"
         )
     return steps // steps_per_group
+
+
+class StepGroups:
+    """What follows from settings with steps in groups; a dataclass that derives from it has the fields."""
+
+    time_step: float
+    """Length of a step [s]; it must divide the sample interval."""
+    steps_per_group: int
+    """Steps between two updates of what the adapter sees to."""
+
+    def __post_init__(self) -> None:
+        """Raise EngineError where groups of steps do not divide the sample interval."""
+        groups_per_sample(self.time_step, self.steps_per_group)
+
+    @property
+    def groups_per_sample(self) -> int:
+        """Number of groups of steps in one sample interval."""
+        return groups_per_sample(self.time_step, self.steps_per_group)
+
+    @property
+    def group_time(self) -> float:
+        """Length of a group [s]."""
+        return self.steps_per_group * self.time_step
 
 
 def _run(rig: Rig, scenario: Scenario, end_length: float, add: Callable[[Sequence[float]], None]) -> RunStatus:

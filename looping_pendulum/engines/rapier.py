@@ -13,7 +13,7 @@ from typing import Any
 from looping_pendulum.engines.bead_rig import BeadEngine, BeadRigSettings, Vector
 from looping_pendulum.engines.chain import CORNER_CHOICES, NO_STOP, ONE_COEFFICIENT, STRAIGHT_STRING, bead_abilities, bend_rungs
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine, Profile
-from looping_pendulum.engines.studies import Studies, studies_from_rows
+from looping_pendulum.engines.studies import Studies, default_row, studies_from_rows
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.parameters import Parameters
 
@@ -201,7 +201,7 @@ class RapierChain(BeadEngine):
                     "how often joints and contacts are solved in a sub-step; joints begin each time without a force",
                     {"iterations": 1},
                 ),
-                ("num_solver_iterations", "4", f"{s.sub_steps}", "number of sub-steps in a step", {"sub_steps": 4}),
+                default_row(s, "sub_steps", 4, "num_solver_iterations", "number of sub-steps in a step"),
                 (
                     "static_contact_softness",
                     "60 Hz",

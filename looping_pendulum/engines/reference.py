@@ -109,9 +109,9 @@ class ReferenceEngine:
 class Reference:
     """The reference's solution of one scenario; it is sampled at an engine's times, so that no engine is ever resampled."""
 
-    def __init__(self, scenario: Scenario, profile: Profile = Profile.ACCURATE) -> None:
+    def __init__(self, scenario: Scenario) -> None:
         self.scenario = scenario
-        self.engine = ReferenceEngine(available_integrators()[0], profile)
+        self.engine = ReferenceEngine(available_integrators()[0], Profile.ACCURATE)
         tolerance = self.engine.settings.tolerance
         # Solved once for all times, unlike `ReferenceEngine`: each engine is compared at times of its own
         self.solution = solve(scenario.parameters, duration=max(DURATION, scenario.duration), tolerance=tolerance)
@@ -155,7 +155,11 @@ def _rows(samples: Samples) -> Array:
 
 
 def _trajectory(samples: Samples, scenario: Scenario, engine: ReferenceEngine) -> Trajectory:
-    run = samples.run
+    run, provenance = samples.run, engine.provenance()
+    if run.handed_over:
+        # Another integrator finished the run
+        settings = provenance.settings | {"integrator": run.integrator, "handed_over": run.handed_over}
+        provenance = replace(provenance, settings=settings)
     without_string = scenario.parameters.release is Release.DROP
     nan = np.full(len(samples.t), math.nan)
     light_tension, heavy_tension = samples.tensions
@@ -178,14 +182,5 @@ def _trajectory(samples: Samples, scenario: Scenario, engine: ReferenceEngine) -
         events=event_names(run),
         status=RunStatus.LIGHT_REACHED_ROD if reached else RunStatus.FINISHED,
         message=run.handed_over,
-        provenance=_provenance(engine, run),
+        provenance=provenance,
     )
-
-
-def _provenance(engine: ReferenceEngine, run: Run) -> Provenance:
-    """Return the provenance of a run; if another integrator finished it, with that integrator and the reason."""
-    provenance = engine.provenance()
-    if not run.handed_over:
-        return provenance
-    settings = provenance.settings | {"integrator": run.integrator, "handed_over": run.handed_over}
-    return replace(provenance, settings=settings)

@@ -6,10 +6,8 @@ import dataclasses
 import difflib
 import warnings
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 
 from looping_pendulum.engines.protocol import Abilities, Engine, Profile
@@ -50,18 +48,6 @@ WHERE_IT_INSTALLS = {
 """Package, as Python imports it -> the systems for which PyPI has it compiled, if they are not all (docs/install.md)."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class AdapterModule:
-    """An adapter: a module with ``engines(profile) -> list[Engine]``."""
-
-    name: str
-    """Name of its engines."""
-    module: str
-    """Import path of the module."""
-    package: str = ""
-    """Distribution that offers it; empty for the adapters of this package."""
-
-
 class AdapterWarning(UserWarning):
     """Another package's adapter cannot be used and is skipped; the message says why and what to do."""
 
@@ -81,12 +67,15 @@ def how_to_get(package: str, *, anywhere: bool = False) -> str:
 
 
 @cache
-def adapter_modules() -> tuple[AdapterModule, ...]:
+def adapter_modules() -> tuple[EntryPoint, ...]:
     """Return the adapters of this package, then those of other packages in the order of their names."""
-    points = entry_points(group=ENTRY_POINTS)
-    others = {(point.name, point.value, point.dist.name if point.dist else "") for point in points}
-    own = (AdapterModule(name=name, module=module) for name, module in ADAPTERS.items())
-    return (*own, *(AdapterModule(name=name, module=module, package=package) for name, module, package in sorted(others)))
+    own = (EntryPoint(name, module, ENTRY_POINTS) for name, module in ADAPTERS.items())
+    return (*own, *sorted(set(entry_points(group=ENTRY_POINTS)), key=lambda point: (point.name, point.value)))
+
+
+def _package(adapter: EntryPoint) -> str:
+    """Return the distribution that offers an adapter; empty for those of this package."""
+    return adapter.dist.name if adapter.dist else ""
 
 
 def all_engines(profile: Profile) -> list[Engine]:
@@ -107,7 +96,7 @@ def _warn(faults: dict[str, str]) -> None:
 
 def adapter_packages() -> dict[str, str]:
     """Map the name of each engine of another package to the distribution that offers its adapter."""
-    return {adapter.name: adapter.package for adapter in adapter_modules() if adapter.name not in ADAPTERS}
+    return {adapter.name: _package(adapter) for adapter in adapter_modules() if adapter.name not in ADAPTERS}
 
 
 def load_engines(profile: Profile) -> tuple[list[Engine], dict[str, str]]:
@@ -115,9 +104,9 @@ def load_engines(profile: Profile) -> tuple[list[Engine], dict[str, str]]:
     engines: list[Engine] = []
     faults: dict[str, str] = {}
     for adapter in adapter_modules():
-        if not adapter.package and adapter.name in ADAPTERS:
+        if not _package(adapter) and adapter.name in ADAPTERS:
             # Not within the try: a fault in an adapter of this package is a bug, and must show
-            engines += import_module(adapter.module).engines(profile)
+            engines += adapter.load().engines(profile)
             continue
         taken = {engine.name for engine in engines} | ADAPTERS.keys()
         try:
@@ -125,17 +114,17 @@ def load_engines(profile: Profile) -> tuple[list[Engine], dict[str, str]]:
         except (Exception, SystemExit) as error:  # foreign code may raise anything, and must not end this program
             why = str(error) if isinstance(error, EngineError) else f"{type(error).__name__}: {error}"
             faults[adapter.name] = (
-                f"engine {adapter.name!r} is left out: adapter {adapter.module} of the package {adapter.package or '?'}: "
+                f"engine {adapter.name!r} is left out: adapter {adapter.value} of the package {_package(adapter) or '?'}: "
                 f"{' '.join(why.split())}; mend or uninstall that package"
             )
     return engines, faults
 
 
-def _engines_of_other_package(adapter: AdapterModule, profile: Profile, taken: Collection[str]) -> list[Engine]:
+def _engines_of_other_package(adapter: EntryPoint, profile: Profile, taken: Collection[str]) -> list[Engine]:
     """Return the engines of another package's adapter, after checking what the other engines' results depend on."""
     if adapter.name in taken:
         raise EngineError(f"the name {adapter.name!r} is taken; needed another entry point name")
-    engines = list(import_module(adapter.module).engines(profile))
+    engines = list(adapter.load().engines(profile))
     for engine in engines:
         if not isinstance(engine, Engine):
             lacking = [name for name in ENGINE_MEMBERS if not hasattr(engine, name)]

@@ -123,37 +123,33 @@ def _is_number(value: object) -> bool:
     return isinstance(value, (int, float, np.floating, np.integer)) and not isinstance(value, bool)
 
 
+def _require(ok: bool, field: str, value: object, required: str) -> None:
+    if not ok:
+        raise _field_error(field, repr(value)[:60], required)
+
+
+def _require_type(field: str, value: object, kind: type, required: str) -> None:
+    if not isinstance(value, kind):
+        raise _field_error(field, type(value).__name__, required)
+
+
 def _check_scalar_fields(returned: Trajectory, engine: Engine) -> None:
     """Refuse the names of another engine, and fields whose type the reports cannot take."""
-    if not isinstance(returned.status, RunStatus):
-        raise _field_error("status", repr(returned.status)[:60], "a RunStatus")
+    _require(isinstance(returned.status, RunStatus), "status", returned.status, "a RunStatus")
     names = {"engine": engine.name, "variant": engine.variant, "profile": engine.profile.value}
     for field, name in names.items():
-        value = getattr(returned, field)
-        if value != name:
-            raise _field_error(field, repr(value)[:60], f"the engine's own, {name!r}")
+        _require(getattr(returned, field) == name, field, getattr(returned, field), f"the engine's own, {name!r}")
     for field in ("scenario", "message", "output"):
-        if not isinstance(getattr(returned, field), str):
-            raise _field_error(field, type(getattr(returned, field)).__name__, "text")
+        _require_type(field, getattr(returned, field), str, "text")
     for field in ("wall_time", "cpu_time"):
-        value = getattr(returned, field)
-        if not _is_number(value):
-            raise _field_error(field, repr(value)[:60], "a number of seconds")
-    _check_provenance(returned.provenance)
-
-
-def _check_provenance(provenance: object) -> None:
-    if not isinstance(provenance, Provenance):
-        raise _field_error("provenance", type(provenance).__name__, "a Provenance")
-    if not (
-        isinstance(provenance.versions, dict)
-        and all(isinstance(part, str) for pair in provenance.versions.items() for part in pair)
-    ):
-        raise _field_error("provenance.versions", repr(provenance.versions)[:60], "a dict of package to version")
-    if not isinstance(provenance.settings, dict):
-        raise _field_error("provenance.settings", type(provenance.settings).__name__, "a dict")
-    if not isinstance(provenance.supplies, Supplies):
-        raise _field_error("provenance.supplies", type(provenance.supplies).__name__, "Supplies")
+        _require(_is_number(getattr(returned, field)), field, getattr(returned, field), "a number of seconds")
+    provenance = returned.provenance
+    _require_type("provenance", provenance, Provenance, "a Provenance")
+    versions = provenance.versions
+    are_texts = isinstance(versions, dict) and all(isinstance(part, str) for pair in versions.items() for part in pair)
+    _require(are_texts, "provenance.versions", versions, "a dict of package to version")
+    _require_type("provenance.settings", provenance.settings, dict, "a dict")
+    _require_type("provenance.supplies", provenance.supplies, Supplies, "Supplies")
     for name, supply in vars(provenance.supplies).items():
-        if not (isinstance(supply, Supply) and isinstance(supply.by, Supplier) and isinstance(supply.how, str)):
-            raise _field_error(f"provenance.supplies.{name}", repr(supply)[:60], "a Supply")
+        is_supply = isinstance(supply, Supply) and isinstance(supply.by, Supplier) and isinstance(supply.how, str)
+        _require(is_supply, f"provenance.supplies.{name}", supply, "a Supply")

@@ -7,7 +7,8 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities
+from looping_pendulum.engines.protocol import APPLIED_DRAG, FORCES_AND_RELEASE, Abilities
+from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
 from looping_pendulum.engines.validated import shipped_range
 from looping_pendulum.pages.numbers import amount
 from looping_pendulum.reference_ode.parameters import Release
@@ -23,35 +24,49 @@ SIGNIFICANT_DIGITS = 2
 
 
 def shipped_abilities(
-    label: str, *, first_additions: tuple[str, ...] = (), additions: tuple[str, ...] = (), **declared: Any
+    label: str,
+    *,
+    winding: str | Supply,
+    friction_law: str | Supply,
+    stick_slip: str | Supply,
+    first_additions: tuple[str, ...] = (),
+    additions: tuple[str, ...] = (),
+    **declared: Any,
 ) -> Abilities:
     """Return abilities of the variant ``label``, "mujoco:beads": all releases, forces and pushes, and what was measured of it.
 
-    ``first_additions`` come before the measured ones, ``additions`` after them; ``declared`` are further fields of `Abilities`.
+    Parameters
+    ----------
+    winding, friction_law, stick_slip
+        Who supplies them; a text says how the engine itself does it.
+    first_additions, additions
+        What the adapter adds, before and after the measured additions.
+    declared
+        Further fields of `Abilities`; without ``packages`` the engine's package has its name.
     """
+    supplied = {"winding": winding, "friction_law": friction_law, "stick_slip": stick_slip}
+    by = {piece: Supply(by=Supplier.ENGINE, how=who) if isinstance(who, str) else who for piece, who in supplied.items()}
+    usual = {"releases": frozenset(Release), "effect_kinds": FORCES_AND_RELEASE, "packages": (label.partition(":")[0],)}
     return Abilities(
-        additions=(*first_additions, *measured_additions(label), *additions),
+        supplies=Supplies(drag=APPLIED_DRAG, **by),
+        additions=(*first_additions, *_measured_additions().get(label, ()), *additions),
         validated=shipped_range(label),
-        **({"releases": frozenset(Release), "effect_kinds": FORCES_AND_RELEASE} | declared),
+        **(usual | declared),
     )
-
-
-def measured_additions(label: str) -> tuple[str, ...]:
-    """Return sentences on what the adapter of the variant ``label`` adds; empty: none was measured."""
-    return tuple(_sentence(**row) for row in _measured().get(label, ()))
 
 
 @cache
-def _measured() -> dict[str, list[dict[str, Any]]]:
-    rows: dict[str, list[dict[str, Any]]] = json.loads(files(__package__).joinpath(FILE).read_text(encoding="utf-8"))
-    return rows
+def _measured_additions() -> dict[str, list[str]]:
+    """Return variant -> sentences on what its adapter adds, each with the errors with and without it."""
 
+    def shown(errors: list[float]) -> str:
+        return " / ".join(amount(error, 1e3, SIGNIFICANT_DIGITS) for error in errors) + " mm"
 
-def _sentence(what: str, errors: list[float], errors_without: list[float] | None) -> str:
-    """Return a sentence on one addition, with the errors with and without it."""
-    if errors_without is None:
-        return f"{what}: without it ten_to_one does not come to its proper end"
-    without, ours = (
-        " / ".join(amount(error, 1e3, SIGNIFICANT_DIGITS) for error in each) + " mm" for each in (errors_without, errors)
-    )
-    return f"{what}: without it ten_to_one is off by {without} up to 0.35 / 0.7 s, with it by {ours}"
+    def sentence(what: str, errors: list[float], errors_without: list[float] | None) -> str:
+        if errors_without is None:
+            return f"{what}: without it ten_to_one does not come to its proper end"
+        effect = f"without it ten_to_one is off by {shown(errors_without)} up to 0.35 / 0.7 s, with it by {shown(errors)}"
+        return f"{what}: {effect}"
+
+    variants = json.loads(files(__package__).joinpath(FILE).read_text(encoding="utf-8"))
+    return {label: [sentence(**row) for row in rows] for label, rows in variants.items()}

@@ -141,23 +141,23 @@ def slip_onset(t: Array, slip: Array, rest: Rest, power: int) -> float | None:
     return max(onset, rest.stop) if onset - rest.stop >= REST_TIME else None
 
 
-def find_rests(t: Array, slip: Array, resolution: float = RESOLUTION) -> list[Rest]:
+def find_rests(t: Array, slip: Array) -> list[Rest]:
     """Return every stop of the string in order of time: turns, and rests of at least `REST_TIME`.
 
     A rest that lasts since the release comes first, with its stop at the time of the first sample.
     """
-    still = resting_samples(slip, resolution)
+    still = resting_samples(slip, RESOLUTION)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
     stops = [
-        Rest(stop=stop_time(t, slip, int(first), resolution), first=int(first), last=int(end) - 1)
+        Rest(stop=stop_time(t, slip, int(first), RESOLUTION), first=int(first), last=int(end) - 1)
         for first, end in zip(edges[::2], edges[1::2], strict=True)
     ]
-    for turn in turning_points(slip, resolution):
+    for turn in turning_points(slip, RESOLUTION):
         if not still[turn]:
             near = turn - 1
-            while near > 0 and abs(slip[near] - slip[turn]) <= resolution:
+            while near > 0 and abs(slip[near] - slip[turn]) <= RESOLUTION:
                 near -= 1
-            stops.append(Rest(stop=stop_time(t, slip, near + 1, resolution), first=turn, last=turn))
+            stops.append(Rest(stop=stop_time(t, slip, near + 1, RESOLUTION), first=turn, last=turn))
     return sorted(stops, key=lambda rest: rest.stop)
 
 

@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from looping_pendulum.pages.numbers import quantity
+
 if TYPE_CHECKING:
     from looping_pendulum.engines.protocol import Engine, SteppedEngine
 
@@ -121,6 +123,15 @@ def studies_from_rows(
             for what, ours, instead, changes in choices
         ),
     )
+
+
+def default_row(settings: Any, setting: str, default: Any, name: str, effect: str, unit: str = "") -> DefaultRow:
+    """Return the row of a setting that is called ``name`` in the engine, with both values written alike, in ``unit``."""
+
+    def text(value: Any) -> str:
+        return quantity(value, unit, 3) if unit else value if isinstance(value, str) else f"{value:g}"
+
+    return name, text(default), text(getattr(settings, setting)), effect, {setting: default}
 
 
 def rows_that_differ(settings: Any, rows: Iterable[Row]) -> list[Row]:

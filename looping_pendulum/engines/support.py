@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.engines.registry import label
 from looping_pendulum.engines.trajectory import supplies_as_rows
-from looping_pendulum.engines.validated import QUANTITIES, VALIDATED_METRICS, Spread, ValidatedQuantity
+from looping_pendulum.engines.validated import QUANTITIES, VALIDATED_METRICS
 from looping_pendulum.pages.numbers import amount
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.scenarios import loader
-from looping_pendulum.scenarios.metrics import METRICS, Metric
+from looping_pendulum.scenarios.metrics import METRICS
 
 COMMAND = "looping-pendulum engines --support --markdown > docs/support.md"
 """Command that writes the page docs/support.md."""
@@ -38,18 +38,15 @@ def tables(engines: Sequence[Engine]) -> list[Table]:
 def scenario_table(engines: Sequence[Engine]) -> Table:
     """Return a row per variant and a column per shipped scenario: "yes", or what the variant cannot represent or lacks."""
     scenarios = [loader.load(name) for name in loader.shipped()]
-    rows = []
-    for engine in engines:
-        rows.append([label(engine), kind(engine), *(_scenario_cell(engine, scenario.parameters) for scenario in scenarios)])
+
+    def cell(engine: Engine, parameters: Parameters) -> str:
+        unsupported, lacks = engine.abilities.unsupported(parameters), engine.abilities.lacks(parameters)
+        if unsupported:
+            return f"no: {unsupported}"
+        return f"without {', '.join(piece.replace('_', ' ') for piece in lacks)}" if lacks else YES
+
+    rows = [[label(engine), kind(engine), *(cell(engine, each.parameters) for each in scenarios)] for engine in engines]
     return ["variant", "kind", *(scenario.name for scenario in scenarios)], rows
-
-
-def _scenario_cell(engine: Engine, parameters: Parameters) -> str:
-    """Return whether the variant can run a scenario with ``parameters``, and without which physics."""
-    unsupported, lacks = engine.abilities.unsupported(parameters), engine.abilities.lacks(parameters)
-    if unsupported:
-        return f"no: {unsupported}"
-    return f"without {', '.join(piece.replace('_', ' ') for piece in lacks)}" if lacks else YES
 
 
 def effect_table(engines: Sequence[Engine]) -> Table:
@@ -80,31 +77,24 @@ def addition_table(engines: Sequence[Engine]) -> Table:
 
 def accuracy_tables(engines: Sequence[Engine]) -> list[Table]:
     """Return two tables with a row per variant and profile: errors over random scenarios, and the ranges of these scenarios."""
-    labelled_ranges = [(label(engine), each) for engine in engines for each in engine.abilities.validated]
     errors: list[list[str]] = []
     ranges: list[list[str]] = []
-    for name, validated in labelled_ranges:
-        ended_properly = f"{validated.scenarios - validated.failed} of {validated.scenarios}"
-        cells = [_spread_cell(METRICS[metric], validated.errors.get(metric)) for metric in VALIDATED_METRICS]
-        errors.append([name, validated.profile, ended_properly, *cells])
-        ranges.append([name, validated.profile, *(_range_cell(q, validated.bounds.get(q.name)) for q in QUANTITIES)])
+    for name, validated in ((label(engine), each) for engine in engines for each in engine.abilities.validated):
+        spreads = ((METRICS[metric].shown_in.per_si_unit, validated.errors.get(metric)) for metric in VALIDATED_METRICS)
+        bounds = ((quantity.per_unit, validated.bounds.get(quantity.name)) for quantity in QUANTITIES)
+        errors.append(
+            [
+                *(name, validated.profile, f"{validated.scenarios - validated.failed} of {validated.scenarios}"),
+                *(" / ".join(amount(e, unit) for e in (s.median, s.ninety, s.worst)) if s else "-" for unit, s in spreads),
+            ]
+        )
+        cells = (" to ".join(amount(value, unit, 3) for value in pair) if pair else "-" for unit, pair in bounds)
+        ranges.append([name, validated.profile, *cells])
     headers = [f"{q.name} [{q.unit}]" if q.unit else q.name for q in QUANTITIES]
     return [
         (["variant", "profile", "ended properly", *(METRICS[metric].column for metric in VALIDATED_METRICS)], errors),
         (["variant", "profile", *headers], ranges),
     ]
-
-
-def _spread_cell(metric: Metric, spread: Spread | None) -> str:
-    """Return median, 90 % and worst in the unit in which ``metric`` is shown."""
-    if spread is None:
-        return "-"
-    return " / ".join(amount(value, metric.shown_in.per_si_unit) for value in (spread.median, spread.ninety, spread.worst))
-
-
-def _range_cell(quantity: ValidatedQuantity, bounds: tuple[float, float] | None) -> str:
-    """Return the bounds of one quantity in the unit in which it is shown."""
-    return "-" if bounds is None else " to ".join(amount(value, quantity.per_unit, 3) for value in bounds)
 
 
 def kind(engine: Engine) -> str:
@@ -114,7 +104,12 @@ def kind(engine: Engine) -> str:
 
 def page(engines: Sequence[Engine]) -> str:
     """Return the page docs/support.md: all tables as Markdown."""
-    scenarios, effects, supplies, additions, errors, ranges = (_markdown(*each) for each in tables(engines))
+
+    def markdown(header: list[str], rows: list[list[str]]) -> str:
+        lines = [header, ["---"] * len(header), *([cell.replace("|", "\\|") for cell in row] for row in rows)]
+        return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+    scenarios, effects, supplies, additions, errors, ranges = (markdown(*each) for each in tables(engines))
     return f"""# Which engine can run what
 
 `{COMMAND}` writes this page from what every variant declares
@@ -149,9 +144,3 @@ scenario lies outside the range.
 The scenarios covered these ranges:
 
 {ranges}"""
-
-
-def _markdown(header: list[str], rows: list[list[str]]) -> str:
-    """Return a table in Markdown."""
-    lines = [header, ["---"] * len(header), *([cell.replace("|", "\\|") for cell in row] for row in rows)]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)

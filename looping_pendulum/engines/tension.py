@@ -42,21 +42,16 @@ def string_impulses(run: Trajectory, parameters: Parameters) -> tuple[Array, Arr
     p = parameters
     angle = 0.5 * (run.wrap_angle[1:] + run.wrap_angle[:-1])
     towards_rod = np.stack([np.sin(angle), -np.cos(angle)], axis=1)
-    force = _other_forces(run, p)
+    # All forces except the string's: x and y of the light mass, y of the heavy mass
+    force = np.tile(-p.coefficients["gravity"] * np.array([0.0, p.light_mass, p.heavy_mass]), (len(run.t), 1))
+    effects_force = cartesian_force(p)
+    if effects_force is not None:
+        rows = zip(run.t, *run.light_position.T, *run.light_velocity.T, run.heavy_velocity[:, 1], strict=True)
+        force += [effects_force(*map(float, row)) for row in rows]
     # The trapezoidal rule, as exact as samples of the velocity allow
     other_impulses = 0.5 * (force[1:] + force[:-1]) * np.diff(run.t)[:, None]
     light = p.light_mass * np.diff(run.light_velocity, axis=0) - other_impulses[:, :2]
     return np.sum(light * towards_rod, axis=1), p.heavy_mass * np.diff(run.heavy_velocity[:, 1]) - other_impulses[:, 2]
-
-
-def _other_forces(run: Trajectory, p: Parameters) -> Array:
-    """Return all forces except the string's: x and y of the light mass, y of the heavy mass [N], shape (n, 3)."""
-    weights = -p.coefficients["gravity"] * np.array([0.0, p.light_mass, p.heavy_mass])
-    force = cartesian_force(p)
-    if force is None:
-        return np.tile(weights, (len(run.t), 1))
-    rows = zip(run.t, *run.light_position.T, *run.light_velocity.T, run.heavy_velocity[:, 1], strict=True)
-    return np.asarray(weights + np.array([force(*map(float, row)) for row in rows]))
 
 
 def _mean_force(impulses: Array, t: Array) -> Array:

@@ -23,7 +23,7 @@ daily_without_drum = pytest.mark.parametrize(
 
 
 def run(coordinates, parameters, duration, *, profile=Profile.QUICK, **changes):
-    return simulated(MujocoEffectiveMass(coordinates=coordinates, profile=profile), parameters, duration, **changes)
+    return simulated(MujocoEffectiveMass(variant=coordinates, profile=profile), parameters, duration, **changes)
 
 
 @both
@@ -126,7 +126,7 @@ def test_held_string_goes_slack_and_is_caught(coordinates):
 def test_the_drum_ends_at_the_rod():
     # The light mass comes in faster than a step resolves; the run must end there all the same.
     p = TEN_TO_ONE.replace(rod_radius=0.03)
-    trajectory = MujocoEffectiveMass(coordinates="drum").simulate(scenario(p, 0.6))
+    trajectory = MujocoEffectiveMass(variant="drum").simulate(scenario(p, 0.6))
     assert trajectory.status is RunStatus.LIGHT_REACHED_ROD
     assert trajectory.t[-1] == pytest.approx(solve(p).end_time, abs=2e-3)
 
@@ -134,8 +134,8 @@ def test_the_drum_ends_at_the_rod():
 def test_two_rigs_in_one_process_keep_apart():
     # MuJoCo's callback is one for the whole process.
     short = scenario(TEN_TO_ONE.replace(light_drag=0.05), 0.05)
-    alone = MujocoEffectiveMass(coordinates="drum").simulate(short)
-    rigs = [MujocoEffectiveMass(coordinates="drum").build(short) for _ in range(2)]
+    alone = MujocoEffectiveMass(variant="drum").simulate(short)
+    rigs = [MujocoEffectiveMass(variant="drum").build(short) for _ in range(2)]
     for _ in range(50):
         for rig in rigs:
             rig.advance()

@@ -17,10 +17,9 @@ from looping_pendulum.engines.pybullet.chain import (
     PybulletChainSettings,
     chain_at_release,
 )
-from looping_pendulum.engines.pybullet.links import MAX_JOINTS, contact_friction, typical_wrap_angle
 from looping_pendulum.engines.pybullet.remade import SETTINGS as REMADE
 from looping_pendulum.engines.pybullet.remade import nodes_at_release
-from looping_pendulum.engines.pybullet.world import DEFAULT_NEIGHBOUR_MARGIN
+from looping_pendulum.engines.pybullet.world import DEFAULT_NEIGHBOUR_MARGIN, MAX_JOINTS, contact_friction, typical_wrap_angle
 from looping_pendulum.engines.tension import measure_capstan_exponent
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.cartesian import release_velocity

@@ -23,8 +23,7 @@ from looping_pendulum.engines.pybullet.chain import (
     with_nodes,
     with_rigid_links,
 )
-from looping_pendulum.engines.pybullet.links import ChainState
-from looping_pendulum.engines.pybullet.world import WorldStepper
+from looping_pendulum.engines.pybullet.world import ChainState, SteppedRig
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.scenario import Scenario
 from tests.apparatus import TEN_TO_ONE
@@ -93,11 +92,15 @@ class FakeWorld:
         self.impulse += self.step * self.force
         self.force = 0.0
 
+
+class Braked(SteppedRig):
+    """Applies the drag of one steady motion."""
+
     def read_motion(self):
         return 0.3, 0.1, 0.0, 1.0, 0.0
 
     def apply_forces(self, light, heavy):
-        self.force = light[1]
+        self._world.force = light[1]
 
 
 @pytest.mark.parametrize("factor", [1.0, 1 / 3, 0.4, 1.25, 10 / 9])
@@ -106,10 +109,9 @@ def test_other_steps_take_as_long_and_push_as_much(factor, force_interval):
     # Oracle: time and impulse of the same motion with steps as they are: a constant drag over one sample.
     world = FakeWorld(2e-5, force_interval)
     p = TEN_TO_ONE.replace(light_drag=1e-3)
-    drive = WorldStepper(world, p, lambda *_: factor * world.settings.time_step)
-    drive.steps(world.steps, world)
+    Braked(p, world, lambda *_: factor * world.settings.time_step).take_steps(world.steps)
     once = FakeWorld(2e-5, 1)
-    WorldStepper(once, p).steps(once.steps, once)
+    Braked(p, once).take_steps(once.steps)
     # A group of steps is divided evenly, none of them longer than is allowed
     assert world.step == pytest.approx(2e-5 * force_interval / math.ceil(force_interval / factor - 1e-9), rel=1e-12)
     assert world.time == pytest.approx(SAMPLE_INTERVAL, rel=1e-12)
@@ -120,10 +122,10 @@ def test_steps_in_other_portions_than_the_forces_are_the_same():
     # Oracle: the same steps taken at once; the variant `remade` looks at its nodes every few steps.
     worlds = [FakeWorld(2e-5, 10) for _ in range(2)]
     p = TEN_TO_ONE.replace(light_drag=1e-3)
-    whole, portions = (WorldStepper(w, p) for w in worlds)
-    whole.steps(48, worlds[0])
+    whole, portions = (Braked(p, w) for w in worlds)
+    whole.take_steps(48)
     for _ in range(12):
-        portions.steps(4, worlds[1])
+        portions.take_steps(4)
     assert worlds[0].time == worlds[1].time
     assert worlds[0].impulse == worlds[1].impulse
 

@@ -8,9 +8,9 @@ import pytest
 from looping_pendulum.engines.chain import MIN_BEADS
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.pybullet.chain import PybulletChain, PybulletDefaults
-from looping_pendulum.engines.pybullet.links import ChainState
 from looping_pendulum.engines.pybullet.point_to_point import PybulletPointToPoint
 from looping_pendulum.engines.pybullet.remade import SETTINGS, NodeChanges, PybulletRemade, RemadeRig, nodes_at_release
+from looping_pendulum.engines.pybullet.world import ChainState
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.cartesian import release_velocity
 from looping_pendulum.reference_ode.parameters import Parameters

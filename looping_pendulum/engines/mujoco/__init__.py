@@ -12,6 +12,6 @@ def engines(profile: Profile) -> list[Engine]:
     """Return every variant of this engine, in ``profile``."""
     return [
         *(MujocoTendon(variant=variant, profile=profile) for variant in ("documented", "capstan", "frictionloss", "defaults")),
-        *(MujocoEffectiveMass(coordinates=coordinates, profile=profile) for coordinates in ("effective_mass", "drum")),
+        *(MujocoEffectiveMass(variant=variant, profile=profile) for variant in ("effective_mass", "drum")),
         MujocoBeads(profile=profile),
     ]

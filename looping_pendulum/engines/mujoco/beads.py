@@ -13,22 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from looping_pendulum.engines.chain import (
-    MIN_BEADS,
-    NO_STOP,
-    ONE_COEFFICIENT,
-    STRAIGHT_STRING,
-    BeadCountRule,
-    Point,
-    SlipGauge,
-    bead_abilities,
-    bend_rungs,
-    point_on_string,
-    polygon_friction,
-    polygon_radius,
-)
+from looping_pendulum.engines.bead_rig import MAX_SLACK_FRACTION, PolygonCorrection, RebuiltBeadRig, Row
+from looping_pendulum.engines.chain import NO_STOP, ONE_COEFFICIENT, STRAIGHT_STRING, bead_abilities, bend_rungs
 from looping_pendulum.engines.mujoco.model import (
     breakdown_warnings,
     compile_model,
@@ -36,17 +22,14 @@ from looping_pendulum.engines.mujoco.model import (
     solver_defaults,
     time_constant_default,
 )
-from looping_pendulum.engines.protocol import Profile, TunedEngine, groups_per_sample
-from looping_pendulum.engines.studies import Studies, studies_from_rows
+from looping_pendulum.engines.protocol import Profile, StepGroups, TunedEngine
+from looping_pendulum.engines.studies import Studies, default_row, studies_from_rows
 from looping_pendulum.pages.numbers import quantity
-from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
-from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-from looping_pendulum.scenarios.scenario import Scenario
 
 
 @dataclass(frozen=True, kw_only=True)
-class BeadSettings:
+class BeadSettings(StepGroups, PolygonCorrection):
     """Numerical settings of the bead chain."""
 
     time_step: float
@@ -88,23 +71,6 @@ class BeadSettings:
     polygon: bool = True
     """Whether radius and friction coefficient are corrected for the polygon that represents the circle (`engines.chain`)."""
 
-    def __post_init__(self) -> None:
-        """Refuse a time step that does not divide the sample interval."""
-        groups_per_sample(self.time_step, self.steps_per_group)
-
-    @property
-    def groups_per_sample(self) -> int:
-        """Return the number of groups of steps in one sample interval."""
-        return groups_per_sample(self.time_step, self.steps_per_group)
-
-    def node_radius(self, rod_radius: float) -> float:
-        """Return the distance of a bead on the rod from the rod's centre [m]."""
-        return float(polygon_radius(rod_radius, self.bend)) if self.polygon else rod_radius
-
-    def contact_friction(self, friction: float) -> float:
-        """Return the friction coefficient of the contacts for a string with the coefficient ``friction``."""
-        return polygon_friction(friction, self.bend) if self.polygon else friction
-
 
 SETTINGS = {
     Profile.QUICK: BeadSettings(time_step=1e-5, bend=0.28, bead_mass_ratio=2e-4),
@@ -129,13 +95,28 @@ def bead_xml(parameters: Parameters, settings: BeadSettings, beads: int) -> str:
     has_string, held = p.release is not Release.DROP, p.release is Release.HELD
     heavy_mass_position = (p.rod_radius, -p.hanging_length if held else 0.0)
     bodies = [_body("light", p.light_mass, site="site0")]
-    bodies += [
-        _body(f"bead{i}", s.bead_mass_ratio * p.light_mass, site=f"site{i}", geom=_sphere(i, s.bead_radius))
-        for i in range(1, beads + 1)
-    ]
+    for i in range(1, beads + 1):
+        sphere = f'<geom name="sphere{i}" type="sphere" size="{s.bead_radius!r}"/>'
+        bodies.append(_body(f"bead{i}", s.bead_mass_ratio * p.light_mass, site=f"site{i}", geom=sphere))
     axes = "" if held else "z"
     bodies.append(_body("heavy", p.heavy_mass, site=f"site{beads + 1}", place=heavy_mass_position, axes=axes))
     links = range(beads + 1) if has_string else ()
+    time_constant, impedance = f"{s.string_time_constant!r} 1", f"{s.string_impedance!r} {s.string_impedance!r} 0.001"
+    # A straight part has an upper limit of its length
+    tendons = [
+        f'<spatial name="link{i}" limited="{"true" if i in (0, beads) else "false"}" range="0 {p.string_length!r}"'
+        f' solreflimit="{time_constant}" solimplimit="{impedance}"><site site="site{i}"/><site site="site{i + 1}"/></spatial>'
+        for i in links
+    ]
+    constraints = [
+        f'<tendon tendon1="link{i}" solref="{time_constant}" solimp="{impedance}"/>' for i in links if i not in (0, beads)
+    ]
+    friction = s.contact_friction(p.coefficients["kinetic_friction"])
+    contact = (
+        f'condim="3" solref="{s.contact_time_constant!r} 1"'
+        f' solimp="{s.least_contact_impedance!r} {s.contact_impedance!r} 0.0005" friction="{friction!r} {friction!r} 0 0 0"'
+    )
+    pairs = [f'<pair geom1="rod" geom2="sphere{i}" {contact}/>' for i in range(1, beads + 1)]
     # autoreset is off: after a breakdown MuJoCo would go on from the first state, with a mere warning
     return f"""
 <mujoco model="looping pendulum, beads">
@@ -150,9 +131,9 @@ def bead_xml(parameters: Parameters, settings: BeadSettings, beads: int) -> str:
     <geom name="rod" type="cylinder" size="{s.node_radius(p.rod_radius) - s.bead_radius!r} 0.05" euler="90 0 0"/>
     {"".join(bodies)}
   </worldbody>
-  <tendon>{"".join(_link(p, s, i, straight=i in (0, beads)) for i in links)}</tendon>
-  <equality>{"".join(_link_constraint(s, i) for i in links if i not in (0, beads))}</equality>
-  <contact>{"".join(_pair(p, s, i) for i in range(1, beads + 1))}</contact>
+  <tendon>{"".join(tendons)}</tendon>
+  <equality>{"".join(constraints)}</equality>
+  <contact>{"".join(pairs)}</contact>
 </mujoco>"""
 
 
@@ -165,41 +146,6 @@ def _body(
     inertia = f'<inertial pos="0 0 0" mass="{mass!r}" diaginertia="1e-6 1e-6 1e-6"/>'
     x, y = place
     return f'<body name="{name}" pos="{x!r} 0 {y!r}">{joints}{inertia}{geom}<site name="{site}"/></body>\n'
-
-
-def _sphere(i: int, radius: float) -> str:
-    """Return the geometry of bead ``i``."""
-    return f'<geom name="sphere{i}" type="sphere" size="{radius!r}"/>'
-
-
-def _link(parameters: Parameters, s: BeadSettings, i: int, *, straight: bool) -> str:
-    """Return tendon ``i`` of the row; a straight part has an upper limit of its length."""
-    stiffness = f'solreflimit="{s.string_time_constant!r} 1" solimplimit="{s.string_impedance!r} {s.string_impedance!r} 0.001"'
-    limit = f'limited="{"true" if straight else "false"}" range="0 {parameters.string_length!r}" {stiffness}'
-    return f'<spatial name="link{i}" {limit}><site site="site{i}"/><site site="site{i + 1}"/></spatial>\n'
-
-
-def _link_constraint(s: BeadSettings, i: int) -> str:
-    """Return the equality constraint that keeps the length of link ``i`` between two beads."""
-    solver = f'solref="{s.string_time_constant!r} 1" solimp="{s.string_impedance!r} {s.string_impedance!r} 0.001"'
-    return f'<tendon tendon1="link{i}" {solver}/>'
-
-
-def _pair(parameters: Parameters, s: BeadSettings, i: int) -> str:
-    """Return the contact of bead ``i`` with the rod, with the scenario's friction coefficient."""
-    friction = s.contact_friction(parameters.coefficients["kinetic_friction"])
-    solver = (
-        f'solref="{s.contact_time_constant!r} 1" solimp="{s.least_contact_impedance!r} {s.contact_impedance!r} 0.0005"'
-        f' friction="{friction!r} {friction!r} 0 0 0"'
-    )
-    return f'<pair geom1="rod" geom2="sphere{i}" condim="3" {solver}/>'
-
-
-SLACK_FRACTION = 1e-3
-"""A straight part shorter than its string by more than this fraction is slack; then no bead is added or removed there."""
-
-Row = Sequence[float] | Array
-"""Values of all degrees of freedom."""
 
 
 class _CompiledModel:
@@ -221,93 +167,61 @@ class _CompiledModel:
         self.breakdown_warnings = breakdown_warnings(mujoco, self.data)
 
 
-class BeadRig:
-    """The apparatus in MuJoCo, with one model for every number of beads, compiled when it is first needed."""
+class MujocoBeadRig(RebuiltBeadRig):
+    """The apparatus in MuJoCo, with one compiled model for every number of beads."""
+
+    _model: _CompiledModel
 
     def __init__(self, parameters: Parameters, settings: BeadSettings) -> None:
         import mujoco
 
-        p = parameters
         self._mujoco: Any = mujoco
-        self._step: Any = mujoco.mj_step
-        self._parameters, self._settings = p, settings
-        self._node_radius = settings.node_radius(p.rod_radius)
-        self._bead_rule = BeadCountRule(p.rod_radius, settings.bend, self._node_radius)
-        self._link_length = self._bead_rule.link_length
+        self._heavy_dofs = 0 if parameters.release is Release.HELD else 1
         softness = settings.string_impedance * settings.string_time_constant
-        self._turning_shift = (
-            softness * softness
-        )  # compensates for l omega^2, which MuJoCo leaves out of a tendon's acceleration
-        self._has_string, self._held = p.release is not Release.DROP, p.release is Release.HELD
-        self._heavy_dofs = 0 if self._held else 1
-        self._force = cartesian_force(p)
-        self._compiled: dict[int, _CompiledModel] = {}
-        self._slip = SlipGauge()
-        self._place_chain()
-
-    def advance(self) -> None:
-        """Step through one sample interval, in groups of steps."""
-        for _ in range(self._settings.groups_per_sample):
-            places = self._current.qpos.tolist()
-            self._prepare(self._update_beads(places) if self._has_string else places)
-            # One call for the whole group, which spares Python between its steps
-            self._step(self._current.model, self._current.data, self._settings.steps_per_group)
+        # Compensates for l omega^2, which MuJoCo leaves out of a tendon's acceleration
+        self._turning_shift = softness * softness
+        super().__init__(parameters, settings)
 
     def read(self) -> tuple[float, ...]:
         """Return positions [m], velocities [m/s], string stretch and slip [m]: `COLUMNS` without the time."""
-        if any(warning.number for warning in self._current.breakdown_warnings):
+        if any(warning.number for warning in self._model.breakdown_warnings):
             return (math.nan,) * 10
-        x, y = self._current.qpos[:2].tolist()
-        vx, vy = self._current.qvel[:2].tolist()
-        heavy_y, heavy_v = self._heavy_mass_state()
-        return (x, y, vx, vy, self._parameters.rod_radius, heavy_y, 0.0, heavy_v, *self._stretch_and_slip())
+        return super().read()
 
-    def _place_chain(self) -> None:
-        """Place the chain along the taut string, with the release's velocities."""
-        p, bend = self._parameters, self._settings.bend
-        vx, vy, heavy_v = release_velocity(p)
-        # The outermost bead stands at most half a link before or behind the tangent point.
-        count = max(round(p.release_angle / bend) + 1, MIN_BEADS) if self._has_string else 0
-        first = p.release_angle - 0.5 * (p.release_angle - (count - 1) * bend)
-        angles = [first - i * bend for i in range(count)]
-        light = point_on_string(p, 0.0, p.rod_radius)
-        beads = [(self._node_radius * math.cos(a), self._node_radius * math.sin(a)) for a in angles]
-        rows = [light, *beads, (p.rod_radius, -p.hanging_length)]
-        self.lengths = [math.dist(a, b) for a, b in zip(rows[:-1], rows[1:], strict=True)]
-        sliding = [(-heavy_v * math.sin(a), heavy_v * math.cos(a)) for a in angles]
-        # Cut off: a heavy mass that is held has no coordinate
-        places = np.array([*light, *np.ravel(beads), -p.hanging_length][: 2 * count + 2 + self._heavy_dofs])
-        speeds = np.array([vx, vy, *np.ravel(sliding), heavy_v][: 2 * count + 2 + self._heavy_dofs])
-        self._switch_model(count, 0.0, places, speeds, np.zeros_like(places))
+    def _build_model(self, beads: int) -> _CompiledModel:
+        return _CompiledModel(self._mujoco, bead_xml(self._parameters, self._settings, beads))
 
-    def _switch_model(self, beads: int, time: float, qpos: Row, qvel: Row, warm_start: Row) -> None:
-        """Continue with the model of ``beads`` beads, from the given state."""
-        if beads not in self._compiled:
-            self._compiled[beads] = _CompiledModel(self._mujoco, bead_xml(self._parameters, self._settings, beads))
-        self._beads, self._current = beads, self._compiled[beads]
-        current = self._current
+    def _use_model(self, beads: int, rows: Sequence[Row]) -> None:
+        time = self._model.data.time if self._models else 0.0
+        super()._use_model(beads, rows)
+        current, last = self._model, 2 * beads + 2 + self._heavy_dofs
         current.data.time = time
-        current.qpos[:], current.qvel[:], current.warm_start[:] = qpos, qvel, warm_start
+        # Cut off: a heavy mass that is held has no coordinate
+        current.qpos[:], current.qvel[:], current.warm_start[:] = (row[:last] for row in rows)
         if self._has_string:
             current.max_straight_lengths[0], current.max_straight_lengths[beads] = self.lengths[0], self.lengths[beads]
             current.link_length_offsets[:] = self.lengths[1:beads]
             current.link_length_offsets -= current.natural_lengths[1:beads]
 
-    def _heavy_mass_state(self) -> tuple[float, float]:
-        """Return height [m] and upward velocity [m/s] of the heavy mass."""
-        if self._held:
-            return -self._parameters.hanging_length, 0.0
-        return float(self._current.qpos[-1]), float(self._current.qvel[-1])
+    def _rows(self) -> tuple[Row, ...]:
+        current = self._model
+        rows: tuple[Row, ...] = current.qpos.tolist(), current.qvel.tolist(), current.warm_start.tolist()
+        if self._is_held:
+            for row, heavy in zip(rows, (-self._parameters.hanging_length, 0.0, 0.0), strict=True):
+                row.append(heavy)
+        return rows
 
-    def _prepare(self, places: list[float]) -> None:
-        """Set the applied forces and the limit of the light mass's straight part for the coming group of steps."""
-        current = self._current
-        speeds = current.qvel.tolist()
-        x, y, vx, vy = places[0], places[1], speeds[0], speeds[1]
+    def _is_slack(self, end: int, distance: float) -> bool:
+        return distance < (1 - MAX_SLACK_FRACTION) * self.lengths[self._straight_index(end)]
+
+    def _advance_group(self) -> None:
+        """Set the applied forces and the limit of the light mass's straight part, and take a group of steps."""
+        current = self._model
+        places, speeds, _ = self._rows()
+        (x, y), (vx, vy) = places[:2], speeds[:2]
         if self._force is not None:
-            heavy_v = 0.0 if self._held else speeds[-1]
-            current.applied[0], current.applied[1], heavy = self._force(current.data.time, x, y, vx, vy, heavy_v)
-            if not self._held:
+            current.applied[0], current.applied[1], heavy = self._force(current.data.time, x, y, vx, vy, speeds[-1])
+            if not self._is_held:
                 current.applied[-1] = heavy
         if self._has_string:
             x, y = x - places[2], y - places[3]
@@ -315,76 +229,8 @@ class BeadRig:
             across = x * vy - y * vx  # without the bead's velocity, which is sliding along the string
             turning = across * across / (square * math.sqrt(square))
             current.max_straight_lengths[0] = self.lengths[0] - self._turning_shift * turning
-
-    def _update_beads(self, places: list[float]) -> list[float]:
-        """Add or remove a bead on either straight part, if needed; take and return the coordinates ``places`` of all bodies."""
-        if self._update_end(0, places[:2], places[2:4], places[4:6]):
-            places = self._current.qpos.tolist()
-        last = 2 * self._beads
-        heavy = (self._parameters.rod_radius, -self._parameters.hanging_length if self._held else places[-1])
-        if self._update_end(self._beads, heavy, places[last : last + 2], places[last - 2 : last]):
-            places = self._current.qpos.tolist()
-        return places
-
-    def _update_end(self, link: int, mass: Point, end: Point, following: Point) -> bool:
-        """Add or remove a bead, if needed, between ``mass`` and the outermost bead ``end``, which straight ``link`` connects.
-
-        Return whether the number of beads has changed.
-        """
-        distance = math.dist(mass, end)
-        if distance < (1 - SLACK_FRACTION) * self.lengths[link]:
-            return False
-        change = self._bead_rule.bead_count_change(mass, end, following, self.lengths[link], self._beads)
-        if change > 0:
-            self._add_bead(link, self._link_length / distance)
-        elif change < 0:
-            self._remove_bead(link)
-        return change != 0
-
-    def _add_bead(self, link: int, fraction: float) -> None:
-        """Put a bead on the straight ``link``, at this ``fraction`` of the way from the outermost bead to the mass."""
-        count = self._beads
-        heavy_y, heavy_v = self._heavy_mass_state()
-        at, bead = (2, 2) if link == 0 else (2 * count + 2, 2 * count)
-
-        def with_bead(row: list[float], heavy: tuple[float, float]) -> list[float]:
-            # Position, velocity and acceleration of the new bead are all interpolated, so that the motion stays smooth.
-            mass_x, mass_y = row[:2] if link == 0 else heavy
-            x, y = row[bead : bead + 2]
-            return [*row[:at], x + fraction * (mass_x - x), y + fraction * (mass_y - y), *row[at:]]
-
-        rest = self.lengths[link] - self._link_length
-        self.lengths[link : link + 1] = [rest, self._link_length] if link == 0 else [self._link_length, rest]
-        places, speeds, accelerations = self._state_rows()
-        self._switch_model(
-            count + 1,
-            self._current.data.time,
-            with_bead(places, (self._parameters.rod_radius, heavy_y)),
-            with_bead(speeds, (0.0, heavy_v)),
-            with_bead(accelerations, (0.0, 0.0)),
-        )
-
-    def _remove_bead(self, link: int) -> None:
-        """Remove the outermost bead, so that the straight ``link`` gets longer."""
-        count = self._beads
-        first = 2 if link == 0 else 2 * count
-        joined = slice(0, 2) if link == 0 else slice(count - 1, count + 1)
-        self.lengths[joined] = [math.fsum(self.lengths[joined])]
-        places, speeds, accelerations = (row[:first] + row[first + 2 :] for row in self._state_rows())
-        self._switch_model(count - 1, self._current.data.time, places, speeds, accelerations)
-
-    def _state_rows(self) -> tuple[list[float], list[float], list[float]]:
-        """Return coordinates, velocities, and the accelerations from which MuJoCo's solver starts."""
-        return self._current.qpos.tolist(), self._current.qvel.tolist(), self._current.warm_start.tolist()
-
-    def _stretch_and_slip(self) -> tuple[float, float]:
-        """Return how much longer than its rest length the string is (negative: it is slack), and how far it has slid [m]."""
-        if not self._has_string:
-            return math.nan, math.nan
-        places = self._current.qpos[: 2 * self._beads + 2].reshape(-1, 2).tolist()
-        places.append((self._parameters.rod_radius, self._heavy_mass_state()[0]))
-        stretch = math.fsum(map(math.dist, places[:-1], places[1:])) - math.fsum(self.lengths)
-        return stretch, self._slip.read(places, self.lengths)
+        # One call for the whole group, which spares Python between its steps
+        self._mujoco.mj_step(current.model, current.data, self._settings.steps_per_group)
 
 
 class MujocoBeads(TunedEngine):
@@ -394,13 +240,13 @@ class MujocoBeads(TunedEngine):
     distribution = "mujoco"
     variant = "beads"
     settings_by_profile = SETTINGS
+    rig = MujocoBeadRig
     settings: BeadSettings
     abilities = bead_abilities(
         "mujoco:beads",
         quick_cost=4.0,
         rod="cylinder",
         stick_slip="the solver keeps friction within its elliptic cone",
-        packages=("mujoco",),
         summary="Beads on links of fixed length over a cylinder, a limited tendon for each straight part of the string.",
         limits=(
             ONE_COEFFICIENT,
@@ -410,10 +256,6 @@ class MujocoBeads(TunedEngine):
         ),
         bead_mass_ratio=SETTINGS[Profile.QUICK].bead_mass_ratio,
     )
-
-    def build(self, scenario: Scenario) -> BeadRig:
-        """Rebuild the scenario's apparatus at the moment of release."""
-        return BeadRig(scenario.parameters, self.settings)
 
     def studies(self) -> Studies:
         """Return the studies: step, softness, links and their mass; MuJoCo's defaults; the polygon and the updates of beads."""
@@ -446,14 +288,8 @@ class MujocoBeads(TunedEngine):
                     "how much of a contact is enforced",
                     {"least_contact_impedance": 0.9, "contact_impedance": 0.95},
                 ),
-                ("cone", "pyramidal", s.cone, "shape of the friction cone", {"cone": "pyramidal"}),
-                (
-                    "impratio",
-                    "1",
-                    f"{s.friction_to_normal_impedance:g}",
-                    "how much harder friction is than contact",
-                    {"friction_to_normal_impedance": 1.0},
-                ),
+                default_row(s, "cone", "pyramidal", "cone", "shape of the friction cone"),
+                default_row(s, "friction_to_normal_impedance", 1.0, "impratio", "how much harder friction is than contact"),
                 *solver_defaults(s, steps_per_group=1),
             ),
             choices=(

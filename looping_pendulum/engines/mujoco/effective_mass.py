@@ -21,28 +21,26 @@ from looping_pendulum.engines.mujoco.model import (
     SWITCH_DOWN,
     SWITCH_UP,
     TAUT_MARGIN,
+    WRAPPED_TENDON,
     AlternatingTendons,
+    StringRig,
     StringSettings,
-    breakdown_warnings,
-    compile_model,
+    kinematics,
     model_xml,
     softness_rungs,
     step_rungs,
     string_defaults,
 )
 from looping_pendulum.engines.protocol import (
-    APPLIED_DRAG,
     FORCES_AND_RELEASE,
     Abilities,
     Profile,
     TunedEngine,
-    steps_per_sample,
 )
 from looping_pendulum.engines.shipped import shipped_abilities
-from looping_pendulum.engines.studies import Studies, studies_from_rows
-from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
+from looping_pendulum.engines.studies import Studies, default_row, studies_from_rows
+from looping_pendulum.engines.trajectory import Supplier, Supply
 from looping_pendulum.reference_ode import effects
-from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
 from looping_pendulum.reference_ode.effects import EffectKind, Kinematics
 from looping_pendulum.reference_ode.geometry import light_position, next_string_coordinates
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -93,43 +91,25 @@ class EffectiveMassMotion(Enum):
     """The rod holds the string, and the heavy mass is locked."""
 
 
-class EffectiveMassRig(abc.ABC):
+class EffectiveMassRig(StringRig, abc.ABC):
     """The apparatus in MuJoCo, with a heavy mass that changes at every step; a subclass defines the light mass's coordinates.
 
-    Parameters
-    ----------
-    parameters, settings
-        Physics and numerics.
-    xml
-        MuJoCo model: two degrees of freedom of the light mass, that of the heavy mass, and an equality constraint to lock it.
-    end_length
-        Free length [m] below which the rig stops.
+    An equality constraint of its model locks the heavy mass.
     """
 
     def __init__(self, parameters: Parameters, settings: EffectiveMassSettings, xml: str, end_length: float) -> None:
-        import mujoco
-
         p = parameters
-        self._mujoco: Any = mujoco
-        self._model: Any = compile_model(mujoco, xml)
-        self._data: Any = mujoco.MjData(self._model)
-        self._qpos, self._qvel, self._qacc = self._data.qpos, self._data.qvel, self._data.qacc
+        super().__init__(p, settings, xml, end_length)
         self._passive_force = self._data.qfrc_passive
-        self._breakdowns = breakdown_warnings(mujoco, self._data)
-        self._dt, self._steps = settings.time_step, steps_per_sample(settings.time_step)
         self._split = settings.split_steps
-        self._parameters, self._values, self._effects = p, p.values(), p.effects
+        self._values, self._effects = p.values(), p.effects
         self._weight = p.heavy_mass * p.coefficients["gravity"]
-        self._has_string, self._held = p.release is not Release.DROP, p.release is Release.HELD
-        self._heavy_body = mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_BODY, "heavy")
-        self._end_length = end_length if self._has_string else -math.inf
-        self._force = cartesian_force(p)
+        self._heavy_body = self._mujoco.mj_name2id(self._model, self._mujoco.mjtObj.mjOBJ_BODY, "heavy")
         self._mass_ratio = 1.0
         self._motion = EffectiveMassMotion.FREE
         self._catch_time = settings.catch_time
         self._catch_stretch, self._last_stretch = 0.0, 0.0
         self._substeps, self._time_constants = 1, self._model.tendon_solref_lim[:, 0].copy()
-        self._release_velocity = release_velocity(p)
 
     @abc.abstractmethod
     def _light_mass_state(self, ahead: float = 0.0) -> tuple[float, float, float, float]:
@@ -153,7 +133,10 @@ class EffectiveMassRig(abc.ABC):
         try:
             for _ in range(self._steps):
                 parts = self._substep_count()
-                self._scale_time_constants(parts)
+                if parts != self._substeps:
+                    # As many substeps as before: a softer string would be stretched as it turns
+                    self._substeps = parts
+                    self._model.tendon_solref_lim[:, 0] = self._time_constants / parts
                 for _ in range(parts):
                     if self._string_coordinates()[0] <= self._end_length:
                         return
@@ -161,13 +144,8 @@ class EffectiveMassRig(abc.ABC):
         finally:
             self._mujoco.set_mjcb_passive(None)
 
-    def read(self) -> tuple[float, ...]:
-        """Return positions [m], velocities [m/s] and string stretch [m]: `COLUMNS` without the time."""
-        if any(warning.number for warning in self._breakdowns):
-            return (math.nan,) * 9
-        x, y, vx, vy = self._light_mass_state()
-        stretch = self._stretch() if self._has_string else math.nan
-        return (x, y, vx, vy, self._parameters.rod_radius, self._heavy_height(), 0.0, self._heavy_speed(), stretch)
+    def _read_motion(self) -> tuple[float, ...]:
+        return (*self._light_mass_state(), self._heavy_speed())
 
     def _initialise(self) -> None:
         """Determine the motion of the string at release; a subclass calls it after setting its coordinates."""
@@ -194,12 +172,6 @@ class EffectiveMassRig(abc.ABC):
         turn = self._dt * math.hypot(vx, vy) / length * max(self._parameters.rod_radius / length, 1.0)
         # A run that breaks down is left to `read`
         return max(math.ceil(turn / MAX_TURN_PER_STEP), 1) if math.isfinite(turn) else 1
-
-    def _scale_time_constants(self, parts: int) -> None:
-        """Keep the string's time constant the same number of substeps; a softer string would be stretched as it turns."""
-        if parts != self._substeps:
-            self._substeps = parts
-            self._model.tendon_solref_lim[:, 0] = self._time_constants / parts
 
     def _advance_step(self, length: float) -> None:
         """Take one step of ``length`` [s], split where the motion changes within it.
@@ -236,7 +208,10 @@ class EffectiveMassRig(abc.ABC):
         """Let MuJoCo take a step of ``length`` [s], with the heavy mass of its middle."""
         self._decay_catch_stretch(length)
         middle = self._kinematics(0.5 * length)
-        self._mass_ratio = self._required_mass_ratio(middle)
+        self._mass_ratio = 1.0
+        if self._motion in (EffectiveMassMotion.UP, EffectiveMassMotion.DOWN):
+            exponent = max(effects.sliding_exponent(math, middle, self._values, self._effects), 0.0)
+            self._mass_ratio = math.exp(self._motion.value * exponent)
         self._set_mass()
         self._prepare(middle)
         self._model.opt.timestep = length
@@ -258,32 +233,12 @@ class EffectiveMassRig(abc.ABC):
         if not self._held:
             self._model.body_mass[self._heavy_body] = self._parameters.heavy_mass * self._mass_ratio
 
-    def _required_mass_ratio(self, k: Kinematics) -> float:
-        """Return 1 / E, the factor of the heavy mass."""
-        if self._motion not in (EffectiveMassMotion.UP, EffectiveMassMotion.DOWN):
-            return 1.0
-        exponent = max(effects.sliding_exponent(math, k, self._values, self._effects), 0.0)
-        return math.exp(self._motion.value * exponent)
-
     def _kinematics(self, ahead: float) -> Kinematics:
         """Return the kinematics on which the effects depend, extrapolated by ``ahead`` [s] to first order."""
         _, _, vx, vy = self._light_mass_state(ahead)
         length, angle = self._string_coordinates(ahead)
-        cosine, sine = math.cos(angle), math.sin(angle)
-        radial_speed, transverse_speed = vy * cosine - vx * sine, -(vx * cosine + vy * sine)
         heavy = self._heavy_speed() + (0.0 if self._held else ahead * float(self._qacc[HEAVY_DOF]))
-        speed = math.hypot(vx, vy)
-        return Kinematics(
-            self._data.time + ahead,
-            length,
-            angle,
-            radial_speed,
-            transverse_speed,
-            abs(transverse_speed),
-            speed,
-            heavy,
-            abs(heavy),
-        )
+        return kinematics(self._data.time + ahead, length, angle, vx, vy, heavy)
 
     def _passive(self, model: Any, data: Any) -> None:
         """Apply the effects' forces; MuJoCo calls this at every stage of its integrator."""
@@ -344,10 +299,6 @@ class EffectiveMassRig(abc.ABC):
         if falls < 0 or rises < 0:
             self._motion = EffectiveMassMotion.DOWN if falls < 0 else EffectiveMassMotion.UP
             self._data.eq_active[LOCK_ROW] = 0
-
-    def _heavy_height(self) -> float:
-        """Return the height of the heavy mass [m]."""
-        return -self._parameters.hanging_length if self._held else float(self._qpos[HEAVY_DOF])
 
     def _heavy_speed(self) -> float:
         """Return the upward velocity of the heavy mass [m/s]."""
@@ -503,20 +454,16 @@ SETTINGS = {
 """Variant and profile -> settings."""
 
 
-def _abilities(variant: str, winding: Supply, string: str, *limits: str) -> Abilities:
+def _abilities(variant: str, winding: str | Supply, string: str, *limits: str) -> Abilities:
     """Return the abilities of a variant with this ``string``."""
     friction = "heavy mass times exp(sign(v2) mu theta), which is the capstan law while it slides"
     stick_slip = "finds the stop within the step and locks the heavy mass while the rod can hold it"
     return shipped_abilities(
         f"mujoco:{variant}",
         effect_kinds=FORCES_AND_RELEASE | {EffectKind.STRING_LAW},
-        supplies=Supplies(
-            winding=winding,
-            friction_law=Supply(by=Supplier.ADAPTER, how=friction),
-            stick_slip=Supply(by=Supplier.ADAPTER, how=stick_slip),
-            drag=APPLIED_DRAG,
-        ),
-        packages=("mujoco",),
+        winding=winding,
+        friction_law=Supply(by=Supplier.ADAPTER, how=friction),
+        stick_slip=Supply(by=Supplier.ADAPTER, how=stick_slip),
         summary=f"{string}, friction as a factor on the heavy mass.",
         limits=(
             "the pull of a string that becomes taut has friction the way the heavy mass moved before; the reference: the way "
@@ -531,7 +478,7 @@ def _abilities(variant: str, winding: Supply, string: str, *limits: str) -> Abil
 _ABILITIES = {
     "effective_mass": _abilities(
         "effective_mass",
-        Supply(by=Supplier.ENGINE, how="spatial tendon wrapped over a cylinder; the adapter counts turns, using two in turn"),
+        WRAPPED_TENDON,
         "Two spatial tendons used in turn over a cylinder",
     ),
     "drum": _abilities(
@@ -550,30 +497,16 @@ _ABILITIES = {
 class MujocoEffectiveMass(TunedEngine):
     """MuJoCo with the capstan law as a factor on the heavy mass.
 
-    Parameters
-    ----------
-    coordinates
-        Coordinates of the light mass, after which the variant is called: "effective_mass" for x and y, where the string is a
-        spatial tendon, or "drum" for wrap angle and free length, where it is a fixed tendon.
-    profile
-        Chooses the settings.
-    settings
-        Replaces the profile's settings, for studies of convergence.
+    The variants are called after the coordinates of the light mass: "effective_mass" for x and y, where the string is a spatial
+    tendon, or "drum" for wrap angle and free length, where it is a fixed tendon.
     """
 
     name = "mujoco"
     distribution = "mujoco"
+    variant = "effective_mass"
+    variants = _ABILITIES
+    settings_by_profile = SETTINGS
     settings: EffectiveMassSettings
-
-    def __init__(
-        self,
-        *,
-        coordinates: str = "effective_mass",
-        profile: Profile = Profile.QUICK,
-        settings: EffectiveMassSettings | None = None,
-    ) -> None:
-        super().__init__(profile=profile, settings=settings if settings is not None else SETTINGS[coordinates, profile])
-        self.variant, self.abilities = coordinates, _ABILITIES[coordinates]
 
     def build(self, scenario: Scenario) -> EffectiveMassRig:
         """Rebuild the scenario's apparatus at the moment of release."""
@@ -597,12 +530,12 @@ class MujocoEffectiveMass(TunedEngine):
             ),
             defaults=(
                 *string_defaults(s),
-                (
-                    "body simple",
+                default_row(
+                    s,
+                    "simple",
                     "auto",
-                    s.simple,
+                    "body simple",
                     "whether a body that only slides keeps the mass that it was compiled with",
-                    {"simple": "auto"},
                 ),
             ),
             choices=(

@@ -7,9 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
-from looping_pendulum.engines.studies import DefaultRow, LadderRow
+from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, steps_per_sample
+from looping_pendulum.engines.studies import DefaultRow, LadderRow, default_row
 from looping_pendulum.pages.numbers import quantity
+from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
+from looping_pendulum.reference_ode.effects import Kinematics
 from looping_pendulum.reference_ode.geometry import light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
@@ -28,6 +30,8 @@ It differs from `SWITCH_UP` - pi, so that a light mass that swings to and fro th
 """
 TAUT_MARGIN = 1e-9
 """Length by which the string's limit is reduced [m], so that a string exactly at its rest length counts as taut."""
+WRAPPED_TENDON = "spatial tendon wrapped over a cylinder; the adapter counts turns, using two in turn"
+"""How MuJoCo supplies the winding with `AlternatingTendons`."""
 
 
 class AlternatingTendons:
@@ -72,6 +76,64 @@ class AlternatingTendons:
         self.rest_length = self._string_length - (self._half_turns // 2) * self._string_per_turn
         self._limit_enabled[self.tendon] = 1
         self._limit_enabled[1 - self.tendon] = 0
+
+
+class StringRig:
+    """The apparatus in MuJoCo with a string that is one constraint; a subclass steps it.
+
+    Parameters
+    ----------
+    parameters, settings
+        Physics and numerics.
+    xml
+        MuJoCo model: two degrees of freedom of the light mass, then that of the heavy mass.
+    end_length
+        Free length [m] below which the rig stops, because the light mass would run into the rod.
+    """
+
+    def __init__(self, parameters: Parameters, settings: StringSettings, xml: str, end_length: float) -> None:
+        import mujoco
+
+        p = parameters
+        self._mujoco: Any = mujoco
+        self._model: Any = compile_model(mujoco, xml)
+        self._data: Any = mujoco.MjData(self._model)
+        self._qpos, self._qvel, self._qacc = self._data.qpos, self._data.qvel, self._data.qacc
+        self._breakdowns = breakdown_warnings(mujoco, self._data)
+        self._dt, self._steps = settings.time_step, steps_per_sample(settings.time_step)
+        self._parameters = p
+        self._has_string, self._held = p.release is not Release.DROP, p.release is Release.HELD
+        self._end_length = end_length if self._has_string else -math.inf
+        self._force = cartesian_force(p)
+        self._release_velocity = release_velocity(p)
+
+    def read(self) -> tuple[float, ...]:
+        """Return positions [m], velocities [m/s] and string stretch [m]: `COLUMNS` without the time."""
+        if any(warning.number for warning in self._breakdowns):
+            return (math.nan,) * 9
+        x, y, vx, vy, heavy_v = self._read_motion()
+        stretch = self._stretch() if self._has_string else math.nan
+        return (x, y, vx, vy, self._parameters.rod_radius, self._heavy_height(), 0.0, heavy_v, stretch)
+
+    def _read_motion(self) -> tuple[float, ...]:
+        """Return x, y [m], vx, vy [m/s] of the light mass, and the upward velocity of the heavy mass [m/s]."""
+        raise NotImplementedError
+
+    def _stretch(self) -> float:
+        """Return how much longer than its rest length the string is [m]."""
+        raise NotImplementedError
+
+    def _heavy_height(self) -> float:
+        """Return the height of the heavy mass [m]."""
+        return -self._parameters.hanging_length if self._held else float(self._qpos[HEAVY_DOF])
+
+
+def kinematics(time: float, free_length: float, wrap_angle: float, vx: float, vy: float, heavy_vy: float) -> Kinematics:
+    """Return the kinematics on which the effects depend, from those of the string and the masses' velocities [m/s]."""
+    cosine, sine = math.cos(wrap_angle), math.sin(wrap_angle)
+    retreat, across = vy * cosine - vx * sine, -(vx * cosine + vy * sine)
+    speed = math.hypot(vx, vy)
+    return Kinematics(time, free_length, wrap_angle, retreat, across, abs(across), speed, heavy_vy, abs(heavy_vy))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -221,8 +283,7 @@ def softness_rungs(setting: str, time_step: float) -> LadderRow:
 
 def time_constant_default(settings: Any, setting: str, name: str, effect: str) -> DefaultRow:
     """Return MuJoCo's default time constant for one kind of constraint as a hidden default."""
-    default, ours = quantity(DEFAULT_TIME_CONSTANT, "s", 3), quantity(getattr(settings, setting), "s", 3)
-    return name, default, ours, effect, {setting: DEFAULT_TIME_CONSTANT}
+    return default_row(settings, setting, DEFAULT_TIME_CONSTANT, name, effect, unit="s")
 
 
 def string_defaults(settings: StringSettings) -> tuple[DefaultRow, ...]:
@@ -255,8 +316,8 @@ def solver_defaults(settings: Any, **with_long_step: Any) -> tuple[DefaultRow, .
             "length of a step",
             {"time_step": SAMPLE_INTERVAL} | with_long_step,
         ),
-        ("integrator", "Euler", s.integrator, "how a step is taken", {"integrator": "Euler"}),
-        ("jacobian", "auto", s.jacobian, "sparse or dense algebra: dense below 60 degrees of freedom", {"jacobian": "auto"}),
-        ("iterations", "100", f"{s.solver_iterations}", "of the solver, at most", {"solver_iterations": 100}),
+        default_row(s, "integrator", "Euler", "integrator", "how a step is taken"),
+        default_row(s, "jacobian", "auto", "jacobian", "sparse or dense algebra: dense below 60 degrees of freedom"),
+        default_row(s, "solver_iterations", 100, "iterations", "of the solver, at most"),
         ("tolerance", "1e-8", f"{s.solver_tolerance:g}", "where the solver stops early", {"solver_tolerance": 1e-8}),
     )

@@ -24,10 +24,11 @@ from looping_pendulum.engines.mujoco.model import (
     SWITCH_DOWN,
     SWITCH_UP,
     TAUT_MARGIN,
+    WRAPPED_TENDON,
     AlternatingTendons,
+    StringRig,
     StringSettings,
-    breakdown_warnings,
-    compile_model,
+    kinematics,
     model_xml,
     softness_rungs,
     step_rungs,
@@ -35,20 +36,17 @@ from looping_pendulum.engines.mujoco.model import (
     time_constant_default,
 )
 from looping_pendulum.engines.protocol import (
-    APPLIED_DRAG,
     FORCES_AND_RELEASE,
     SAMPLE_INTERVAL,
     Abilities,
     Profile,
     TunedEngine,
-    steps_per_sample,
 )
 from looping_pendulum.engines.shipped import shipped_abilities
 from looping_pendulum.engines.studies import AdapterChoice, Studies, studies_from_rows
-from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
+from looping_pendulum.engines.trajectory import Supplier, Supply
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode import effects
-from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
 from looping_pendulum.reference_ode.effects import EffectKind, Kinematics
 from looping_pendulum.reference_ode.geometry import next_string_coordinates
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -100,15 +98,13 @@ FRICTION_ROW, STRING_ROW = 0, 1
 """MuJoCo's constraint rows: friction losses come first, then the limits that are reached; a slack string has no row."""
 
 
-class TendonRig:
+class TendonRig(StringRig):
     """The apparatus in MuJoCo.
 
     Parameters
     ----------
-    parameters, settings
-        Physics and numerics.
-    end_length
-        Free length [m] below which the rig stops, because the light mass would run into the rod.
+    parameters, settings, end_length
+        As for `StringRig`.
     capstan
         Whether the effects' string laws act between string and rod.
     friction_loss
@@ -119,50 +115,39 @@ class TendonRig:
         self,
         parameters: Parameters,
         settings: TendonSettings,
-        *,
         end_length: float,
+        *,
         capstan: bool = False,
         friction_loss: float = 0.0,
     ) -> None:
-        import mujoco
-
         p = parameters
         time_constant = settings.friction_time_constant
         xml = model_xml(p, settings, friction_time_constant=time_constant, friction_loss=friction_loss)
-        self._model: Any = compile_model(mujoco, xml)
-        self._data: Any = mujoco.MjData(self._model)
-        self._mj_step, self._mj_forward, self._mj_position = mujoco.mj_step, mujoco.mj_forward, mujoco.mj_fwdPosition
-        self._qpos, self._qvel, self._qacc = self._data.qpos, self._data.qvel, self._data.qacc
+        super().__init__(p, settings, xml, end_length)
         self._applied = self._data.qfrc_applied
-        self._breakdowns = breakdown_warnings(mujoco, self._data)
-        self._dt, self._steps = settings.time_step, steps_per_sample(settings.time_step)
         self._half_step = 0.5 * settings.time_step if settings.corrections else 0.0
-        self._rest_speed = settings.rest_speed
-        self._radius, self._hanging, self._string_length = p.rod_radius, p.hanging_length, p.string_length
-        self._has_string, self._held = p.release is not Release.DROP, p.release is Release.HELD
+        self._rest_speed, self._values = settings.rest_speed, p.values()
         self._free_length, self._wrap_angle = p.free_length, p.release_angle
-        self._end_length = end_length if self._has_string else -math.inf
         # MuJoCo leaves the string's turning (l omega^2) out of a tendon's acceleration. The string's length limit is shifted by
         # the amount that pulls equally strongly. The constraint's damping uses velocities half a step old, which already pulls
         # a part of it.
         softness = settings.impedance * settings.string_time_constant
         self._corrections = settings.corrections
         self._turning_shift = softness * softness * (1 - self._dt / softness)
-        self._force = cartesian_force(p)
-        self._release_velocity = release_velocity(p)
-        gripping = capstan and self._has_string and not self._held
-        self._capstan_friction = (
-            CapstanFriction(p, self._model, self._data, settings, self._release_velocity[HEAVY_DOF]) if gripping else None
-        )
-        self._has_friction = gripping or friction_loss > 0
+        self._friction_bound = self._model.dof_frictionloss
+        self._has_capstan = capstan and self._has_string and not self._held
+        if self._has_capstan:
+            self._friction_bound[HEAVY_DOF] = NO_FRICTION
+        self._has_friction = self._has_capstan or friction_loss > 0
         turns = AlternatingTendons(p, self._model, settings.switch_up, settings.switch_down) if self._has_string else None
         self._tendons = turns
-        self._was_slack, self._catch_stretch, self._catch_decay = (
-            False,
-            0.0,
-            math.exp(-settings.time_step / settings.catch_time),
-        )
-        self._initialise()
+        self._was_slack, self._catch_stretch = False, 0.0
+        self._catch_decay = math.exp(-settings.time_step / settings.catch_time)
+        # The accelerations at release, and the velocities half a step before it
+        self._qvel[:] = self._release_velocity[: len(self._qvel)]
+        self._prepare()
+        self._mujoco.mj_forward(self._model, self._data)
+        self._qvel -= self._half_step * self._qacc
 
     def advance(self) -> None:
         """Step through one sample interval, or less if the light mass reaches the rod."""
@@ -170,29 +155,12 @@ class TendonRig:
             if self._free_length <= self._end_length:
                 return
             self._prepare()
-            self._mj_step(self._model, self._data)
-            self._update_string_coordinates()
+            self._mujoco.mj_step(self._model, self._data)
+            x, y = self._qpos[:2].tolist()
+            self._free_length, self._wrap_angle = next_string_coordinates(x, y, self._parameters.rod_radius, self._wrap_angle)
 
-    def read(self) -> tuple[float, ...]:
-        """Return positions [m], velocities [m/s] and string stretch [m]: `COLUMNS` without the time."""
-        if any(warning.number for warning in self._breakdowns):
-            return (math.nan,) * 9
-        x, y = self._qpos[:2].tolist()
-        vx, vy, heavy_v = self._velocities()
-        heavy_y = -self._hanging if self._held else float(self._qpos[HEAVY_DOF])
-        return (x, y, vx, vy, self._radius, heavy_y, 0.0, heavy_v, self._stretch())
-
-    def _initialise(self) -> None:
-        """Compute the accelerations at release, and set the velocities to half a step before it."""
-        self._qvel[:] = self._release_velocity[: len(self._qvel)]
-        self._prepare()
-        self._mj_forward(self._model, self._data)
-        self._qvel -= self._half_step * self._qacc
-
-    def _update_string_coordinates(self) -> None:
-        """Update free length and wrap angle of the taut string, with full turns counted."""
-        x, y = self._qpos[:2].tolist()
-        self._free_length, self._wrap_angle = next_string_coordinates(x, y, self._radius, self._wrap_angle)
+    def _read_motion(self) -> tuple[float, ...]:
+        return (*self._qpos[:2].tolist(), *self._velocities())
 
     def _velocities(self) -> tuple[float, float, float]:
         """Return the present velocities of light x and y and heavy y [m/s]; the engine's are half a step old."""
@@ -208,37 +176,30 @@ class TendonRig:
     def _prepare(self) -> None:
         """Set the string's length limit, the applied forces and the friction bound for the coming step."""
         vx, vy, heavy_v = self._velocities()
-        cosine, sine = math.cos(self._wrap_angle), math.sin(self._wrap_angle)
-        radial_speed, transverse_speed = vy * cosine - vx * sine, -(vx * cosine + vy * sine)
+        k = kinematics(self._data.time, self._free_length, self._wrap_angle, vx, vy, heavy_v)
         if self._tendons is not None:
             self._tendons.select(self._wrap_angle)
-            self._tendons.allow_extra_length(self._correction(transverse_speed) - TAUT_MARGIN)
+            correction = 0.0
+            if self._corrections:
+                turning = self._turning_shift * k.across_speed * k.across_speed / self._free_length
+                correction = self._decayed_catch_stretch() - turning
+            self._tendons.allow_extra_length(correction - TAUT_MARGIN)
         force_on_heavy_mass = 0.0
         if self._force is not None:
             x, y = self._qpos[:2].tolist()
             self._applied[0], self._applied[1], force_on_heavy_mass = self._force(self._data.time, x, y, vx, vy, heavy_v)
             if not self._held:
                 self._applied[HEAVY_DOF] = force_on_heavy_mass
-        if self._capstan_friction is not None:
-            time, length, angle, speed = self._data.time, self._free_length, self._wrap_angle, math.hypot(vx, vy)
-            k = Kinematics(
-                time, length, angle, radial_speed, transverse_speed, abs(transverse_speed), speed, heavy_v, abs(heavy_v)
-            )
-            self._applied[HEAVY_DOF] = force_on_heavy_mass + self._capstan_friction.prepare(k)
-
-    def _correction(self, transverse_speed: float) -> float:
-        """Return the shift of the string's length limit [m] that compensates for the string's turning and for a late catch."""
-        if not self._corrections:
-            return 0.0
-        return self._decayed_catch_stretch() - self._turning_shift * transverse_speed * transverse_speed / self._free_length
+        if self._has_capstan:
+            self._applied[HEAVY_DOF] = force_on_heavy_mass + self._bound_friction(k)
 
     def _decayed_catch_stretch(self) -> float:
         """Return the excess length that the string may still have because it became taut within a step [m]; it decays.
 
         Pulling it back at once would throw the light mass off the string again.
         """
-        hanging = self._hanging if self._held else -float(self._qpos[HEAVY_DOF])
-        excess = self._free_length + self._radius * self._wrap_angle + hanging - self._string_length
+        p = self._parameters
+        excess = self._free_length + p.rod_radius * self._wrap_angle - self._heavy_height() - p.string_length
         if self._was_slack and excess > 0:
             self._catch_stretch = excess
         self._was_slack = excess < -SLACK_LENGTH
@@ -246,62 +207,52 @@ class TendonRig:
         return self._catch_stretch
 
     def _stretch(self) -> float:
-        """Return how much longer than its rest length the string is [m]."""
-        if self._tendons is None:
-            return math.nan
+        assert self._tendons is not None
         # mj_step leaves the tendon lengths of the step's start in its data
-        self._mj_position(self._model, self._data)
+        self._mujoco.mj_fwdPosition(self._model, self._data)
         return float(self._data.ten_length[self._tendons.tendon]) - self._tendons.rest_length
 
+    def _bound_friction(self, k: Kinematics) -> float:
+        """Set the friction loss of the heavy mass's slide to the friction bound of the string laws, for the coming step.
 
-class CapstanFriction:
-    """Sets the friction loss of the heavy mass's slide to the friction bound of the string laws.
+        The string's friction on the rod is T2 - T1. The tendon's tension is T1, so the friction acts on the heavy mass alone,
+        and the friction loss of its slide is the bound. How tension and acceleration depend on the friction is known from the
+        masses (`capstan.StringResponse`), so one solve with the friction of the step before gives the bound that is consistent
+        with its own effect.
 
-    The string's friction on the rod is T2 - T1. The tendon's tension is T1, so the friction acts on the heavy mass alone, and
-    the friction loss of the heavy mass's slide is its bound. How tension and acceleration depend on the friction is known from
-    the masses (`capstan.StringResponse`), so one solve with the friction of the step before gives the bound that is consistent
-    with its own effect.
-    """
-
-    def __init__(self, parameters: Parameters, model: Any, data: Any, settings: TendonSettings, release_speed: float) -> None:
-        import mujoco
-
-        self._model, self._data, self._mj_forward = model, data, mujoco.mj_forward
-        self._bound, self._velocity, self._acceleration = model.dof_frictionloss, data.qvel, data.qacc
-        self._bound[HEAVY_DOF] = NO_FRICTION
-        self._release_speed = release_speed
-        self._dt, self._rest_speed = settings.time_step, settings.rest_speed
-        self._values = parameters.values()
-        self._effects = parameters.effects
-        self._total_mass = parameters.light_mass + parameters.heavy_mass
-        self._light_share = parameters.light_mass / self._total_mass
-
-    def prepare(self, k: Kinematics) -> float:
-        """Set the bound for the coming step; return an additional force [N], 0 unless the string reverses its motion."""
-        tension, acceleration = self._without_friction()
+        Return an additional force [N], 0 unless the string reverses its motion.
+        """
+        p = self._parameters
+        total_mass = p.light_mass + p.heavy_mass
+        light_share = p.light_mass / total_mass
+        friction, tension = self._solve_friction()
         # At release the mass has the release's speed; the engine's velocity is that half a step earlier.
-        velocity = float(self._velocity[HEAVY_DOF]) if k.time > 0 else self._release_speed
-        sliding = max(effects.sliding_exponent(math, k, self._values, self._effects), 0.0)
-        holding = max(effects.holding_exponent(math, k, self._values, self._effects), 0.0)
-        response = StringResponse(
-            tension=tension, acceleration=acceleration, mass=self._total_mass, tension_share=self._light_share
+        velocity = float(self._qvel[HEAVY_DOF]) if k.time > 0 else self._release_velocity[HEAVY_DOF]
+        sliding, holding = (
+            max(exponent(math, k, self._values, p.effects), 0.0)
+            for exponent in (effects.sliding_exponent, effects.holding_exponent)
         )
-        self._bound[HEAVY_DOF], missing_force = response.bound(velocity, sliding, holding, self._dt, self._rest_speed)
+        # What there would be without friction
+        response = StringResponse(
+            tension=max(tension + light_share * friction, 0.0),
+            acceleration=float(self._qacc[HEAVY_DOF]) - friction / total_mass,
+            mass=total_mass,
+            tension_share=light_share,
+        )
+        bound, missing_force = response.bound(velocity, sliding, holding, self._dt, self._rest_speed)
+        self._friction_bound[HEAVY_DOF] = bound
         return missing_force
 
-    def _without_friction(self) -> tuple[float, float]:
-        """Return the tension [N] and the heavy mass's upward acceleration [m/s^2] that there would be without friction."""
-        self._mj_forward(self._model, self._data)
+    def _solve_friction(self) -> tuple[float, float]:
+        """Return the friction and the tendon's tension [N] that MuJoCo finds for the present state."""
+        self._mujoco.mj_forward(self._model, self._data)
         rows = self._data.efc_force
         tension = float(rows[STRING_ROW]) if len(rows) > STRING_ROW else 0.0
-        if (
-            tension <= 0.0 and self._bound[HEAVY_DOF] > NO_FRICTION
-        ):  # the friction made the string slack, so the linear relation does not hold
-            self._bound[HEAVY_DOF] = NO_FRICTION
-            return self._without_friction()
-        friction = float(rows[FRICTION_ROW])
-        tension_without = max(tension + self._light_share * friction, 0.0)
-        return tension_without, float(self._acceleration[HEAVY_DOF]) - friction / self._total_mass
+        if tension <= 0.0 and self._friction_bound[HEAVY_DOF] > NO_FRICTION:
+            # The friction made the string slack, so the linear relation does not hold
+            self._friction_bound[HEAVY_DOF] = NO_FRICTION
+            return self._solve_friction()
+        return float(rows[FRICTION_ROW]), tension
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -360,19 +311,17 @@ def _abilities(
     variant: str,
     friction: str,
     *,
-    friction_law: Supply = _NO_FRICTION,
-    stick_slip: Supply = _NO_STICKING,
+    friction_law: str | Supply = _NO_FRICTION,
+    stick_slip: str | Supply = _NO_STICKING,
     limits: tuple[str, ...],
     **declared: Any,
 ) -> Abilities:
     """Return the abilities of a variant; by default it has no friction."""
-    how = "spatial tendon wrapped over a cylinder; the adapter counts turns, using two in turn"
     return shipped_abilities(
         f"mujoco:{variant}",
-        supplies=Supplies(
-            winding=Supply(by=Supplier.ENGINE, how=how), friction_law=friction_law, stick_slip=stick_slip, drag=APPLIED_DRAG
-        ),
-        packages=("mujoco",),
+        winding=WRAPPED_TENDON,
+        friction_law=friction_law,
+        stick_slip=stick_slip,
         summary=f"Two spatial tendons used in turn over a cylinder, {friction}.",
         limits=(
             "a slack string is caught within one time step, so up to a step's way too late",
@@ -409,11 +358,8 @@ _ABILITIES = {
     "frictionloss": _abilities(
         "frictionloss",
         "MuJoCo's constant friction loss for friction",
-        friction_law=Supply(
-            by=Supplier.ENGINE,
-            how="constant frictionloss of the hanging part's tendon, whatever its load; its size is the adapter's",
-        ),
-        stick_slip=Supply(by=Supplier.ENGINE, how="the same friction-loss constraint"),
+        friction_law="constant frictionloss of the hanging part's tendon, whatever its load; its size is the adapter's",
+        stick_slip="the same friction-loss constraint",
         limits=(
             "friction does not grow with the tension or with the turns on the rod, so the grip that ends the fall is missing",
             "MuJoCo's frictionloss of the string's own tendon would brake nothing, as its length stays; the hanging part has "
@@ -463,29 +409,20 @@ class MujocoTendon(TunedEngine):
         "capstan": the friction bound of the effects' string laws acts on the heavy mass's slide.
         "frictionloss": a constant friction loss, the only friction that MuJoCo has for tendons.
         "defaults": as documented, with the solver's default settings.
-    profile
-        Chooses the settings.
-    settings
-        Replaces the profile's settings, for studies of convergence.
     friction_size
         Size of the constant friction loss of "frictionloss".
     """
 
     name = "mujoco"
     distribution = "mujoco"
-    settings_by_profile = SETTINGS
+    variant = "capstan"
+    variants = _ABILITIES
+    settings_by_profile = SETTINGS | {("defaults", profile): MUJOCO_DEFAULTS for profile in Profile}
     settings: TendonSettings
 
-    def __init__(
-        self,
-        *,
-        variant: str = "capstan",
-        profile: Profile = Profile.QUICK,
-        settings: TendonSettings | None = None,
-        friction_size: FrictionSize = FrictionSize.AT_RELEASE,
-    ) -> None:
-        super().__init__(profile=profile, settings=MUJOCO_DEFAULTS if settings is None and variant == "defaults" else settings)
-        self.variant, self.friction_size, self.abilities = variant, friction_size, _ABILITIES[variant]
+    def __init__(self, *, friction_size: FrictionSize = FrictionSize.AT_RELEASE, **chosen: Any) -> None:
+        super().__init__(**chosen)
+        self.friction_size = friction_size
 
     def build(self, scenario: Scenario) -> TendonRig:
         """Rebuild the scenario's apparatus at the moment of release."""
@@ -493,7 +430,7 @@ class MujocoTendon(TunedEngine):
         return TendonRig(
             scenario.parameters,
             self.settings,
-            end_length=self.end_length(scenario),
+            self.end_length(scenario),
             capstan=self.variant == "capstan",
             friction_loss=friction_loss(scenario.parameters, self.friction_size) if constant else 0.0,
         )

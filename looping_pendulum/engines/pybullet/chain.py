@@ -22,33 +22,33 @@ import numpy as np
 
 from looping_pendulum.engines.chain import MASS_COMPENSATION, MASS_FRACTION, polygon_radius
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.pybullet.links import (
-    MAX_JOINTS,
-    NO_STRETCH_LIMIT,
-    RIPPLE_LIMIT,
-    ChainState,
-    MultibodyRig,
-    contact_friction,
-    free_joints,
-    set_joints,
-    typical_wrap_angle,
-)
 from looping_pendulum.engines.pybullet.world import (
     DEFAULT_DAMPING,
     DEFAULT_ITERATIONS,
     DEFAULT_SPEED_LIMIT,
     LARGEST_STEP,
+    LINK_CONTACT,
+    MAX_JOINTS,
     NO_SPEED_LIMIT,
+    NO_STRETCH_LIMIT,
     ONE_COEFFICIENT,
+    RIPPLE_LIMIT,
+    ChainState,
     LongestStep,
+    MultibodyRig,
     PybulletVariant,
     RodShape,
     World,
     WorldSettings,
     common_choices,
+    contact_friction,
+    fitting_length,
+    free_joints,
     iteration_rungs,
-    link_supplies,
+    node_angles,
+    set_joints,
     step_rungs,
+    typical_wrap_angle,
     world_defaults,
 )
 from looping_pendulum.engines.shipped import shipped_abilities
@@ -59,7 +59,6 @@ from looping_pendulum.reference_ode.cartesian import release_velocity
 from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import solve
-from looping_pendulum.scenarios.scenario import Scenario
 
 MAX_LINK_LENGTHENING = 1.5
 """Largest factor by which links may be longer than the settings say, so that a long string fits `MAX_JOINTS`."""
@@ -95,6 +94,10 @@ class PybulletChainSettings(WorldSettings):
     """Factor by which steps are longer once the heavy mass hangs still."""
     divided_step: bool = True
     """Whether steps are shorter where a wave on the taut chain would pass too much of a link, and longer after the halt."""
+
+    def last_link_length(self, parameters: Parameters) -> float:
+        """Return the free length [m] with which only the last link is left."""
+        return self.outer_link_length
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,12 +147,11 @@ def _chain_of_links(p: Parameters, s: PybulletChainSettings, inner: float, outer
     """Return a chain of links of about ``inner`` [m] and, near the light mass, ``outer`` [m]."""
     light = np.array(light_position(np, p.free_length, p.release_angle, p.rod_radius))
     heavy = np.array([p.rod_radius, -p.hanging_length])
-    if p.release is Release.VERTICAL:
-        # The wrap angle is constant. Links that divide it reach and leave the rod at the same moments, so that the ripple which
-        # a passing node makes in the string's speed is the same at both ends, and the masses do not feel it.
-        wound = p.rod_radius * p.release_angle
-        inner = wound / math.ceil(wound / inner)
-    on_rod = _nodes_on_rod(p, s, inner)
+    inner = fitting_length(p, inner)
+    bend = inner / p.rod_radius
+    circle = polygon_radius(p.rod_radius, bend) if s.polygon else p.rod_radius
+    angles = node_angles(p, bend, round(p.release_angle / bend))
+    on_rod = np.stack([circle * np.cos(angles), circle * np.sin(angles)], axis=1)
     straight = math.dist(on_rod[-1], light)
     inner_count = round(s.sliding_share * straight / inner)
     outer_count = max(1, round((straight - inner_count * inner) / outer))
@@ -175,15 +177,6 @@ def _chain_of_links(p: Parameters, s: PybulletChainSettings, inner: float, outer
     bends = local / p.rod_radius
     circles = np.asarray(polygon_radius(p.rod_radius, bends)) if s.polygon else np.full(len(bends), p.rod_radius)
     return ReleasedChain(positions=positions, velocities=velocities, bends=bends, node_circles=circles)
-
-
-def _nodes_on_rod(p: Parameters, s: PybulletChainSettings, link_length: float) -> Array:
-    """Return the nodes [m] on the rod at release, heavy side first, symmetric about the middle of the wound string."""
-    bend = link_length / p.rod_radius
-    circle = polygon_radius(p.rod_radius, bend) if s.polygon else p.rod_radius
-    links = round(p.release_angle / bend)
-    angles = 0.5 * p.release_angle + bend * (np.arange(links + 1) - 0.5 * links)
-    return np.stack([circle * np.cos(angles), circle * np.sin(angles)], axis=1)
 
 
 def body_masses(p: Parameters, s: PybulletChainSettings, lengths: Array, last_length: float) -> Array:
@@ -386,11 +379,8 @@ class PybulletChainRig(MultibodyRig):
         """Advance by one sample interval with the effects' forces, and join or split the links that are due."""
         super().advance()
         # Meanwhile the string moves by a fraction of the links that stay short beyond the rod
-        if self._joins:
-            self._update_links()
-
-    def _update_links(self) -> None:
-        """Replace the multibody by one with other nodes, if any are due."""
+        if not self._joins:
+            return
         nodes, chain = self._joining.nodes, self._chain()
         if not self._joining.update(chain.positions.tolist()):
             return
@@ -528,11 +518,9 @@ class PybulletChain(PybulletVariant):
     abilities = shipped_abilities(
         "pybullet:chain",
         quick_cost=10.0,
-        supplies=link_supplies(
-            "contact of the links' end spheres with a static sphere of the rod's section; quick: the adapter joins and splits "
-            "links on the straight parts only"
-        ),
-        packages=("pybullet",),
+        winding="contact of the links' end spheres with a static sphere of the rod's section; quick: the adapter joins and "
+        "splits links on the straight parts only",
+        **LINK_CONTACT,
         summary="One Featherstone multibody of links that slides over a static sphere under Coulomb contact.",
         limits=(
             ONE_COEFFICIENT,
@@ -605,10 +593,6 @@ class PybulletChain(PybulletVariant):
             ),
         )
 
-    def end_length(self, scenario: Scenario) -> float:
-        """Return the free length [m] at which the run ends: a chain cannot follow once only its last link is left."""
-        return max(super().end_length(scenario), self.settings.outer_link_length)
-
 
 PYBULLET_DEFAULTS = PybulletChainSettings(
     time_step=LARGEST_STEP,
@@ -654,6 +638,7 @@ class PybulletDefaults(PybulletChain):
     """The chain with PyBullet's own settings."""
 
     variant = "defaults"
+    settings_by_profile = dict.fromkeys(Profile, PYBULLET_DEFAULTS)
     abilities = replace(
         PybulletChain.abilities,
         main=False,
@@ -670,9 +655,6 @@ class PybulletDefaults(PybulletChain):
             "PyBullet's own step of 1/240 s is run at 1 ms, where samples fall",
         ),
     )
-
-    def __init__(self, *, profile: Profile = Profile.QUICK) -> None:
-        super().__init__(profile=profile, settings=PYBULLET_DEFAULTS)
 
     def studies(self) -> Studies:
         """Return no studies: the studies of `chain` measure each default by itself."""

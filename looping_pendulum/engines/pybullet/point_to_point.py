@@ -9,17 +9,18 @@ import numpy as np
 
 from looping_pendulum.engines.chain import MASS_COMPENSATION, SlipGauge, point_on_string
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.pybullet.links import LinkSettings, typical_wrap_angle
 from looping_pendulum.engines.pybullet.world import (
+    LINK_CONTACT,
     ONE_COEFFICIENT,
+    LinkSettings,
     PybulletVariant,
     Row,
     SteppedRig,
     World,
     common_choices,
     iteration_rungs,
-    link_supplies,
     step_rungs,
+    typical_wrap_angle,
     world_defaults,
 )
 from looping_pendulum.engines.shipped import shipped_abilities
@@ -27,7 +28,6 @@ from looping_pendulum.engines.studies import Studies, rows_that_differ, studies_
 from looping_pendulum.reference_ode.cartesian import release_velocity
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
-from looping_pendulum.scenarios.scenario import Scenario
 
 ROD_GROUP, STRING_GROUP = 1, 2
 """Collision groups: nodes collide with the rod, not with each other."""
@@ -53,7 +53,11 @@ class PointToPointRig(SteppedRig):
         rod = world.add_rod(rod_radius, 1.0)
         self._set_collision_group(rod, ROD_GROUP, STRING_GROUP)
         self._friction = s.friction(p, typical_wrap_angle(p), rod_radius)
-        positions = self._positions(p, s)
+        length = s.length_on_rod(p)
+        # The last link, above the heavy mass, takes up what does not fit
+        arcs = [i * length for i in range(math.floor(p.string_length / length))]
+        nodes = [point_on_string(p, arc, s.node_circle(p)) for arc in arcs]
+        positions = np.array([*nodes, (p.rod_radius, -p.hanging_length)])
         self._node = world.api.createCollisionShape(world.api.GEOM_SPHERE, radius=s.node_radius, physicsClientId=world.client)
         beads = [s.bead_mass_ratio * p.light_mass] * (len(positions) - 2)
         light = p.light_mass - MASS_COMPENSATION * sum(beads)
@@ -65,16 +69,6 @@ class PointToPointRig(SteppedRig):
             self._add_body(i, mass, positions)
         self._light, self._heavy = self._bodies[0], self._bodies[-1]
         self._set_release_velocities(p, positions)
-
-    @staticmethod
-    def _positions(p: Parameters, s: LinkSettings) -> Array:
-        """Return the positions [m] of light mass, nodes a link apart, and heavy mass at release, shape (n, 2)."""
-        length = s.length_on_rod(p)
-        # The last link, above the heavy mass, takes up what does not fit
-        count = math.floor(p.string_length / length)
-        circle = s.node_circle(p)
-        arcs = [i * length for i in range(count)]
-        return np.array([*(point_on_string(p, arc, circle) for arc in arcs), (p.rod_radius, -p.hanging_length)])
 
     def _add_body(self, i: int, mass: float, positions: Array) -> None:
         """Create body ``i``, and pin it to the one before it."""
@@ -151,8 +145,8 @@ class PybulletPointToPoint(PybulletVariant):
     settings: PointToPointSettings
     abilities = shipped_abilities(
         "pybullet:point_to_point",
-        supplies=link_supplies("contact of the bodies' spheres with a static sphere of the rod's section"),
-        packages=("pybullet",),
+        winding="contact of the bodies' spheres with a static sphere of the rod's section",
+        **LINK_CONTACT,
         summary="Rigid bodies pinned point to point, in maximal coordinates, over a static sphere.",
         limits=(
             ONE_COEFFICIENT,
@@ -172,10 +166,6 @@ class PybulletPointToPoint(PybulletVariant):
             "vertical_release_obeys_the_capstan_law": "measured 5.73 m/s^2 for 5.80: a ratio of tensions too high by 2.4 %",
         },
     )
-
-    def end_length(self, scenario: Scenario) -> float:
-        """Return the free length [m] at which the run ends: a chain cannot follow once only its last link is left."""
-        return max(super().end_length(scenario), 2 * self.settings.length_on_rod(scenario.parameters))
 
     def studies(self) -> Studies:
         """Return ladders of step, link length and iterations, PyBullet's defaults, and the adapter's choices."""

@@ -17,32 +17,29 @@ import numpy as np
 
 from looping_pendulum.engines.chain import MIN_BEADS, MIN_STRAIGHT_LINKS, Point, next_bead_position, point_on_string
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.pybullet.links import (
+from looping_pendulum.engines.pybullet.world import (
+    LINK_CONTACT,
     MAX_JOINTS,
     NO_STRETCH_LIMIT,
+    ONE_COEFFICIENT,
     RIPPLE_LIMIT,
     ChainState,
     LinkSettings,
     MultibodyRig,
-    free_joints,
-    set_joints,
-    typical_wrap_angle,
-)
-from looping_pendulum.engines.pybullet.world import (
-    ONE_COEFFICIENT,
     PybulletVariant,
-    Row,
     World,
+    free_joints,
     iteration_rungs,
-    link_supplies,
+    node_angles,
+    set_joints,
     step_rungs,
+    typical_wrap_angle,
 )
 from looping_pendulum.engines.shipped import shipped_abilities
 from looping_pendulum.engines.studies import Studies, studies_from_rows
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.cartesian import release_velocity
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-from looping_pendulum.scenarios.scenario import Scenario
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,8 +73,7 @@ def nodes_at_release(
     """
     p, bend = parameters, settings.length_on_rod(parameters) / parameters.rod_radius
     circle = settings.node_circle(p)
-    corners = max(round(p.release_angle / bend), 1)
-    angles = 0.5 * p.release_angle + bend * (np.arange(corners + 1) - 0.5 * corners)
+    angles = node_angles(p, bend, max(round(p.release_angle / bend), 1))
     vx, vy, heavy_v = release_velocity
     on_rod = np.stack([circle * np.cos(angles), circle * np.sin(angles)], axis=1)
     sliding = heavy_v * np.stack([-np.sin(angles), np.cos(angles)], axis=1)
@@ -122,19 +118,14 @@ class NodeChanges:
         kept = [0, *range(first, last), len(positions) - 1]
         updated = chain if len(kept) == len(positions) else _without_nodes(chain, kept, self._parameters)
         for _ in range(2):  # the light side, then the heavy one, turned round
-            updated = self._with_added_nodes(updated)
-            updated = ChainState(positions=updated.positions[::-1], velocities=updated.velocities[::-1])
+            positions, velocities = updated.positions, updated.velocities
+            while self._distance_to_adding(positions[-1], positions[-2]) < 0:
+                share = self._length / math.dist(positions[-1], positions[-2])
+                positions, velocities = (
+                    np.insert(row, -1, row[-2] + share * (row[-1] - row[-2]), axis=0) for row in (positions, velocities)
+                )
+            updated = ChainState(positions=positions[::-1], velocities=velocities[::-1])
         return updated
-
-    def _with_added_nodes(self, chain: ChainState) -> ChainState:
-        """Return the chain with the nodes that are due added before its last position."""
-        positions, velocities = chain.positions, chain.velocities
-        while self._distance_to_adding(positions[-1], positions[-2]) < 0:
-            share = self._length / math.dist(positions[-1], positions[-2])
-            positions, velocities = (
-                np.insert(row, -1, row[-2] + share * (row[-1] - row[-2]), axis=0) for row in (positions, velocities)
-            )
-        return ChainState(positions=positions, velocities=velocities)
 
     def _distance_to_adding(self, mass: Point, node: Point) -> float:
         """Return how far the string is from adding a node between ``node`` and ``mass`` [m]; infinite without room for one."""
@@ -193,27 +184,26 @@ class RemadeRig(MultibodyRig):
         """Advance by one sample interval with the effects' forces, updating the nodes every `look_interval` steps."""
         steps, interval = self._world.steps, self._settings.look_interval
         for done in range(0, steps, interval):
-            self._stepper.steps(min(interval, steps - done), self)
+            self.take_steps(min(interval, steps - done))
             self._update_nodes()
 
     def _update_nodes(self) -> None:
         """Replace the multibody by one with more or fewer nodes, if any is due."""
-        margins = self._node_changes.margins(self._outermost(), self._node_count)
+        api, client, last = self._world.api, self._world.client, self._ends[0]
+        slide = 0 if self._held else 1
+        # The masses and the two outermost nodes on either side
+        joints = [*range(slide + 2), last - 2, last - 1, last]
+        positions = [row[0][:2] for row in api.getLinkStates(self._body, joints, physicsClientId=client)]
+        if self._held:
+            p = self._parameters
+            positions.insert(0, (p.rod_radius, -p.hanging_length))
+        margins = self._node_changes.margins(positions, self._node_count)
         if not min(margins) < 0:
             return
         chain = self._node_changes.with_updated_nodes(self._chain())
         # PyBullet cannot add a link to a multibody, so another one takes its place
-        self._world.api.removeBody(self._body, physicsClientId=self._world.client)
+        api.removeBody(self._body, physicsClientId=client)
         self._create_multibody(chain)
-
-    def _outermost(self) -> list[Row]:
-        """Return the positions [m] of the masses and of the two outermost nodes on either side."""
-        api, client, last = self._world.api, self._world.client, self._ends[0]
-        slide = 0 if self._held else 1
-        joints = [*range(slide + 2), last - 2, last - 1, last]
-        positions = [row[0][:2] for row in api.getLinkStates(self._body, joints, physicsClientId=client)]
-        p = self._parameters
-        return [(p.rod_radius, -p.hanging_length), *positions] if self._held else positions
 
     def _create_multibody(self, chain: ChainState) -> None:
         """Create the multibody: base, heavy mass on a vertical slide (unless held), links, light mass at the last one's end."""
@@ -288,11 +278,9 @@ class PybulletRemade(PybulletVariant):
     abilities = shipped_abilities(
         "pybullet:remade",
         quick_cost=15.0,
-        supplies=link_supplies(
-            "contact of the links' end spheres with a static sphere of the rod's section; the adapter adds and takes off links "
-            "on the straight parts only"
-        ),
-        packages=("pybullet",),
+        winding="contact of the links' end spheres with a static sphere of the rod's section; the adapter adds and takes off "
+        "links on the straight parts only",
+        **LINK_CONTACT,
         main=False,
         additions=(
             f"nodes on the rod weigh {100 * SETTINGS[Profile.QUICK].bead_mass_ratio:.2g} % of the light mass each; nothing is "
@@ -332,7 +320,3 @@ class PybulletRemade(PybulletVariant):
                 ("steps between two looks at the nodes", f"{s.look_interval}", "1", {"look_interval": 1}),
             ),
         )
-
-    def end_length(self, scenario: Scenario) -> float:
-        """Return the free length [m] at which the run ends: a chain cannot follow once only its last link is left."""
-        return max(super().end_length(scenario), 2 * self.settings.length_on_rod(scenario.parameters))

@@ -25,11 +25,12 @@ from looping_pendulum.engines.chain import (
     polygon_friction,
     polygon_radius,
 )
-from looping_pendulum.engines.protocol import Profile, TunedEngine, groups_per_sample, steps_per_sample
+from looping_pendulum.engines.protocol import Profile, TunedEngine
 from looping_pendulum.engines.pymunk.space import (
     DEFAULT_RATE,
     DEFAULT_RATE_TEXT,
     MAX_SLOP_IN_RADIUS,
+    ForceIntervals,
     PublicCalls,
     SpaceRig,
     Vector,
@@ -47,7 +48,7 @@ from looping_pendulum.scenarios.scenario import Scenario
 
 
 @dataclass(frozen=True, kw_only=True)
-class PymunkChainSettings:
+class PymunkChainSettings(ForceIntervals):
     """Numerical settings of the bead chain."""
 
     time_step: float
@@ -89,12 +90,7 @@ class PymunkChainSettings:
             raise ValueError(
                 f"leak_interval: found {self.leak_interval}, needed a divisor of force_interval, {self.force_interval}"
             )
-        groups_per_sample(self.time_step, self.force_interval)
-
-    @property
-    def steps_per_sample(self) -> int:
-        """Number of steps in one sample interval."""
-        return steps_per_sample(self.time_step)
+        super().__post_init__()
 
 
 SETTINGS = {
@@ -192,33 +188,52 @@ def bead_arcs(parameters: Parameters, link_length: float, margin: float) -> list
     return [arc for arc in arcs if link_length <= arc <= parameters.string_length - link_length]
 
 
-class _BeadString:
-    """Light mass, beads and heavy mass in a row, joined by links; the first and the last link are the straight parts."""
+class PymunkChainRig(SpaceRig):
+    """The apparatus in one Chipmunk space: masses and beads in a row; the first and the last link are the straight parts.
 
-    def __init__(self, space: Any, parameters: Parameters, settings: PymunkChainSettings, error_bias: float) -> None:
+    Parameters
+    ----------
+    library
+        Chipmunk's functions below pymunk (`direct_library`); None: published calls only, without the leaky warm start.
+    """
+
+    def __init__(self, parameters: Parameters, settings: PymunkChainSettings, library: Any) -> None:
         import pymunk
 
+        super().__init__(parameters, settings, slop=settings.contact_slop)
+        p, s, space = parameters, settings, self._space
         self._pymunk = pymunk
-        self._space = space
-        self._rod_radius = parameters.rod_radius
-        self._link_length = parameters.rod_radius * settings.bend
-        self._bead_mass = settings.bead_mass_ratio * parameters.light_mass
-        self._bead_radius = settings.bead_radius
-        self._error_bias = error_bias
+        space.collision_bias = math.exp(-s.contact_rate)  # fraction of an error left after a second
+        if library is None:
+            self._calls, error_rate = PublicCalls(space, s.time_step), PUBLIC_ERROR_RATE
+        else:
+            self._calls, error_rate = DirectCalls(library, space, s), s.error_rate
+        self._error_bias = math.exp(-error_rate)
+        self._rod_radius = p.rod_radius
+        self._link_length = p.rod_radius * s.bend
+        self._bead_mass = s.bead_mass_ratio * p.light_mass
         self._slip = SlipGauge()
         self._no_mutual_contact = pymunk.ShapeFilter(group=1)
         self._shapes: dict[Any, Any] = {}  # bead in the space -> its shape
         self._unused_beads: list[tuple[Any, Any]] = []  # removed beads, kept for reuse
-        radius, friction = parameters.rod_radius, parameters.coefficients["kinetic_friction"]
-        node_radius = polygon_radius(radius, settings.bend) if settings.polygon_radius else radius
-        slop = min(settings.contact_slop, MAX_SLOP_IN_RADIUS)
-        rod = pymunk.Circle(space.static_body, node_radius - settings.bead_radius + slop)
-        rod.friction = polygon_friction(friction, settings.bend) if settings.polygon_friction else friction
-        space.add(rod)
-        light, heavy = masses(space, parameters)
-        arcs = bead_arcs(parameters, self._link_length, ADD_WITHIN_LINKS)
-        beads = [self._bead(point_on_string(parameters, a, node_radius), velocity_on_string(parameters, a)) for a in arcs]
-        self.bodies = [light, *beads, heavy]
+        self._has_string = p.release is not Release.DROP
+        if self._has_string:
+            self._add_string(p)
+        else:
+            self._light, self._heavy = masses(space, p)
+
+    def _add_string(self, p: Parameters) -> None:
+        """Add the rod, the masses, and the string with the release's velocities."""
+        s, friction = self._settings, p.coefficients["kinetic_friction"]
+        node_radius = polygon_radius(p.rod_radius, s.bend) if s.polygon_radius else p.rod_radius
+        slop = min(s.contact_slop, MAX_SLOP_IN_RADIUS)
+        rod = self._pymunk.Circle(self._space.static_body, node_radius - s.bead_radius + slop)
+        rod.friction = polygon_friction(friction, s.bend) if s.polygon_friction else friction
+        self._space.add(rod)
+        self._light, self._heavy = masses(self._space, p)
+        arcs = bead_arcs(p, self._link_length, ADD_WITHIN_LINKS)
+        beads = [self._bead(point_on_string(p, a, node_radius), velocity_on_string(p, a)) for a in arcs]
+        self.bodies = [self._light, *beads, self._heavy]
         pairs = list(zip(self.bodies[:-1], self.bodies[1:], strict=True))
         self.lengths = [a.position.get_distance(b.position) for a, b in pairs]
         last = len(pairs) - 1
@@ -227,53 +242,55 @@ class _BeadString:
             for i, ((a, b), length) in enumerate(zip(pairs, self.lengths, strict=True))
         ]
 
-    def update_beads(self, calls: PublicCalls) -> None:
+    def _update_beads(self) -> None:
         """Add or remove a bead on either straight part, so that there are beads where the string will meet the rod."""
-        if self._needs_update(calls, 1, 2):
-            self._update_first_end(calls)
+        if not self._has_string:
+            return
+        if self._needs_update(1, 2):
+            self._update_first_end()
         # The same two beads, counted from the other end
-        if self._needs_update(calls, -2, -3):
+        if self._needs_update(-2, -3):
             self._reverse()
-            self._update_first_end(calls)
+            self._update_first_end()
             self._reverse()
 
-    def _needs_update(self, calls: PublicCalls, outermost: int, second: int) -> bool:
+    def _needs_update(self, outermost: int, second: int) -> bool:
         """Return whether the outermost bead of a side is near its tangent point, or the second one far from it."""
-        if self._tangent_distance(calls, outermost) < ADD_WITHIN_LINKS * self._link_length:
+        if self._tangent_distance(outermost) < ADD_WITHIN_LINKS * self._link_length:
             return True
-        return self._tangent_distance(calls, second) > REMOVE_BEYOND_LINKS * self._link_length
+        return self._tangent_distance(second) > REMOVE_BEYOND_LINKS * self._link_length
 
     def _reverse(self) -> None:
         """Reverse the row, so that one method serves both ends."""
         for row in (self.bodies, self._links, self.lengths):
             row.reverse()
 
-    def _update_first_end(self, calls: PublicCalls) -> None:
+    def _update_first_end(self) -> None:
         """Add or remove a bead on the straight part at the row's first end."""
-        if self._tangent_distance(calls, 1) < ADD_WITHIN_LINKS * self._link_length:
+        if self._tangent_distance(1) < ADD_WITHIN_LINKS * self._link_length:
             if self.lengths[0] > 2 * self._link_length:
-                self._add_bead(calls)
+                self._add_bead()
         elif (
             len(self.bodies) - 2 > MIN_BEADS
-            and self._tangent_distance(calls, 2) > REMOVE_BEYOND_LINKS * self._link_length
+            and self._tangent_distance(2) > REMOVE_BEYOND_LINKS * self._link_length
             and self.bodies[0].position.get_distance(self.bodies[1].position) > (1 - MAX_SLACK_FRACTION) * self.lengths[0]
         ):
             self._remove_bead()
 
-    def _tangent_distance(self, calls: PublicCalls, index: int) -> float:
+    def _tangent_distance(self, index: int) -> float:
         """Return the length [m] of the tangent from body ``index`` to the rod; 0 on the rod."""
-        x, y = calls.position(self.bodies[index])
+        x, y = self._calls.position(self.bodies[index])
         return math.sqrt(max(x * x + y * y - self._rod_radius**2, 0.0))
 
-    def _add_bead(self, calls: PublicCalls) -> None:
+    def _add_bead(self) -> None:
         """Put a new bead where the outermost one is, and move the outermost one a link towards the mass.
 
         So the straight part keeps its joint, and with it the warm-start impulse that carries the mass.
         """
         mass, end, following = self.bodies[:3]
         share = self._link_length / self.lengths[0]
-        x, y, vx, vy = calls.position_and_velocity(end)
-        mass_x, mass_y, mass_vx, mass_vy = calls.position_and_velocity(mass)
+        x, y, vx, vy = self._calls.position_and_velocity(end)
+        mass_x, mass_y, mass_vx, mass_vy = self._calls.position_and_velocity(mass)
         bead = self._bead((x, y), (vx, vy))
         end.position = x + (mass_x - x) * share, y + (mass_y - y) * share
         end.velocity = vx + (mass_vx - vx) * share, vy + (mass_vy - vy) * share
@@ -296,19 +313,18 @@ class _BeadString:
         self._links[1:3] = [self._link(end, following, self.lengths[1])]
 
     def _bead(self, position: tuple[float, float], velocity: tuple[float, float]) -> Any:
-        bead, shape = self._unused_beads.pop() if self._unused_beads else self._new_bead()
+        if self._unused_beads:
+            bead, shape = self._unused_beads.pop()
+        else:
+            # An infinite moment of inertia: beads are points, which slide and do not roll
+            bead = self._pymunk.Body(self._bead_mass, math.inf)
+            shape = self._pymunk.Circle(bead, self._settings.bead_radius)
+            shape.friction = 1.0  # Chipmunk multiplies the two shapes' coefficients: the circle's is then the pair's
+            shape.filter = self._no_mutual_contact
         bead.position, bead.velocity = position, velocity
         self._space.add(bead, shape)
         self._shapes[bead] = shape
         return bead
-
-    def _new_bead(self) -> tuple[Any, Any]:
-        # An infinite moment of inertia: beads are points, which slide and do not roll
-        body = self._pymunk.Body(self._bead_mass, math.inf)
-        shape = self._pymunk.Circle(body, self._bead_radius)
-        shape.friction = 1.0  # Chipmunk multiplies the two shapes' coefficients: the circle's is then the pair's
-        shape.filter = self._no_mutual_contact
-        return body, shape
 
     def _link(self, a: Any, b: Any, length: float) -> Any:
         joint = self._pymunk.PinJoint(a, b)
@@ -328,55 +344,12 @@ class _BeadString:
         self.lengths[0] = length
         self._links[0].max = length
 
-    def read(self, calls: PublicCalls) -> tuple[float, float]:
-        """Return the string's stretch beyond its rest length (negative: it hangs slack) and its slip over the rod [m]."""
-        places = [calls.position(body) for body in self.bodies]
+    def _read_string(self, light: Vector, heavy: Vector) -> tuple[float, float]:
+        if not self._has_string:
+            return math.nan, math.nan
+        places = [self._calls.position(body) for body in self.bodies]
         stretch = math.fsum(map(math.dist, places[:-1], places[1:])) - math.fsum(self.lengths)
         return stretch, self._slip.read(places, self.lengths)
-
-
-def space_with_gravity(parameters: Parameters, settings: PymunkChainSettings) -> Any:
-    """Create a Chipmunk space with gravity and the solver's settings, and nothing in it."""
-    import pymunk
-
-    space = pymunk.Space()
-    space.gravity = (0.0, -parameters.coefficients["gravity"])
-    space.damping = 1.0  # fraction of the speed kept per second: drag is applied as forces of the scenario's effects
-    space.iterations = settings.iterations
-    space.collision_slop = settings.contact_slop
-    space.collision_bias = math.exp(-settings.contact_rate)  # fraction of an error left after a second
-    return space
-
-
-class PymunkChainRig(SpaceRig):
-    """The apparatus in one Chipmunk space.
-
-    Parameters
-    ----------
-    library
-        Chipmunk's functions below pymunk (`direct_library`); None: published calls only, without the leaky warm start.
-    """
-
-    def __init__(self, parameters: Parameters, settings: PymunkChainSettings, library: Any) -> None:
-        super().__init__(parameters, settings)
-        self._space = space = space_with_gravity(parameters, settings)
-        if library is None:
-            self._calls, error_rate = PublicCalls(space, settings.time_step), PUBLIC_ERROR_RATE
-        else:
-            self._calls, error_rate = DirectCalls(library, space, settings), settings.error_rate
-        self._string: _BeadString | None = None
-        if parameters.release is Release.DROP:
-            self._light, self._heavy = masses(space, parameters)
-        else:
-            self._string = _BeadString(space, parameters, settings, math.exp(-error_rate))
-            self._light, self._heavy = self._string.bodies[0], self._string.bodies[-1]
-
-    def _update_beads(self) -> None:
-        if self._string is not None:
-            self._string.update_beads(self._calls)
-
-    def _read_string(self, light: Vector, heavy: Vector) -> tuple[float, float]:
-        return (math.nan, math.nan) if self._string is None else self._string.read(self._calls)
 
 
 class PymunkChain(TunedEngine):
@@ -392,7 +365,6 @@ class PymunkChain(TunedEngine):
         quick_cost=7.0,
         rod="static circle",
         stick_slip="the solver clamps friction to its cone",
-        packages=("pymunk",),
         summary="Point beads on pin joints over a static circle, a slide joint for each straight part of the string.",
         limits=(
             ONE_COEFFICIENT,
@@ -405,9 +377,7 @@ class PymunkChain(TunedEngine):
         bead_mass_ratio=SETTINGS[Profile.QUICK].bead_mass_ratio,
     )
 
-    def __init__(self, *, profile: Profile = Profile.QUICK, settings: PymunkChainSettings | None = None) -> None:
-        super().__init__(profile=profile, settings=settings)
-        self._leaky = True
+    _leaky = True
 
     def build(self, scenario: Scenario) -> PymunkChainRig:
         """Build the scenario's apparatus at the moment of release."""

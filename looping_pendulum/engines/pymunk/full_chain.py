@@ -18,13 +18,14 @@ from looping_pendulum.engines.chain import (
     polygon_friction,
     polygon_radius,
 )
-from looping_pendulum.engines.protocol import APPLIED_DRAG, Abilities, Profile, TunedEngine, groups_per_sample, steps_per_sample
+from looping_pendulum.engines.protocol import Abilities, Profile, TunedEngine
 from looping_pendulum.engines.pymunk.space import (
     DEFAULT_COLLISION_SLOP,
     DEFAULT_ITERATIONS,
     DEFAULT_RATE,
     DEFAULT_TIME_STEP,
     MAX_SLOP_IN_RADIUS,
+    ForceIntervals,
     PublicCalls,
     SpaceRig,
     Vector,
@@ -37,14 +38,13 @@ from looping_pendulum.engines.pymunk.space import (
 )
 from looping_pendulum.engines.shipped import shipped_abilities
 from looping_pendulum.engines.studies import Studies, rows_that_differ, studies_from_rows
-from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios.scenario import Scenario
 
 
 @dataclass(frozen=True, kw_only=True)
-class FullChainSettings:
+class FullChainSettings(ForceIntervals):
     """Numerical settings of a chain of links along the whole string."""
 
     time_step: float
@@ -73,15 +73,6 @@ class FullChainSettings:
     """Whether the circle's radius is corrected for it."""
     force_interval: int = 10
     """Steps between two updates of the drag forces."""
-
-    def __post_init__(self) -> None:
-        """Raise ValueError where steps or groups of steps do not divide the sample interval."""
-        groups_per_sample(self.time_step, self.force_interval)
-
-    @property
-    def steps_per_sample(self) -> int:
-        """Number of steps in one sample interval."""
-        return steps_per_sample(self.time_step)
 
     def bend(self, rod_radius: float) -> float:
         """Return the angle between neighbouring links on a rod of ``rod_radius`` [m], in rad."""
@@ -145,13 +136,9 @@ def _abilities(variant: str, links: str, friction: str, summary: str, limit: str
     """Return the abilities of a variant whose ``links`` touch the rod, with ``friction`` between them and the circle."""
     return shipped_abilities(
         f"pymunk:{variant}",
-        supplies=Supplies(
-            winding=Supply(by=Supplier.ENGINE, how=f"contact of {links} along the whole string with a static circle"),
-            friction_law=Supply(by=Supplier.ENGINE, how=f"Coulomb friction between {links} and circle, {friction}"),
-            stick_slip=Supply(by=Supplier.ENGINE, how="the same contact: the solver clamps friction to its cone"),
-            drag=APPLIED_DRAG,
-        ),
-        packages=("pymunk",),
+        winding=f"contact of {links} along the whole string with a static circle",
+        friction_law=f"Coulomb friction between {links} and circle, {friction}",
+        stick_slip="the same contact: the solver clamps friction to its cone",
         summary=summary,
         limits=(ONE_COEFFICIENT, limit),
         additions=(
@@ -220,253 +207,179 @@ _ABILITIES = {
 """Variant -> what it can do."""
 
 
-class _Beads:
-    """Light mass, beads and heavy mass in a row, with a pin joint between neighbours.
-
-    Parameters
-    ----------
-    nodes
-        Distances of masses and beads from the light mass along the string [m].
-    radius
-        Distance from the rod's centre of a bead on the rod [m].
-    """
-
-    def __init__(
-        self, space: Any, parameters: Parameters, settings: FullChainSettings, nodes: list[float], radius: float
-    ) -> None:
-        import pymunk
-
-        p, s = parameters, settings
-        string_mass = s.mass_fraction * p.light_mass
-        light, heavy = masses(space, p, light_mass=p.light_mass - MASS_COMPENSATION * string_mass)
-        self.light, self.heavy = light, heavy
-        beads = []
-        for arc in nodes[1:-1]:
-            bead = pymunk.Body(string_mass / (len(nodes) - 1), math.inf)
-            bead.position, bead.velocity = point_on_string(p, arc, radius), velocity_on_string(p, arc)
-            shape = pymunk.Circle(bead, s.bead_radius)
-            add_link_shape(space, bead, shape)
-            beads.append(bead)
-        bodies = [light, *beads, heavy]
-        self.links = len(beads)
-        origin = (0.0, 0.0)
-        pairs = list(zip(bodies[:-1], bodies[1:], strict=True))
-        joints = [pymunk.PinJoint(a, b, origin, origin) for a, b in pairs]
-        add_joints(space, joints, s)
-        # A pin joint keeps the distance that its ends have when it is created
-        self._lengths = [joint.distance for joint in joints]
-        self._slip = SlipGauge()
-        anchors = [(body, origin) for body in bodies]
-        add_joints(space, long_range_joints(anchors, self._lengths, s.long_range), s)
-
-    def read(self, light: Vector, links: Array, heavy: Vector) -> tuple[float, float]:
-        """Return the string's stretch beyond its rest length and its slip over the rod [m].
-
-        Parameters
-        ----------
-        light, heavy
-            Positions of the masses [m].
-        links
-            Position [m] and angle [rad] of every bead: x, y, angle, shape (n, 3).
-        """
-        nodes = np.vstack([light, links[:, :2], heavy])
-        stretch = float(np.hypot(*np.diff(nodes, axis=0).T).sum()) - math.fsum(self._lengths)
-        return stretch, self._slip.read(nodes.tolist(), self._lengths)
-
-
-class _Segments:
-    """Light mass, rigid segments and heavy mass in a row, with a pivot joint between neighbours.
-
-    Parameters
-    ----------
-    nodes
-        Distances of masses and joints from the light mass along the string [m].
-    radius
-        Distance from the rod's centre of a joint on the rod [m].
-    """
-
-    def __init__(
-        self, space: Any, parameters: Parameters, settings: FullChainSettings, nodes: list[float], radius: float
-    ) -> None:
-        import pymunk
-
-        p, s = parameters, settings
-        string_mass = s.mass_fraction * p.light_mass
-        light, heavy = masses(space, p, light_mass=p.light_mass - MASS_COMPENSATION * string_mass)
-        self.light, self.heavy = light, heavy
-        places = [point_on_string(p, arc, radius) for arc in nodes]
-        speeds = [velocity_on_string(p, arc) for arc in nodes]
-        mass = string_mass / (len(nodes) - 1)
-        origin = (0.0, 0.0)
-        joints, last, last_anchor, anchors, lengths = [], light, origin, [(light, origin)], []
-        for i in range(len(nodes) - 1):
-            start, end = places[i : i + 2]
-            length = math.dist(start, end)
-            # The moment of inertia of a thin rod about its middle
-            body = pymunk.Body(mass, mass * length * length / 12)
-            body.position, body.angle = _middle(start, end), math.atan2(end[1] - start[1], end[0] - start[0])
-            body.velocity, body.angular_velocity = _rigid_motion(start, end, *speeds[i : i + 2])
-            front, back = (-length / 2, 0.0), (length / 2, 0.0)
-            shape = pymunk.Segment(body, front, back, s.bead_radius)
-            add_link_shape(space, body, shape)
-            joints.append(pymunk.PivotJoint(last, body, last_anchor, front))
-            last, last_anchor = body, back
-            anchors.append((body, back))
-            lengths.append(length)
-        joints.append(pymunk.PivotJoint(last, heavy, last_anchor, origin))
-        self._lengths = np.array(lengths)
-        self._slip = SlipGauge()
-        self.links = len(lengths)
-        add_joints(space, joints, s)
-        add_joints(space, long_range_joints(anchors, lengths, s.long_range), s)
-
-    def read(self, light: Vector, links: Array, heavy: Vector) -> tuple[float, float]:
-        """Return the string's stretch beyond its rest length and its slip over the rod [m].
-
-        The stretch is the sum of the joints' gaps, each along the segment before it.
-
-        Parameters
-        ----------
-        light, heavy
-            Positions of the masses [m].
-        links
-            Position of the middle [m] and angle [rad] of every segment: x, y, angle, shape (n, 3).
-        """
-        directions = np.stack([np.cos(links[:, 2]), np.sin(links[:, 2])], axis=1)
-        halves = 0.5 * self._lengths[:, None] * directions
-        starts, ends = links[:, :2] - halves, links[:, :2] + halves
-        gaps = np.vstack([starts[1:], heavy]) - ends
-        stretch = float((gaps * directions).sum() + (starts[0] - light) @ directions[0])
-        return stretch, self._slip.read([*starts.tolist(), heavy], self._lengths.tolist())
-
-
-def add_link_shape(space: Any, body: Any, shape: Any) -> None:
-    """Add ``body`` with its collision shape to ``space``; one group for all links, so that they do not touch one another."""
-    import pymunk
-
-    shape.friction = 1.0  # Chipmunk multiplies the two shapes' coefficients: the circle's is then the pair's
-    shape.filter = pymunk.ShapeFilter(group=1)
-    space.add(body, shape)
-
-
-def add_joints(space: Any, joints: list[Any], settings: FullChainSettings) -> None:
-    """Add ``joints`` to ``space``, with the settings' rate of error correction."""
-    for joint in joints:
-        joint.error_bias = math.exp(-settings.error_rate)
-        joint.collide_bodies = False
-        space.add(joint)
-
-
-def long_range_joints(anchors: list[tuple[Any, Vector]], lengths: list[float], longest: int) -> list[Any]:
-    """Create slide joints over 2, 4, ... ``longest`` links, as long as the string between their ends.
-
-    They pass the pull along straight string in few iterations, and are slack where it bends.
-
-    Parameters
-    ----------
-    anchors
-        Body and point on it [m, in the body's frame] of every node, light mass first.
-    lengths
-        Rest lengths of the links between the nodes [m].
-    longest
-        Longest span [links].
-    """
-    import pymunk
-
-    joints, span = [], 2
-    while span <= longest:
-        for i in range(0, len(lengths) - span + 1, span):
-            (a, on_a), (b, on_b) = anchors[i], anchors[i + span]
-            joints.append(pymunk.SlideJoint(a, b, on_a, on_b, 0, math.fsum(lengths[i : i + span])))
-        span *= 2
-    return joints
-
-
-def _middle(a: Vector, b: Vector) -> Vector:
-    return ((a[0] + b[0]) / 2, (a[1] + b[1]) / 2)
-
-
-def _rigid_motion(start: Vector, end: Vector, start_velocity: Vector, end_velocity: Vector) -> tuple[Vector, float]:
-    """Return the velocity of the middle [m/s] and the angular velocity [rad/s] of a segment, from those of its ends."""
-    x, y = end[0] - start[0], end[1] - start[1]
-    vx, vy = end_velocity[0] - start_velocity[0], end_velocity[1] - start_velocity[1]
-    return _middle(start_velocity, end_velocity), (x * vy - y * vx) / (x * x + y * y)
-
-
 class FullChainRig(SpaceRig):
-    """The apparatus in one Chipmunk space."""
+    """The apparatus in one Chipmunk space, with a joint between neighbouring links; a subclass adds the links."""
+
+    _link_count: int
+    _anchors: list[tuple[Any, Vector]]
+    """Body and point on it [m, in the body's frame] of every node, light mass first."""
 
     def __init__(self, variant: str, parameters: Parameters, settings: FullChainSettings) -> None:
         import pymunk
         import pymunk.batch
 
-        super().__init__(parameters, settings)
-        p, s = parameters, settings
-        space = pymunk.Space()
-        space.gravity = (0.0, -p.coefficients["gravity"])
-        space.iterations = s.iterations
-        space.collision_slop = s.collision_slop
-        self._space = space
+        super().__init__(parameters, settings, slop=settings.collision_slop)
+        p, s, space = parameters, settings, self._space
+        self._pymunk, self._parameters = pymunk, p
         self._calls = PublicCalls(space, s.time_step)
-        self._chain: _Beads | _Segments | None = None
-        if p.release is Release.DROP:
-            self._light, self._heavy = masses(space, p)
-        else:
-            count = round(p.string_length / s.link_length)
-            nodes = [i * p.string_length / count for i in range(count + 1)]
+        self._lengths: list[float] = []
+        self._slip = SlipGauge()
+        self._has_string = p.release is not Release.DROP
+        if self._has_string:
             bend, friction = s.bend(p.rod_radius), p.coefficients["kinetic_friction"]
             radius = link_contact_radius(variant, p.rod_radius, bend) if s.polygon_radius else p.rod_radius
-            allowed = min(s.collision_slop, MAX_SLOP_IN_RADIUS)
-            rod = pymunk.Circle(space.static_body, radius - s.bead_radius + allowed)
+            rod = pymunk.Circle(space.static_body, radius - s.bead_radius + min(s.collision_slop, MAX_SLOP_IN_RADIUS))
             rod.friction = contact_friction(variant, friction, bend) if s.polygon_friction else friction
             space.add(rod)
-            if variant == "segments":
-                # Segments touch the circle in their middle, so their joints lie farther from its centre than ``radius``
-                self._chain = _Segments(space, p, s, nodes, math.hypot(radius, s.link_length / 2))
-            else:
-                self._chain = _Beads(space, p, s, nodes, radius)
-            self._light, self._heavy = self._chain.light, self._chain.heavy
-        self._batch, self._buffer = pymunk.batch, pymunk.batch.Buffer()
+            self._add_string(radius)
+        else:
+            self._light, self._heavy = masses(space, p)
+        self._buffer = pymunk.batch.Buffer()
         self._fields = pymunk.batch.BodyFields.POSITION | pymunk.batch.BodyFields.ANGLE
 
+    def _add_string(self, radius: float) -> None:
+        """Add the masses, the links and their joints; ``radius`` [m] is where a link touches the rod, from the rod's centre."""
+        p, s = self._parameters, self._settings
+        string_mass = s.mass_fraction * p.light_mass
+        self._light, self._heavy = masses(self._space, p, light_mass=p.light_mass - MASS_COMPENSATION * string_mass)
+        count = round(p.string_length / s.link_length)
+        # The masses, and the beads or the joints between segments
+        nodes = [i * p.string_length / count for i in range(count + 1)]
+        for joint in (*self._add_links(nodes, radius, string_mass / count), *self._long_range_joints()):
+            joint.error_bias = math.exp(-s.error_rate)
+            joint.collide_bodies = False
+            self._space.add(joint)
+
+    def _add_links(self, nodes: list[float], radius: float, mass: float) -> list[Any]:
+        """Add links of ``mass`` [kg], with ``nodes`` at these distances from the light mass along the string [m].
+
+        They have the release's velocities. Return the joints between them and the masses.
+        """
+        raise NotImplementedError
+
+    def _add_link(self, body: Any, shape: Any) -> None:
+        """Add ``body`` with its collision ``shape``; one group for all links, so that they do not touch one another."""
+        shape.friction = 1.0  # Chipmunk multiplies the two shapes' coefficients: the circle's is then the pair's
+        shape.filter = self._pymunk.ShapeFilter(group=1)
+        self._space.add(body, shape)
+
+    def _long_range_joints(self) -> list[Any]:
+        """Create slide joints over 2, 4, ... `long_range` links, as long as the string between their ends.
+
+        They pass the pull along straight string in few iterations, and are slack where it bends.
+        """
+        joints, span, lengths = [], 2, self._lengths
+        while span <= self._settings.long_range:
+            for i in range(0, len(lengths) - span + 1, span):
+                (a, on_a), (b, on_b) = self._anchors[i], self._anchors[i + span]
+                joints.append(self._pymunk.SlideJoint(a, b, on_a, on_b, 0, math.fsum(lengths[i : i + span])))
+            span *= 2
+        return joints
+
     def _read_string(self, light: Vector, heavy: Vector) -> tuple[float, float]:
-        if self._chain is None:
+        if not self._has_string:
             return math.nan, math.nan
         self._buffer.clear()
-        self._batch.get_space_bodies(self._space, self._fields, self._buffer)
+        self._pymunk.batch.get_space_bodies(self._space, self._fields, self._buffer)
         # pymunk lists bodies in the order in which they were added, static ones last: a clamped heavy mass is static.
         bodies = np.frombuffer(self._buffer.float_buf()).reshape(-1, 3)
         first = 1 if self._clamped else 2
-        return self._chain.read(light, bodies[first : first + self._chain.links], heavy)
+        return self._read_links(light, bodies[first : first + self._link_count], heavy)
+
+    def _read_links(self, light: Vector, links: Array, heavy: Vector) -> tuple[float, float]:
+        """Return the string's stretch beyond its rest length and its slip over the rod [m].
+
+        Parameters
+        ----------
+        light, heavy
+            Positions of the masses [m].
+        links
+            Position of the middle [m] and angle [rad] of every link: x, y, angle, shape (n, 3).
+        """
+        raise NotImplementedError
+
+
+class BeadsRig(FullChainRig):
+    """The apparatus with beads, and a pin joint between neighbours."""
+
+    def _add_links(self, nodes: list[float], radius: float, mass: float) -> list[Any]:
+        p, pymunk = self._parameters, self._pymunk
+        beads = []
+        for arc in nodes[1:-1]:
+            bead = pymunk.Body(mass, math.inf)
+            bead.position, bead.velocity = point_on_string(p, arc, radius), velocity_on_string(p, arc)
+            self._add_link(bead, pymunk.Circle(bead, self._settings.bead_radius))
+            beads.append(bead)
+        self._link_count = len(beads)
+        self._anchors = [(body, (0.0, 0.0)) for body in (self._light, *beads, self._heavy)]
+        pairs = zip(self._anchors[:-1], self._anchors[1:], strict=True)
+        joints = [pymunk.PinJoint(a, b, on_a, on_b) for (a, on_a), (b, on_b) in pairs]
+        # A pin joint keeps the distance that its ends have when it is created
+        self._lengths = [joint.distance for joint in joints]
+        return joints
+
+    def _read_links(self, light: Vector, links: Array, heavy: Vector) -> tuple[float, float]:
+        nodes = np.vstack([light, links[:, :2], heavy])
+        stretch = float(np.hypot(*np.diff(nodes, axis=0).T).sum()) - math.fsum(self._lengths)
+        return stretch, self._slip.read(nodes.tolist(), self._lengths)
+
+
+class SegmentsRig(FullChainRig):
+    """The apparatus with rigid segments, and a pivot joint between neighbours."""
+
+    def _add_links(self, nodes: list[float], radius: float, mass: float) -> list[Any]:
+        p, pymunk = self._parameters, self._pymunk
+        # Segments touch the circle in their middle, so their joints lie farther from its centre
+        joint_radius = math.hypot(radius, self._settings.link_length / 2)
+        places = np.array([point_on_string(p, arc, joint_radius) for arc in nodes])
+        speeds = np.array([velocity_on_string(p, arc) for arc in nodes])
+        joints, last, last_anchor, origin = [], self._light, (0.0, 0.0), (0.0, 0.0)
+        self._anchors = [(last, origin)]
+        for i in range(len(nodes) - 1):
+            (x, y), (vx, vy) = (np.diff(row[i : i + 2], axis=0)[0].tolist() for row in (places, speeds))
+            length = math.dist(*places[i : i + 2].tolist())
+            # The moment of inertia of a thin rod about its middle
+            body = pymunk.Body(mass, mass * length * length / 12)
+            body.position, body.velocity = ((0.5 * (row[i] + row[i + 1])).tolist() for row in (places, speeds))
+            body.angle, body.angular_velocity = math.atan2(y, x), (x * vy - y * vx) / (x * x + y * y)
+            front, back = (-length / 2, 0.0), (length / 2, 0.0)
+            self._add_link(body, pymunk.Segment(body, front, back, self._settings.bead_radius))
+            joints.append(pymunk.PivotJoint(last, body, last_anchor, front))
+            last, last_anchor = body, back
+            self._anchors.append((body, back))
+            self._lengths.append(length)
+        joints.append(pymunk.PivotJoint(last, self._heavy, last_anchor, origin))
+        self._link_count = len(self._lengths)
+        return joints
+
+    def _read_links(self, light: Vector, links: Array, heavy: Vector) -> tuple[float, float]:
+        # The stretch is the sum of the joints' gaps, each along the segment before it
+        directions = np.stack([np.cos(links[:, 2]), np.sin(links[:, 2])], axis=1)
+        halves = 0.5 * np.array(self._lengths)[:, None] * directions
+        starts, ends = links[:, :2] - halves, links[:, :2] + halves
+        gaps = np.vstack([starts[1:], heavy]) - ends
+        stretch = float((gaps * directions).sum() + (starts[0] - light) @ directions[0])
+        return stretch, self._slip.read([*starts.tolist(), heavy], self._lengths)
 
 
 class PymunkFullChain(TunedEngine):
     """Chain of links along the whole string, over a static circle.
 
-    Parameters
-    ----------
-    variant
-        What the links are: "beads" on pin joints, rigid "segments" on pivot joints, or "defaults", as beads, with everything
-        else left as Chipmunk has it.
-    profile
-        Chooses the settings.
-    settings
-        Replaces the profile's settings, for studies of convergence.
+    The variants say what the links are: "beads" on pin joints, rigid "segments" on pivot joints, or "defaults", as beads, with
+    everything else left as Chipmunk has it.
     """
 
     name = "pymunk"
     distribution = "pymunk"
+    variant = "beads"
+    variants = _ABILITIES
+    settings_by_profile = SETTINGS
     settings: FullChainSettings
-
-    def __init__(
-        self, *, variant: str = "beads", profile: Profile = Profile.QUICK, settings: FullChainSettings | None = None
-    ) -> None:
-        super().__init__(profile=profile, settings=settings if settings is not None else SETTINGS[variant, profile])
-        self.variant, self.abilities = variant, _ABILITIES[variant]
 
     def build(self, scenario: Scenario) -> FullChainRig:
         """Build the scenario's apparatus at the moment of release."""
-        return FullChainRig(self.variant, scenario.parameters, self.settings)
+        rig = SegmentsRig if self.variant == "segments" else BeadsRig
+        return rig(self.variant, scenario.parameters, self.settings)
 
     def studies(self) -> Studies:
         """Return ladders, Chipmunk's defaults and the adapter's choices; "defaults" varies its step only, which is none."""

@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from looping_pendulum.engines.chain import point_on_string
+from looping_pendulum.engines.protocol import groups_per_sample
 from looping_pendulum.engines.studies import DefaultRow
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
@@ -22,6 +23,19 @@ DEFAULT_RATE = -60 * math.log(1 - 0.1)
 DEFAULT_RATE_TEXT = f"a tenth of it every 1/60 s ({DEFAULT_RATE:.1f} /s)"
 MAX_SLOP_IN_RADIUS = 1e-3
 """Largest penetration slop that the circle's radius makes up for [m]; Chipmunk's default slop, 10 cm, exceeds the rod."""
+
+
+class ForceIntervals:
+    """What follows from settings with an interval between updates; a dataclass that derives from it has the fields."""
+
+    time_step: float
+    """Length of a step [s]; it must divide the sample interval."""
+    force_interval: int
+    """Steps between two updates of the drag forces."""
+
+    def __post_init__(self) -> None:
+        """Raise EngineError where steps or groups of steps do not divide the sample interval."""
+        groups_per_sample(self.time_step, self.force_interval)
 
 
 class PublicCalls:
@@ -101,8 +115,14 @@ class SpaceRig:
     _heavy: Any
     _calls: PublicCalls
 
-    def __init__(self, parameters: Parameters, settings: Any) -> None:
+    def __init__(self, parameters: Parameters, settings: Any, *, slop: float) -> None:
+        import pymunk
+
         self._settings = settings
+        self._space: Any = pymunk.Space()
+        self._space.gravity = (0.0, -parameters.coefficients["gravity"])
+        self._space.iterations = settings.iterations
+        self._space.collision_slop = slop
         self._force = cartesian_force(parameters)
         self._clamped = parameters.release is Release.HELD
         self._groups = 0
@@ -110,7 +130,7 @@ class SpaceRig:
     def advance(self) -> None:
         """Advance the simulation by one `SAMPLE_INTERVAL`."""
         group = self._settings.force_interval
-        for _ in range(self._settings.steps_per_sample // group):
+        for _ in range(groups_per_sample(self._settings.time_step, group)):
             self._update_beads()
             self._apply_effect_forces(group)
             self._calls.step(group)
