@@ -258,7 +258,9 @@ def test_a_run_without_a_wall_time_costs_what_its_process_took(runner, make_run)
 def test_progress_is_the_share_of_the_time_and_not_of_the_runs(tmp_path, make_run):
     reports = []
     tasks = [RunTask(key=k, engine=None, scenario=None, what=f"run {k}", like="a") for k in "abcd"]
-    runner = Runner(RunCache(tmp_path), jobs=1, time_limit=10.0, budget=5.0, progress=lambda what, share: reports.append((share, what)))
+    runner = Runner(
+        RunCache(tmp_path), jobs=1, time_limit=10.0, budget=5.0, progress=lambda what, share: reports.append((share, what))
+    )
     runner.done["a"] = EndedRun(run=make_run(wall_time=2.0), seconds=2.0)
     runner.done["b"] = EndedRun(run=make_run(wall_time=6.0), seconds=6.0)
     runner._running["c"] = 0.5
@@ -270,7 +272,9 @@ def test_progress_is_the_share_of_the_time_and_not_of_the_runs(tmp_path, make_ru
 def test_what_is_beyond_the_budget_does_not_hold_the_progress_back(tmp_path, make_run):
     reports = []
     tasks = [RunTask(key="a", engine=None, scenario=None, what="a"), rung(1e-4, (("a", 8e-4),))]
-    runner = Runner(RunCache(tmp_path), jobs=1, time_limit=10.0, budget=5.0, progress=lambda what, share: reports.append((share, what)))
+    runner = Runner(
+        RunCache(tmp_path), jobs=1, time_limit=10.0, budget=5.0, progress=lambda what, share: reports.append((share, what))
+    )
     runner.done["a"] = EndedRun(run=make_run(wall_time=2.0), seconds=2.0)
     runner._report(tasks)
     assert reports == [(1.0, "1 of 2 runs; ")], "16 s is more than 5 s: it will be left out"
