@@ -77,6 +77,11 @@ class RecoveredForce:
     held_out: HeldOutTest
 
     @cached_property
+    def coordinate_range(self) -> tuple[float, float]:
+        """Smallest and largest of these."""
+        return float(self.coordinates.min()), float(self.coordinates.max())
+
+    @cached_property
     def weights(self) -> Array:
         """Weights of all sides [N], shape (sides, N_BASIS_FUNCTIONS)."""
         values = self.fit.values
