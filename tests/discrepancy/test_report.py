@@ -11,7 +11,7 @@ import pytest
 
 from looping_pendulum.compare.json_text import plain
 from looping_pendulum.discrepancy.fit.held_out import HeldOutTest
-from looping_pendulum.discrepancy.fit.residual import EventTest, GroupTest, ModelTest, ResidualTests, failures_in_words
+from looping_pendulum.discrepancy.fit.residual import GroupTest, ModelTest, ResidualTests, failures_in_words
 from looping_pendulum.discrepancy.report import figures, markdown, next_steps
 from looping_pendulum.discrepancy.result import (
     CorrelatedError,
@@ -220,7 +220,10 @@ def ambiguous(credible):
 
 def test_every_failure_is_words():
     group = GroupTest(group="sliding, light along", count=30, chi2=4.0, lag1=9.0, ljung_box=0.0, runs=-9.0)
-    events = EventTest(count=3, chi2=90.0, expected=3.0, p=0.0, worst="two t_C 1 (+4.2 standard errors)")
+    events = ModelTest.of(
+        subject="events", statistic="p of chi2 90.0 where 3.0 is expected", value=0.0, limit=5e-3, limit_is_lower=True,
+        failure="the events are farther off than their errors explain, most of all two t_C 1 (+4.2 standard errors)",
+    )  # fmt: skip
     residuals = ResidualTests(chi2_per_dof=9.0, count=30, groups=(group,), events=events)
     held_out = HeldOutTest(names=("two",), chi2=(9.0,), counts=(30,), limits=(1.1,), rms=(0.1,), fits=(None,))
     failed = failures_in_words([*residuals.results, *held_out.results])

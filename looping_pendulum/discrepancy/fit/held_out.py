@@ -9,11 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise_steps
 from looping_pendulum.discrepancy.fit.data import TrialData, noises_of
 from looping_pendulum.discrepancy.fit.problem import Problem, Steps, together
-from looping_pendulum.discrepancy.fit.residual import CHI2_SCATTER_SIGMAS, ModelTest, max_held_out_chi2
+from looping_pendulum.discrepancy.fit.residual import CHI2_SCATTER_SIGMAS, MIN_P_VALUE, ModelTest
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.measured.free_parameter import FreeParameter
@@ -59,12 +60,11 @@ class HeldOutTest:
         """Return the result of the test of each trial, or of all blocks together."""
         subjects = [f"held-out trial {name}" for name in self.names] if self.fits else ["held-out blocks of time"]
         return tuple(
-            ModelTest(
+            ModelTest.of(
                 subject=subject,
                 statistic="chi2 per value",
                 value=chi2,
                 limit=limit,
-                passes=chi2 <= limit,
                 failure=f"the model does not predict the {subject}",
             )
             for subject, chi2, limit in zip(subjects, self.chi2, self.limits, strict=True)
@@ -102,7 +102,8 @@ def _max_chi2(fit: Fit) -> float:
     Events have stated errors, so that it follows from the chi2 distribution. The noise of points is estimated from themselves.
     """
     if not any(d.channels for d in fit.problem.data):
-        return max_held_out_chi2(fit.problem.data)
+        count = sum(len(d.events) for d in fit.problem.data)
+        return float(special.chdtri(count, MIN_P_VALUE)) / count
     return max(MAX_HELD_OUT_CHI2, 1 + CHI2_SCATTER_SIGMAS / math.sqrt(fit.problem.count))
 
 
