@@ -34,7 +34,6 @@ from looping_pendulum.discrepancy.result import (
     Outliers,
     RankedExplanation,
     RecordStart,
-    SmallestVisible,
     TrialError,
     TrialFigure,
     UnlistedLaw,
@@ -163,7 +162,8 @@ def _identify(inputs: Inputs, seed: int, progress: ReportShare, workers: Workers
     has_repair = found.verdict not in (Verdict.NO_MISSING_EFFECT, Verdict.UNEXPLAINED) and found.best is not found.nothing
     after = found.judged(found.best) if has_repair else before
     unlisted = None
-    law = next((r.explanation for r in found.ranked if r.credible and r.explanation.parts.law), None)
+    credible = [e for e in found.ranked if e.key in found.credible]
+    law = next((e for e in credible if e.parts.law), None)
     if law and has_repair:
         is_best = law is found.best
         without, recovered = found.force(after if is_best else found.judged(law))
@@ -177,13 +177,13 @@ def _identify(inputs: Inputs, seed: int, progress: ReportShare, workers: Workers
         if unlisted.formula and formulas[0].held_out and is_best:
             fit = formulas[0].fit
             after = dataclasses.replace(after, fit=fit, training=fit, held_out=formulas[0].held_out, tests=check_residuals(fit))
-    ties = [r for r in found.ranked if r.credible and not r.explanation.parts.law]
+    ties = [e for e in credible if not e.parts.law]
     experiments: tuple[Experiment, ...] = ()
     if found.verdict is Verdict.AMBIGUOUS and len(ties) > 1:
         # An interrupt now costs the advice on the next trial, but not the verdict
         with contextlib.suppress(KeyboardInterrupt):
-            names = [tuple(sorted(r.explanation.key)) or ("nothing",) for r in ties]
-            experiments = best_experiments(study, [r.fit for r in ties], names, workers)
+            names = [tuple(sorted(e.key)) or ("nothing",) for e in ties]
+            experiments = best_experiments(study, [found.fit(e) for e in ties], names, workers)
 
     explanations = _explanations(found)
     effects = next((e.effects for e in explanations), ()) if has_repair else ()
@@ -220,19 +220,8 @@ def _identify(inputs: Inputs, seed: int, progress: ReportShare, workers: Workers
         explanations=explanations,
         unlisted=unlisted,
         correlated_noise=noise,
-        smallest_visible=tuple(
-            SmallestVisible(
-                name=v.candidate.name,
-                value=v.value,
-                unit=v.candidate.unit,
-                acts_on=v.candidate.acts_on,
-                null_value=v.candidate.null,
-                motion=v.motion,
-            )
-            for v in visible
-            if not v.can_hide
-        ),
-        can_hide=tuple(sorted(v.candidate.name for v in visible if v.can_hide)),
+        smallest_visible=tuple(v for v in visible if not v.can_hide),
+        can_hide=tuple(sorted(v.name for v in visible if v.can_hide)),
         next_experiments=experiments,
         errors=errors,
         events=_events(fits),
@@ -253,8 +242,9 @@ def _explanations(found: Explanations) -> tuple[RankedExplanation, ...]:
     declared, least = found.nothing.log_posterior, least_distance(len(found.search.library))
     rows = []
     count = max(MAX_EXPLANATIONS, len(found.credible))
-    for r in (r for i, r in enumerate(found.ranked) if i < count or r.explanation is found.nothing):
-        values, errors, law = r.fit.values, r.fit.errors, r.explanation.parts.law
+    for e in (e for i, e in enumerate(found.ranked) if i < count or e is found.nothing):
+        fit, is_credible, law = found.fit(e), e.key in found.credible, e.parts.law
+        values, errors = fit.values, fit.errors
         effects = tuple(
             IdentifiedEffect(
                 name=c.name,
@@ -271,20 +261,20 @@ def _explanations(found: Explanations) -> tuple[RankedExplanation, ...]:
                 # Where the model is far from linear in an effect, a standard error misleads: of static friction that holds all
                 # is known but that it is large enough. It misleads, too, where the evidence only just suffices: noise has
                 # enlarged most of these values.
-                interval=stated_interval(r.fit, c.name, c.null, least) if r.credible else None,
+                interval=stated_interval(fit, c.name, c.null, least) if is_credible else None,
                 null_value=c.null,
                 unit=c.unit,
                 companions=tuple((k.name, values[k.name], errors[k.name]) for k in c.companions),
             )
-            for c in sorted(r.explanation.parts.effects, key=lambda c: c.name)
+            for c in sorted(e.parts.effects, key=lambda c: c.name)
         )
         rows.append(
             RankedExplanation(
                 effects=effects,
                 law=UnlistedLaw(acts_on=law.target, depends_on=law.coordinate, multiplied_by=law.factor) if law else None,
-                probability=r.probability,
-                log10_odds=(r.explanation.log_posterior - declared) / math.log(10),
-                credible=r.credible,
+                probability=found.probabilities.get(e.key),
+                log10_odds=(e.log_posterior - declared) / math.log(10),
+                credible=is_credible,
             )
         )
     return tuple(rows)

@@ -38,19 +38,6 @@ from looping_pendulum.reference_ode.geometry import Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Ranked:
-    """An explanation beside others."""
-
-    explanation: Explanation
-    fit: Fit
-    """With its most probable noise if it is credible, else with white noise."""
-    probability: float | None
-    """None: it adds nothing that shows to a part of it, with which it is counted."""
-    credible: bool
-    """Whether it is in the smallest set that has `prior.CREDIBLE` of the probability."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Judged:
     """An explanation beside its tests, and fitted to the training trials alone, so that held-out data judge it."""
 
@@ -131,8 +118,11 @@ class Explanations:
                 break
             for e in unconfirmed:
                 del self._fitted[e.key]
-        self.probabilities = tuple(probabilities)
-        """What an explanation adds, and its probability, the most probable first; an empty set: nothing is missing."""
+        self.probabilities = dict(probabilities)
+        """What an explanation adds -> its probability; an empty set: nothing is missing.
+
+        Of one that adds nothing that shows to a part of it, and so is counted with that, there is none.
+        """
 
     @cached_property
     def passes(self) -> bool:
@@ -152,16 +142,15 @@ class Explanations:
             return Verdict.UNLISTED
         return Verdict.IDENTIFIED if len(self.credible) == 1 else Verdict.AMBIGUOUS
 
-    @cached_property
-    def ranked(self) -> tuple[Ranked, ...]:
+    @property
+    def ranked(self) -> list[Explanation]:
         """Return all explanations that were fitted, the most probable first."""
-        known = dict(self.probabilities)
-        rows = []
-        for e in sorted(self._fitted.values(), key=lambda e: (e.key != self.best.key, -known.get(e.key, -1), -e.log_posterior)):
-            credible = e.key in self.credible
-            fit = self.search.tested(e)[0] if credible else e.fit
-            rows.append(Ranked(explanation=e, fit=fit, probability=known.get(e.key), credible=credible))
-        return tuple(rows)
+        known = self.probabilities
+        return sorted(self._fitted.values(), key=lambda e: (e.key != self.best.key, -known.get(e.key, -1), -e.log_posterior))
+
+    def fit(self, e: Explanation) -> Fit:
+        """Return the fit of an explanation: with its most probable noise if it is credible, else with white noise."""
+        return self.search.tested(e)[0] if e.key in self.credible else e.fit
 
     @property
     def nothing(self) -> Explanation:

@@ -46,7 +46,6 @@ from looping_pendulum.discrepancy.evidence.prior import (
 )
 from looping_pendulum.discrepancy.evidence.templates import (
     Template,
-    Visible,
     columns,
     smallest_visible,
     steps_together,
@@ -56,7 +55,9 @@ from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.problem import Steps, alone, together
 from looping_pendulum.discrepancy.fit.residual import ResidualTests, check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import data_with_noise_of_residuals
+from looping_pendulum.discrepancy.result import SmallestVisible
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
+from looping_pendulum.reference_ode.geometry import Array
 
 
 class Search:
@@ -116,7 +117,7 @@ class Search:
         # Errors of real marks are seldom as simple as such a process, so that a pattern stays beside the right effect, too
         return tests.passes if not e.setting else tests.chi2_per_dof <= tests.limit
 
-    def smallest_visible(self, e: Explanation) -> list[Visible]:
+    def smallest_visible(self, e: Explanation) -> list[SmallestVisible]:
         """Return the smallest size of every listed effect that the data would show beside an explanation."""
         found = self._templates_beside(e)
         m = Marginal(self.grid, raw(e.fit), columns(found, self.grid.count), bounded(e.fit), [e.setting])
@@ -247,18 +248,7 @@ class Search:
             self.ruled_out = _impossible(m, found)
         for chosen, gain, amounts in _additions(m, found, pairs=count + 2 <= MAX_EFFECTS and not e.parts.law):
             step, _ = m.solution(chosen)
-            self._offer(
-                Addition(
-                    parent=e,
-                    templates=tuple(found[i] for i in chosen),
-                    amounts=amounts,
-                    law=None,
-                    step=step,
-                    gain=gain,
-                    decrease=m.decrease(chosen),
-                    log_prior=log_prior(count + len(chosen), len(self.library), e.parts.law),
-                )
-            )
+            self._offer(e, tuple(found[i] for i in chosen), amounts, step=step, gain=gain, decrease=m.decrease(chosen))
         # A second law is not looked for, nor one beside what is settled
         if e.parts.law or count > 1 or (e.key != NOTHING and self.settled):
             return
@@ -285,35 +275,30 @@ class Search:
             if (which := (body_of(law.closure.target), law.closure.coordinate)) in seen:
                 continue
             seen.add(which)
-            self._offer_law(e, law)
+            cases: list[tuple[Law, tuple[Template, ...], tuple[float, ...]]] = [(law, (), ())]
             for beside_it, t, amount in laws.with_effects(law, [t.linear for t in found]) if found else ():
                 if found[t].value(amount) is not None:
-                    self._offer_law(e, beside_it, (found[t],), (amount,))
+                    cases.append((beside_it, (found[t],), (amount,)))
+            for one, beside, amounts in cases:
+                self._offer(e, beside, amounts, one, step=one.step, gain=one.log_bayes_factor, decrease=one.decrease)
 
-    def _offer_law(self, e: Explanation, law: Law, beside: tuple[Template, ...] = (), amounts: tuple[float, ...] = ()) -> None:
-        """Offer a law, and the templates beside which it was looked at."""
-        self._offer(
-            Addition(
-                parent=e,
-                templates=beside,
-                amounts=amounts,
-                law=law,
-                step=law.step,
-                gain=law.log_bayes_factor,
-                decrease=law.decrease,
-                log_prior=log_prior(len(e.parts.effects) + len(beside), len(self.library), law.closure),
-            )
-        )
-
-    def _offer(self, a: Addition) -> None:
+    def _offer(
+        self, parent: Explanation, added: tuple[Template, ...], amounts: tuple[float, ...], law: Law | None = None,
+        *, step: Array, gain: float, decrease: float,
+    ) -> None:  # fmt: skip
         """Keep an addition if it makes an explanation that was not fitted, and none of a better parent makes it."""
 
         def rank(one: Addition) -> tuple[float, float]:
             return one.parent.log_z, one.log_posterior
 
-        before = self._linear.get((a.parent.key, a.key))
-        if before is None or a.gain > before.gain or before.parent is not a.parent:
-            self._linear[a.parent.key, a.key] = a
+        count, closure = len(parent.parts.effects) + len(added), law.closure if law else parent.parts.law
+        a = Addition(
+            parent=parent, templates=added, amounts=amounts, law=law, step=step, gain=gain, decrease=decrease,
+            log_prior=log_prior(count, len(self.library), closure),
+        )  # fmt: skip
+        before = self._linear.get((parent.key, a.key))
+        if before is None or a.gain > before.gain or before.parent is not parent:
+            self._linear[parent.key, a.key] = a
         known = self.possible.get(a.key)
         # The more its parent explains, the less is left to the linear model
         if a.key not in self.fitted and (known is None or rank(a) > rank(known)):

@@ -35,23 +35,6 @@ MAX_RISE_RATIO = 1.25
 """Largest ratio of the cost's rise to that of a linear model, or its inverse, with which a standard error is good enough."""
 
 
-def cost_rise(fit: Fit, name: str, value: float) -> float:
-    """Return the rise of the cost if a parameter has ``value`` [SI]; its square root counts standard errors.
-
-    The other parameters are refitted in steps of about one standard error, so that each fit starts near its minimum.
-    """
-    best = fit.values[name]
-    # Less a little, so that rounding does not add a step
-    steps = max(1, math.ceil(abs(value - best) / fit.errors[name] - 1e-9))
-    conditional = fit
-    for here in np.linspace(best, value, steps + 1)[1:]:
-        further = refit_with_fixed_value(fit, conditional, name, float(here))
-        if further is None:
-            return math.inf
-        conditional = further
-    return conditional.cost - fit.cost
-
-
 def stated_interval(fit: Fit, name: str, null: float, min_distance: float) -> tuple[float | None, float | None] | None:
     """Return where a value [SI] lies with 95 % probability that is only stated if it is far enough from its null value.
 
