@@ -532,7 +532,8 @@ def test_residual_vectors_lead_to_the_points_magnified():
     picture = dataclasses.replace(picture, before=off)
     vectors, factor = figures.residual_vectors(picture, "light")
     assert factor == 10.0  # 0.1 of a motion of 2 m by 14 mm, rounded down to 1, 2 or 5 times a power of ten
-    assert np.allclose(vectors["before"].tips - vectors["before"].path, -factor * 0.01)
+    path, tips = vectors["before"]
+    assert np.allclose(tips - path, -factor * 0.01)
     assert len(vectors["before"].path) == len(picture.t["light_x"]) - 1  # without the outlier
 
 

@@ -17,7 +17,6 @@ from looping_pendulum.discrepancy.result import (
     MIN_SEPARATION,
     EventResidual,
     FitReport,
-    ForceProfile,
     Identification,
     IdentifiedEffect,
     RankedExplanation,
@@ -153,10 +152,10 @@ def unlisted_force(result: Identification) -> str:
     unit, name = force.unit, force.depends_on.replace("_", " ")
     head = ["direction", f"largest at {name} [{unit}]", f"largest [{force.value_unit or 1}]", f"significant between [{unit}]",
             "formula"]  # fmt: skip
-    rows = [
-        [SIDES[p.side], number(p.largest_at), number(p.largest), _significant_range(p), f"`{p.formula}`"]
-        for p in force.profiles
-    ]
+    rows = []
+    for p in force.profiles:
+        significant = GAP if p.significant_from is None else f"{number(p.significant_from)} and {number(p.significant_to)}"
+        rows.append([SIDES[p.side], number(p.largest_at), number(p.largest), significant, f"`{p.formula}`"])
     model = IN_NO_REPAIRED_MODEL
     if result.explanations[0].law and force.formula is None:
         model = "The repaired model has these, since no simple formula explains held-out data as well."
@@ -182,10 +181,6 @@ def unlisted_force(result: Identification) -> str:
         "A pulse is a Gaussian, whose width is its standard deviation; a pass is an odd pulse, which changes sign at its place."
     )
     return f"{text}\n{table(head, rows, left=1)}\n{note}\n"
-
-
-def _significant_range(p: ForceProfile) -> str:
-    return GAP if p.significant_from is None else f"{number(p.significant_from)} and {number(p.significant_to)}"
 
 
 def _errors(result: Identification) -> str:
