@@ -361,7 +361,9 @@ def _errors(before: Judged, after: Judged) -> tuple[TrialError, ...]:
     rows = []
     for k, d in enumerate(before.training.problem.data):
         fits = [m.training for m in models]
-        each = [(rms(fit, k), _chi2(fit, k), event_rms_by_unit(fit, k)) for fit in fits]
+        # Values that are left out have an infinite sigma, so that their zeros would lower the mean
+        chi2 = [float(np.mean(np.square(_standardised(fit, k)[np.isfinite(fit.problem.data[k].sigma)]))) for fit in fits]
+        each = [(rms(fit, k), of_fit, event_rms_by_unit(fit, k)) for fit, of_fit in zip(fits, chi2, strict=True)]
         rows.append((d.trial.name, False, _unit_of_position(d), each))
     for i, name in enumerate(held_out.names if held_out.fits else ()):
         each = [(m.held_out.rms[i], m.held_out.chi2[i], event_rms_by_unit(m.held_out.fits[i], 0)) for m in models]
@@ -395,12 +397,6 @@ def _unit_of_position(d: TrialData) -> str:
     parts = position_slices(d)
     units = {c.unit for c in d.channels if d.slices[c.name] in parts}
     return units.pop() if len(units) == 1 else ""
-
-
-def _chi2(fit: Fit, k: int) -> float:
-    """Return chi-square per value of trial ``k``."""
-    # Values that are left out have an infinite sigma, so that their zeros would lower the mean
-    return float(np.mean(np.square(_standardised(fit, k)[np.isfinite(fit.problem.data[k].sigma)])))
 
 
 def _standardised(fit: Fit, k: int) -> Array:

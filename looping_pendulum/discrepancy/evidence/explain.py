@@ -99,7 +99,7 @@ class Explanations:
         Whether the search was ended before others were looked at.
     """
 
-    def __init__(self, search: Search, inputs: Inputs, workers: Workers, interrupted: bool = False) -> None:
+    def __init__(self, search: Search, inputs: Inputs, workers: Workers, interrupted: bool) -> None:
         self.search, self._inputs, self._workers = search, inputs, workers
         self._of_training: dict[Key, Fit | None] = {}
         self.interrupted = interrupted
@@ -244,18 +244,6 @@ def explain(
         If the declared model cannot run.
     """
     report("calibrating")
-    base, start_costs = _declared(inputs, seed, workers)
-    search = Search(base, inputs.library, workers, report)
-    interrupted = False
-    try:
-        search.run()
-    except KeyboardInterrupt:
-        interrupted = True
-    return Explanations(search, inputs, workers, interrupted), start_costs
-
-
-def _declared(inputs: Inputs, seed: int, workers: Workers) -> tuple[Fit, tuple[float, ...]]:
-    """Return the fit of the declared model to all trials, and the costs that its starts led to."""
     problem = inputs.problem()
     compiled = sorted((c for c in inputs.library if c.needs_compilation), key=lambda c: -len(c.companion_grid()))
     of_batch = [c for c in compiled if steps_together(problem, c)]
@@ -264,4 +252,11 @@ def _declared(inputs: Inputs, seed: int, workers: Workers) -> tuple[Fit, tuple[f
     second = problem.prior_mean + np.random.default_rng(seed).standard_normal(len(problem.free_parameters))
     starts = [problem.prior_mean, np.clip(second, problem.low, problem.high)]
     fits = together([calibrate_steps(problem, start) for start in starts])
-    return refit_with_estimated_noise(min(fits, key=lambda f: f.cost)), tuple(f.cost for f in fits)
+    base = refit_with_estimated_noise(min(fits, key=lambda f: f.cost))
+    search = Search(base, inputs.library, workers, report)
+    interrupted = False
+    try:
+        search.run()
+    except KeyboardInterrupt:
+        interrupted = True
+    return Explanations(search, inputs, workers, interrupted), tuple(f.cost for f in fits)

@@ -22,6 +22,7 @@ from looping_pendulum.discrepancy.evidence.motions import (
     COORDINATES_OF,
     N_PULSES,
     POINT_SCALE,
+    PULSED_SIDES,
     TARGETS,
     Closure,
     Motions,
@@ -92,7 +93,7 @@ class Laws:
     ) -> None:  # fmt: skip
         self.fit, self.runs = fit, runs
         self._log_weights = log_z - np.logaddexp.reduce(log_z)
-        problem, sides = fit.problem, runs.pulsed_sides
+        problem, sides = fit.problem, ("across",) if runs.clamped else PULSED_SIDES
         items = [(side, i) for side in sides for i in range(0, N_PULSES, N_BASIS_FUNCTIONS)]
         found = workers.map_together(respond, (problem, fit.x, runs.pulse_spacing), items)
         n = problem.measured_rows

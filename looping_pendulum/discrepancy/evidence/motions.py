@@ -197,11 +197,6 @@ class Motions:
         return np.asarray(self._coordinates[COORDINATES.index(name)])
 
     @property
-    def pulsed_sides(self) -> tuple[str, ...]:
-        """Return the sides on which pulses change the motion."""
-        return ("across",) if self.clamped else PULSED_SIDES
-
-    @property
     def is_too_long(self) -> bool:
         """Return whether the records are so long that pulses would not show where in a swing a force acts."""
         return bool(self.kinematics.time.max() > MAX_PULSE_SPACING * N_PULSES)
@@ -273,15 +268,12 @@ class Motions:
         pulses = np.exp(-0.5 * ((t[:, None] - spacing * np.arange(N_PULSES)) / spacing) ** 2)
         return np.asarray(np.linalg.pinv(pulses, rcond=1e-4))
 
-    def factor(self, name: str) -> Array:
-        """Return the factor of the basis functions, 1 or minus a speed, shape (n,)."""
-        return np.ones(len(self.trial)) if name == "constant" else -getattr(self.kinematics, name)
-
     def directions(self, closure: Closure) -> dict[str, Array]:
         """Return side of `PULSED_SIDES` -> the closure's push there per unit of its profile at all samples, side by side."""
         sides = TARGETS[closure.target]
         if sides != ("gradient",):
-            return {side: self.factor(closure.factor) for side in sides}
+            factor = np.ones(len(self.trial)) if closure.factor == "constant" else -getattr(self.kinematics, closure.factor)
+            return dict.fromkeys(sides, factor)
         to_right, upward = np.zeros(len(self.trial)), np.zeros(len(self.trial))
         if closure.point is None:
             (to_right if closure.coordinate == "horizontal_position" else upward)[:] = 1.0

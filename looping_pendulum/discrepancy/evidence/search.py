@@ -135,7 +135,11 @@ class Search:
         """Fit explanations until no other comes near the best."""
         self._go_on()
         if not self.passes(self.best):
-            self._fit_again()
+            # Once more, from other starts: where none is right, a fit may have gone astray
+            chosen = sorted((e for e in self.fitted.values() if e.key), key=lambda e: -e.log_posterior)[:MAX_TOGETHER]
+            for e, fit in zip(chosen, self._fit([partial(again_steps, e) for e in chosen]), strict=True):
+                if fit is not None:
+                    self._add(fit, e.parts)
             self._go_on()
         if self.best.key != NOTHING:  # whose noise is known
             self._with_noise_of(self.best)
@@ -206,13 +210,6 @@ class Search:
         ):
             if fit is not None:
                 self._add(fit, e.parts.without(part))
-
-    def _fit_again(self) -> None:
-        """Fit the most probable explanations once more from other starts: where none is right, a fit may have gone astray."""
-        chosen = sorted((e for e in self.fitted.values() if e.key), key=lambda e: -e.log_posterior)[:MAX_TOGETHER]
-        for e, fit in zip(chosen, self._fit([partial(again_steps, e) for e in chosen]), strict=True):
-            if fit is not None:
-                self._add(fit, e.parts)
 
     def _with_noise_of(self, best: Explanation) -> None:
         """Estimate the noise and the outliers beside the best explanation, and fit all that are near it again with these."""

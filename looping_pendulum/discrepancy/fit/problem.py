@@ -65,17 +65,14 @@ def free_parameters_of(study: Study, trials: Sequence[tuple[Trial, Any]]) -> tup
         for name, known in study.camera_priors(trial, observations).items():
             is_stated = name in trial.camera and known.uncertain
             if name in ("origin_x", "origin_y", "rate_offset", *observations.camera_errors) or is_stated:
-                parameters.append(_camera_parameter(name, trial, known.value, known.sigma))
+                scale = known.sigma or (0.1 if name in ("origin_x", "origin_y") else 0.05)
+                parameters.append(
+                    FreeParameter(
+                        name=f"{trial.name}.{name}", parameter=name, role=_CAMERA, trials=(trial.name,),
+                        init_value=known.value, scale=scale, prior=1.0 if known.sigma else None,
+                    )
+                )  # fmt: skip
     return tuple(parameters)
-
-
-def _camera_parameter(name: str, trial: Trial, value: float, sigma: float | None) -> FreeParameter:
-    """Return a parameter of one trial's camera as a free parameter."""
-    scale = sigma or {"origin_x": 0.1, "origin_y": 0.1}.get(name, 0.05)
-    return FreeParameter(
-        name=f"{trial.name}.{name}", parameter=name, role=ParameterRole.CAMERA, trials=(trial.name,), init_value=value,
-        scale=scale, prior=1.0 if sigma else None,
-    )  # fmt: skip
 
 
 class Problem:

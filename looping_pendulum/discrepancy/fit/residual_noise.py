@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise_steps
 from looping_pendulum.discrepancy.fit.data import TrialData
-from looping_pendulum.discrepancy.fit.problem import Steps, alone
+from looping_pendulum.discrepancy.fit.problem import alone
 from looping_pendulum.measured.noise import GAUSSIAN_MAD
 from looping_pendulum.measured.observations import BODIES
 from looping_pendulum.reference_ode.geometry import Array
@@ -61,18 +61,13 @@ MEDIAN_VARIANCE = math.pi / 2
 
 
 def with_noise_of_residuals(fit: Fit) -> Fit:
-    """Do the same as `with_noise_of_residuals_steps`."""
-    return alone(with_noise_of_residuals_steps(fit))
-
-
-def with_noise_of_residuals_steps(fit: Fit) -> Steps[Fit]:
     """Estimate each trial's noise from differences of neighbouring residuals, leave out outliers, and refit.
 
     Such differences do not see slow misfits. With them, chi2 scatters by 1/sqrt(n); with second differences 1.5 times as much;
     with the points' own differences of fourth order, which need no model, twice as much.
     """
     data = [data_with_noise_of_residuals(fit, k) for k in range(len(fit.problem.data))]
-    return minimise_steps(fit.problem.with_data(data), fit.x, initial_jacobian=_rescaled_jacobian(fit, data))
+    return alone(minimise_steps(fit.problem.with_data(data), fit.x, initial_jacobian=_rescaled_jacobian(fit, data)))
 
 
 def refit_with_estimated_noise(fit: Fit) -> Fit:
