@@ -534,7 +534,7 @@ def test_residual_vectors_lead_to_the_points_magnified():
     assert factor == 10.0  # 0.1 of a motion of 2 m by 14 mm, rounded down to 1, 2 or 5 times a power of ten
     path, tips = vectors["before"]
     assert np.allclose(tips - path, -factor * 0.01)
-    assert len(vectors["before"].path) == len(picture.t["light_x"]) - 1  # without the outlier
+    assert len(path) == len(picture.t["light_x"]) - 1  # without the outlier
 
 
 def test_the_farthest_misfits_are_named_with_their_times():
