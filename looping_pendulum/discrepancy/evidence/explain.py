@@ -15,7 +15,6 @@ from looping_pendulum.discrepancy.evidence.explanation import (
     Key,
     explained,
     law_name,
-    refit_steps,
     to_data_steps,
     without_steps,
 )
@@ -74,17 +73,14 @@ class RecoveredForce:
         values = self.fit.values
         return np.array([values[n] for n in self.closure.names]).reshape(-1, N_BASIS_FUNCTIONS)
 
-    def covariance(self, side: int) -> Array:
-        """Return the covariance of a side's weights [N^2], shape (N_BASIS_FUNCTIONS, N_BASIS_FUNCTIONS)."""
+    def standard_error(self, side: int, s: Array) -> Array:
+        """Return the standard error of a side's profile at coordinates ``s``, shape of ``s``."""
         problem = self.fit.problem
         index = [problem.names.index(n) for n in self.closure.names[side * N_BASIS_FUNCTIONS : (side + 1) * N_BASIS_FUNCTIONS]]
         scale = np.array([problem.free_parameters[i].scale for i in index])
-        return np.asarray(self.fit.covariance[np.ix_(index, index)] * np.outer(scale, scale))
-
-    def standard_error(self, side: int, s: Array) -> Array:
-        """Return the standard error of a side's profile at coordinates ``s``, shape of ``s``."""
+        covariance = self.fit.covariance[np.ix_(index, index)] * np.outer(scale, scale)
         basis = self.closure.basis_functions(s)
-        variance = np.einsum("ij,jk,ik->i", basis, self.covariance(side), basis)
+        variance = np.einsum("ij,jk,ik->i", basis, covariance, basis)
         return np.asarray(np.sqrt(np.maximum(variance, 0.0)))  # rounding can leave a variance slightly negative
 
 
@@ -206,11 +202,8 @@ class Explanations:
     def _fit_to_training(self, e: Explanation) -> Fit | None:
         """Return the fit to the training trials with white noise, the parameters of a law last; None: it cannot run."""
         if e.key not in self._of_training:
-            data, law = self._training(e), set(e.parts.law.names if e.parts.law else ())
-            trials = {d.trial.name for d in data}
-            kept = [i for i, n in enumerate(e.fit.problem.free_parameters) if trials & set(n.trials)]
-            kept.sort(key=lambda i: e.fit.problem.names[i] in law)
-            self._of_training[e.key] = alone(refit_steps(e.fit, kept, data))
+            law = e.parts.law.names if e.parts.law else ()
+            self._of_training[e.key] = alone(to_data_steps(e.fit, self._training(e), last=law))
         return self._of_training[e.key]
 
     def _training(self, e: Explanation) -> list[TrialData]:

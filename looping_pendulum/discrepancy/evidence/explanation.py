@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -263,8 +263,14 @@ def refit_steps(fit: Fit, kept: Sequence[int], data: Sequence[TrialData]) -> Ste
         return None
 
 
-def to_data_steps(fit: Fit, data: Sequence[TrialData]) -> Steps[Fit | None]:
-    """Fit a model to other data of the same trials, or of some of them, from where it was."""
+def to_data_steps(fit: Fit, data: Sequence[TrialData], last: Collection[str] = ()) -> Steps[Fit | None]:
+    """Fit a model to other data of the same trials, or of some of them, from where it was.
+
+    Parameters
+    ----------
+    last
+        Parameters that come after all others then.
+    """
     trials = {d.trial.name for d in data}
     kept = [i for i, n in enumerate(fit.problem.free_parameters) if trials & set(n.trials)]
-    return refit_steps(fit, kept, data)
+    return refit_steps(fit, sorted(kept, key=lambda i: fit.problem.names[i] in last), data)

@@ -320,9 +320,7 @@ def respond(shared: tuple[Problem, Array, float], batches: Sequence[tuple[str, i
         at = np.tile(np.append(x, np.zeros(len(added))), (1 + len(added), 1))
         at[1:, len(x) :] = np.eye(len(added))
         requests.append((pulsed, at))
-    return [
-        _columns(problem, *request, predicted) for request, predicted in zip(requests, predict_requests(requests), strict=True)
-    ]
+    return [_columns(problem, *request, rows) for request, rows in zip(requests, predict_requests(requests), strict=True)]
 
 
 def _columns(problem: Problem, pulsed: Problem, at: Array, predicted: Array) -> Array:

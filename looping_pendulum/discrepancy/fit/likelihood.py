@@ -49,7 +49,8 @@ def stated_interval(fit: Fit, name: str, null: float, min_distance: float) -> tu
     """
     linear = is_nearly_linear(fit, name)
     value, error = fit.values[name], fit.errors[name]
-    distance = abs(value - null) / error if linear else _distance(fit, name, null)
+    # In standard errors
+    distance = abs(value - null) / error if linear else _root_of_rise(fit, refit_with_fixed_value(fit, fit, name, null))
     rise = rise_after_selection(distance, min_distance)
     if linear and rise == COST_RISE_95:
         return None
@@ -84,12 +85,6 @@ def rise_after_selection(distance: float, min_distance: float) -> float | None:
     if log_excess(0.0) >= 0:
         return None
     return float((distance - brentq(log_excess, 0.0, distance)) ** 2)
-
-
-def _distance(fit: Fit, name: str, null: float) -> float:
-    """Return the distance of a fitted value from its null value [SI] in standard errors, all other parameters refitted."""
-    conditional = refit_with_fixed_value(fit, fit, name, null)
-    return math.inf if conditional is None else _root_of_rise(fit, conditional)
 
 
 def is_nearly_linear(fit: Fit, name: str) -> bool:
@@ -154,11 +149,12 @@ def _excess(fit: Fit, conditional: Fit | None, max_rise: float) -> float:
     The root is nearly linear in the value where the cost does not jump.
     """
     root = math.sqrt(max_rise)
-    return root if conditional is None else min(_root_of_rise(fit, conditional) - root, root)
+    return min(_root_of_rise(fit, conditional) - root, root)
 
 
-def _root_of_rise(fit: Fit, conditional: Fit) -> float:
-    return math.sqrt(max(conditional.cost - fit.cost, 0.0))
+def _root_of_rise(fit: Fit, conditional: Fit | None) -> float:
+    """Return the root of the cost's rise, which counts standard errors; infinite if the model cannot run."""
+    return math.inf if conditional is None else math.sqrt(max(conditional.cost - fit.cost, 0.0))
 
 
 def refit_with_fixed_value(fit: Fit, start: Fit, name: str, value: float) -> Fit | None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from types import SimpleNamespace
 from typing import Any, TypeVar
@@ -318,7 +317,7 @@ def predict_requests(requests: Sequence[Request]) -> list[Array]:
         end = 0
         for k, d in enumerate(problem.data):
             begin, end = end, end + len(d.value)
-            part = _Part.of(problem, x, k, into[:, begin:end])
+            part = _Part(problem, x, k, into[:, begin:end])
             groups.setdefault(part.model, []).append(part)
     for model, parts in groups.items():
         if model:
@@ -375,45 +374,28 @@ def _run(steps: Sequence[Steps[T]]) -> list[T | HarnessError]:
     return [results[i] for i in range(len(steps))]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class _Part:
-    """A trial at many parameters."""
+    """A trial at many parameters ``x``, shape (m, p), and where its predictions are wanted, ``into`` of shape (m, n)."""
 
-    problem: Problem
-    x: Array
-    k: int
-    columns: Mapping[str, Array]
-    """Parameters of the model that differ between the rows, shape (m,) each."""
-    camera: Camera
-    """Of all rows."""
-    valid: NDArray[np.bool_]
-    """Which rows have possible cameras, shape (m,)."""
-    into: Array
-    """Where the predictions are wanted, shape (m, n)."""
-    first: NDArray[np.intp]
-    """A row of each run that is made."""
-    run: NDArray[np.intp]
-    """Run of each row, an index into ``first``."""
-
-    @classmethod
-    def of(cls, problem: Problem, x: Array, k: int, into: Array) -> _Part:
-        """Return a trial as a part; arguments as the fields."""
-        base = problem.base[k]
-        changes, camera = problem.changes(list(x.T), k)
-        columns = {name: np.broadcast_to(values, len(x)) for name, values in base.with_static_friction(changes).items()}
-        many, valid = Camera.of_many(camera, len(x))
-        clock = [np.ravel(v) for v in (many.clock_offset, many.clock_ratio, many.readout) if np.ndim(v)]
-        # Rows that differ by the camera alone show the same run
-        keys = np.column_stack([*columns.values(), *clock, np.zeros(len(x))])
-        seen: dict[bytes, int] = {}
-        run = np.array([seen.setdefault(row.tobytes(), len(seen)) for row in keys], dtype=np.intp)
-        first = np.array([int(np.flatnonzero(run == i)[0]) for i in range(len(seen))], dtype=np.intp)
-        return cls(problem=problem, x=x, k=k, columns=columns, camera=many, valid=valid, into=into, first=first, run=run)
-
-    @property
-    def base(self) -> Parameters:
+    def __init__(self, problem: Problem, x: Array, k: int, into: Array) -> None:
+        self.problem, self.x, self.k, self.into = problem, x, k, into
+        self.base = problem.base[k]
         """Parameters that do not differ between the rows."""
-        return self.problem.base[self.k]
+        changes, camera = problem.changes(list(x.T), k)
+        self.columns = {
+            name: np.broadcast_to(values, len(x)) for name, values in self.base.with_static_friction(changes).items()
+        }
+        """Parameters of the model that differ between the rows, shape (m,) each."""
+        self.camera, self.valid = Camera.of_many(camera, len(x))
+        """Camera of all rows, and which rows have possible cameras, shape (m,)."""
+        clock = [np.ravel(v) for v in (self.camera.clock_offset, self.camera.clock_ratio, self.camera.readout) if np.ndim(v)]
+        # Rows that differ by the camera alone show the same run
+        keys = np.column_stack([*self.columns.values(), *clock, np.zeros(len(x))])
+        seen: dict[bytes, int] = {}
+        self.run = np.array([seen.setdefault(row.tobytes(), len(seen)) for row in keys], dtype=np.intp)
+        """Run of each row, an index into ``first``."""
+        self.first = np.unique(self.run, return_index=True)[1]
+        """A row of each run that is made."""
 
     @property
     def model(self) -> tuple[Any, ...]:
@@ -421,14 +403,8 @@ class _Part:
         d = self.problem.data[self.k]
         names = [name for name in self.columns if name in self.base.coefficients]
         alone = compiled_alone(self.effects)
-        if (
-            (alone and len(self.first) < MIN_BATCH_OF_OWN_MODEL)
-            or d.events
-            or not d.channels
-            or self.base.release is Release.HELD
-        ):
-            return ()
-        if not supports(self.base, names):
+        is_single = (alone and len(self.first) < MIN_BATCH_OF_OWN_MODEL) or d.events or not d.channels
+        if is_single or self.base.release is Release.HELD or not supports(self.base, names):
             return ()
         further = [effect for effect in self.effects if not effect.in_base_model]
         has_closure = any(effect.kind is EffectKind.CLOSURE for effect in further)
@@ -443,8 +419,7 @@ class _Part:
         """Return a parameter of all runs, shape (runs,)."""
         if name in self.columns:
             return self.columns[name][self.first]
-        base = self.base
-        given = base.coefficients[name] if name in base.coefficients else getattr(base, name)
+        given = self.base.coefficients[name] if name in self.base.coefficients else getattr(self.base, name)
         return np.full(len(self.first), given)
 
     def clocks(self) -> dict[tuple[float, float, float], NDArray[np.intp]]:

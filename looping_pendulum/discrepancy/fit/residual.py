@@ -143,25 +143,17 @@ class ResidualTests:
         """Return the result of each test."""
         results = [t for g in self.groups for t in g.results]
         if math.isfinite(self.limit):
+            ratio = math.sqrt(max(self.chi2_per_dof, 0.0))
+            larger = f"{amount(ratio)} times as large as" if ratio >= 1.5 else f"{amount(100 * (ratio - 1))} % larger than"
             size = ModelTest.of(
                 subject="all tracked points",
                 statistic="chi2 per degree of freedom",
                 value=self.chi2_per_dof,
                 limit=self.limit,
-                failure=f"the residuals are {_beside_noise(self.chi2_per_dof)}",
+                failure=f"the residuals are {larger} the noise",
             )
             results.insert(0, size)
         return (*results, *([self.events] if self.events else []))
-
-
-def _beside_noise(chi2_per_value: float) -> str:
-    """Return in words how much larger than the noise residuals are."""
-    ratio = math.sqrt(max(chi2_per_value, 0.0))
-    return (
-        f"{amount(ratio)} times as large as the noise"
-        if ratio >= 1.5
-        else f"{amount(100 * (ratio - 1))} % larger than the noise"
-    )
 
 
 def check_residuals(fit: Fit) -> ResidualTests:
