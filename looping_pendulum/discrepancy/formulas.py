@@ -32,7 +32,7 @@ from looping_pendulum.discrepancy.evidence.motions import (
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, minimise_steps
 from looping_pendulum.discrepancy.fit.data import TrialData
 from looping_pendulum.discrepancy.fit.held_out import HeldOutTest, check_held_out
-from looping_pendulum.discrepancy.fit.problem import Problem, Steps, together
+from looping_pendulum.discrepancy.fit.problem import Problem, Steps, map_steps
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
 from looping_pendulum.discrepancy.result import ForceProfile, Formula, FormulaParameter, Unlisted, value_unit
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
@@ -243,7 +243,7 @@ def refit(
     Of those within `BIC_MARGIN` of the best, the first that is accepted on held-out data goes to the front.
     """
     predictions = predict_formulas(force, np.concatenate([d.sigma for d in base.problem.data]))[:MAX_REFITS]
-    results = workers.map_together(_refit_together, base, predictions)
+    results = map_steps(workers, _refit, (base,), [(prediction,) for prediction in predictions])
     formulas = sorted((f for f in results if f), key=lambda f: -f.delta_bic)
     for i, formula in enumerate(formulas):
         if formula.delta_bic < formulas[0].delta_bic - BIC_MARGIN:
@@ -266,11 +266,6 @@ def _delta_bic_of_profile(base: Fit, force: RecoveredForce) -> float:
     effective = len(added) - float(np.trace(root @ force.fit.covariance[np.ix_(weights, weights)] @ root.T))
     of_prior = force.fit.residuals[[p.measured_rows + i for i in added]]
     return base.cost - (force.fit.cost - float(of_prior @ of_prior)) - effective * math.log(base.problem.count)
-
-
-def _refit_together(base: Fit, predictions: Sequence[PredictedFormula]) -> list[FittedFormula | None]:
-    """Refit formulas to the trajectories, in step."""
-    return together([_refit(base, prediction) for prediction in predictions])
 
 
 def _refit(base: Fit, prediction: PredictedFormula) -> Steps[FittedFormula | None]:

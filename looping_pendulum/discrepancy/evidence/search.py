@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -52,7 +51,7 @@ from looping_pendulum.discrepancy.evidence.templates import (
     templates,
 )
 from looping_pendulum.discrepancy.fit.calibration import Fit
-from looping_pendulum.discrepancy.fit.problem import Steps, alone, together
+from looping_pendulum.discrepancy.fit.problem import alone, map_steps
 from looping_pendulum.discrepancy.fit.residual import ResidualTests, check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import data_with_noise_of_residuals
 from looping_pendulum.discrepancy.result import SmallestVisible
@@ -137,7 +136,7 @@ class Search:
         if not self.passes(self.best):
             # Once more, from other starts: where none is right, a fit may have gone astray
             chosen = sorted((e for e in self.fitted.values() if e.key), key=lambda e: -e.log_posterior)[:MAX_TOGETHER]
-            for e, fit in zip(chosen, self._fit([partial(again_steps, e) for e in chosen]), strict=True):
+            for e, fit in zip(chosen, map_steps(self.workers, again_steps, (), [(e,) for e in chosen]), strict=True):
                 if fit is not None:
                     self._add(fit, e.parts)
             self._go_on()
@@ -160,16 +159,12 @@ class Search:
                 del self.possible[a.key]
             # With noise that lasts longer than a frame a misfit is no measure of the evidence
             needless = self.best.log_posterior - NEEDLESS * MARGIN if not self.best.setting else -math.inf
-            fits = self._fit([partial(addition_steps, a, needless) for a in chosen])
+            fits = map_steps(self.workers, addition_steps, (), [(a, needless) for a in chosen])
             for a, fit in zip(chosen, fits, strict=True):
                 if fit is not None:
                     start, log_posterior = expected[a.key]
                     found = self._add(fit, a.parts)
                     self._errors.setdefault((start, a.law is not None), []).append(found.log_posterior - log_posterior)
-
-    def _fit(self, tasks: Sequence[partial[Steps[Fit | None]]]) -> list[Fit | None]:
-        """Take the steps of fits together."""
-        return self.workers.map_together(_fit_together, None, tasks)
 
     def _add(self, fit: Fit, parts: Parts) -> Explanation:
         """Keep an explanation unless a better fit of it is known; return it."""
@@ -205,9 +200,8 @@ class Search:
             for part in sorted(e.key):
                 if e.key - {part} not in self.fitted:
                     todo.setdefault(e.key - {part}, (e, part))
-        for (e, part), fit in zip(
-            todo.values(), self._fit([partial(without_steps, *one) for one in todo.values()]), strict=True
-        ):
+        fits = map_steps(self.workers, without_steps, (), list(todo.values()))
+        for (e, part), fit in zip(todo.values(), fits, strict=True):
             if fit is not None:
                 self._add(fit, e.parts.without(part))
 
@@ -217,7 +211,7 @@ class Search:
         limit = best.log_posterior - 2 * MARGIN
         kept = [e for e in self.fitted.values() if e.log_posterior > limit and not self._is_needless(e)]
         kept += [e for e in self.fitted.values() if e.key == NOTHING and e not in kept]
-        fits = self._fit([partial(to_data_steps, e.fit, data) for e in kept])
+        fits = map_steps(self.workers, to_data_steps, (), [(e.fit, data) for e in kept])
         before = set(self.fitted)
         self.grid = NoiseGrid(data)
         self.fitted.clear()
@@ -396,10 +390,6 @@ def posterior(fitted: Mapping[Key, Explanation]) -> list[tuple[Key, float]]:
 def in_words(key: Key) -> str:
     """Return what an explanation adds, in words."""
     return " + ".join(sorted(key)) or "nothing"
-
-
-def _fit_together(_: None, tasks: Sequence[partial[Steps[Fit | None]]]) -> list[Fit | None]:
-    return together([task() for task in tasks])
 
 
 def _impossible(m: Marginal, found: Sequence[Template]) -> list[Candidate]:

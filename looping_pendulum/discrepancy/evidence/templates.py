@@ -14,7 +14,7 @@ from looping_pendulum.discrepancy.candidates import Candidate
 from looping_pendulum.discrepancy.evidence.marginal import sigma_of
 from looping_pendulum.discrepancy.evidence.prior import VISIBLE
 from looping_pendulum.discrepancy.fit.calibration import Fit
-from looping_pendulum.discrepancy.fit.problem import Problem, Steps, jacobian_at, predict_requests, together
+from looping_pendulum.discrepancy.fit.problem import Problem, Steps, jacobian_at, map_steps, predict_requests
 from looping_pendulum.discrepancy.result import SmallestVisible
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
@@ -118,15 +118,9 @@ def templates(fit: Fit, chosen: Sequence[Candidate], workers: Workers = SERIAL) 
     basis = np.linalg.qr(fit.jacobian)[0]
     derivatives = {c.name: d for c in chosen if (d := _derivative_by_fitted(fit, c)) is not None}
     cases = [(c, tuple(values)) for c in chosen for values in c.companion_grid()]
-    found = workers.map_together(_templates_together, (fit, basis, derivatives), cases)
+    found = map_steps(workers, _templates, (fit, basis, derivatives), cases)
     own = {c.name: c for c in chosen}  # a worker process returns copies
     return [dataclasses.replace(t, candidate=own[t.candidate.name]) for of_case in found for t in of_case]
-
-
-def _templates_together(
-    shared: tuple[Fit, Array, dict[str, Array]], cases: Sequence[tuple[Candidate, tuple[float, ...]]]
-) -> list[list[Template]]:
-    return together([_templates(*shared, *case) for case in cases])
 
 
 def _templates(

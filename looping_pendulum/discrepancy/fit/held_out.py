@@ -13,7 +13,7 @@ from scipy import special
 
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise_steps
 from looping_pendulum.discrepancy.fit.data import TrialData, noises_of
-from looping_pendulum.discrepancy.fit.problem import Problem, Steps, together
+from looping_pendulum.discrepancy.fit.problem import Problem, Steps, map_steps
 from looping_pendulum.discrepancy.fit.residual import CHI2_SCATTER_SIGMAS, MIN_P_VALUE, ModelTest
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
@@ -148,7 +148,7 @@ def _fit_held_out_trial(fit: Fit, data: TrialData, own: Sequence[FreeParameter])
 
 def _check_held_out_blocks(fit: Fit, workers: Workers) -> HeldOutTest:
     """Leave out two of `BLOCK_COUNT` blocks of time at once, refit, and test their prediction by its covariance."""
-    results = workers.map_together(_check_blocks_together, fit, range(BLOCK_COUNT // 2))
+    results = map_steps(workers, _check_two_blocks, (fit,), [(first,) for first in range(BLOCK_COUNT // 2)])
     names, chi2, counts, rms_of_blocks = zip(*(block for block in results if block), strict=True)
     known = [size for size in rms_of_blocks if size is not None]
     return HeldOutTest(
@@ -165,11 +165,6 @@ _Blocks = tuple[str, float, int, float | None]
 
 Their names, chi2 per value, number of values, and root mean square residual [SI], None if there are only events.
 """
-
-
-def _check_blocks_together(fit: Fit, firsts: Sequence[int]) -> list[_Blocks | None]:
-    """Call `_check_two_blocks` for each pair of blocks, in step."""
-    return together([_check_two_blocks(fit, first) for first in firsts])
 
 
 def _check_two_blocks(fit: Fit, first: int) -> Steps[_Blocks | None]:

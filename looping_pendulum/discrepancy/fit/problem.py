@@ -7,7 +7,7 @@ measured is predicted at many parameters of many problems at once, their runs in
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from functools import cached_property
 from types import SimpleNamespace
 from typing import Any, TypeVar
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.fit.data import TrialData
 from looping_pendulum.discrepancy.fit.event_prediction import EventRun, with_missed_events
+from looping_pendulum.discrepancy.workers import Workers
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured.camera import CAMERA, Camera
 from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
@@ -346,6 +347,18 @@ def together(steps: Sequence[Steps[T]]) -> list[T]:
     for error in (r for r in found if isinstance(r, HarnessError)):
         raise error
     return [r for r in found if not isinstance(r, HarnessError)]
+
+
+def map_steps(
+    workers: Workers, steps: Callable[..., Steps[T]], shared: tuple[Any, ...], items: Sequence[tuple[Any, ...]]
+) -> list[T]:
+    """Return what ``steps(*shared, *item)`` leads to for each item: every process takes an equal share of them, in step."""
+    return workers.map_together(_take_steps, (steps, shared), items)
+
+
+def _take_steps(call: tuple[Callable[..., Steps[T]], tuple[Any, ...]], items: Sequence[tuple[Any, ...]]) -> list[T]:
+    steps, shared = call
+    return together([steps(*shared, *item) for item in items])
 
 
 def alone(steps: Steps[T]) -> T:
