@@ -168,7 +168,7 @@ def _fit_noise_law(difference: Array, speed: Array, typical_sigma: float, with_s
         clipped = sigma**2 * np.minimum((difference / sigma) ** 2, CLIP_SIGMAS**2) / mean
         # Linearised, the estimating equation is a weighted line through (sigma + clipped / sigma) / 2.
         target = 0.5 * (sigma + clipped / sigma)
-        new_a, new_b = _weighted_line(speed, target, 1 / sigma**2, with_speed)
+        new_a, new_b = weighted_line(speed, target, 1 / sigma**2, with_speed)
         # Both in the unit of sigma, b by what it adds at a typical speed
         change = abs(new_a - a) + abs(new_b - b) * float(np.median(speed))
         a, b = new_a, new_b
@@ -177,8 +177,8 @@ def _fit_noise_law(difference: Array, speed: Array, typical_sigma: float, with_s
     return a, b
 
 
-def _weighted_line(v: Array, y: Array, weight: Array, with_speed: bool) -> tuple[float, float]:
-    """Fit a weighted line y = a + b v with a, b >= 0."""
+def weighted_line(v: Array, y: Array, weight: Array, with_speed: bool = True) -> tuple[float, float]:
+    """Fit a weighted line y = a + b v with a, b >= 0; ``with_speed``: whether b may be above 0."""
     total = float(weight.sum())
     flat = max(float(weight @ y) / total, MIN_SCALE)
     if not with_speed:

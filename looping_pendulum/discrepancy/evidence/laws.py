@@ -8,6 +8,7 @@ a sum of those to pulses, and no law costs a run of its own. All sums are made o
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -264,8 +265,9 @@ class _Beside:
         self, grid: NoiseGrid, setting: int, edges: Sequence[int], responses: Array, others: Array, prior: Array, p: int
     ) -> None:
         self.grams, self.crosses, whole = [], [], prior.T @ prior
-        for k, (begin, end) in enumerate(zip(edges, edges[1:], strict=False)):
-            standardised = grid.standardised(np.hstack([responses[begin:end], others[begin:end]]), k, setting)
+        noises = grid.noises(setting)
+        for data, (begin, end) in zip(grid.data, itertools.pairwise(edges), strict=True):
+            standardised = data.with_noises(noises).standardise(np.hstack([responses[begin:end], others[begin:end]]))
             pulses, rest = standardised[:, : responses.shape[1]], standardised[:, responses.shape[1] :]
             self.grams.append(pulses.T @ pulses)
             self.crosses.append(pulses.T @ rest)

@@ -111,11 +111,6 @@ class Closure:
         return tuple(weight_name(side, i) for side in TARGETS[self.target] for i in range(N_BASIS_FUNCTIONS))
 
     @property
-    def centres(self) -> Array:
-        """Coordinates of the centres, shape (N_BASIS_FUNCTIONS,)."""
-        return np.asarray(self.first_centre + self.spacing * np.arange(N_BASIS_FUNCTIONS), dtype=np.float64)
-
-    @property
     def coefficients(self) -> dict[str, float]:
         """Coefficients of the effect beside its weights: which coordinate, factor and point, and where the centres are."""
         return {
@@ -138,7 +133,8 @@ class Closure:
 
     def basis_functions(self, s: Array) -> Array:
         """Return every basis function at coordinates ``s`` of shape (n,), shape (n, N_BASIS_FUNCTIONS)."""
-        return np.asarray(np.exp(-0.5 * ((s[:, None] - self.centres) / self.spacing) ** 2), dtype=np.float64)
+        centres = self.first_centre + self.spacing * np.arange(N_BASIS_FUNCTIONS)
+        return np.asarray(np.exp(-0.5 * ((s[:, None] - centres) / self.spacing) ** 2), dtype=np.float64)
 
     def profile(self, weights: Array, s: Array) -> Array:
         """Return the weighted sum at coordinates ``s``, shape of ``s``; [N], or [N s/m] times a speed; [1] for friction."""

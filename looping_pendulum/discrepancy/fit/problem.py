@@ -114,8 +114,7 @@ class Problem:
         """Return the problem with data up to ``share`` of the longest trial's time."""
         longest = max(float(d.t.max()) for d in self.data)
         # All trials up to one time, however long each film is: the time since the release is what makes the motion complex
-        shorter = [d.until(share * longest) for d in self.data]
-        return Problem(self.study, shorter, self.free_parameters, (self.prior_mean, self.prior_weights))
+        return self.with_data([d.until(share * longest) for d in self.data])
 
     def with_data(self, data: Sequence[TrialData]) -> Problem:
         """Return the problem with other data."""
@@ -200,9 +199,7 @@ class Problem:
 
     def predict_events(self, x: Array, k: int) -> Array:
         """Predict the events of trial ``k`` [SI], shape (events,); NaN: the event does not happen."""
-        return self._predict_events(*self.parameters_and_camera(x, k), k)
-
-    def _predict_events(self, parameters: Parameters, camera: Camera, k: int) -> Array:
+        parameters, camera = self.parameters_and_camera(x, k)
         return self._run_for_events(parameters, k).predict(camera)
 
     def predict(self, x: Array, k: int) -> Array:
@@ -233,7 +230,7 @@ class Problem:
             values = predict(sample, camera, d.channels, dropped=d.trial.dropped).values
             parts = [values[c.name] for c in d.channels]
         if d.events:
-            parts.append(with_missed_events(self._predict_events(parameters, camera, k), d.events))
+            parts.append(with_missed_events(self._run_for_events(parameters, k).predict(camera), d.events))
         return np.concatenate(parts or [np.zeros(0)])
 
     def events_that_happen(self, x: Array) -> NDArray[np.bool_]:

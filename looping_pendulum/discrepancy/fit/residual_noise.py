@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise_steps
 from looping_pendulum.discrepancy.fit.data import TrialData
 from looping_pendulum.discrepancy.fit.problem import alone
-from looping_pendulum.measured.noise import GAUSSIAN_MAD
+from looping_pendulum.measured.noise import GAUSSIAN_MAD, weighted_line
 from looping_pendulum.measured.observations import BODIES
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -183,15 +183,9 @@ def _fit_noise_law(difference: Array, v: Array) -> tuple[float, float]:
     a, b = GAUSSIAN_MAD * float(np.median(np.abs(difference))) + 1e-12, 0.0
     for _ in range(40):
         sigma = np.maximum(a + b * v, 0.05 * a + 1e-12)
-        # Linearised, as in `data.noise`, the estimating equation is a weighted line through these values
+        # Linearised, as in `measured.noise`, the estimating equation is a weighted line through these values
         y = 0.5 * (sigma + np.minimum(difference**2, (MAX_DIFFERENCE_SIGMAS * sigma) ** 2) / sigma)
-        w = 1 / sigma**2
-        middle = float(w @ v / w.sum())
-        spread = float(w @ (v - middle) ** 2)
-        b = max(float(w @ ((v - middle) * y)) / spread, 0.0) if spread > 1e-12 * w.sum() else 0.0
-        a = float(w @ y / w.sum()) - b * middle
-        if a < 0:
-            a, b = 1e-12, float(w @ (v * y) / (w @ v**2))
+        a, b = weighted_line(v, y, 1 / sigma**2)
     return a, b
 
 
