@@ -98,7 +98,7 @@ class Mistake:
     undo: Undo
     found: Callable[[Correction], str]
     """What is wrong with the points or the declaration, in words."""
-    keys: Callable[[Correction], str]
+    keys: Callable[[Correction], str] = lambda undone: ""
     """Keys of the study that correct it, with their values; '' if none does."""
     way_out: Callable[[Correction], str] = lambda undone: ""
     """What else corrects it, where no key does."""
@@ -274,7 +274,6 @@ ROWS_SHIFTED = Mistake(
     name="rows shifted",
     undo=lambda declared: without_shift(declared, shift) if (shift := row_shift(declared)) else None,
     found=lambda undone: shift.text if (shift := row_shift(undone.declared)) else "",
-    keys=lambda undone: "",
     way_out=lambda undone: SAME_ROWS,
 )
 TRACKS_EXCHANGED = Mistake(
@@ -288,8 +287,7 @@ COLUMNS_EXCHANGED = tuple(
         name="columns exchanged",
         undo=partial(with_columns_exchanged, first=first, second=second),
         found=lambda undone, first=first, second=second: f"the columns of {first} and {second} exchanged",  # type: ignore[misc]
-        keys=lambda undone: "",
-        way_out=lambda undone: "each column under its own name; correct the names in the file",
+            way_out=lambda undone: "each column under its own name; correct the names in the file",
     )
     for first, second in (("light_x", "light_y"), ("heavy_x", "heavy_y"), ("light_y", "heavy_y"), ("light_x", "heavy_x"))
 )
@@ -306,7 +304,7 @@ MASSES_EXCHANGED = Mistake(
 )
 LENGTHS = Mistake(
     name="unit of length",
-    # The factor follows from the points themselves (`misfit.screen`)
+    # The factor follows from the points themselves (`misfit.measured_distance`)
     undo=lambda declared: declared,
     found=lambda undone: f"lengths that are {_times_text(1 / undone.factors['lengths'])} what the declared apparatus allows",
     keys=_length_unit,
