@@ -539,11 +539,10 @@ def predict_formulas(force: RecoveredForce, noise: Array) -> list[PredictedFormu
     root, target, unexplained_cost = _reduced_least_squares(force, noise)
     scale = np.array([n.scale for n in problem.free_parameters[n_declared:]])
 
-    def reduced_residuals(form: FormulaFamily, values: Array) -> Array:
-        weights = form.weights(values, closure, END_MARGIN).ravel() / scale
-        return np.asarray(root @ weights - target)
+    def residuals_of(form: FormulaFamily) -> Callable[[Array], Array]:
+        return lambda values: root @ (form.weights(values, closure, END_MARGIN).ravel() / scale) - target
 
-    predictions = [_best_fit(force, form, reduced_residuals, unexplained_cost) for form in forms(closure.target)]
+    predictions = [_best_fit(force, form, residuals_of(form), unexplained_cost) for form in forms(closure.target)]
     return sorted((p for p in predictions if p), key=lambda p: p.bic)
 
 
@@ -575,7 +574,7 @@ def _reduced_least_squares(force: RecoveredForce, noise: Array) -> tuple[Array, 
 def _best_fit(
     force: RecoveredForce,
     form: FormulaFamily,
-    reduced_residuals: Callable[[FormulaFamily, Array], Array],
+    reduced_residuals: Callable[[Array], Array],
     unexplained_cost: float,
 ) -> PredictedFormula | None:
     """Fit a formula's values to the reduced problem; None if they do not come out finite."""
@@ -586,7 +585,7 @@ def _best_fit(
     fits = [min((_fit_linear(form, reduced_residuals, start) for start in each), key=lambda f: f[0]) for each in starts]
     if form.has_place:
         # Only from the best place for each width: the cost has minima at many places, and a fit from each would take long
-        fits = [_fit_nonlinear(force, form, reduced_residuals, values) for _, values, _ in fits]
+        fits = [_fit_nonlinear(force, reduced_residuals, values) for _, values, _ in fits]
     cost, values, jacobian = min(fits, key=lambda f: f[0])
     if not np.all(np.isfinite(values)):
         return None
@@ -596,7 +595,7 @@ def _best_fit(
 
 
 def _fit_nonlinear(
-    force: RecoveredForce, form: FormulaFamily, reduced_residuals: Callable[[FormulaFamily, Array], Array], values: Array
+    force: RecoveredForce, reduced_residuals: Callable[[Array], Array], values: Array
 ) -> tuple[float, Array, Array]:
     """Return cost, values and Jacobian of the best fit of all terms, place and width included, from ``values``."""
     from scipy.optimize import least_squares
@@ -607,17 +606,17 @@ def _fit_nonlinear(
     low[:2] = first, MIN_WIDTH * spacing
     high[:2] = last, last - first
     scale = np.concatenate([[spacing, spacing], np.maximum(np.abs(values[2:]), 1e-6)])
-    fit = least_squares(lambda v: reduced_residuals(form, v), values, x_scale=scale, bounds=(low, high), max_nfev=60)
+    fit = least_squares(reduced_residuals, values, x_scale=scale, bounds=(low, high), max_nfev=60)
     return 2 * float(fit.cost), fit.x, fit.jac  # SciPy's cost is half the sum of squares
 
 
 def _fit_linear(
-    form: FormulaFamily, reduced_residuals: Callable[[FormulaFamily, Array], Array], start: Sequence[float]
+    form: FormulaFamily, reduced_residuals: Callable[[Array], Array], start: Sequence[float]
 ) -> tuple[float, Array, Array]:
     """Return cost, values and Jacobian of the best fit of the terms that enter linearly, at a given place and width."""
     linear = [i for i, t in enumerate(form.terms) if t.power is not None]
     values = np.concatenate([start, np.zeros(len(linear))])
-    residuals_without = reduced_residuals(form, values)
-    columns = np.stack([reduced_residuals(form, values + np.eye(len(values))[i]) - residuals_without for i in linear], axis=1)
+    residuals_without = reduced_residuals(values)
+    columns = np.stack([reduced_residuals(values + np.eye(len(values))[i]) - residuals_without for i in linear], axis=1)
     values[linear] = np.linalg.lstsq(columns, -residuals_without, rcond=1e-10)[0]
     return float(np.sum((residuals_without + columns @ values[linear]) ** 2)), values, columns

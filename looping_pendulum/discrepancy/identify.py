@@ -17,7 +17,6 @@ from looping_pendulum.discrepancy.evidence.prior import least_distance
 from looping_pendulum.discrepancy.first_look.check import take_first_look
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.data import TrialData, noises_of
-from looping_pendulum.discrepancy.fit.held_out import position_slices, rms
 from looping_pendulum.discrepancy.fit.likelihood import stated_interval
 from looping_pendulum.discrepancy.fit.residual import ModelTest, check_residuals, event_rms_by_unit, failures_in_words
 from looping_pendulum.discrepancy.formulas import FittedFormula, describe_unlisted_force, refit
@@ -190,7 +189,7 @@ def _identify(inputs: Inputs, seed: int, progress: ReportShare, workers: Workers
     # Of every trial: fits of the declared and of the repaired model, the trial's index in them, and whether it is held out
     fits = [(before.training, after.training, k, False) for k in range(len(before.training.problem.data))]
     fits += [(b, a, 0, True) for b, a in zip(before.held_out.fits, after.held_out.fits, strict=True)]
-    outliers, errors, noise = _outliers(fits), _errors(before, after), _correlated_noise(after)
+    outliers, errors, noise = _outliers(fits), _errors(fits, (before, after)), _correlated_noise(after)
     visible = found.search.smallest_visible(after.explanation)
     packages = ("numpy", "scipy", "heyoka", *sorted({e.package for e in EFFECTS.values() if e.package}))
     versions = {package: installed_version(package) for package in packages}
@@ -354,24 +353,23 @@ def _record_starts(fits: Sequence[_FitsOfTrial]) -> tuple[RecordStart, ...]:
     return tuple(starts)
 
 
-def _errors(before: Judged, after: Judged) -> tuple[TrialError, ...]:
-    """Return the errors of both models for every trial, or for all held-out blocks of time together."""
+def _errors(fits: Sequence[_FitsOfTrial], models: Sequence[Judged]) -> tuple[TrialError, ...]:
+    """Return the errors of both models for every trial, and for all held-out blocks of time together."""
     # Of each trial or of all blocks: name, whether it is held out, unit, and of both models RMS, chi2 per value, RMS of events
-    models, held_out = (before, after), before.held_out
     rows = []
-    for k, d in enumerate(before.training.problem.data):
-        fits = [m.training for m in models]
-        # Values that are left out have an infinite sigma, so that their zeros would lower the mean
-        chi2 = [float(np.mean(np.square(_standardised(fit, k)[np.isfinite(fit.problem.data[k].sigma)]))) for fit in fits]
-        each = [(rms(fit, k), of_fit, event_rms_by_unit(fit, k)) for fit, of_fit in zip(fits, chi2, strict=True)]
-        rows.append((d.trial.name, False, _unit_of_position(d), each))
-    for i, name in enumerate(held_out.names if held_out.fits else ()):
-        each = [(m.held_out.rms[i], m.held_out.chi2[i], event_rms_by_unit(m.held_out.fits[i], 0)) for m in models]
-        rows.append((name, True, _unit_of_position(held_out.fits[i].problem.data[0]), each))
+    for before, after, k, held_out in fits:
+        each = []
+        for fit in (before, after):
+            # Values that are left out have an infinite sigma, so that their zeros would lower the mean
+            used = np.isfinite(fit.problem.data[k].sigma)
+            chi2 = fit.cost / fit.problem.count if held_out else float(np.mean(np.square(_standardised(fit, k)[used])))
+            each.append((_rms(fit, k), chi2, event_rms_by_unit(fit, k)))
+        d = before.problem.data[k]
+        rows.append((d.trial.name, held_out, _unit_of_position(d), each))
     # Blocks of time are judged together and have no fits of their own
-    if not held_out.fits:
-        units = {_unit_of_position(d) for d in before.training.problem.data if d.channels}
-        each = [(m.held_out.rms[0], m.held_out.chi2[0], {}) for m in models]
+    if not models[0].held_out.fits:
+        units = {_unit_of_position(d) for d in models[0].training.problem.data if d.channels}
+        each = [(m.held_out.rms_of_blocks, m.held_out.chi2[0], {}) for m in models]
         rows.append(("blocks of time", True, units.pop() if len(units) == 1 else "", each))
     return tuple(
         TrialError(
@@ -392,9 +390,27 @@ def _errors(before: Judged, after: Judged) -> tuple[TrialError, ...]:
     )
 
 
+def _rms(fit: Fit, k: int) -> float | None:
+    """Return the root mean square residual of trial ``k`` [SI]; None: it has only events.
+
+    It is that of the light mass's position, a distance, or of all channels if the position was not measured.
+    """
+    d = fit.problem.data[k]
+    if not d.channels:
+        return None
+    residual = d.value - fit.problem.predict(fit.x, k)
+    used = np.isfinite(d.sigma)
+    return math.sqrt(sum(float(np.mean(residual[p][used[p]] ** 2)) for p in _position_slices(d)))
+
+
+def _position_slices(d: TrialData) -> list[slice]:
+    """Return the data that errors are reported for: the light mass's coordinates or, without them, all channels."""
+    return [d.slices[n] for n in ("light_x", "light_y") if n in d.slices] or list(d.slices.values())
+
+
 def _unit_of_position(d: TrialData) -> str:
-    """Return the SI unit of the data that `held_out.rms` is of; empty: there are several, or no channels."""
-    parts = position_slices(d)
+    """Return the SI unit of the data that `_rms` is of; empty: there are several, or no channels."""
+    parts = _position_slices(d)
     units = {c.unit for c in d.channels if d.slices[c.name] in parts}
     return units.pop() if len(units) == 1 else ""
 

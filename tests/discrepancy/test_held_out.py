@@ -54,7 +54,6 @@ def held_out(chi2_per_value, count, monkeypatch):
     marks = SimpleNamespace(channels=("light_x", "light_y"))
     fit = SimpleNamespace(cost=chi2_per_value * count, problem=SimpleNamespace(count=count, data=[marks]))
     monkeypatch.setattr("looping_pendulum.discrepancy.fit.held_out._fit_held_out_trial", lambda *_: fit)
-    monkeypatch.setattr("looping_pendulum.discrepancy.fit.held_out.rms", lambda *_: 1e-3)
     return check_held_out(fit, [(data, ())]).passes
 
 

@@ -287,7 +287,7 @@ COLUMNS_EXCHANGED = tuple(
         name="columns exchanged",
         undo=partial(with_columns_exchanged, first=first, second=second),
         found=lambda undone, first=first, second=second: f"the columns of {first} and {second} exchanged",  # type: ignore[misc]
-            way_out=lambda undone: "each column under its own name; correct the names in the file",
+        way_out=lambda undone: "each column under its own name; correct the names in the file",
     )
     for first, second in (("light_x", "light_y"), ("heavy_x", "heavy_y"), ("light_y", "heavy_y"), ("light_x", "heavy_x"))
 )

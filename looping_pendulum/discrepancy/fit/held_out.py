@@ -40,10 +40,10 @@ class HeldOutTest:
     """Number of values of each `chi2`."""
     limits: tuple[float, ...]
     """Largest chi2 per value of each that passes."""
-    rms: tuple[float | None, ...]
-    """Root mean square residual of each [SI]; None: it has only events."""
     fits: tuple[Fit, ...] = ()
     """Fit of each held-out trial's own parameters; empty for blocks of time."""
+    rms_of_blocks: float | None = None
+    """Root mean square residual of all blocks of time [SI]; None: they have only events."""
 
     @property
     def worst(self) -> float:
@@ -91,7 +91,6 @@ def check_held_out(
         chi2=tuple(f.cost / f.problem.count for f in fits),
         counts=tuple(f.problem.count for f in fits),
         limits=tuple(_max_chi2(f) for f in fits),
-        rms=tuple(rms(f, 0) for f in fits),
         fits=tuple(fits),
     )
 
@@ -105,24 +104,6 @@ def _max_chi2(fit: Fit) -> float:
         count = sum(len(d.events) for d in fit.problem.data)
         return float(special.chdtri(count, MIN_P_VALUE)) / count
     return max(MAX_HELD_OUT_CHI2, 1 + CHI2_SCATTER_SIGMAS / math.sqrt(fit.problem.count))
-
-
-def rms(fit: Fit, k: int) -> float | None:
-    """Return the root mean square residual of trial ``k`` [SI]; None: it has only events.
-
-    It is that of the light mass's position, a distance, or of all channels if the position was not measured.
-    """
-    d = fit.problem.data[k]
-    if not d.channels:
-        return None
-    residual = d.value - fit.problem.predict(fit.x, k)
-    used = np.isfinite(d.sigma)
-    return math.sqrt(sum(float(np.mean(residual[p][used[p]] ** 2)) for p in position_slices(d)))
-
-
-def position_slices(d: TrialData) -> list[slice]:
-    """Return the data that errors are reported for: the light mass's coordinates or, without them, all channels."""
-    return [d.slices[n] for n in ("light_x", "light_y") if n in d.slices] or list(d.slices.values())
 
 
 def _fit_held_out_trial(fit: Fit, data: TrialData, own: Sequence[FreeParameter]) -> Fit:
@@ -156,7 +137,7 @@ def _check_held_out_blocks(fit: Fit, workers: Workers) -> HeldOutTest:
         chi2=(float(np.average(chi2, weights=counts)),),
         counts=(fit.problem.count,),
         limits=(_max_chi2(fit),),
-        rms=(float(np.sqrt(np.mean(np.square(known)))) if known else None,),
+        rms_of_blocks=float(np.sqrt(np.mean(np.square(known)))) if known else None,
     )
 
 
