@@ -225,7 +225,7 @@ def test_every_failure_is_words():
         failure="the events are farther off than their errors explain, most of all two t_C 1 (+4.2 standard errors)",
     )  # fmt: skip
     residuals = ResidualTests(chi2_per_dof=9.0, count=30, groups=(group,), events=events)
-    held_out = HeldOutTest(names=("two",), chi2=(9.0,), counts=(30,), limits=(1.1,), fits=(None,))
+    held_out = HeldOutTest(subjects=("trial two",), chi2=(9.0,), counts=(30,), limits=(1.1,), fits=(None,))
     failed = failures_in_words([*residuals.results, *held_out.results])
     assert len(failed) == 4
     for failure in failed:

@@ -32,8 +32,8 @@ MAX_ITERATIONS = 30
 class HeldOutTest:
     """How well a fit predicts held-out data."""
 
-    names: tuple[str, ...]
-    """Names of the held-out trials, or of blocks of time of the training trials."""
+    subjects: tuple[str, ...]
+    """"trial eight" for each held-out trial, or "blocks of time" for those of the training trials."""
     chi2: tuple[float, ...]
     """Chi2 per value of each trial, or of all blocks together."""
     counts: tuple[int, ...]
@@ -58,16 +58,15 @@ class HeldOutTest:
     @property
     def results(self) -> tuple[ModelTest, ...]:
         """Return the result of the test of each trial, or of all blocks together."""
-        subjects = [f"held-out trial {name}" for name in self.names] if self.fits else ["held-out blocks of time"]
         return tuple(
             ModelTest.of(
-                subject=subject,
+                subject=f"held-out {subject}",
                 statistic="chi2 per value",
                 value=chi2,
                 limit=limit,
-                failure=f"the model does not predict the {subject}",
+                failure=f"the model does not predict the held-out {subject}",
             )
-            for subject, chi2, limit in zip(subjects, self.chi2, self.limits, strict=True)
+            for subject, chi2, limit in zip(self.subjects, self.chi2, self.limits, strict=True)
         )
 
 
@@ -87,7 +86,7 @@ def check_held_out(
         return _check_held_out_blocks(fit, workers)
     fits = [_fit_held_out_trial(fit, data, parameters) for data, parameters in held_out]
     return HeldOutTest(
-        names=tuple(d.trial.name for d, _ in held_out),
+        subjects=tuple(f"trial {d.trial.name}" for d, _ in held_out),
         chi2=tuple(f.cost / f.problem.count for f in fits),
         counts=tuple(f.problem.count for f in fits),
         limits=tuple(_max_chi2(f) for f in fits),
@@ -130,10 +129,10 @@ def _fit_held_out_trial(fit: Fit, data: TrialData, own: Sequence[FreeParameter])
 def _check_held_out_blocks(fit: Fit, workers: Workers) -> HeldOutTest:
     """Leave out two of `BLOCK_COUNT` blocks of time at once, refit, and test their prediction by its covariance."""
     results = map_steps(workers, _check_two_blocks, (fit,), [(first,) for first in range(BLOCK_COUNT // 2)])
-    names, chi2, counts, rms_of_blocks = zip(*(block for block in results if block), strict=True)
+    chi2, counts, rms_of_blocks = zip(*(block for block in results if block), strict=True)
     known = [size for size in rms_of_blocks if size is not None]
     return HeldOutTest(
-        names=names,
+        subjects=("blocks of time",),
         chi2=(float(np.average(chi2, weights=counts)),),
         counts=(fit.problem.count,),
         limits=(_max_chi2(fit),),
@@ -141,10 +140,10 @@ def _check_held_out_blocks(fit: Fit, workers: Workers) -> HeldOutTest:
     )
 
 
-_Blocks = tuple[str, float, int, float | None]
+_Blocks = tuple[float, int, float | None]
 """How well two blocks of time are predicted by a fit to the others.
 
-Their names, chi2 per value, number of values, and root mean square residual [SI], None if there are only events.
+Their chi2 per value, number of values, and root mean square residual [SI], None if there are only events.
 """
 
 
@@ -158,8 +157,8 @@ def _check_two_blocks(fit: Fit, first: int) -> Steps[_Blocks | None]:
     first
         Number of the first of the two.
     """
-    problem, half = fit.problem, BLOCK_COUNT // 2
-    out = [(_block_number(d) % half) == first for d in problem.data]
+    problem = fit.problem
+    out = [(_block_number(d) % (BLOCK_COUNT // 2)) == first for d in problem.data]
     rows = np.concatenate(out)
     if not rows.any():
         return None
@@ -181,7 +180,7 @@ def _check_two_blocks(fit: Fit, first: int) -> Steps[_Blocks | None]:
     off = (np.concatenate([d.value for d in problem.data]) - predicted[0])[rows]
     # Twice the mean square of a coordinate is that of a distance in the plane
     size = math.sqrt(2 * float(np.mean(off[is_point] ** 2))) if is_point.any() else None
-    return f"blocks {first + 1} and {first + 1 + half} of {BLOCK_COUNT}", square / count, count, size
+    return square / count, count, size
 
 
 def _square_of_prediction(residuals: Array, jacobian: Array, covariance: Array) -> float:
