@@ -186,7 +186,7 @@ def test_the_unit_of_a_value_does_not_matter(search):
     x = e.fit.x / change
     jacobian = e.fit.jacobian * change
     jacobian[p.measured_rows :] = p.prior_weights
-    fit = Fit(problem=problem, x=x, residuals=problem.residuals(x), iterations=0, final_jacobian=jacobian)
+    fit = Fit(problem=problem, x=x, residuals=problem.residuals(x), final_jacobian=jacobian)
     again = explained(search.grid, fit, e.parts, len(search.library))
     assert again.log_z == pytest.approx(e.log_z, abs=1e-3)
 

@@ -120,17 +120,12 @@ class Explanations:
         Of one that adds nothing that shows to a part of it, and so is counted with that, there is none.
         """
 
-    @cached_property
-    def passes(self) -> bool:
-        """Return whether the residuals of the best explanation look like its own noise."""
-        return self.search.passes(self.best)
-
     @property
     def verdict(self) -> Verdict:
         """Return what the data say about the declared model."""
         if self.interrupted:
             return Verdict.INTERRUPTED
-        if not self.passes:
+        if not self.search.passes(self.best):  # its residuals do not look like its own noise
             return Verdict.UNEXPLAINED
         if self.credible == (NOTHING,):
             return Verdict.NO_MISSING_EFFECT
