@@ -33,7 +33,7 @@ from tests.pages import made_up as pages
 STATISTICS = re.compile(r"chi2|chi-square|BIC|Bayes|\bz\b|\bp\b|Ljung|lag-1", re.IGNORECASE)
 """Words that belong into tables."""
 TESTS = (
-    ModelTest(subject="all tracked points", statistic="chi2 per degree of freedom", value=2.3, limit=1.07, passes=False,
+    ModelTest(subject="all tracked points", statistic="chi2 per degree of freedom", value=2.3, limit=1.07,
               failure="the residuals are 1.5 times as large as the noise"),
 )  # fmt: skip
 EFFECT = pages.identification("swing").effects[0]
@@ -220,7 +220,7 @@ def ambiguous(credible):
 
 def test_every_failure_is_words():
     group = GroupTest(group="sliding, light along", count=30, chi2=4.0, lag1=9.0, ljung_box=0.0, runs=-9.0)
-    events = ModelTest.of(
+    events = ModelTest(
         subject="events", statistic="p of chi2 90.0 where 3.0 is expected", value=0.0, limit=5e-3, limit_is_lower=True,
         failure="the events are farther off than their errors explain, most of all two t_C 1 (+4.2 standard errors)",
     )  # fmt: skip

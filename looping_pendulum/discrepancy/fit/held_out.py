@@ -59,7 +59,7 @@ class HeldOutTest:
     def results(self) -> tuple[ModelTest, ...]:
         """Return the result of the test of each trial, or of all blocks together."""
         return tuple(
-            ModelTest.of(
+            ModelTest(
                 subject=f"held-out {subject}",
                 statistic="chi2 per value",
                 value=chi2,

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -75,19 +75,13 @@ class ModelTest:
     limit: float
     """Largest value that passes, or the smallest one if `limit_is_lower`."""
     limit_is_lower: bool = False
-    passes: bool
+    passes: bool = field(init=False)
     failure: str
     """What a failure means, in words without the number, for example "the residuals still have a pattern"."""
 
-    @classmethod
-    def of(
-        cls, *, subject: str, statistic: str, value: float, limit: float, limit_is_lower: bool = False, failure: str
-    ) -> ModelTest:
-        """Compare a value with its limit; arguments as the fields."""
-        return cls(
-            subject=subject, statistic=statistic, value=value, limit=limit, limit_is_lower=limit_is_lower,
-            passes=value >= limit if limit_is_lower else value <= limit, failure=failure,
-        )  # fmt: skip
+    def __post_init__(self) -> None:
+        """Compare the value with its limit."""
+        object.__setattr__(self, "passes", self.value >= self.limit if self.limit_is_lower else self.value <= self.limit)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,7 +104,7 @@ class GroupTest:
     @property
     def results(self) -> tuple[ModelTest, ...]:
         """Return the result of each test."""
-        test = partial(ModelTest.of, subject=self.group, failure="the residuals still have a pattern")
+        test = partial(ModelTest, subject=self.group, failure="the residuals still have a pattern")
         return (
             test(statistic="lag-1 autocorrelation z", value=self.lag1, limit=MAX_LAG1_Z),
             test(statistic="Ljung-Box p", value=self.ljung_box, limit=MIN_LJUNG_BOX_P, limit_is_lower=True),
@@ -145,7 +139,7 @@ class ResidualTests:
         if math.isfinite(self.limit):
             ratio = math.sqrt(max(self.chi2_per_dof, 0.0))
             larger = f"{amount(ratio)} times as large as" if ratio >= 1.5 else f"{amount(100 * (ratio - 1))} % larger than"
-            size = ModelTest.of(
+            size = ModelTest(
                 subject="all tracked points",
                 statistic="chi2 per degree of freedom",
                 value=self.chi2_per_dof,
@@ -282,7 +276,7 @@ def check_event_residuals(fit: Fit) -> tuple[ModelTest, float] | None:
     residuals = fit.residuals[rows_tested]
     chi2 = float(residuals @ residuals)
     worst = int(np.argmax(np.abs(residuals[: len(rows)])))
-    test = ModelTest.of(
+    test = ModelTest(
         subject="events",
         statistic=f"p of chi2 {chi2:.1f} where {mean:.1f} is expected",
         # The scaled chi2 whose degrees of freedom and scale give this mean and variance (Satterthwaite)
