@@ -98,7 +98,7 @@ class Laws:
         items = [(side, i) for side in sides for i in range(0, N_PULSES, N_BASIS_FUNCTIONS)]
         found = workers.map_together(respond, (problem, fit.x, runs.pulse_spacing), items)
         n = problem.measured_rows
-        responses = np.hstack([c[:n] for c in found]) * sigma_of(problem.data)[:, None]
+        responses = np.hstack(found) * sigma_of(problem.data)[:, None]
         at = set(fit.at_bounds)
         self._free = [i for i, name in enumerate(problem.names) if name not in at]
         self._p = len(self._free)

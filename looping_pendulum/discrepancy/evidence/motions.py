@@ -300,7 +300,10 @@ def motions(fit: Fit) -> Motions:
 
 
 def respond(shared: tuple[Problem, Array, float], batches: Sequence[tuple[str, int]]) -> list[Array]:
-    """Return the changes of the standardised prediction per unit of each pulse, of batches of pulses by side and first one."""
+    """Return the changes of the standardised prediction per unit of each pulse, of batches of pulses by side and first one.
+
+    Those of each batch have the shape (n, pulses).
+    """
     problem, x, spacing = shared
     requests = []
     for side, first in batches:
@@ -316,18 +319,16 @@ def respond(shared: tuple[Problem, Array, float], batches: Sequence[tuple[str, i
         at = np.tile(np.append(x, np.zeros(len(added))), (1 + len(added), 1))
         at[1:, len(x) :] = np.eye(len(added))
         requests.append((pulsed, at))
-    return [_columns(problem, *request, rows) for request, rows in zip(requests, predict_requests(requests), strict=True)]
-
-
-def _columns(problem: Problem, pulsed: Problem, at: Array, predicted: Array) -> Array:
-    """Return the changes by the pulses of one batch, shape (rows of the problem, pulses)."""
+    found = []
     measured = problem.measured_rows
-    residuals = pulsed.residuals_of(at[0], predicted[0])
-    assert residuals is not None
-    columns = np.zeros((measured + len(problem.free_parameters), len(at) - 1))
-    for column, x, row in zip(columns.T, at[1:], predicted[1:], strict=True):
-        changed = pulsed.residuals_of(x, row)
-        # the sign: a residual is measured less predicted; the rows of the priors do not change
-        if changed is not None:
-            column[:measured] = ((residuals - changed) / PULSE_SIZE)[:measured]
-    return columns
+    for (pulsed, at), predicted in zip(requests, predict_requests(requests), strict=True):
+        residuals = pulsed.residuals_of(at[0], predicted[0])
+        assert residuals is not None
+        columns = np.zeros((measured, len(at) - 1))
+        for column, x_pulsed, row in zip(columns.T, at[1:], predicted[1:], strict=True):
+            changed = pulsed.residuals_of(x_pulsed, row)
+            # the sign: a residual is measured less predicted
+            if changed is not None:
+                column[:] = ((residuals - changed) / PULSE_SIZE)[:measured]
+        found.append(columns)
+    return found

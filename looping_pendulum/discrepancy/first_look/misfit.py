@@ -393,7 +393,10 @@ def _distance(
             unit = _length_per_unit(c, length)
             shifts[c.name] = common
             squares.append(np.minimum(np.abs(unit * (residual - common)), MAX_DISTANCE * length) ** 2)
-            shown.append((c, _as_seen(predicted[c.name] + (common if c.name == "height" else 0.0), c, declared, factor)))
+            # What is declared, in the units of the points and with the declared origin
+            origin = declared.trial.camera.get(f"origin_{c.name[-1]}") if c.name.endswith(("_x", "_y")) else None
+            seen = predicted[c.name] + (common if c.name == "height" else 0.0) + (origin.value if origin else 0.0)
+            shown.append((c, np.asarray(seen / (factor if c.unit == "m" else 1.0))))
     rms = math.sqrt(float(np.mean(np.concatenate(squares))))
     return Distance(rms=rms, relative=rms / length, length_factor=factor, points=tuple(shown), window=window, shifts=shifts)
 
@@ -402,13 +405,6 @@ def _length_per_unit(channel: Channel, free_length: float) -> float:
     """Return the length [m] that one unit of a channel is worth: of an angle at the string's end, of a rate in a swing."""
     swing = math.sqrt(free_length / GRAVITY.coefficients[0].default)
     return {"m": 1.0, "rad": free_length, "rad/s": free_length * swing}[channel.unit]
-
-
-def _as_seen(predicted: Array, channel: Channel, declared: DeclaredTrial, factor: float) -> Array:
-    """Return predicted values in the units of the points, with the declared origin."""
-    origin = declared.trial.camera.get(f"origin_{channel.name[-1]}")
-    shift = origin.value if origin is not None and channel.name.endswith(("_x", "_y")) else 0.0
-    return np.asarray((predicted + shift) / (factor if channel.unit == "m" else 1.0))
 
 
 def _best_length_factor(groups: Mapping[str, Sequence[Channel]], predicted: Mapping[str, Array]) -> float:
