@@ -64,7 +64,7 @@ class RecoveredForce:
 
     @cached_property
     def coordinate_range(self) -> tuple[float, float]:
-        """Smallest and largest of these."""
+        """Smallest and largest of the `coordinates`."""
         return float(self.coordinates.min()), float(self.coordinates.max())
 
     @cached_property
