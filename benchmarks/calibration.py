@@ -337,7 +337,7 @@ def statistics_of_tests(study: Study) -> dict[str, float]:
         found, _ = explain(read_inputs(study))
         declared = found.judged(found.nothing)
     tests, groups = declared.tests, declared.tests.groups
-    odds = [r.explanation.log_posterior - found.nothing.log_posterior for r in found.ranked if r.explanation.key]
+    odds = [e.log_posterior - found.nothing.log_posterior for e in found.ranked if e.key]
     return {
         "chi2_per_dof": tests.chi2_per_dof,
         "chi2_over_limit": tests.chi2_per_dof / tests.limit,

@@ -267,7 +267,7 @@ def all_free(inputs: Inputs) -> Rival:
     residuals = problem.residuals(x)
     if residuals is None:
         raise FitError("the model with all candidates cannot run where lmfit ended")
-    held_out = _held_out_error(Fit(problem=problem, x=x, residuals=residuals, iterations=result.nfev), inputs)
+    held_out = _held_out_error(Fit(problem=problem, x=x, residuals=residuals), inputs)
     return Rival(names=tuple(sorted(names)), departs=bool(names), held_out_error=held_out)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from looping_pendulum.measured.camera import CAMERA, CameraCoefficient
+from looping_pendulum.measured.camera import CAMERA
 from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.measured.study import EARTH_GRAVITY, Study, can_act
 from looping_pendulum.reference_ode.effects import Coefficient, Effect, EffectKind
@@ -138,8 +138,42 @@ def candidates(study: Study, fitted: Iterable[FreeParameter], camera: Iterable[s
         # The ratio of the masses and the rod change only a motion in which both masses take part
         has_both = bool(releases & {Release.LOOPING, Release.VERTICAL})
         measured = {p for p in APPARATUS for t in study.trials if study.estimate(p, t) is not None}
-        listed += [_apparatus_candidate(p, trials) for p in APPARATUS if p in measured and (p == "free_length" or has_both)]
-    listed += [_camera_candidate(p, p.candidate_reach, trials) for p in map(CAMERA.__getitem__, camera) if p.candidate_reach]
+        listed += [
+            Candidate(
+                name=f"wrong_{parameter}",
+                parameter=parameter,
+                role=ParameterRole.TIMES,
+                null=1.0,
+                bounds=FACTOR_BOUNDS,
+                unit="",
+                kind="wrong value",
+                acts_on="apparatus",
+                depends_on=(),
+                formula=f"{parameter} -> factor * {parameter}",
+                source=source,
+                trials=trials,
+            )
+            for parameter, source in APPARATUS.items()
+            if parameter in measured and (parameter == "free_length" or has_both)
+        ]
+    listed += [
+        Candidate(
+            name=p.name,
+            parameter=p.name,
+            role=ParameterRole.CAMERA,
+            null=p.null,
+            bounds=(p.null - p.candidate_reach, p.null + p.candidate_reach),
+            unit=p.unit,
+            kind="measurement error",
+            acts_on="camera",
+            depends_on=(),
+            formula=p.meaning,
+            source="camera and its operator",
+            trials=trials,
+        )
+        for p in map(CAMERA.__getitem__, camera)
+        if p.candidate_reach
+    ]
     return tuple(c for c in listed if (c.parameter, c.role) not in taken)
 
 
@@ -182,40 +216,4 @@ def _effect_candidate(
         even=c.even,
         needs_compilation=not effect.in_base_model,
         companions=() if effect.in_base_model else effect.coefficients[1:],
-    )
-
-
-def _apparatus_candidate(parameter: str, trials: tuple[str, ...]) -> Candidate:
-    """Return a factor on a parameter of the apparatus as a candidate."""
-    return Candidate(
-        name=f"wrong_{parameter}",
-        parameter=parameter,
-        role=ParameterRole.TIMES,
-        null=1.0,
-        bounds=FACTOR_BOUNDS,
-        unit="",
-        kind="wrong value",
-        acts_on="apparatus",
-        depends_on=(),
-        formula=f"{parameter} -> factor * {parameter}",
-        source=APPARATUS[parameter],
-        trials=trials,
-    )
-
-
-def _camera_candidate(p: CameraCoefficient, reach: float, trials: tuple[str, ...]) -> Candidate:
-    """Return a camera error that is the same in all trials as a candidate."""
-    return Candidate(
-        name=p.name,
-        parameter=p.name,
-        role=ParameterRole.CAMERA,
-        null=p.null,
-        bounds=(p.null - reach, p.null + reach),
-        unit=p.unit,
-        kind="measurement error",
-        acts_on="camera",
-        depends_on=(),
-        formula=p.meaning,
-        source="camera and its operator",
-        trials=trials,
     )

@@ -14,8 +14,8 @@ import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
-from typing import Any
+from functools import cache, cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,7 +32,7 @@ from looping_pendulum.discrepancy.evidence.motions import (
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, minimise_steps
 from looping_pendulum.discrepancy.fit.data import TrialData
 from looping_pendulum.discrepancy.fit.held_out import HeldOutTest, check_held_out
-from looping_pendulum.discrepancy.fit.problem import Problem, Steps, together
+from looping_pendulum.discrepancy.fit.problem import Problem, Steps, map_steps
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
 from looping_pendulum.discrepancy.result import ForceProfile, Formula, FormulaParameter, Unlisted, value_unit
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
@@ -132,10 +132,7 @@ def _formula(fitted: FittedFormula) -> Formula:
         depends_on=closure.coordinate,
         multiplied_by=closure.factor,
         parameters=tuple(
-            FormulaParameter(
-                name=t.name, value=float(v), error=float(e), unit=_unit(t, closure, COORDINATE_UNITS[closure.coordinate])
-            )
-            for t, v, e in rows
+            FormulaParameter(name=t.name, value=float(v), error=float(e), unit=_unit(t, closure)) for t, v, e in rows
         ),
         delta_bic=fitted.delta_bic,
         delta_bic_of_profile=fitted.delta_bic_of_profile,
@@ -145,8 +142,9 @@ def _formula(fitted: FittedFormula) -> Formula:
     )
 
 
-def _unit(term: FormulaTerm, closure: Closure, coordinate: str) -> str:
-    if term.of_coordinate:
+def _unit(term: FormulaTerm, closure: Closure) -> str:
+    coordinate = COORDINATE_UNITS[closure.coordinate]
+    if term.power is None:
         return coordinate
     force = value_unit(closure.target, closure.factor)
     per = f"({coordinate})" if "/" in coordinate else coordinate
@@ -177,7 +175,7 @@ def _profile(force: RecoveredForce, formula: FittedFormula | None, index: int) -
 
 def _text(fitted: FittedFormula, index: int) -> str:
     """Return the formula of one side with the values of its parameters."""
-    text = fitted.form.texts[index]
+    text = fitted.form.text(index)
     values = {t.name: number(v, digits=4) for t, v in zip(fitted.form.terms, fitted.values, strict=True)}
     factor = FACTOR_TEXTS[fitted.force.closure.factor]
     filled = text.format(**values)
@@ -201,7 +199,9 @@ def _phase(force: RecoveredForce) -> str:
 class FittedFormula:
     """A formula that was refitted to the trajectories."""
 
-    prediction: PredictedFormula
+    force: RecoveredForce
+    """The force as radial basis functions, which the formula was fitted to."""
+    form: FormulaFamily
     fit: Fit
     delta_bic: float
     """Decrease of the Bayesian information criterion from the declared model."""
@@ -209,16 +209,6 @@ class FittedFormula:
     """The same of the radial basis functions that the formula was fitted to."""
     held_out: HeldOutTest | None = None
     """Held-out test of the formula; None: not made, since a better formula was accepted or its delta BIC is too far behind."""
-
-    @property
-    def form(self) -> FormulaFamily:
-        """Kind of formula."""
-        return self.prediction.form
-
-    @property
-    def force(self) -> RecoveredForce:
-        """The force as radial basis functions, which the formula was fitted to."""
-        return self.prediction.force
 
     @property
     def values(self) -> Array:
@@ -253,7 +243,7 @@ def refit(
     Of those within `BIC_MARGIN` of the best, the first that is accepted on held-out data goes to the front.
     """
     predictions = predict_formulas(force, np.concatenate([d.sigma for d in base.problem.data]))[:MAX_REFITS]
-    results = workers.map_together(_refit_together, base, predictions)
+    results = map_steps(workers, _refit, (base,), [(prediction,) for prediction in predictions])
     formulas = sorted((f for f in results if f), key=lambda f: -f.delta_bic)
     for i, formula in enumerate(formulas):
         if formula.delta_bic < formulas[0].delta_bic - BIC_MARGIN:
@@ -278,11 +268,6 @@ def _delta_bic_of_profile(base: Fit, force: RecoveredForce) -> float:
     return base.cost - (force.fit.cost - float(of_prior @ of_prior)) - effective * math.log(base.problem.count)
 
 
-def _refit_together(base: Fit, predictions: Sequence[PredictedFormula]) -> list[FittedFormula | None]:
-    """Refit formulas to the trajectories, in step."""
-    return together([_refit(base, prediction) for prediction in predictions])
-
-
 def _refit(base: Fit, prediction: PredictedFormula) -> Steps[FittedFormula | None]:
     """Refit one formula to the trajectories from its predicted values; None if the model cannot run."""
     problem = _problem(base, prediction)
@@ -297,7 +282,8 @@ def _refit(base: Fit, prediction: PredictedFormula) -> Steps[FittedFormula | Non
         return None
     delta_bic = base.cost - fit.cost - n_added * math.log(base.problem.count)
     return FittedFormula(
-        prediction=prediction,
+        force=prediction.force,
+        form=prediction.form,
         fit=fit,
         delta_bic=delta_bic,
         delta_bic_of_profile=_delta_bic_of_profile(base, prediction.force),
@@ -306,31 +292,31 @@ def _refit(base: Fit, prediction: PredictedFormula) -> Steps[FittedFormula | Non
 
 def _problem(base: Fit, prediction: PredictedFormula) -> Problem:
     """Return the declared model with the formula's parameters, which start at their predicted values."""
-    coordinate_range = coordinate_range_of(prediction.force)
     p = base.problem
     study = FormulaStudy(
         **{f.name: getattr(p.study, f.name) for f in dataclasses.fields(Study)},
-        closure_coefficients=functools.partial(_closure_coefficients, prediction, coordinate_range),
+        closure_coefficients=functools.partial(_closure_coefficients, prediction),
         formula_parameters=tuple(PREFIX + t.name for t in prediction.form.terms),
         start_values=tuple(prediction.values.tolist()),
     )
-    added = [_free_parameter(prediction, i, coordinate_range, study) for i in range(len(prediction.values))]
+    added = [_free_parameter(prediction, i, study) for i in range(len(prediction.values))]
     point = point_parameters(prediction.force.closure, tuple(t.name for t in study.trials))
     return Problem(study, p.data, (*p.free_parameters, *point, *added))
 
 
-def _free_parameter(prediction: PredictedFormula, i: int, coordinate_range: CoordinateRange, study: Study) -> FreeParameter:
+def _free_parameter(prediction: PredictedFormula, i: int, study: Study) -> FreeParameter:
     term, value, error = prediction.form.terms[i], float(prediction.values[i]), float(prediction.errors[i])
     bounds = (-1e6, 1e6)
     # The scale is the unit of the parameter in the fit; a tenth of the value is the least, lest a tiny predicted error set it.
     min_scale = 0.1 * abs(value)
-    if term.of_coordinate:
+    if term.power is None:
         width = float(prediction.values[1])
         # A place may be near zero, so that its own size is no scale; the width is
         min_scale = 0.1 * width
-        bounds = (MIN_WIDTH * coordinate_range.spacing, 1e3 * width)
+        bounds = (MIN_WIDTH * prediction.force.closure.spacing, 1e3 * width)
         if term.name == "place":
-            bounds = (coordinate_range.low - width, coordinate_range.high + width)
+            low, high = prediction.force.coordinate_range
+            bounds = (low - width, high + width)
     return FreeParameter(
         name=PREFIX + term.name,
         parameter=PREFIX + term.name,
@@ -342,16 +328,13 @@ def _free_parameter(prediction: PredictedFormula, i: int, coordinate_range: Coor
     )
 
 
-def _closure_coefficients(
-    prediction: PredictedFormula, coordinate_range: CoordinateRange, parameters: Sequence[float]
-) -> dict[str, float]:
+def _closure_coefficients(prediction: PredictedFormula, parameters: Sequence[float]) -> dict[str, float]:
     """Return the coefficients of the closure that stands for the formula with these values of its parameters."""
-    values, form, closure = np.asarray(parameters), prediction.form, prediction.force.closure
-    placement = form.placement(values, coordinate_range)
-    sides = zip(TARGETS[closure.target], form.weights(values, placement), strict=True)
+    values, form, force = np.asarray(parameters), prediction.form, prediction.force
+    closure = form.placed(force.closure, values, *force.coordinate_range)
+    sides = zip(TARGETS[closure.target], form.weights(values, closure), strict=True)
     weights = {weight_name(side, i): float(v) for side, of_side in sides for i, v in enumerate(of_side)}
-    placed = dataclasses.replace(closure, first_centre=placement.first_centre, spacing=placement.spacing)
-    return weights | placed.coefficients
+    return weights | closure.coefficients
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -380,65 +363,133 @@ class FormulaStudy(Study):
         return {**{name: np.array([row[name] for row in rows]) for name in rows[0]}, **rest}
 
 
-@dataclass(frozen=True, kw_only=True)
-class CoordinateRange:
-    """Range of the coordinate over the training trials."""
-
-    low: float
-    high: float
-    spacing: float
-    """Spacing of the basis functions that were fitted."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class BasisPlacement:
-    """Centres of the basis functions along the coordinate."""
-
-    first_centre: float
-    spacing: float
-    margin: float
-    """How many spacings the first and last centres lie outside the range in which the profile matters; negative: inside."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class FormulaTerm:
+class FormulaTerm(NamedTuple):
     """One parameter of a formula."""
 
     name: str
-    power: int
-    """Power of the coordinate that the parameter multiplies: its unit is the force's over the coordinate's to this power."""
-    of_coordinate: bool = False
-    """Whether the parameter is a place or a width, in units of the coordinate; then the power means nothing."""
+    power: int | None
+    """Power of the coordinate that the parameter multiplies: its unit is the force's over the coordinate's to this power.
+
+    None: it is a place or a width, in units of the coordinate.
+    """
+
+
+@dataclass(frozen=True, kw_only=True)
+class FormulaKind:
+    """Formulas that are sums of the same parts, each of which is multiplied by a parameter."""
+
+    sums: Mapping[str, tuple[str, ...]]
+    """Name of a formula -> its parts."""
+    parts: Mapping[str, tuple[int, str, Callable[[Array, Array], Array]]]
+    """Part -> power of the coordinate, text after its parameter, function of the coordinate s and z = (s - place) / width."""
+    envelope: str = ""
+    """Text after the sum of a force that is negligible except near a place, or changes there; '': there is no such place."""
+    is_pulse: bool = False
+    """Whether the force is negligible except near a place, so that basis functions as narrow as itself can stand for it."""
+
+
+def _bell(s: Array, z: Array) -> Array:
+    return np.asarray(np.exp(-0.5 * z * z))
+
+
+KINDS = {
+    "polynomial": FormulaKind(
+        sums={"constant": ("0",), "proportional": ("1",), "line": ("0", "1"), "square": ("2",), "parabola": ("0", "1", "2")},
+        parts={"0": (0, "", lambda s, z: s**0), "1": (1, " s", lambda s, z: s), "2": (2, " s^2", lambda s, z: s**2)},
+    ),
+    # The height is even about the place, a Gaussian; the swing is odd, as the pull of a body that is passed
+    "pulse": FormulaKind(
+        sums={"pulse": ("height",), "pass": ("swing",), "pulse and pass": ("height", "swing")},
+        parts={"height": (0, "", _bell), "swing": (0, " z", lambda s, z: z * _bell(s, z))},
+        envelope=" exp(-z^2 / 2), z = (s - {place}) / {width}",
+        is_pulse=True,
+    ),
+    "step": FormulaKind(
+        sums={"step": ("height",)},
+        # Clipped: exp would overflow
+        parts={"height": (0, "", lambda s, z: 1 / (1 + np.exp(-np.clip(z, -60, 60))))},
+        envelope=" / (1 + exp(-(s - {place}) / {width}))",
+    ),
+}
+"""Kinds of formulas: a formula has one place and one width on all sides, if it has any."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FormulaFamily:
-    """One kind of formula of one coordinate, for all directions (sides) of a closure."""
+    """Formulas of one kind and of one coordinate, for all directions (sides) of a closure."""
 
-    name: str
-    terms: tuple[FormulaTerm, ...]
-    profile: Callable[[Array, Array], Array]
-    """(values of the terms, coordinates of shape (n,)) -> force of every side, shape (sides, n)."""
-    texts: tuple[str, ...]
-    """Formula of every side, with the names of its terms in braces."""
-    local: bool = False
-    """Whether the force is negligible except near a place, so that basis functions as narrow as itself can stand for it."""
+    kind: str
+    """One of `KINDS`."""
+    sides: tuple[str, ...]
+    chosen: tuple[str, ...]
+    """Name of the formula of every side; "nothing" leaves a side out."""
 
-    def placement(self, values: Array, coordinate_range: CoordinateRange) -> BasisPlacement:
-        """Return the centres of the basis functions that stand for the formula with these values."""
-        if self.local:
-            place, spacing = float(values[0]), PULSE_SPACING * abs(float(values[1]))
-            return BasisPlacement(
-                first_centre=place - 0.5 * (N_BASIS_FUNCTIONS - 1) * spacing, spacing=spacing, margin=-END_MARGIN
-            )
-        spacing = (coordinate_range.high - coordinate_range.low) / (N_BASIS_FUNCTIONS - 1 - 2 * POLYNOMIAL_MARGIN)
-        first_centre = coordinate_range.low - POLYNOMIAL_MARGIN * spacing
-        return BasisPlacement(first_centre=first_centre, spacing=spacing, margin=POLYNOMIAL_MARGIN)
+    @property
+    def name(self) -> str:
+        """Formula of every side in words."""
+        if len(self.sides) == 1:
+            return self.chosen[0]
+        return ", ".join(f"{name} {side}" for side, name in zip(self.sides, self.chosen, strict=True))
 
-    def weights(self, values: Array, placement: BasisPlacement) -> Array:
-        """Return the weights of the basis functions that stand for the formula [N], shape (sides, N_BASIS_FUNCTIONS)."""
-        points, projection = _projection_onto_basis(placement.margin)
-        return np.asarray(self.profile(values, placement.first_centre + placement.spacing * points) @ projection.T)
+    @property
+    def has_place(self) -> bool:
+        """Whether the first two terms are a place and a width."""
+        return bool(KINDS[self.kind].envelope)
+
+    def _parts_of(self, side: int) -> tuple[str, ...]:
+        return KINDS[self.kind].sums.get(self.chosen[side], ())
+
+    @cached_property
+    def terms(self) -> tuple[FormulaTerm, ...]:
+        """Its parameters: place and width, if it has them, then those of all sides."""
+        place = (FormulaTerm("place", None), FormulaTerm("width", None)) if self.has_place else ()
+        parts = KINDS[self.kind].parts
+        of_sides = (
+            FormulaTerm(f"{side}_{part}", parts[part][0]) for i, side in enumerate(self.sides) for part in self._parts_of(i)
+        )
+        return (*place, *of_sides)
+
+    def profile(self, values: Array, s: Array) -> Array:
+        """Return the force of every side with these values of the terms at coordinates ``s``, shape (sides, n)."""
+        z = (s - values[0]) / values[1] if self.has_place else s
+        amounts = iter(values[2:] if self.has_place else values)
+        force = np.zeros((len(self.sides), len(s)))
+        for i in range(len(self.sides)):
+            for part in self._parts_of(i):
+                force[i] += next(amounts) * KINDS[self.kind].parts[part][2](s, z)
+        return force
+
+    def text(self, side: int) -> str:
+        """Return the formula of a side, with the names of its terms in braces."""
+        kind, parts = KINDS[self.kind], self._parts_of(side)
+        text = " + ".join(f"{{{self.sides[side]}_{part}}}{kind.parts[part][1]}" for part in parts)
+        if not parts:
+            return "0"
+        return f"({text}){kind.envelope}" if len(parts) > 1 and kind.envelope else text + kind.envelope
+
+    def placed(self, closure: Closure, values: Array, low: float, high: float) -> Closure:
+        """Return a closure whose basis functions stand for the formula with these values, at coordinates from low to high."""
+        if KINDS[self.kind].is_pulse:
+            spacing = PULSE_SPACING * abs(float(values[1]))
+            first_centre = float(values[0]) - 0.5 * (N_BASIS_FUNCTIONS - 1) * spacing
+        else:
+            spacing = (high - low) / (N_BASIS_FUNCTIONS - 1 - 2 * POLYNOMIAL_MARGIN)
+            first_centre = low - POLYNOMIAL_MARGIN * spacing
+        return dataclasses.replace(closure, first_centre=first_centre, spacing=spacing)
+
+    def weights(self, values: Array, closure: Closure, margin: float | None = None) -> Array:
+        """Return the weights of a closure that stands for the formula [N], shape (sides, N_BASIS_FUNCTIONS).
+
+        Parameters
+        ----------
+        margin
+            How many spacings the first and last centres lie outside the range in which the profile matters; negative: inside.
+            None: as `placed` has them.
+        """
+        if margin is None:
+            margin = -END_MARGIN if KINDS[self.kind].is_pulse else POLYNOMIAL_MARGIN
+        points, projection = _projection_onto_basis(margin)
+        return np.asarray(self.profile(values, closure.first_centre + closure.spacing * points) @ projection.T)
 
 
 # There are three margins in all, and a fit of a formula projects its profile at every step
@@ -451,105 +502,14 @@ def _projection_onto_basis(margin: float) -> tuple[Array, Array]:
     return points, np.asarray(np.linalg.solve(basis.T @ basis + 1e-9 * np.eye(N_BASIS_FUNCTIONS), basis.T))
 
 
-POLYNOMIALS: dict[str, tuple[int, ...]] = {
-    "constant": (0,),
-    "proportional": (1,),
-    "line": (0, 1),
-    "square": (2,),
-    "parabola": (0, 1, 2),
-}
-"""Polynomial -> powers of the coordinate."""
-PULSES: dict[str, tuple[str, ...]] = {"pulse": ("height",), "pass": ("swing",), "pulse and pass": ("height", "swing")}
-"""Pulse -> parts: "height" is even about the place, a Gaussian; "swing" is odd, as the pull of a body that is passed."""
-
-
-def polynomial(sides: Sequence[str], chosen: Sequence[str]) -> FormulaFamily:
-    """Return a polynomial of its own on every side; the name "nothing" leaves a side out."""
-    powers = [POLYNOMIALS.get(name, ()) for name in chosen]
-    side_powers = [(i, n) for i, side in enumerate(powers) for n in side]
-
-    def profile(values: Array, s: Array) -> Array:
-        force = np.zeros((len(sides), len(s)))
-        for value, (i, n) in zip(values, side_powers, strict=True):
-            force[i] += value * s**n
-        return force
-
-    def text(i: int) -> str:
-        parts = [f"{{{sides[i]}_{n}}}" + ("", " s", " s^2")[n] for n in powers[i]]
-        return " + ".join(parts) or "0"
-
-    return FormulaFamily(
-        name=_name(sides, chosen),
-        terms=tuple(FormulaTerm(name=f"{sides[i]}_{n}", power=n) for i, n in side_powers),
-        profile=profile,
-        texts=tuple(text(i) for i in range(len(sides))),
-    )
-
-
-def pulse(sides: Sequence[str], chosen: Sequence[str]) -> FormulaFamily:
-    """Return pulses at one place and of one width on all sides; "nothing" leaves a side out."""
-    parts = [PULSES.get(name, ()) for name in chosen]
-    side_parts = [(i, part) for i, side in enumerate(parts) for part in side]
-
-    def profile(values: Array, s: Array) -> Array:
-        z = (s - values[0]) / values[1]
-        bell = np.exp(-0.5 * z * z)
-        force = np.zeros((len(sides), len(s)))
-        for value, (i, part) in zip(values[2:], side_parts, strict=True):
-            force[i] += value * (bell if part == "height" else z * bell)
-        return force
-
-    def text(i: int) -> str:
-        names = [f"{{{sides[i]}_{part}}}" + ("" if part == "height" else " z") for part in parts[i]]
-        factor = f"({' + '.join(names)})" if len(names) > 1 else "".join(names)
-        return f"{factor} exp(-z^2 / 2), z = (s - {{place}}) / {{width}}" if names else "0"
-
-    return FormulaFamily(
-        name=_name(sides, chosen),
-        terms=(*_LOCAL, *(FormulaTerm(name=f"{sides[i]}_{part}", power=0) for i, part in side_parts)),
-        profile=profile,
-        texts=tuple(text(i) for i in range(len(sides))),
-        local=True,
-    )
-
-
-def sigmoid_step(sides: Sequence[str], chosen: Sequence[str]) -> FormulaFamily:
-    """Return logistic steps at one place and of one width on all sides; "nothing" leaves a side out."""
-    active = [i for i, name in enumerate(chosen) if name != "nothing"]
-
-    def profile(values: Array, s: Array) -> Array:
-        rise = 1 / (1 + np.exp(-np.clip((s - values[0]) / values[1], -60, 60)))  # clipped: exp would overflow
-        force = np.zeros((len(sides), len(s)))
-        force[active] = np.asarray(values[2:])[:, None] * rise
-        return force
-
-    text = "{{{}_height}} / (1 + exp(-(s - {{place}}) / {{width}}))"
-    return FormulaFamily(
-        name=_name(sides, chosen),
-        terms=(*_LOCAL, *(FormulaTerm(name=f"{sides[i]}_height", power=0) for i in active)),
-        profile=profile,
-        texts=tuple(text.format(side) if i in active else "0" for i, side in enumerate(sides)),
-    )
-
-
-_LOCAL = (FormulaTerm(name="place", power=0, of_coordinate=True), FormulaTerm(name="width", power=0, of_coordinate=True))
-
-
-def _name(sides: Sequence[str], chosen: Sequence[str]) -> str:
-    return chosen[0] if len(sides) == 1 else ", ".join(f"{name} {side}" for side, name in zip(sides, chosen, strict=True))
-
-
 def forms(target: str) -> list[FormulaFamily]:
     """Return every formula family that a force on ``target`` may have."""
     sides = TARGETS[target]
-
-    def combinations(names: Sequence[str]) -> list[tuple[str, ...]]:
-        every = itertools.product(("nothing", *names), repeat=len(sides))
-        return [chosen for chosen in every if any(name != "nothing" for name in chosen)]
-
-    families = [polynomial(sides, chosen) for chosen in combinations(tuple(POLYNOMIALS))]
-    families += [pulse(sides, chosen) for chosen in combinations(tuple(PULSES))]
-    return families + [sigmoid_step(sides, chosen) for chosen in combinations(("step",))]
+    families = []
+    for kind, known in KINDS.items():
+        every = itertools.product(("nothing", *known.sums), repeat=len(sides))
+        families += [FormulaFamily(kind=kind, sides=sides, chosen=c) for c in every if set(c) != {"nothing"}]
+    return families
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -562,13 +522,8 @@ class PredictedFormula:
     """Values of the terms [SI]."""
     errors: Array
     """Standard errors of the terms [SI]."""
-    cost: float
-    """Predicted sum of squared residuals in units of the declared model's noise."""
-
-    @property
-    def bic(self) -> float:
-        """Predicted Bayesian information criterion; lower is better."""
-        return self.cost + len(self.values) * math.log(self.force.fit.problem.count)
+    bic: float
+    """Predicted Bayesian information criterion, the cost in units of the declared model's noise; lower is better."""
 
 
 def predict_formulas(force: RecoveredForce, noise: Array) -> list[PredictedFormula]:
@@ -579,27 +534,16 @@ def predict_formulas(force: RecoveredForce, noise: Array) -> list[PredictedFormu
     noise
         Standard deviation of every measured value, which costs are in units of, shape (n,).
     """
-    coordinate_range = coordinate_range_of(force)
     closure, problem = force.closure, force.fit.problem
     n_declared = len(problem.free_parameters) - len(closure.names)
-    placement = BasisPlacement(first_centre=closure.first_centre, spacing=closure.spacing, margin=END_MARGIN)
     root, target, unexplained_cost = _reduced_least_squares(force, noise)
     scale = np.array([n.scale for n in problem.free_parameters[n_declared:]])
 
-    def reduced_residuals(form: FormulaFamily, values: Array) -> Array:
-        weights = form.weights(values, placement).ravel() / scale
-        return np.asarray(root @ weights - target)
+    def residuals_of(form: FormulaFamily) -> Callable[[Array], Array]:
+        return lambda values: root @ (form.weights(values, closure, END_MARGIN).ravel() / scale) - target
 
-    predictions = [
-        _best_fit(force, form, reduced_residuals, unexplained_cost, coordinate_range) for form in forms(closure.target)
-    ]
+    predictions = [_best_fit(force, form, residuals_of(form), unexplained_cost) for form in forms(closure.target)]
     return sorted((p for p in predictions if p), key=lambda p: p.bic)
-
-
-def coordinate_range_of(force: RecoveredForce) -> CoordinateRange:
-    """Return the range of a closure's coordinate over the training trials."""
-    s = force.coordinates
-    return CoordinateRange(low=float(s.min()), high=float(s.max()), spacing=force.closure.spacing)
 
 
 def _reduced_least_squares(force: RecoveredForce, noise: Array) -> tuple[Array, Array, float]:
@@ -630,58 +574,49 @@ def _reduced_least_squares(force: RecoveredForce, noise: Array) -> tuple[Array, 
 def _best_fit(
     force: RecoveredForce,
     form: FormulaFamily,
-    reduced_residuals: Callable[[FormulaFamily, Array], Array],
+    reduced_residuals: Callable[[Array], Array],
     unexplained_cost: float,
-    coordinate_range: CoordinateRange,
 ) -> PredictedFormula | None:
     """Fit a formula's values to the reduced problem; None if they do not come out finite."""
-    fits = [
-        min((_fit_linear(form, reduced_residuals, start) for start in starts), key=lambda f: f[0])
-        for starts in _start_values(form, coordinate_range)
-    ]
-    if form.terms[0].of_coordinate:
+    starts: list[list[tuple[float, ...]]] = [[()]]
+    if form.has_place:
+        places = np.linspace(*force.coordinate_range, N_BASIS_FUNCTIONS).tolist()
+        starts = [[(place, width * force.closure.spacing) for place in places] for width in START_WIDTHS]
+    fits = [min((_fit_linear(form, reduced_residuals, start) for start in each), key=lambda f: f[0]) for each in starts]
+    if form.has_place:
         # Only from the best place for each width: the cost has minima at many places, and a fit from each would take long
-        fits = [_fit_nonlinear(form, reduced_residuals, coordinate_range, values) for _, values, _ in fits]
+        fits = [_fit_nonlinear(force, reduced_residuals, values) for _, values, _ in fits]
     cost, values, jacobian = min(fits, key=lambda f: f[0])
-    errors = np.sqrt(np.maximum(np.diag(np.linalg.pinv(jacobian.T @ jacobian)), 0.0))
     if not np.all(np.isfinite(values)):
         return None
-    return PredictedFormula(force=force, form=form, values=values, errors=errors, cost=cost + unexplained_cost)
+    errors = np.sqrt(np.maximum(np.diag(np.linalg.pinv(jacobian.T @ jacobian)), 0.0))
+    bic = cost + unexplained_cost + len(values) * math.log(force.fit.problem.count)
+    return PredictedFormula(force=force, form=form, values=values, errors=errors, bic=bic)
 
 
 def _fit_nonlinear(
-    form: FormulaFamily,
-    reduced_residuals: Callable[[FormulaFamily, Array], Array],
-    coordinate_range: CoordinateRange,
-    values: Array,
+    force: RecoveredForce, reduced_residuals: Callable[[Array], Array], values: Array
 ) -> tuple[float, Array, Array]:
     """Return cost, values and Jacobian of the best fit of all terms, place and width included, from ``values``."""
     from scipy.optimize import least_squares
 
+    spacing, (first, last) = force.closure.spacing, force.coordinate_range
     low, high = np.full(len(values), -np.inf), np.full(len(values), np.inf)
-    # of a pulse or step, the first two terms are its place and its width
-    low[:2] = coordinate_range.low, MIN_WIDTH * coordinate_range.spacing
-    high[:2] = coordinate_range.high, coordinate_range.high - coordinate_range.low
-    scale = np.concatenate([[coordinate_range.spacing, coordinate_range.spacing], np.maximum(np.abs(values[2:]), 1e-6)])
-    fit = least_squares(lambda v: reduced_residuals(form, v), values, x_scale=scale, bounds=(low, high), max_nfev=60)
+    # Of a pulse or step, the first two terms are its place and its width
+    low[:2] = first, MIN_WIDTH * spacing
+    high[:2] = last, last - first
+    scale = np.concatenate([[spacing, spacing], np.maximum(np.abs(values[2:]), 1e-6)])
+    fit = least_squares(reduced_residuals, values, x_scale=scale, bounds=(low, high), max_nfev=60)
     return 2 * float(fit.cost), fit.x, fit.jac  # SciPy's cost is half the sum of squares
 
 
 def _fit_linear(
-    form: FormulaFamily, reduced_residuals: Callable[[FormulaFamily, Array], Array], start: Sequence[float]
+    form: FormulaFamily, reduced_residuals: Callable[[Array], Array], start: Sequence[float]
 ) -> tuple[float, Array, Array]:
     """Return cost, values and Jacobian of the best fit of the terms that enter linearly, at a given place and width."""
-    linear = [i for i, t in enumerate(form.terms) if not t.of_coordinate]
+    linear = [i for i, t in enumerate(form.terms) if t.power is not None]
     values = np.concatenate([start, np.zeros(len(linear))])
-    residuals_without = reduced_residuals(form, values)
-    columns = np.stack([reduced_residuals(form, values + np.eye(len(values))[i]) - residuals_without for i in linear], axis=1)
+    residuals_without = reduced_residuals(values)
+    columns = np.stack([reduced_residuals(values + np.eye(len(values))[i]) - residuals_without for i in linear], axis=1)
     values[linear] = np.linalg.lstsq(columns, -residuals_without, rcond=1e-10)[0]
     return float(np.sum((residuals_without + columns @ values[linear]) ** 2)), values, columns
-
-
-def _start_values(form: FormulaFamily, coordinate_range: CoordinateRange) -> list[list[tuple[float, ...]]]:
-    """Return, for each start width, the starts (place, width); one empty start for a formula without a place."""
-    if not form.terms[0].of_coordinate:
-        return [[()]]
-    places = np.linspace(coordinate_range.low, coordinate_range.high, N_BASIS_FUNCTIONS).tolist()
-    return [[(place, width * coordinate_range.spacing) for place in places] for width in START_WIDTHS]

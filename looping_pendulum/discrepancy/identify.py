@@ -17,7 +17,6 @@ from looping_pendulum.discrepancy.evidence.prior import least_distance
 from looping_pendulum.discrepancy.first_look.check import take_first_look
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.data import TrialData, noises_of
-from looping_pendulum.discrepancy.fit.held_out import position_slices, rms
 from looping_pendulum.discrepancy.fit.likelihood import stated_interval
 from looping_pendulum.discrepancy.fit.residual import ModelTest, check_residuals, event_rms_by_unit, failures_in_words
 from looping_pendulum.discrepancy.formulas import FittedFormula, describe_unlisted_force, refit
@@ -34,7 +33,6 @@ from looping_pendulum.discrepancy.result import (
     Outliers,
     RankedExplanation,
     RecordStart,
-    SmallestVisible,
     TrialError,
     TrialFigure,
     UnlistedLaw,
@@ -163,7 +161,8 @@ def _identify(inputs: Inputs, seed: int, progress: ReportShare, workers: Workers
     has_repair = found.verdict not in (Verdict.NO_MISSING_EFFECT, Verdict.UNEXPLAINED) and found.best is not found.nothing
     after = found.judged(found.best) if has_repair else before
     unlisted = None
-    law = next((r.explanation for r in found.ranked if r.credible and r.explanation.parts.law), None)
+    credible = [e for e in found.ranked if e.key in found.credible]
+    law = next((e for e in credible if e.parts.law), None)
     if law and has_repair:
         is_best = law is found.best
         without, recovered = found.force(after if is_best else found.judged(law))
@@ -177,20 +176,20 @@ def _identify(inputs: Inputs, seed: int, progress: ReportShare, workers: Workers
         if unlisted.formula and formulas[0].held_out and is_best:
             fit = formulas[0].fit
             after = dataclasses.replace(after, fit=fit, training=fit, held_out=formulas[0].held_out, tests=check_residuals(fit))
-    ties = [r for r in found.ranked if r.credible and not r.explanation.parts.law]
+    ties = [e for e in credible if not e.parts.law]
     experiments: tuple[Experiment, ...] = ()
     if found.verdict is Verdict.AMBIGUOUS and len(ties) > 1:
         # An interrupt now costs the advice on the next trial, but not the verdict
         with contextlib.suppress(KeyboardInterrupt):
-            names = [tuple(sorted(r.explanation.key)) or ("nothing",) for r in ties]
-            experiments = best_experiments(study, [r.fit for r in ties], names, workers)
+            names = [tuple(sorted(e.key)) or ("nothing",) for e in ties]
+            experiments = best_experiments(study, [found.fit(e) for e in ties], names, workers)
 
     explanations = _explanations(found)
     effects = next((e.effects for e in explanations), ()) if has_repair else ()
     # Of every trial: fits of the declared and of the repaired model, the trial's index in them, and whether it is held out
     fits = [(before.training, after.training, k, False) for k in range(len(before.training.problem.data))]
     fits += [(b, a, 0, True) for b, a in zip(before.held_out.fits, after.held_out.fits, strict=True)]
-    outliers, errors, noise = _outliers(fits), _errors(before, after), _correlated_noise(after)
+    outliers, errors, noise = _outliers(fits), _errors(fits, (before, after)), _correlated_noise(after)
     visible = found.search.smallest_visible(after.explanation)
     packages = ("numpy", "scipy", "heyoka", *sorted({e.package for e in EFFECTS.values() if e.package}))
     versions = {package: installed_version(package) for package in packages}
@@ -220,19 +219,8 @@ def _identify(inputs: Inputs, seed: int, progress: ReportShare, workers: Workers
         explanations=explanations,
         unlisted=unlisted,
         correlated_noise=noise,
-        smallest_visible=tuple(
-            SmallestVisible(
-                name=v.candidate.name,
-                value=v.value,
-                unit=v.candidate.unit,
-                acts_on=v.candidate.acts_on,
-                null_value=v.candidate.null,
-                motion=v.motion,
-            )
-            for v in visible
-            if not v.can_hide
-        ),
-        can_hide=tuple(sorted(v.candidate.name for v in visible if v.can_hide)),
+        smallest_visible=tuple(v for v in visible if not v.can_hide),
+        can_hide=tuple(sorted(v.name for v in visible if v.can_hide)),
         next_experiments=experiments,
         errors=errors,
         events=_events(fits),
@@ -253,8 +241,9 @@ def _explanations(found: Explanations) -> tuple[RankedExplanation, ...]:
     declared, least = found.nothing.log_posterior, least_distance(len(found.search.library))
     rows = []
     count = max(MAX_EXPLANATIONS, len(found.credible))
-    for r in (r for i, r in enumerate(found.ranked) if i < count or r.explanation is found.nothing):
-        values, errors, law = r.fit.values, r.fit.errors, r.explanation.parts.law
+    for e in (e for i, e in enumerate(found.ranked) if i < count or e is found.nothing):
+        fit, is_credible, law = found.fit(e), e.key in found.credible, e.parts.law
+        values, errors = fit.values, fit.errors
         effects = tuple(
             IdentifiedEffect(
                 name=c.name,
@@ -271,20 +260,20 @@ def _explanations(found: Explanations) -> tuple[RankedExplanation, ...]:
                 # Where the model is far from linear in an effect, a standard error misleads: of static friction that holds all
                 # is known but that it is large enough. It misleads, too, where the evidence only just suffices: noise has
                 # enlarged most of these values.
-                interval=stated_interval(r.fit, c.name, c.null, least) if r.credible else None,
+                interval=stated_interval(fit, c.name, c.null, least) if is_credible else None,
                 null_value=c.null,
                 unit=c.unit,
                 companions=tuple((k.name, values[k.name], errors[k.name]) for k in c.companions),
             )
-            for c in sorted(r.explanation.parts.effects, key=lambda c: c.name)
+            for c in sorted(e.parts.effects, key=lambda c: c.name)
         )
         rows.append(
             RankedExplanation(
                 effects=effects,
                 law=UnlistedLaw(acts_on=law.target, depends_on=law.coordinate, multiplied_by=law.factor) if law else None,
-                probability=r.probability,
-                log10_odds=(r.explanation.log_posterior - declared) / math.log(10),
-                credible=r.credible,
+                probability=found.probabilities.get(e.key),
+                log10_odds=(e.log_posterior - declared) / math.log(10),
+                credible=is_credible,
             )
         )
     return tuple(rows)
@@ -364,22 +353,23 @@ def _record_starts(fits: Sequence[_FitsOfTrial]) -> tuple[RecordStart, ...]:
     return tuple(starts)
 
 
-def _errors(before: Judged, after: Judged) -> tuple[TrialError, ...]:
-    """Return the errors of both models for every trial, or for all held-out blocks of time together."""
+def _errors(fits: Sequence[_FitsOfTrial], models: Sequence[Judged]) -> tuple[TrialError, ...]:
+    """Return the errors of both models for every trial, and for all held-out blocks of time together."""
     # Of each trial or of all blocks: name, whether it is held out, unit, and of both models RMS, chi2 per value, RMS of events
-    models, held_out = (before, after), before.held_out
     rows = []
-    for k, d in enumerate(before.training.problem.data):
-        fits = [m.training for m in models]
-        each = [(rms(fit, k), _chi2(fit, k), event_rms_by_unit(fit, k)) for fit in fits]
-        rows.append((d.trial.name, False, _unit_of_position(d), each))
-    for i, name in enumerate(held_out.names if held_out.fits else ()):
-        each = [(m.held_out.rms[i], m.held_out.chi2[i], event_rms_by_unit(m.held_out.fits[i], 0)) for m in models]
-        rows.append((name, True, _unit_of_position(held_out.fits[i].problem.data[0]), each))
+    for before, after, k, held_out in fits:
+        each = []
+        for fit in (before, after):
+            # Values that are left out have an infinite sigma, so that their zeros would lower the mean
+            used = np.isfinite(fit.problem.data[k].sigma)
+            chi2 = fit.cost / fit.problem.count if held_out else float(np.mean(np.square(_standardised(fit, k)[used])))
+            each.append((_rms(fit, k), chi2, event_rms_by_unit(fit, k)))
+        d = before.problem.data[k]
+        rows.append((d.trial.name, held_out, _unit_of_position(d), each))
     # Blocks of time are judged together and have no fits of their own
-    if not held_out.fits:
-        units = {_unit_of_position(d) for d in before.training.problem.data if d.channels}
-        each = [(m.held_out.rms[0], m.held_out.chi2[0], {}) for m in models]
+    if not models[0].held_out.fits:
+        units = {_unit_of_position(d) for d in models[0].training.problem.data if d.channels}
+        each = [(m.held_out.rms_of_blocks, m.held_out.chi2[0], {}) for m in models]
         rows.append(("blocks of time", True, units.pop() if len(units) == 1 else "", each))
     return tuple(
         TrialError(
@@ -400,17 +390,29 @@ def _errors(before: Judged, after: Judged) -> tuple[TrialError, ...]:
     )
 
 
+def _rms(fit: Fit, k: int) -> float | None:
+    """Return the root mean square residual of trial ``k`` [SI]; None: it has only events.
+
+    It is that of the light mass's position, a distance, or of all channels if the position was not measured.
+    """
+    d = fit.problem.data[k]
+    if not d.channels:
+        return None
+    residual = d.value - fit.problem.predict(fit.x, k)
+    used = np.isfinite(d.sigma)
+    return math.sqrt(sum(float(np.mean(residual[p][used[p]] ** 2)) for p in _position_slices(d)))
+
+
+def _position_slices(d: TrialData) -> list[slice]:
+    """Return the data that errors are reported for: the light mass's coordinates or, without them, all channels."""
+    return [d.slices[n] for n in ("light_x", "light_y") if n in d.slices] or list(d.slices.values())
+
+
 def _unit_of_position(d: TrialData) -> str:
-    """Return the SI unit of the data that `held_out.rms` is of; empty: there are several, or no channels."""
-    parts = position_slices(d)
+    """Return the SI unit of the data that `_rms` is of; empty: there are several, or no channels."""
+    parts = _position_slices(d)
     units = {c.unit for c in d.channels if d.slices[c.name] in parts}
     return units.pop() if len(units) == 1 else ""
-
-
-def _chi2(fit: Fit, k: int) -> float:
-    """Return chi-square per value of trial ``k``."""
-    # Values that are left out have an infinite sigma, so that their zeros would lower the mean
-    return float(np.mean(np.square(_standardised(fit, k)[np.isfinite(fit.problem.data[k].sigma)])))
 
 
 def _standardised(fit: Fit, k: int) -> Array:

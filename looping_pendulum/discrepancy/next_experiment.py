@@ -6,8 +6,7 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -131,23 +130,15 @@ def _held_trials(study: Study) -> Iterator[Trial]:
         )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Prediction:
+class _Prediction(NamedTuple):
     """What one explanation predicts of a possible trial."""
 
-    problem: Problem
-    """That of the trial alone."""
-    x: Array
-    """Values of its free parameters, in units of their scales, shape (p,)."""
-    covariance: Array
-    """Their covariance by the data there are, shape (p, p)."""
     values: Array
     """Predicted values, in units of the noise, shape (n,)."""
-
-    @cached_property
-    def jacobian(self) -> Array:
-        """Return the derivatives of the predicted values, shape (n, p)."""
-        return jacobian_at(self.problem, self.x)[: len(self.values)]
+    jacobian: Array
+    """Their derivatives by the free parameters of the trial's problem, shape (n, p)."""
+    covariance: Array
+    """Covariance of these parameters by the data there are, shape (p, p)."""
 
 
 def _predict(study: Study, trial: Trial, fit: Fit) -> _Prediction:
@@ -165,7 +156,7 @@ def _predict(study: Study, trial: Trial, fit: Fit) -> _Prediction:
     values = problem.predict(x, 0) / data.sigma
     if not np.all(np.isfinite(values)):
         raise DataError("the predictions are not finite")
-    return _Prediction(problem=problem, x=x, covariance=covariance, values=values)
+    return _Prediction(values, jacobian_at(problem, x)[: len(values)], covariance)
 
 
 def _distance(first: _Prediction, second: _Prediction) -> float:

@@ -424,6 +424,8 @@ class SmallestVisible:
     """Value at which the effect is absent [unit]; 1 for a factor."""
     motion: float
     """RMS change of the predictions by this change, all else unchanged [units of noise]: what the fitted parameters hide."""
+    can_hide: bool = field(default=False, compare=False)
+    """Whether it changes nothing, however large it is, at the fit or with some of its companions' initial values."""
 
     @property
     def in_words(self) -> str:

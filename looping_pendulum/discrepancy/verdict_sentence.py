@@ -170,8 +170,21 @@ def verdict_notes(
             "else acts, as what acts alike in this trial is counted with what was found. A trial with another heavy mass or "
             "angle would tell them apart."
         )
-    notes += [_correlated_noise_in_words(errors)] if errors else []
-    notes += [_outliers_in_words(outliers)] if outliers else []
+    if errors:
+        each = " and ".join(
+            f"{quantity(e.amplitude, e.unit)} ({BODY_IN_WORDS[e.body]}) for some {amount(e.points)} points in a row"
+            for e in errors
+        )
+        notes.append(
+            f"The tracked points are off by about {each}, as when a tracker wanders over its mark; an effect that looks like "
+            "this cannot be seen in these data."
+        )
+    if outliers:
+        largest = max(outliers, key=lambda o: o.largest_distance)
+        notes.append(
+            f"{sum(o.count for o in outliers)} of {sum(o.of for o in outliers)} tracked points do not show the mass, being off "
+            f"by up to {quantity(largest.largest_distance, largest.unit)} beside neighbours that are not; they were left out."
+        )
     return tuple(notes)
 
 
@@ -207,23 +220,3 @@ def _nearer(error: TrialError) -> str:
     if size_after > (1 - MIN_VISIBLE_SHARE) * size_before:
         return f"the model is {after} from {where} ({before} without), and what is left looks like noise"
     return f"the model comes to within {after} of {where}, instead of {before}"
-
-
-def _correlated_noise_in_words(errors: Sequence[CorrelatedError]) -> str:
-    each = " and ".join(
-        f"{quantity(e.amplitude, e.unit)} ({BODY_IN_WORDS[e.body]}) for some {amount(e.points)} points in a row" for e in errors
-    )
-    return (
-        f"The tracked points are off by about {each}, as when a tracker wanders over its mark; an effect that looks like this "
-        "cannot be seen in these data."
-    )
-
-
-def _outliers_in_words(outliers: Sequence[Outliers]) -> str:
-    """Return a sentence about the points that were left out, of which there must be some."""
-    count, of = sum(o.count for o in outliers), sum(o.of for o in outliers)
-    largest = max(outliers, key=lambda o: o.largest_distance)
-    return (
-        f"{count} of {of} tracked points do not show the mass, being off by up to "
-        f"{quantity(largest.largest_distance, largest.unit)} beside neighbours that are not; they were left out."
-    )

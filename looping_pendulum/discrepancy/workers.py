@@ -27,8 +27,6 @@ IMPORTED_EARLY = ("looping_pendulum.discrepancy.evidence.explain",)
 
 WAITED_FOR, BEGUN, WARM_UP, IMPORTS = range(4)
 """Priorities of batches, the most urgent first."""
-ProgressCallback = Callable[[str], None]
-"""Function that is called with a description of each step that begins."""
 
 
 def default_process_count() -> int:
@@ -47,11 +45,11 @@ class Workers:
         self._pools = contextlib.ExitStack()
         self._threads: list[threading.Thread] = []
         with contextlib.suppress(OSError):  # where no process can be started, this one does everything
-            for worker in range(1, count):
+            for _ in range(1, count):
                 # a pool of its own for each process, since an executor chooses itself which of its processes gets an item
                 executor = self._pools.enter_context(process_pool(1, _start_worker))
                 started = executor.submit(int)  # the process starts now
-                self._threads.append(threading.Thread(target=self._feed, args=(worker, executor, started), daemon=True))
+                self._threads.append(threading.Thread(target=self._feed, args=(executor, started), daemon=True))
         for thread in self._threads:
             thread.start()
 
@@ -88,31 +86,20 @@ class Workers:
             self._condition.notify_all()
         return batch
 
-    def map(
-        self,
-        function: Callable[[Any, Any], Any],
-        shared: Any,
-        items: Sequence[Any],
-        labels: Sequence[str] = (),
-        report_progress: ProgressCallback = lambda label: None,
-    ) -> list[Any]:
+    def map(self, function: Callable[[Any, Any], Any], shared: Any, items: Sequence[Any]) -> list[Any]:
         """Return ``function(shared, item)`` for every item, in the order of ``items``.
 
         Parameters
         ----------
         function
             A function of a module whose result depends on nothing but its arguments. They and the result can be pickled.
-        labels
-            Name of each item, for reports.
-        report_progress
-            Called with the label of each item that this process begins.
 
         Raises
         ------
         Exception
             What the function raised for the first item, in the order of ``items``, for which it raised anything.
         """
-        return self.finish(Batch(function, shared, items, labels), report_progress)
+        return self.finish(Batch(function, shared, items))
 
     def map_together(self, function: Callable[[Any, Sequence[Any]], list[Any]], shared: Any, items: Sequence[Any]) -> list[Any]:
         """Return what ``function(shared, items)`` returns for each item, of which every process takes an equal share at once.
@@ -125,12 +112,12 @@ class Workers:
             found[i::count] = results
         return found
 
-    def finish(self, batch: Batch, report_progress: ProgressCallback = lambda label: None) -> list[Any]:
+    def finish(self, batch: Batch) -> list[Any]:
         """Return what `map` returns, of a batch that may have been begun."""
         self._offer(WAITED_FOR, batch)
         try:
-            while (i := self._take_item(batch, 0)) is not None:
-                report_progress(batch.labels[i])
+            while (taken := self._take_item(batch)) is not None:
+                i = taken[1]
                 self._store_answer(batch, i, _call(batch.function, batch.shared, batch.items[i]))
         finally:
             with self._condition:
@@ -142,18 +129,19 @@ class Workers:
                 raise value
         return [batch.answers[i][1] for i in range(len(batch.items))]
 
-    def _take_item(self, batch: Batch, worker: int) -> int | None:
-        """Return the number of the next item for a worker.
+    def _take_item(self, own: Batch | None = None) -> tuple[Batch, int] | None:
+        """Wait for an item of this process's ``own`` batch or, for a worker process, of the most urgent one, and take it.
 
-        None: all are done or, for a worker process, all are taken. This process (worker 0) waits instead, because the item of a
-        worker process that dies comes back.
+        None: all of its own are done, or the pool has been closed. Items that a worker process has are waited for, too, because
+        that of one which dies comes back.
         """
         with self._condition:
-            while not batch.waiting:
-                if worker or len(batch.answers) == len(batch.items):
-                    return None
+            while not (self._closed if own is None else len(own.answers) == len(own.items)):
+                for batch in [own] if own else [batch for _, batch in sorted(self._batches.items())]:
+                    if batch.waiting:
+                        return batch, batch.waiting.pop(0)
                 self._condition.wait()
-            return batch.waiting.pop(0)
+            return None
 
     def _store_answer(self, batch: Batch, i: int, answer: tuple[bool, Any] | None) -> None:
         """Keep the answer to an item; without one (None) the item goes back to be done by another worker."""
@@ -165,26 +153,14 @@ class Workers:
                 batch.answers[i] = answer
             self._condition.notify_all()
 
-    def _wait_for_batch(self) -> Batch | None:
-        """Wait for a batch with items to do, and return it; None if the pool has been closed."""
-        with self._condition:
-            while not self._closed:
-                for _, batch in sorted(self._batches.items()):
-                    if batch.waiting:
-                        return batch
-                self._condition.wait()
-            return None
-
-    def _feed(self, worker: int, executor: Executor, started: Future[Any]) -> None:
+    def _feed(self, executor: Executor, started: Future[Any]) -> None:
         """Hand items to a worker process, as long as it lives: the main function of its thread."""
         # A worker process that cannot start, or dies, leaves its items to the others
         with contextlib.suppress(Exception):
             started.result()
             known: Batch | None = None
-            while (batch := self._wait_for_batch()) is not None:
-                i = self._take_item(batch, worker)
-                if i is None:
-                    continue
+            while (taken := self._take_item()) is not None:
+                batch, i = taken
                 answer = None
                 try:
                     # function and shared argument are sent once for a batch
@@ -202,11 +178,8 @@ SERIAL = Workers()
 class Batch:
     """Items of one call of a method of `Workers`, and the answers so far."""
 
-    def __init__(
-        self, function: Callable[[Any, Any], Any], shared: Any, items: Sequence[Any], labels: Sequence[str] = ()
-    ) -> None:
+    def __init__(self, function: Callable[[Any, Any], Any], shared: Any, items: Sequence[Any]) -> None:
         self.function, self.shared, self.items = function, shared, items
-        self.labels = labels or [""] * len(items)
         self.waiting = list(range(len(items)))
         """Numbers of the items that no worker has taken."""
         self.answers: dict[int, tuple[bool, Any]] = {}

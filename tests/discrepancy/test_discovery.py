@@ -9,17 +9,18 @@ from scipy.optimize import curve_fit
 from looping_pendulum.discrepancy.evidence.explanation import raw
 from looping_pendulum.discrepancy.evidence.laws import laws_beside
 from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid
+from looping_pendulum.discrepancy.evidence.motions import Closure
 from looping_pendulum.discrepancy.evidence.prior import body_of
 from looping_pendulum.discrepancy.fit.calibration import calibrate
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
-from looping_pendulum.discrepancy.formulas import PREFIX, CoordinateRange, forms
+from looping_pendulum.discrepancy.formulas import PREFIX, forms
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report.markdown import render
 from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.cartesian import cartesian_force
-from looping_pendulum.reference_ode.effects.closure import N_BASIS_FUNCTIONS, weight_name
+from looping_pendulum.reference_ode.effects.closure import weight_name
 from looping_pendulum.reference_ode.solve import solve_at
 from tests.apparatus import TEN_TO_ONE
 from tests.blind import Effects
@@ -138,18 +139,14 @@ def test_the_linear_model_names_what_a_law_acts_on_and_depends_on(tmp_path, thru
 @pytest.mark.parametrize("target", ["heavy mass", "light mass", "string on rod"])
 def test_basis_functions_stand_for_a_formula_to_a_thousandth(target):
     """Oracle: the formula itself. A step is only as sharp as the basis functions, so to a hundredth."""
-    coordinate_range = CoordinateRange(low=0.2, high=1.2, spacing=0.1)
-    s = np.linspace(coordinate_range.low, coordinate_range.high, 500)
+    low, high = 0.2, 1.2
+    s = np.linspace(low, high, 500)
+    somewhere = Closure(coordinate="time", factor="constant", target=target, first_centre=0.0, spacing=1.0)
     for form in forms(target):
         values = np.array([{"place": 0.6, "width": 0.08}.get(t.name, 0.5 + 0.1 * i) for i, t in enumerate(form.terms)])
-        placement = form.placement(values, coordinate_range)
-        basis_functions = np.exp(
-            -0.5
-            * ((s[:, None] - placement.first_centre - placement.spacing * np.arange(N_BASIS_FUNCTIONS)) / placement.spacing)
-            ** 2
-        )
+        closure = form.placed(somewhere, values, low, high)
         exact = form.profile(values, s)
-        error = np.abs(basis_functions @ form.weights(values, placement).T - exact.T).max()
+        error = np.abs(closure.basis_functions(s) @ form.weights(values, closure).T - exact.T).max()
         assert error < (0.01 if "step" in form.name else 1e-3) * np.abs(exact).max(), form.name
 
 

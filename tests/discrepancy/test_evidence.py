@@ -186,7 +186,7 @@ def test_the_unit_of_a_value_does_not_matter(search):
     x = e.fit.x / change
     jacobian = e.fit.jacobian * change
     jacobian[p.measured_rows :] = p.prior_weights
-    fit = Fit(problem=problem, x=x, residuals=problem.residuals(x), iterations=0, final_jacobian=jacobian)
+    fit = Fit(problem=problem, x=x, residuals=problem.residuals(x), final_jacobian=jacobian)
     again = explained(search.grid, fit, e.parts, len(search.library))
     assert again.log_z == pytest.approx(e.log_z, abs=1e-3)
 
@@ -234,7 +234,7 @@ def visible(fit, chosen):
     found = templates(fit, chosen)
     grid = NoiseGrid(fit.problem.data)
     m = Marginal(grid, raw(fit), columns(found, grid.count), settings=[0])
-    return {v.candidate.name: v for v in smallest_visible(fit, found, m.complement[0])}
+    return {v.name: v for v in smallest_visible(fit, found, m.complement[0])}
 
 
 @pytest.mark.parametrize("power", [0.5, 1.0, 2.0, 3.0])
@@ -314,8 +314,9 @@ def test_the_smallest_visible_size_is_four_standard_errors_of_a_fit(tmp_path):
     fit = calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters))
     found = visible(fit, [c for c in inputs.library if c.name in CHOSEN])
     assert set(found) == set(CHOSEN)
-    for name, v in found.items():
-        own = dataclasses.replace(v.candidate.free_parameter(v.value), prior=1e3)  # the data alone say how large it is
+    for candidate in (c for c in inputs.library if c.name in CHOSEN):
+        name, v = candidate.name, found[candidate.name]
+        own = dataclasses.replace(candidate.free_parameter(v.value), prior=1e3)  # the data alone say how large it is
         fitted = minimise(fit.problem.with_parameters(own), np.append(fit.x, 0.0))
         assert v.value == pytest.approx(VISIBLE * fitted.errors[name], rel=0.1), name
 

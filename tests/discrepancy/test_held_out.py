@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from looping_pendulum.discrepancy.fit.calibration import calibrate
-from looping_pendulum.discrepancy.fit.held_out import BLOCK_COUNT, _square_of_prediction, check_held_out
+from looping_pendulum.discrepancy.fit.held_out import BLOCK_COUNT, _block_number, _square_of_prediction, check_held_out
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
@@ -25,14 +25,15 @@ def inputs_and_fit(folder, case, seed, **options):
 def test_a_held_out_trial_is_predicted_unless_something_is_missing(tmp_path, case, passes):
     inputs, fit = inputs_and_fit(tmp_path, case, 1, trials=TWO_RATIOS)
     held_out = check_held_out(fit, inputs.held_out)
-    assert held_out.names == ("eight",)
+    assert held_out.subjects == ("trial eight",)
     assert held_out.passes is passes
 
 
 def test_a_single_trial_is_tested_on_blocks_of_time(tmp_path):
     inputs, fit = inputs_and_fit(tmp_path, "clean", 3, trials=["ten_a"])
     held_out = check_held_out(fit, inputs.held_out)
-    assert len(held_out.names) == BLOCK_COUNT // 2
+    assert held_out.subjects == ("blocks of time",)
+    assert set(_block_number(fit.problem.data[0])) == set(range(BLOCK_COUNT))  # none is empty
     assert held_out.passes
     assert held_out.worst == pytest.approx(1, abs=4 / fit.problem.count**0.5)
 
@@ -52,7 +53,6 @@ def held_out(chi2_per_value, count, monkeypatch):
     marks = SimpleNamespace(channels=("light_x", "light_y"))
     fit = SimpleNamespace(cost=chi2_per_value * count, problem=SimpleNamespace(count=count, data=[marks]))
     monkeypatch.setattr("looping_pendulum.discrepancy.fit.held_out._fit_held_out_trial", lambda *_: fit)
-    monkeypatch.setattr("looping_pendulum.discrepancy.fit.held_out.rms", lambda *_: 1e-3)
     return check_held_out(fit, [(data, ())]).passes
 
 

@@ -9,7 +9,6 @@ from typer.testing import CliRunner
 
 from looping_pendulum.cli import main as cli
 from looping_pendulum.discrepancy.evidence.explain import explain
-from looping_pendulum.discrepancy.fit.likelihood import cost_rise
 from looping_pendulum.discrepancy.identify import OutOfTimeError, identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report.writing import write
@@ -20,6 +19,7 @@ from tests.blind.cases import CASES, CLEAN, CLEAN_VARIED, with_signature
 from tests.compare.conftest import quick_figures  # noqa: F401, a fixture
 from tests.discrepancy.blind_study import TWO_RATIOS, WHOLE_LIBRARY, only_candidates, write_study
 from tests.discrepancy.expected import EXPECTED
+from tests.discrepancy.test_likelihood import cost_rise
 
 INDISTINGUISHABLE = {"wrong_gravity", "clock_ratio"}
 """With drag that grows with the square of the speed and friction by the capstan law, gravity only sets the clock."""
@@ -192,7 +192,7 @@ def standard_errors_off(study, effect, planted):
     if off < 3:
         return off
     found, _ = explain(read_inputs(study))
-    fit = next(r.fit for r in found.ranked if r.explanation.key == {effect.name})
+    fit = next(found.fit(e) for e in found.ranked if e.key == {effect.name})
     return math.sqrt(max(cost_rise(fit, effect.name, planted), 0.0))
 
 

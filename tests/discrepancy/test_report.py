@@ -9,7 +9,7 @@ import pytest
 
 from looping_pendulum.compare.json_text import plain
 from looping_pendulum.discrepancy.fit.held_out import HeldOutTest
-from looping_pendulum.discrepancy.fit.residual import EventTest, GroupTest, ModelTest, ResidualTests, failures_in_words
+from looping_pendulum.discrepancy.fit.residual import GroupTest, ModelTest, ResidualTests, failures_in_words
 from looping_pendulum.discrepancy.report import figures, markdown, next_steps
 from looping_pendulum.discrepancy.result import (
     CorrelatedError,
@@ -31,7 +31,7 @@ from tests.pages import made_up as pages
 STATISTICS = re.compile(r"chi2|chi-square|BIC|Bayes|\bz\b|\bp\b|Ljung|lag-1", re.IGNORECASE)
 """Words that belong into tables."""
 TESTS = (
-    ModelTest(subject="all tracked points", statistic="chi2 per degree of freedom", value=2.3, limit=1.07, passes=False,
+    ModelTest(subject="all tracked points", statistic="chi2 per degree of freedom", value=2.3, limit=1.07,
               failure="the residuals are 1.5 times as large as the noise"),
 )  # fmt: skip
 EFFECT = pages.identification("swing").effects[0]
@@ -218,9 +218,12 @@ def ambiguous(credible):
 
 def test_every_failure_is_words():
     group = GroupTest(group="sliding, light along", count=30, chi2=4.0, lag1=9.0, ljung_box=0.0, runs=-9.0)
-    events = EventTest(count=3, chi2=90.0, expected=3.0, p=0.0, worst="two t_C 1 (+4.2 standard errors)")
+    events = ModelTest(
+        subject="events", statistic="p of chi2 90.0 where 3.0 is expected", value=0.0, limit=5e-3, limit_is_lower=True,
+        failure="the events are farther off than their errors explain, most of all two t_C 1 (+4.2 standard errors)",
+    )  # fmt: skip
     residuals = ResidualTests(chi2_per_dof=9.0, count=30, groups=(group,), events=events)
-    held_out = HeldOutTest(names=("two",), chi2=(9.0,), counts=(30,), limits=(1.1,), rms=(0.1,), fits=(None,))
+    held_out = HeldOutTest(subjects=("trial two",), chi2=(9.0,), counts=(30,), limits=(1.1,), fits=(None,))
     failed = failures_in_words([*residuals.results, *held_out.results])
     assert len(failed) == 4
     for failure in failed:
@@ -527,8 +530,9 @@ def test_residual_vectors_lead_to_the_points_magnified():
     picture = dataclasses.replace(picture, before=off)
     vectors, factor = figures.residual_vectors(picture, "light")
     assert factor == 10.0  # 0.1 of a motion of 2 m by 14 mm, rounded down to 1, 2 or 5 times a power of ten
-    assert np.allclose(vectors["before"].tips - vectors["before"].path, -factor * 0.01)
-    assert len(vectors["before"].path) == len(picture.t["light_x"]) - 1  # without the outlier
+    path, tips = vectors["before"]
+    assert np.allclose(tips - path, -factor * 0.01)
+    assert len(path) == len(picture.t["light_x"]) - 1  # without the outlier
 
 
 def test_the_farthest_misfits_are_named_with_their_times():

@@ -54,9 +54,14 @@ def two_workers():
 
 
 def test_without_worker_processes_all_items_are_done_in_order():
-    reported = []
-    assert Workers().map(square, 2, range(4), labels=list("abcd"), report_progress=reported.append) == [0, 1, 4, 9]
-    assert reported == list("abcd")
+    done = []
+
+    def note(shared, item):
+        done.append(item)
+        return item**shared
+
+    assert Workers().map(note, 2, range(4)) == [0, 1, 4, 9]
+    assert done == [0, 1, 2, 3]
 
 
 def test_a_worker_process_does_its_share(two_workers):
@@ -134,10 +139,14 @@ def test_a_pool_ends_while_its_worker_process_is_busy(shared):
             time.sleep(pause)
 
 
-def test_after_an_interrupt_the_next_call_is_complete(two_workers):
-    def interrupt(what):
+def interrupt_here(parent, item):
+    if os.getpid() == parent:
         raise KeyboardInterrupt
+    time.sleep(0.1)
+    return item
 
+
+def test_after_an_interrupt_the_next_call_is_complete(two_workers):
     with pytest.raises(KeyboardInterrupt):
-        two_workers.map(place, 0.1, range(4), labels=["a", "b", "c", "d"], report_progress=interrupt)
+        two_workers.map(interrupt_here, HERE, range(4))
     assert two_workers.map(square, 2, range(5)) == [0, 1, 4, 9, 16]

@@ -15,7 +15,6 @@ from looping_pendulum.discrepancy.evidence.explanation import (
     Key,
     explained,
     law_name,
-    refit_steps,
     to_data_steps,
     without_steps,
 )
@@ -35,19 +34,6 @@ from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.reference_ode.effects.closure import N_BASIS_FUNCTIONS
 from looping_pendulum.reference_ode.geometry import Array
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Ranked:
-    """An explanation beside others."""
-
-    explanation: Explanation
-    fit: Fit
-    """With its most probable noise if it is credible, else with white noise."""
-    probability: float | None
-    """None: it adds nothing that shows to a part of it, with which it is counted."""
-    credible: bool
-    """Whether it is in the smallest set that has `prior.CREDIBLE` of the probability."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,22 +63,24 @@ class RecoveredForce:
     held_out: HeldOutTest
 
     @cached_property
+    def coordinate_range(self) -> tuple[float, float]:
+        """Smallest and largest of the `coordinates`."""
+        return float(self.coordinates.min()), float(self.coordinates.max())
+
+    @cached_property
     def weights(self) -> Array:
         """Weights of all sides [N], shape (sides, N_BASIS_FUNCTIONS)."""
         values = self.fit.values
         return np.array([values[n] for n in self.closure.names]).reshape(-1, N_BASIS_FUNCTIONS)
 
-    def covariance(self, side: int) -> Array:
-        """Return the covariance of a side's weights [N^2], shape (N_BASIS_FUNCTIONS, N_BASIS_FUNCTIONS)."""
+    def standard_error(self, side: int, s: Array) -> Array:
+        """Return the standard error of a side's profile at coordinates ``s``, shape of ``s``."""
         problem = self.fit.problem
         index = [problem.names.index(n) for n in self.closure.names[side * N_BASIS_FUNCTIONS : (side + 1) * N_BASIS_FUNCTIONS]]
         scale = np.array([problem.free_parameters[i].scale for i in index])
-        return np.asarray(self.fit.covariance[np.ix_(index, index)] * np.outer(scale, scale))
-
-    def standard_error(self, side: int, s: Array) -> Array:
-        """Return the standard error of a side's profile at coordinates ``s``, shape of ``s``."""
+        covariance = self.fit.covariance[np.ix_(index, index)] * np.outer(scale, scale)
         basis = self.closure.basis_functions(s)
-        variance = np.einsum("ij,jk,ik->i", basis, self.covariance(side), basis)
+        variance = np.einsum("ij,jk,ik->i", basis, covariance, basis)
         return np.asarray(np.sqrt(np.maximum(variance, 0.0)))  # rounding can leave a variance slightly negative
 
 
@@ -107,7 +95,7 @@ class Explanations:
         Whether the search was ended before others were looked at.
     """
 
-    def __init__(self, search: Search, inputs: Inputs, workers: Workers, interrupted: bool = False) -> None:
+    def __init__(self, search: Search, inputs: Inputs, workers: Workers, interrupted: bool) -> None:
         self.search, self._inputs, self._workers = search, inputs, workers
         self._of_training: dict[Key, Fit | None] = {}
         self.interrupted = interrupted
@@ -126,20 +114,18 @@ class Explanations:
                 break
             for e in unconfirmed:
                 del self._fitted[e.key]
-        self.probabilities = tuple(probabilities)
-        """What an explanation adds, and its probability, the most probable first; an empty set: nothing is missing."""
+        self.probabilities = dict(probabilities)
+        """What an explanation adds -> its probability; an empty set: nothing is missing.
 
-    @cached_property
-    def passes(self) -> bool:
-        """Return whether the residuals of the best explanation look like its own noise."""
-        return self.search.passes(self.best)
+        Of one that adds nothing that shows to a part of it, and so is counted with that, there is none.
+        """
 
     @property
     def verdict(self) -> Verdict:
         """Return what the data say about the declared model."""
         if self.interrupted:
             return Verdict.INTERRUPTED
-        if not self.passes:
+        if not self.search.passes(self.best):  # its residuals do not look like its own noise
             return Verdict.UNEXPLAINED
         if self.credible == (NOTHING,):
             return Verdict.NO_MISSING_EFFECT
@@ -147,16 +133,15 @@ class Explanations:
             return Verdict.UNLISTED
         return Verdict.IDENTIFIED if len(self.credible) == 1 else Verdict.AMBIGUOUS
 
-    @cached_property
-    def ranked(self) -> tuple[Ranked, ...]:
+    @property
+    def ranked(self) -> list[Explanation]:
         """Return all explanations that were fitted, the most probable first."""
-        known = dict(self.probabilities)
-        rows = []
-        for e in sorted(self._fitted.values(), key=lambda e: (e.key != self.best.key, -known.get(e.key, -1), -e.log_posterior)):
-            credible = e.key in self.credible
-            fit = self.search.tested(e)[0] if credible else e.fit
-            rows.append(Ranked(explanation=e, fit=fit, probability=known.get(e.key), credible=credible))
-        return tuple(rows)
+        known = self.probabilities
+        return sorted(self._fitted.values(), key=lambda e: (e.key != self.best.key, -known.get(e.key, -1), -e.log_posterior))
+
+    def fit(self, e: Explanation) -> Fit:
+        """Return the fit of an explanation: with its most probable noise if it is credible, else with white noise."""
+        return self.search.tested(e)[0] if e.key in self.credible else e.fit
 
     @property
     def nothing(self) -> Explanation:
@@ -212,11 +197,8 @@ class Explanations:
     def _fit_to_training(self, e: Explanation) -> Fit | None:
         """Return the fit to the training trials with white noise, the parameters of a law last; None: it cannot run."""
         if e.key not in self._of_training:
-            data, law = self._training(e), set(e.parts.law.names if e.parts.law else ())
-            trials = {d.trial.name for d in data}
-            kept = [i for i, n in enumerate(e.fit.problem.free_parameters) if trials & set(n.trials)]
-            kept.sort(key=lambda i: e.fit.problem.names[i] in law)
-            self._of_training[e.key] = alone(refit_steps(e.fit, kept, data))
+            law = e.parts.law.names if e.parts.law else ()
+            self._of_training[e.key] = alone(to_data_steps(e.fit, self._training(e), last=law))
         return self._of_training[e.key]
 
     def _training(self, e: Explanation) -> list[TrialData]:
@@ -250,18 +232,6 @@ def explain(
         If the declared model cannot run.
     """
     report("calibrating")
-    base, start_costs = _declared(inputs, seed, workers)
-    search = Search(base, inputs.library, workers, report)
-    interrupted = False
-    try:
-        search.run()
-    except KeyboardInterrupt:
-        interrupted = True
-    return Explanations(search, inputs, workers, interrupted), start_costs
-
-
-def _declared(inputs: Inputs, seed: int, workers: Workers) -> tuple[Fit, tuple[float, ...]]:
-    """Return the fit of the declared model to all trials, and the costs that its starts led to."""
     problem = inputs.problem()
     compiled = sorted((c for c in inputs.library if c.needs_compilation), key=lambda c: -len(c.companion_grid()))
     of_batch = [c for c in compiled if steps_together(problem, c)]
@@ -270,4 +240,11 @@ def _declared(inputs: Inputs, seed: int, workers: Workers) -> tuple[Fit, tuple[f
     second = problem.prior_mean + np.random.default_rng(seed).standard_normal(len(problem.free_parameters))
     starts = [problem.prior_mean, np.clip(second, problem.low, problem.high)]
     fits = together([calibrate_steps(problem, start) for start in starts])
-    return refit_with_estimated_noise(min(fits, key=lambda f: f.cost)), tuple(f.cost for f in fits)
+    base = refit_with_estimated_noise(min(fits, key=lambda f: f.cost))
+    search = Search(base, inputs.library, workers, report)
+    interrupted = False
+    try:
+        search.run()
+    except KeyboardInterrupt:
+        interrupted = True
+    return Explanations(search, inputs, workers, interrupted), tuple(f.cost for f in fits)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -174,10 +174,6 @@ class Addition:
         """Log posterior probability of that explanation, as `Explanation.log_posterior`."""
         return self.parent.log_z + self.gain + self.log_prior
 
-    def cost_for(self, log_posterior: float) -> float:
-        """Return the cost of a fit with which the explanation has a log posterior, with white noise."""
-        return self.parent.fit.cost - self.decrease + 2 * (self.log_posterior - log_posterior)
-
 
 def addition_steps(a: Addition, needless_below: float = -math.inf) -> Steps[Fit | None]:
     """Fit an explanation with what is added to it, from where the linear model leads; None: it cannot run.
@@ -194,7 +190,9 @@ def addition_steps(a: Addition, needless_below: float = -math.inf) -> Steps[Fit 
     values = [t.value(amount) or t.delta for t, amount in zip(a.templates, a.amounts, strict=True)]
     groups = [free_parameters(t, v) for t, v in zip(a.templates, values, strict=True)]
     more = [n for group in groups for n in group]
-    problem = Problem(p.study, p.data, (*p.free_parameters, *more), extended_prior(p, more))
+    root = block_diag(p.prior_weights, np.diag([1 / n.prior_sigma for n in more]))
+    prior = np.append(p.prior_mean, np.zeros(len(more))), root
+    problem = Problem(p.study, p.data, (*p.free_parameters, *more), prior)
     own = [[v / group[0].scale, *(0.0 for _ in group[1:])] for v, group in zip(values, groups, strict=True)]
     added = np.concatenate([weights, *own])
     at = parent.x
@@ -208,7 +206,8 @@ def addition_steps(a: Addition, needless_below: float = -math.inf) -> Steps[Fit 
     if p.is_swing:  # the amplitude alone, before the other parameters follow it, would put a long swing out of phase
         starts = [(minimise_steps, at, np.zeros(len(added))), starts[0]]
     fits: list[Fit] = []
-    needless_above = a.cost_for(needless_below)
+    # The cost of a fit, with white noise, that gives this log posterior
+    needless_above = parent.cost - a.decrease + 2 * (a.log_posterior - needless_below)
     for fit_from, start, beside in starts:
         with contextlib.suppress(FitError):
             x = np.concatenate([start, beside])
@@ -246,12 +245,6 @@ def enough_cost(fit: Fit) -> float:
     return COST_ERROR / max(min(fit.cost, fit.problem.count), 1.0)
 
 
-def extended_prior(p: Problem, added: Sequence[FreeParameter]) -> tuple[Array, Array]:
-    """Return the prior of a problem with further parameters, which have their own."""
-    root = block_diag(p.prior_weights, np.diag([1 / n.prior_sigma for n in added]))
-    return np.append(p.prior_mean, np.zeros(len(added))), root
-
-
 def without_steps(e: Explanation, part: str) -> Steps[Fit | None]:
     """Fit an explanation again without one of its parts; None: it cannot run."""
     p, dropped = e.fit.problem, e.parts.parameters_of(part)
@@ -270,8 +263,14 @@ def refit_steps(fit: Fit, kept: Sequence[int], data: Sequence[TrialData]) -> Ste
         return None
 
 
-def to_data_steps(fit: Fit, data: Sequence[TrialData]) -> Steps[Fit | None]:
-    """Fit a model to other data of the same trials, or of some of them, from where it was."""
+def to_data_steps(fit: Fit, data: Sequence[TrialData], last: Collection[str] = ()) -> Steps[Fit | None]:
+    """Fit a model to other data of the same trials, or of some of them, from where it was.
+
+    Parameters
+    ----------
+    last
+        Parameters that come after all others then.
+    """
     trials = {d.trial.name for d in data}
     kept = [i for i, n in enumerate(fit.problem.free_parameters) if trials & set(n.trials)]
-    return refit_steps(fit, kept, data)
+    return refit_steps(fit, sorted(kept, key=lambda i: fit.problem.names[i] in last), data)

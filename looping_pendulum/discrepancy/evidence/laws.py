@@ -8,6 +8,7 @@ a sum of those to pulses, and no law costs a run of its own. All sums are made o
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ from looping_pendulum.discrepancy.evidence.motions import (
     COORDINATES_OF,
     N_PULSES,
     POINT_SCALE,
+    PULSED_SIDES,
     TARGETS,
     Closure,
     Motions,
@@ -92,11 +94,11 @@ class Laws:
     ) -> None:  # fmt: skip
         self.fit, self.runs = fit, runs
         self._log_weights = log_z - np.logaddexp.reduce(log_z)
-        problem, sides = fit.problem, runs.pulsed_sides
+        problem, sides = fit.problem, ("across",) if runs.clamped else PULSED_SIDES
         items = [(side, i) for side in sides for i in range(0, N_PULSES, N_BASIS_FUNCTIONS)]
         found = workers.map_together(respond, (problem, fit.x, runs.pulse_spacing), items)
         n = problem.measured_rows
-        responses = np.hstack([c[:n] for c in found]) * sigma_of(problem.data)[:, None]
+        responses = np.hstack(found) * sigma_of(problem.data)[:, None]
         at = set(fit.at_bounds)
         self._free = [i for i, name in enumerate(problem.names) if name not in at]
         self._p = len(self._free)
@@ -263,8 +265,9 @@ class _Beside:
         self, grid: NoiseGrid, setting: int, edges: Sequence[int], responses: Array, others: Array, prior: Array, p: int
     ) -> None:
         self.grams, self.crosses, whole = [], [], prior.T @ prior
-        for k, (begin, end) in enumerate(zip(edges, edges[1:], strict=False)):
-            standardised = grid.standardised(np.hstack([responses[begin:end], others[begin:end]]), k, setting)
+        noises = grid.noises(setting)
+        for data, (begin, end) in zip(grid.data, itertools.pairwise(edges), strict=True):
+            standardised = data.with_noises(noises).standardise(np.hstack([responses[begin:end], others[begin:end]]))
             pulses, rest = standardised[:, : responses.shape[1]], standardised[:, responses.shape[1] :]
             self.grams.append(pulses.T @ pulses)
             self.crosses.append(pulses.T @ rest)

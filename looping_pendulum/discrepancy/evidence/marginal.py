@@ -84,10 +84,6 @@ class NoiseGrid:
             found += np.array([by_setting[i] for i in own])
         return found
 
-    def standardised(self, columns: Array, k: int, setting: int) -> Array:
-        """Return rows of trial ``k`` standardised by a setting, shape as given."""
-        return self.data[k].with_noises(self.noises(setting)).standardise(columns)
-
     def noises(self, setting: int) -> dict[str, CorrelatedNoise]:
         """Return body -> correlated noise of one of `combinations`; bodies with white noise are left out."""
         pairs = zip(self._tracks.items(), self.combinations[setting], strict=True)

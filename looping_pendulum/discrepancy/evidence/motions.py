@@ -111,11 +111,6 @@ class Closure:
         return tuple(weight_name(side, i) for side in TARGETS[self.target] for i in range(N_BASIS_FUNCTIONS))
 
     @property
-    def centres(self) -> Array:
-        """Coordinates of the centres, shape (N_BASIS_FUNCTIONS,)."""
-        return np.asarray(self.first_centre + self.spacing * np.arange(N_BASIS_FUNCTIONS), dtype=np.float64)
-
-    @property
     def coefficients(self) -> dict[str, float]:
         """Coefficients of the effect beside its weights: which coordinate, factor and point, and where the centres are."""
         return {
@@ -138,7 +133,8 @@ class Closure:
 
     def basis_functions(self, s: Array) -> Array:
         """Return every basis function at coordinates ``s`` of shape (n,), shape (n, N_BASIS_FUNCTIONS)."""
-        return np.asarray(np.exp(-0.5 * ((s[:, None] - self.centres) / self.spacing) ** 2), dtype=np.float64)
+        centres = self.first_centre + self.spacing * np.arange(N_BASIS_FUNCTIONS)
+        return np.asarray(np.exp(-0.5 * ((s[:, None] - centres) / self.spacing) ** 2), dtype=np.float64)
 
     def profile(self, weights: Array, s: Array) -> Array:
         """Return the weighted sum at coordinates ``s``, shape of ``s``; [N], or [N s/m] times a speed; [1] for friction."""
@@ -195,11 +191,6 @@ class Motions:
             x, y = self.positions
             return np.asarray(np.sqrt((x - point[0]) ** 2 + (y - point[1]) ** 2 + ROUNDING_DISTANCE**2))
         return np.asarray(self._coordinates[COORDINATES.index(name)])
-
-    @property
-    def pulsed_sides(self) -> tuple[str, ...]:
-        """Return the sides on which pulses change the motion."""
-        return ("across",) if self.clamped else PULSED_SIDES
 
     @property
     def is_too_long(self) -> bool:
@@ -273,15 +264,12 @@ class Motions:
         pulses = np.exp(-0.5 * ((t[:, None] - spacing * np.arange(N_PULSES)) / spacing) ** 2)
         return np.asarray(np.linalg.pinv(pulses, rcond=1e-4))
 
-    def factor(self, name: str) -> Array:
-        """Return the factor of the basis functions, 1 or minus a speed, shape (n,)."""
-        return np.ones(len(self.trial)) if name == "constant" else -getattr(self.kinematics, name)
-
     def directions(self, closure: Closure) -> dict[str, Array]:
         """Return side of `PULSED_SIDES` -> the closure's push there per unit of its profile at all samples, side by side."""
         sides = TARGETS[closure.target]
         if sides != ("gradient",):
-            return {side: self.factor(closure.factor) for side in sides}
+            factor = np.ones(len(self.trial)) if closure.factor == "constant" else -getattr(self.kinematics, closure.factor)
+            return dict.fromkeys(sides, factor)
         to_right, upward = np.zeros(len(self.trial)), np.zeros(len(self.trial))
         if closure.point is None:
             (to_right if closure.coordinate == "horizontal_position" else upward)[:] = 1.0
@@ -312,7 +300,10 @@ def motions(fit: Fit) -> Motions:
 
 
 def respond(shared: tuple[Problem, Array, float], batches: Sequence[tuple[str, int]]) -> list[Array]:
-    """Return the changes of the standardised prediction per unit of each pulse, of batches of pulses by side and first one."""
+    """Return the changes of the standardised prediction per unit of each pulse, of batches of pulses by side and first one.
+
+    Those of each batch have the shape (n, pulses).
+    """
     problem, x, spacing = shared
     requests = []
     for side, first in batches:
@@ -328,20 +319,16 @@ def respond(shared: tuple[Problem, Array, float], batches: Sequence[tuple[str, i
         at = np.tile(np.append(x, np.zeros(len(added))), (1 + len(added), 1))
         at[1:, len(x) :] = np.eye(len(added))
         requests.append((pulsed, at))
-    return [
-        _columns(problem, *request, predicted) for request, predicted in zip(requests, predict_requests(requests), strict=True)
-    ]
-
-
-def _columns(problem: Problem, pulsed: Problem, at: Array, predicted: Array) -> Array:
-    """Return the changes by the pulses of one batch, shape (rows of the problem, pulses)."""
+    found = []
     measured = problem.measured_rows
-    residuals = pulsed.residuals_of(at[0], predicted[0])
-    assert residuals is not None
-    columns = np.zeros((measured + len(problem.free_parameters), len(at) - 1))
-    for column, x, row in zip(columns.T, at[1:], predicted[1:], strict=True):
-        changed = pulsed.residuals_of(x, row)
-        # the sign: a residual is measured less predicted; the rows of the priors do not change
-        if changed is not None:
-            column[:measured] = ((residuals - changed) / PULSE_SIZE)[:measured]
-    return columns
+    for (pulsed, at), predicted in zip(requests, predict_requests(requests), strict=True):
+        residuals = pulsed.residuals_of(at[0], predicted[0])
+        assert residuals is not None
+        columns = np.zeros((measured, len(at) - 1))
+        for column, x_pulsed, row in zip(columns.T, at[1:], predicted[1:], strict=True):
+            changed = pulsed.residuals_of(x_pulsed, row)
+            # the sign: a residual is measured less predicted
+            if changed is not None:
+                column[:] = ((residuals - changed) / PULSE_SIZE)[:measured]
+        found.append(columns)
+    return found

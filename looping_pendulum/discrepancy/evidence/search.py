@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -46,17 +45,18 @@ from looping_pendulum.discrepancy.evidence.prior import (
 )
 from looping_pendulum.discrepancy.evidence.templates import (
     Template,
-    Visible,
     columns,
     smallest_visible,
     steps_together,
     templates,
 )
 from looping_pendulum.discrepancy.fit.calibration import Fit
-from looping_pendulum.discrepancy.fit.problem import Steps, alone, together
+from looping_pendulum.discrepancy.fit.problem import alone, map_steps
 from looping_pendulum.discrepancy.fit.residual import ResidualTests, check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import data_with_noise_of_residuals
+from looping_pendulum.discrepancy.result import SmallestVisible
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
+from looping_pendulum.reference_ode.geometry import Array
 
 
 class Search:
@@ -116,7 +116,7 @@ class Search:
         # Errors of real marks are seldom as simple as such a process, so that a pattern stays beside the right effect, too
         return tests.passes if not e.setting else tests.chi2_per_dof <= tests.limit
 
-    def smallest_visible(self, e: Explanation) -> list[Visible]:
+    def smallest_visible(self, e: Explanation) -> list[SmallestVisible]:
         """Return the smallest size of every listed effect that the data would show beside an explanation."""
         found = self._templates_beside(e)
         m = Marginal(self.grid, raw(e.fit), columns(found, self.grid.count), bounded(e.fit), [e.setting])
@@ -134,7 +134,11 @@ class Search:
         """Fit explanations until no other comes near the best."""
         self._go_on()
         if not self.passes(self.best):
-            self._fit_again()
+            # Once more, from other starts: where none is right, a fit may have gone astray
+            chosen = sorted((e for e in self.fitted.values() if e.key), key=lambda e: -e.log_posterior)[:MAX_TOGETHER]
+            for e, fit in zip(chosen, map_steps(self.workers, again_steps, (), [(e,) for e in chosen]), strict=True):
+                if fit is not None:
+                    self._add(fit, e.parts)
             self._go_on()
         if self.best.key != NOTHING:  # whose noise is known
             self._with_noise_of(self.best)
@@ -155,16 +159,12 @@ class Search:
                 del self.possible[a.key]
             # With noise that lasts longer than a frame a misfit is no measure of the evidence
             needless = self.best.log_posterior - NEEDLESS * MARGIN if not self.best.setting else -math.inf
-            fits = self._fit([partial(addition_steps, a, needless) for a in chosen])
+            fits = map_steps(self.workers, addition_steps, (), [(a, needless) for a in chosen])
             for a, fit in zip(chosen, fits, strict=True):
                 if fit is not None:
                     start, log_posterior = expected[a.key]
                     found = self._add(fit, a.parts)
                     self._errors.setdefault((start, a.law is not None), []).append(found.log_posterior - log_posterior)
-
-    def _fit(self, tasks: Sequence[partial[Steps[Fit | None]]]) -> list[Fit | None]:
-        """Take the steps of fits together."""
-        return self.workers.map_together(_fit_together, None, tasks)
 
     def _add(self, fit: Fit, parts: Parts) -> Explanation:
         """Keep an explanation unless a better fit of it is known; return it."""
@@ -200,18 +200,10 @@ class Search:
             for part in sorted(e.key):
                 if e.key - {part} not in self.fitted:
                     todo.setdefault(e.key - {part}, (e, part))
-        for (e, part), fit in zip(
-            todo.values(), self._fit([partial(without_steps, *one) for one in todo.values()]), strict=True
-        ):
+        fits = map_steps(self.workers, without_steps, (), list(todo.values()))
+        for (e, part), fit in zip(todo.values(), fits, strict=True):
             if fit is not None:
                 self._add(fit, e.parts.without(part))
-
-    def _fit_again(self) -> None:
-        """Fit the most probable explanations once more from other starts: where none is right, a fit may have gone astray."""
-        chosen = sorted((e for e in self.fitted.values() if e.key), key=lambda e: -e.log_posterior)[:MAX_TOGETHER]
-        for e, fit in zip(chosen, self._fit([partial(again_steps, e) for e in chosen]), strict=True):
-            if fit is not None:
-                self._add(fit, e.parts)
 
     def _with_noise_of(self, best: Explanation) -> None:
         """Estimate the noise and the outliers beside the best explanation, and fit all that are near it again with these."""
@@ -219,7 +211,7 @@ class Search:
         limit = best.log_posterior - 2 * MARGIN
         kept = [e for e in self.fitted.values() if e.log_posterior > limit and not self._is_needless(e)]
         kept += [e for e in self.fitted.values() if e.key == NOTHING and e not in kept]
-        fits = self._fit([partial(to_data_steps, e.fit, data) for e in kept])
+        fits = map_steps(self.workers, to_data_steps, (), [(e.fit, data) for e in kept])
         before = set(self.fitted)
         self.grid = NoiseGrid(data)
         self.fitted.clear()
@@ -247,18 +239,7 @@ class Search:
             self.ruled_out = _impossible(m, found)
         for chosen, gain, amounts in _additions(m, found, pairs=count + 2 <= MAX_EFFECTS and not e.parts.law):
             step, _ = m.solution(chosen)
-            self._offer(
-                Addition(
-                    parent=e,
-                    templates=tuple(found[i] for i in chosen),
-                    amounts=amounts,
-                    law=None,
-                    step=step,
-                    gain=gain,
-                    decrease=m.decrease(chosen),
-                    log_prior=log_prior(count + len(chosen), len(self.library), e.parts.law),
-                )
-            )
+            self._offer(e, tuple(found[i] for i in chosen), amounts, step=step, gain=gain, decrease=m.decrease(chosen))
         # A second law is not looked for, nor one beside what is settled
         if e.parts.law or count > 1 or (e.key != NOTHING and self.settled):
             return
@@ -285,35 +266,30 @@ class Search:
             if (which := (body_of(law.closure.target), law.closure.coordinate)) in seen:
                 continue
             seen.add(which)
-            self._offer_law(e, law)
+            cases: list[tuple[Law, tuple[Template, ...], tuple[float, ...]]] = [(law, (), ())]
             for beside_it, t, amount in laws.with_effects(law, [t.linear for t in found]) if found else ():
                 if found[t].value(amount) is not None:
-                    self._offer_law(e, beside_it, (found[t],), (amount,))
+                    cases.append((beside_it, (found[t],), (amount,)))
+            for one, beside, amounts in cases:
+                self._offer(e, beside, amounts, one, step=one.step, gain=one.log_bayes_factor, decrease=one.decrease)
 
-    def _offer_law(self, e: Explanation, law: Law, beside: tuple[Template, ...] = (), amounts: tuple[float, ...] = ()) -> None:
-        """Offer a law, and the templates beside which it was looked at."""
-        self._offer(
-            Addition(
-                parent=e,
-                templates=beside,
-                amounts=amounts,
-                law=law,
-                step=law.step,
-                gain=law.log_bayes_factor,
-                decrease=law.decrease,
-                log_prior=log_prior(len(e.parts.effects) + len(beside), len(self.library), law.closure),
-            )
-        )
-
-    def _offer(self, a: Addition) -> None:
+    def _offer(
+        self, parent: Explanation, added: tuple[Template, ...], amounts: tuple[float, ...], law: Law | None = None,
+        *, step: Array, gain: float, decrease: float,
+    ) -> None:  # fmt: skip
         """Keep an addition if it makes an explanation that was not fitted, and none of a better parent makes it."""
 
         def rank(one: Addition) -> tuple[float, float]:
             return one.parent.log_z, one.log_posterior
 
-        before = self._linear.get((a.parent.key, a.key))
-        if before is None or a.gain > before.gain or before.parent is not a.parent:
-            self._linear[a.parent.key, a.key] = a
+        count, closure = len(parent.parts.effects) + len(added), law.closure if law else parent.parts.law
+        a = Addition(
+            parent=parent, templates=added, amounts=amounts, law=law, step=step, gain=gain, decrease=decrease,
+            log_prior=log_prior(count, len(self.library), closure),
+        )  # fmt: skip
+        before = self._linear.get((parent.key, a.key))
+        if before is None or a.gain > before.gain or before.parent is not parent:
+            self._linear[parent.key, a.key] = a
         known = self.possible.get(a.key)
         # The more its parent explains, the less is left to the linear model
         if a.key not in self.fitted and (known is None or rank(a) > rank(known)):
@@ -414,10 +390,6 @@ def posterior(fitted: Mapping[Key, Explanation]) -> list[tuple[Key, float]]:
 def in_words(key: Key) -> str:
     """Return what an explanation adds, in words."""
     return " + ".join(sorted(key)) or "nothing"
-
-
-def _fit_together(_: None, tasks: Sequence[partial[Steps[Fit | None]]]) -> list[Fit | None]:
-    return together([task() for task in tasks])
 
 
 def _impossible(m: Marginal, found: Sequence[Template]) -> list[Candidate]:

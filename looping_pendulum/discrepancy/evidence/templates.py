@@ -14,7 +14,8 @@ from looping_pendulum.discrepancy.candidates import Candidate
 from looping_pendulum.discrepancy.evidence.marginal import sigma_of
 from looping_pendulum.discrepancy.evidence.prior import VISIBLE
 from looping_pendulum.discrepancy.fit.calibration import Fit
-from looping_pendulum.discrepancy.fit.problem import Problem, Steps, jacobian_at, predict_requests, together
+from looping_pendulum.discrepancy.fit.problem import Problem, Steps, jacobian_at, map_steps, predict_requests
+from looping_pendulum.discrepancy.result import SmallestVisible
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.reference_ode.batch import compiled_alone, supports
@@ -74,20 +75,7 @@ class Template:
         return float(value) if c.bounds[0] <= c.null + value <= c.bounds[1] else None
 
 
-@dataclass(frozen=True, kw_only=True)
-class Visible:
-    """The smallest size of a candidate that the data would show."""
-
-    candidate: Candidate
-    value: float
-    """Change of its value [SI] that is `prior.VISIBLE` standard errors large."""
-    motion: float
-    """RMS change of the prediction by it, all else unchanged [units of noise]: what the fitted parameters hide."""
-    can_hide: bool
-    """Whether it changes nothing, however large it is, at the fit or with some of its companions' initial values."""
-
-
-def smallest_visible(fit: Fit, found: Sequence[Template], complement: Array) -> list[Visible]:
+def smallest_visible(fit: Fit, found: Sequence[Template], complement: Array) -> list[SmallestVisible]:
     """Return the smallest visible size of every candidate that has a template, those that hide best first.
 
     Parameters
@@ -110,11 +98,19 @@ def smallest_visible(fit: Fit, found: Sequence[Template], complement: Array) -> 
         cases = by_candidate[c.name]
         # Friction in its bearing, say, hides a rod that turns: the companions that hide it best say what is sure to show
         value, motion = max((of_case[0] for of_case in cases.values()), key=lambda one: one[0])
-        p = fit.problem
-        acts = np.array_equal(fit.x, c.where_it_acts(p.free_parameters, fit.x))
-        can_hide = not acts or len(cases) < len(c.companion_grid())
-        rows.append(Visible(candidate=c, value=value, motion=motion, can_hide=can_hide))
-    return sorted(rows, key=lambda v: (-v.motion, v.candidate.name))
+        acts = np.array_equal(fit.x, c.where_it_acts(fit.problem.free_parameters, fit.x))
+        rows.append(
+            SmallestVisible(
+                name=c.name,
+                value=value,
+                unit=c.unit,
+                acts_on=c.acts_on,
+                null_value=c.null,
+                motion=motion,
+                can_hide=not acts or len(cases) < len(c.companion_grid()),
+            )
+        )
+    return sorted(rows, key=lambda v: (-v.motion, v.name))
 
 
 def templates(fit: Fit, chosen: Sequence[Candidate], workers: Workers = SERIAL) -> list[Template]:
@@ -122,15 +118,9 @@ def templates(fit: Fit, chosen: Sequence[Candidate], workers: Workers = SERIAL) 
     basis = np.linalg.qr(fit.jacobian)[0]
     derivatives = {c.name: d for c in chosen if (d := _derivative_by_fitted(fit, c)) is not None}
     cases = [(c, tuple(values)) for c in chosen for values in c.companion_grid()]
-    found = workers.map_together(_templates_together, (fit, basis, derivatives), cases)
+    found = map_steps(workers, _templates, (fit, basis, derivatives), cases)
     own = {c.name: c for c in chosen}  # a worker process returns copies
     return [dataclasses.replace(t, candidate=own[t.candidate.name]) for of_case in found for t in of_case]
-
-
-def _templates_together(
-    shared: tuple[Fit, Array, dict[str, Array]], cases: Sequence[tuple[Candidate, tuple[float, ...]]]
-) -> list[list[Template]]:
-    return together([_templates(*shared, *case) for case in cases])
 
 
 def _templates(

@@ -29,7 +29,7 @@ from looping_pendulum.discrepancy.first_look.mistakes import (
     MAX_RIVAL_DISTANCE,
     MAX_RIVAL_RATIO,
     SAME_ROWS,
-    Explanation,
+    Correction,
     TrialSearch,
     is_left_open,
 )
@@ -214,32 +214,23 @@ def check_declaration(study: Study, observed: Iterable[tuple[Trial, Observations
     observed = tuple(observed)
     checks, searches = [], []
     for trial, observations in observed:
+        distance, reason = None, ""
         if not observations.channels:
-            checks.append(
-                TrialCheck(trial=trial.name, reading=observations.assumptions, distance=None, reason="it has events only")
-            )
-            continue
-        left_open = next((name for name in ("scale", "clock_ratio") if is_left_open(trial, name)), None)
-        if left_open is not None:
+            reason = "it has events only"
+        elif (left_open := next((name for name in ("scale", "clock_ratio") if is_left_open(trial, name)), None)) is not None:
             reason = f"as its camera's {left_open} may be far from 1"
-            checks.append(TrialCheck(trial=trial.name, reading=observations.assumptions, distance=None, reason=reason))
-            continue
-        declared = declared_trial(study, trial, observations)
-        distance = measured_distance(declared)
-        searches.append(TrialSearch(declared=declared, distance=distance))
-        if math.isfinite(distance.rms):
-            checks.append(TrialCheck(trial=trial.name, reading=observations.assumptions, distance=distance))
         else:
-            checks.append(
-                TrialCheck(trial=trial.name, reading=observations.assumptions, distance=None, reason=f"as {distance.reason}")
-            )
-    clock_faults_found = _clock_faults(observed, searches)
-    mistakes: tuple[NamedMistake, ...] = tuple(clock_faults_found)
+            declared = declared_trial(study, trial, observations)
+            measured = measured_distance(declared)
+            searches.append(TrialSearch(declared=declared, distance=measured))
+            distance, reason = (measured, "") if math.isfinite(measured.rms) else (None, f"as {measured.reason}")
+        checks.append(TrialCheck(trial=trial.name, reading=observations.assumptions, distance=distance, reason=reason))
+    mistakes = tuple(_clock_faults(observed, searches))
     # With wrong times other mistakes would be named for them, and all trials were filmed alike; but one that explains a trial
     # to its noise without other times is no chance, as where columns are exchanged
     named = {name for mistake in mistakes for name in mistake.trials}
     others = [e for s in searches if s.name in named and not s.is_near for e in _best(s, searches)]
-    if not mistakes or any(e.fit.largest <= MAX_GOOD_MISFIT and "times" not in e.undone.factors for e in others):
+    if not mistakes or any(e.fit.largest <= MAX_GOOD_MISFIT and "times" not in e.factors for e in others):
         mistakes = _named(searches)
     named = {trial for mistake in mistakes for trial in mistake.trials}
     far = filter(None, (_far_text(s) for s in searches if s.name not in named))
@@ -255,10 +246,8 @@ def _clock_faults(observed: Sequence[tuple[Trial, Observations]], searches: Sequ
     by_name = {search.name: search for search in searches}
     trials: dict[str, list[str]] = {}
     for trial, observations in observed:
-        faults: Sequence[str] = observations.faults
-        if trial.name in by_name:
-            faults = _by_points_or_model(observations.channels, by_name[trial.name])
-        for fault in faults:
+        search = by_name.get(trial.name)
+        for fault in observations.faults if search is None else _by_points_or_model(observations.channels, search):
             trials.setdefault(fault, []).append(trial.name)
     return [
         NamedMistake(trials=tuple(names), names=("clock",), keys="", text=f"{_where(names)}: {fault}")
@@ -285,29 +274,29 @@ class _Model:
     """The declared model, fitted to one trial's points at the times at which they were filmed by their own account."""
 
     def __init__(self, search: TrialSearch) -> None:
+        self._search = search
         self._at: dict[tuple[WrongTimes, ...], TrialSearch] = {(): search}
 
     def agrees(self, wrong: tuple[WrongTimes, ...]) -> bool | None:
-        return _is_nearer(self._at[()], self._at_other_times(wrong))
+        return _is_nearer(self._search, self._at_other_times(wrong))
 
     def gain(self, wrong: tuple[WrongTimes, ...], known: tuple[WrongTimes, ...]) -> float:
         return _gain(self._at_other_times(known), self._at_other_times(wrong))
 
     def _at_other_times(self, wrong: tuple[WrongTimes, ...]) -> TrialSearch:
+        def at_own_times(channel: Channel) -> Channel:
+            t = channel.t
+            # The last ones first, as their times are the file's
+            for each in sorted(wrong, key=lambda w: w.t, reverse=True):
+                t = each.undone(t)
+            order = np.argsort(t)
+            apart = np.append(True, np.diff(t[order]) > 0)
+            return dataclasses.replace(channel, t=t[order][apart], value=channel.value[order][apart])
+
         if wrong not in self._at:
-            search = self._at[()]
-
-            def at_own_times(channel: Channel) -> Channel:
-                t = channel.t
-                # The last ones first, as their times are the file's
-                for each in sorted(wrong, key=lambda w: w.t, reverse=True):
-                    t = each.undone(t)
-                order = np.argsort(t)
-                apart = np.append(True, np.diff(t[order]) > 0)
-                return dataclasses.replace(channel, t=t[order][apart], value=channel.value[order][apart])
-
             # Its fit begins at the same shifts
-            self._at[wrong] = TrialSearch(declared=search.declared.with_channels(at_own_times), distance=search.distance)
+            declared = self._search.declared.with_channels(at_own_times)
+            self._at[wrong] = TrialSearch(declared=declared, distance=self._search.distance)
         return self._at[wrong]
 
 
@@ -329,7 +318,7 @@ def _gain(search: TrialSearch, corrected: TrialSearch) -> float:
 
 def _named(searches: Sequence[TrialSearch]) -> tuple[NamedMistake, ...]:
     """Return the mistakes of all trials; one that several trials share is named once."""
-    by_names: dict[tuple[str, ...], list[tuple[TrialSearch, list[Explanation]]]] = {}
+    by_names: dict[tuple[str, ...], list[tuple[TrialSearch, list[Correction]]]] = {}
     for search in searches:
         if search.is_near:
             continue
@@ -363,14 +352,14 @@ def _named(searches: Sequence[TrialSearch]) -> tuple[NamedMistake, ...]:
     return tuple(mistakes)
 
 
-def _same(others: Sequence[Explanation], search: TrialSearch, searches: Sequence[TrialSearch]) -> list[Explanation]:
+def _same(others: Sequence[Correction], search: TrialSearch, searches: Sequence[TrialSearch]) -> list[Correction]:
     """Return the explanations of another trial as those of this one; empty if they do not mend it, too."""
     same = [search.explanation_by(other.mistake) for other in others]
     good = [e for e in same if e is not None and e.fit.largest <= MAX_GOOD_MISFIT and _mends(e, search, searches)]
     return good if len(good) == len(others) else []
 
 
-def _best(search: TrialSearch, searches: Sequence[TrialSearch]) -> list[Explanation]:
+def _best(search: TrialSearch, searches: Sequence[TrialSearch]) -> list[Correction]:
     """Return the best explanation of a trial's misfit, and those that are as good; empty if none corrects it."""
     for steps in STEPS:
         mending = [e for e in search.explanations(steps) if _mends(e, search, searches)]
@@ -384,7 +373,7 @@ def _best(search: TrialSearch, searches: Sequence[TrialSearch]) -> list[Explanat
     return []
 
 
-def _mends(explanation: Explanation, search: TrialSearch, searches: Sequence[TrialSearch]) -> bool:
+def _mends(explanation: Correction, search: TrialSearch, searches: Sequence[TrialSearch]) -> bool:
     """Return whether the misfit vanishes without a mistake; one of the apparatus must explain all trials together."""
     if explanation.fit.largest > MAX_MENDED_MISFIT:
         return False
@@ -399,13 +388,13 @@ def _mends(explanation: Explanation, search: TrialSearch, searches: Sequence[Tri
     return math.sqrt(without / with_mistake) <= MAX_MISFIT_RATIO
 
 
-def _mistake(names: tuple[str, ...], members: Sequence[tuple[TrialSearch, list[Explanation]]]) -> NamedMistake:
+def _mistake(names: tuple[str, ...], members: Sequence[tuple[TrialSearch, list[Correction]]]) -> NamedMistake:
     """Return a mistake in words; the first of its trials gives the values."""
     search, explanations = members[0]
     trials = tuple(s.name for s, _ in members)
-    found = " or ".join(e.mistake.found(e.undone) for e in explanations)
-    keys = "' or '".join(dict.fromkeys(key for e in explanations if (key := e.mistake.keys(e.undone))))
-    ways_out = dict.fromkeys(way for e in explanations if (way := e.mistake.way_out(e.undone)))
+    found = " or ".join(e.mistake.found(e) for e in explanations)
+    keys = "' or '".join(dict.fromkeys(key for e in explanations if (key := e.mistake.keys(e))))
+    ways_out = dict.fromkeys(way for e in explanations if (way := e.mistake.way_out(e)))
     needed = " or ".join([*([f"'{keys}'"] if keys else []), *ways_out])
     before, after = search.distance, explanations[0].distance  # both in the units of the declared apparatus
     if not math.isfinite(before.rms):
@@ -415,7 +404,7 @@ def _mistake(names: tuple[str, ...], members: Sequence[tuple[TrialSearch, list[E
     else:  # a shorter string moves less
         size = f"with the change, the points are {after.text} from the declared motion"
     # Only the first trial's values are shown, where others need other ones
-    others = {"' or '".join(dict.fromkeys(e.mistake.keys(e.undone) for e in each)) for _, each in members}
+    others = {"' or '".join(dict.fromkeys(e.mistake.keys(e) for e in each)) for _, each in members}
     of_first = f" in '{trials[0]}'" if len(others) > 1 else ""
     text = f"{_where(trials)}: found {found}; needed {needed}{of_first} ({size})"
     return NamedMistake(trials=trials, names=names, keys=keys, text=text, corrected={s.name: e[0].distance for s, e in members})

@@ -148,11 +148,6 @@ def declared_trial(study: Study, trial: Trial, observations: Observations) -> De
     return DeclaredTrial(study=dataclasses.replace(study, trials=(alone,)), observations=observations)
 
 
-def with_times(declared: DeclaredTrial, factor: float) -> DeclaredTrial:
-    """Return the trial with its points' times multiplied by ``factor``."""
-    return declared.with_channels(lambda c: dataclasses.replace(c, t=c.t * factor))
-
-
 def with_lengths(declared: DeclaredTrial, factor: float) -> DeclaredTrial:
     """Return the trial with its points' lengths multiplied by ``factor``."""
     return declared.with_channels(lambda c: dataclasses.replace(c, value=c.value * factor) if c.unit == "m" else c)
@@ -161,7 +156,9 @@ def with_lengths(declared: DeclaredTrial, factor: float) -> DeclaredTrial:
 def pictured_otherwise(declared: DeclaredTrial, *, mirror: bool, quarter_turns: int) -> DeclaredTrial | None:
     """Return the trial with a picture that is mirrored, turned or both, beside what the study says of it.
 
-    None: its points do not show whether it is.
+    None: its points do not show whether it is. Where they do not show the side on which the light mass begins, a mirrored
+    picture looks as the other one does. Of two that look alike, the commoner one is taken: y downwards rather than half a turn,
+    a quarter turn rather than x and y exchanged.
 
     Parameters
     ----------
@@ -171,7 +168,10 @@ def pictured_otherwise(declared: DeclaredTrial, *, mirror: bool, quarter_turns: 
         Quarter turns that are added to the declared tilt.
     """
     trial = declared.trial
-    if not _shows_picture(declared, mirror=mirror, quarter_turns=quarter_turns):
+    directions = {c.name.rpartition("_")[2] for c in declared.observations.channels}
+    if quarter_turns and not directions >= ({"x", "y"} if quarter_turns % 2 else {"y"}):
+        return None
+    if not _shows_side(declared) and (not quarter_turns or mirror == (quarter_turns % 2 == 1)):
         return None
     camera = dict(trial.camera)
     if quarter_turns:
@@ -180,18 +180,6 @@ def pictured_otherwise(declared: DeclaredTrial, *, mirror: bool, quarter_turns: 
         camera["tilt"] = dataclasses.replace(tilt, value=turned)
     otherwise = declared.with_trial(dataclasses.replace(trial, mirrored=trial.mirrored != mirror, camera=camera))
     return dataclasses.replace(otherwise, observations=measured.mirrored(declared.observations)) if mirror else otherwise
-
-
-def _shows_picture(declared: DeclaredTrial, *, mirror: bool, quarter_turns: int) -> bool:
-    """Return whether points would show that their picture is mirrored or turned so.
-
-    Where they do not show the side on which the light mass begins, a mirrored picture looks as the other one does. Of two that
-    look alike, the commoner one is taken: y downwards rather than half a turn, a quarter turn rather than x and y exchanged.
-    """
-    directions = {c.name.rpartition("_")[2] for c in declared.observations.channels}
-    if quarter_turns and not directions >= ({"x", "y"} if quarter_turns % 2 else {"y"}):
-        return False
-    return _shows_side(declared) or (quarter_turns != 0 and mirror == (quarter_turns % 2 == 0))
 
 
 def _shows_side(declared: DeclaredTrial) -> bool:
@@ -206,23 +194,21 @@ def _shows_side(declared: DeclaredTrial) -> bool:
 
 def with_tracks_exchanged(declared: DeclaredTrial) -> DeclaredTrial | None:
     """Return the trial with the points of both masses exchanged; None: not both were tracked."""
-    bodies = {c.name.partition("_")[0] for c in declared.observations.channels}
-    if not bodies >= set(OTHER_MASS):
+    names = [c.name.partition("_") for c in declared.observations.channels]
+    if not {body for body, *_ in names} >= set(OTHER_MASS):
         return None
-
-    def exchange(channel: Channel) -> Channel:
-        body, _, direction = channel.name.partition("_")
-        return dataclasses.replace(channel, name=f"{OTHER_MASS[body]}_{direction}") if body in OTHER_MASS else channel
-
-    return declared.with_channels(exchange)
+    return _renamed(declared, {f"{body}_{axis}": f"{OTHER_MASS[body]}_{axis}" for body, _, axis in names if body in OTHER_MASS})
 
 
 def with_columns_exchanged(declared: DeclaredTrial, first: str, second: str) -> DeclaredTrial | None:
     """Return the trial with the values of two channels exchanged; None: not both were tracked."""
-    other = {first: second, second: first}
-    if not other.keys() <= {c.name for c in declared.observations.channels}:
+    if not {first, second} <= {c.name for c in declared.observations.channels}:
         return None
-    return declared.with_channels(lambda c: dataclasses.replace(c, name=other.get(c.name, c.name)))
+    return _renamed(declared, {first: second, second: first})
+
+
+def _renamed(declared: DeclaredTrial, names: Mapping[str, str]) -> DeclaredTrial:
+    return declared.with_channels(lambda c: dataclasses.replace(c, name=names.get(c.name, c.name)))
 
 
 def with_masses_exchanged(declared: DeclaredTrial) -> DeclaredTrial | None:
@@ -407,7 +393,10 @@ def _distance(
             unit = _length_per_unit(c, length)
             shifts[c.name] = common
             squares.append(np.minimum(np.abs(unit * (residual - common)), MAX_DISTANCE * length) ** 2)
-            shown.append((c, _as_seen(predicted[c.name] + (common if c.name == "height" else 0.0), c, declared, factor)))
+            # What is declared, in the units of the points and with the declared origin
+            origin = declared.trial.camera.get(f"origin_{c.name[-1]}") if c.name.endswith(("_x", "_y")) else None
+            seen = predicted[c.name] + (common if c.name == "height" else 0.0) + (origin.value if origin else 0.0)
+            shown.append((c, np.asarray(seen / (factor if c.unit == "m" else 1.0))))
     rms = math.sqrt(float(np.mean(np.concatenate(squares))))
     return Distance(rms=rms, relative=rms / length, length_factor=factor, points=tuple(shown), window=window, shifts=shifts)
 
@@ -416,13 +405,6 @@ def _length_per_unit(channel: Channel, free_length: float) -> float:
     """Return the length [m] that one unit of a channel is worth: of an angle at the string's end, of a rate in a swing."""
     swing = math.sqrt(free_length / GRAVITY.coefficients[0].default)
     return {"m": 1.0, "rad": free_length, "rad/s": free_length * swing}[channel.unit]
-
-
-def _as_seen(predicted: Array, channel: Channel, declared: DeclaredTrial, factor: float) -> Array:
-    """Return predicted values in the units of the points, with the declared origin."""
-    origin = declared.trial.camera.get(f"origin_{channel.name[-1]}")
-    shift = origin.value if origin is not None and channel.name.endswith(("_x", "_y")) else 0.0
-    return np.asarray((predicted + shift) / (factor if channel.unit == "m" else 1.0))
 
 
 def _best_length_factor(groups: Mapping[str, Sequence[Channel]], predicted: Mapping[str, Array]) -> float:

@@ -9,7 +9,7 @@ import dataclasses
 import json
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 
@@ -28,12 +28,11 @@ from looping_pendulum.discrepancy.first_look.misfit import (
     with_columns_exchanged,
     with_lengths,
     with_masses_exchanged,
-    with_times,
     with_tracks_exchanged,
 )
 from looping_pendulum.discrepancy.first_look.row_times import (
     row_shift,
-    with_rows_together,
+    without_shift,
 )
 from looping_pendulum.measured.readers import mass_in_name, survey
 from looping_pendulum.measured.study import Trial
@@ -97,11 +96,11 @@ class Mistake:
     name: str
     """Short name; variants of one mistake, as by other factors, share it."""
     undo: Undo
-    found: Callable[[Undone], str]
+    found: Callable[[Correction], str]
     """What is wrong with the points or the declaration, in words."""
-    keys: Callable[[Undone], str]
+    keys: Callable[[Correction], str] = lambda undone: ""
     """Keys of the study that correct it, with their values; '' if none does."""
-    way_out: Callable[[Undone], str] = lambda undone: ""
+    way_out: Callable[[Correction], str] = lambda undone: ""
     """What else corrects it, where no key does."""
     releases: tuple[Release, ...] = tuple(Release)
     of_apparatus: bool = False
@@ -113,18 +112,31 @@ class Mistake:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Undone:
-    """A trial before and after a mistake was undone."""
+class Correction:
+    """A trial before and after a mistake that may have been made was undone."""
 
+    mistake: Mistake
     declared: DeclaredTrial
     corrected: DeclaredTrial
-    factors: Mapping[str, float] = field(default_factory=dict)
-    """What the points' "lengths" and "times" must be multiplied by."""
+    distance: Distance
+    """Distance of the points from the motion without the mistake."""
+    guessed_factors: Mapping[str, float]
+    """What the points' "lengths" and "times" must be multiplied by, from a grid or the motion before anything is fitted."""
 
-    @property
-    def trial(self) -> Trial:
-        """Return the trial as it is declared."""
-        return self.declared.trial
+    @cached_property
+    def fit(self) -> FittedMisfit:
+        """Return the misfit without the mistake."""
+        return fitted_misfit(self.corrected, self.distance, self.mistake.fits)
+
+    @cached_property
+    def factors(self) -> dict[str, float]:
+        """Return `guessed_factors` as the fit refines them."""
+        factors = dict(self.guessed_factors)
+        if "times" in factors:
+            factors["times"] *= self.fit.values.get("clock_ratio", 1.0)
+        if "lengths" in factors:
+            factors["lengths"] /= self.fit.values.get("scale", 1.0)
+        return factors
 
     def value(self, parameter: str, *, corrected: bool = True) -> float:
         """Return the corrected or the declared value of a parameter [SI]."""
@@ -140,21 +152,12 @@ def is_left_open(trial: Trial, name: str) -> bool:
     )
 
 
-def possible_mistakes(declared: DeclaredTrial, steps: int) -> Iterator[tuple[Mistake, DeclaredTrial]]:
-    """Yield every mistake of so many steps that the trial can have, with the trial as it is without that mistake."""
-    for mistake in MISTAKES:
-        if mistake.steps == steps and declared.trial.release in mistake.releases:
-            corrected = mistake.undo(declared)
-            if corrected is not None:
-                yield mistake, corrected
-
-
 def _times_text(factor: float) -> str:
     """Write a factor as "25 times" or "1/25 of"."""
     return f"{number(factor, digits=2)} times" if factor >= 1 else f"1/{number(1 / factor, digits=2)} of"
 
 
-def _frame_rate(undone: Undone) -> str:
+def _frame_rate(undone: Correction) -> str:
     """Return the key of the frame rate, and the rate that the corrected times have."""
     step = min(c.time_step for c in undone.declared.observations.channels if c.time_step > 0)
     rate = 1 / (step * undone.factors["times"])
@@ -163,22 +166,16 @@ def _frame_rate(undone: Undone) -> str:
     return f"frame_rate: {number(rate)} Hz"
 
 
-def _header_unit(undone: Undone) -> str:
+def _header_unit(undone: Correction) -> str:
     """Return the unit of length that the trial's file names itself; '' if it names none, so that the study may."""
-    return survey(undone.declared.study.folder / undone.trial.files[0][0]).length_unit
+    return survey(undone.declared.study.folder / undone.declared.trial.files[0][0]).length_unit
 
 
-def _length_way_out(undone: Undone) -> str:
-    """Return what to do where the header names another unit than the points have."""
-    unit = _header_unit(undone)
-    return f"the header to name the unit of the points; it says {unit}" if unit else ""
-
-
-def _length_unit(undone: Undone) -> str:
+def _length_unit(undone: Correction) -> str:
     """Return the key of the unit of length: a usual unit, or how long one unit of the file is, as of a pixel."""
     if _header_unit(undone):
         return ""
-    declared_unit = undone.trial.units.get("length", "m")
+    declared_unit = undone.declared.trial.units.get("length", "m")
     try:
         unit = to_si(declared_unit if declared_unit[:1].isdigit() else f"1 {declared_unit}", "m") * undone.factors["lengths"]
     except UnitError:
@@ -189,9 +186,9 @@ def _length_unit(undone: Undone) -> str:
     return f"units: {{length: {number(1e3 * unit)} mm}}"
 
 
-def _picture_keys(undone: Undone) -> str:
+def _picture_keys(undone: Correction) -> str:
     """Return the keys of a picture that is mirrored, turned or both."""
-    before, after = undone.trial, undone.corrected.trial
+    before, after = undone.declared.trial, undone.corrected.trial
     keys = [f"mirrored: {str(after.mirrored).lower()}"] if after.mirrored != before.mirrored else []
     tilt = after.camera.get("tilt")
     if tilt is not None and tilt != before.camera.get("tilt"):
@@ -201,9 +198,9 @@ def _picture_keys(undone: Undone) -> str:
     return "' and '".join(keys)
 
 
-def _tracks(undone: Undone) -> str:
+def _tracks(undone: Correction) -> str:
     """Return the key that exchanges the tracks, or the files of the two masses."""
-    trial = undone.trial
+    trial = undone.declared.trial
     if len(trial.files) > 1:
         return f"files: {_by_other_mass({mass: path for path, named in trial.files for mass in named})}"
     ((path, tracks),) = trial.files
@@ -218,7 +215,7 @@ def _by_other_mass(names: Mapping[str, str]) -> str:
     return f"{{{', '.join(f'{mass}: {written[other]}' for mass, other in OTHER_MASS.items())}}}"
 
 
-def _changes_of_place(undone: Undone, *, key: bool) -> list[str]:
+def _changes_of_place(undone: Correction, *, key: bool) -> list[str]:
     """Return what is changed of the place of release, as keys or in words with the declared values."""
     parts = []
     for parameter, as_key, in_words in (
@@ -232,38 +229,6 @@ def _changes_of_place(undone: Undone, *, key: bool) -> list[str]:
             )
             parts.append((as_key if key else in_words).format(*shown))
     return parts
-
-
-def _mass_keys(undone: Undone) -> str:
-    light, heavy = (quantity(undone.value(f"{mass}_mass"), "kg", digits=3) for mass in ("light", "heavy"))
-    return f"light: {{mass: {light}}}' and 'heavy: {{mass: {heavy}}}"
-
-
-def _with_factors(**factors: float) -> Undo:
-    """Return a function that multiplies declared values by factors."""
-
-    def undo(declared: DeclaredTrial) -> DeclaredTrial | None:
-        values = {}
-        for parameter, factor in factors.items():
-            known = declared.estimate(parameter)
-            if known is None:
-                return None
-            values[parameter] = known.value * factor
-        return declared.with_values(values)
-
-    return undo
-
-
-def _with_angle(change: Callable[[float], float]) -> Undo:
-    """Return a function that changes the declared release angle [rad]."""
-
-    def undo(declared: DeclaredTrial) -> DeclaredTrial | None:
-        known = declared.estimate("release_angle")
-        if known is None or not 0 < change(known.value) < 2 * math.pi:
-            return None
-        return declared.with_values({"release_angle": change(known.value)})
-
-    return undo
 
 
 def _joined(first: Mistake, second: Mistake) -> Mistake:
@@ -284,19 +249,15 @@ def _joined(first: Mistake, second: Mistake) -> Mistake:
     )
 
 
-def _picture(name: str, mirror: bool, quarter_turns: int, found: str) -> Mistake:
-    """Return the mistake that a picture is mirrored, turned or both."""
-    return Mistake(
+# A row: whether it is undone by a mirror image, by how many quarter turns of the tilt, and what is found
+PICTURES = tuple(
+    Mistake(
         name=name,
-        undo=lambda declared: pictured_otherwise(declared, mirror=mirror, quarter_turns=quarter_turns),
-        found=lambda undone: found,
+        undo=partial(pictured_otherwise, mirror=mirror, quarter_turns=turns),
+        found=lambda undone, found=found: found,  # type: ignore[misc]
         keys=_picture_keys,
     )
-
-
-PICTURES = tuple(
-    _picture(*row)
-    for row in (
+    for name, mirror, turns, found in (
         ("mirrored", True, 0, "a mirrored motion"),
         ("upside down", True, 2, "a motion that is upside down, as where y grows downwards"),
         ("half turn", False, 2, "a motion that is turned by 180 deg, as by a camera upside down"),
@@ -306,14 +267,13 @@ PICTURES = tuple(
         ("axes exchanged and reversed", True, -1, "a motion with x and y exchanged, and both reversed"),
     )
 )
-"""All symmetries of the square, each by whether it is undone by a mirror image and by how many quarter turns of the tilt."""
+"""All symmetries of the square."""
 MIRRORED = PICTURES[0]
 SAME_ROWS = "each row to show both masses at one time; correct the rows of these columns"
 ROWS_SHIFTED = Mistake(
     name="rows shifted",
-    undo=with_rows_together,
+    undo=lambda declared: without_shift(declared, shift) if (shift := row_shift(declared)) else None,
     found=lambda undone: shift.text if (shift := row_shift(undone.declared)) else "",
-    keys=lambda undone: "",
     way_out=lambda undone: SAME_ROWS,
 )
 TRACKS_EXCHANGED = Mistake(
@@ -327,7 +287,6 @@ COLUMNS_EXCHANGED = tuple(
         name="columns exchanged",
         undo=partial(with_columns_exchanged, first=first, second=second),
         found=lambda undone, first=first, second=second: f"the columns of {first} and {second} exchanged",  # type: ignore[misc]
-        keys=lambda undone: "",
         way_out=lambda undone: "each column under its own name; correct the names in the file",
     )
     for first, second in (("light_x", "light_y"), ("heavy_x", "heavy_y"), ("light_y", "heavy_y"), ("light_x", "heavy_x"))
@@ -337,17 +296,21 @@ MASSES_EXCHANGED = Mistake(
     name="masses exchanged",
     undo=with_masses_exchanged,
     found=lambda undone: "the motion of a light mass and a heavy mass that are exchanged",
-    keys=_mass_keys,
+    keys=lambda undone: "' and '".join(
+        f"{mass}: {{mass: {quantity(undone.value(f'{mass}_mass'), 'kg', digits=3)}}}" for mass in ("light", "heavy")
+    ),
     releases=WITH_BOTH_MASSES,
     of_apparatus=True,
 )
 LENGTHS = Mistake(
     name="unit of length",
-    # The factor follows from the points themselves (`misfit.screen`)
+    # The factor follows from the points themselves (`misfit.measured_distance`)
     undo=lambda declared: declared,
     found=lambda undone: f"lengths that are {_times_text(1 / undone.factors['lengths'])} what the declared apparatus allows",
     keys=_length_unit,
-    way_out=_length_way_out,
+    way_out=lambda undone: (
+        f"the header to name the unit of the points; it says {unit}" if (unit := _header_unit(undone)) else ""
+    ),
     fits=("scale",),
 )
 
@@ -355,11 +318,23 @@ LENGTHS = Mistake(
 def _times(factor: float) -> Mistake:
     return Mistake(
         name="frame rate",
-        undo=lambda declared: with_times(declared, factor),
+        undo=lambda declared: declared.with_channels(lambda c: dataclasses.replace(c, t=c.t * factor)),
         found=lambda undone: f"times that are {_times_text(1 / undone.factors['times'])} what the declared apparatus allows",
         keys=_frame_rate,
         fits=("clock_ratio",),
     )
+
+
+def _angle(change: Callable[[float], float]) -> Mistake:
+    """Return the mistake that the declared release angle [rad] must be changed."""
+
+    def undo(declared: DeclaredTrial) -> DeclaredTrial | None:
+        known = declared.estimate("release_angle")
+        if known is None or not 0 < change(known.value) < 2 * math.pi:
+            return None
+        return declared.with_values({"release_angle": change(known.value)})
+
+    return _place(undo)
 
 
 def _place(undo: Undo) -> Mistake:
@@ -383,7 +358,11 @@ def _value(name: str, group: str, parameters: Mapping[str, str], factor: float) 
     """
     in_words = " and ".join(p.replace("_", " ") for p in parameters)
 
-    def keys(undone: Undone) -> str:
+    def undo(declared: DeclaredTrial) -> DeclaredTrial | None:
+        known = {p: e for p in parameters if (e := declared.estimate(p)) is not None}
+        return declared.with_values({p: e.value * factor for p, e in known.items()}) if len(known) == len(parameters) else None
+
+    def keys(undone: Correction) -> str:
         parts = []
         for parameter, unit in parameters.items():
             where, _, key = (group, "", parameter) if group else parameter.partition("_")
@@ -392,7 +371,7 @@ def _value(name: str, group: str, parameters: Mapping[str, str], factor: float) 
 
     return Mistake(
         name=name,
-        undo=_with_factors(**dict.fromkeys(parameters, factor)),
+        undo=undo,
         found=lambda undone: f"the motion of a {in_words} of {number(factor)} times what is declared{CAUSES.get(factor, '')}",
         keys=keys,
         releases=tuple(Release) if group else WITH_BOTH_MASSES,
@@ -416,7 +395,7 @@ MISTAKES = (
     _joined(MIRRORED, TRACKS_EXCHANGED),
     _place(released_where_first_seen),
     # These need no origin at the rod
-    *(_place(_with_angle(change)) for change in (
+    *(_angle(change) for change in (
         math.degrees,
         math.radians,
         lambda angle: math.pi - angle,
@@ -435,30 +414,14 @@ MISTAKES = (
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Correction:
-    """A trial without one mistake that may have been made."""
-
-    mistake: Mistake
-    undone: Undone
-    distance: Distance
-    """Distance of the points from the motion without the mistake."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Explanation(Correction):
-    """The same after a fit."""
-
-    fit: FittedMisfit
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class TrialSearch:
     """Misfits of one trial, computed when they are asked for."""
 
     declared: DeclaredTrial
     distance: Distance
-    _corrections: dict[int, list[Correction]] = field(default_factory=dict)
-    _fitted: dict[Mistake, Explanation] = field(default_factory=dict)
+    _tried: dict[int, list[Correction]] = field(default_factory=dict)
+    """Number of steps -> the best corrections of so many."""
+    _by_mistake: dict[Mistake, Correction | None] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -486,75 +449,55 @@ class TrialSearch:
 
     def corrections(self, steps: int) -> list[Correction]:
         """Return mistakes of so many steps that leave the points nearer to the motion, nearest first; of variants the best."""
-        if steps not in self._corrections:
+        if steps not in self._tried:
             best: dict[str, Correction] = {}
-            for mistake, corrected in possible_mistakes(self.declared, steps):
-                correction = _correction(mistake, self.declared, corrected)
+            for mistake in (m for m in MISTAKES if m.steps == steps):
+                correction = self._by_mistake.get(mistake) or self._correction(mistake)
                 nearest = best[mistake.name].distance if mistake.name in best else self.distance
                 if correction is not None and correction.distance.relative < nearest.relative:
                     best[mistake.name] = correction
-            self._corrections[steps] = sorted(best.values(), key=lambda c: c.distance.relative)
-        return self._corrections[steps]
+            self._tried[steps] = sorted(best.values(), key=lambda c: c.distance.relative)
+            self._by_mistake.update({c.mistake: c for c in self._tried[steps]})
+        return self._tried[steps]
 
-    def explanations(self, steps: int) -> list[Explanation]:
+    def explanations(self, steps: int) -> list[Correction]:
         """Return the mistakes of so many steps that leave a small misfit, the smallest first."""
-        found: list[Explanation] = []
+        found: list[Correction] = []
         reach = MAX_TRIED_DISTANCE
         for correction in self.corrections(steps)[:MAX_TRIED]:
             if correction.distance.relative > reach:
                 break
-            explanation = self.explanation(correction)
-            if explanation.fit.largest <= MAX_GOOD_MISFIT:
+            if correction.fit.largest <= MAX_GOOD_MISFIT:
                 # What is farther away than a rival may be need not be tried
                 reach = min(reach, correction.distance.relative + MAX_RIVAL_DISTANCE)
-            found.append(explanation)
+            found.append(correction)
         return sorted(found, key=lambda e: e.fit.largest)
 
-    def explanation(self, correction: Correction) -> Explanation:
-        """Return a correction with its fit."""
-        if correction.mistake not in self._fitted:
-            self._fitted[correction.mistake] = _explanation(correction)
-        return self._fitted[correction.mistake]
-
-    def explanation_by(self, mistake: Mistake) -> Explanation | None:
+    def explanation_by(self, mistake: Mistake) -> Correction | None:
         """Return a mistake of another trial as an explanation of this one; None: it brings the points no nearer."""
-        if mistake not in self._fitted:
-            corrected = mistake.undo(self.declared) if self.declared.trial.release in mistake.releases else None
-            correction = None if corrected is None else _correction(mistake, self.declared, corrected)
-            if correction is None or correction.distance.relative >= self.distance.relative:
+        if mistake not in self._by_mistake:
+            correction = self._correction(mistake)
+            is_nearer = correction is not None and correction.distance.relative < self.distance.relative
+            self._by_mistake[mistake] = correction if is_nearer else None
+        return self._by_mistake[mistake]
+
+    def _correction(self, mistake: Mistake) -> Correction | None:
+        """Return the trial without a mistake; None: it cannot have it, the factor is too near 1, or leaves too few points."""
+        declared = self.declared
+        corrected = mistake.undo(declared) if declared.trial.release in mistake.releases else None
+        if corrected is None:
+            return None
+        of_length = "scale" in mistake.fits
+        distance = measured_distance(corrected, with_length_factor=of_length)
+        factors = {}
+        if of_length:
+            factors["lengths"] = factor = distance.length_factor
+            if 1 / MIN_UNIT_FACTOR < factor < MIN_UNIT_FACTOR:
                 return None
-            return self.explanation(correction)
-        return self._fitted[mistake]
-
-
-def _correction(mistake: Mistake, declared: DeclaredTrial, corrected: DeclaredTrial) -> Correction | None:
-    """Return a trial without a mistake and its distance; None: the factor is too near 1, or leaves too few points."""
-    of_length = "scale" in mistake.fits
-    distance = measured_distance(corrected, with_length_factor=of_length)
-    factors = {}
-    if of_length:
-        factors["lengths"] = factor = distance.length_factor
-        if 1 / MIN_UNIT_FACTOR < factor < MIN_UNIT_FACTOR:
-            return None
-        corrected = with_lengths(corrected, factor)
-    if "clock_ratio" in mistake.fits:
-        if max((len(c) for c, _ in distance.points), default=0) < MIN_POINTS_OF_FRAME_RATE:
-            return None
-        before, after = (d.observations.channels[0].t[-1] for d in (declared, corrected))
-        factors["times"] = float(after / before)
-    undone = Undone(declared=declared, corrected=corrected, factors=factors)
-    return Correction(mistake=mistake, undone=undone, distance=distance)
-
-
-def _explanation(correction: Correction) -> Explanation:
-    """Fit a trial without a mistake, and refine the factors of the mistake by it."""
-    undone = correction.undone
-    fit = fitted_misfit(undone.corrected, correction.distance, correction.mistake.fits)
-    factors = dict(undone.factors)
-    # The fit knows them better than the grid, or the unfitted motion, from which they come
-    if "times" in factors:
-        factors["times"] *= fit.values.get("clock_ratio", 1.0)
-    if "lengths" in factors:
-        factors["lengths"] /= fit.values.get("scale", 1.0)
-    refined = Undone(declared=undone.declared, corrected=undone.corrected, factors=factors)
-    return Explanation(mistake=correction.mistake, undone=refined, distance=correction.distance, fit=fit)
+            corrected = with_lengths(corrected, factor)
+        if "clock_ratio" in mistake.fits:
+            if max((len(c) for c, _ in distance.points), default=0) < MIN_POINTS_OF_FRAME_RATE:
+                return None
+            before, after = (d.observations.channels[0].t[-1] for d in (declared, corrected))
+            factors["times"] = float(after / before)
+        return Correction(mistake=mistake, declared=declared, corrected=corrected, distance=distance, guessed_factors=factors)

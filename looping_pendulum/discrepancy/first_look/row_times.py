@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -296,12 +296,6 @@ class RowShift:
         return f"{what} {abs(self.rows)} row{plural} {'later' if self.rows > 0 else 'earlier'} than the other columns"
 
 
-def with_rows_together(declared: DeclaredTrial) -> DeclaredTrial | None:
-    """Return the trial with all columns in the same rows, if the string's length says that they are not."""
-    shift = row_shift(declared)
-    return None if shift is None else without_shift(declared, shift)
-
-
 def without_shift(declared: DeclaredTrial, shift: RowShift) -> DeclaredTrial:
     """Return the trial, with y up, with columns earlier by so many rows."""
 
@@ -326,7 +320,10 @@ def row_shift(declared: DeclaredTrial, least_ratio: float = 1.0) -> RowShift | N
     channels = {c.name: c for c in declared.observations.channels}
     if not {"light_x", "light_y", "heavy_y"} <= channels.keys() or min(map(len, channels.values())) < MIN_COMPARED_ROWS:
         return None
-    noise, parameters = _string_noise(channels), declared.study.parameters({}, declared.trial)
+    parameters = declared.study.parameters({}, declared.trial)
+    # Mean square by which noise alone makes the string's two ends differ [m^2]
+    of_x, of_y, of_heavy = (scatter(channels[name]) ** 2 for name in ("light_x", "light_y", "heavy_y"))
+    noise = (of_x + of_y) / 2 + of_heavy
     before = _string_misfit(declared, parameters, noise)
     best, least = None, math.inf
     limit = min(MAX_SHIFT, len(channels["light_x"]) // MIN_ROWS_A_SHIFT)
@@ -354,12 +351,6 @@ def shifts_by_motion(declared: DeclaredTrial) -> list[RowShift]:
     # Before anything is fitted, one row more or less may be nearer
     rows = (nearest.rows + more for more in (0, 1, -1))
     return [dataclasses.replace(nearest, rows=n) for n in rows if n] if nearest.rows else []
-
-
-def _string_noise(channels: Mapping[str, Channel]) -> float:
-    """Return the mean square by which noise alone makes the string's two ends differ [m^2]."""
-    x, y, heavy = (scatter(channels[name]) ** 2 for name in ("light_x", "light_y", "heavy_y"))
-    return (x + y) / 2 + heavy
 
 
 def _string_misfit(declared: DeclaredTrial, parameters: Parameters, noise: float) -> float:

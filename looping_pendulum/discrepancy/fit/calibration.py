@@ -6,7 +6,6 @@ the first part of the motion has one, so fits start there.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -58,8 +57,6 @@ class Fit:
     """Free parameters at the minimum, in units of their scales, shape (p,)."""
     residuals: Array
     """Standardised residuals there, then those of the prior, shape (n + p,)."""
-    iterations: int
-    """Number of Jacobians that were computed."""
     final_jacobian: Array | None = None
     """Jacobian there, or where it began if it did not move; None: not known."""
 
@@ -201,7 +198,7 @@ def minimise_steps(
         x, r, jacobian, cost = there, new, new_jacobian, float(new @ new)
         if decrease < cost_tolerance * cost:
             break
-    return Fit(problem=problem, x=x, residuals=r, iterations=iterations, final_jacobian=jacobian)
+    return Fit(problem=problem, x=x, residuals=r, final_jacobian=jacobian)
 
 
 class _LinearModel:
@@ -298,9 +295,7 @@ def calibrate_steps(
 ) -> Steps[Fit]:
     """Do the same as `calibrate` in steps that ask for predictions; the options are those of `minimise_steps` for the whole."""
     x = problem.prior_mean.copy() if start is None else start
-    total = 0
     for share in _window_shares(problem):
         fit = yield from minimise_steps(problem.until(share), x, cost_tolerance=WINDOW_COST_TOLERANCE)
-        x, total = fit.x, total + fit.iterations
-    fit = yield from minimise_steps(problem, x, cost_tolerance=cost_tolerance, needless_above=needless_above)
-    return dataclasses.replace(fit, iterations=fit.iterations + total)
+        x = fit.x
+    return (yield from minimise_steps(problem, x, cost_tolerance=cost_tolerance, needless_above=needless_above))

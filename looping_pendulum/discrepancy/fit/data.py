@@ -181,10 +181,23 @@ class Whitening:
         Standard deviation of the white part, shape (n,); infinite: the point is left out.
     noise
         The correlated part.
+
+    Notes
+    -----
+    The inverse of the correlated errors' covariance, given all points, is tridiagonal. The pivots of its factors L D L^T hold
+    the filter's variances, so that LAPACK runs the recursion.
     """
 
     def __init__(self, t: Array, sigma: Array, noise: CorrelatedNoise) -> None:
-        memory, predicted = _predictions(t, sigma, noise)
+        variance, step = noise.amplitude**2, np.diff(t)
+        # Correlation of the errors of neighbours, 0 between tracks
+        memory = np.where(step < 0, 0.0, np.exp(-np.maximum(step, 0.0) / noise.correlation_time))
+        fresh = np.where(step < 0, variance, -variance * np.expm1(-2 * np.maximum(step, MIN_STEP) / noise.correlation_time))
+        to_next = np.append(memory**2 / fresh, 0.0)
+        by_point = sigma**-2.0
+        pivots, _, _ = dpttrf(1 / np.append(variance, fresh) + by_point + to_next, -memory / fresh)
+        # Variance of each error, given the points before it
+        predicted = 1 / (pivots - by_point - to_next)
         spread = predicted + sigma**2
         gain = predicted / spread
         self._deviation = np.sqrt(spread)
@@ -204,25 +217,3 @@ class Whitening:
         predicted = solve_banded((1, 0), self._band, source, overwrite_b=True, check_finite=False)
         deviation = self._deviation if difference.ndim == 1 else self._deviation[:, None]
         return np.asarray((difference - predicted) / deviation)
-
-
-def _predictions(t: Array, sigma: Array, noise: CorrelatedNoise) -> tuple[Array, Array]:
-    """Return memory and predictions of the correlated errors; arguments as of `Whitening`.
-
-    The inverse of the errors' covariance, given all points, is tridiagonal. The pivots of its factors L D L^T hold the filter's
-    variances, so that LAPACK runs the recursion.
-
-    Returns
-    -------
-    memory
-        Correlation of the errors of neighbours, 0 between tracks, shape (n - 1,).
-    predicted
-        Variance of each error, given the points before it, shape (n,).
-    """
-    variance, step = noise.amplitude**2, np.diff(t)
-    memory = np.where(step < 0, 0.0, np.exp(-np.maximum(step, 0.0) / noise.correlation_time))
-    fresh = np.where(step < 0, variance, -variance * np.expm1(-2 * np.maximum(step, MIN_STEP) / noise.correlation_time))
-    to_next = np.append(memory**2 / fresh, 0.0)
-    by_point = sigma**-2.0
-    pivots, _, _ = dpttrf(1 / np.append(variance, fresh) + by_point + to_next, -memory / fresh)
-    return memory, 1 / (pivots - by_point - to_next)

@@ -108,7 +108,11 @@ def landmarks(samples: Samples, camera: Camera) -> Landmarks:
     # The times below are those of the events themselves, equal in every bit, so that they can be keys
     states = {event.time: event.state for event in run.events}
     halt = run.halt
-    x1, y1 = _extrema(samples, camera)
+    # Scale and origin do not change when the extrema are
+    unscaled = replace(camera, scale=1.0, origin_x=0.0, origin_y=0.0)
+    position = unscaled.project(samples.light_position)
+    velocity = unscaled.project_displacement(samples.light_position, samples.light_velocity)
+    x1, y1 = (_extrema_of_coordinate(samples.t, position[:, i], velocity[:, i]) for i in (0, 1))
     return Landmarks(
         stops=tuple(Stop(time=t, height_change=-float(run.heavy_drop(states[t]))) for t in times.stops),
         slip_onsets=times.slip_onsets,
@@ -158,17 +162,6 @@ def _as_measured(value: float | None, quantity: str, camera: Camera) -> float:
     # A height is read along the picture's vertical, where a tilted camera shows only its cosine; quarter turns are undone
     tilt = math.remainder(camera.tilt, math.pi / 2)
     return value * camera.scale * (math.cos(tilt) if kind in ("height", "drop") else 1.0)
-
-
-def _extrema(samples: Samples, camera: Camera) -> tuple[tuple[Extremum, ...], tuple[Extremum, ...]]:
-    """Return the extrema of x and y of the light mass in the picture, up to the run's end."""
-    # Scale and origin do not change when the extrema are
-    unscaled = replace(camera, scale=1.0, origin_x=0.0, origin_y=0.0)
-    position = unscaled.project(samples.light_position)
-    velocity = unscaled.project_displacement(samples.light_position, samples.light_velocity)
-    return _extrema_of_coordinate(samples.t, position[:, 0], velocity[:, 0]), _extrema_of_coordinate(
-        samples.t, position[:, 1], velocity[:, 1]
-    )
 
 
 def _extrema_of_coordinate(t: Array, position: Array, velocity: Array) -> tuple[Extremum, ...]:

@@ -9,11 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise_steps
 from looping_pendulum.discrepancy.fit.data import TrialData, noises_of
-from looping_pendulum.discrepancy.fit.problem import Problem, Steps, together
-from looping_pendulum.discrepancy.fit.residual import CHI2_SCATTER_SIGMAS, ModelTest, max_held_out_chi2
+from looping_pendulum.discrepancy.fit.problem import Problem, Steps, map_steps
+from looping_pendulum.discrepancy.fit.residual import CHI2_SCATTER_SIGMAS, MIN_P_VALUE, ModelTest
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.measured.free_parameter import FreeParameter
@@ -31,18 +32,18 @@ MAX_ITERATIONS = 30
 class HeldOutTest:
     """How well a fit predicts held-out data."""
 
-    names: tuple[str, ...]
-    """Names of the held-out trials, or of blocks of time of the training trials."""
+    subjects: tuple[str, ...]
+    """"trial eight" for each held-out trial, or "blocks of time" for those of the training trials."""
     chi2: tuple[float, ...]
     """Chi2 per value of each trial, or of all blocks together."""
     counts: tuple[int, ...]
     """Number of values of each `chi2`."""
     limits: tuple[float, ...]
     """Largest chi2 per value of each that passes."""
-    rms: tuple[float | None, ...]
-    """Root mean square residual of each [SI]; None: it has only events."""
     fits: tuple[Fit, ...] = ()
     """Fit of each held-out trial's own parameters; empty for blocks of time."""
+    rms_of_blocks: float | None = None
+    """Root mean square residual of all blocks of time [SI]; None: they have only events."""
 
     @property
     def worst(self) -> float:
@@ -57,17 +58,15 @@ class HeldOutTest:
     @property
     def results(self) -> tuple[ModelTest, ...]:
         """Return the result of the test of each trial, or of all blocks together."""
-        subjects = [f"held-out trial {name}" for name in self.names] if self.fits else ["held-out blocks of time"]
         return tuple(
             ModelTest(
-                subject=subject,
+                subject=f"held-out {subject}",
                 statistic="chi2 per value",
                 value=chi2,
                 limit=limit,
-                passes=chi2 <= limit,
-                failure=f"the model does not predict the {subject}",
+                failure=f"the model does not predict the held-out {subject}",
             )
-            for subject, chi2, limit in zip(subjects, self.chi2, self.limits, strict=True)
+            for subject, chi2, limit in zip(self.subjects, self.chi2, self.limits, strict=True)
         )
 
 
@@ -87,11 +86,10 @@ def check_held_out(
         return _check_held_out_blocks(fit, workers)
     fits = [_fit_held_out_trial(fit, data, parameters) for data, parameters in held_out]
     return HeldOutTest(
-        names=tuple(d.trial.name for d, _ in held_out),
+        subjects=tuple(f"trial {d.trial.name}" for d, _ in held_out),
         chi2=tuple(f.cost / f.problem.count for f in fits),
         counts=tuple(f.problem.count for f in fits),
         limits=tuple(_max_chi2(f) for f in fits),
-        rms=tuple(rms(f, 0) for f in fits),
         fits=tuple(fits),
     )
 
@@ -102,26 +100,9 @@ def _max_chi2(fit: Fit) -> float:
     Events have stated errors, so that it follows from the chi2 distribution. The noise of points is estimated from themselves.
     """
     if not any(d.channels for d in fit.problem.data):
-        return max_held_out_chi2(fit.problem.data)
+        count = sum(len(d.events) for d in fit.problem.data)
+        return float(special.chdtri(count, MIN_P_VALUE)) / count
     return max(MAX_HELD_OUT_CHI2, 1 + CHI2_SCATTER_SIGMAS / math.sqrt(fit.problem.count))
-
-
-def rms(fit: Fit, k: int) -> float | None:
-    """Return the root mean square residual of trial ``k`` [SI]; None: it has only events.
-
-    It is that of the light mass's position, a distance, or of all channels if the position was not measured.
-    """
-    d = fit.problem.data[k]
-    if not d.channels:
-        return None
-    residual = d.value - fit.problem.predict(fit.x, k)
-    used = np.isfinite(d.sigma)
-    return math.sqrt(sum(float(np.mean(residual[p][used[p]] ** 2)) for p in position_slices(d)))
-
-
-def position_slices(d: TrialData) -> list[slice]:
-    """Return the data that errors are reported for: the light mass's coordinates or, without them, all channels."""
-    return [d.slices[n] for n in ("light_x", "light_y") if n in d.slices] or list(d.slices.values())
 
 
 def _fit_held_out_trial(fit: Fit, data: TrialData, own: Sequence[FreeParameter]) -> Fit:
@@ -147,28 +128,23 @@ def _fit_held_out_trial(fit: Fit, data: TrialData, own: Sequence[FreeParameter])
 
 def _check_held_out_blocks(fit: Fit, workers: Workers) -> HeldOutTest:
     """Leave out two of `BLOCK_COUNT` blocks of time at once, refit, and test their prediction by its covariance."""
-    results = workers.map_together(_check_blocks_together, fit, range(BLOCK_COUNT // 2))
-    names, chi2, counts, rms_of_blocks = zip(*(block for block in results if block), strict=True)
+    results = map_steps(workers, _check_two_blocks, (fit,), [(first,) for first in range(BLOCK_COUNT // 2)])
+    chi2, counts, rms_of_blocks = zip(*(block for block in results if block), strict=True)
     known = [size for size in rms_of_blocks if size is not None]
     return HeldOutTest(
-        names=names,
+        subjects=("blocks of time",),
         chi2=(float(np.average(chi2, weights=counts)),),
         counts=(fit.problem.count,),
         limits=(_max_chi2(fit),),
-        rms=(float(np.sqrt(np.mean(np.square(known)))) if known else None,),
+        rms_of_blocks=float(np.sqrt(np.mean(np.square(known)))) if known else None,
     )
 
 
-_Blocks = tuple[str, float, int, float | None]
+_Blocks = tuple[float, int, float | None]
 """How well two blocks of time are predicted by a fit to the others.
 
-Their names, chi2 per value, number of values, and root mean square residual [SI], None if there are only events.
+Their chi2 per value, number of values, and root mean square residual [SI], None if there are only events.
 """
-
-
-def _check_blocks_together(fit: Fit, firsts: Sequence[int]) -> list[_Blocks | None]:
-    """Call `_check_two_blocks` for each pair of blocks, in step."""
-    return together([_check_two_blocks(fit, first) for first in firsts])
 
 
 def _check_two_blocks(fit: Fit, first: int) -> Steps[_Blocks | None]:
@@ -181,8 +157,8 @@ def _check_two_blocks(fit: Fit, first: int) -> Steps[_Blocks | None]:
     first
         Number of the first of the two.
     """
-    problem, half = fit.problem, BLOCK_COUNT // 2
-    out = [(_block_number(d) % half) == first for d in problem.data]
+    problem = fit.problem
+    out = [(_block_number(d) % (BLOCK_COUNT // 2)) == first for d in problem.data]
     rows = np.concatenate(out)
     if not rows.any():
         return None
@@ -204,7 +180,7 @@ def _check_two_blocks(fit: Fit, first: int) -> Steps[_Blocks | None]:
     off = (np.concatenate([d.value for d in problem.data]) - predicted[0])[rows]
     # Twice the mean square of a coordinate is that of a distance in the plane
     size = math.sqrt(2 * float(np.mean(off[is_point] ** 2))) if is_point.any() else None
-    return f"blocks {first + 1} and {first + 1 + half} of {BLOCK_COUNT}", square / count, count, size
+    return square / count, count, size
 
 
 def _square_of_prediction(residuals: Array, jacobian: Array, covariance: Array) -> float:

@@ -35,23 +35,6 @@ MAX_RISE_RATIO = 1.25
 """Largest ratio of the cost's rise to that of a linear model, or its inverse, with which a standard error is good enough."""
 
 
-def cost_rise(fit: Fit, name: str, value: float) -> float:
-    """Return the rise of the cost if a parameter has ``value`` [SI]; its square root counts standard errors.
-
-    The other parameters are refitted in steps of about one standard error, so that each fit starts near its minimum.
-    """
-    best = fit.values[name]
-    # Less a little, so that rounding does not add a step
-    steps = max(1, math.ceil(abs(value - best) / fit.errors[name] - 1e-9))
-    conditional = fit
-    for here in np.linspace(best, value, steps + 1)[1:]:
-        further = refit_with_fixed_value(fit, conditional, name, float(here))
-        if further is None:
-            return math.inf
-        conditional = further
-    return conditional.cost - fit.cost
-
-
 def stated_interval(fit: Fit, name: str, null: float, min_distance: float) -> tuple[float | None, float | None] | None:
     """Return where a value [SI] lies with 95 % probability that is only stated if it is far enough from its null value.
 
@@ -66,7 +49,8 @@ def stated_interval(fit: Fit, name: str, null: float, min_distance: float) -> tu
     """
     linear = is_nearly_linear(fit, name)
     value, error = fit.values[name], fit.errors[name]
-    distance = abs(value - null) / error if linear else _distance(fit, name, null)
+    # In standard errors
+    distance = abs(value - null) / error if linear else _root_of_rise(fit, refit_with_fixed_value(fit, fit, name, null))
     rise = rise_after_selection(distance, min_distance)
     if linear and rise == COST_RISE_95:
         return None
@@ -101,12 +85,6 @@ def rise_after_selection(distance: float, min_distance: float) -> float | None:
     if log_excess(0.0) >= 0:
         return None
     return float((distance - brentq(log_excess, 0.0, distance)) ** 2)
-
-
-def _distance(fit: Fit, name: str, null: float) -> float:
-    """Return the distance of a fitted value from its null value [SI] in standard errors, all other parameters refitted."""
-    conditional = refit_with_fixed_value(fit, fit, name, null)
-    return math.inf if conditional is None else _root_of_rise(fit, conditional)
 
 
 def is_nearly_linear(fit: Fit, name: str) -> bool:
@@ -171,11 +149,12 @@ def _excess(fit: Fit, conditional: Fit | None, max_rise: float) -> float:
     The root is nearly linear in the value where the cost does not jump.
     """
     root = math.sqrt(max_rise)
-    return root if conditional is None else min(_root_of_rise(fit, conditional) - root, root)
+    return min(_root_of_rise(fit, conditional) - root, root)
 
 
-def _root_of_rise(fit: Fit, conditional: Fit) -> float:
-    return math.sqrt(max(conditional.cost - fit.cost, 0.0))
+def _root_of_rise(fit: Fit, conditional: Fit | None) -> float:
+    """Return the root of the cost's rise, which counts standard errors; infinite if the model cannot run."""
+    return math.inf if conditional is None else math.sqrt(max(conditional.cost - fit.cost, 0.0))
 
 
 def refit_with_fixed_value(fit: Fit, start: Fit, name: str, value: float) -> Fit | None:

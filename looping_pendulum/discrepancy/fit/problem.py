@@ -7,8 +7,7 @@ measured is predicted at many parameters of many problems at once, their runs in
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Generator, Mapping, Sequence
 from functools import cached_property
 from types import SimpleNamespace
 from typing import Any, TypeVar
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.fit.data import TrialData
 from looping_pendulum.discrepancy.fit.event_prediction import EventRun, with_missed_events
+from looping_pendulum.discrepancy.workers import Workers
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured.camera import CAMERA, Camera
 from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
@@ -65,17 +65,14 @@ def free_parameters_of(study: Study, trials: Sequence[tuple[Trial, Any]]) -> tup
         for name, known in study.camera_priors(trial, observations).items():
             is_stated = name in trial.camera and known.uncertain
             if name in ("origin_x", "origin_y", "rate_offset", *observations.camera_errors) or is_stated:
-                parameters.append(_camera_parameter(name, trial, known.value, known.sigma))
+                scale = known.sigma or (0.1 if name in ("origin_x", "origin_y") else 0.05)
+                parameters.append(
+                    FreeParameter(
+                        name=f"{trial.name}.{name}", parameter=name, role=_CAMERA, trials=(trial.name,),
+                        init_value=known.value, scale=scale, prior=1.0 if known.sigma else None,
+                    )
+                )  # fmt: skip
     return tuple(parameters)
-
-
-def _camera_parameter(name: str, trial: Trial, value: float, sigma: float | None) -> FreeParameter:
-    """Return a parameter of one trial's camera as a free parameter."""
-    scale = sigma or {"origin_x": 0.1, "origin_y": 0.1}.get(name, 0.05)
-    return FreeParameter(
-        name=f"{trial.name}.{name}", parameter=name, role=ParameterRole.CAMERA, trials=(trial.name,), init_value=value,
-        scale=scale, prior=1.0 if sigma else None,
-    )  # fmt: skip
 
 
 class Problem:
@@ -117,8 +114,7 @@ class Problem:
         """Return the problem with data up to ``share`` of the longest trial's time."""
         longest = max(float(d.t.max()) for d in self.data)
         # All trials up to one time, however long each film is: the time since the release is what makes the motion complex
-        shorter = [d.until(share * longest) for d in self.data]
-        return Problem(self.study, shorter, self.free_parameters, (self.prior_mean, self.prior_weights))
+        return self.with_data([d.until(share * longest) for d in self.data])
 
     def with_data(self, data: Sequence[TrialData]) -> Problem:
         """Return the problem with other data."""
@@ -203,9 +199,7 @@ class Problem:
 
     def predict_events(self, x: Array, k: int) -> Array:
         """Predict the events of trial ``k`` [SI], shape (events,); NaN: the event does not happen."""
-        return self._predict_events(*self.parameters_and_camera(x, k), k)
-
-    def _predict_events(self, parameters: Parameters, camera: Camera, k: int) -> Array:
+        parameters, camera = self.parameters_and_camera(x, k)
         return self._run_for_events(parameters, k).predict(camera)
 
     def predict(self, x: Array, k: int) -> Array:
@@ -236,7 +230,7 @@ class Problem:
             values = predict(sample, camera, d.channels, dropped=d.trial.dropped)
             parts = [values[c.name] for c in d.channels]
         if d.events:
-            parts.append(with_missed_events(self._predict_events(parameters, camera, k), d.events))
+            parts.append(with_missed_events(self._run_for_events(parameters, k).predict(camera), d.events))
         return np.concatenate(parts or [np.zeros(0)])
 
     def events_that_happen(self, x: Array) -> NDArray[np.bool_]:
@@ -321,7 +315,7 @@ def predict_requests(requests: Sequence[Request]) -> list[Array]:
         end = 0
         for k, d in enumerate(problem.data):
             begin, end = end, end + len(d.value)
-            part = _Part.of(problem, x, k, into[:, begin:end])
+            part = _Part(problem, x, k, into[:, begin:end])
             groups.setdefault(part.model, []).append(part)
     for model, parts in groups.items():
         if model:
@@ -352,6 +346,18 @@ def together(steps: Sequence[Steps[T]]) -> list[T]:
     return [r for r in found if not isinstance(r, HarnessError)]
 
 
+def map_steps(
+    workers: Workers, steps: Callable[..., Steps[T]], shared: tuple[Any, ...], items: Sequence[tuple[Any, ...]]
+) -> list[T]:
+    """Return what ``steps(*shared, *item)`` leads to for each item: every process takes an equal share of them, in step."""
+    return workers.map_together(_take_steps, (steps, shared), items)
+
+
+def _take_steps(call: tuple[Callable[..., Steps[T]], tuple[Any, ...]], items: Sequence[tuple[Any, ...]]) -> list[T]:
+    steps, shared = call
+    return together([steps(*shared, *item) for item in items])
+
+
 def alone(steps: Steps[T]) -> T:
     """Take the steps of one fit; return its result, or raise its error."""
     (result,) = _run([steps])
@@ -378,45 +384,28 @@ def _run(steps: Sequence[Steps[T]]) -> list[T | HarnessError]:
     return [results[i] for i in range(len(steps))]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class _Part:
-    """A trial at many parameters."""
+    """A trial at many parameters ``x``, shape (m, p), and where its predictions are wanted, ``into`` of shape (m, n)."""
 
-    problem: Problem
-    x: Array
-    k: int
-    columns: Mapping[str, Array]
-    """Parameters of the model that differ between the rows, shape (m,) each."""
-    camera: Camera
-    """Of all rows."""
-    valid: NDArray[np.bool_]
-    """Which rows have possible cameras, shape (m,)."""
-    into: Array
-    """Where the predictions are wanted, shape (m, n)."""
-    first: NDArray[np.intp]
-    """A row of each run that is made."""
-    run: NDArray[np.intp]
-    """Run of each row, an index into ``first``."""
-
-    @classmethod
-    def of(cls, problem: Problem, x: Array, k: int, into: Array) -> _Part:
-        """Return a trial as a part; arguments as the fields."""
-        base = problem.base[k]
-        changes, camera = problem.changes(list(x.T), k)
-        columns = {name: np.broadcast_to(values, len(x)) for name, values in base.with_static_friction(changes).items()}
-        many, valid = Camera.of_many(camera, len(x))
-        clock = [np.ravel(v) for v in (many.clock_offset, many.clock_ratio, many.readout) if np.ndim(v)]
-        # Rows that differ by the camera alone show the same run
-        keys = np.column_stack([*columns.values(), *clock, np.zeros(len(x))])
-        seen: dict[bytes, int] = {}
-        run = np.array([seen.setdefault(row.tobytes(), len(seen)) for row in keys], dtype=np.intp)
-        first = np.array([int(np.flatnonzero(run == i)[0]) for i in range(len(seen))], dtype=np.intp)
-        return cls(problem=problem, x=x, k=k, columns=columns, camera=many, valid=valid, into=into, first=first, run=run)
-
-    @property
-    def base(self) -> Parameters:
+    def __init__(self, problem: Problem, x: Array, k: int, into: Array) -> None:
+        self.problem, self.x, self.k, self.into = problem, x, k, into
+        self.base = problem.base[k]
         """Parameters that do not differ between the rows."""
-        return self.problem.base[self.k]
+        changes, camera = problem.changes(list(x.T), k)
+        self.columns = {
+            name: np.broadcast_to(values, len(x)) for name, values in self.base.with_static_friction(changes).items()
+        }
+        """Parameters of the model that differ between the rows, shape (m,) each."""
+        self.camera, self.valid = Camera.of_many(camera, len(x))
+        """Camera of all rows, and which rows have possible cameras, shape (m,)."""
+        clock = [np.ravel(v) for v in (self.camera.clock_offset, self.camera.clock_ratio, self.camera.readout) if np.ndim(v)]
+        # Rows that differ by the camera alone show the same run
+        keys = np.column_stack([*self.columns.values(), *clock, np.zeros(len(x))])
+        seen: dict[bytes, int] = {}
+        self.run = np.array([seen.setdefault(row.tobytes(), len(seen)) for row in keys], dtype=np.intp)
+        """Run of each row, an index into ``first``."""
+        self.first = np.unique(self.run, return_index=True)[1]
+        """A row of each run that is made."""
 
     @property
     def model(self) -> tuple[Any, ...]:
@@ -424,14 +413,8 @@ class _Part:
         d = self.problem.data[self.k]
         names = [name for name in self.columns if name in self.base.coefficients]
         alone = compiled_alone(self.effects)
-        if (
-            (alone and len(self.first) < MIN_BATCH_OF_OWN_MODEL)
-            or d.events
-            or not d.channels
-            or self.base.release is Release.HELD
-        ):
-            return ()
-        if not supports(self.base, names):
+        is_single = (alone and len(self.first) < MIN_BATCH_OF_OWN_MODEL) or d.events or not d.channels
+        if is_single or self.base.release is Release.HELD or not supports(self.base, names):
             return ()
         further = [effect for effect in self.effects if not effect.in_base_model]
         has_closure = any(effect.kind is EffectKind.CLOSURE for effect in further)
@@ -446,8 +429,7 @@ class _Part:
         """Return a parameter of all runs, shape (runs,)."""
         if name in self.columns:
             return self.columns[name][self.first]
-        base = self.base
-        given = base.coefficients[name] if name in base.coefficients else getattr(base, name)
+        given = self.base.coefficients[name] if name in self.base.coefficients else getattr(self.base, name)
         return np.full(len(self.first), given)
 
     def clocks(self) -> dict[tuple[float, float, float], NDArray[np.intp]]:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 from scipy import special
 
 from looping_pendulum.discrepancy.fit.calibration import Fit
-from looping_pendulum.discrepancy.fit.data import TrialData
 from looping_pendulum.discrepancy.fit.residual_noise import modes, sample_index
 from looping_pendulum.pages.numbers import amount
 from looping_pendulum.reference_ode.geometry import Array
@@ -65,6 +64,27 @@ MIN_P_VALUE = 0.005
 
 
 @dataclass(frozen=True, kw_only=True)
+class ModelTest:
+    """One test of a model."""
+
+    subject: str
+    """What was tested: "all residuals", "sliding, light along", "held-out trial eight", the name of a candidate."""
+    statistic: str
+    """Name of the number that was tested, for example "chi2 per degree of freedom"."""
+    value: float
+    limit: float
+    """Largest value that passes, or the smallest one if `limit_is_lower`."""
+    limit_is_lower: bool = False
+    passes: bool = field(init=False)
+    failure: str
+    """What a failure means, in words without the number, for example "the residuals still have a pattern"."""
+
+    def __post_init__(self) -> None:
+        """Compare the value with its limit."""
+        object.__setattr__(self, "passes", self.value >= self.limit if self.limit_is_lower else self.value <= self.limit)
+
+
+@dataclass(frozen=True, kw_only=True)
 class GroupTest:
     """Tests of one group of residuals, all trials together."""
 
@@ -82,26 +102,13 @@ class GroupTest:
     """Standard score (z) of the number of runs of one sign."""
 
     @property
-    def passes(self) -> bool:
-        """Return whether the group looks like white noise."""
-        return all(t.passes for t in self.results)
-
-    @property
     def results(self) -> tuple[ModelTest, ...]:
         """Return the result of each test."""
-        lower, upper = (
-            partial(ModelTest, subject=self.group, failure="the residuals still have a pattern", limit_is_lower=is_lower)
-            for is_lower in (True, False)
-        )
+        test = partial(ModelTest, subject=self.group, failure="the residuals still have a pattern")
         return (
-            upper(statistic="lag-1 autocorrelation z", value=self.lag1, limit=MAX_LAG1_Z, passes=self.lag1 <= MAX_LAG1_Z),
-            lower(
-                statistic="Ljung-Box p",
-                value=self.ljung_box,
-                limit=MIN_LJUNG_BOX_P,
-                passes=self.ljung_box >= MIN_LJUNG_BOX_P,
-            ),
-            lower(statistic="runs z", value=self.runs, limit=MIN_RUNS_Z, passes=self.runs >= MIN_RUNS_Z),
+            test(statistic="lag-1 autocorrelation z", value=self.lag1, limit=MAX_LAG1_Z),
+            test(statistic="Ljung-Box p", value=self.ljung_box, limit=MIN_LJUNG_BOX_P, limit_is_lower=True),
+            test(statistic="runs z", value=self.runs, limit=MIN_RUNS_Z, limit_is_lower=True),
         )
 
 
@@ -115,7 +122,7 @@ class ResidualTests:
     """Number of fitted values."""
     groups: tuple[GroupTest, ...]
     """Tests of the points, by mode and direction."""
-    events: EventTest | None = None
+    events: ModelTest | None = None
     """Test of the events; None: there are none."""
     limit: float = MAX_CHI2_PER_DOF
     """Largest `chi2_per_dof` that passes; infinite if there are no points, because events have a test of their own."""
@@ -130,26 +137,17 @@ class ResidualTests:
         """Return the result of each test."""
         results = [t for g in self.groups for t in g.results]
         if math.isfinite(self.limit):
+            ratio = math.sqrt(max(self.chi2_per_dof, 0.0))
+            larger = f"{amount(ratio)} times as large as" if ratio >= 1.5 else f"{amount(100 * (ratio - 1))} % larger than"
             size = ModelTest(
                 subject="all tracked points",
                 statistic="chi2 per degree of freedom",
                 value=self.chi2_per_dof,
                 limit=self.limit,
-                passes=self.chi2_per_dof <= self.limit,
-                failure=f"the residuals are {_beside_noise(self.chi2_per_dof)}",
+                failure=f"the residuals are {larger} the noise",
             )
             results.insert(0, size)
-        return (*results, *([self.events.result] if self.events else []))
-
-
-def _beside_noise(chi2_per_value: float) -> str:
-    """Return in words how much larger than the noise residuals are."""
-    ratio = math.sqrt(max(chi2_per_value, 0.0))
-    return (
-        f"{amount(ratio)} times as large as the noise"
-        if ratio >= 1.5
-        else f"{amount(100 * (ratio - 1))} % larger than the noise"
-    )
+        return (*results, *([self.events] if self.events else []))
 
 
 def check_residuals(fit: Fit) -> ResidualTests:
@@ -164,12 +162,12 @@ def check_residuals(fit: Fit) -> ResidualTests:
         points += int(np.isfinite(d.sigma[: d.event_slice.start]).sum())
         for name, series in _residuals_by_group(fit, k, z).items():
             groups.setdefault(name, []).append(series)
-    events = check_event_residuals(fit)
+    events, events_chi2 = check_event_residuals(fit) or (None, math.nan)
     tests = [_test_group(n, parts) for n, parts in sorted(groups.items()) if sum(map(len, parts)) >= MIN_GROUP_SIZE]
     # Where a tracker states larger errors than the points then have, a pattern is within these
     tests = [t for t in tests if t.chi2 > 1 - CHI2_SCATTER_SIGMAS / math.sqrt(t.count)]
     return ResidualTests(
-        chi2_per_dof=total / max(points - len(fit.x), 1) if points or events is None else events.chi2 / events.expected,
+        chi2_per_dof=total / max(points - len(fit.x), 1) if points or events is None else events_chi2,
         count=fit.problem.count,
         groups=tuple(tests),
         events=events,
@@ -255,47 +253,21 @@ def _runs_z(z: Array) -> float:
     return (runs - mean) / math.sqrt(max((mean - 1) * (mean - 2) / (len(z) - 1), 1e-9))
 
 
-@dataclass(frozen=True, kw_only=True)
-class EventTest:
-    """Chi-square test of all events of a fit, with the measured values of the apparatus."""
+def check_event_residuals(fit: Fit) -> tuple[ModelTest, float] | None:
+    """Test the events of a fit with the measured values of the apparatus, by chi2; None: it has none.
 
-    count: int
-    """Number of events."""
-    chi2: float
-    """Sum of squared residuals."""
-    expected: float
-    """Mean of `chi2` if the model is right: degrees of freedom of these rows."""
-    p: float
-    """Probability of a `chi2` at least as large if the model is right."""
-    worst: str
-    """Name and residual of the event with the largest residual."""
-
-    @property
-    def passes(self) -> bool:
-        """Return whether the residuals are no larger than the stated errors explain."""
-        return self.p >= MIN_P_VALUE
-
-    @property
-    def result(self) -> ModelTest:
-        """Return the result of the test."""
-        return ModelTest(
-            subject="events",
-            statistic=f"p of chi2 {self.chi2:.1f} where {self.expected:.1f} is expected",
-            value=self.p,
-            limit=MIN_P_VALUE,
-            limit_is_lower=True,
-            passes=self.passes,
-            failure=f"the events are farther off than their errors explain, most of all {self.worst}",
-        )
-
-
-def check_event_residuals(fit: Fit) -> EventTest | None:
-    """Test the events of a fit; return None if it has none."""
-    rows, names = _event_rows(fit)
+    Also returns chi2 over its mean if the model is right.
+    """
+    rows, names, start = [], [], 0
+    for data in fit.problem.data:
+        for i, row in enumerate(data.events, start=data.event_slice.start):
+            if np.isfinite(data.sigma[i]):
+                rows.append(start + i)
+                names.append(f"{data.trial.name} {row.quantity} {row.index}")
+        start += len(data.value)
     if not names:
         return None
-    measured = fit.problem.measured_rows
-    prior_rows = [measured + i for i, n in enumerate(fit.problem.free_parameters) if n.prior is not None]
+    prior_rows = [start + i for i, n in enumerate(fit.problem.free_parameters) if n.prior is not None]
     rows_tested = np.array([*rows, *prior_rows], dtype=int)
     part = fit.jacobian[rows_tested]
     residual_covariance = np.eye(len(rows_tested)) - part @ fit.covariance @ part.T
@@ -304,20 +276,17 @@ def check_event_residuals(fit: Fit) -> EventTest | None:
     residuals = fit.residuals[rows_tested]
     chi2 = float(residuals @ residuals)
     worst = int(np.argmax(np.abs(residuals[: len(rows)])))
-    return EventTest(
-        count=len(rows),
-        chi2=chi2,
-        expected=mean,
+    test = ModelTest(
+        subject="events",
+        statistic=f"p of chi2 {chi2:.1f} where {mean:.1f} is expected",
         # The scaled chi2 whose degrees of freedom and scale give this mean and variance (Satterthwaite)
-        p=float(special.chdtrc(mean**2 / half_variance, chi2 * mean / half_variance)),
-        worst=f"{names[worst]} ({residuals[worst]:+.1f} standard errors)",
+        value=float(special.chdtrc(mean**2 / half_variance, chi2 * mean / half_variance)),
+        limit=MIN_P_VALUE,
+        limit_is_lower=True,
+        failure="the events are farther off than their errors explain, most of all "
+        f"{names[worst]} ({residuals[worst]:+.1f} standard errors)",
     )
-
-
-def max_held_out_chi2(data: Sequence[TrialData]) -> float:
-    """Return the largest chi2 per value of held-out trials of events alone that passes."""
-    count = sum(len(d.events) for d in data)
-    return float(special.chdtri(count, MIN_P_VALUE)) / count
+    return test, chi2 / mean
 
 
 def event_rms_by_unit(fit: Fit, k: int) -> dict[str, float]:
@@ -334,37 +303,6 @@ def event_rms_by_unit(fit: Fit, k: int) -> dict[str, float]:
         if math.isfinite(value):
             squares.setdefault(row.unit, []).append((row.value - value) ** 2)
     return {unit: math.sqrt(sum(each) / len(each)) for unit, each in sorted(squares.items())}
-
-
-def _event_rows(fit: Fit) -> tuple[list[int], list[str]]:
-    """Return the rows of the residuals that belong to events, and the names of these events."""
-    rows: list[int] = []
-    names: list[str] = []
-    start = 0
-    for data in fit.problem.data:
-        for i, row in enumerate(data.events, start=data.event_slice.start):
-            if np.isfinite(data.sigma[i]):
-                rows.append(start + i)
-                names.append(f"{data.trial.name} {row.quantity} {row.index}")
-        start += len(data.value)
-    return rows, names
-
-
-@dataclass(frozen=True, kw_only=True)
-class ModelTest:
-    """One test of a model."""
-
-    subject: str
-    """What was tested: "all residuals", "sliding, light along", "held-out trial eight", the name of a candidate."""
-    statistic: str
-    """Name of the number that was tested, for example "chi2 per degree of freedom"."""
-    value: float
-    limit: float
-    """Largest value that passes, or the smallest one if `limit_is_lower`."""
-    limit_is_lower: bool = False
-    passes: bool
-    failure: str
-    """What a failure means, in words without the number, for example "the residuals still have a pattern"."""
 
 
 def failures_in_words(tests: Iterable[ModelTest]) -> tuple[str, ...]:

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise_steps
 from looping_pendulum.discrepancy.fit.data import TrialData
-from looping_pendulum.discrepancy.fit.problem import Steps, alone
-from looping_pendulum.measured.noise import GAUSSIAN_MAD
+from looping_pendulum.discrepancy.fit.problem import alone
+from looping_pendulum.measured.noise import GAUSSIAN_MAD, weighted_line
 from looping_pendulum.measured.observations import BODIES
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -61,18 +61,13 @@ MEDIAN_VARIANCE = math.pi / 2
 
 
 def with_noise_of_residuals(fit: Fit) -> Fit:
-    """Do the same as `with_noise_of_residuals_steps`."""
-    return alone(with_noise_of_residuals_steps(fit))
-
-
-def with_noise_of_residuals_steps(fit: Fit) -> Steps[Fit]:
     """Estimate each trial's noise from differences of neighbouring residuals, leave out outliers, and refit.
 
     Such differences do not see slow misfits. With them, chi2 scatters by 1/sqrt(n); with second differences 1.5 times as much;
     with the points' own differences of fourth order, which need no model, twice as much.
     """
     data = [data_with_noise_of_residuals(fit, k) for k in range(len(fit.problem.data))]
-    return minimise_steps(fit.problem.with_data(data), fit.x, initial_jacobian=_rescaled_jacobian(fit, data))
+    return alone(minimise_steps(fit.problem.with_data(data), fit.x, initial_jacobian=_rescaled_jacobian(fit, data)))
 
 
 def refit_with_estimated_noise(fit: Fit) -> Fit:
@@ -188,15 +183,9 @@ def _fit_noise_law(difference: Array, v: Array) -> tuple[float, float]:
     a, b = GAUSSIAN_MAD * float(np.median(np.abs(difference))) + 1e-12, 0.0
     for _ in range(40):
         sigma = np.maximum(a + b * v, 0.05 * a + 1e-12)
-        # Linearised, as in `data.noise`, the estimating equation is a weighted line through these values
+        # Linearised, as in `measured.noise`, the estimating equation is a weighted line through these values
         y = 0.5 * (sigma + np.minimum(difference**2, (MAX_DIFFERENCE_SIGMAS * sigma) ** 2) / sigma)
-        w = 1 / sigma**2
-        middle = float(w @ v / w.sum())
-        spread = float(w @ (v - middle) ** 2)
-        b = max(float(w @ ((v - middle) * y)) / spread, 0.0) if spread > 1e-12 * w.sum() else 0.0
-        a = float(w @ y / w.sum()) - b * middle
-        if a < 0:
-            a, b = 1e-12, float(w @ (v * y) / (w @ v**2))
+        a, b = weighted_line(v, y, 1 / sigma**2)
     return a, b
 
 

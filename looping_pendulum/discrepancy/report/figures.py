@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -114,31 +113,11 @@ def _held_out(trial: str, held_out: bool) -> str:
 # The motion, or residuals over time, of the trial that the verdict speaks of
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ResidualVectors:
-    """Residuals of a tracked mass as lines from the model to the points."""
-
-    path: Array
-    """Positions by the model [m], shape (n, 2)."""
-    tips: Array
-    """The model's position plus the magnified residual [m], shape (n, 2)."""
-
-
-def shown_trial(result: Identification) -> TrialFigure:
-    """Return the trial to show: the one that the verdict's sentence speaks of, or else the first that was tracked."""
-    name = worst_trial(result.errors).trial
-    return next((p for p in result.trial_figures if p.trial == name), result.trial_figures[0])
-
-
-def tracked_body(picture: TrialFigure) -> str | None:
-    """Return the body whose position was tracked in both directions, the light mass first; None: there is none."""
-    return next((b for b, names in BODIES.items() if len(names) == 2 and set(names) <= set(picture.channels)), None)
-
-
-def residual_vectors(picture: TrialFigure, body: str) -> tuple[dict[str, ResidualVectors], float]:
+def residual_vectors(picture: TrialFigure, body: str) -> tuple[dict[str, tuple[Array, Array]], float]:
     """Return field of the model ("before", "after") -> residual vectors, and the factor by which they are magnified.
 
-    The factor is one of 1, 2, 5, 10, 20, ...
+    Residual vectors lead from positions by the model to these plus the magnified residual [m], both of shape (n, 2). The factor
+    is one of 1, 2, 5, 10, 20, ...
     """
     x, y = BODIES[body]
     _, ix, iy = np.intersect1d(picture.t[x], picture.t[y], return_indices=True)
@@ -156,24 +135,16 @@ def residual_vectors(picture: TrialFigure, body: str) -> tuple[dict[str, Residua
     if rms > 0 and (largest := VECTOR_SHARE * size / rms) >= 1:
         power = 10.0 ** math.floor(math.log10(largest))
         factor = power * max(step for step in (1, 2, 5) if step * power <= largest)
-    return {side: ResidualVectors(path=path, tips=path + factor * (measured - path)) for side, path in paths.items()}, factor
-
-
-def _residuals_over_time(picture: TrialFigure, channel: str) -> tuple[dict[str, Array], str]:
-    """Return field of the model -> measured less predicted values without outliers, and their unit."""
-    raw = {
-        side: np.where(picture.outliers[channel], np.nan, picture.measured[channel] - getattr(picture, side)[channel])
-        for side, _ in MODELS
-    }
-    size = float(np.sqrt(np.nanmean(raw["before"] ** 2)))
-    unit, per_si = SHOWN_UNITS[UNITS[channel]][size > LARGE]
-    return {side: per_si * values for side, values in raw.items()}, unit
+    return {side: (path, path + factor * (measured - path)) for side, path in paths.items()}, factor
 
 
 def motion_chart(result: Identification) -> Chart:
     """Return the motion with residual vectors by each model, or the residuals over time."""
-    picture, models = shown_trial(result), _models(result)
-    body = tracked_body(picture)
+    models, name = _models(result), worst_trial(result.errors).trial
+    # The trial that the verdict's sentence speaks of, or else the first that was tracked
+    picture = next((p for p in result.trial_figures if p.trial == name), result.trial_figures[0])
+    # A body whose position was tracked in both directions, the light mass first
+    body = next((b for b, names in BODIES.items() if len(names) == 2 and set(names) <= set(picture.channels)), None)
     role = "held-out trial" if picture.held_out else "trial"
     if body is None:
         several = "the declared and the repaired model" if result.has_repair else "the declared model"
@@ -189,13 +160,13 @@ def motion_chart(result: Identification) -> Chart:
         )
     vectors, factor = residual_vectors(picture, body)
     # The same limits for all, so that they can be compared
-    shown = [part for side, _ in models for part in (vectors[side].path, vectors[side].tips)]
+    shown = [part for side, _ in models for part in vectors[side]]
     x, y = with_room(*(reach([part[:, k] for part in shown]) for k in (0, 1)))
     beside = ", of the declared and of the repaired model" if result.has_repair else ""
     longer = f", drawn {factor:g} times as long as it is" if factor > 1 else ""
     panels = []
     for side, label in models:
-        path, tips = vectors[side].path, vectors[side].tips
+        path, tips = vectors[side]
         ends = np.stack([path, tips], axis=1).reshape(-1, 2).T
         curves = [
             Curve(label="", x=ends[0], y=ends[1], colour=MODEL_COLOURS[side], width=0.8, in_pairs=True),
@@ -218,11 +189,16 @@ def motion_chart(result: Identification) -> Chart:
 
 
 def _residual_panel(picture: TrialFigure, channel: str, models: Sequence[tuple[str, str]]) -> Panel:
-    residuals, unit = _residuals_over_time(picture, channel)
+    residuals = {
+        side: np.where(picture.outliers[channel], np.nan, picture.measured[channel] - getattr(picture, side)[channel])
+        for side, _ in MODELS
+    }
+    size = float(np.sqrt(np.nanmean(residuals["before"] ** 2)))
+    unit, per_si = SHOWN_UNITS[UNITS[channel]][size > LARGE]
     look: dict[str, Any] = {"width": 0.8, "marker": "o", "size": 3.0, "in_legend": channel == picture.channels[0]}
     return Panel(
         curves=[
-            Curve(label=label, x=picture.t[channel], y=residuals[side], colour=MODEL_COLOURS[side], **look)
+            Curve(label=label, x=picture.t[channel], y=per_si * residuals[side], colour=MODEL_COLOURS[side], **look)
             for side, label in models
         ],
         y=Axis(label=f"{channel}: measured\nless predicted [{unit}]"),

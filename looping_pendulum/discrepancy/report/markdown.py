@@ -16,7 +16,6 @@ from looping_pendulum.discrepancy.result import (
     MIN_SEPARATION,
     EventResidual,
     FitReport,
-    ForceProfile,
     Identification,
     IdentifiedEffect,
     RankedExplanation,
@@ -86,7 +85,7 @@ def before_figures(result: Identification) -> list[str]:
         "## Further remarks\n\n" + "".join(f"- {note}\n" for note in result.notes) if result.notes else "",
         _effects(result),
         unlisted_force(result),
-        "## Error before and after\n\n" + _errors(result),
+        _errors(result),
         _record_starts(result),
         _correlated_noise(result),
         _outliers(result),
@@ -100,7 +99,7 @@ def after_figures(result: Identification) -> list[str]:
     versions = ", ".join(f"{k} {v}" for k, v in sorted(result.provenance.items()))
     origin = f"Study `{result.study}`, seed {result.seed}; {versions}. The same input and seed give the same bytes.\n"
     return [
-        "## Explanations that were compared\n\n" + _explanations(result),
+        _explanations(result),
         smallest_visible(result),
         _tests(result),
         "## Declared model, calibrated\n\n" + _fit(result.before),
@@ -108,6 +107,11 @@ def after_figures(result: Identification) -> list[str]:
         "## Data\n\n" + "".join(f"- {line}\n" for line in result.data),
         "## Provenance\n\n" + origin,
     ]
+
+
+def _section(title: str, note: str, head: Sequence[str], rows: Sequence[Sequence[str]], *, left: int) -> str:
+    """Return a section with a table; empty without rows. The first ``left`` columns are words."""
+    return f"## {title}\n\n{note}\n\n{table(head, rows, left=left)}" if rows else ""
 
 
 def _effects(result: Identification) -> str:
@@ -153,10 +157,10 @@ def unlisted_force(result: Identification) -> str:
     unit, name = force.unit, force.depends_on.replace("_", " ")
     head = ["direction", f"largest at {name} [{unit}]", f"largest [{force.value_unit or 1}]", f"significant between [{unit}]",
             "formula"]  # fmt: skip
-    rows = [
-        [SIDES[p.side], number(p.largest_at), number(p.largest), _significant_range(p), f"`{p.formula}`"]
-        for p in force.profiles
-    ]
+    rows = []
+    for p in force.profiles:
+        significant = GAP if p.significant_from is None else f"{number(p.significant_from)} and {number(p.significant_to)}"
+        rows.append([SIDES[p.side], number(p.largest_at), number(p.largest), significant, f"`{p.formula}`"])
     model = IN_NO_REPAIRED_MODEL
     if result.explanations[0].law and force.formula is None:
         model = "The repaired model has these, since no simple formula explains held-out data as well."
@@ -184,10 +188,6 @@ def unlisted_force(result: Identification) -> str:
     return f"{text}\n{table(head, rows, left=1)}\n{note}\n"
 
 
-def _significant_range(p: ForceProfile) -> str:
-    return GAP if p.significant_from is None else f"{number(p.significant_from)} and {number(p.significant_to)}"
-
-
 def _errors(result: Identification) -> str:
     units = ", ".join(DISPLAY_UNITS[unit].name for unit in sorted({e.unit for e in result.errors}) if unit in DISPLAY_UNITS)
     units = units or GAP
@@ -200,9 +200,9 @@ def _errors(result: Identification) -> str:
     note = (
         "RMS of the distance from the light mass's tracked points to the model, as a length, an angle or an angular velocity, "
         "and in units of the noise, of which 1 is the best possible. *Before*: the declared model, calibrated; *after*: the "
-        f"repaired model. Fits that have not seen the {result.judged_on} predict these here.\n\n"
+        f"repaired model. Fits that have not seen the {result.judged_on} predict these here."
     )
-    return note + table(head, rows, left=2)
+    return _section("Error before and after", note, head, rows, left=2)
 
 
 def _record_starts(result: Identification) -> str:
@@ -224,8 +224,6 @@ def _record_starts(result: Identification) -> str:
 
 def _correlated_noise(result: Identification) -> str:
     """Return the section on errors that last longer than a frame; empty if there are none."""
-    if not result.correlated_noise:
-        return ""
     head = ["tracked points of", "typically off by", "for about", "that is"]
     rows = [
         [BODY_IN_WORDS[e.body], quantity(e.amplitude, e.unit), quantity(e.correlation_time, "s"), f"{amount(e.points)} points"]
@@ -234,14 +232,12 @@ def _correlated_noise(result: Identification) -> str:
     note = (
         "The tracked points do not only scatter from frame to frame. Neighbouring ones are off in the same direction, as when "
         "a tracker or a hand wanders over the mark. The tests allow for it; the price is that a small effect can hide behind "
-        "it. Marks that are set anew in every frame, on a larger picture, would make it smaller.\n\n"
+        "it. Marks that are set anew in every frame, on a larger picture, would make it smaller."
     )
-    return "## Errors that last longer than a frame\n\n" + note + table(head, rows, left=1)
+    return _section("Errors that last longer than a frame", note, head, rows, left=1)
 
 
 def _outliers(result: Identification) -> str:
-    if not result.outliers:
-        return ""
     head = ["trial", "held out?", "channels", "outliers", "of", "farthest off", "when, by the file's clock [s]"]
     rows = [
         [o.trial, "yes" if o.held_out else "no", ", ".join(o.channels), str(o.count), str(o.of),
@@ -251,9 +247,9 @@ def _outliers(result: Identification) -> str:
     note = (
         "These tracked points are far from where their neighbours lead one to expect them, so that they show another object; "
         "neither fits nor tests use them. What a model lacks moves many neighbouring points together and is not mistaken for "
-        "an outlier. Correct them in the tracker, if you can.\n\n"
+        "an outlier. Correct them in the tracker, if you can."
     )
-    return "## Outliers\n\n" + note + table(head, rows, left=3)
+    return _section("Outliers", note, head, rows, left=3)
 
 
 def _interval(first: float, last: float) -> str:
@@ -262,8 +258,6 @@ def _interval(first: float, last: float) -> str:
 
 def _events(result: Identification) -> str:
     """Return the section on events; empty if none was measured."""
-    if not result.events:
-        return ""
     head = ["trial", "held out?", "event", "unit", "measured", "+/-", "declared model", "off by", "repaired model", "off by"]
     rows = [
         [e.trial, "yes" if e.held_out else "no", quantity_label(e.quantity, e.index), e.unit or GAP,
@@ -273,9 +267,9 @@ def _events(result: Identification) -> str:
     ]  # fmt: skip
     note = (
         "Off by: measured less predicted, in standard errors. An event without a prediction does not happen in that model's "
-        f"run, and counts as missed by {MISSED_EVENT_ERRORS:g} standard errors.\n\n"
+        f"run, and counts as missed by {MISSED_EVENT_ERRORS:g} standard errors."
     )
-    text = "## Events\n\n" + note + table(head, rows, left=4) + "\n"
+    text = _section("Events", note, head, rows, left=4)
     rows = [
         [e.trial, "yes" if e.held_out else "no", DISPLAY_UNITS[unit].name,
          *(number(errors.get(unit), DISPLAY_UNITS[unit].per_si_unit) for errors in (e.events_before, e.events_after))]
@@ -284,7 +278,7 @@ def _events(result: Identification) -> str:
         if unit in DISPLAY_UNITS
     ]  # fmt: skip
     head = ["trial", "held out?", "unit", "RMS of its events, declared model", "repaired model"]
-    return text + table(head, rows, left=3) if rows else text
+    return f"{text}\n{table(head, rows, left=3) if rows else ''}" if text else ""
 
 
 def off_by(event: EventResidual, predicted: float | None) -> str:
@@ -350,7 +344,7 @@ def _explanations(result: Identification) -> str:
     note = (
         "How probable each explanation is, given all data and what is known of it beforehand, the most probable first; all "
         "that were fitted have 100 % together. The odds compare it with the declared model, to which nothing is added. An "
-        "explanation that is less probable than a part of it is counted with that part: what it adds does not show.\n\n"
+        "explanation that is less probable than a part of it is counted with that part: what it adds does not show."
     )
     head = ["added to the declared model", "probability", "odds (log10)", "values"]
     rows = [
@@ -358,14 +352,12 @@ def _explanations(result: Identification) -> str:
          "; ".join(uncertain(e.value, e.error, e.unit) for e in one.effects) or GAP]
         for one in result.explanations
     ]  # fmt: skip
-    return note + table(head, rows, left=1)
+    return _section("Explanations that were compared", note, head, rows, left=1)
 
 
 def smallest_visible(result: Identification) -> str:
     """Return the section on the smallest visible effects; empty if there are none."""
     visible = result.smallest_visible
-    if not visible:
-        return ""
     hiding = ""
     if result.can_hide:
         hiding = (
@@ -378,9 +370,9 @@ def smallest_visible(result: Identification) -> str:
     note = (
         "An effect that is smaller than this may be there without a trace. The first of the list can hide best: an effect of "
         "that size moves the masses by the most, but the fitted masses, lengths, friction and camera settings make up for it. "
-        f"A percentage is that of the value itself.{rest}{hiding}\n\n"
+        f"A percentage is that of the value itself.{rest}{hiding}"
     )
-    return "## What these data could show\n\n" + note + table(head, rows, left=2)
+    return _section("What these data could show", note, head, rows, left=2)
 
 
 def _tests(result: Identification) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from looping_pendulum.compare.landmarks import quantity_label
-from looping_pendulum.discrepancy.result import Identification, IdentifiedEffect, Unlisted, Verdict
+from looping_pendulum.discrepancy.result import Identification, Unlisted, Verdict
 from looping_pendulum.measured.observations import UNITS
 from looping_pendulum.pages.numbers import amount, number, quantity
 
@@ -68,16 +68,17 @@ def _after_identified(result: Identification) -> list[str]:
         )
     if physics:
         steps.append(f"Use the repaired model, `repaired.yaml` beside this report: `{RUN}`, or `{COMPARE}`.")
-    steps.append(_declare(result.effects))
-    return steps
-
-
-def _declare(effects: tuple[IdentifiedEffect, ...]) -> str:
-    forces = [e.name for e in effects if e.acts_on != "camera" and e.kind != "wrong value"]
+    forces = [e.name for e in result.effects if e.acts_on != "camera" and e.kind != "wrong value"]
     if not forces:
-        return "Film one more trial, hold it out, and run `looping-pendulum identify` again with the corrected value."
+        return [
+            *steps,
+            "Film one more trial, hold it out, and run `looping-pendulum identify` again with the corrected value.",
+        ]
     lines = ", ".join(f"`{name}: free`" for name in forces)
-    return f"Test it: film one more trial, add {lines} under `effects` of the study, and run `looping-pendulum identify` again."
+    return [
+        *steps,
+        f"Test it: film one more trial, add {lines} under `effects` of the study, and run `looping-pendulum identify` again.",
+    ]
 
 
 def _after_ambiguous(result: Identification) -> list[str]:
