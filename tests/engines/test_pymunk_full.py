@@ -10,7 +10,6 @@ import pytest
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.pymunk.full_chain import (
     SETTINGS,
-    FullChainRig,
     PymunkFullChain,
     contact_friction,
     link_contact_radius,
@@ -129,7 +128,7 @@ def test_a_push_pulls_no_joint_apart(variant, push):
     # pulled at with the whole sliding speed.
     p = TEN_TO_ONE.replace(rod_radius=0.03, **push)
     settings = SETTINGS[variant, Profile.QUICK]
-    rig = FullChainRig(variant, p, settings)
+    rig = PymunkFullChain(variant=variant).build(scenario(p, 0.1))
     assert rig.read()[2:4] == pytest.approx(release_velocity(p)[:2])
     assert rig.read()[7] == pytest.approx(release_velocity(p)[2])
     bend, swing = settings.bend(p.rod_radius), math.hypot(*release_velocity(p)[:2]) * settings.link_length / p.free_length

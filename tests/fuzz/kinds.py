@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -294,17 +294,8 @@ def _result() -> ComparisonResult:
 
     def reference(t: np.ndarray) -> Trajectory:
         rows = np.searchsorted(run.t, t[t <= run.t[-1] + 1e-9] - 1e-9)
-        names = (
-            "t",
-            "light_position",
-            "light_velocity",
-            "heavy_position",
-            "heavy_velocity",
-            "free_length",
-            "wrap_angle",
-            "mode",
-        )
-        return replace(run, **{name: getattr(run, name)[rows] for name in (*names, "string_stretch")})
+        sampled = {f.name: value[rows] for f in fields(run) if isinstance(value := getattr(run, f.name), np.ndarray)}
+        return replace(run, **sampled)
 
     return replace(compare(scenario, reference, [run]), run_keys=("key",))  # type: ignore[arg-type]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from looping_pendulum.pages.glossary import glossary
+from looping_pendulum.pages.report import glossary
 from typer.testing import CliRunner
 
 from looping_pendulum.cli.main import app
