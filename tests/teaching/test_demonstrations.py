@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from looping_pendulum.pages.report import glossary
 from typer.testing import CliRunner
 
 from looping_pendulum.cli.main import app
@@ -16,6 +15,7 @@ from looping_pendulum.compare.stories import EVENT_DESCRIPTIONS, PHYSICS_DESCRIP
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import WHERE_IT_INSTALLS, all_engines, how_to_get
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE, RunStatus
+from looping_pendulum.pages.report import glossary
 from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.scenarios import loader
 from looping_pendulum.teaching.demo import page_data
