@@ -78,15 +78,25 @@ def imports() -> Texts:
 
 
 def comparisons() -> Texts:
-    """Return what `compare` says of every variant that is installed, with quick settings, but for its clock."""
+    """Return what `compare` says of every variant that is installed, with quick settings, but for its clock.
+
+    Nor are the keys of kept runs told, which hash the sources of the engines; the report is written again without either.
+    """
+    from looping_pendulum.compare.report import render
+    from looping_pendulum.compare.result import ComparisonResult
+
     texts = {}
     for name in COMPARED:
         with tempfile.TemporaryDirectory() as folder:
             _command("compare", name, "--out", folder, "--quiet", allowed=(0, 1))
             result = json.loads(Path(folder, "result.json").read_text(encoding="utf-8"))
-            result.pop("clock")
+            del result["run_keys"]
+            result["clock"]["written"] = ""
+            for times in result["clock"]["wall_times"]:
+                times |= {key: 0.0 for key, value in times.items() if isinstance(value, float)}
             texts[f"{name}.json"] = json.dumps(result, indent=1)
-            texts |= _written(Path(folder), name, skip=("result.json",))
+            texts[f"{name}.md"] = render(ComparisonResult.from_json(texts[f"{name}.json"]))
+            texts |= _written(Path(folder), name, skip=("result.json", "report.md", "report.html"))
     return texts
 
 

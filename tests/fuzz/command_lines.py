@@ -196,7 +196,7 @@ def run(data: bytes) -> None:
     if not all(line.isprintable() for line in error.replace("\t", "").split("\n")):
         raise NotInOrder(f"raw characters on the terminal: {error!r}")
     lines = [line for line in error.split("\n") if line.strip()]
-    if status == 0 or (status == 2 and "Commands:" in said + error):
+    if status == 0 or (status == 2 and "\nCompare engines:\n" in said + error):  # the whole help
         return
     if status == 1 and lines[-1:] == ["Aborted."]:
         raise RefusedLine("asked, and nobody answered")
