@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from looping_pendulum.film import pendulum
 from looping_pendulum.film.decode import FilmError, FilmFacts, Picture, Survey, film_error, pictures, survey
@@ -40,6 +41,8 @@ SHARED_ERROR = 10.0
 
 Shading, the string and lines of the background pull a centre the more, the paler the mass is.
 """
+EDGE_ERROR = 0.1
+"""Error of the centre of a mass with straight edges [pixels]: a whole edge comes to another row of pixels at once."""
 NOISE_ERROR = 0.3
 """Error of a disc's centre, in radii over radii: its noise over its contrast times this [pixels]."""
 STREAK_ERROR = 0.03
@@ -477,12 +480,17 @@ class _Tracking:
         found = set(light.frames.tolist())
         share = sum(k in found for k in span) / max(len(span), 1)
         rest_seen = int(np.sum(fall.rows[:, 0] <= fall.first)) >= 3
-        heavy_points, heavy_wrong = self._points(
-            fall.rows[:, 0].astype(int), fall.rows[:, 1:3], fall.rows[:, 4], _way_of_fall(fall), ground
-        )
         streak = streak_way(np.array([(b.length, b.width) for b in light.blobs]))
         light_points, light_wrong = self._points(
             light.frames, light.points, np.array([b.contrast for b in light.blobs]), streak, ground
+        )
+        # The light mass is faster and round, so that its streak tells the exposure, which is the heavy mass's, too
+        falling = fall.rows[:, 0].astype(int)
+        speed = _speed(t[light.frames], light.points)
+        fast = speed > 0.5 * speed.max()
+        exposure = float(np.median(streak[fast] / speed[fast]))
+        heavy_points, heavy_wrong = self._points(
+            falling, fall.rows[:, 1:3], fall.rows[:, 4], exposure * _speed(t[falling], fall.rows[:, 1:3]), ground, EDGE_ERROR
         )
         kept = np.isin(light.frames, light_points.frame)
         released, release_error = pendulum.release(t, heavy_points.frame, heavy_points.place[:, 1], fall.first + 3)
@@ -528,7 +536,7 @@ class _Tracking:
         return replace(track, angle=start - track.side * tilt, hanging_length=hanging)
 
     def _points(
-        self, frame: NDArray[np.intp], place: Array, contrast: Array, streak: Array, ground: Background
+        self, frame: NDArray[np.intp], place: Array, contrast: Array, streak: Array, ground: Background, edge_error: float = 0.0
     ) -> tuple[Points, int]:
         """Return the points of a mass, without those that their neighbours contradict, and how many these are."""
         expected = CENTRE_ERROR + NOISE_ERROR * ground.noise / contrast
@@ -553,7 +561,8 @@ class _Tracking:
                 if all(abs(int(w) - d) > 4 for d in dropped):
                     dropped.append(int(w))
             keep[dropped] = False
-        error = np.hypot(np.hypot(factor * expected, SHARED_ERROR / contrast), STREAK_ERROR * streak)
+        shared = np.hypot(SHARED_ERROR / contrast, edge_error)
+        error = np.hypot(np.hypot(factor * expected, shared), STREAK_ERROR * streak)
         points = Points(frame=frame[keep], place=place[keep], error=error[keep], streak=streak[keep])
         return points, int(np.sum(~keep))
 
@@ -566,12 +575,10 @@ def streak_way(extent: Array) -> Array:
     return np.asarray(np.sqrt(0.75 * np.maximum(extent[:, 0] ** 2 - extent[:, 1] ** 2, 0.0)))
 
 
-def _way_of_fall(fall: Fall) -> Array:
-    """Return the heavy mass's way during the exposure [pixels], shape (n,): by how much it is longer than where it rests."""
-    length = fall.rows[:, 5]
-    resting = length[fall.rows[:, 0] <= fall.first]
-    own = np.full(len(length), np.median(resting) if len(resting) else length.min())
-    return streak_way(np.stack([length, own], axis=1))
+def _speed(t: Array, place: Array) -> Array:
+    """Return the speed at each point of a track [pixels/s], shape (n,), without outliers."""
+    smooth = median_filter(place, (5, 1), mode="nearest")
+    return np.asarray(np.hypot(*np.gradient(smooth, t, axis=0).T)) if len(t) > 1 else np.zeros(len(t))
 
 
 def _bearing_at_rest(light: LightMass, fall: Fall) -> float:
