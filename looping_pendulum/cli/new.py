@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,6 +16,7 @@ from looping_pendulum.cli.terminal import ProgressBars, say
 from looping_pendulum.errors import HarnessError, printable
 
 if TYPE_CHECKING:
+    from looping_pendulum.jobs import ReportShare
     from looping_pendulum.measured.study import Study
     from looping_pendulum.teaching.questions import Answers
 
@@ -78,7 +80,7 @@ def new(
         if study:
 
             def make(answer: Answers) -> str:
-                text, loaded = new_study(answer, name=name, folder=path.parent, files=files, like=like)
+                text, loaded = new_study(answer, name=name, folder=path.parent, files=files, like=like, reporting=_bar_alone)
                 _check_trials(loaded, ask=not yes)
                 return text
 
@@ -97,6 +99,13 @@ def new(
     if study and yes and (guessed := not_measured(answer)):
         say(f"taken from {like}, and not measured: {', '.join(guessed)}; put your own numbers into the file")
     say(f"wrote {path}; next: looping-pendulum {'identify' if study else 'run'} {path}")
+
+
+@contextmanager
+def _bar_alone() -> Iterator[ReportShare]:
+    """A bar while no question is asked, as both write to the last line of a terminal."""
+    with ProgressBars() as bars:
+        yield bars.update
 
 
 def _check_trials(study: Study, *, ask: bool) -> None:

@@ -65,6 +65,8 @@ READOUT_ERROR, KNOWN_READOUT_ERROR = 5e-3, 5e-5
 
 A phone reads its picture in 3 to 16 ms, which shows about 1.5 m: without room for it, a delay of 3.5 ms looked like a force.
 """
+RELEASE_ANGLE_ERROR, HANGING_LENGTH_ERROR = 0.3, 1e-3
+"""Errors of the string's angle [deg] and of the hanging length [m] at the release, most of all of where a mass's centre is."""
 CAMERA_LEAST_TILT = math.radians(0.02)
 """Smallest error of the tilt that is stated [rad]."""
 
@@ -192,6 +194,22 @@ def _camera_errors(track: FilmTrack) -> dict[str, float]:
     }
 
 
+def release_lines(track: FilmTrack) -> dict[str, str]:
+    """Return what a study says of this film's release, as the picture before it shows it."""
+    return {
+        "angle": f"{math.degrees(track.angle):.2f} deg +/- {RELEASE_ANGLE_ERROR:g} deg",
+        "hanging_length": f"{1e3 * track.hanging_length:.1f} mm +/- {1e3 * HANGING_LENGTH_ERROR:g} mm",
+    }
+
+
+def stated_release(files: FilmFiles) -> dict[str, str]:
+    """Return `release_lines` of the facts beside a table; none without them."""
+    try:
+        return dict(json.loads(files.facts.read_text(encoding="utf-8"))["release"])
+    except (OSError, ValueError, TypeError, KeyError):
+        return {}
+
+
 def delay_per_length(track: FilmTrack) -> float:
     """Return the delay of the picture's rows per length downwards [s/m], 0 if the time of the readout is not known."""
     return (track.settings.readout or 0.0) * track.scale / track.facts.height
@@ -210,13 +228,13 @@ def sentence(track: FilmTrack) -> str:
 
 def study_lines(track: FilmTrack, file: str) -> str:
     """Return the lines of a study for this film's trial, to copy."""
-    angle, hanging = math.degrees(track.angle), 1e3 * track.hanging_length
+    release = release_lines(track)
     camera = ", ".join(f"{key}: {value}" for key, value in camera_lines(track).items())
     length = "" if track.settings.free_length is None else f", free_length: {_length(track)}"
     return "\n".join((
         f"  - file: {file}",
-        f"    release: {{kind: looping, angle: {angle:.2f} deg +/- 0.3 deg{length},",
-        f"      hanging_length: {hanging:.1f} mm +/- 1 mm}}",
+        f"    release: {{kind: looping, angle: {release['angle']}{length},",
+        f"      hanging_length: {release['hanging_length']}}}",
         f"    camera: {{{camera}}}",
     ))  # fmt: skip
 
@@ -242,6 +260,7 @@ def facts(track: FilmTrack | PlainTrack) -> dict[str, Any]:
         "string_residual_pixels": track.string_scatter,
         "frames_followed": [first, last], "light_share": track.share, "skipped": track.skipped,
         "points": {name: _summary(p) for name, p in (("light", track.light), ("heavy", track.heavy))},
+        "release": release_lines(track),
         "camera": camera_lines(track), "camera_errors": _camera_errors(track), "readout_s": track.settings.readout,
     }  # fmt: skip
 

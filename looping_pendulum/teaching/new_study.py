@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from looping_pendulum.errors import HarnessError
 from looping_pendulum.film.decode import is_film
 from looping_pendulum.jobs import ReportShare
 from looping_pendulum.measured import readers, study_io
@@ -15,6 +18,7 @@ from looping_pendulum.measured.clock import RATE_TOLERANCE
 from looping_pendulum.measured.observations import DataError
 from looping_pendulum.measured.readers import LENGTH_UNITS, MASSES, FileSurvey, mass_in_name, survey
 from looping_pendulum.measured.study import REQUIRED, Study
+from looping_pendulum.measured.study_file import MeasuredField
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.document import quote, shorten
@@ -53,6 +57,9 @@ MEASURED_PER_TRIAL = {
     Release.DROP: ("heavy.mass",),
 }
 """Release -> keys of what is measured for each trial."""
+Reporting = Callable[[], AbstractContextManager[ReportShare | None]]
+LENGTH_OF_FILM = "release.free_length"
+"""Key of the length by which a film is tracked."""
 APPARATUS = {"light.mass": "light_mass", "rod.radius": "rod_radius"}
 """Key of what is measured once for all trials -> parameter."""
 STUDY_KEYS = ("title", "count", "effects", *APPARATUS)
@@ -83,7 +90,9 @@ NO_TRACK = "-"
 _RATE = QuantityField(QUANTITIES["frame_rate"].kind)
 
 
-def new_study(answer: Answers, *, name: str, folder: Path, files: Sequence[str], like: str) -> tuple[str, Study]:
+def new_study(
+    answer: Answers, *, name: str, folder: Path, files: Sequence[str], like: str, reporting: Reporting = nullcontext
+) -> tuple[str, Study]:
     """Ask for a study of filmed trials.
 
     Parameters
@@ -96,6 +105,8 @@ def new_study(answer: Answers, *, name: str, folder: Path, files: Sequence[str],
         The trials' files, relative to the current folder; if empty, they are asked for.
     like
         Shipped scenario, or file, whose numbers are the defaults.
+    reporting
+        Returns a context with a function that is called while a film is tracked, for what it shows of the release.
 
     Returns
     -------
@@ -132,7 +143,7 @@ def new_study(answer: Answers, *, name: str, folder: Path, files: Sequence[str],
     declared_effects = answer("effects", "Effects that you believe act, beside gravity", usual_effects, check_effects)
     tree["effects"] = {"gravity": "9.81 m/s^2"} | {effect: "free" for effect in _split_effects(declared_effects)}
     for i, trial in enumerate(trials):
-        _measure_trial(answer, i, count, trial, defaults)
+        _measure_trial(answer, i, count, trial, defaults, get(tree["apparatus"], "rod.radius"), reporting)
         # With forward slashes, so that the study also loads on another system
         trial["file"] = Path(os.path.relpath(trial["file"], folder)).as_posix()
     tree["trials"] = trials
@@ -196,16 +207,46 @@ def _refuse_unknown_keys(answer: Answers) -> None:
             raise AnswerError(f"{message}; ask for the file and change it there, as docs/keys.md says", keys=(key,))
 
 
-def _measure_trial(answer: Answers, index: int, count: int, trial: Tree, defaults: Tree) -> None:
+def _measure_trial(
+    answer: Answers, index: int, count: int, trial: Tree, defaults: Tree, radius: str | None, reporting: Reporting
+) -> None:
     """Ask for what was measured of one trial."""
-    at = f"trials.{index + 1}"
+    at, lead = f"trials.{index + 1}", f"Trial {index + 1}: "
     held_out = "no" if count == 1 or index < count - 1 else "yes"
-    words = f"Trial {index + 1}: keep it away from the fit, to judge the verdict on"
-    if answer(f"{at}.held_out", words, held_out, check_yes_or_no) == "yes":
+    if (
+        answer(f"{at}.held_out", f"{lead}keep it away from the fit, to judge the verdict on", held_out, check_yes_or_no)
+        == "yes"
+    ):
         trial["held_out"] = "true"
-    for key in MEASURED_PER_TRIAL[Release(get(trial, "release.kind") or Release.LOOPING)]:
+    keys = MEASURED_PER_TRIAL[Release(get(trial, "release.kind") or Release.LOOPING)]
+    shown: dict[str, str] = {}
+    if is_film(trial["file"]):  # one length is measured, and the film shows the others
+        keys = (LENGTH_OF_FILM, *(key for key in keys if key != LENGTH_OF_FILM))
+    for key in keys:
         before = next((a for i in range(index, 0, -1) if (a := answer.known.get(f"trials.{i}.{key}"))), None)
-        put(trial, key, _measured(answer, f"{at}.{key}", key, defaults, before, lead=f"Trial {index + 1}: "))
+        put(trial, key, _measured(answer, f"{at}.{key}", key, defaults, shown.get(key) or before, lead))
+        if key == LENGTH_OF_FILM and is_film(trial["file"]):
+            shown = _shown_by_film(answer, trial, radius, reporting)
+
+
+def _shown_by_film(answer: Answers, trial: Tree, radius: str | None, reporting: Reporting) -> dict[str, str]:
+    """Return what a film shows of its release, as answers by their keys; none if it cannot be tracked, which is told."""
+    from looping_pendulum.film import output
+    from looping_pendulum.film.track import TrackSettings
+
+    files = output.files_of(trial["file"])
+    if not output.is_newer(files, trial["file"]):
+        length = MeasuredField(QUANTITIES["free_length"].kind).estimate(get(trial, LENGTH_OF_FILM))
+        settings = TrackSettings(free_length=length.value, free_length_error=length.sigma or 0.0)
+        if radius is not None:
+            settings = replace(settings, rod_radius=MeasuredField(QUANTITIES["rod_radius"].kind).estimate(radius).value)
+        try:
+            with reporting() as progress:
+                output.track_and_write(trial["file"], settings, files, progress)
+        except HarnessError as error:
+            answer.tell(str(error))
+            return {}
+    return {f"release.{key}": text for key, text in output.stated_release(files).items()}
 
 
 def _measured(answer: Answers, key: str, question: str, defaults: Tree, before: str | None = None, lead: str = "") -> str:
@@ -271,7 +312,7 @@ def trial_file(answer: Answers, index: int, file: str, before: Sequence[Tree]) -
     at, lead = f"trials.{index + 1}", f"Trial {index + 1}: "
     path = file or answer(f"{at}.file", f"{lead}file of its marks", _usual_file(index, before), check_file)
     if is_film(path):
-        answer.tell(f"{path}: a film; `identify` tracks it, and `track` shows the marks before: docs/film.md")
+        answer.tell(f"{path}: a film, which tells the release's angle by the free length; NAME.track.png will show the marks")
         return {"name": _name(Path(path).stem, before), "file": path}
     if not Path(path).exists():
         tracks = {

@@ -1,6 +1,7 @@
 """Tracked points against the renderer's truth; the bounds are those that the tracker must reach."""
 
 import json
+import math
 import shutil
 from dataclasses import replace
 
@@ -15,6 +16,7 @@ from looping_pendulum.film.moving import background, blobs_of, joined, paths
 from looping_pendulum.film.plain import follow_all
 from looping_pendulum.film.track import TrackSettings, track
 from looping_pendulum.measured.readers import read
+from looping_pendulum.measured.study_io import load
 from tests.film.conftest import SHORT
 from tests.film.renderer import Scene, render
 
@@ -85,7 +87,6 @@ def test_readers_take_the_table(tracked, ordinary, tmp_path):
 
 def test_a_study_takes_a_film_and_reads_its_table_the_second_time(ordinary, tmp_path, monkeypatch):
     from looping_pendulum.measured.study import read_trial
-    from looping_pendulum.measured.study_io import load
 
     film = tmp_path / "trial.mp4"
     film.write_bytes(ordinary[0].read_bytes())
@@ -117,7 +118,6 @@ def test_the_stated_errors_are_those_of_the_points(tracked, ordinary, nasty):
 def test_a_fit_weighs_points_by_the_errors_that_the_film_states(ordinary, tmp_path):
     from looping_pendulum.discrepancy.fit.data import trial_data
     from looping_pendulum.measured.study import read_trial
-    from looping_pendulum.measured.study_io import load
 
     films = output.files_of(tmp_path / "trial.mp4")
     (tmp_path / "study.yaml").write_text(
@@ -146,6 +146,26 @@ def test_the_command_prints_the_lines_of_a_study(ordinary, tmp_path):
     assert done.exit_code == 0, done.output
     assert "camera: {scale: 1 +/- 0.1" in done.output
     assert {p.name for p in tmp_path.iterdir()} == {"trial.csv", "trial.film.json", "trial.track.png", "trial.overlay.mp4"}
+
+
+def test_a_new_study_takes_what_the_film_shows_of_the_release(ordinary, tmp_path):
+    film, study = tmp_path / "trial.mp4", tmp_path / "mine.yaml"
+    shutil.copy(ordinary[0], film)
+    arguments = [
+        "new",
+        "study",
+        str(study),
+        "--trial",
+        str(film),
+        "--yes",
+        "--set",
+        "trials.1.release.free_length=58 cm +/- 1 mm",
+    ]
+    done = CliRunner().invoke(app, arguments)
+    assert done.exit_code == 0, done.output
+    released = load(study).trials[0].estimates
+    assert math.degrees(released["release_angle"].value) == pytest.approx(112, abs=0.3)  # the simulator's
+    assert released["hanging_length"].value == pytest.approx(0.05, abs=1e-3)
 
 
 def test_plain_follows_without_physics(ordinary, tmp_path):
