@@ -10,15 +10,7 @@ import yaml
 from typer.testing import CliRunner
 
 from looping_pendulum.cli.main import app
-from looping_pendulum.compare.landmarks import MIN_REST
-from looping_pendulum.compare.stories import EVENT_DESCRIPTIONS, PHYSICS_DESCRIPTIONS, mode_description
-from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.registry import WHERE_IT_INSTALLS, all_engines, how_to_get
-from looping_pendulum.engines.trajectory import UNKNOWN_MODE, RunStatus
-from looping_pendulum.pages.report import glossary
-from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.scenarios import loader
-from looping_pendulum.teaching.demo import page_data
 from looping_pendulum.teaching.demonstrations import page as demonstrations_page
 from looping_pendulum.teaching.demonstrations.demonstration import Claim, DemonstrationError, JudgedClaim, run_demonstration
 from looping_pendulum.teaching.demonstrations.german import TEXTS, in_german
@@ -33,8 +25,6 @@ from looping_pendulum.teaching.demonstrations.page import (
     markdown,
     write_pages,
 )
-from looping_pendulum.teaching.german import GLOSSARY, PIECES, translated
-from tests.pages.small import small_result, thick_result
 
 COMMITTED = Path(__file__).parents[2] / "docs" / "demonstrations"
 NUMBER = re.compile(r"[+-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
@@ -179,67 +169,3 @@ def test_a_german_page_has_the_same_numbers_and_no_english_text():
 def test_an_unknown_name_is_refused_with_the_known_ones():
     with pytest.raises(DemonstrationError, match="did you mean 'polygon'.*known: tendon-without-friction"):
         find_demonstrations(["polygone"])
-
-
-# ---- german of what the package says of runs: nothing of its own is left out, and numbers keep their place
-
-
-NUMBERS = re.compile(r"\d+(?:[.,]\d+)?")
-
-
-def digits(text):
-    return sorted(number.replace(",", ".") for number in NUMBERS.findall(text))
-
-
-def of_the_package():
-    """Texts that `compare` and `demo` put together from tables, and how each variant supplies friction."""
-    yield from (status.value for status in RunStatus)
-    yield from EVENT_DESCRIPTIONS.values()
-    yield from PHYSICS_DESCRIPTIONS.values()
-    yield from (mode_description(mode) for mode in (UNKNOWN_MODE, *Mode))
-    yield from (f"get it: {how_to_get(package)}" for package in WHERE_IT_INSTALLS)
-    yield from (engine.abilities.supplies.friction_law.how for engine in all_engines(Profile.QUICK))
-
-
-def test_every_text_of_the_tables_has_its_german():
-    assert [text for text in of_the_package() if translated(text) is None] == []
-    assert GLOSSARY.keys() == glossary("comparison").keys()
-
-
-@pytest.mark.parametrize("result", [small_result, thick_result])
-def test_what_a_page_says_of_its_runs_has_its_german_with_the_same_numbers(result):
-    data = page_data(result())
-    german = data["translations"]["de"]
-    texts = [run[key] for run in data["runs"] for key in ("caption", "story") if run[key] and "faulty" not in run["name"]]
-    texts += [run["gap"] for run in data["runs"] if run["gap"]]
-    texts += [event["words"] for run in data["runs"] for event in run["events"]]
-    assert len(texts) > 4
-    for text in texts:
-        assert digits(german[text]) == digits(text), text
-
-
-@pytest.mark.parametrize(
-    ("english", "german"),
-    [
-        (
-            "First deviates by more than 1 mm at 0.273 s, while the string is slack, 12 ms after the halt; by more than 10 mm "
-            "at 0.497 s.",
-            "Weicht bei 0,273 s zum ersten Mal um mehr als 1 mm ab; dabei: der Faden ist schlaff, 12 ms nach dem Stillstand; "
-            "bei 0,497 s um mehr als 10 mm.",
-        ),
-        (
-            f"the run ends at 0.390 s, less than {MIN_REST * 1e3:.0f} ms after the reference halts at 0.385 s",
-            f"die Bewegung endet bei 0,390 s, weniger als {MIN_REST * 1e3:.0f} ms nach dem Stillstand der Referenz bei 0,385 s",
-        ),
-        ("No motion to compare: an adapter's own words.", None),
-        ("Halts on time. Und mehr", None),
-    ],
-)
-def test_a_text_is_translated_whole_or_not_at_all(english, german):
-    assert translated(english) == german
-
-
-def test_each_piece_keeps_its_numbers():
-    for english, german in PIECES.items():
-        count = english.count("{n}") + english.count("{c}")
-        assert sorted(re.findall(r"\{(\d)\}", german)) == [str(i) for i in range(count)], english
