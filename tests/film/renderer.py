@@ -128,12 +128,19 @@ class Truth:
 
 def seen_from_aside(degrees: float, scene: Scene, distance: float = 3.0) -> Callable[[Array], Array]:
     """Return the projection of a camera at a distance [m] that is turned aside, for `Scene.project`."""
-    a = math.radians(degrees)
+    return _seen(scene, distance, across=math.radians(degrees), down=0.0)
 
+
+def seen_from_above(degrees: float, scene: Scene, distance: float = 3.0) -> Callable[[Array], Array]:
+    """Return the projection of a camera at a distance [m] that looks down, for `Scene.project`."""
+    return _seen(scene, distance, across=0.0, down=math.radians(degrees))
+
+
+def _seen(scene: Scene, distance: float, *, across: float, down: float) -> Callable[[Array], Array]:
     def project(position: Array) -> Array:
         x, y = position[..., 0], position[..., 1]
-        depth = distance + x * math.sin(a)
-        return scene.scale * distance * np.stack([x * math.cos(a) / depth, -y / depth], axis=-1)
+        depth = distance + x * math.sin(across) + y * math.sin(down)
+        return scene.scale * distance * np.stack([x * math.cos(across) / depth, -y * math.cos(down) / depth], axis=-1)
 
     return project
 

@@ -14,7 +14,7 @@ from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.solve import available_integrators
 from tests.blind import Effects
-from tests.film.renderer import Scene, bent_by_a_lens, looping_motion, render, seen_from_aside
+from tests.film.renderer import Scene, bent_by_a_lens, looping_motion, render, seen_from_above, seen_from_aside
 
 pytestmark = [
     pytest.mark.accurate,
@@ -102,3 +102,16 @@ def test_a_hidden_effect_is_named_or_tied(kind, effect, tmp_path):
     result = identify(study(tmp_path, kind, seed, hidden, ""))
     may_be = OF_A_CAMERA if kind == "rolling" else set()
     assert any(name in names and names <= {name} | may_be for names in named(result)), result.sentence
+
+
+def test_a_camera_that_looks_down_is_named(tmp_path, monkeypatch):
+    """Its string stays straight to a third of a pixel, so that no sheet shows it; the fit of both masses does."""
+    degrees, distance = 2.0, 3.0
+    monkeypatch.setitem(FILMS, "from above", {"project": seen_from_above(degrees, PLAIN, distance)})
+    result = identify(study(tmp_path, "from above", 731, Effects(), ""))
+    assert result.verdict is Verdict.IDENTIFIED
+    found = {effect.name: effect for effect in next(one for one in result.explanations if one.credible).effects}
+    true = {"foreshortening": 1 / math.cos(math.radians(degrees)), "perspective_y": math.sin(math.radians(degrees)) / distance}
+    assert found.keys() == true.keys()
+    for name, value in true.items():
+        assert abs(found[name].value - value) < 3 * found[name].error
