@@ -3,6 +3,7 @@
 python -m scripts.engine_pages
 """
 
+import re
 from pathlib import Path
 
 from looping_pendulum.compare.convergence.report import format_setting
@@ -15,18 +16,11 @@ from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS
 from looping_pendulum.scenarios.quantities import file_key
 from looping_pendulum.scenarios.units import pretty
 
-FOLDER = Path(__file__).parents[1] / "docs" / "engines"
-TITLES = {
-    "reference": "The reference",
-    "mujoco": "MuJoCo",
-    "pymunk": "pymunk",
-    "pybullet": "PyBullet",
-    "drake": "Drake",
-    "box2d": "Box2D",
-    "rapier": "Rapier",
-    "exudyn": "Exudyn",
-    "newton": "Newton",
-}
+DOCS = Path(__file__).parents[1] / "docs"
+FOLDER = DOCS / "engines"
+_ENTRY = re.compile(r"^ +- (.+): engines/(\w+)\.md$", re.MULTILINE)
+TITLES = {name: title for title, name in _ENTRY.findall((DOCS.parent / "mkdocs.yml").read_text(encoding="utf-8"))}
+"""Engine -> its title, in the order of the site's contents."""
 KIND_SENTENCES = {
     "reference": "All other engines are compared with the reference.",
     "main": "It runs in every comparison.",

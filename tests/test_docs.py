@@ -171,7 +171,7 @@ def test_every_page_is_in_the_sites_contents():
     assert sorted(listed) == sorted(p.relative_to(DOCS).as_posix() for p in DOCS.rglob("*.md"))
 
 
-@pytest.mark.parametrize("name", ["reference", "mujoco", "pymunk", "pybullet", "drake", "box2d", "rapier", "exudyn", "newton"])
+@pytest.mark.parametrize("name", TITLES)
 def test_the_page_of_each_engine_is_what_it_declares(name):
     page = (DOCS / "engines" / f"{name}.md").read_text(encoding="utf-8")
     assert page == engine_pages()[name], "out of date; write it again: python -m scripts.engine_pages"
