@@ -24,16 +24,8 @@ from looping_pendulum.film.track import FilmTrack, NotTrackedError, Points, Trac
 from looping_pendulum.jobs import ReportShare
 from looping_pendulum.reference_ode.geometry import Array
 
-TABLE_COLUMNS = (
-    "t [s]",
-    "light_x [m]",
-    "light_y [m]",
-    "heavy_x [m]",
-    "heavy_y [m]",
-    "light_error [m]",
-    "heavy_error [m]",
-    "flag",
-)
+CHANNELS = ("light_x", "light_y", "heavy_x", "heavy_y")
+TABLE_COLUMNS = ("t [s]", *(f"{name} [m]" for name in CHANNELS), *(f"{name}_error [m]" for name in CHANNELS), "flag")
 """Columns of the table; readers of measured data take the first five."""
 LONG_STREAK = 12.0
 """Way during the exposure from which on its point is flagged [pixels of a picture 1280 wide]."""
@@ -128,14 +120,14 @@ def camera_errors(files: FilmFiles) -> dict[str, float]:
 
 
 def point_errors(files: FilmFiles) -> dict[str, tuple[Array, Array]]:
-    """Return mass -> times [s] and standard errors [m] of its points, as a table that `write` wrote states them."""
+    """Return channel -> times [s] and standard errors [m] of its points, as a table that `write` wrote states them."""
     try:
         with files.table.open(encoding="utf-8", newline="") as stream:
             rows = list(csv.DictReader(stream))
         return {
-            mass: (np.array([float(row["t [s]"]) for row in own]), np.array([float(row[f"{mass}_error [m]"]) for row in own]))
-            for mass in ("light", "heavy")
-            if (own := [row for row in rows if row[f"{mass}_error [m]"]])
+            name: (np.array([float(row["t [s]"]) for row in own]), np.array([float(row[f"{name}_error [m]"]) for row in own]))
+            for name in CHANNELS
+            if (own := [row for row in rows if row[f"{name}_error [m]"]])
         }
     except (OSError, ValueError, TypeError, KeyError):
         return {}
@@ -156,7 +148,7 @@ def table(track: FilmTrack) -> str:
         cells, errors, flags = [f"{now:.6f}"], [], []
         for mass, place, i, name in zip(masses, metres, at, ("light", "heavy"), strict=True):
             cells += ["", ""] if i is None else [f"{v:.6f}" for v in place[i]]
-            errors.append("" if i is None else f"{mass.error[i] / track.scale:.6f}")
+            errors += ["", ""] if i is None else [f"{v:.6f}" for v in mass.error[i] / track.scale]
             if i is None:
                 flags.append(f"no {name}")
             elif mass.streak[i] > long_streak:

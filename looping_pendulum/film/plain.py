@@ -124,7 +124,7 @@ def _things(seen: Survey, blobs: Blobs, settings: TrackSettings) -> dict[str, Po
     found.sort(key=lambda each: -each[0])
     return {
         chr(ord("A") + i): Points(
-            frame=path[:, 0].astype(int), place=path[:, 1:3], error=np.full(len(path), 0.3),
+            frame=path[:, 0].astype(int), place=path[:, 1:3], error=np.full((len(path), 2), 0.3),
             streak=streak_way(path[:, 5:7]),
         )
         for i, (_, path) in enumerate(found[:MAX_THINGS])

@@ -42,7 +42,7 @@ SHARED_ERROR = 10.0
 Shading, the string and lines of the background pull a centre the more, the paler the mass is.
 """
 EDGE_ERROR = 0.1
-"""Error of the centre of a mass with straight edges [pixels]: a whole edge comes to another row of pixels at once."""
+"""Error of the falling mass's height [pixels]: its lower edge lies along the rows, and comes to the next one all at once."""
 NOISE_ERROR = 0.3
 """Error of a disc's centre, in radii over radii: its noise over its contrast times this [pixels]."""
 STREAK_ERROR = 0.03
@@ -58,8 +58,6 @@ By what exceeds it rod and scale may be wrong, too: the fit of a rod gives way t
 """
 SHOWN_ERROR = 1.4
 """Error of a length between two places that a person has shown [pixels]."""
-MIRRORED_SHARE = 0.6
-"""Share of the light mass's frames in which something else must hang on a taut string to be taken for its mirror image."""
 WINDOW_RATE = 120.0
 """Pictures per second by which the time of the fall is found [Hz]."""
 FIRST_WINDOWS = ((0.1, 0.6), (0.3, 0.9), (0.05, 0.3))
@@ -142,7 +140,7 @@ class Points:
     place: Array
     """Centre [pixels], y downwards, shape (n, 2)."""
     error: Array
-    """Standard error per axis [pixels], shape (n,)."""
+    """Standard errors of both [pixels], shape (n, 2)."""
     streak: Array
     """Way during the exposure [pixels], shape (n,)."""
 
@@ -400,7 +398,9 @@ class _Tracking:
         self._refuse_doubtful(blobs, moving, fall, best)
         if settings.light is None:
             others = [proposal for proposal in proposals if proposal.side != best.string.side]
-            self._refuse_mirrored(best, (self._fitted(each, blobs, moving, fall, heights, ratio) for each in others))
+            self._refuse_mirrored(
+                best, (self._fitted(each, blobs, moving, fall, heights, ratio) for each in others), blobs, fall
+            )
         return self._finished(ground, blobs, fall, heights, best)
 
     def _fitted(
@@ -455,14 +455,22 @@ class _Tracking:
                 f"{pendulum.MAX_BESIDE * self.unit:.0f}, as both masses hang on one string over it; show it by --rod X,Y"
             )
 
-    def _refuse_mirrored(self, best: _Fit, others: Iterable[_Fit | None]) -> None:
+    def _is_light_mass(self, blobs: Blobs, fall: Fall, fit: _Fit) -> bool:
+        """Return whether a thing on a taut string would be taken for the light mass, if there were no other."""
+        try:
+            self._refuse_doubtful(blobs, (), fall, fit)
+        except FilmError:
+            return False
+        return True
+
+    def _refuse_mirrored(self, best: _Fit, others: Iterable[_Fit | None], blobs: Blobs, fall: Fall) -> None:
         """Refuse a film in which something else hangs on a taut string on the other side just as well: a mirror image."""
         for other in others:
-            if other is None or len(other.light.blobs) < MIRRORED_SHARE * len(best.light.blobs):
+            if other is None or not self._is_light_mass(blobs, fall, other):
                 continue
             common, mine, its = np.intersect1d(best.light.frames, other.light.frames, return_indices=True)
             apart = np.hypot(*(best.light.points[mine] - other.light.points[its]).T)
-            if other.scatter < pendulum.MAX_STRING_RESIDUAL * self.unit and np.median(apart) > 2 * best.light.blobs[0].width:
+            if np.median(apart) > 2 * best.light.blobs[0].width:
                 (x, y), (u, v) = best.light.points[mine[0]], other.light.points[its[0]]
                 raise FilmError(
                     f"found two things on a taut string, at {x:.0f},{y:.0f} and at {u:.0f},{v:.0f} in frame {common[0]}, "
@@ -561,8 +569,8 @@ class _Tracking:
                 if all(abs(int(w) - d) > 4 for d in dropped):
                     dropped.append(int(w))
             keep[dropped] = False
-        shared = np.hypot(SHARED_ERROR / contrast, edge_error)
-        error = np.hypot(np.hypot(factor * expected, shared), STREAK_ERROR * streak)
+        error = np.hypot(np.hypot(factor * expected, SHARED_ERROR / contrast), STREAK_ERROR * streak)
+        error = np.stack([error, np.hypot(error, edge_error)], axis=1)
         points = Points(frame=frame[keep], place=place[keep], error=error[keep], streak=streak[keep])
         return points, int(np.sum(~keep))
 

@@ -412,7 +412,7 @@ def _read_film(film: Path, trial: Trial, rod_radius: float | None, progress: Rep
             raise DataError(str(error)) from None
     points = read(files.table, name=trial.name, starts_at_release=False)
     errors = output.point_errors(files)
-    channels = tuple(replace(c, stated_error=errors.get(c.name.partition("_")[0])) for c in points.channels)
+    channels = tuple(replace(c, stated_error=errors.get(c.name)) for c in points.channels)
     assumption = f"the film's points were read from {files.table.name}; {files.sheet.name} shows the marks on it"
     return replace(
         points,

@@ -110,7 +110,7 @@ def test_the_stated_errors_are_those_of_the_points(tracked, ordinary, nasty):
         for name in ("light", "heavy"):
             points = getattr(found, name)
             after = truth.t[points.frame] >= 0
-            relative = (points.place - getattr(truth, name)[points.frame])[after] / points.error[after, None]
+            relative = (points.place - getattr(truth, name)[points.frame])[after] / points.error[after]
             assert 0.5 < np.sqrt(np.mean(relative**2)) < 1.5
             assert np.mean(np.abs(relative) > 4) < 0.02  # where a shadow or the hand touches the mass
 
