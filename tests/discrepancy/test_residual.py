@@ -54,16 +54,16 @@ def test_a_slow_wave_below_the_noise_fails(fit, size):
     assert "the residuals still have a pattern" in failures_in_words(failed)
 
 
-@pytest.mark.parametrize(("size", "passes"), [(0.8, True), (1.5, False)])
-def test_a_wave_is_a_misfit_where_it_exceeds_the_errors_that_a_tracker_states(fit, size, passes):
-    """These are a fifth larger than what scatters, as neighbours share a part of them."""
+@pytest.mark.parametrize(("size", "passes"), [(0.8, True), (3.0, False)])
+def test_a_wave_is_a_misfit_by_its_size_alone_where_a_tracker_states_errors(fit, size, passes):
+    """Stated are a fifth more than what scatters, as neighbours share a part of them."""
     data = []
     for d in fit.problem.data:
         stated = [dataclasses.replace(c, stated_error=(c.t, np.ones(len(c.t)))) for c in _wavy(d.channels, size * 1e-3)]
         data.append(dataclasses.replace(d, channels=tuple(stated), sigma=1.2 * d.sigma))
     tests = check_residuals(dataclasses.replace(fit, problem=fit.problem.with_data(data)))
     assert tests.passes == passes
-    assert ("the residuals still have a pattern" in failures_in_words(tests.results)) != passes
+    assert "the residuals still have a pattern" not in failures_in_words(tests.results)
 
 
 def _wavy(channels, size):

@@ -163,10 +163,10 @@ def check_residuals(fit: Fit) -> ResidualTests:
         for name, series in _residuals_by_group(fit, k, z).items():
             groups.setdefault(name, []).append(series)
     events, events_chi2 = check_event_residuals(fit) or (None, math.nan)
-    tests = [_test_group(n, parts) for n, parts in sorted(groups.items()) if sum(map(len, parts)) >= MIN_GROUP_SIZE]
     if any(c.stated_error is not None for d in fit.problem.data for c in d.channels):
-        # Neighbouring points share a part of the errors that a tracker states, so that a pattern within these is no misfit
-        tests = [t for t in tests if t.chi2 > 1 + CHI2_SCATTER_SIGMAS / math.sqrt(t.count)]
+        # Neighbouring points share a part of the errors that a tracker states: a pattern is no misfit, and the size alone tells
+        groups = {}
+    tests = [_test_group(n, parts) for n, parts in sorted(groups.items()) if sum(map(len, parts)) >= MIN_GROUP_SIZE]
     return ResidualTests(
         chi2_per_dof=total / max(points - len(fit.x), 1) if points or events is None else events_chi2,
         count=fit.problem.count,
