@@ -80,7 +80,7 @@ def imports() -> Texts:
 def comparisons() -> Texts:
     """Return what `compare` says of every variant that is installed, with quick settings, but for its clock.
 
-    Nor are the keys of kept runs told, which hash the sources of the engines; the report is written again without either.
+    The keys of kept runs are left out, too, as they hash the engines' sources; the report is written again without either.
     """
     from looping_pendulum.compare.report import render
     from looping_pendulum.compare.result import ComparisonResult

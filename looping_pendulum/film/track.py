@@ -395,7 +395,8 @@ class _Tracking:
         if not tries:
             raise FilmError(f"found no thing on a taut string, needed the light mass; {self._way_out(blobs, moving, fall)}")
         best = max(tries, key=lambda each: len(each.light.blobs) - 10 * each.scatter / unit)
-        self._refuse_doubtful(blobs, moving, fall, best)
+        if doubt := self._doubt(blobs, moving, fall, best):
+            raise FilmError(doubt)
         if settings.light is None:
             others = [proposal for proposal in proposals if proposal.side != best.string.side]
             self._refuse_mirrored(
@@ -437,36 +438,30 @@ class _Tracking:
         """Return the frames from the release on in which the light mass is asked for."""
         return [k for k in blobs if k >= fall.first and self.t[k] < self.t[fall.first] + pendulum.SHARE_SECONDS]
 
-    def _refuse_doubtful(self, blobs: Blobs, moving: Sequence[MovingPath], fall: Fall, fit: _Fit) -> None:
+    def _doubt(self, blobs: Blobs, moving: Sequence[MovingPath], fall: Fall, fit: _Fit) -> str:
+        """Say why a thing on a taut string is not taken for the light mass; an empty text: it is."""
         limit = pendulum.MAX_STRING_RESIDUAL * self.unit
         span = self._span_after(blobs, fall)
         share = len(set(fit.light.frames.tolist()).intersection(span)) / max(len(span), 1)
         sweep = float(np.ptp(fit.light.phi))
         if share < pendulum.MIN_SHARE or fit.scatter > limit or sweep < pendulum.MIN_SWEEP:
-            raise FilmError(
+            return (
                 f"found no light mass beyond doubt (in {share:.0%} of the frames, {fit.scatter:.1f} pixels from a taut string, "
                 f"through {math.degrees(sweep):.0f} deg), needed half the frames, {limit:.1f} pixels and 115 deg; "
                 f"{self._way_out(blobs, moving, fall)}"
             )
         beside, (x, y) = abs(fit.string.beside(fall)), fit.string.rod
         if self.settings.rod is None and beside > pendulum.MAX_BESIDE * self.unit:
-            raise FilmError(
+            return (
                 f"found the rod at {x:.0f},{y:.0f}, {beside:.0f} pixels beside the heavy mass's vertical, needed at most "
                 f"{pendulum.MAX_BESIDE * self.unit:.0f}, as both masses hang on one string over it; show it by --rod X,Y"
             )
-
-    def _is_light_mass(self, blobs: Blobs, fall: Fall, fit: _Fit) -> bool:
-        """Return whether a thing on a taut string would be taken for the light mass, if there were no other."""
-        try:
-            self._refuse_doubtful(blobs, (), fall, fit)
-        except FilmError:
-            return False
-        return True
+        return ""
 
     def _refuse_mirrored(self, best: _Fit, others: Iterable[_Fit | None], blobs: Blobs, fall: Fall) -> None:
         """Refuse a film in which something else hangs on a taut string on the other side just as well: a mirror image."""
         for other in others:
-            if other is None or not self._is_light_mass(blobs, fall, other):
+            if other is None or self._doubt(blobs, (), fall, other):
                 continue
             common, mine, its = np.intersect1d(best.light.frames, other.light.frames, return_indices=True)
             apart = np.hypot(*(best.light.points[mine] - other.light.points[its]).T)
@@ -524,7 +519,7 @@ class _Tracking:
         skipped = {
             "copies of the frame before": int(np.sum(self.seen.repeated)),
             "light mass not found, or not beyond doubt": len(span) - sum(k in found for k in span),
-            "heavy mass not found": len(span) - len({*fall.rows[:, 0].astype(int).tolist()}.intersection(span)),
+            "heavy mass not found": len(span) - len(set(falling.tolist()).intersection(span)),
             "light mass off the course of its neighbours": light_wrong,
             "heavy mass off the course of its neighbours": heavy_wrong,
         }

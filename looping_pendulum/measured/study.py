@@ -31,6 +31,7 @@ from looping_pendulum.reference_ode.parameters import Parameters, Release, effec
 from looping_pendulum.scenarios.quantities import APPARATUS, QUANTITIES
 
 if TYPE_CHECKING:
+    from looping_pendulum.film.output import FilmFiles
     from looping_pendulum.jobs import ReportShare
 
 FALLBACK_ROD_RADIUS = 5e-3
@@ -394,22 +395,9 @@ def _read_film(film: Path, trial: Trial, rod_radius: float | None, progress: Rep
     """Read the points of a film, and what is known of its camera: from the table beside it, or by tracking it now."""
     # Here, as OpenCV takes a while to import, and no other study needs it
     from looping_pendulum.film import output
-    from looping_pendulum.film.track import TrackSettings
     from looping_pendulum.measured.readers import read
 
-    files = output.files_of(film)
-    if not output.is_newer(files, film):
-        length = trial.estimates.get("free_length")
-        settings = TrackSettings(
-            free_length=None if length is None else length.value,
-            free_length_error=0.0 if length is None or length.sigma is None else length.sigma,
-            rod_radius=rod_radius or FALLBACK_ROD_RADIUS,
-            frame_rate=trial.frame_rate,
-        )
-        try:
-            output.track_and_write(film, settings, files, progress)
-        except HarnessError as error:
-            raise DataError(str(error)) from None
+    files = film_files(film, trial.estimates.get("free_length"), rod_radius, trial.frame_rate, progress)
     points = read(files.table, name=trial.name, starts_at_release=False)
     errors = output.point_errors(files)
     channels = tuple(replace(c, stated_error=errors.get(c.name)) for c in points.channels)
@@ -420,3 +408,40 @@ def _read_film(film: Path, trial: Trial, rod_radius: float | None, progress: Rep
         assumptions=(*points.assumptions, assumption),
         camera_errors={**points.camera_errors, **output.camera_errors(files)},
     )
+
+
+def film_files(
+    film: Path, length: Estimate | None, rod_radius: float | None, frame_rate: float | None, progress: ReportShare | None
+) -> FilmFiles:
+    """Return the files that tracking a film writes, which is done now if its table is not there, or older.
+
+    Parameters
+    ----------
+    length
+        Free length at the release.
+    rod_radius
+        [m]; None: the usual one.
+    frame_rate
+        True frame rate [Hz]; None: as the film says.
+
+    Raises
+    ------
+    DataError
+        If the film cannot be tracked.
+    """
+    from looping_pendulum.film import output
+    from looping_pendulum.film.track import TrackSettings
+
+    files = output.files_of(film)
+    if not output.is_newer(files, film):
+        settings = TrackSettings(
+            free_length=None if length is None else length.value,
+            free_length_error=0.0 if length is None or length.sigma is None else length.sigma,
+            rod_radius=rod_radius or FALLBACK_ROD_RADIUS,
+            frame_rate=frame_rate,
+        )
+        try:
+            output.track_and_write(film, settings, files, progress)
+        except HarnessError as error:
+            raise DataError(str(error)) from None
+    return files

@@ -6,18 +6,16 @@ import os
 import re
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from looping_pendulum.errors import HarnessError
 from looping_pendulum.film.decode import is_film
 from looping_pendulum.jobs import ReportShare
 from looping_pendulum.measured import readers, study_io
 from looping_pendulum.measured.clock import RATE_TOLERANCE
 from looping_pendulum.measured.observations import DataError
 from looping_pendulum.measured.readers import LENGTH_UNITS, MASSES, FileSurvey, mass_in_name, survey
-from looping_pendulum.measured.study import REQUIRED, Study
+from looping_pendulum.measured.study import REQUIRED, Study, film_files
 from looping_pendulum.measured.study_file import MeasuredField
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.parameters import Release
@@ -230,23 +228,18 @@ def _measure_trial(
 
 
 def _shown_by_film(answer: Answers, trial: Tree, radius: str | None, reporting: Reporting) -> dict[str, str]:
-    """Return what a film shows of its release, as answers by their keys; none if it cannot be tracked, which is told."""
-    from looping_pendulum.film import output
-    from looping_pendulum.film.track import TrackSettings
+    """Return what a film shows of its release, as answers by their keys; none, with the reason said, without its track."""
+    from looping_pendulum.film.output import stated_release
 
-    files = output.files_of(trial["file"])
-    if not output.is_newer(files, trial["file"]):
-        length = MeasuredField(QUANTITIES["free_length"].kind).estimate(get(trial, LENGTH_OF_FILM))
-        settings = TrackSettings(free_length=length.value, free_length_error=length.sigma or 0.0)
-        if radius is not None:
-            settings = replace(settings, rod_radius=MeasuredField(QUANTITIES["rod_radius"].kind).estimate(radius).value)
-        try:
-            with reporting() as progress:
-                output.track_and_write(trial["file"], settings, files, progress)
-        except HarnessError as error:
-            answer.tell(str(error))
-            return {}
-    return {f"release.{key}": text for key, text in output.stated_release(files).items()}
+    length = MeasuredField(QUANTITIES["free_length"].kind).estimate(get(trial, LENGTH_OF_FILM))
+    rod = None if radius is None else MeasuredField(QUANTITIES["rod_radius"].kind).estimate(radius).value
+    try:
+        with reporting() as progress:
+            files = film_files(Path(trial["file"]), length, rod, None, progress)
+    except DataError as error:
+        answer.tell(str(error))
+        return {}
+    return {f"release.{key}": text for key, text in stated_release(files).items()}
 
 
 def _measured(answer: Answers, key: str, question: str, defaults: Tree, before: str | None = None, lead: str = "") -> str:
