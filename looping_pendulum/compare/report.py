@@ -398,7 +398,7 @@ def measured_events_table(result: ComparisonResult, *, source: bool = True) -> s
     """
     if not result.measured:
         return (
-            f"This trial was measured ({result.measured_source}), but its table of measured events is not in the package.\n"
+            f"This trial was measured ({result.measured_source}), but its table of measured events is not in the package. "
             "Give the folder that contains it with `--data DIR` or in `$LOOPING_PENDULUM_DATA`.\n"
         )
     head = ["quantity", "unit", "measured", PAPER_COLUMN, "reference", *(result.short_name(e) for e in result.engines)]
@@ -466,8 +466,8 @@ def events_table(result: ComparisonResult) -> str:
         return ""
     head = ["event", "reference [s]", *(f"{result.short_name(e)} [ms later]" for e in result.engines)]
     note = (
-        "Event times of the reference, and how much later (+) or earlier (-) they are in each engine; both are read from\n"
-        "samples in the same way. An event that the reference does not have is given as a time; *after its end*: the run ends\n"
+        "Event times of the reference, and how much later (+) or earlier (-) they are in each engine; both are read from "
+        "samples in the same way. An event that the reference does not have is given as a time; *after its end*: the run ends "
         "before the event. The arrival at the rod follows from how fast the string grows shorter in the last samples.\n\n"
     )
     return note + table(head, rows)

@@ -1,20 +1,55 @@
 """Renders a report as a page: its Markdown sections as HTML with sortable tables, its figures with plotly, and its glossary.
 
-The glossary is `glossary.md` beside this file: the documentation shows it whole, each report the terms that it uses.
+A page is written in English and German; it shows the language that its reader prefers or chooses. The glossary is `glossary.md` beside this file: the documentation shows it whole, each report the terms that it uses.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from importlib.resources import files
+from typing import Any
 
 from markupsafe import Markup
 
 from looping_pendulum.pages import markdown
 from looping_pendulum.pages.figures import Figure, plotly_source
+from looping_pendulum.pages.german import german_of, in_german
 from looping_pendulum.pages.shell import SHARED_PACKAGE, asset, page
+
+
+WORDS = {
+    "en": {
+        "name": "English",
+        "decimal_sign": ".",
+        "skip": "Skip to the content",
+        "contents": "Contents",
+        "figures": "Figures",
+        "new": "New to this? The words on this page",
+        "how": "Click a column's heading to sort by it. In a figure, click a name in the legend to hide that line, drag to zoom, "
+        "double-click to go back.",
+        "noscript": "The figures need JavaScript; those of report.md do not.",
+        "dark": "Dark",
+        "light": "Light",
+        "theme": "Change between dark and light",
+    },
+    "de": {
+        "name": "Deutsch",
+        "decimal_sign": ",",
+        "skip": "Zum Inhalt springen",
+        "contents": "Inhalt",
+        "figures": "Bilder",
+        "new": "Neu hier? Die Wörter auf dieser Seite",
+        "how": "Ein Klick auf den Kopf einer Spalte sortiert nach ihr. In einem Bild blendet ein Klick auf einen Namen der Legende "
+        "dessen Linie aus, Ziehen vergrößert, ein Doppelklick führt zurück.",
+        "noscript": "Die Bilder brauchen JavaScript; die von report.md nicht.",
+        "dark": "Dunkel",
+        "light": "Hell",
+        "theme": "Zwischen dunkel und hell wechseln",
+    },
+}
+"""Language -> the words of a page that are no report's own; the first is that of a page without JavaScript."""
 
 
 def render(
@@ -22,7 +57,7 @@ def render(
     before: Sequence[str],
     figures: Sequence[Figure],
     after: Sequence[str],
-    words: Mapping[str, str],
+    terms: Mapping[str, str],
     note: str,
     first: Sequence[Figure] = (),
 ) -> str:
@@ -33,16 +68,31 @@ def render(
     before, after
         Markdown sections above and below the figures, each with its heading first; the first is the page's own title.
         Empty ones are left out.
-    words
+    terms
         Term -> meaning, for readers who do not know it.
     note
         A sentence about all figures.
     first
         Figures directly below the first section.
     """
-    head, *above = [markdown.html(text) for text in before if text]
-    scripts = [asset(SHARED_PACKAGE, "tables.js")]
-    if figures or first:
+    drawn = [figure.as_dict() for figure in (*first, *figures)]
+    captions = {figure.id: figure.caption for figure in (*first, *figures)}
+    german = german_of([title, note, *captions.values(), *terms, *terms.values(), *_texts(drawn)])
+    languages = {}
+    for name, words in WORDS.items():
+        said = german if name == "de" else {}
+        head, *above = [markdown.html(in_german(text) if name == "de" else text) for text in before if text]
+        below = [markdown.html(in_german(text) if name == "de" else text) for text in after if text]
+        languages[name] = {
+            "words": words | {"note": said.get(note, note)},
+            "head": head,
+            "above": [_section(html, f"part-{i}-{name}") for i, html in enumerate(above)],
+            "below": [_section(html, f"more-{i}-{name}") for i, html in enumerate(below)],
+            "terms": {said.get(term, term): said.get(meaning, meaning) for term, meaning in terms.items()},
+            "captions": {figure: said.get(caption, caption) for figure, caption in captions.items()},
+        }
+    scripts = [asset(SHARED_PACKAGE, "language.js"), asset(SHARED_PACKAGE, "tables.js")]
+    if drawn:
         scripts += [plotly_source(), asset(SHARED_PACKAGE, "figures.js")]
     return page(
         SHARED_PACKAGE,
@@ -50,15 +100,30 @@ def render(
         title=title,
         styles=[(SHARED_PACKAGE, "report.css")],
         scripts=scripts,
-        data={"figures": [figure.as_dict() for figure in (*first, *figures)]},
-        head=head,
-        above=[_section(html, f"part-{i}") for i, html in enumerate(above)],
-        below=[_section(markdown.html(text), f"more-{i}") for i, text in enumerate(t for t in after if t)],
+        data={
+            "figures": drawn,
+            "languages": {
+                "en": {"title": title, "words": WORDS["en"], "texts": {}},
+                "de": {"title": german.get(title, title), "words": WORDS["de"], "texts": german},
+            },
+        },
+        languages=languages,
         figures=figures,
         first=first,
-        words=words,
-        note=note,
     )
+
+
+def _texts(data: Any) -> Iterator[str]:
+    """Return all texts of plain data that a reader may see, with no colours and names of axes."""
+    if isinstance(data, str):
+        yield data
+    elif isinstance(data, dict):
+        for key, value in data.items():
+            if key not in ("id", "x", "y"):
+                yield from _texts(value)
+    elif isinstance(data, list | tuple) and data and not isinstance(data[0], float | int):
+        for value in data:
+            yield from _texts(value)
 
 
 def _section(html: Markup, name: str) -> dict[str, str]:

@@ -24,6 +24,7 @@ from looping_pendulum.engines.tension import AVERAGING_TIME, tension_from_motion
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE, Supplier, Trajectory
 from looping_pendulum.files import write_atomically
 from looping_pendulum.live.write import render as render_live
+from looping_pendulum.pages.german import german_of
 from looping_pendulum.pages.numbers import number, quantity
 from looping_pendulum.pages.palette import styles
 from looping_pendulum.pages.report import glossary
@@ -32,7 +33,6 @@ from looping_pendulum.reference_ode.parameters import Parameters, Release, param
 from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.scenarios.metrics import RMS_END_TIMES
 from looping_pendulum.scenarios.scenario import Scenario
-from looping_pendulum.teaching.german import GLOSSARY, german_of
 
 FILE = "demo.html"
 FINE_RATE, COARSE_RATE = 500, 250
@@ -139,12 +139,7 @@ def _german(runs: list[dict[str, Any]], words: dict[str, str]) -> dict[str, str]
     """Return each English text about the runs that can be said in German -> its German."""
     texts = [run[key] for run in runs for key in ("caption", "story", "gap")]
     texts += [event["words"] for run in runs for event in run["events"]]
-    terms = {
-        english: german
-        for word, meaning in words.items()
-        for english, german in zip((word, meaning), GLOSSARY[word], strict=True)
-    }
-    return german_of(texts) | terms
+    return german_of([*texts, *words, *words.values()])
 
 
 def _residual_words(result: ComparisonResult, index: int | None) -> str:

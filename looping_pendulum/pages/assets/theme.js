@@ -34,5 +34,5 @@ const Theme = (() => {
     apply();
   });
   apply();
-  return { colour, onChange: (listener) => listeners.push(listener), get printing() { return printing; } };
+  return { apply, colour, onChange: (listener) => listeners.push(listener), get printing() { return printing; } };
 })();

@@ -12,10 +12,10 @@ from looping_pendulum.compare.stories import EVENT_DESCRIPTIONS, PHYSICS_DESCRIP
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import WHERE_IT_INSTALLS, all_engines, how_to_get
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE, RunStatus
-from looping_pendulum.pages.report import glossary
+from looping_pendulum.pages.report import PAGES, glossary
 from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.teaching.demo import page_data
-from looping_pendulum.teaching.german import GLOSSARY, PIECES, translated
+from looping_pendulum.pages.german import pieces, translated
 from tests.pages.small import small_result, thick_result
 
 NUMBERS = re.compile(r"\d+(?:[.,]\d+)?")
@@ -37,7 +37,8 @@ def of_the_package():
 
 def test_every_text_of_the_tables_has_its_german():
     assert [text for text in of_the_package() if translated(text) is None] == []
-    assert GLOSSARY.keys() == glossary("comparison").keys()
+    terms = {text for page in PAGES for term, meaning in glossary(page).items() for text in (term, meaning)}
+    assert sorted(terms - pieces().keys()) == []
 
 
 def words_of(module):
@@ -52,7 +53,7 @@ def words_of(module):
 
 def test_all_words_of_stories_are_in_a_piece():
     """What a shipped scenario does not make a story say, another one does."""
-    pieces = "\n".join(PIECES)
+    pieces = "\n".join(pieces())
     assert [words for words in words_of(stories) if words.strip() not in pieces] == []
 
 
@@ -90,6 +91,6 @@ def test_a_text_is_translated_whole_or_not_at_all(english, german):
 
 
 def test_each_piece_keeps_its_numbers():
-    for english, german in PIECES.items():
-        count = english.count("{n}") + english.count("{c}")
+    for english, german in pieces().items():
+        count = len(re.findall(r"\{[ncwi]\}", english))
         assert sorted(re.findall(r"\{(\d)\}", german)) == [str(i) for i in range(count)], english
