@@ -11,11 +11,14 @@ from looping_pendulum.compare.landmarks import MIN_REST
 from looping_pendulum.compare.stories import EVENT_DESCRIPTIONS, PHYSICS_DESCRIPTIONS, mode_description
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import WHERE_IT_INSTALLS, all_engines, how_to_get
-from looping_pendulum.engines.trajectory import UNKNOWN_MODE, RunStatus
-from looping_pendulum.pages.report import PAGES, glossary
-from looping_pendulum.reference_ode.transitions import Mode
-from looping_pendulum.teaching.demo import page_data
+from looping_pendulum.engines.trajectory import UNKNOWN_MODE, RunStatus, supplies_as_rows
+from looping_pendulum.engines.validated import QUANTITIES, ValidatedRange, outside_range
 from looping_pendulum.pages.german import pieces, translated
+from looping_pendulum.pages.report import PAGES, glossary
+from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.reference_ode.transitions import Mode
+from looping_pendulum.scenarios import load, shipped
+from looping_pendulum.teaching.demo import page_data
 from tests.pages.small import small_result, thick_result
 
 NUMBERS = re.compile(r"\d+(?:[.,]\d+)?")
@@ -39,6 +42,29 @@ def test_every_text_of_the_tables_has_its_german():
     assert [text for text in of_the_package() if translated(text) is None] == []
     terms = {text for page in PAGES for term, meaning in glossary(page).items() for text in (term, meaning)}
     assert sorted(terms - pieces().keys()) == []
+
+
+def of_scenarios_and_engines():
+    """What a report shows of the shipped scenarios and of the engines, as they say it themselves."""
+    for scenario in map(load, shipped()):
+        yield from (scenario.title, " ".join(scenario.description.split()), *(i.how for i in scenario.inferred))
+        yield from (text for limit in scenario.tolerances for text in (limit.reason, limit.expected_failure) if text)
+        if scenario.measured:
+            yield scenario.measured.source
+    for abilities in (engine.abilities for profile in Profile for engine in all_engines(profile)):
+        yield from (text for what, by, how in supplies_as_rows(abilities.supplies) for text in (what, f"**{by}**: {how}"))
+        yield from (*abilities.additions, *abilities.from_reference)
+    parameters = load("ten_to_one").parameters
+    bounds = {quantity.name: (1e-7, 1.5e-6) for quantity in QUANTITIES}
+    for releases in (set(Release), {Release.DROP, Release.HELD}):
+        measured = ValidatedRange(profile="quick", scenarios=1, failed=0, releases=releases, bounds=bounds, errors={})
+        yield "; ".join(outside_range([measured], "quick", parameters))
+
+
+def test_what_scenarios_and_engines_say_of_themselves_has_its_german_with_the_same_numbers():
+    texts = list(dict.fromkeys(of_scenarios_and_engines()))
+    assert [text for text in texts if translated(text) is None] == []
+    assert [text for text in texts if digits(translated(text)) != digits(text)] == []
 
 
 def words_of(module):
