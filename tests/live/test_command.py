@@ -1,6 +1,8 @@
 """The command that writes the live page, and the script that it puts into it."""
 
+import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -39,6 +41,17 @@ def test_it_writes_one_small_file_with_every_scenario_and_opens_it(tmp_path, mon
     assert '<script type="application/json" id="engine-runs-data">null</script>' in text
     assert all(f'"name":"{name}"' in text for name in shipped())
     assert not re.search(r"""(src|href)=["'](?!data:|#)""", text)
+
+
+def test_a_scenario_of_ones_own_stays_in_its_own_language():
+    mine = replace(load("ten_to_one"), title="Meines", description="A pencil, and a nut.")
+    page = bundles.render(mine)
+    data = json.loads(re.search(r'id="live-data">(.*?)</script>', page, re.DOTALL)[1])
+    german = {preset["name"]: preset["translations"].get("de") for preset in data["presets"]}
+    assert german.pop("ten_to_one") is None
+    assert german.keys() == set(shipped()) - {"ten_to_one"}
+    assert german["held"]["title"] == "Festgehalten"
+    assert all(texts.keys() == {"title", "description"} for texts in german.values())
 
 
 @pytest.mark.usefixtures("quick_figures")

@@ -49,6 +49,10 @@ FILE = re.compile(r"^\w+\.csv(:\d+)?: ")
 @pytest.fixture(scope="module")
 def german_words(one_page):
     tables = one_page.page.evaluate("liveLanguages")
+    for one in one_page.page.evaluate("live.data.presets"):
+        for part in ("title", "description"):
+            key = f"scenario.{one['name']}.{part}"
+            tables["en"][key], tables["de"][key] = one[part], one["translations"]["de"][part]
     return GermanWords(tables["de"], tables["en"])
 
 
