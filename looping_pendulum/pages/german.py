@@ -17,7 +17,7 @@ _NUMBER = rf"[-+−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?: {_UNIT})?(?![\w/])"
 PLACES = {
     "{n}": rf"({_NUMBER}|\({_NUMBER} \+/- {_NUMBER}\)e-?\d+(?: {_UNIT})?)",
     "{c}": "(`[^`]+`)",
-    "{i}": r"([A-Za-z]\w*(?:[:_]\w[\w-]*)+)",
+    "{i}": r"([A-Za-z]\w*(?:[:_][\w.-]*\w)+)",
     "{w}": r"([^|;*`]+?)",
 }
 """What stands in a piece for a number with its unit, for code, for an identifier, and for any name -> its pattern."""
@@ -81,7 +81,8 @@ def _pieces() -> dict[str, list[tuple[re.Pattern[str], str]]]:
     starts: dict[str, list[tuple[re.Pattern[str], str]]] = {"": []}
     for piece, german in pieces().items():
         parts = re.split(r"(\{\w\})", piece)
-        pattern = re.compile("".join(PLACES.get(part, re.escape(part)) for part in parts))
+        end = r"(?!\w)" if piece[-1].isalnum() else ""
+        pattern = re.compile("".join(PLACES.get(part, re.escape(part)) for part in parts) + end)
         starts.setdefault(parts[0][:1], []).append((pattern, german))
     return starts
 
