@@ -11,7 +11,6 @@ import tomllib
 from collections.abc import Iterable, Iterator
 from functools import cache, lru_cache
 from importlib.resources import files
-from itertools import groupby
 
 _UNIT = r"(?:1/|[nµmck]?(?:m|s|g|N|J|Hz|rad|deg)\b(?:\^\d)?|°|%)(?:[ /]?\b(?:k?g|m|s|rad)\b(?:\^\d)?)*"
 _DIGITS = r"[-+−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
@@ -108,8 +107,11 @@ def _filled(parts: list[str], text: str, end: int) -> tuple[int, list[str]]:
 @cache
 def _by_start() -> dict[str, list[tuple[list[str], str]]]:
     """Return the pieces, cut at their places, with their German, by the first letter or place."""
-    cut = [([part for part in re.split(r"(\{\w\})", piece) if part], german) for piece, german in sorted(pieces().items())]
-    return {start: list(some) for start, some in groupby(cut, key=lambda one: one[0][0] if one[0][0] in PLACES else one[0][0][0])}
+    starts: dict[str, list[tuple[list[str], str]]] = {}
+    for piece, german in pieces().items():
+        parts = [part for part in re.split(r"(\{\w\})", piece) if part]
+        starts.setdefault(parts[0] if parts[0] in PLACES else parts[0][0], []).append((parts, german))
+    return starts
 
 
 def _in_german(part: str) -> str:

@@ -12,11 +12,11 @@ from looping_pendulum.compare.stories import EVENT_DESCRIPTIONS, PHYSICS_DESCRIP
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import WHERE_IT_INSTALLS, all_engines, how_to_get
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE, RunStatus
+from looping_pendulum.pages import german
+from looping_pendulum.pages.german import translated
 from looping_pendulum.pages.report import PAGES, glossary
 from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.teaching.demo import page_data
-from looping_pendulum.pages import german
-from looping_pendulum.pages.german import translated
 from tests.pages.small import small_result, thick_result
 
 NUMBERS = re.compile(r"\d+(?:[.,]\d+)?")
