@@ -1,6 +1,6 @@
 """Renders a report as a page: its Markdown sections as HTML with sortable tables, its figures with plotly, and its glossary.
 
-A page is written in English and German, and shows the language that its reader prefers or chooses. The glossary is `glossary.md`
+A page is in English and German, and shows the language that its reader prefers or chooses. The glossary is `glossary.md`
 beside this file: the documentation shows it whole, each report the terms that it uses.
 """
 
