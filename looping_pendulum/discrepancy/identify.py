@@ -13,6 +13,7 @@ import numpy as np
 
 from looping_pendulum import __version__
 from looping_pendulum.discrepancy.evidence.explain import Explanations, Judged, explain
+from looping_pendulum.discrepancy.evidence.explanation import Explanation
 from looping_pendulum.discrepancy.evidence.prior import least_distance
 from looping_pendulum.discrepancy.first_look.check import take_first_look
 from looping_pendulum.discrepancy.fit.calibration import Fit
@@ -146,7 +147,7 @@ def identify(
 
 
 def _identify(inputs: Inputs, seed: int, progress: ReportShare, workers: Workers, done: float) -> Identification:
-    """Identify; an interrupt after the calibration ends the search, one before it or while models are judged is raised."""
+    """Identify; an interrupt after the calibration ends the search, an earlier one is raised."""
 
     def report(what: str) -> None:
         # How many steps there will be, is not known: each takes a part of what is left
@@ -154,18 +155,26 @@ def _identify(inputs: Inputs, seed: int, progress: ReportShare, workers: Workers
         progress(what, done)
         done += STEP_SHARE * (REPORT_SHARE - done)
 
+    def judged(e: Explanation) -> Judged:
+        # Without this there is no report: an interrupt ends what follows, and only a second one what is judged here
+        try:
+            return found.judged(e)
+        except KeyboardInterrupt:
+            found.interrupted = True
+            return found.judged(e)
+
     study = inputs.study
     found, start_costs = explain(inputs, seed, workers, report)
     progress("reporting", REPORT_SHARE)
-    before = found.judged(found.nothing)
+    before = judged(found.nothing)
     has_repair = found.verdict not in (Verdict.NO_MISSING_EFFECT, Verdict.UNEXPLAINED) and found.best is not found.nothing
-    after = found.judged(found.best) if has_repair else before
+    after = judged(found.best) if has_repair else before
     unlisted = None
     credible = [e for e in found.ranked if e.key in found.credible]
     law = next((e for e in credible if e.parts.law), None)
     if law and has_repair:
         is_best = law is found.best
-        without, recovered = found.force(after if is_best else found.judged(law))
+        without, recovered = found.force(after if is_best else judged(law))
         formulas: list[FittedFormula] = []
         try:
             if not found.interrupted:

@@ -8,34 +8,35 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import cache, lru_cache
 from importlib.resources import files
 
 _UNIT = r"(?:1/|[nµmck]?(?:m|s|g|N|J|Hz|rad|deg)\b(?:\^\d)?|°|%)(?:[ /]?\b(?:k?g|m|s|rad)\b(?:\^\d)?)*"
-_NUMBER = rf"[-+−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?: {_UNIT})?(?![\w/])"
+_DIGITS = r"[-+−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
 PLACES = {
-    "{n}": rf"({_NUMBER}|\({_NUMBER} \+/- {_NUMBER}\)e-?\d+(?: {_UNIT})?)",
-    "{c}": "(`[^`]+`)",
-    "{i}": r"([A-Za-z]\w*(?:[:_]\w[\w-]*)+)",
-    "{w}": r"([^|;*`]+?)",
+    "{n}": re.compile(rf"(?:{_DIGITS}|\({_DIGITS} \+/- {_DIGITS}\)e-?\d+)(?: {_UNIT})?(?![\w/])"),
+    "{c}": re.compile("`[^`]+`"),
+    "{i}": re.compile(r"[A-Za-z]\w*(?:[:_][\w.-]*\w)+"),
+    "{w}": re.compile(r"[^|;*`]+"),
 }
-"""What stands in a piece for a number with its unit, for code, for an identifier, and for any name -> its pattern."""
+"""What stands in a piece for a number with its unit, for code, for an identifier, and for a name -> what it looks like.
+
+A name goes on to the next words of the piece.
+"""
 _DECIMAL_POINT = re.compile(r"(?<=\d)\.(?=\d)")
 
 
+@lru_cache(maxsize=4096)  # a table repeats its cells, and a page its captions
 def translated(text: str) -> str | None:
     """Return a text in German; None: it has pieces that are not known."""
     done, place = "", 0
     while place < len(text):
-        starts = _pieces()
-        candidates = [*starts.get(text[place], ()), *starts[""]]
-        matches = [(match, german) for pattern, german in candidates if (match := pattern.match(text, place))]
-        if not matches:
+        # The longest piece that stands here
+        place, german = max(_pieces_at(text, place), default=(0, ""))
+        if not place:
             return None
-        match, german = max(matches, key=lambda one: one[0].end())
-        done += german.format(*map(_in_german, match.groups()))
-        place = match.end()
+        done += german
     return done
 
 
@@ -75,19 +76,46 @@ def pieces() -> dict[str, str]:
     return {english: german for table in tables.values() for english, german in table.items()}
 
 
+def _pieces_at(text: str, place: int) -> Iterator[tuple[int, str]]:
+    """Yield the end and the German of each piece that stands at a place of the text."""
+    for start in (text[place], *(name for name, pattern in PLACES.items() if pattern.match(text, place))):
+        for parts, german in _by_start().get(start, ()):
+            end, filled = _filled(parts, text, place)
+            # "no" is no piece of "nothing"
+            if end > place and not (text[end - 1].isalnum() and text[end : end + 1].isalnum()):
+                yield end, german.format(*filled)
+
+
+def _filled(parts: list[str], text: str, end: int) -> tuple[int, list[str]]:
+    """Return the end of a piece that stands at ``end``, and the German of what is in its places; 0: it does not stand there."""
+    filled = []
+    for part, words in zip(parts, (*parts[1:], ""), strict=True):
+        if part in PLACES:
+            limit = text.find(words, end) if part == "{w}" and words else len(text)
+            match = PLACES[part].match(text, end, limit)
+            if match is None:
+                return 0, []
+            filled.append(_in_german(match[0]))
+            end = match.end()
+        elif text.startswith(part, end):
+            end += len(part)
+        else:
+            return 0, []
+    return end, filled
+
+
 @cache
-def _pieces() -> dict[str, list[tuple[re.Pattern[str], str]]]:
-    """Return the patterns of all pieces with their German, by the first letter; "": those that begin with a place."""
-    starts: dict[str, list[tuple[re.Pattern[str], str]]] = {"": []}
+def _by_start() -> dict[str, list[tuple[list[str], str]]]:
+    """Return the pieces, cut at their places, with their German, by the first letter or place."""
+    starts: dict[str, list[tuple[list[str], str]]] = {}
     for piece, german in pieces().items():
-        parts = re.split(r"(\{\w\})", piece)
-        pattern = re.compile("".join(PLACES.get(part, re.escape(part)) for part in parts))
-        starts.setdefault(parts[0][:1], []).append((pattern, german))
+        parts = [part for part in re.split(r"(\{\w\})", piece) if part]
+        starts.setdefault(parts[0] if parts[0] in PLACES else parts[0][0], []).append((parts, german))
     return starts
 
 
 def _in_german(part: str) -> str:
     """Return a number with a decimal comma and German signs; code and names as they are."""
-    if not re.fullmatch(PLACES["{n}"], part):
+    if not PLACES["{n}"].fullmatch(part):
         return part
     return _DECIMAL_POINT.sub(",", part).replace(" +/- ", " ± ").replace(" deg", "°")

@@ -1,6 +1,7 @@
 """Renders a report as a page: its Markdown sections as HTML with sortable tables, its figures with plotly, and its glossary.
 
-A page is written in English and German; it shows the language that its reader prefers or chooses. The glossary is `glossary.md` beside this file: the documentation shows it whole, each report the terms that it uses.
+A page is in English and German, and shows the language that its reader prefers or chooses. The glossary is `glossary.md`
+beside this file: the documentation shows it whole, each report the terms that it uses.
 """
 
 from __future__ import annotations
@@ -18,7 +19,6 @@ from looping_pendulum.pages.figures import Figure, plotly_source
 from looping_pendulum.pages.german import german_of, in_german
 from looping_pendulum.pages.shell import SHARED_PACKAGE, asset, page
 
-
 WORDS = {
     "en": {
         "name": "English",
@@ -27,8 +27,8 @@ WORDS = {
         "contents": "Contents",
         "figures": "Figures",
         "new": "New to this? The words on this page",
-        "how": "Click a column's heading to sort by it. In a figure, click a name in the legend to hide that line, drag to zoom, "
-        "double-click to go back.",
+        "how": "Click a column's heading to sort by it. In a figure, click a name in the legend to hide that line, drag to "
+        "zoom, double-click to go back.",
         "noscript": "The figures need JavaScript; those of report.md do not.",
         "dark": "Dark",
         "light": "Light",
@@ -41,8 +41,8 @@ WORDS = {
         "contents": "Inhalt",
         "figures": "Bilder",
         "new": "Neu hier? Die Wörter auf dieser Seite",
-        "how": "Ein Klick auf den Kopf einer Spalte sortiert nach ihr. In einem Bild blendet ein Klick auf einen Namen der Legende "
-        "dessen Linie aus, Ziehen vergrößert, ein Doppelklick führt zurück.",
+        "how": "Ein Klick auf den Kopf einer Spalte sortiert nach ihr. In einem Bild blendet ein Klick auf einen Namen der "
+        "Legende dessen Linie aus, Ziehen vergrößert, ein Doppelklick führt zurück.",
         "noscript": "Die Bilder brauchen JavaScript; die von report.md nicht.",
         "dark": "Dunkel",
         "light": "Hell",

@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 
 from looping_pendulum.cli import main as cli
 from looping_pendulum.discrepancy.evidence.explain import explain
+from looping_pendulum.discrepancy.fit.held_out import check_held_out
 from looping_pendulum.discrepancy.identify import OutOfTimeError, identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report.writing import write
@@ -152,6 +153,22 @@ def test_interrupted_it_leaves_what_it_has(tmp_path):
     assert result.verdict is Verdict.INTERRUPTED
     assert result.before.failed_tests
     assert write(result, tmp_path / "out").exists()
+
+
+def test_an_interrupt_while_models_are_judged_costs_nothing_that_was_found(tmp_path, monkeypatch):
+    asked = []
+
+    def interrupted_once(*args, **options):
+        asked.append(args)
+        if len(asked) == 1:
+            raise KeyboardInterrupt
+        return check_held_out(*args, **options)
+
+    monkeypatch.setattr("looping_pendulum.discrepancy.evidence.explain.check_held_out", interrupted_once)
+    with only_candidates(["scale"]):
+        result = identify(load(write_study(tmp_path, CASES["scale"], 1, trials=["ten_a"])))
+    assert result.verdict is Verdict.INTERRUPTED
+    assert result.explanations[0].names == ("scale",)
 
 
 def test_a_search_ends_with_its_time_limit(tmp_path):

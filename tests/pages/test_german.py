@@ -13,7 +13,8 @@ from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import WHERE_IT_INSTALLS, all_engines, how_to_get
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE, RunStatus, supplies_as_rows
 from looping_pendulum.engines.validated import QUANTITIES, ValidatedRange, outside_range
-from looping_pendulum.pages.german import pieces, translated
+from looping_pendulum.pages import german
+from looping_pendulum.pages.german import translated
 from looping_pendulum.pages.report import PAGES, glossary
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.transitions import Mode
@@ -41,7 +42,7 @@ def of_the_package():
 def test_every_text_of_the_tables_has_its_german():
     assert [text for text in of_the_package() if translated(text) is None] == []
     terms = {text for page in PAGES for term, meaning in glossary(page).items() for text in (term, meaning)}
-    assert sorted(terms - pieces().keys()) == []
+    assert sorted(terms - german.pieces().keys()) == []
 
 
 def of_scenarios_and_engines():
@@ -79,24 +80,24 @@ def words_of(module):
 
 def test_all_words_of_stories_are_in_a_piece():
     """What a shipped scenario does not make a story say, another one does."""
-    pieces = "\n".join(pieces())
-    assert [words for words in words_of(stories) if words.strip() not in pieces] == []
+    known = "\n".join(german.pieces())
+    assert [words for words in words_of(stories) if words.strip() not in known] == []
 
 
 @pytest.mark.parametrize("result", [small_result, thick_result])
 def test_what_a_page_says_of_its_runs_has_its_german_with_the_same_numbers(result):
     data = page_data(result())
-    german = data["translations"]["de"]
+    translations = data["translations"]["de"]
     texts = [run[key] for run in data["runs"] for key in ("caption", "story") if run[key] and "faulty" not in run["name"]]
     texts += [run["gap"] for run in data["runs"] if run["gap"]]
     texts += [event["words"] for run in data["runs"] for event in run["events"]]
     assert len(texts) > 4
     for text in texts:
-        assert digits(german[text]) == digits(text), text
+        assert digits(translations[text]) == digits(text), text
 
 
 @pytest.mark.parametrize(
-    ("english", "german"),
+    ("english", "expected"),
     [
         (
             "First deviates by more than 1 mm at 0.273 s, while the string is slack, 12 ms after the halt; by more than 10 mm "
@@ -112,11 +113,11 @@ def test_what_a_page_says_of_its_runs_has_its_german_with_the_same_numbers(resul
         ("Halts on time. Und mehr", None),
     ],
 )
-def test_a_text_is_translated_whole_or_not_at_all(english, german):
-    assert translated(english) == german
+def test_a_text_is_translated_whole_or_not_at_all(english, expected):
+    assert translated(english) == expected
 
 
 def test_each_piece_keeps_its_numbers():
-    for english, german in pieces().items():
+    for english, said in german.pieces().items():
         count = len(re.findall(r"\{[ncwi]\}", english))
-        assert sorted(re.findall(r"\{(\d)\}", german)) == [str(i) for i in range(count)], english
+        assert sorted(re.findall(r"\{(\d)\}", said)) == [str(i) for i in range(count)], english
