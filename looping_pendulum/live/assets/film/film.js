@@ -32,7 +32,7 @@ export class Film {
     /** Frames per second of the camera, 0 if the file does not say it [Hz]. */
     this.cameraRate = 0;
     /** Whether the browser says the time of each frame; else it is taken from that which was asked for. */
-    this.isTold = "requestVideoFrameCallback" in video;
+    this.reportsFrames = "requestVideoFrameCallback" in video;
     this.busy = false;
   }
 
@@ -67,7 +67,7 @@ export class Film {
 
   /** Take the times of the file's tables, which may begin at another one than the browser's clock. @param {import("./frame_times.js").FrameTimes} table */
   take({ times, rate }) {
-    const late = this.isTold ? this.time - times[0] : 0;
+    const late = this.reportsFrames ? this.time - times[0] : 0;
     this.times = times.map((time) => time + late);
     this.time = this.times[0];
     this.step = median(times.slice(1).map((time, i) => time - times[i]));
@@ -88,7 +88,7 @@ export class Film {
         clearTimeout(later);
         done(ownTime);
       };
-      if (this.isTold) video.requestVideoFrameCallback((_, { mediaTime }) => seen(mediaTime));
+      if (this.reportsFrames) video.requestVideoFrameCallback((_, { mediaTime }) => seen(mediaTime));
       else video.addEventListener("seeked", () => seen(null), { once: true });
     });
     video.currentTime = Math.min(Math.max(time, 0), this.duration);
@@ -115,7 +115,7 @@ export class Film {
 
   /** Play some frames slowly, and see how long one lasts. */
   async measureStep() {
-    if (!this.isTold) return;
+    if (!this.reportsFrames) return;
     const { video } = this;
     /** @type {number[]} */
     const times = [];

@@ -112,7 +112,7 @@ export class FilmPanel {
     this.element("film-tools").hidden = false;
     // Until its scale is said it fills the stage
     this.guess = box ? (box.high - box.low) / (FILLED * film.height) : 1 / film.height;
-    this.say(() => text(film.times || film.isTold ? "filmOwnTimes" : "filmAskedTimes", {
+    this.say(() => text(film.times || film.reportsFrames ? "filmOwnTimes" : "filmAskedTimes", {
       file: film.name, width: film.width, height: film.height, rate: fixed(1 / film.step, 2),
       clock: text(film.times ? "filmFileClock" : "filmBrowserClock", { count: film.times?.length ?? 0 }),
     }));
