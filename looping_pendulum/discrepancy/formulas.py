@@ -399,7 +399,7 @@ KINDS = {
     ),
     # The height is even about the place, a Gaussian; the swing is odd, as the pull of a body that is passed
     "pulse": FormulaKind(
-        sums={"pulse": ("height",), "pass": ("swing",), "pulse and pass": ("height", "swing")},
+        sums={"pulse": ("height",), "odd pulse": ("swing",), "pulse and odd pulse": ("height", "swing")},
         parts={"height": (0, "", _bell), "swing": (0, " z", lambda s, z: z * _bell(s, z))},
         envelope=" exp(-z^2 / 2), z = (s - {place}) / {width}",
         is_pulse=True,

@@ -8,42 +8,65 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from functools import cache, lru_cache
 from importlib.resources import files
+from textwrap import wrap
 
-_UNIT = r"(?:1/|[nµmck]?(?:m|s|g|N|J|Hz|rad|deg)\b(?:\^\d)?|°|%)(?:[ /]?\b(?:k?g|m|s|rad)\b(?:\^\d)?)*"
+_UNIT = r"(?:1/|[nµmck]?(?:m|s|g|N|J|Hz|rad|deg)\b(?:\^\d)?|°|%)(?:[ /*]?\b(?:k?g|m|s|N|rad)\b(?:\^\d)?)*"
 _DIGITS = r"[-+−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
 PLACES = {
     "{n}": re.compile(rf"(?:{_DIGITS}|\({_DIGITS} \+/- {_DIGITS}\)e-?\d+)(?: {_UNIT})?(?![\w/])"),
     "{c}": re.compile("`[^`]+`"),
     "{i}": re.compile(r"[A-Za-z]\w*(?:[:_][\w.-]*\w)+"),
+    "{e}": re.compile(r"[A-Za-z]\w*"),
     "{w}": re.compile(r"[^|;*`]+"),
 }
-"""What stands in a piece for a number with its unit, for code, for an identifier, and for a name -> what it looks like.
+"""What stands in a piece for a number with its unit, code, an identifier, a name of one word, and a name -> what it looks like.
 
-A name goes on to the next words of the piece.
+A name goes on to the next words of the piece, and one that ends the piece to the end of the text.
 """
+BREAK = "<br>"
+"""Between the lines of a figure's label."""
 _DECIMAL_POINT = re.compile(r"(?<=\d)\.(?=\d)")
 
 
 @lru_cache(maxsize=4096)  # a table repeats its cells, and a page its captions
 def translated(text: str) -> str | None:
     """Return a text in German; None: it has pieces that are not known."""
-    done, place = "", 0
-    while place < len(text):
-        # The longest piece that stands here
-        place, german = max(_pieces_at(text, place), default=(0, ""))
-        if not place:
-            return None
-        done += german
-    return done
+    # Where each piece so far ends, its German, and what may follow it, the best last
+    path = [(0, "", _pieces_at(text, 0))]
+    dead_ends = set()
+    while path:
+        place, _, following = path[-1]
+        if place == len(text):
+            return "".join(german for _, german, _ in path)
+        if not following:
+            dead_ends.add(place)
+            path.pop()
+            continue
+        end, german = following.pop()
+        if end not in dead_ends:
+            path.append((end, german, _pieces_at(text, end)))
+    return None
 
 
 def german_of(texts: Iterable[str]) -> dict[str, str]:
     """Return those of the texts that can be said in German, each with its German."""
-    known = {text: translated(text) for text in texts if text}
+    known = {text: translated(text) or _in_lines(text) for text in texts if text}
     return {text: german for text, german in known.items() if german is not None}
+
+
+def _in_lines(text: str) -> str | None:
+    """Return a label of several lines in German: each line by itself or, where a name was cut into lines, cut again."""
+    lines = text.split(BREAK)
+    if len(lines) == 1:
+        return None
+    each = [german for line in lines if (german := translated(line)) is not None]
+    if len(each) == len(lines):
+        return BREAK.join(each)
+    german = translated(" ".join(lines))
+    return None if german is None else BREAK.join(wrap(german, max(map(len, lines))))
 
 
 def in_german(markdown: str) -> str:
@@ -76,14 +99,21 @@ def pieces() -> dict[str, str]:
     return {english: german for table in tables.values() for english, german in table.items()}
 
 
-def _pieces_at(text: str, place: int) -> Iterator[tuple[int, str]]:
-    """Yield the end and the German of each piece that stands at a place of the text."""
-    for start in (text[place], *(name for name, pattern in PLACES.items() if pattern.match(text, place))):
-        for parts, german in _by_start().get(start, ()):
-            end, filled = _filled(parts, text, place)
-            # "no" is no piece of "nothing"
-            if end > place and not (text[end - 1].isalnum() and text[end : end + 1].isalnum()):
-                yield end, german.format(*filled)
+def _pieces_at(text: str, place: int) -> list[tuple[int, str]]:
+    """Return the end and the German of each piece that stands at a place of the text, the best last.
+
+    That is the one that reaches farthest, and of several the one with most words of its own; a name that goes on to the end of
+    the text is taken for one only if nothing else leads there.
+    """
+    found = []
+    starts = (text[place : place + 1], *(name for name, pattern in PLACES.items() if pattern.match(text, place)))
+    for parts, german in (piece for start in starts for piece in _by_start().get(start, ())):
+        end, filled = _filled(parts, text, place)
+        # "no" is no piece of "nothing"
+        if end > place and not (text[end - 1].isalnum() and text[end : end + 1].isalnum()):
+            own = sum(len(part) for part in parts if part not in PLACES)
+            found.append((parts[-1] != "{w}", end, own, german.format(*filled)))
+    return [(end, german) for _, end, _, german in sorted(found)]
 
 
 def _filled(parts: list[str], text: str, end: int) -> tuple[int, list[str]]:

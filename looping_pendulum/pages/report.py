@@ -114,12 +114,12 @@ def render(
 
 
 def _texts(data: Any) -> Iterator[str]:
-    """Return all texts of plain data that a reader may see, with no colours and names of axes."""
+    """Return all texts of plain data that a reader may see, with no names of axes and symbols."""
     if isinstance(data, str):
         yield data
     elif isinstance(data, dict):
         for key, value in data.items():
-            if key not in ("id", "x", "y"):
+            if key not in ("id", "x", "y", "symbol"):
                 yield from _texts(value)
     elif isinstance(data, list | tuple) and data and not isinstance(data[0], float | int):
         for value in data:

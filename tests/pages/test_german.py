@@ -1,6 +1,7 @@
 """German of what the package says of runs: nothing of its own is left out, and numbers keep their place."""
 
 import ast
+import dataclasses
 import inspect
 import re
 
@@ -9,17 +10,24 @@ import pytest
 from looping_pendulum.compare import stories
 from looping_pendulum.compare.landmarks import MIN_REST
 from looping_pendulum.compare.stories import EVENT_DESCRIPTIONS, PHYSICS_DESCRIPTIONS, mode_description
+from looping_pendulum.discrepancy import verdict_sentence
+from looping_pendulum.discrepancy.first_look import check, mistakes, row_times
+from looping_pendulum.discrepancy.fit import held_out, residual
+from looping_pendulum.discrepancy.report import figures, markdown, next_steps
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import WHERE_IT_INSTALLS, all_engines, how_to_get
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE, RunStatus, supplies_as_rows
 from looping_pendulum.engines.validated import QUANTITIES, ValidatedRange, outside_range
 from looping_pendulum.pages import german
-from looping_pendulum.pages.german import translated
+from looping_pendulum.pages import report as pages
+from looping_pendulum.pages.figures import on_page
+from looping_pendulum.pages.german import german_of, in_german, translated
 from looping_pendulum.pages.report import PAGES, glossary
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.scenarios import load, shipped
 from looping_pendulum.teaching.demo import page_data
+from tests.pages import made_up_verdicts
 from tests.pages.small import small_result, thick_result
 
 NUMBERS = re.compile(r"\d+(?:[.,]\d+)?")
@@ -119,5 +127,100 @@ def test_a_text_is_translated_whole_or_not_at_all(english, expected):
 
 def test_each_piece_keeps_its_numbers():
     for english, said in german.pieces().items():
-        count = len(re.findall(r"\{[ncwi]\}", english))
+        count = len(re.findall(r"\{[nciew]\}", english))
         assert sorted(re.findall(r"\{(\d)\}", said)) == [str(i) for i in range(count)], english
+
+
+def english_words():
+    """Words of English pieces that no German one has."""
+    words = re.compile(r"[a-zäöüß]{2,}")
+    english, german_ones = (
+        {word for piece in texts for word in words.findall(piece.lower())} for texts in zip(*german.pieces().items(), strict=True)
+    )
+    return english - german_ones
+
+
+OF_NO_LANGUAGE = re.compile(
+    "|".join(
+        [
+            *(rf"\b{re.escape(name)}" for name in sorted(made_up_verdicts.NAMES, key=len, reverse=True)),
+            r"`[^`]*`",  # code
+            "„[^“]*“",  # keys of a study
+            r"\w+_\w+",  # names in code
+            r"\b(?:mm|ms|rad|mrad|m|s|kg|N|deg|SI)\b",
+            r"looping-pendulum|[a-z]+\.(?:csv|png|md|yaml|json)",
+        ]
+    )
+)
+"""What stands in a German report as in an English one: names, keys, units."""
+
+
+def left_english(text, words):
+    """Words of a German text that are English."""
+    return [word for word in re.findall(r"[a-zäöüß]{2,}", OF_NO_LANGUAGE.sub(" ", text).lower()) if word in words]
+
+
+def test_nothing_that_a_report_of_identify_says_stays_english(monkeypatch):
+    """Names stay as they are, and no sentence is taken for one."""
+    english, left, sections = english_words(), set(), {}
+    whole_or_sentences = german._whole_or_sentences
+
+    def spy(text):
+        inner = text.strip()
+        if inner and translated(inner) is None:
+            left.update(s for s in re.split(r"(?<=[.?!:]) ", inner) if translated(s) is None)
+        return whole_or_sentences(text)
+
+    monkeypatch.setattr(german, "_whole_or_sentences", spy)
+    shown = set()
+    for result in made_up_verdicts.identifications():
+        for section in (*markdown.before_figures(result), *markdown.after_figures(result)):
+            if section not in sections:
+                sections[section] = in_german(section)
+    assert {one for one in left if OF_NO_LANGUAGE.sub("", one).strip(" .-:+/*0123456789")} == set()
+    assert {word: text for text in sections.values() for word in left_english(text, english)} == {}
+
+
+def test_all_that_a_sentence_or_remark_of_identify_says_has_its_german(monkeypatch):
+    monkeypatch.setattr(mistakes, "_header_unit", lambda undone: "cm")
+    monkeypatch.setattr(mistakes, "row_shift", lambda declared: row_times.RowShift(columns="light", rows=2))
+    english = english_words()
+    texts = {*made_up_verdicts.verdict_sentences(), *made_up_verdicts.notes(), *made_up_verdicts.DATA}
+    assert len(texts) > 1000
+    assert [text for text in texts if translated(text) is None] == []
+    assert {word: text for text in texts for word in left_english(translated(text), english)} == {}
+    assert [text for text in texts if digits(translated(text)) != digits(text)] == []
+
+
+def test_all_words_of_the_figures_of_identify_are_german():
+    english, texts = english_words(), set()
+    for result in made_up_verdicts.identifications():
+        for chart in figures.charts(result):
+            figure = on_page(chart)
+            texts |= {figure.caption, *pages._texts(figure.as_dict())}
+        texts.add(f"{result.title}: what the model lacks")
+    known = german_of(texts)
+    left = {text for text in texts - known.keys() if left_english(text, english)}
+    assert left == set()
+    assert {word: text for text in known.values() for word in left_english(text, english)} == {}
+
+
+NOT_SHOWN = set()
+"""Words of these modules that no page shows: keys, ids and names of mistakes, and titles of pictures in report.md."""
+
+
+def test_all_words_of_a_report_of_identify_are_in_a_piece():
+    """What no made-up identification makes a report say, another one does."""
+    known = "\n".join(german.pieces())
+    modules = (markdown, next_steps, figures, verdict_sentence, check, mistakes, row_times, residual, held_out)
+    words = {text for module in modules for text in words_of_all(module) if text.strip() not in known}
+    assert words == NOT_SHOWN
+
+
+def words_of_all(module):
+    """Words of a module, also those of its tables."""
+    tree = ast.parse(inspect.getsource(module))
+    docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docstrings:
+            yield from re.findall(r"\b(?!m[ms]\b)[A-Za-z][A-Za-z ']{4,}", node.value)

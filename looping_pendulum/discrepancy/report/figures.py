@@ -56,7 +56,7 @@ NOISE_BAND = 2.0
 """Half-width of the bands that hold 95 % of mere noise [standard errors]."""
 AXIS_LIMIT = 15.0
 """Largest residual of an event on the axis [standard errors]; larger ones and events that do not happen are drawn there."""
-MAX_LINES, LABEL_WIDTH = 5, 28
+MAX_LINES, LABEL_WIDTH = 6, 28
 """Lines of a name beside an axis, and characters in a line of it: half of a phone's width."""
 FIRST_LOOK = "first-look"
 """Name of the figure of a first look."""

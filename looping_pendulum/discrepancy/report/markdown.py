@@ -183,7 +183,7 @@ def unlisted_force(result: Identification) -> str:
         for n in force.formula.parameters
     ]
     note = (
-        "A pulse is a Gaussian, whose width is its standard deviation; a pass is an odd pulse, which changes sign at its place."
+        "A pulse is a Gaussian, whose width is its standard deviation; an odd pulse changes sign at its place."
     )
     return f"{text}\n{table(head, rows, left=1)}\n{note}\n"
 
@@ -238,7 +238,7 @@ def _correlated_noise(result: Identification) -> str:
 
 
 def _outliers(result: Identification) -> str:
-    head = ["trial", "held out?", "channels", "outliers", "of", "farthest off", "when, by the file's clock [s]"]
+    head = ["trial", "held out?", "channels", "outliers", "of points", "farthest off", "when, by the file's clock [s]"]
     rows = [
         [o.trial, "yes" if o.held_out else "no", ", ".join(o.channels), str(o.count), str(o.of),
          quantity(o.largest_distance, o.unit), ", ".join(_interval(*i) for i in o.intervals)]
@@ -300,7 +300,7 @@ def _ties(result: Identification) -> str:
         return text
     if not result.next_experiments:
         return text + "\nNo trial within the limits could be simulated to separate them.\n"
-    head = ["release", "angle [deg]", "free length [cm]", "M2/M1", "separated pairs", "of", "distance [units of noise]",
+    head = ["release", "angle [deg]", "free length [cm]", "M2/M1", "separated pairs", "of pairs", "distance [units of noise]",
             "closest of these"]  # fmt: skip
     rows = [
         [e.release, number(math.degrees(e.release_angle)), number(e.free_length, 1e2), number(e.mass_ratio),
