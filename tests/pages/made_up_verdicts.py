@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from looping_pendulum.compare.landmarks import EVENT_QUANTITIES
 from looping_pendulum.discrepancy.evidence.motions import COORDINATES_OF, TARGETS
 from looping_pendulum.discrepancy.first_look import check, mistakes
 from looping_pendulum.discrepancy.first_look.check import DeclarationCheck, NamedMistake, TrialCheck
@@ -19,14 +20,12 @@ from looping_pendulum.discrepancy.fit.residual import GroupTest, ModelTest, Resi
 from looping_pendulum.discrepancy.formulas import COORDINATE_UNITS, NO_FORMULA, forms
 from looping_pendulum.discrepancy.result import (
     CorrelatedError,
-    EventResidual,
     Experiment,
+    ForceProfile,
     Formula,
     FormulaParameter,
-    ForceProfile,
     Identification,
     IdentifiedEffect,
-    Outliers,
     RankedExplanation,
     RecordStart,
     SmallestVisible,
@@ -37,7 +36,6 @@ from looping_pendulum.discrepancy.result import (
     Verdict,
 )
 from looping_pendulum.discrepancy.verdict_sentence import BODY_IN_WORDS, verdict_notes, verdict_sentence
-from looping_pendulum.compare.landmarks import EVENT_QUANTITIES
 from looping_pendulum.measured.displaced_rows import OWN_TIMES, WrongTimes, sentences
 from looping_pendulum.measured.observations import Channel
 from looping_pendulum.measured.study import Estimate
@@ -53,16 +51,42 @@ ELSEWHERE = ("wrong_gravity", "gravity where the trials were made is 1.6 to 1.7 
 
 def _effect(name: str, **changes) -> IdentifiedEffect:
     effect = made_up.identification("").effects[0]
-    return dataclasses.replace(effect, **{"name": name, "kind": EffectKind.FORCE.value, "parameter": name, "depends_on": ("free_length",), **changes})
+    return dataclasses.replace(
+        effect, **{"name": name, "kind": EffectKind.FORCE.value, "parameter": name, "depends_on": ("free_length",), **changes}
+    )
 
 
-EFFECT = _effect(OWN, depends_on=("time", "light_x"), companions=(("string_loss_time", 1e-3, 2e-4), ("bearing_friction", 0.1, 0.0)))
-PUSH = _effect("pivot_damping", value=1.234e-7, error=3e-9, unit="N*m*s", depends_on=(), direction="x")
-HELD = _effect("static_friction", interval=(1.18, None), null_value=1.0, unit="", meaning="multiplies", parameter="gamma1")
-SMALL = _effect("shear", interval=(None, 0.02), unit="", kind="measurement error", acts_on="camera", meaning="is, of the camera,")
+EFFECT = _effect(
+    OWN,
+    parameter="k_1",
+    depends_on=("time", "light_x"),
+    companions=(("string_loss_time", 1e-3, 2e-4), ("bearing_friction", 0.1, 0.0)),
+)
+PUSH = _effect(
+    "pivot_damping", kind=EffectKind.RELEASE.value, value=1.234e-7, error=3e-9, unit="N*m*s", depends_on=(), direction="x"
+)
+HELD = _effect(
+    "static_friction",
+    kind=EffectKind.STRING_LAW.value,
+    interval=(1.18, None),
+    null_value=1.0,
+    unit="",
+    meaning="multiplies",
+    parameter="gamma1",
+)
+SMALL = _effect(
+    "shear",
+    interval=(None, 0.02),
+    unit="",
+    kind="measurement error",
+    acts_on="camera",
+    meaning="is, of the camera,",
+    parameter="k_2",
+)
 MASS = _effect("wrong_light_mass", interval=(1.01, 1.05), unit="", null_value=1.0, kind="wrong value", acts_on="apparatus")
+THICK = _effect("string_thickness", kind=EffectKind.PROPERTY.value, acts_on="string on rod")
 OPEN = _effect("tilt", interval=(None, None), unit="rad", kind="measurement error", acts_on="camera", direction="y")
-EVERY_EFFECT = (EFFECT, PUSH, HELD, SMALL, MASS, OPEN)
+EVERY_EFFECT = (EFFECT, PUSH, HELD, SMALL, MASS, OPEN, THICK)
 LAWS = tuple(
     UnlistedLaw(acts_on=target, depends_on=coordinate, multiplied_by=factor)
     for target, coordinates in COORDINATES_OF.items()
@@ -123,7 +147,7 @@ def verdict_sentences() -> Iterator[str]:
                     ((), [*many, many[0]]),
                 ):
                     for law in (None, force, dataclasses.replace(force, multiplied_by="across_speed")):
-                        for said in (failed[:1], failed[:4], failed[-3:-1], failed[-1:]):
+                        for said in (failed[:1], failed[:4], failed[-3:-1], failed[-2:-1], failed[-1:]):
                             yield verdict_sentence(
                                 verdict, effects, credible, law if verdict is Verdict.UNLISTED else None, (error,),
                                 failures=said, own_effects=own_effects,
@@ -165,7 +189,13 @@ def _first_look_notes() -> Iterator[str]:
             found = dataclasses.replace(one, keys=lambda undone: "mirrored: true' and 'units: {length: mm}")
             undone = _Undone(mistake=found, factors={"lengths": factor, "times": factor}, distance=near, declared=None)
             other = dataclasses.replace(one, keys=lambda undone: "", way_out=lambda undone: mistakes.SAME_ROWS)
-            for before, trials, also in ((far, 1, []), (cut_off, 2, [other]), (few, 3, []), (broken, 1, []), (near, 1, [other])):
+            for before, trials, also in (
+                (far, 1, []),
+                (cut_off, 2, [other]),
+                (few, 3, []),
+                (broken, 1, []),
+                (near, 1, [other]),
+            ):
                 explanations = [undone, *(_Undone(**{**vars(undone), "mistake": each}) for each in also)]
                 searches = [SimpleNamespace(name=f"{TRIAL}{i}" if i else TRIAL, distance=before) for i in range(trials)]
                 texts.append(check._mistake((one.name,), [(s, explanations) for s in searches]).text)
@@ -179,7 +209,11 @@ def _first_look_notes() -> Iterator[str]:
     searched = SimpleNamespace(name=TRIAL, is_near=False, as_declared=SimpleNamespace(largest=99.0))
     texts += [check._far_text(SimpleNamespace(**vars(searched), distance=d)) for d in (far, cut_off, few, broken)]
     as_declared = SimpleNamespace(values={"origin_x": 0.1, "origin_y": -0.2})
-    texts.append(check._origin_mistake([SimpleNamespace(name=TRIAL, as_declared=as_declared, declared=SimpleNamespace(quarter_turns=0))]).text)
+    texts.append(
+        check._origin_mistake(
+            [SimpleNamespace(name=TRIAL, as_declared=as_declared, declared=SimpleNamespace(quarter_turns=0))]
+        ).text
+    )
     estimate = Estimate(value=99.0)
     declared = SimpleNamespace(trial=SimpleNamespace(name=TRIAL, release=check.Release.LOOPING), estimate=lambda name: estimate)
     texts += check._implausible_values([declared])
@@ -187,7 +221,10 @@ def _first_look_notes() -> Iterator[str]:
         WrongTimes(t=0.1, factor=2.0), WrongTimes(t=0.2, factor=0.25), *(WrongTimes(t=0.1 * i, shift=0.02) for i in range(5)),
         WrongTimes(t=0.3, shift=-0.01), WrongTimes(t=0.4, shift=0.003, onward=False),
     )  # fmt: skip
-    faults = [*sentences(wrong, 0.01), f"frames in turn last 1.2 and 0.83 of their mean, by the masses' motion, unlike their times; {OWN_TIMES}"]
+    faults = [
+        *sentences(wrong, 0.01),
+        f"frames in turn last 1.2 and 0.83 of their mean, by the masses' motion, unlike their times; {OWN_TIMES}",
+    ]
     texts += [f"{check._where([TRIAL, OTHER_TRIAL])}: {fault}" for fault in faults]
     named = [NamedMistake(trials=(), names=(), keys="", text=text) for text in texts]
     yield from DeclarationCheck(trials=(), mistakes=tuple(named)).notes
@@ -196,35 +233,36 @@ def _first_look_notes() -> Iterator[str]:
 DATA = (
     f"{TRIAL}: used light_x 120, angle 5, height 7, angle_rate 3, events 2; 3 not used: light_x: empty cell; 1 not used: "
     "angle: a value without a time; 2 not used: light_y: the row before repeated; 4 not used: light_y: a copy of the point "
-    "before; 2 not used: not measured: t_A 1, t_B 1; 4 not used: column 'Zug': not a time or a position; 8 not used: columns "
-    "'Zug', 'Zug 2': not times or positions; 8 not used: column 'Zug': track not asked for; 9 not used: columns 'Zug', 'Zug "
-    "2': track not asked for; 3 not used: column 'w': not the rate of the angle (best multiple 0.5, correlation 0.93); 8 not "
-    "used: track 'Zug': not asked for; 9 not used: angle_rate: at rest, before the release",
+    "before; 2 not used: not measured: t_A 1, t_B 1; 4 not used: column 'Zug': not a time or a position; 8 not used: "
+    "columns 'Zug', 'Zug 2': not times or positions; 8 not used: column 'Zug': track not asked for; 7 not used: columns "
+    "'Zug', 'Zug 2' and 4 more: not times or positions; 6 not used: track 'Zug' and 4 more: not asked for; 9 not used: "
+    "columns 'Zug', 'Zug 2': track not asked for; 3 not used: column 'w': not the rate of the angle (best multiple 0.5, "
+    "correlation 0.93); 8 not used: track 'Zug': not asked for; 9 not used: angle_rate: at rest, before the release",
     f"{TRIAL}: used nothing; event errors taken as one unit of the last printed digit; lengths without a unit taken in mm; "
-    "rates about 3 axes: taken about the one (0.00, 0.10, 0.99) that has 98 % of them; the first time, 0.3 s, was taken as 0: "
-    "the masses rest there; times printed to 0.001 s, which is coarse: put back on 240 frames a second; an export with more "
-    "decimals needs no such step; times printed to 0.001 s: put back on 240 frames a second; an export with more decimals "
-    "needs no such step; times printed to 0.001 s, at no equal steps: that rounding is an error of each time; times made for "
-    "30 frames a second were put to 240, taking one row as one frame; times made for 30 frames a second were put to 240; the "
-    "steps from row to row are 3.1 to 5 ms, as the file has them; the steps from row to row are 3.1 to 5 ms, but the masses "
-    "move as in equal ones: taken as 240 frames a second; setting in the table left out: Zug = 3; left out 3 of 80 rows (line "
-    "3, 4 and 2 more): they have fewer cells than there are names, and any may be missing; columns without names: taken as t "
-    "[s], x, y; every picture is stored 2 times: one row of each is kept, 40 of 80; 5 rows show 2 pictures: one row of each is "
-    "kept, 32 of 80; by the masses' motion, pictures were taken unevenly, 1.2 ms beside their times: taken as an error of each "
-    "time; at 0.3 s the masses are where they were a row before, as where a picture is stored again or a tracker slips: left "
-    "out; at 0.3 s and 0.5 s the masses are where they were a row before, as where a picture is stored again or a tracker "
-    "slips: left out; the film's points were read from zug.csv; zug.png shows the marks on it; The axes change with the frame "
-    "(3 settings): each point is in those of its own frame.; The project shows positions relative to 'Zug'; they are read in "
-    "fixed axes instead.; The project is not calibrated: positions are in pixels.; The project's step size is 2 frames.; "
-    "Points of 'Zug' outside the project's clip (frames 3 to 9) were left out: 7.; Tracks that were left out: 'Zug'.; The "
-    "frame times of the film do not rise, so that its frames are taken at equal steps.; A frame lasts 4 ms by the project's "
-    "clock, which is used, and 33.3 ms by the film's.; Frames after 70, the last that has a time in the project, are taken at "
-    "equal steps.; The project's clock reads 0.2 s at frame 3.",
+    "rates about 3 axes: taken about the one (0.00, 0.10, 0.99) that has 98 % of them; the first time, 0.3 s, was taken as "
+    "0: the masses rest there; times printed to 0.001 s, which is coarse: put back on 240 frames a second; an export with "
+    "more decimals needs no such step; times printed to 0.001 s: put back on 240 frames a second; an export with more "
+    "decimals needs no such step; times printed to 0.001 s, at no equal steps: that rounding is an error of each time; "
+    "times made for 30 frames a second were put to 240, taking one row as one frame; times made for 30 frames a second were"
+    " put to 240; the steps from row to row are 3.1 to 5 ms, as the file has them; the steps from row to row are 3.1 to 5 "
+    "ms, but the masses move as in equal ones: taken as 240 frames a second; setting in the table left out: Zug = 3; left "
+    "out 3 of 80 rows (line 3, 4 and 2 more): they have fewer cells than there are names, and any may be missing; columns "
+    "without names: taken as t [s], x, y; every picture is stored 2 times: one row of each is kept, 40 of 80; 5 rows show 2"
+    " pictures: one row of each is kept, 32 of 80; by the masses' motion, pictures were taken unevenly, 1.2 ms beside their"
+    " times: taken as an error of each time; at 0.3 s the masses are where they were a row before, as where a picture is "
+    "stored again or a tracker slips: left out; at 0.3 s and 0.5 s the masses are where they were a row before, as where a "
+    "picture is stored again or a tracker slips: left out; the film's points were read from zug.csv; zug.png shows the "
+    "marks on it; The axes change with the frame (3 settings): each point is in those of its own frame.; The project shows "
+    "positions relative to 'Zug'; they are read in fixed axes instead.; The project is not calibrated: positions are in "
+    "pixels.; The project's step size is 2 frames.; Points of 'Zug' outside the project's clip (frames 3 to 9) were left "
+    "out: 7.; Tracks that were left out: 'Zug'.; The frame times of the film do not rise, so that its frames are taken at "
+    "equal steps.; A frame lasts 4 ms by the project's clock, which is used, and 33.3 ms by the film's.; Frames after 70, "
+    "the last that has a time in the project, are taken at equal steps.; The project's clock reads 0.2 s at frame 3.",
 )
 """What is said of trials that were read: of every table, film and project at once."""
 
 
-def _force(law: UnlistedLaw, *, accepted: bool) -> Unlisted:
+def _force(law: UnlistedLaw, *, accepted: bool, chosen: int = 0) -> Unlisted:
     known = made_up.identification("").unlisted
     sides = TARGETS[law.acts_on]
     tried = tuple(
@@ -245,9 +283,11 @@ def _force(law: UnlistedLaw, *, accepted: bool) -> Unlisted:
         multiplied_by=law.multiplied_by,
         unit=COORDINATE_UNITS[law.depends_on],
         profiles=tuple(profiles),
-        formula=tried[-1] if accepted else None,
+        formula=tried[(chosen // 2) % len(tried)] if accepted else None,
         formulas=tried,
-        phase="while the string slides and while it does not" if accepted else "while the string slides",
+        phase=("while the string slides", "while the string does not slide", "while the string slides and while it does not")[
+            chosen % 3
+        ],
         point=(0.1, -0.2) if law.depends_on == "distance" else None,
     )
 
@@ -264,7 +304,9 @@ def _look() -> DeclarationCheck:
         trials=tuple(TrialCheck(trial=trial, distance=distance) for trial, distance in seen.items()),
         mistakes=(
             NamedMistake(trials=(TRIAL,), names=(), keys=keys, text="", corrected=corrected),
-            NamedMistake(trials=(OTHER_TRIAL,), names=(), keys="mirrored: true", text="", corrected={OTHER_TRIAL: seen[OTHER_TRIAL]}),
+            NamedMistake(
+                trials=(OTHER_TRIAL,), names=(), keys="mirrored: true", text="", corrected={OTHER_TRIAL: seen[OTHER_TRIAL]}
+            ),
         ),
     )
 
@@ -290,9 +332,11 @@ def _identification(verdict: Verdict, **changes) -> Identification:
     start = RecordStart(trial=TRIAL, held_out=False, time=0.3, angle=1.0, angle_error=0.01, speed=0.5, speed_error=0.02)
     experiment = Experiment(release="held", release_angle=1.0, free_length=0.3, mass_ratio=3.0, pairs=3, separated_pairs=1,
                             distance=8.0, tells_apart=(OWN, "nothing"))  # fmt: skip
-    acts_on = [*dict.fromkeys(e.acts_on for e in EFFECTS.values()), "camera", "apparatus"]
+    acts_on = [*dict.fromkeys(e.acts_on for e in EFFECTS.values() if e.kind is not EffectKind.CLOSURE), "camera", "apparatus"]
     every_event = [
-        dataclasses.replace(event, quantity=q, trial=trial, held_out=held_out, unit=EVENT_QUANTITIES[q].unit, before=before, after=0.2)
+        dataclasses.replace(
+            event, quantity=q, trial=trial, held_out=held_out, unit=EVENT_QUANTITIES[q].unit, before=before, after=0.2
+        )
         for q in EVENT_QUANTITIES
         for trial, held_out, before in ((TRIAL, False, None), (OTHER_TRIAL, True, 0.5))
     ]
@@ -301,7 +345,7 @@ def _identification(verdict: Verdict, **changes) -> Identification:
         title=TITLE,
         verdict=verdict,
         sentence="",
-        notes=(),
+        notes=(f"{GRAVITY[0]} was ruled out, as {GRAVITY[1]}.",),
         effects=EVERY_EFFECT if verdict in (Verdict.IDENTIFIED, Verdict.AMBIGUOUS) else (),
         explanations=(
             _explained(*EVERY_EFFECT[:2], probability=0.6),
@@ -317,7 +361,9 @@ def _identification(verdict: Verdict, **changes) -> Identification:
             dataclasses.replace(start, angle_error=a, speed_error=s) for a in (0.0, 0.01) for s in (0.0, 0.02)
         ),
         smallest_visible=tuple(
-            SmallestVisible(name=f"kg_{i}", value=1e-3 * (1 + i), unit=unit, acts_on=acts_on[i % len(acts_on)], null_value=null, motion=9.0)
+            SmallestVisible(
+                name=f"kg_{i}", value=1e-3 * (1 + i), unit=unit, acts_on=acts_on[i % len(acts_on)], null_value=null, motion=9.0
+            )
             for i, (unit, null) in enumerate([("", 1.0), ("m/s**2", 0.0), ("N*m*s", 0.0), ("m/N", 0.0), ("1/kg", 0.0)] * 3)
         ),
         can_hide=("rod_mobility", OWN),
@@ -361,8 +407,12 @@ def identifications() -> Iterator[Identification]:
         {"next_experiments": (dataclasses.replace(experiment, separated_pairs=0),)},
     ):  # fmt: skip
         yield _identification(Verdict.AMBIGUOUS, explanations=listed, **changes)
-    plain = dataclasses.replace(declared, verdict=Verdict.UNEXPLAINED, outliers=(), events=(), judged_on="held-out blocks of time")
+    plain = dataclasses.replace(
+        declared, verdict=Verdict.UNEXPLAINED, outliers=(), events=(), judged_on="held-out blocks of time"
+    )
     yield plain
+    for event in declared.events:
+        yield dataclasses.replace(plain, events=(event,), before=dataclasses.replace(plain.before, failed_tests=()))
     light, _, angle = plain.trial_figures
     heavy = _of_channels(light, {"light_x": "heavy_x", "light_y": "heavy_y"})
     for picture in (light, heavy, angle):
@@ -373,15 +423,19 @@ def identifications() -> Iterator[Identification]:
                 for verdict in (Verdict.UNEXPLAINED, Verdict.IDENTIFIED):
                     yield _identification(verdict, trial_figures=(shown,), errors=plain.errors[2:], events=())
     bare = dict.fromkeys(("trial_figures", "events", "outliers", "record_starts", "data"), ()) | {"first_look": None}
-    for law in LAWS:
+    seen = set()
+    for i, law in enumerate(LAWS):
+        force = _force(law, accepted=bool(i % 2), chosen=i)
+        yield _identification(
+            Verdict.UNLISTED, unlisted=force, explanations=(_explained(law=law, probability=0.9), NOTHING), **bare
+        )
+        if law.depends_on in seen:
+            continue
+        seen.add(law.depends_on)
         for accepted in (False, True):
             force = _force(law, accepted=accepted)
-            for verdict, explanations in (
-                (Verdict.UNLISTED, (_explained(law=law, probability=0.9), NOTHING)),
-                (Verdict.AMBIGUOUS, (_explained(EFFECT), _explained(law=law))),
-                (Verdict.AMBIGUOUS, (_explained(law=law), _explained())),
-            ):
-                yield _identification(verdict, unlisted=force, explanations=explanations, **bare)
+            for explanations in ((_explained(EFFECT), _explained(law=law)), (_explained(law=law), _explained())):
+                yield _identification(Verdict.AMBIGUOUS, unlisted=force, explanations=explanations, **bare)
 
 
 def _of_channels(picture: TrialFigure, names: dict[str, str]) -> TrialFigure:

@@ -182,9 +182,7 @@ def unlisted_force(result: Identification) -> str:
         [n.name.replace("_", ", "), number(n.value, digits=4), number(n.error, digits=2), n.unit]
         for n in force.formula.parameters
     ]
-    note = (
-        "A pulse is a Gaussian, whose width is its standard deviation; an odd pulse changes sign at its place."
-    )
+    note = "A pulse is a Gaussian, whose width is its standard deviation; an odd pulse changes sign at its place."
     return f"{text}\n{table(head, rows, left=1)}\n{note}\n"
 
 
