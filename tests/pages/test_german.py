@@ -216,7 +216,8 @@ STRUCTURE = re.compile(
 NOT_SHOWN = {
     # Keys of charts, files, commands in code
     "colour", "dashes", "label", "marker", "standardised", "words", "always", "identification", "Figures", "candidates",
-    "files", "engine mujoco", "out compared", "pendulum compare repaired", "pendulum identify", "pendulum run repaired", "tracks", "yaml ",
+    "files", "engine mujoco", "out compared", "pendulum compare repaired", "pendulum identify", "pendulum run repaired",
+    "tracks", "yaml ",
     # Titles of pictures in report.md
     "error of each trial", "motion of the ", "points and declared motion",
     # Names of mistakes, values of keys, and trials that a first look leaves out
