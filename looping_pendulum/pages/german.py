@@ -24,7 +24,7 @@ PLACES = {
 }
 """What stands in a piece for a number with its unit, code, an identifier, a name of one word, and a name -> what it looks like.
 
-A name goes on to the next words of the piece, and one that ends the piece to the end of the text.
+A name goes on to the next words of the piece, and one that ends the piece to the end of the text, but for its full stop.
 """
 BREAK = "<br>"
 """Between the lines of a figure's label."""
@@ -121,7 +121,7 @@ def _filled(parts: list[str], text: str, end: int) -> tuple[int, list[str]]:
     filled = []
     for part, words in zip(parts, (*parts[1:], ""), strict=True):
         if part in PLACES:
-            limit = text.find(words, end) if part == "{w}" and words else len(text)
+            limit = len(text) if part != "{w}" else text.find(words, end) if words else len(text.rstrip("."))
             match = PLACES[part].match(text, end, limit)
             if match is None:
                 return 0, []

@@ -3,6 +3,7 @@
 import ast
 import inspect
 import re
+from importlib.resources import files
 
 import pytest
 
@@ -118,13 +119,23 @@ def test_what_a_page_says_of_its_runs_has_its_german_with_the_same_numbers(resul
         ),
         ("No motion to compare: an adapter's own words.", None),
         ("Halts on time. Und mehr", None),
+        (
+            "the model does not predict the held-out trial two b.",
+            "das Modell sagt den zurückgehaltenen Versuch two b nicht voraus.",
+        ),
     ],
 )
 def test_a_text_is_translated_whole_or_not_at_all(english, expected):
     assert translated(english) == expected
 
 
-def test_each_piece_keeps_its_numbers():
+def test_each_piece_stands_once_and_keeps_its_numbers():
+    rows = [
+        line
+        for line in files("looping_pendulum.pages").joinpath("german.toml").read_text(encoding="utf-8").splitlines()
+        if line[:1] == '"'
+    ]
+    assert len(rows) == len(german.pieces())
     for english, said in german.pieces().items():
         count = len(re.findall(r"\{[nciew]\}", english))
         assert sorted(re.findall(r"\{(\d)\}", said)) == [str(i) for i in range(count)], english
