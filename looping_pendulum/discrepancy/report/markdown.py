@@ -315,7 +315,7 @@ def _ties(result: Identification) -> str:
 
 def _explanations_table(explanations: Sequence[RankedExplanation]) -> str:
     """Return one table of explanations, a line for each of their parts."""
-    head = ["explanation", "probability", "adds", "acts on", "formula", "value", "95 % interval", "null value"]
+    head = ["explanation", "probability", "adds", "acts on", "formula", "value", "95 % interval", "absent at"]
     rows = []
     for i, one in enumerate(explanations, start=1):
         of_one = [
