@@ -13,6 +13,8 @@ from functools import cache, lru_cache
 from importlib.resources import files
 from textwrap import wrap
 
+LANGUAGES = {"en": "English", "de": "Deutsch"}
+"""Language of pages -> its own name; a page without JavaScript is in the first."""
 _UNIT = r"(?:1/|[nµmck]?(?:m|s|g|N|J|Hz|rad|deg)\b(?:\^\d)?|°|%)(?:[ /*]?\b(?:k?g|m|s|N|rad)\b(?:\^\d)?)*"
 _DIGITS = r"[-+−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
 PLACES = {
@@ -29,6 +31,11 @@ A name goes on to the next words of the piece, and one that ends the piece to th
 BREAK = "<br>"
 """Between the lines of a figure's label."""
 _DECIMAL_POINT = re.compile(r"(?<=\d)\.(?=\d)")
+
+
+def said(text: str, language: str) -> str:
+    """Return a text of the package in one of the `LANGUAGES`; what is not known in German stays English."""
+    return (translated(text) or text) if language == "de" else text
 
 
 @lru_cache(maxsize=4096)  # a table repeats its cells, and a page its captions

@@ -16,40 +16,8 @@ from markupsafe import Markup
 
 from looping_pendulum.pages import markdown
 from looping_pendulum.pages.figures import Figure, plotly_source
-from looping_pendulum.pages.german import german_of, in_german
+from looping_pendulum.pages.german import LANGUAGES, german_of, in_german, said
 from looping_pendulum.pages.shell import SHARED_PACKAGE, asset, page
-
-WORDS = {
-    "en": {
-        "name": "English",
-        "decimal_sign": ".",
-        "skip": "Skip to the content",
-        "contents": "Contents",
-        "figures": "Figures",
-        "new": "New to this? The words on this page",
-        "how": "Click a column's heading to sort by it. In a figure, click a name in the legend to hide that line, drag to "
-        "zoom, double-click to go back.",
-        "noscript": "The figures need JavaScript; those of report.md do not.",
-        "dark": "Dark",
-        "light": "Light",
-        "theme": "Change between dark and light",
-    },
-    "de": {
-        "name": "Deutsch",
-        "decimal_sign": ",",
-        "skip": "Zum Inhalt springen",
-        "contents": "Inhalt",
-        "figures": "Bilder",
-        "new": "Neu hier? Die Wörter auf dieser Seite",
-        "how": "Ein Klick auf den Kopf einer Spalte sortiert nach ihr. In einem Bild blendet ein Klick auf einen Namen der "
-        "Legende dessen Linie aus, Ziehen vergrößert, ein Doppelklick führt zurück.",
-        "noscript": "Die Bilder brauchen JavaScript; die von report.md nicht.",
-        "dark": "Dunkel",
-        "light": "Hell",
-        "theme": "Zwischen dunkel und hell wechseln",
-    },
-}
-"""Language -> the words of a page that are no report's own; the first is that of a page without JavaScript."""
 
 
 def render(
@@ -76,40 +44,34 @@ def render(
         Figures directly below the first section.
     """
     drawn = [figure.as_dict() for figure in (*first, *figures)]
-    captions = {figure.id: figure.caption for figure in (*first, *figures)}
-    german = german_of([title, note, *captions.values(), *terms, *terms.values(), *_texts(drawn)])
-    languages = {}
-    for name, words in WORDS.items():
-        said = german if name == "de" else {}
-        head, *above = [markdown.html(in_german(text) if name == "de" else text) for text in before if text]
-        below = [markdown.html(in_german(text) if name == "de" else text) for text in after if text]
-        languages[name] = {
-            "words": words | {"note": said.get(note, note)},
+    parts = {}
+    for name in LANGUAGES:
+        in_language = in_german if name == "de" else str
+        head, *above = [markdown.html(in_language(text)) for text in before if text]
+        below = [markdown.html(in_language(text)) for text in after if text]
+        parts[name] = {
             "head": head,
             "above": [_section(html, f"part-{i}-{name}") for i, html in enumerate(above)],
             "below": [_section(html, f"more-{i}-{name}") for i, html in enumerate(below)],
-            "terms": {said.get(term, term): said.get(meaning, meaning) for term, meaning in terms.items()},
-            "captions": {figure: said.get(caption, caption) for figure, caption in captions.items()},
         }
     scripts = [asset(SHARED_PACKAGE, "language.js"), asset(SHARED_PACKAGE, "tables.js")]
     if drawn:
         scripts += [plotly_source(), asset(SHARED_PACKAGE, "figures.js")]
+    of_scripts = ("Dark", "Light", "Change between dark and light")
+    german = german_of([title, *of_scripts, *(figure.caption for figure in (*first, *figures)), *_texts(drawn)])
     return page(
         SHARED_PACKAGE,
         "report.html",
         title=title,
         styles=[(SHARED_PACKAGE, "report.css")],
         scripts=scripts,
-        data={
-            "figures": drawn,
-            "languages": {
-                "en": {"title": title, "words": WORDS["en"], "texts": {}},
-                "de": {"title": german.get(title, title), "words": WORDS["de"], "texts": german},
-            },
-        },
-        languages=languages,
+        data={"figures": drawn, "languages": {"names": LANGUAGES, "texts": {"de": german}}},
+        say=said,
+        parts=parts,
         figures=figures,
         first=first,
+        terms=terms,
+        note=note,
     )
 
 

@@ -226,7 +226,7 @@ STRUCTURE = re.compile(
 
 NOT_SHOWN = {
     # Keys of charts, files, commands in code
-    "colour", "dashes", "label", "marker", "standardised", "words", "always", "identification", "Figures", "candidates",
+    "colour", "dashes", "label", "marker", "standardised", "always", "identification", "candidates",
     "files", "engine mujoco", "out compared", "pendulum compare repaired", "pendulum identify", "pendulum run repaired",
     "tracks", "yaml ",
     # Titles of pictures in report.md
@@ -247,7 +247,7 @@ def test_all_words_of_a_report_of_identify_are_in_a_piece():
     known = "\n".join(german.pieces())
     modules = (markdown, next_steps, figures, writing, verdict_sentence, check, mistakes, row_times, residual, held_out)
     words = {text for module in modules for text in words_of_all(module) if text.strip() not in known}
-    assert words == NOT_SHOWN
+    assert words - NOT_SHOWN == set()
 
 
 def words_of_all(module):

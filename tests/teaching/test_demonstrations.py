@@ -11,19 +11,19 @@ from typer.testing import CliRunner
 
 from looping_pendulum.cli.main import app
 from looping_pendulum.pages.german import translated
+from looping_pendulum.pages.shell import asset
 from looping_pendulum.scenarios import loader
 from looping_pendulum.teaching.demonstrations import page as demonstrations_page
 from looping_pendulum.teaching.demonstrations.demonstration import Claim, DemonstrationError, JudgedClaim, run_demonstration
-from looping_pendulum.teaching.demonstrations.german import in_german
 from looping_pendulum.teaching.demonstrations.page import (
     DEMONSTRATIONS,
     MADE_WITH,
     NOT_BORNE_OUT,
-    WORDS,
     find_demonstrations,
     html,
     index,
     markdown,
+    result_in_language,
     write_pages,
 )
 
@@ -162,8 +162,10 @@ def test_a_german_page_has_the_same_numbers_and_no_english_text():
     assert '<html lang="de">' in german
     ticks = re.findall(r">\s*([−-]?\d+[.,]\d+)\s*<", german)
     assert all("," in tick for tick in ticks)
-    assert len({claim.text for claim in in_german(result).answer} & {claim.text for claim in result.answer}) == 0
-    for text in (*texts_of(result.demonstration), *(words for words in WORDS["en"].values() if " " in words)):
+    assert len({claim.text for claim in result_in_language(result, "de").answer} & {claim.text for claim in result.answer}) == 0
+    words = re.findall(r'say\("([^"]* [^"]*)"\)', asset(demonstrations_page.HERE, "demonstration.html"))
+    assert len(words) > 5
+    for text in (*texts_of(result.demonstration), *words):
         assert "{" in text or text not in german, text
     for cells in result.rows:
         for cell in cells[1:]:

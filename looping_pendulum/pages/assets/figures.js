@@ -28,7 +28,7 @@
     return coloured({
       paper_bgcolor: "var(--ground)", plot_bgcolor: "var(--ground)",
       font: { color: "var(--ink)", family: "system-ui, Segoe UI, Roboto, Arial, sans-serif", size: 13 },
-      hovermode: "closest", autosize: true, separators: `${Language.decimalSign} `,
+      hovermode: "closest", autosize: true, separators: Language.separators,
       ...merged,
       legend: { orientation: "h", yref: "container", y: 0, yanchor: "bottom", ...merged.legend },
       ...(Theme.printing ? { width: PAPER, autosize: false } : {}),

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +14,13 @@ from matplotlib.figure import Figure
 
 from looping_pendulum.files import write_atomically
 from looping_pendulum.pages.drawing import png, themed_svg
+from looping_pendulum.pages.german import LANGUAGES, said
 from looping_pendulum.pages.markdown import table
 from looping_pendulum.pages.palette import COLOURS, DASHES, MARKERS
 from looping_pendulum.pages.shell import page
 from looping_pendulum.teaching.demonstrations.chains import POLYGON, STRETCHY
 from looping_pendulum.teaching.demonstrations.demonstration import Demonstration, DemonstrationError, DemonstrationResult
 from looping_pendulum.teaching.demonstrations.friction import CONSTANT_FRICTION, CREEP, FORGOTTEN_TURNS, TENDON_WITHOUT_FRICTION
-from looping_pendulum.teaching.demonstrations.german import german_of, in_german
 from looping_pendulum.teaching.demonstrations.reference_model import BREAK_AWAY, DRAG, STRING_ON_STRING
 
 DEMONSTRATIONS: Mapping[str, Demonstration] = {
@@ -46,57 +48,6 @@ NOT_BORNE_OUT = "Not borne out by this run:"
 """Words before a claim whose test failed."""
 MADE_WITH = "Made with "
 """Start of the line with the versions, which differs from installation to installation."""
-WORDS = {
-    "en": {
-        "site": "Looping pendulum",
-        "index": "What each model assumes",
-        "lead": LEAD,
-        "skip": "Skip to the content",
-        "dark": "Dark",
-        "light": "Light",
-        "theme": "Change between dark and light",
-        "other": "Deutsch",
-        "question": "Question.",
-        "guess": "A guess.",
-        "yours": "What is yours?",
-        "experiment": "Experiment",
-        "came": "What came of it",
-        "measured": "What was measured",
-        "answer": "Answer",
-        "not_borne_out": NOT_BORNE_OUT,
-        "see": "See for yourself",
-        "copy": "Copy the scenario {scenario}, change the lines below in the copy, and run it.",
-        "made": MADE_WITH + "{versions}, by `looping-pendulum demonstrations {name}`.",
-        "all": "All demonstrations",
-    },
-    "de": {
-        "site": "Das schlingende Pendel",
-        "index": "Was jedes Modell voraussetzt",
-        "lead": (
-            "Jede Physik-Engine, die das schlingende Pendel nachbaut, lässt etwas weg. Kurze Experimente zeigen, was, jedes "
-            "mit einer Frage und einer Vermutung vor der Antwort. Die Zahlen stammen aus dem Lauf, der die Seite schrieb, und "
-            "jeder Satz einer Antwort wird an ihnen geprüft: Einer, den sie nicht bestätigen, sagt es."
-        ),
-        "skip": "Zum Inhalt springen",
-        "dark": "Dunkel",
-        "light": "Hell",
-        "theme": "Zwischen dunkel und hell wechseln",
-        "other": "English",
-        "question": "Frage.",
-        "guess": "Eine Vermutung.",
-        "yours": "Was vermutest du?",
-        "experiment": "Experiment",
-        "came": "Was herauskam",
-        "measured": "Was gemessen wurde",
-        "answer": "Antwort",
-        "not_borne_out": "Von diesem Lauf nicht bestätigt:",
-        "see": "Selbst ausprobieren",
-        "copy": "Das Szenario {scenario} kopieren, in der Kopie die Zeilen unten ändern und sie laufen lassen.",
-        "made": "Gemacht mit {versions}, durch `looping-pendulum demonstrations {name}`.",
-        "all": "Alle Demonstrationen",
-    },
-}
-"""Language -> the words of an HTML page that are no demonstration's own."""
 
 
 def find_demonstrations(names: Sequence[str]) -> tuple[Demonstration, ...]:
@@ -120,7 +71,7 @@ def write_pages(result: DemonstrationResult, folder: Path, *, with_html: bool = 
     name = result.demonstration.name
     files: dict[str, str | bytes] = {f"{name}.png": png(drawing(result), dpi=100), f"{name}.md": markdown(result)}
     if with_html:
-        files |= {file_of(name, language): html(result, language) for language in reversed(WORDS)}
+        files |= {file_of(name, language): html(result, language) for language in reversed(LANGUAGES)}
     for file, content in files.items():
         write_atomically(folder / file, content)
     return tuple(folder / file for file in files)
@@ -133,23 +84,29 @@ def file_of(name: str, language: str) -> str:
 
 def write_index(folder: Path) -> Path:
     """Write index.html and index.de.html, which list the pages in ``folder``; return the path of the first."""
-    for language, words in WORDS.items():
+    for language in LANGUAGES:
         here = [d for d in DEMONSTRATIONS.values() if (folder / file_of(d.name, language)).exists()]
         text = page(
             HERE,
             "demonstrations.html",
-            title=f"{words['site']}: {words['index']}",
-            language=language,
-            words=words,
-            other=file_of("index", _other(language)),
-            demonstrations=[(file_of(d.name, language), d if language == "en" else german_of(d)) for d in here],
+            title=said("Looping pendulum: What each model assumes", language),
+            lead=LEAD,
+            demonstrations=[(file_of(d.name, language), in_language(d, language)) for d in here],
+            **_choice("index", language),
         )
         write_atomically(folder / file_of("index", language), text)
     return folder / "index.html"
 
 
-def _other(language: str) -> str:
-    return next(one for one in WORDS if one != language)
+def _choice(name: str, language: str) -> dict[str, Any]:
+    """Return what the templates need to speak a language and to offer the other one."""
+    other = next(one for one in LANGUAGES if one != language)
+    return {
+        "language": language,
+        "say": partial(said, language=language),
+        "other": file_of(name, other),
+        "other_language": LANGUAGES[other],
+    }
 
 
 def index() -> str:
@@ -187,7 +144,7 @@ def markdown(result: DemonstrationResult) -> str:
 
 def commands_words(d: Demonstration) -> str:
     """Return the sentence that explains the commands and the lines of YAML."""
-    return WORDS["en"]["copy"].format(scenario=f"`{d.scenario}`")
+    return f"Copy the scenario `{d.scenario}`, change the lines below in the copy, and run it."
 
 
 def start(d: Demonstration) -> str:
@@ -195,30 +152,57 @@ def start(d: Demonstration) -> str:
     return f"looping-pendulum scenarios {d.scenario} > mine.yaml"
 
 
-def provenance(result: DemonstrationResult, language: str = "en") -> str:
+def provenance(result: DemonstrationResult) -> str:
     """Return the sentence that says which command and which versions wrote the page."""
     versions = ", ".join(f"{name} {version}" for name, version in result.versions.items())
-    return WORDS[language]["made"].format(versions=versions, name=result.demonstration.name)
+    return f"{MADE_WITH}{versions}, by `looping-pendulum demonstrations {result.demonstration.name}`."
 
 
 def html(result: DemonstrationResult, language: str = "en") -> str:
     """Return the page as one HTML file that loads no other file; its figure has the colours of the page's ground."""
-    shown = result if language == "en" else in_german(result)
-    d, words = shown.demonstration, WORDS[language]
+    shown = result_in_language(result, language)
+    d = shown.demonstration
     return page(
         HERE,
         "demonstration.html",
-        title=f"{words['site']}: {d.title}",
-        language=language,
-        words=words,
+        title=f"{said('Looping pendulum', language)}: {d.title}",
         d=d,
         result=shown,
+        not_borne_out=NOT_BORNE_OUT,
         picture=themed_svg(drawing(shown, decimal_comma=language == "de")),
-        copy=words["copy"].format(scenario=d.scenario),
+        copy=said(commands_words(d), language).replace("`", ""),
         start=start(d),
-        provenance=provenance(result, language).replace("`", ""),
-        other=file_of(d.name, _other(language)),
+        provenance=said(provenance(result), language).replace("`", ""),
         index=file_of("index", language),
+        **_choice(d.name, language),
+    )
+
+
+def result_in_language(result: DemonstrationResult, language: str) -> DemonstrationResult:
+    """Return a result whose texts are in one of the `german.LANGUAGES`, its numbers with the decimal sign of that."""
+    say = partial(said, language=language)
+    return replace(
+        result,
+        demonstration=in_language(result.demonstration, language),
+        header=tuple(map(say, result.header)),
+        rows=tuple(tuple(map(say, row)) for row in result.rows),
+        answer=tuple(replace(claim, text=say(claim.text)) for claim in result.answer),
+        curves=tuple(replace(curve, label=say(curve.label)) for curve in result.curves),
+    )
+
+
+def in_language(d: Demonstration, language: str) -> Demonstration:
+    """Return a demonstration whose own texts are in a language; a page takes its claims from the result."""
+    say = partial(said, language=language)
+    lines, _, comment = d.change.partition("    # ")
+    return replace(
+        d,
+        title=say(d.title),
+        question=say(d.question),
+        guess=say(d.guess),
+        experiment=say(d.experiment),
+        change=f"{lines}    # {say(comment)}" if comment else lines,
+        picture=replace(d.picture, x=say(d.picture.x), y=say(d.picture.y), caption=say(d.picture.caption)),
     )
 
 
