@@ -30,6 +30,8 @@ A name goes on to the next words of the piece, and one that ends the piece to th
 """
 BREAK = "<br>"
 """Between the lines of a figure's label."""
+START = 4
+"""Letters by which pieces are looked up: of several hundred that begin with a "t", few are then compared with a text."""
 _DECIMAL_POINT = re.compile(r"(?<=\d)\.(?=\d)")
 
 
@@ -113,7 +115,8 @@ def _pieces_at(text: str, place: int) -> list[tuple[int, str]]:
     the text is taken for one only if nothing else leads there.
     """
     found = []
-    starts = (text[place : place + 1], *(name for name, pattern in PLACES.items() if pattern.match(text, place)))
+    starts = {text[place : place + length] for length in range(1, START + 1)}
+    starts |= {name for name, pattern in PLACES.items() if pattern.match(text, place)}
     for parts, german in (piece for start in starts for piece in _by_start().get(start, ())):
         end, filled = _filled(parts, text, place)
         # "no" is no piece of "nothing"
@@ -143,11 +146,11 @@ def _filled(parts: list[str], text: str, end: int) -> tuple[int, list[str]]:
 
 @cache
 def _by_start() -> dict[str, list[tuple[list[str], str]]]:
-    """Return the pieces, cut at their places, with their German, by the first letter or place."""
+    """Return the pieces, cut at their places, with their German, by their first letters or place."""
     starts: dict[str, list[tuple[list[str], str]]] = {}
     for piece, german in pieces().items():
         parts = [part for part in re.split(r"(\{\w\})", piece) if part]
-        starts.setdefault(parts[0] if parts[0] in PLACES else parts[0][0], []).append((parts, german))
+        starts.setdefault(parts[0] if parts[0] in PLACES else parts[0][:START], []).append((parts, german))
     return starts
 
 
