@@ -14,7 +14,7 @@ from pathlib import Path
 SHARES = 6
 """Number of shares; a share's number is that of the day."""
 LIST = Path(__file__).with_name("long_tests.txt")
-LONG = 1.3
+LONG = 0.7
 """Duration of a long test on an idle machine of two cores, its fixtures included [s]."""
 _DURATION = re.compile(r"([\d.]+)s (?:call|setup|teardown) +(\S.*?) *$")
 
