@@ -13,6 +13,8 @@ from functools import cache, lru_cache
 from importlib.resources import files
 from textwrap import wrap
 
+from looping_pendulum.pages.markdown import plain, unescaped
+
 LANGUAGES = {"en": "English", "de": "Deutsch"}
 """Language of pages -> its own name; a page without JavaScript is in the first."""
 _UNIT = r"(?:1/|[nµmck]?(?:m|s|g|N|J|Hz|rad|deg)\b(?:\^\d)?|°|%)(?:[ /*]?\b(?:k?g|m|s|N|rad)\b(?:\^\d)?)*"
@@ -97,8 +99,22 @@ def _whole_or_sentences(text: str) -> str:
     inner = text.strip()
     if not inner:
         return text
-    german = translated(inner) or " ".join(translated(sentence) or sentence for sentence in re.split(r"(?<=[.?!:]) ", inner))
+    german = _markdown_said(inner)
+    if german is None:
+        german = " ".join(_markdown_said(sentence) or sentence for sentence in re.split(r"(?<=[.?!:]) ", inner))
     return text.replace(inner, german)
+
+
+def _markdown_said(text: str) -> str | None:
+    """Return a text in German whose special characters may be escaped, and which may be a phrase that begins a sentence."""
+    known = translated(text)
+    if known is None and "\\" in text:
+        known = translated(unescaped(text))
+        known = known and plain(known)
+    if known is None and text[0].isupper():
+        known = translated(text[0].lower() + text[1:])
+        known = known and known[0].upper() + known[1:]
+    return known
 
 
 @cache
