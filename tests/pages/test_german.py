@@ -134,7 +134,8 @@ def test_a_text_is_translated_whole_or_not_at_all(english, expected):
 def test_a_note_may_be_escaped_and_begin_with_a_capital():
     note = "- first: used light\\_x 227; 14 not used: light\\_x: empty cell.\n- Lengths without a unit taken in m.\n"
     assert in_german(note) == (
-        "- first: verwendet: light\\_x 227; 14 nicht verwendet: light\\_x: leere Zelle.\n- Längen ohne Einheit in m angenommen.\n"
+        "- first: verwendet: light\\_x 227; 14 nicht verwendet: light\\_x: leere Zelle.\n"
+        "- Längen ohne Einheit in m angenommen.\n"
     )
 
 
