@@ -128,6 +128,10 @@ def test_a_run_that_ends_before_its_scenario_says_so():
 def test_unknown_scenario_and_engine_are_one_line_each_with_a_way_out():
     assert "ten_to_one" in one_line_error(command("run", "ten_to_on"))
     assert "did you mean 'pymunk'" in one_line_error(here("compare", "ten_to_one", "-e", "pymnk"))
+    for engine in ("pymunk", "mujoco:capstan"):
+        assert f"found an engine, needed a scenario; write for example: ten_to_one --engine {engine}" in one_line_error(
+            here("converge", engine)
+        )
 
 
 def test_an_output_folder_that_is_a_file_is_one_line(tmp_path):

@@ -16,6 +16,7 @@ import typer
 
 from looping_pendulum.cli.terminal import ProgressBars, choose_json, choose_quiet, note, say, show_table
 from looping_pendulum.engines import Profile
+from looping_pendulum.errors import ScenarioError
 from looping_pendulum.pages.palette import KNOWN_LABELS
 
 if TYPE_CHECKING:
@@ -188,6 +189,8 @@ def load_scenario(name: str) -> Scenario:
     """Load a shipped scenario, or a scenario file."""
     from looping_pendulum.scenarios import loader
 
+    if name in engine_names() and not Path(name).exists():
+        raise ScenarioError(f"{name}: found an engine, needed a scenario; write for example: ten_to_one --engine {name}")
     return loader.load(name)
 
 
