@@ -84,7 +84,8 @@ def render_page(
     if running:
         head += f"\n**Still running:** {', '.join(running)}. This page is about the others; reload it for these.\n"
     return pages.render(
-        f"{result.title}: engines against the reference",
+        result.title,
+        "engines against the reference",
         [head, *sections],
         [on_page(chart) for chart in charts],
         after_figures(result),

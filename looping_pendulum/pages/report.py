@@ -22,6 +22,7 @@ from looping_pendulum.pages.shell import SHARED_PACKAGE, asset, page
 
 def render(
     title: str,
+    subject: str,
     before: Sequence[str],
     figures: Sequence[Figure],
     after: Sequence[str],
@@ -33,6 +34,8 @@ def render(
 
     Parameters
     ----------
+    title, subject
+        Name of what is reported, and what is said of it.
     before, after
         Markdown sections above and below the figures, each with its heading first; the first is the page's own title.
         Empty ones are left out.
@@ -58,14 +61,15 @@ def render(
     if drawn:
         scripts += [plotly_source(), asset(SHARED_PACKAGE, "figures.js")]
     of_scripts = ("Dark", "Light", "Change between dark and light")
-    german = german_of([title, *of_scripts, *(figure.caption for figure in (*first, *figures)), *_texts(drawn)])
+    titles = {name: f"{said(title, name)}: {said(subject, name)}" for name in LANGUAGES}
+    german = german_of([*of_scripts, *(figure.caption for figure in (*first, *figures)), *_texts(drawn)])
     return page(
         SHARED_PACKAGE,
         "report.html",
-        title=title,
+        title=titles["en"],
         styles=[(SHARED_PACKAGE, "report.css")],
         scripts=scripts,
-        data={"figures": drawn, "languages": {"names": LANGUAGES, "texts": {"de": german}}},
+        data={"figures": drawn, "languages": {"names": LANGUAGES, "titles": titles, "texts": {"de": german}}},
         say=said,
         parts=parts,
         figures=figures,

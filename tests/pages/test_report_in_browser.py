@@ -146,6 +146,7 @@ def test_the_reader_chooses_the_language(comparison):
     assert "0,4" in page.locator("#drop .xtick").all_text_contents()
     assert page.get_attribute("#drop", "aria-label").startswith("Fallstrecke der schweren Masse")
     assert page.inner_text("#theme") == "Dunkel"
+    assert page.title().endswith(": Physik-Engines gegen die Referenz")
     table = page.locator("main .in-de table").first
     table.locator("thead th").nth(3).locator("button").click()
     cells = [cell.strip() for cell in table.locator("tbody tr td:nth-child(4)").all_text_contents()]

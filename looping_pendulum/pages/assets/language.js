@@ -2,10 +2,9 @@
 // The language of a report: what the reader chose, else the first that the page has of those that the browser prefers.
 const Language = (() => {
   const root = document.documentElement, button = document.getElementById("language"), theme = document.getElementById("theme");
-  const { names, texts } = JSON.parse(document.getElementById("languages").textContent);
+  const { names, titles, texts } = JSON.parse(document.getElementById("languages").textContent);
   const has = (name) => name && Object.hasOwn(names, name);
   const other = () => Object.keys(names).find((name) => name !== root.lang);
-  const title = document.title;
   let stored = null;
   try { stored = localStorage.getItem("looping-pendulum-language"); } catch { /* a page from a file may have no storage */ }
 
@@ -14,7 +13,7 @@ const Language = (() => {
 
   function speak(name) {
     root.lang = name;
-    document.title = said(title);
+    document.title = titles[name];
     button.textContent = names[other()];
     button.lang = other();
     button.hidden = false;
