@@ -305,14 +305,18 @@ class Target:
 
 HIDDEN_IN_PARAMETERS = "the fitted parameters make up for the others, also in a fit that is given the answer (above)"
 ONE_TRAINING_TRIAL = "where one trial is fitted, a function of time, of place or of speed may be the same"
+SMALL_WANDER = (
+    "both with a tracker that wanders by a quarter to a half of the white noise, less than most of what the search allows for; "
+    "1 % is kept, but so few studies do not bound it"
+)
 TARGETS = (
     Target(what="clean: an effect is added", asked="at most 1 %, 95 % bound below 1.5 %",
-           at="clean/all/false_additions", high=0.01, highest_bound=0.015),
+           at="clean/all/false_additions", high=0.01, highest_bound=0.015, why_not=SMALL_WANDER),
     Target(what="clean: `unexplained`", asked="at most 5 %", at="clean/all/unexplained", high=0.05),
     Target(what="one effect of 16 mm or more: named, or tied with others", asked="97 %",
            at="large/single", low=0.97, why_not=HIDDEN_IN_PARAMETERS),
     Target(what=f"the same, of {MANY_TRIALS} or 4 trials with noise of {1e3 * MODERATE_NOISE:g} mm or less", asked="97 %",
-           at="large/single_as_recommended", low=0.97, why_not=HIDDEN_IN_PARAMETERS),
+           at="large/single_as_recommended", low=0.97),
     Target(what="one effect above twice its smallest visible size: named, or tied with others", asked="97 %",
            at="single/by_visibility/above 2/named_or_tied", low=0.97),
     Target(what="one effect of 16 mm or more: another is named alone", asked="at most 1 %",
@@ -320,7 +324,8 @@ TARGETS = (
     Target(what="two effects of 16 mm or more each: the pair is named, or tied", asked="80 %",
            at="large/two", low=0.80, why_not=HIDDEN_IN_PARAMETERS),
     Target(what="two effects, both above twice their smallest visible sizes: the pair is named, or tied", asked="90 %",
-           at="two_by_visibility/above 2/named_or_tied", low=0.90),
+           at="two_by_visibility/above 2/named_or_tied", low=0.90,
+           why_not="a third effect was named beside one pair, and a part of another, in one trial; too few studies for a share"),
     Target(what="an effect and an unlisted force of 16 mm or more each: both are named, or tied", asked="80 %",
            at="large/mixed", low=0.80, why_not=f"{HIDDEN_IN_PARAMETERS}; {ONE_TRAINING_TRIAL}"),
     Target(what="an unlisted force of 16 mm or more: body and coordinate are right", asked="85 %",
@@ -328,8 +333,7 @@ TARGETS = (
     Target(what="the same, of those with the verdict `unlisted`", asked="80 %",
            at="large/unlisted_law_of_found", low=0.80, why_not=ONE_TRAINING_TRIAL),
     Target(what="the same: they are right, or among those that the report does not exclude", asked="95 %",
-           at="large/unlisted_law_not_excluded", low=0.95,
-           why_not="a magnet was named a force by the horizontal position; too few studies for a share"),
+           at="large/unlisted_law_not_excluded", low=0.95),
     Target(what="an unlisted force of 16 mm or more: held-out error, in units of the noise (largest)", asked="at most 1.1",
            at="large/unlisted_held_out_error/largest", high=1.1),
     Target(what="clean, or above twice the smallest visible size: the explanations of 95 % hold what was hidden",
