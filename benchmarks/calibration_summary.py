@@ -325,7 +325,7 @@ TARGETS = (
            at="large/two", low=0.80, why_not=HIDDEN_IN_PARAMETERS),
     Target(what="two effects, both above twice their smallest visible sizes: the pair is named, or tied", asked="90 %",
            at="two_by_visibility/above 2/named_or_tied", low=0.90,
-           why_not="a third effect was named beside one pair, and a part of another, in one trial; too few studies for a share"),
+           why_not="a third effect was named beside one pair, and one of another, of one trial; too few studies for a share"),
     Target(what="an effect and an unlisted force of 16 mm or more each: both are named, or tied", asked="80 %",
            at="large/mixed", low=0.80, why_not=f"{HIDDEN_IN_PARAMETERS}; {ONE_TRAINING_TRIAL}"),
     Target(what="an unlisted force of 16 mm or more: body and coordinate are right", asked="85 %",
