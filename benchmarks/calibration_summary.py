@@ -306,8 +306,8 @@ class Target:
 HIDDEN_IN_PARAMETERS = "the fitted parameters make up for the others, also in a fit that is given the answer (above)"
 ONE_TRAINING_TRIAL = "where one trial is fitted, a function of time, of place or of speed may be the same"
 SMALL_WANDER = (
-    "both with a tracker that wanders by a quarter to a half of the white noise, less than most of what the search allows for; "
-    "1 % is kept, but so few studies do not bound it"
+    "both with a tracker that wanders by a quarter to a half of the white noise, for which the search has allowed more since "
+    "then; 1 % is kept, but so few studies do not bound it"
 )
 TARGETS = (
     Target(what="clean: an effect is added", asked="at most 1 %, 95 % bound below 1.5 %",
