@@ -19,7 +19,7 @@ from looping_pendulum import __version__
 from looping_pendulum.errors import ParameterError, ScenarioError
 from looping_pendulum.files import write_atomically
 from looping_pendulum.live.symbols import live_coefficients, live_effects
-from looping_pendulum.pages.german import german_of
+from looping_pendulum.pages.german import translated
 from looping_pendulum.pages.shell import page
 from looping_pendulum.reference_ode.parameters import NUMBERS, Parameters
 from looping_pendulum.scenarios import loader
@@ -94,12 +94,11 @@ def _preset(scenario: Scenario, *, has_runs: bool) -> dict[str, Any]:
     except ParameterError as error:
         raise ScenarioError(f"{scenario.name}: {error}; `looping-pendulum demo` shows runs of this scenario") from None
     texts = {"title": scenario.title, "description": " ".join(scenario.description.split())}
-    known = german_of(texts.values())
-    german = {part: known[words] for part, words in texts.items() if words in known}
+    german = {part: translated(words) for part, words in texts.items()}
     return {
         "name": scenario.name,
         **texts,
-        "translations": {"de": german} if german.keys() == texts.keys() else {},
+        "translations": {"de": german} if all(german.values()) else {},
         "release": settings.pop("release"),
         "settings": settings,
         "lacks": list(absent_effects(scenario.parameters)),

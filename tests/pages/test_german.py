@@ -230,7 +230,7 @@ STRUCTURE = re.compile(
     r"|(?:faint )?var\(--[\w-]+\)|[xy]\d*(?: domain)?|[xy] \[m\]|[\d.]+px,[\d.]+px|%\{text\}|\(%\{customdata.*|domain|"
     r"independent|scatter|lines|markers|lines\+markers|bar|h|left|bottom|below|solid|dot|rect|skip|tonexty"
 )
-"""What plotly is told of a figure, and axes of one name in both languages."""
+"""Keywords of plotly, and axes of one name in both languages."""
 
 
 NOT_SHOWN = {
