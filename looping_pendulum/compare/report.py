@@ -84,8 +84,7 @@ def render_page(
     if running:
         head += f"\n**Still running:** {', '.join(running)}. This page is about the others; reload it for these.\n"
     return pages.render(
-        result.title,
-        "engines against the reference",
+        f"{result.title}: engines against the reference",
         [head, *sections],
         [on_page(chart) for chart in charts],
         after_figures(result),

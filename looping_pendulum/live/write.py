@@ -19,7 +19,6 @@ from looping_pendulum import __version__
 from looping_pendulum.errors import ParameterError, ScenarioError
 from looping_pendulum.files import write_atomically
 from looping_pendulum.live.symbols import live_coefficients, live_effects
-from looping_pendulum.pages.german import translated
 from looping_pendulum.pages.shell import page
 from looping_pendulum.reference_ode.parameters import NUMBERS, Parameters
 from looping_pendulum.scenarios import loader
@@ -61,7 +60,7 @@ def render(scenario: Scenario | None = None, *, engine_runs: Mapping[str, Any] |
         blob_workers=True,
         data={
             "live-data": {
-                "presets": [_preset(s, has_runs=engine_runs is not None) for s in presets],
+                "presets": [_preset(s, shipped=s in shipped, has_runs=engine_runs is not None) for s in presets],
                 "start": FIRST if scenario is None else scenario.name,
                 "keys": {name: file_key(name) for name in ("release", *NUMBERS, *live_coefficients())},
             },
@@ -86,19 +85,21 @@ def _is_same(one: Scenario, other: Scenario) -> bool:
     )
 
 
-def _preset(scenario: Scenario, *, has_runs: bool) -> dict[str, Any]:
-    """Return a scenario as the page reads it: SI units and radians, and which of its effects the page's model lacks."""
+def _preset(scenario: Scenario, *, shipped: bool, has_runs: bool) -> dict[str, Any]:
+    """Return a scenario as the page reads it: SI units and radians, and which of its effects the page's model lacks.
+
+    The page's languages have the texts of shipped ones.
+    """
     settings_of = settings_without_absent_effects if has_runs else live_settings
     try:
         settings = settings_of(scenario.parameters)
     except ParameterError as error:
         raise ScenarioError(f"{scenario.name}: {error}; `looping-pendulum demo` shows runs of this scenario") from None
-    texts = {"title": scenario.title, "description": " ".join(scenario.description.split())}
-    german = {part: translated(words) for part, words in texts.items()}
     return {
         "name": scenario.name,
-        **texts,
-        "translations": {"de": german} if all(german.values()) else {},
+        "title": scenario.title,
+        "description": " ".join(scenario.description.split()),
+        "shipped": shipped,
         "release": settings.pop("release"),
         "settings": settings,
         "lacks": list(absent_effects(scenario.parameters)),

@@ -5,7 +5,6 @@ Names come from scenarios and files, so the HTML must not be able to run or fetc
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from typing import Any
@@ -19,11 +18,6 @@ SPECIAL = str.maketrans({c: f"\\{c}" for c in "\\`*_[]|<>"})
 def plain(text: str) -> str:
     """Return ``text`` on one line with the characters escaped that have a meaning in Markdown."""
     return " ".join(text.split()).translate(SPECIAL)
-
-
-def unescaped(text: str) -> str:
-    """Return what `plain` was given, on one line."""
-    return re.sub(r"\\([\\`*_\[\]|<>])", r"\1", text)
 
 
 def _cell(text: str) -> str:

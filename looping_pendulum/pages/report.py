@@ -1,28 +1,24 @@
 """Renders a report as a page: its Markdown sections as HTML with sortable tables, its figures with plotly, and its glossary.
 
-A page is in English and German, and shows the language that its reader prefers or chooses. The glossary is `glossary.md`
-beside this file: the documentation shows it whole, each report the terms that it uses.
+The glossary is `glossary.md` beside this file: the documentation shows it whole, each report the terms that it uses.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.resources import files
-from typing import Any
 
 from markupsafe import Markup
 
 from looping_pendulum.pages import markdown
 from looping_pendulum.pages.figures import Figure, plotly_source
-from looping_pendulum.pages.german import LANGUAGES, german_of, in_german, said
 from looping_pendulum.pages.shell import SHARED_PACKAGE, asset, page
 
 
 def render(
     title: str,
-    subject: str,
     before: Sequence[str],
     figures: Sequence[Figure],
     after: Sequence[str],
@@ -34,8 +30,6 @@ def render(
 
     Parameters
     ----------
-    title, subject
-        Name of what is reported, and what is said of it.
     before, after
         Markdown sections above and below the figures, each with its heading first; the first is the page's own title.
         Empty ones are left out.
@@ -46,50 +40,25 @@ def render(
     first
         Figures directly below the first section.
     """
-    drawn = [figure.as_dict() for figure in (*first, *figures)]
-    parts = {}
-    for name in LANGUAGES:
-        in_language = in_german if name == "de" else str
-        head, *above = [markdown.html(in_language(text)) for text in before if text]
-        below = [markdown.html(in_language(text)) for text in after if text]
-        parts[name] = {
-            "head": head,
-            "above": [_section(html, f"part-{i}-{name}") for i, html in enumerate(above)],
-            "below": [_section(html, f"more-{i}-{name}") for i, html in enumerate(below)],
-        }
-    scripts = [asset(SHARED_PACKAGE, "language.js"), asset(SHARED_PACKAGE, "tables.js")]
-    if drawn:
+    head, *above = [markdown.html(text) for text in before if text]
+    scripts = [asset(SHARED_PACKAGE, "tables.js")]
+    if figures or first:
         scripts += [plotly_source(), asset(SHARED_PACKAGE, "figures.js")]
-    of_scripts = ("Dark", "Light", "Change between dark and light")
-    titles = {name: f"{said(title, name)}: {said(subject, name)}" for name in LANGUAGES}
-    german = german_of([*of_scripts, *(figure.caption for figure in (*first, *figures)), *_texts(drawn)])
     return page(
         SHARED_PACKAGE,
         "report.html",
-        title=titles["en"],
+        title=title,
         styles=[(SHARED_PACKAGE, "report.css")],
         scripts=scripts,
-        data={"figures": drawn, "languages": {"names": LANGUAGES, "titles": titles, "texts": {"de": german}}},
-        say=said,
-        parts=parts,
+        data={"figures": [figure.as_dict() for figure in (*first, *figures)]},
+        head=head,
+        above=[_section(html, f"part-{i}") for i, html in enumerate(above)],
+        below=[_section(markdown.html(text), f"more-{i}") for i, text in enumerate(t for t in after if t)],
         figures=figures,
         first=first,
         terms=terms,
         note=note,
     )
-
-
-def _texts(data: Any) -> Iterator[str]:
-    """Return all texts of plain data that a reader may see, with no names of axes and symbols."""
-    if isinstance(data, str):
-        yield data
-    elif isinstance(data, dict):
-        for key, value in data.items():
-            if key not in ("id", "x", "y", "symbol"):
-                yield from _texts(value)
-    elif isinstance(data, list | tuple) and data and not isinstance(data[0], float | int):
-        for value in data:
-            yield from _texts(value)
 
 
 def _section(html: Markup, name: str) -> dict[str, str]:

@@ -24,7 +24,6 @@ from looping_pendulum.engines.tension import AVERAGING_TIME, tension_from_motion
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE, Supplier, Trajectory
 from looping_pendulum.files import write_atomically
 from looping_pendulum.live.write import render as render_live
-from looping_pendulum.pages.german import german_of
 from looping_pendulum.pages.numbers import number, quantity
 from looping_pendulum.pages.palette import styles
 from looping_pendulum.pages.report import glossary
@@ -93,7 +92,6 @@ def page_data(result: ComparisonResult) -> dict[str, Any]:
         style = run_styles[engine.label]
         drawing_style = {"colour": f"var(--run-{style.slot})", "dashes": list(style.dashes), "marker": style.marker}
         runs.append(_engine_run(result, engine, aligned, p, rate) | drawing_style | {"id": f"run{i}"})
-    words = glossary("comparison")
     return {
         "scenario": result.scenario,
         "release": p.release.value,
@@ -105,8 +103,7 @@ def page_data(result: ComparisonResult) -> dict[str, Any]:
         "modes": _mode_intervals(result.samples.reference),
         "versions": _versions(result),
         "tension_window": AVERAGING_TIME,
-        "words": words,
-        "translations": {"de": _german(runs, words)},
+        "words": glossary("comparison"),
         "trial": _tracked_points(result, result.samples),
     }
 
@@ -133,13 +130,6 @@ def _tracked_points(result: ComparisonResult, samples: ResultSamples) -> dict[st
     if drops is not None:
         panels["drop"] = {"t": _rounded(drops[0], 5), "v": _rounded(drops[1], 6)}
     return {"name": result.trial.name, "stage": stage, "panels": panels}
-
-
-def _german(runs: list[dict[str, Any]], words: dict[str, str]) -> dict[str, str]:
-    """Return each English text about the runs that can be said in German -> its German."""
-    texts = [run[key] for run in runs for key in ("caption", "story", "gap")]
-    texts += [event["words"] for run in runs for event in run["events"]]
-    return german_of([*texts, *words, *words.values()])
 
 
 def _residual_words(result: ComparisonResult, index: int | None) -> str:

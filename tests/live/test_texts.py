@@ -9,6 +9,7 @@ import looping_pendulum.live
 from looping_pendulum.live.symbols import live_effects
 from looping_pendulum.reference_ode.effects import LIBRARY
 from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.scenarios import shipped
 
 ASSETS = Path(looping_pendulum.live.__file__).parent / "assets"
 PREFERENCES = [["de-AT", "en"], ["fr", "de"], ["en-GB", "de"], ["zh"], []]
@@ -26,6 +27,10 @@ def sources():
     return "\n".join(path.read_text(encoding="utf-8") for path in files)
 
 
+def of_scenarios(keys):
+    return {key for key in keys if key.startswith("scenario.")}
+
+
 def placeholders(words):
     return sorted(set(re.findall(r"\{(\w+)\}", words)))
 
@@ -33,8 +38,12 @@ def placeholders(words):
 def test_every_language_has_the_same_keys_with_the_same_values(texts):
     english = texts["languages"]["en"]
     assert len(texts["languages"]) >= 2
+    # The English words about a scenario are those of its file
+    assert not of_scenarios(english)
+    of_shipped = {f"scenario.{name}.{part}" for name in shipped() for part in ("title", "description")}
     for language, table in texts["languages"].items():
-        assert table.keys() == english.keys(), language
+        expected = english.keys() | (of_shipped if language != "en" else set())
+        assert table.keys() == expected, language
         for key, words in english.items():
             assert placeholders(table[key]) == placeholders(words), (language, key)
         assert all(words.strip() for words in table.values()), language

@@ -29,17 +29,6 @@ def test_a_page_asks_for_nothing_and_fits_a_phone(visit, result):
     assert opened.page.locator("figure [role=img]").get_attribute("aria-label") == result.demonstration.picture.caption
 
 
-def test_a_german_page_is_as_clean(visit, result):
-    opened = visit(html(result, "de"), viewport=PHONE, color_scheme="light")
-    asked_for_nothing(opened)
-    opened.page.click("summary")
-    assert violations(opened.page) == []
-    assert opened.page.inner_text("#theme") == "Dunkel"
-    opened.page.click("#theme")
-    assert opened.page.inner_text("#theme") == "Hell"
-    assert opened.page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
-
-
 def test_the_guess_is_read_first_and_the_answer_unfolded_then(visit, result):
     page = visit(html(result)).page
     assert result.demonstration.guess in page.inner_text("main")

@@ -81,7 +81,7 @@ def test_a_phone_shows_it_without_scrolling_sideways(comparison):
     page.set_viewport_size(PHONE)
     until(page, "document.querySelector('#path .main-svg').getBoundingClientRect().width <= 390")
     assert sideways(page) == 0
-    cards = page.locator(".in-en table.cards").all()
+    cards = page.locator("table.cards").all()
     assert cards, "a table with sentences"
     for table in cards:
         cells = table.locator("tbody tr").first.locator("td").all()
@@ -98,7 +98,7 @@ def test_sections_start_folded_on_a_phone_and_a_link_opens_one(visit):
     assert not any(fold.evaluate("(f) => f.open") for fold in folds.all())
     until(page, DRAWN)
     assert page.evaluate("document.documentElement.scrollHeight") < 12 * PHONE["height"]
-    page.locator("nav.contents.in-en a", has_text="Provenance").click()
+    page.locator("nav.contents a", has_text="Provenance").click()
     until(page, "document.querySelectorAll('details.fold[open]').length === 1")
     assert page.locator("details.fold[open] table").first.is_visible()
 
@@ -133,40 +133,6 @@ def test_hostile_names_show_as_text(request, report):
     opened.assert_no_requests_or_complaints(opened.page.url)
 
 
-def test_the_reader_chooses_the_language(comparison):
-    page = comparison.page
-    assert page.evaluate("document.documentElement.lang") == "en"
-    until(page, DRAWN)
-    before = page.locator(".in-en >> visible=true").count()
-    page.click("#language")
-    assert page.evaluate("document.documentElement.lang") == "de"
-    assert page.locator(".in-en >> visible=true").count() == 0
-    assert page.locator(".in-de >> visible=true").count() == before
-    until(page, "document.querySelector('#drop').textContent.includes('Zeit seit dem Loslassen [s]')")
-    assert "0,4" in page.locator("#drop .xtick").all_text_contents()
-    assert page.get_attribute("#drop", "aria-label").startswith("Fallstrecke der schweren Masse")
-    assert page.inner_text("#theme") == "Dunkel"
-    assert page.title().endswith(": Physik-Engines gegen die Referenz")
-    table = page.locator("main .in-de table").first
-    table.locator("thead th").nth(3).locator("button").click()
-    cells = [cell.strip() for cell in table.locator("tbody tr td:nth-child(4)").all_text_contents()]
-    numbers = [float(cell.replace(",", ".")) for cell in cells if cell != "–"]
-    assert numbers == sorted(numbers)
-    assert len(numbers) == 2
-    assert violations(page) == []
-    page.click("#language")
-    assert page.evaluate("document.documentElement.lang") == "en"
-
-
-def test_a_page_opens_in_the_language_of_the_browser(visit):
-    result = identification("spring")
-    opened = visit(writing.render(result, figures.charts(result)), viewport=PHONE, locale="de-AT")
-    assert opened.page.inner_text("nav.contents.in-de a >> nth=-2") == "Daten"
-    until(opened.page, DRAWN)
-    assert sideways(opened.page) == 0
-    opened.assert_no_requests_or_complaints(opened.page.url)
-
-
 def test_print_opens_what_is_folded_and_leaves_out_switches(comparison):
     page = comparison.page
     page.click("#theme")  # dark, which paper is not
@@ -175,9 +141,9 @@ def test_print_opens_what_is_folded_and_leaves_out_switches(comparison):
     assert page.evaluate("document.documentElement.dataset.theme") == "light"
     widths = page.eval_on_selector_all(".figure .main-svg", "(all) => all.map((one) => one.getBoundingClientRect().width)")
     assert max(widths) <= 718  # A4 with Chromium's margins of 1 cm [px]
-    assert page.locator(".in-en details.words dl").is_visible()
+    assert page.locator("details.words dl").is_visible()
     assert not page.locator("#theme").is_visible()
-    assert not page.locator("nav.contents.in-en").is_visible()
+    assert not page.locator("nav.contents").is_visible()
     page.emulate_media(media="screen")
     page.evaluate("window.dispatchEvent(new Event('afterprint'))")
     assert page.evaluate("document.documentElement.dataset.theme") == "dark"

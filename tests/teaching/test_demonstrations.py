@@ -10,8 +10,6 @@ import yaml
 from typer.testing import CliRunner
 
 from looping_pendulum.cli.main import app
-from looping_pendulum.pages.german import translated
-from looping_pendulum.pages.shell import asset
 from looping_pendulum.scenarios import loader
 from looping_pendulum.teaching.demonstrations import page as demonstrations_page
 from looping_pendulum.teaching.demonstrations.demonstration import Claim, DemonstrationError, JudgedClaim, run_demonstration
@@ -23,7 +21,6 @@ from looping_pendulum.teaching.demonstrations.page import (
     html,
     index,
     markdown,
-    result_in_language,
     write_pages,
 )
 
@@ -118,11 +115,11 @@ def test_hostile_text_stays_text(tmp_path):
 
 def test_a_page_stands_alone(tmp_path):
     files = write_pages(run_demonstration(DEMONSTRATIONS["drag-and-spiral"]), tmp_path)
-    ends = ("png", "md", "de.html", "html")
+    ends = ("png", "md", "html")
     assert [f.name for f in files] == [f"drag-and-spiral.{end}" for end in ends]
     page = files[-1].read_text()
     assert len(page) < 200_000
-    assert not re.search(r"(src|href)=\"(?!data:|#|index\.html|drag-and-spiral\.de\.html)", page)
+    assert not re.search(r"(src|href)=\"(?!data:|#|index\.html)", page)
     assert '<div role="img" tabindex="0" aria-label="' in page
     assert page.count("<th scope=") == 3 + 8
 
@@ -130,46 +127,8 @@ def test_a_page_stands_alone(tmp_path):
 def test_the_list_leads_to_the_pages_that_are_there(tmp_path):
     done = CliRunner().invoke(app, ["demonstrations", "break-away", "--out", str(tmp_path)])
     assert done.exit_code == 0, done.output
-    assert re.findall(r'<a href="([^"#]+)"', (tmp_path / "index.html").read_text()) == ["index.de.html", "break-away.html"]
-    german = (tmp_path / "index.de.html").read_text(encoding="utf-8")
-    assert re.findall(r'<a href="([^"#]+)"', german) == ["index.html", "break-away.de.html"]
+    assert re.findall(r'<a href="([^"#]+)"', (tmp_path / "index.html").read_text()) == ["break-away.html"]
     assert not (tmp_path / "index.md").exists()
-
-
-def texts_of(d):
-    """All that a demonstration says, but for what only its runs know."""
-    yield from (d.title, d.question, d.guess, d.experiment, d.picture.x, d.picture.y, d.picture.caption)
-    yield from (claim.words for claim in d.claims)
-    yield from (quantity.header for quantity in d.quantities)
-    yield from (case.label for case in d.cases())
-
-
-@pytest.mark.parametrize("name", DEMONSTRATIONS)
-def test_every_text_has_its_german_with_the_same_numbers(name):
-    for text in (*texts_of(DEMONSTRATIONS[name]), DEMONSTRATIONS[name].change.partition("    # ")[2]):
-        fields = re.findall(r"\{[^}]*\}", text)
-        numbers = [f"{7000 + i}.5" for i in range(len(fields))]
-        for field, number in zip(fields, numbers, strict=True):
-            text = text.replace(field, number, 1)
-        german = translated(text)
-        assert german is not None, text
-        assert sorted(re.findall(r"7\d{3},5", german)) == [number.replace(".", ",") for number in numbers], text
-
-
-def test_a_german_page_has_the_same_numbers_and_no_english_text():
-    result = run_demonstration(DEMONSTRATIONS["drag-and-spiral"])
-    german = html(result, "de")
-    assert '<html lang="de">' in german
-    ticks = re.findall(r">\s*([−-]?\d+[.,]\d+)\s*<", german)
-    assert all("," in tick for tick in ticks)
-    assert len({claim.text for claim in result_in_language(result, "de").answer} & {claim.text for claim in result.answer}) == 0
-    words = re.findall(r'say\("([^"]* [^"]*)"\)', asset(demonstrations_page.HERE, "demonstration.html"))
-    assert len(words) > 5
-    for text in (*texts_of(result.demonstration), *words):
-        assert "{" in text or text not in german, text
-    for cells in result.rows:
-        for cell in cells[1:]:
-            assert cell.replace(".", ",") in german
 
 
 def test_an_unknown_name_is_refused_with_the_known_ones():

@@ -58,8 +58,7 @@ def render(result: Identification, charts: Sequence[Chart]) -> str:
     """Return the page as HTML: the sections of report.md, and interactive figures."""
     first = [on_page(chart) for chart in charts if chart.id == markdown.first_figure(result)]
     return pages.render(
-        result.title,
-        "what the model lacks",
+        f"{result.title}: what the model lacks",
         markdown.before_figures(result),
         [on_page(chart) for chart in charts if chart.id != markdown.first_figure(result)],
         markdown.after_figures(result),

@@ -7,9 +7,8 @@ import { RELEASES, SLIDERS } from "../model.js";
  *   more: boolean}} Control `key`: its name in a link; `factor`: SI units in one shown unit; `more`: seldom needed
  * @typedef {{release: string, values: Record<string, number>, stored?: string}} State values in the units that are shown;
  *   `stored`: name of the scenario whose stored run is shown, since the model lacks effects of it
- * @typedef {{name: string, title: string, description: string, translations: Record<string, import("./texts.js").ExampleTexts>,
- *   release: string, settings: Record<string, number>, lacks: string[]}} Preset `translations`: language -> title and description,
- *   empty for a reader's own words; `lacks`: effects of the scenario that the model does not have
+ * @typedef {{name: string, title: string, description: string, shipped: boolean, release: string, settings: Record<string, number>,
+ *   lacks: string[]}} Preset `lacks`: effects of the scenario that the model does not have
  */
 
 /** Settings that can be changed, in the order of the page; those that are seldom needed. */

@@ -157,9 +157,9 @@ class Page {
   }
 
   listen() {
-    for (const { name, translations } of this.data.presets) {
+    for (const { name, shipped } of this.data.presets) {
       const option = new Option("", name);
-      option.toggleAttribute("lang", !translations.de); // the language of a reader's own title is not known
+      option.toggleAttribute("lang", !shipped); // the language of a reader's own title is not known
       this.select("preset").append(option);
     }
     this.select("language").addEventListener("change", () => {
@@ -322,7 +322,7 @@ class Page {
     }
     const preset = this.presetOfLink.get(link);
     this.select("preset").value = preset?.name ?? "";
-    element("story").toggleAttribute("lang", Boolean(preset && !preset.translations.de));
+    element("story").toggleAttribute("lang", preset?.shipped === false);
     this.say("story", preset ? textsOf(preset).description : "");
     this.button("undo").disabled = !this.history.past.length;
     this.button("redo").disabled = !this.history.undone.length;

@@ -35,10 +35,12 @@ export function text(key, values = {}) {
   });
 }
 
-/** @typedef {{title: string, description: string}} ExampleTexts */
-
-/** Title and story of an example. @param {ExampleTexts & {translations: Record<string, ExampleTexts>}} preset @returns {ExampleTexts} */
-export const textsOf = (preset) => preset.translations[state.language] ?? preset;
+/** Title and story of an example, which the English table leaves to the scenario files.
+ * @param {{name: string, title: string, description: string, shipped: boolean}} preset */
+export function textsOf({ name, title, description, shipped }) {
+  const table = shipped ? LANGUAGES[state.language] : {};
+  return { title: table[`scenario.${name}.title`] ?? title, description: table[`scenario.${name}.description`] ?? description };
+}
 
 /** Names of effects; those that a reader's own package brings have no text here. @param {string[]} effects */
 export function namesOf(effects) {

@@ -9,9 +9,9 @@
     return `rgba(${[1, 3, 5].map((i) => parseInt(colour.slice(i, i + 2), 16)).join(",")},0.25)`;
   }
 
-  /** A copy of plain data in the page's language, with "var(--name)" turned into its colour, and "faint var(--name)" into a faint one. */
+  /** A copy of plain data with every "var(--name)" turned into its colour, and "faint var(--name)" into a faint one. */
   function coloured(value) {
-    if (typeof value === "string") return value.startsWith("faint var(--") ? faint(Theme.colour(value.slice(6))) : Language.said(Theme.colour(value));
+    if (typeof value === "string") return value.startsWith("faint var(--") ? faint(Theme.colour(value.slice(6))) : Theme.colour(value);
     if (Array.isArray(value)) return typeof value[0] === "number" ? value : value.map(coloured);
     if (value && typeof value === "object") return Object.fromEntries(Object.entries(value).map(([key, inner]) => [key, coloured(inner)]));
     return value;
@@ -28,7 +28,7 @@
     return coloured({
       paper_bgcolor: "var(--ground)", plot_bgcolor: "var(--ground)",
       font: { color: "var(--ink)", family: "system-ui, Segoe UI, Roboto, Arial, sans-serif", size: 13 },
-      hovermode: "closest", autosize: true, separators: Language.separators,
+      hovermode: "closest", autosize: true,
       ...merged,
       legend: { orientation: "h", yref: "container", y: 0, yanchor: "bottom", ...merged.legend },
       ...(Theme.printing ? { width: PAPER, autosize: false } : {}),

@@ -3,8 +3,8 @@
 (() => {
   /** Number that a cell begins with, or null: "0.41 mm", "+3.2", "1.2e-05 (+1)". */
   function number(text) {
-    const found = /^[+\u2212-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?/i.exec(text);
-    return found ? Number(found[0].replace("\u2212", "-").replace(",", ".")) : null;
+    const found = /^[+\u2212-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?/i.exec(text);
+    return found ? Number(found[0].replace("\u2212", "-")) : null;
   }
 
   function sort(table, column, header) {
@@ -16,7 +16,7 @@
     rows.sort((a, b) => {
       const [s, t] = [texts.get(a), texts.get(b)];
       if (gap(s) || gap(t)) return Number(gap(s)) - Number(gap(t));
-      const order = numeric ? number(s) - number(t) : s.localeCompare(t, document.documentElement.lang, { numeric: true });
+      const order = numeric ? number(s) - number(t) : s.localeCompare(t, "en", { numeric: true });
       return upward ? order : -order;
     });
     for (const cell of table.tHead.rows[0].cells) cell.setAttribute("aria-sort", "none");

@@ -10,7 +10,7 @@ const Theme = (() => {
   function apply() {
     root.dataset.theme = printing ? "light" : chosen ?? (preferred.matches ? "dark" : "light");
     const button = document.getElementById("theme");
-    if (button) button.textContent = root.dataset.theme === "dark" ? button.dataset.light ?? "Light" : button.dataset.dark ?? "Dark";
+    if (button) button.textContent = root.dataset.theme === "dark" ? "Light" : "Dark";
     listeners.forEach((listener) => listener());
   }
 
@@ -34,5 +34,5 @@ const Theme = (() => {
     apply();
   });
   apply();
-  return { apply, colour, onChange: (listener) => listeners.push(listener), get printing() { return printing; } };
+  return { colour, onChange: (listener) => listeners.push(listener), get printing() { return printing; } };
 })();

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +12,6 @@ from matplotlib.figure import Figure
 
 from looping_pendulum.files import write_atomically
 from looping_pendulum.pages.drawing import png, themed_svg
-from looping_pendulum.pages.german import LANGUAGES, said
 from looping_pendulum.pages.markdown import table
 from looping_pendulum.pages.palette import COLOURS, DASHES, MARKERS
 from looping_pendulum.pages.shell import page
@@ -67,46 +64,22 @@ def find_demonstrations(names: Sequence[str]) -> tuple[Demonstration, ...]:
 
 
 def write_pages(result: DemonstrationResult, folder: Path, *, with_html: bool = True) -> tuple[Path, ...]:
-    """Write NAME.png, NAME.md and, with ``with_html``, the self-contained NAME.de.html and NAME.html; return their paths."""
+    """Write NAME.png, NAME.md and, with ``with_html``, the self-contained NAME.html; return their paths."""
     name = result.demonstration.name
     files: dict[str, str | bytes] = {f"{name}.png": png(drawing(result), dpi=100), f"{name}.md": markdown(result)}
     if with_html:
-        files |= {file_of(name, language): html(result, language) for language in reversed(LANGUAGES)}
+        files[f"{name}.html"] = html(result)
     for file, content in files.items():
         write_atomically(folder / file, content)
     return tuple(folder / file for file in files)
 
 
-def file_of(name: str, language: str) -> str:
-    """Return the file of an HTML page: English is the language of the plain name."""
-    return f"{name}.html" if language == "en" else f"{name}.{language}.html"
-
-
 def write_index(folder: Path) -> Path:
-    """Write index.html and index.de.html, which list the pages in ``folder``; return the path of the first."""
-    for language in LANGUAGES:
-        here = [d for d in DEMONSTRATIONS.values() if (folder / file_of(d.name, language)).exists()]
-        text = page(
-            HERE,
-            "demonstrations.html",
-            title=said("Looping pendulum: What each model assumes", language),
-            lead=LEAD,
-            demonstrations=[(file_of(d.name, language), in_language(d, language)) for d in here],
-            **_choice("index", language),
-        )
-        write_atomically(folder / file_of("index", language), text)
+    """Write index.html, which lists the pages in ``folder``; return its path."""
+    here = [d for d in DEMONSTRATIONS.values() if (folder / f"{d.name}.html").exists()]
+    title = "Looping pendulum: What each model assumes"
+    write_atomically(folder / "index.html", page(HERE, "demonstrations.html", title=title, lead=LEAD, demonstrations=here))
     return folder / "index.html"
-
-
-def _choice(name: str, language: str) -> dict[str, Any]:
-    """Return what the templates need to speak a language and to offer the other one."""
-    other = next(one for one in LANGUAGES if one != language)
-    return {
-        "language": language,
-        "say": partial(said, language=language),
-        "other": file_of(name, other),
-        "other_language": LANGUAGES[other],
-    }
 
 
 def index() -> str:
@@ -119,7 +92,7 @@ def index() -> str:
         "looping-pendulum demonstrations --out demonstrations\n"
         "looping-pendulum demonstrations polygon --out demonstrations\n"
         "```\n\n"
-        "The first writes all pages and `index.html`, which opens offline, in English and German.\n"
+        "The first writes all pages and `index.html`, which opens offline.\n"
     )
 
 
@@ -158,55 +131,24 @@ def provenance(result: DemonstrationResult) -> str:
     return f"{MADE_WITH}{versions}, by `looping-pendulum demonstrations {result.demonstration.name}`."
 
 
-def html(result: DemonstrationResult, language: str = "en") -> str:
+def html(result: DemonstrationResult) -> str:
     """Return the page as one HTML file that loads no other file; its figure has the colours of the page's ground."""
-    shown = result_in_language(result, language)
-    d = shown.demonstration
+    d = result.demonstration
     return page(
         HERE,
         "demonstration.html",
-        title=f"{said('Looping pendulum', language)}: {d.title}",
+        title=f"Looping pendulum: {d.title}",
         d=d,
-        result=shown,
+        result=result,
         not_borne_out=NOT_BORNE_OUT,
-        picture=themed_svg(drawing(shown, decimal_comma=language == "de")),
-        copy=said(commands_words(d), language).replace("`", ""),
+        picture=themed_svg(drawing(result)),
+        copy=commands_words(d).replace("`", ""),
         start=start(d),
-        provenance=said(provenance(result), language).replace("`", ""),
-        index=file_of("index", language),
-        **_choice(d.name, language),
+        provenance=provenance(result).replace("`", ""),
     )
 
 
-def result_in_language(result: DemonstrationResult, language: str) -> DemonstrationResult:
-    """Return a result whose texts are in one of the `german.LANGUAGES`, its numbers with the decimal sign of that."""
-    say = partial(said, language=language)
-    return replace(
-        result,
-        demonstration=in_language(result.demonstration, language),
-        header=tuple(map(say, result.header)),
-        rows=tuple(tuple(map(say, row)) for row in result.rows),
-        answer=tuple(replace(claim, text=say(claim.text)) for claim in result.answer),
-        curves=tuple(replace(curve, label=say(curve.label)) for curve in result.curves),
-    )
-
-
-def in_language(d: Demonstration, language: str) -> Demonstration:
-    """Return a demonstration whose own texts are in a language; a page takes its claims from the result."""
-    say = partial(said, language=language)
-    lines, _, comment = d.change.partition("    # ")
-    return replace(
-        d,
-        title=say(d.title),
-        question=say(d.question),
-        guess=say(d.guess),
-        experiment=say(d.experiment),
-        change=f"{lines}    # {say(comment)}" if comment else lines,
-        picture=replace(d.picture, x=say(d.picture.x), y=say(d.picture.y), caption=say(d.picture.caption)),
-    )
-
-
-def drawing(result: DemonstrationResult, *, decimal_comma: bool = False) -> Figure:
+def drawing(result: DemonstrationResult) -> Figure:
     """Draw the figure: the reference in black, the others in colours, with dashes or markers that differ as well."""
     picture = result.demonstration.picture
     fig = Figure(figsize=(7.2, 4.0), layout="constrained")
@@ -224,9 +166,6 @@ def drawing(result: DemonstrationResult, *, decimal_comma: bool = False) -> Figu
             axes.plot(curve.x, curve.y, dashes=DASHES[others % len(DASHES)], label=curve.label, **style)
         others += 1
     axes.set(xlabel=picture.x, ylabel=picture.y)
-    if decimal_comma:
-        for axis in (axes.xaxis, axes.yaxis):
-            axis.set_major_formatter(lambda value, _: f"{value:g}".replace(".", ","))
     axes.grid(visible=True, color="0.9", lw=0.6)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)

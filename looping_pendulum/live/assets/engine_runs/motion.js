@@ -12,8 +12,7 @@
  * @typedef {{name: string, stage: Record<string, TrackedMass>, panels: Record<string, {t: number[], v: Values}>}} MeasuredTrial
  * @typedef {{scenario: string, release: string, duration: number, radius: number, string: boolean, rate: number,
  *   runs: EngineRun[], modes: {from: number, mode: string}[], versions: string[], tension_window: number,
- *   words: Record<string, string>, translations: Record<string, Record<string, string>>, trial: MeasuredTrial | null}} RunsData
- *   `runs`: the reference, then the engines; `translations`: language -> what is English in all this -> in that language
+ *   words: Record<string, string>, trial: MeasuredTrial | null}} RunsData `runs`: the reference, then the engines
  * @typedef {NonNullable<ReturnType<typeof placeOf>>} Place
  */
 

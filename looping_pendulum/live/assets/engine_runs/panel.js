@@ -1,7 +1,7 @@
 /** The list of stored runs with their switches, their numbers at the chosen time, and all their moments. */
 
 import { html } from "../elements.js";
-import { fixed, language, text } from "../texts.js";
+import { fixed, text } from "../texts.js";
 import { placeOf } from "./motion.js";
 import { REFERENCE, make, nameOf, swatch } from "./shapes.js";
 
@@ -10,18 +10,8 @@ import { REFERENCE, make, nameOf, swatch } from "./shapes.js";
 
 export const MEASURED = "measured";
 const COLUMNS = /** @type {const} */ (["now.run", "now.drop", "now.turns", "now.pull1", "now.pull2", "now.distance"]);
-/** Language of the names of runs, and of what the package writes about them where the page's language does not have it. */
+/** Language of what the package writes about runs. */
 const lang = "en";
-
-/** What the package writes about runs, in the language of the page where that has it.
- * @param {"span" | "p" | "dt" | "dd"} tag @param {RunsData} data @param {string} words */
-function translated(tag, data, words) {
-  const known = toldIn(data, words);
-  return html(tag, known === undefined ? { lang } : {}, known ?? words);
-}
-
-/** The same words in the language of the page; undefined: it does not have them. @param {RunsData} data @param {string} words */
-export const toldIn = (data, words) => data.translations[language()]?.[words];
 
 /** An element with the name of a run. @param {"span" | "strong" | "th"} tag @param {EngineRun} run */
 function named(tag, run) {
@@ -33,8 +23,8 @@ function named(tag, run) {
 export function listOfRuns(data, shown, onSwitch) {
   const rows = data.runs.map((run) => {
     const caption = html("p", { className: "caption" });
-    if (run.gap) caption.append(html("strong", {}, text("notRunWhy")), " ", translated("span", data, run.gap), ". ");
-    caption.append(translated("span", data, run.caption));
+    if (run.gap) caption.append(html("strong", {}, text("notRunWhy")), html("span", { lang }, ` ${run.gap}. `));
+    caption.append(html("span", { lang }, run.caption));
     return row(run.id, named("span", run), Boolean(run.gap), swatch(run), caption);
   });
   if (data.trial) {
@@ -109,23 +99,23 @@ function digits(value, factor, count) {
 export function momentsAndSources(data, onTime) {
   const items = data.runs.map((run) => {
     const item = html("li", {}, named("strong", run), ": ");
-    if (run.gap) item.append(html("span", {}, text("notRun")), ": ", translated("span", data, run.gap));
+    if (run.gap) item.append(html("span", {}, text("notRun")), ": ", html("span", { lang }, run.gap));
     else if (!run.events.length) item.append(text("noMoments", { time: fixed(run.end ?? 0, 3) }));
     for (const { kind, t } of run.gap ? [] : run.events) {
       const button = html("button", { type: "button", className: "moment" }, [text(`moment.${kind}`), fixed(t, 4), "s"].join(" "));
       button.addEventListener("click", () => onTime(t));
       item.append(button, " ");
     }
-    if (run.story) item.append(html("details", {}, html("summary", {}, text("departs")), translated("p", data, run.story)));
+    if (run.story) item.append(html("details", {}, html("summary", {}, text("departs")), html("p", { lang }, run.story)));
     return item;
   });
-  const words = Object.entries(data.words).flatMap(([word, meaning]) => [translated("dt", data, word), translated("dd", data, meaning)]);
+  const words = Object.entries(data.words).flatMap(([word, meaning]) => [html("dt", {}, word), html("dd", {}, meaning)]);
   const about = text("aboutRuns", { rate: data.rate, window: Math.round(1e3 * data.tension_window) });
   return [
     html("h3", {}, text("allMoments")),
     html("ul", { className: "moments" }, ...items),
     html("details", {}, html("summary", {}, text("sources")), html("p", {}, about),
       html("ul", { lang }, ...data.versions.map((made) => html("li", {}, made)))),
-    html("details", {}, html("summary", {}, text("words")), html("dl", {}, ...words)),
+    html("details", {}, html("summary", {}, text("words")), html("dl", { lang }, ...words)),
   ];
 }

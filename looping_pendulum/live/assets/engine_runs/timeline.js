@@ -1,7 +1,6 @@
 /** Under the slider of the time: what the reference's string does, and the moments of every run. */
 
-import { fixed, language, text } from "../texts.js";
-import { toldIn } from "./panel.js";
+import { language, text } from "../texts.js";
 import { MOMENT_SHAPES, REFERENCE, dashOf, make, momentShape, nameOf, swatch } from "./shapes.js";
 
 /** @typedef {import("./motion.js").RunsData} RunsData */
@@ -14,8 +13,6 @@ const INSET = 8;
 const ROOM_FOR_NAMES = 100;
 const LONGEST_NAME = 20;
 const WIDTH_OF_LETTER = 6.5;
-/** @type {Record<string, string>} */
-const LANGUAGE_OF_PACKAGE = { lang: "en" };
 
 /** An SVG that is laid out anew when its room changes. */
 export class Timeline {
@@ -88,8 +85,7 @@ export class Timeline {
       const place = make("g", attributes, group);
       make("circle", { r: 9, style: "fill:transparent" }, place);
       momentShape(kind, run.colour, place);
-      const said = toldIn(this.data, words);
-      make("title", said === undefined ? LANGUAGE_OF_PACKAGE : {}, place, [nameOf(run), ": ", said ?? words, " (", fixed(t, 4), " s)"].join(""));
+      make("title", { lang: "en" }, place, `${run.name}: ${words} (${t.toFixed(4)} s)`);
       place.addEventListener("click", () => this.onTime(t));
     }
   }

@@ -1,4 +1,8 @@
-/** Deutsche Texte der Seite, mit den Schlüsseln der englischen. @type {Record<keyof typeof import("./en.js").en, string>} */
+/**
+ * Deutsche Texte der Seite, mit den Schlüsseln der englischen; dazu Titel und Geschichten der Beispiele, die es auf Englisch in den
+ * Szenario-Dateien gibt.
+ * @type {Record<keyof typeof import("./en.js").en | `scenario.${string}`, string>}
+ */
 export const de = {
   language: "Deutsch",
   decimalSign: ",",
@@ -579,6 +583,31 @@ export const de = {
     + "ändern Pfeile und Bild auf/ab den Wert.",
 
   // Beispiele
+  "scenario.ten_to_one.title": "Zehn zu eins",
+  "scenario.ten_to_one.description": "Der Versuch der Veröffentlichung mit M2/M1 = 10: Die schwere Masse fällt etwa 37 cm und ist nach "
+    + "0,38 s endgültig gefangen; die leichte läuft weiter um die Stange, bis sie sie nach 1,1 s erreicht.",
+  "scenario.two_to_one.title": "Zwei zu eins",
+  "scenario.two_to_one.description": "Der Versuch der Veröffentlichung mit M2/M1 = 2: Die schwere Masse hält für einen Augenblick an, steigt, "
+    + "ruht, gleitet wieder und ist erst nach fast einer Sekunde endgültig gefangen.",
+  "scenario.two_and_a_half_to_one.title": "Zweieinhalb zu eins",
+  "scenario.two_and_a_half_to_one.description": "Das Beispiel der Veröffentlichung dafür, wie empfindlich es vom Winkel abhängen kann, M2/M1 "
+    + "= 2,5 nahe 75 Grad: Benachbarte Bewegungen trennen sich nach dem ersten Halt. Dort gerechnet, nicht gemessen.",
+  "scenario.static_friction.title": "Haftreibung",
+  "scenario.static_friction.description": "Eine schwere Masse, dreimal so groß wie die leichte, an einem Faden mit Haftreibungszahl 0,4 und "
+    + "Gleitreibungszahl 0,2. Der Faden haftet beim ersten Halt und gleitet nie wieder; mit nur einer Reibungszahl gleitet er zurück.",
+  "scenario.frictionless.title": "Ohne Reibung",
+  "scenario.frictionless.description": "Zehn zu eins ohne Reibung und ohne Luftwiderstand. Die Energie bleibt bis zum Ende erhalten, so dass "
+    + "sich die Mechanik des Aufwickelns allein prüfen lässt.",
+  "scenario.atwood.title": "Senkrechter Fall",
+  "scenario.atwood.description": "Beide Massen hängen senkrecht, und der Faden gleitet über die halbe Stange. Ohne Luftwiderstand gibt es für "
+    + "die Beschleunigung eine Formel, was dies zur einfachsten Probe der Seilreibung macht.",
+  "scenario.fat_rod.title": "Zehn zu eins, dicke Stange",
+  "scenario.fat_rod.description": "Zehn zu eins mit einer Stange von 6 cm Durchmesser. Es ist kein Versuch der Veröffentlichung.",
+  "scenario.held.title": "Festgehalten",
+  "scenario.held.description": "Zehn zu eins mit festgehaltener schwerer Masse: Die leichte schwingt an einem Faden, der sich auf die Stange "
+    + "auf- und wieder abwickelt.",
+  "scenario.drop.title": "Freier Fall",
+  "scenario.drop.description": "Die beiden Massen von zehn zu eins fallen frei, mit Luftwiderstand, von dort, wo sie am Faden gewesen wären.",
 
   // Was gedruckt wird
   worksheet: "Arbeitsblatt",
