@@ -191,17 +191,18 @@ looping-pendulum identify --schema > study.schema.json
 looping-pendulum map --schema > map.schema.json
 ```
 
-With the YAML extension of VS Code, the file's first line is then `# yaml-language-server: $schema=scenario.schema.json`.
+With the YAML extension of VS Code, the file's first line is then `# yaml-language-server: $schema=scenario.schema.json`; files
+that `looping-pendulum new` writes begin so, and the schema stands beside them.
 
 ## Scenario
 
-A trial: apparatus, release, and what is expected of an engine that rebuilds it. `looping-pendulum new scenario` asks for one.
+A trial: apparatus, release, and what is expected of an engine that rebuilds it. `looping-pendulum new scenario` writes one.
 
 {section(file_model(), {file_key(c.name): coefficient_default(c) for c in COEFFICIENTS.values()})}
 ## Study
 
 Measured trials, and the effects that are declared to act in them ([measured trials](measured.md)). `looping-pendulum new study`
-asks for one. A standard error follows `+/-`, in a unit of the same kind or in %; without one, the value is exact. *free* says
+writes one. A standard error follows `+/-`, in a unit of the same kind or in %; without one, the value is exact. *free* says
 that nothing is known of the value.
 
 {section(StudyFile)}

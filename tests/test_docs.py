@@ -26,7 +26,7 @@ UsageError = typer.BadParameter.__base__
 """Click's, or that of the copy of click that typer brings."""
 LINK = re.compile(r"(?<!`)!?\[[^\]\n]*\]\(([^)\s]+)\)")
 ELSEWHERE = {
-    r"^looping-pendulum new ": "tests/teaching/test_new_and_init.py, tests/teaching/test_new_study.py",
+    r"^looping-pendulum new ": "tests/teaching/test_new_and_init.py",
     r"--baseline": "tests/test_cli.py",
     r"conformance my_engine|spring": "tests/engines/test_write_an_engine.py",
     r"^looping-pendulum demo( |$)": "tests/teaching/test_demo.py",

@@ -43,7 +43,7 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "Begin": {
         "init": "an example folder: a scenario, two trials, next commands",
-        "new": "a scenario or a study, by answering questions",
+        "new": "a commented scenario, or a study of your films to fill in",
         "scenarios": "the shipped scenarios, one to copy, or the schema",
     },
     "Compare engines": {
@@ -293,7 +293,7 @@ app.command()(identify)
 app.command()(look)
 app.command()(live)
 app.command()(demo)
-app.command()(new)
+app.add_typer(new, name="new")
 app.command()(init)
 app.command()(tracker)
 app.command()(track)

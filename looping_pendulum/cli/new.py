@@ -1,168 +1,159 @@
-"""The command `new`: write a scenario or a study by answering questions. No answer is lost: not by a fault, not by Ctrl-C."""
+"""The commands `new scenario` and `new study`: write a commented file to run, or to fill in."""
 
 from __future__ import annotations
 
-import shlex
+import json
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
 from looping_pendulum.cli.common import scenario_names
 from looping_pendulum.cli.terminal import ProgressBars, say
-from looping_pendulum.errors import HarnessError, printable
 
 if TYPE_CHECKING:
     from looping_pendulum.jobs import ReportShare
-    from looping_pendulum.measured.study import Study
-    from looping_pendulum.teaching.questions import Answers
 
-USUAL_SCENARIO = "ten_to_one"
-"""Scenario whose numbers are the defaults where none is named."""
+T = TypeVar("T")
+ENDINGS = (".yaml", ".yml")
+
+new = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    help="""Write a commented file: a scenario to run, or a study of your films and tables to fill in.
+
+    looping-pendulum new study first.mp4 second.csv
+    """,
+)
 
 
-class NewFile(StrEnum):
-    """Kinds of file that `new` writes."""
-
-    SCENARIO = "scenario"
-    STUDY = "study"
+def _option(what: str, *names: str) -> Any:
+    return typer.Option(*names, metavar="VALUE", help=what)
 
 
-def new(
-    what: Annotated[NewFile, typer.Argument(help="A trial to run, or filmed trials to explain.")] = NewFile.SCENARIO,
-    file: Annotated[
-        Path | None, typer.Argument(metavar="[FILE.yaml]", help="Default: my.scenario.yaml, or my_study.yaml.")
-    ] = None,
+@new.command()
+def scenario(
+    name: Annotated[str, typer.Argument(help="Name of the scenario, and of its file NAME.yaml.")],
     like: Annotated[
         str,
-        typer.Option(
-            metavar="SCENARIO",
-            help="Scenario (name or file) whose numbers are offered as defaults.",
-            autocompletion=scenario_names,
-        ),
-    ] = USUAL_SCENARIO,
-    answers: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Answer beforehand (light.mass=12 g); repeatable."),
-    ] = None,
-    trial: Annotated[
-        list[Path] | None,
-        typer.Option(metavar="FILE", help="With `new study`: a trial's tracked points, or its film; repeatable."),
-    ] = None,
-    yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing: take the default where --set has no answer.")] = False,
+        typer.Option(metavar="SCENARIO", help="Scenario (name or file) with all other values.", autocompletion=scenario_names),
+    ] = "ten_to_one",
+    light_mass: Annotated[str | None, _option('Mass that loops round the rod: "12 g".')] = None,
+    heavy_mass: Annotated[str | None, _option('Mass that falls: "120 g".')] = None,
+    rod_radius: Annotated[str | None, _option('Radius of the rod: "6.25 mm".')] = None,
+    rod_diameter: Annotated[str | None, _option('Its diameter instead: "12.5 mm".')] = None,
+    free_length: Annotated[str | None, _option('String from the rod to the light mass: "58 cm".')] = None,
+    hanging_length: Annotated[str | None, _option('String from the rod to the heavy mass: "5 cm".')] = None,
+    release_angle: Annotated[str | None, _option('Angle of the string: "90 deg" is level, "180 deg" straight down.')] = None,
+    friction: Annotated[str | None, _option("Friction coefficient of the string on the rod: 0.34.")] = None,
+    duration: Annotated[str | None, _option('How long to watch: "1.05 s".')] = None,
 ) -> None:
-    """Ask for the numbers of a scenario or a study, with units and defaults, and write the file; every answer is checked.
+    """Write a scenario, a trial to run, with a comment on each value.
 
-    A study's files are read first: tracks, rate and units that they state are not asked for. If you break off, a command is
-    printed that continues with your answers. An existing file is never overwritten without asking.
-
-    looping-pendulum new study my_study.yaml --trial first.csv --trial second.csv
+    looping-pendulum new scenario my_rod --light-mass "12 g" --rod-diameter "10 mm"
     """
+    from looping_pendulum.scenarios.loader import json_schema
+    from looping_pendulum.teaching.new_file import new_scenario
+
+    path = Path(name if name.endswith(ENDINGS) else f"{name}.yaml")
+    _refuse_existing(path)
+    given = _given(
+        light_mass=light_mass,
+        heavy_mass=heavy_mass,
+        rod_radius=_radius(rod_radius, rod_diameter),
+        free_length=free_length,
+        hanging_length=hanging_length,
+        release_angle=release_angle,
+        kinetic_friction=friction,
+        duration=duration,
+    )
+    _write(path, new_scenario(path.stem.removesuffix(".scenario").replace("_", " "), like=like, given=given))
+    _write_schema(path, "scenario", json_schema)
+    say(f"next: looping-pendulum run {path}")
+
+
+@new.command()
+def study(
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Films, or tables of tracked points: one per trial.")],
+    out: Annotated[Path, typer.Option(metavar="STUDY.yaml", help="Where to write the study.")] = Path("my_study.yaml"),
+    light_mass: Annotated[str | None, _option('Mass that loops round the rod: "20 g +/- 0.1 g".')] = None,
+    heavy_mass: Annotated[list[str] | None, _option('Mass that falls: "200 g +/- 0.5 %"; once, or once for each file.')] = None,
+    rod_radius: Annotated[str | None, _option('Radius of the rod: "6.25 mm +/- 1 %".')] = None,
+    rod_diameter: Annotated[str | None, _option('Its diameter instead: "12.5 mm +/- 1 %".')] = None,
+    free_length: Annotated[
+        list[str] | None, _option('String from the rod to the light mass: "58 cm +/- 1 mm"; once, or for each file.')
+    ] = None,
+    hanging_length: Annotated[
+        list[str] | None, _option('String from the rod to the heavy mass: "5 cm +/- 1 mm"; once, or for each file.')
+    ] = None,
+    release_angle: Annotated[
+        list[str] | None, _option('Angle of the string at release, "90 deg +/- 0.5 deg" is level; once, or for each file.')
+    ] = None,
+) -> None:
+    """Write a study: what the films and tables show, what you give here, and TODO for each value that is still to be measured.
+
+    A film shows angle and hanging length of its release, given the free length. Each value has its unit, and its standard
+    error behind "+/-"; without one it is taken as exact.
+
+    looping-pendulum new study first.mp4 second.csv --light-mass "20 g +/- 0.1 g" --free-length "58 cm +/- 1 mm"
+    """
+    from looping_pendulum.measured.study_file import json_schema
+    from looping_pendulum.scenarios.fields import TO_FILL_IN
+    from looping_pendulum.teaching.new_file import new_study
+
+    _refuse_existing(out)
+    radius = _radius(rod_radius, rod_diameter)
+    given = _given(
+        light_mass=[light_mass] if light_mass else None,
+        heavy_mass=heavy_mass,
+        rod_radius=[radius] if radius else None,
+        free_length=free_length,
+        hanging_length=hanging_length,
+        release_angle=release_angle,
+    )
+    text = new_study(out.stem.replace("_", " "), out.parent, files, given, _progress)
+    _write(out, text)
+    _write_schema(out, "study", json_schema)
+    todo = text.count(f": {TO_FILL_IN}")
+    fill_in = f"fill in the {todo} values that say {TO_FILL_IN}, then" if todo else "next"
+    say(f"{fill_in}: looping-pendulum look {out}")
+
+
+def _given(**values: T | None) -> Mapping[str, T]:
+    """Return the options that were given."""
+    return {name: value for name, value in values.items() if value}
+
+
+def _radius(radius: str | None, diameter: str | None) -> str | None:
+    from looping_pendulum.teaching.new_file import NewFileError, radius_of
+
+    if radius and diameter:
+        raise NewFileError("--rod-diameter: found it beside --rod-radius, needed one of them; leave one out")
+    return radius_of(diameter) if diameter else radius
+
+
+def _refuse_existing(path: Path) -> None:
+    from looping_pendulum.teaching.new_file import NewFileError
+
+    if path.exists():
+        raise NewFileError(f"{path}: found a file, which is left as it is; needed another name")
+
+
+def _write(path: Path, text: str) -> None:
     from looping_pendulum.files import write_atomically
-    from looping_pendulum.teaching.new_file import expected_motion, new_scenario
-    from looping_pendulum.teaching.new_study import new_study, not_measured
-    from looping_pendulum.teaching.questions import AnswerError, Answers
 
-    study = what is NewFile.STUDY
-    path = file or Path("my_study.yaml" if study else "my.scenario.yaml")
-    if trial and not study:
-        raise AnswerError("--trial: found it with a scenario, needed it with a study; write `new study`")
-    given = dict(_key_and_value(answer) for answer in answers or ())
-    if path.exists() and (yes or not typer.confirm(printable(f"{path} exists already. Overwrite it?"), default=False)):
-        raise AnswerError(f"{path}: found a file, which is left as it is; needed another name: `new {what.value} OTHER.yaml`")
-    answer = Answers(_take_default if yes else _ask, given, tell=say, asks_again=not yes)
-    name = path.name.removesuffix(".yaml").removesuffix(".scenario")
-    files = [str(trial_file) for trial_file in trial or ()]
-    try:
-        if study:
+    write_atomically(path, text)
+    say(f"wrote {path}")
 
-            def make(answer: Answers) -> str:
-                text, loaded = new_study(answer, name=name, folder=path.parent, files=files, like=like, reporting=_bar_alone)
-                _check_trials(loaded, ask=not yes)
-                return text
 
-            text, notice = answer.write(make), ""
-        else:
-            text, scenario = answer.write(lambda answer: new_scenario(answer, name=name, like=like))
-            notice = expected_motion(scenario)
-        write_atomically(path, text)
-    except (typer.Abort, KeyboardInterrupt, HarnessError, OSError):
-        if not yes and answer.so_far:
-            say("\nTo continue with your answers so far:", err=True)
-            say(f"  {_command(what, path, like, files, answer.so_far)}", err=True)
-        raise
-    if notice:
-        say(notice)
-    if study and yes and (guessed := not_measured(answer)):
-        say(f"taken from {like}, and not measured: {', '.join(guessed)}; put your own numbers into the file")
-    say(f"wrote {path}; next: looping-pendulum {'identify' if study else 'run'} {path}")
+def _write_schema(path: Path, kind: str, schema: Callable[[], Any]) -> None:
+    """Write the JSON Schema that the first line names, by which an editor explains each key and marks what is wrong."""
+    _write(path.with_name(f"{kind}.schema.json"), json.dumps(schema(), indent=2) + "\n")
 
 
 @contextmanager
-def _bar_alone() -> Iterator[ReportShare]:
-    """A bar while no question is asked, as both write to the last line of a terminal."""
+def _progress() -> Iterator[ReportShare]:
     with ProgressBars() as bars:
         yield bars.update
-
-
-def _check_trials(study: Study, *, ask: bool) -> None:
-    """Warn of what looks wrong in the trials of a study; with ``ask``, what `identify` would refuse can be answered anew."""
-    from looping_pendulum.measured.observations import DataError
-    from looping_pendulum.teaching.new_study import keys_of_fault, look_at_trials
-    from looping_pendulum.teaching.questions import AnswerError
-
-    try:
-        with ProgressBars() as bars:
-            warnings = look_at_trials(study, bars.update)
-        for warning in warnings:
-            say(f"warning: {warning}", err=True)
-    except DataError as fault:
-        if ask and not typer.confirm(
-            printable(f"`identify` would refuse this: {fault}\nWrite it all the same?"), default=False
-        ):
-            say("asking again what may be wrong; Enter keeps an answer")
-            raise AnswerError(str(fault), keys=keys_of_fault(study, fault)) from None
-        say(f"warning: `identify` will refuse this until it is corrected: {fault}", err=True)
-
-
-def _command(what: NewFile, path: Path, like: str, files: list[str], answers: Mapping[str, str]) -> str:
-    """Return the command that asks only what ``answers`` do not answer."""
-    words = ["looping-pendulum", "new", what.value, str(path)]
-    words += ["--like", like] if like != USUAL_SCENARIO else []
-    words += [word for file in files for word in ("--trial", file)]
-    return shlex.join([*words, *(word for key, value in answers.items() for word in ("--set", f"{key}={value}"))])
-
-
-def _ask(words: str, default: str, check: Callable[[str], str]) -> str:
-    """Ask until the answer passes its check."""
-    from looping_pendulum.teaching.questions import AnswerError
-
-    while True:
-        answer = str(typer.prompt(printable(f"{words} [{default}]"), default=default, show_default=False)).strip()
-        try:
-            warning = check(answer)
-        except AnswerError as error:
-            say(f"  {error}")
-            continue
-        if warning:
-            say(f"  {warning}")
-        return answer
-
-
-def _take_default(words: str, default: str, check: Callable[[str], str]) -> str:
-    """Return the default, after its check."""
-    check(default)
-    return default
-
-
-def _key_and_value(text: str) -> tuple[str, str]:
-    """Split an answer of --set into key and value."""
-    from looping_pendulum.teaching.questions import AnswerError
-
-    key, equals, value = text.partition("=")
-    if not (key.strip() and equals and value.strip()):
-        raise AnswerError(f"--set: found '{text}', needed KEY=VALUE; write for example --set 'light.mass=12 g'")
-    return key.strip(), value.strip()

@@ -233,7 +233,7 @@ def dump(study: Study) -> str:
         for effect in study.known_effects
         if (
             given := {
-                c.name: _estimate_text(study.effects[c.name], c.unit) for c in effect.coefficients if c.name in study.effects
+                c.name: estimate_text(study.effects[c.name], c.unit) for c in effect.coefficients if c.name in study.effects
             }
         )
     }
@@ -251,7 +251,7 @@ def dump(study: Study) -> str:
     return str(yaml.dump(_without_empty(data), Dumper=yaml.SafeDumper, sort_keys=False, allow_unicode=True, width=100))
 
 
-def _estimate_text(estimate: Estimate, unit: str) -> str:
+def estimate_text(estimate: Estimate, unit: str) -> str:
     """Write an estimate as a study file has it."""
     value = show(estimate.value, unit)
     if estimate.free:
@@ -263,7 +263,7 @@ def _tree(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
     tree: dict[str, Any] = {}
     for name, estimate in estimates.items():
         group, key = _path(name)
-        tree.setdefault(group, {})[key] = _estimate_text(estimate, QUANTITIES[name].kind.unit)
+        tree.setdefault(group, {})[key] = estimate_text(estimate, QUANTITIES[name].kind.unit)
     return tree
 
 
@@ -288,7 +288,7 @@ def _trial_tree(trial: Trial) -> dict[str, Any]:
         "mirrored": trial.mirrored,
         "held_out": trial.held_out,
         **tree,
-        "camera": {n: _estimate_text(e, CAMERA[n].unit) for n, e in trial.camera.items()},
+        "camera": {n: estimate_text(e, CAMERA[n].unit) for n, e in trial.camera.items()},
         "event_errors": {names[u]: show(s, u) for u, s in trial.event_errors.items()},
     }
 

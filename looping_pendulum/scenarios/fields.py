@@ -21,6 +21,8 @@ NUMBER_PATTERN = r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?"
 """Regular expression of a number, as JSON Schema takes it."""
 _NO_KEYS = ("<direct>", "<shape>", "[key]")
 """Parts that pydantic adds to the place of an error for unions and keys."""
+TO_FILL_IN = "TODO"
+"""What `new study` writes for a value that nobody has given yet."""
 QUANTITY_TEXT = "x-words"
 """Temporary key of the JSON Schema for what a key takes; `model_schema` moves its text into the description."""
 
@@ -40,6 +42,8 @@ class QuantityField:
     def read(self, value: object) -> float:
         """Return the number [SI] for the value in the file."""
         detail, expected = "", self.kind.noun
+        if value == TO_FILL_IN:
+            raise input_error(f"found {TO_FILL_IN}, needed {self.kind.requirement}; fill it in, for example '{self.way_out}'")
         if isinstance(value, str):
             try:
                 return self.kind.parse(value)
@@ -48,6 +52,11 @@ class QuantityField:
             except UnitError as error:
                 detail = f" ({error})" if str(error) else ""
         raise input_error(f"expected {expected}, got {quote(value)}{detail}; write for example '{self.kind.example_text}'")
+
+    @property
+    def way_out(self) -> str:
+        """Return an example to copy."""
+        return self.kind.example_text
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_plain_validator_function(self.read, metadata={"kind": self.kind})

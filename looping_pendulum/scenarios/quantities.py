@@ -1,6 +1,6 @@
 """The quantities of an apparatus, of its release and of a record: all that is known about each, in one table.
 
-Schemas of scenarios and studies, maps, the questions of `new`, the plausibility check, docs/keys.md and the live page (its
+Schemas of scenarios and studies, maps, files that `new` writes, the plausibility check, docs/keys.md and the live page (its
 sliders, its fit and the files that it writes, by way of model.js) take what they need from here. Unit, bounds and meaning of an
 effect's coefficient are those of the library of effects; errors of the camera are in `measured.camera.CAMERA`.
 """
@@ -32,7 +32,7 @@ class Slider:
 
 @dataclass(frozen=True, kw_only=True)
 class Quantity:
-    """One quantity that files, questions or the live page may set."""
+    """One quantity that files or the live page may set."""
 
     name: str
     """Name of the parameter or coefficient, "rod_radius"."""
@@ -48,8 +48,6 @@ class Quantity:
     """What a scenario takes without it, "3 cm if not given"."""
     if_absent_in_study: str = ""
     """What a study takes without it, if that is something else."""
-    question: str = ""
-    """Text of the question for it; empty: `new` does not ask for it."""
     usual: tuple[float, float] = (-math.inf, math.inf)
     """Range of apparatus that is built [SI]; outside it there is a warning, not an error."""
     usual_error: str = ""
@@ -100,7 +98,7 @@ _APPARATUS = (
     # Usual masses: from a tenth of a gram to what a hand lets go without danger
     Quantity(
         name="light_mass", key="light.mass", kind=_positive("kg"), meaning="Its mass M1", required=True,
-        question="Light mass M1, which loops around the rod", usual=(1e-4, 1.0), usual_error="0.5 %",
+        usual=(1e-4, 1.0), usual_error="0.5 %",
         slider=Slider(unit="g", low=1, high=100, step=1),
     ),
     Quantity(
@@ -110,34 +108,34 @@ _APPARATUS = (
     ),
     Quantity(
         name="heavy_mass", key="heavy.mass", kind=_positive("kg", "100 g"), meaning="Its mass M2", required=True,
-        question="Heavy mass M2, which falls", usual=(1e-3, 10.0), usual_error="0.5 %",
+        usual=(1e-3, 10.0), usual_error="0.5 %",
     ),
     # From a knitting needle to a drainpipe
     Quantity(
         name="rod_radius", key="rod.radius", kind=_positive("m"), meaning="Its radius R: half the diameter", required=True,
-        question="Radius of the rod (half its diameter)", usual=(2e-4, 0.1), usual_error="1 %",
+        usual=(2e-4, 0.1), usual_error="1 %",
         slider=Slider(unit="mm", low=1, high=40, step=0.25),
     ),
 )  # fmt: skip
 _BASE_COEFFICIENTS = (
     _coefficient(
-        "kinetic_friction", "string.kinetic_friction", question="Friction coefficient of the string on the rod",
+        "kinetic_friction", "string.kinetic_friction",
         usual=(0.05, 1.0), free_start=0.3, slider=Slider(unit="", low=0, high=1, step=0.01),
     ),
     _coefficient(
-        "static_friction", "string.static_friction", question="Friction coefficient of the string before it slides",
+        "static_friction", "string.static_friction",
         usual=(0.05, 1.5), free_start=0.3, slider=Slider(unit="", low=0, high=1, step=0.01),
     ),
     _coefficient(
-        "light_drag", "light.drag", question="Air drag of the light mass (C rho A / 2)", usual=(0.0, 0.01), free_start=1e-3,
+        "light_drag", "light.drag", usual=(0.0, 0.01), free_start=1e-3,
         slider=Slider(unit="g/m", low=0, high=5, step=0.05),
     ),
     _coefficient(
-        "heavy_drag", "heavy.drag", question="Air drag of the heavy mass", usual=(0.0, 0.02), free_start=1e-3,
+        "heavy_drag", "heavy.drag", usual=(0.0, 0.02), free_start=1e-3,
         slider=Slider(unit="g/m", low=0, high=5, step=0.05),
     ),
     _coefficient(
-        "string_drag", "string.drag", question="Air drag of the string, per length", usual=(0.0, 0.01), free_start=1e-3,
+        "string_drag", "string.drag", usual=(0.0, 0.01), free_start=1e-3,
         slider=Slider(unit="g/m^2", low=0, high=10, step=0.05),
     ),
     _coefficient(
@@ -148,19 +146,19 @@ _RELEASE = (
     Quantity(
         name="release_angle", key="release.angle", kind=_positive("rad", high=2 * math.pi),
         meaning="Angle of the string to the light mass: 0 deg is straight up, 90 deg is level, 180 deg is straight down",
-        question="Angle of the string at release (90 deg is level, 180 deg straight down)",
+       
         usual=(30 * _DEGREE, 150 * _DEGREE), usual_error="0.5 deg", slider=Slider(unit="deg", low=5, high=175, step=1),
     ),
     # From a palm's length to a stairwell's height
     Quantity(
         name="free_length", key="release.free_length", kind=_positive("m", "58 cm"), required=True,
-        meaning="String from the rod to the light mass", question="String from the rod to the light mass",
+        meaning="String from the rod to the light mass",
         usual=(0.03, 5.0), usual_error="1 mm", slider=Slider(unit="cm", low=10, high=150, step=1),
     ),
     Quantity(
         name="hanging_length", key="release.hanging_length", kind=_positive("m", "3 cm"),
         meaning="String from the rod to the heavy mass", if_absent="3 cm if not given",
-        if_absent_in_study="fitted if not given", question="String from the rod to the heavy mass",
+        if_absent_in_study="fitted if not given",
         usual=(5e-3, 1.0), usual_error="1 mm",
         slider=Slider(unit="cm", low=1, high=30, step=0.5),
     ),
@@ -176,7 +174,7 @@ _FURTHER = (
     Quantity(
         name="duration", key="duration", kind=_positive("s", "1.05 s", high=3600.0), required=True,
         meaning="How long to watch; a run ends sooner if the light mass reaches the rod",
-        question="How long to watch", usual=(0.2, 10.0),
+        usual=(0.2, 10.0),
     ),
     Quantity(
         name="mass_ratio", key="", kind=_positive("", "2.5"), meaning="Heavy over light mass M2/M1, the light one kept",
@@ -186,7 +184,7 @@ _FURTHER = (
 )  # fmt: skip
 
 QUANTITIES = MappingProxyType({q.name: q for q in (*_APPARATUS, *_BASE_COEFFICIENTS, *_RELEASE, *_FURTHER)})
-"""Quantity by name, in the order in which `new scenario` asks."""
+"""Quantity by name, in the order of a scenario file."""
 APPARATUS = tuple(q.name for q in _APPARATUS)
 """Parameters of the apparatus."""
 FILE_KEYS = MappingProxyType(

@@ -1,1 +1,1 @@
-"""What a teacher shows: the demonstration page, demonstrations of modelling assumptions, a new scenario by asking."""
+"""What a teacher shows: the demonstration page, demonstrations of modelling assumptions, new scenarios and studies."""

@@ -157,14 +157,8 @@ def test_a_new_study_takes_what_the_film_shows_of_the_release(tracked, ordinary,
     film, study = tmp_path / "trial.mp4", tmp_path / "mine.yaml"
     shutil.copy(ordinary[0], film)
     arguments = [
-        "new",
-        "study",
-        str(study),
-        "--trial",
-        str(film),
-        "--yes",
-        "--set",
-        "trials.1.release.free_length=58 cm +/- 1 mm",
+        *("new", "study", str(film), "--out", str(study), "--free-length", "58 cm +/- 1 mm"),
+        *("--light-mass", "10 g", "--heavy-mass", "100 g", "--rod-diameter", "12.5 mm +/- 1 %"),
     ]
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 0, done.output

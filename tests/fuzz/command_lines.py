@@ -34,7 +34,6 @@ WORK = (
     "looping_pendulum.teaching.demonstrations.demonstration.run_demonstration",
     "looping_pendulum.teaching.tracker.run_isolated",
     "looping_pendulum.teaching.tracker.solve",
-    "looping_pendulum.teaching.new_file.solve",
     "looping_pendulum.discrepancy.inputs.read_inputs",
 )
 """Where work begins; a command line that gets there was accepted."""
@@ -50,7 +49,7 @@ SEED_LINES = (
     "map map.yaml",
     "map", "map quick --print", "map map.yaml --print", "identify study.yaml --seed 1 --out report",
     "demo two_to_one --no-open --again",
-    "new scenario own.yaml --like two_to_one --yes --set light.mass=12g", "new study s.yaml --trial trials/first.csv -y",
+    "new scenario own.yaml --like two_to_one --light-mass 12g", "new study trials/first.csv --out s.yaml --free-length 58cm",
     "init fresh", "tracker runs.csv --fps 240 --start 0.35 --out o.csv", "tracker ten_to_one -e pymunk:chain", "tracker full",
     "demonstrations --list", "demonstrations polygon --out d --no-html", "--help", "run --help", "--version",
     "map quick --cluster nonsense",

@@ -33,7 +33,7 @@ from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.scenarios.units import QUANTITY_NOUNS, QuantityKind, show, to_si
 from looping_pendulum.sweep import map_file
 from looping_pendulum.teaching import tracker
-from looping_pendulum.teaching.questions import QUESTIONS, check_measured, check_quantity
+from looping_pendulum.teaching.new_file import radius_of
 from tests.fuzz import command_lines, mutation
 from tests.fuzz.mutation import Mutation
 
@@ -83,8 +83,7 @@ def run_quantity(data: bytes) -> None:
     attempts: list[Callable[[], object]] = [
         lambda: MeasuredField(QuantityKind(unit="kg"), start=1.0).estimate(text),
         lambda: MeasuredField(QuantityKind(unit="m")).estimate(text),
-        lambda: check_measured(QUESTIONS["light.mass"])(text),
-        lambda: check_quantity(QUESTIONS["release.angle"])(text),
+        lambda: radius_of(text),
         lambda: parse_memory(text),
     ]
     for attempt in attempts:

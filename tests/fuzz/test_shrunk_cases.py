@@ -182,8 +182,7 @@ LINES = [
     (["tracker", "back.csv"], "back.csv:3: found 0 s after 0.1 s, needed times that grow"),
     (["tracker", "latin.csv"], "latin.csv:2: found the byte 0xfc, needed UTF-8 text"),
     (["map", "quick", "--cluster", "nonsense"], "--cluster: found 'nonsense', needed the address of a Dask scheduler"),
-    (["new", "study", "s.yaml", "--trial", "nope.csv"], "--trial: found no file 'nope.csv', needed the file"),
-    (["new", "study", "s.yaml", "--trial", "nope.csv", "--yes"], "--trial: found no file 'nope.csv'"),
+    (["new", "study", "nope.csv", "--out", "s.yaml"], "found no file 'nope.csv'"),
     (["run", "bad.yaml"], "bad.yaml:"),
 ]  # fmt: skip
 
