@@ -60,8 +60,6 @@ COARSE: Mapping[str, tuple[Mapping[str, Any], ...]] = {
         {"time_step": 4e-5, "force_interval": 25, "bend": 0.4, "bead_mass_ratio": 2e-3},
         {"time_step": 2e-5, "bend": 0.4, "bead_mass_ratio": 8e-4},
     ),
-    "pymunk:beads": ({"time_step": 1e-4, "link_length": 8e-3},),
-    "pymunk:segments": ({"time_step": 1e-4, "link_length": 6e-3},),
     "box2d:chain": (
         {},
         {"time_step": 5e-5, "bead_mass_ratio": 8e-4},
@@ -83,7 +81,6 @@ COARSE: Mapping[str, tuple[Mapping[str, Any], ...]] = {
     ),
     "exudyn:cable": ({},),
     "pybullet:chain": ({"time_step": 1e-4, "link_length": 6e-3, "outer_link_length": 1e-2, "solver_iterations": 20},),
-    "pybullet:remade": ({}, {"time_step": 5e-5}, {"time_step": 1e-4}),
 }
 """Variant -> changes of its quick settings, coarser than the ladders of the study or without a place there."""
 

@@ -222,26 +222,9 @@ def pymunk_public_calls() -> dict[str, Any]:
     """Run pymunk's chain on ten_to_one with its private call, and without it."""
     scenario = load("ten_to_one")
     with_call = summary(engine("pymunk:chain").simulate(scenario), scenario)
-    with mock.patch("looping_pendulum.engines.pymunk.chain.direct_library", return_value=None):
+    with mock.patch("looping_pendulum.engines.pymunk.direct_library", return_value=None):
         without = summary(engine("pymunk:chain").simulate(scenario), scenario)
     return {"private": with_call, "public": without}
-
-
-def pymunk_defaults() -> dict[str, Any]:
-    """Measure the stretch of a chain with Chipmunk's default settings, and with ten times the iterations.
-
-    Each is run with the limit on stretch, which ends the run early, and without it (`_not_ended`).
-    """
-    scenario = load("ten_to_one")
-    summaries = {}
-    for name, iterations in (("default", 10), ("ten_times", 100)):
-        run = engine("pymunk:defaults", iterations=iterations).simulate(scenario)
-        summaries[name] = {"iterations": iterations} | summary(run, scenario)
-    with mock.patch("looping_pendulum.engines.protocol.MAX_STRETCH_FRACTION", float("inf")):
-        for name, iterations in (("default", 10), ("ten_times", 100)):
-            run = engine("pymunk:defaults", iterations=iterations).simulate(scenario)
-            summaries[f"{name}_not_ended"] = {"iterations": iterations} | summary(run, scenario)
-    return summaries
 
 
 def pybullet_cylinder() -> dict[str, Any]:
@@ -372,7 +355,7 @@ def reference_speed() -> dict[str, Any]:
 
 
 QUICK: tuple[Callable[[], dict[str, Any]], ...] = (
-    friction_by_one_percent, paper_columns, constant_friction, beads_creep, pymunk_public_calls, pymunk_defaults,
+    friction_by_one_percent, paper_columns, constant_friction, beads_creep, pymunk_public_calls,
     pybullet_cylinder, spring, newton_tendon, falling_balls, example_study,
 )  # fmt: skip
 """Measurements that take a few minutes at most, on any machine."""

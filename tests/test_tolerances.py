@@ -21,9 +21,7 @@ LONG = {
     *((name, "mujoco:beads") for name in ("ten_to_one", "held", "frictionless", "static_friction")),
     *((name, "mujoco:beads") for name in ("two_to_one", "two_and_a_half_to_one")),
     ("static_friction", "pymunk:chain"),
-    *(("fat_rod", f"pymunk:{variant}") for variant in ("beads", "segments", "defaults")),
-    *(("ten_to_one", f"pybullet:{variant}") for variant in ("remade", "point_to_point", "defaults")),
-    *(("ten_to_one", f"pymunk:{variant}") for variant in ("chain", "beads", "segments")),
+    *(("ten_to_one", variant) for variant in ("pybullet:defaults", "pymunk:chain")),
     *(("ten_to_one", f"{engine}:chain") for engine in ("box2d", "rapier")),
     ("ten_to_one", "exudyn:cable"),
 }

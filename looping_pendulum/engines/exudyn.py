@@ -1,4 +1,4 @@
-"""Exudyn: a cable of finite elements over a circle with friction, and its reeving system without; no law is fed in.
+"""Exudyn: a cable of finite elements over a circle with friction; no law is fed in.
 
 Offered through the entry point that a third party uses.
 """
@@ -21,44 +21,23 @@ from looping_pendulum.engines.chain import (
     point_on_string,
     polygon_friction,
 )
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine, Profile, Rig, TunedEngine, steps_per_sample
+from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine, Profile, TunedEngine, steps_per_sample
 from looping_pendulum.engines.shipped import shipped_abilities
 from looping_pendulum.engines.studies import Studies, default_row, studies_from_rows
-from looping_pendulum.engines.trajectory import Supplier, Supply
 from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import CartesianForce, cartesian_force, release_velocity
-from looping_pendulum.reference_ode.geometry import Array, light_position, next_string_coordinates
+from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios.scenario import Scenario
 
 
 @dataclass(frozen=True, kw_only=True)
-class SolverSettings:
-    """Settings of Exudyn's implicit solver, a generalised-alpha method with Newton's iterations."""
+class CableSettings:
+    """Numerical settings of the cable and of Exudyn's implicit solver."""
 
     time_step: float
     """Longest time step [s]; it must divide the sample interval. A step in which the iterations fail is halved, and again."""
-    spectral_radius: float = 0.6
-    """Factor by which the method damps oscillations that are much faster than a step; 1 damps nothing."""
-    relative_tolerance: float = 1e-6
-    """Decrease of the residual at which Newton's iterations end."""
-    contact_tolerance: float = 1e-3
-    """Largest change of a contact's force [N] between iterations over the contacts' states, with which a step is accepted."""
-    contact_iterations: int = 20
-    """Largest number of these iterations in a step."""
-    modified_newton: bool = False
-    """Whether the Jacobian is kept from step to step until the iterations fail to converge with it."""
-
-    def __post_init__(self) -> None:
-        """Raise EngineError where a step does not divide the sample interval."""
-        steps_per_sample(self.time_step)
-
-
-@dataclass(frozen=True, kw_only=True)
-class CableSettings(SolverSettings):
-    """Numerical settings of the cable."""
-
     bend: float
     """Angle that an element spans on the rod [rad]; an element is R times this long."""
     segments: int
@@ -83,21 +62,23 @@ class CableSettings(SolverSettings):
     """Tension of the string before release [N], without which a string that bends so easily would first buckle."""
     polygon: bool = True
     """Whether the rod's radius and friction are corrected for the polygon of the contact segments."""
+    spectral_radius: float = 0.6
+    """Factor by which the generalised-alpha method damps oscillations much faster than a step; 1 damps nothing."""
+    relative_tolerance: float = 1e-6
+    """Decrease of the residual at which Newton's iterations end."""
+    contact_tolerance: float = 1e-3
+    """Largest change of a contact's force [N] between iterations over the contacts' states, with which a step is accepted."""
+    contact_iterations: int = 20
+    """Largest number of these iterations in a step."""
+    modified_newton: bool = False
+    """Whether the Jacobian is kept from step to step until the iterations fail to converge with it."""
+
+    def __post_init__(self) -> None:
+        """Raise EngineError where a step does not divide the sample interval."""
+        steps_per_sample(self.time_step)
 
 
-@dataclass(frozen=True, kw_only=True)
-class ReevingSettings(SolverSettings):
-    """Numerical settings of the reeving system."""
-
-    axial_stiffness: float
-    """Stiffness of the rope, EA [N]: force per strain."""
-    axial_damping: float
-    """Damping of the rope [N s]: force per rate of strain."""
-    push_force: float = 1e-3
-    """Exudyn's regularizationForce: the largest force with which a slack rope pushes [N]; negative: no bound."""
-
-
-CABLE_SETTINGS = {
+SETTINGS = {
     Profile.QUICK: CableSettings(
         time_step=1e-4,
         bend=0.64,
@@ -120,18 +101,16 @@ CABLE_SETTINGS = {
     ),
 }
 
-REEVING_SETTINGS = {
-    Profile.QUICK: ReevingSettings(time_step=1e-4, axial_stiffness=1e4, axial_damping=10.0),
-    Profile.ACCURATE: ReevingSettings(time_step=1e-5, axial_stiffness=1e5, axial_damping=30.0),
-}
-
-
 Vector = tuple[float, float]
 """x and y components, in the unit of the quantity."""
 MIN_TIME_STEP = 1e-8
 """Shortest step that is tried where Newton's iterations fail [s]."""
 UNUSED_RADIUS = 0.01
-"""Radius of gyration of the masses [m], which strings pull at their centres, so that they never turn."""
+"""Radius of gyration of the masses [m], which the cable pulls at their centres, so that they never turn."""
+IN_CONTACT, NO_CONTACT = -1e-6, 0.1
+"""Gaps [m] from which the search for contact starts, for segments that lie on the rod at release, and for the others."""
+UNDEFINED = -2.0
+"""Exudyn's number for a segment of which it is not known yet whether it sticks or slides."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,18 +124,16 @@ class Mass:
     """[N]"""
 
 
-class ExudynRig:
-    """The apparatus in Exudyn: the two masses, the rod's centre, and the solver; a variant adds its string.
+class ExudynCableRig:
+    """The apparatus in Exudyn: the two masses, the rod's centre, the solver, and a cable of finite elements.
 
     Parameters
     ----------
     end_length
         Free length [m] at which a run ends.
-    light_mass
-        Mass of the light body [kg]; None: that of ``parameters``.
     """
 
-    def __init__(self, parameters: Parameters, settings: Any, end_length: float, *, light_mass: float | None = None) -> None:
+    def __init__(self, parameters: Parameters, settings: CableSettings, end_length: float) -> None:
         import exudyn
         from exudyn import itemInterface
 
@@ -166,6 +143,8 @@ class ExudynRig:
         self.mbs = self._container.AddSystem()
         self._force: CartesianForce | None = cartesian_force(p)
         self._has_string = p.release is not Release.DROP
+        self._slip = SlipGauge()
+        taken_off = MASS_COMPENSATION * settings.mass_fraction if self._has_string else 0.0
         self._gravity = p.coefficients["gravity"]
         self._samples = 0
         self._end_distance, self._has_ended = math.hypot(end_length, p.rod_radius), False
@@ -174,7 +153,7 @@ class ExudynRig:
         self.rod_marker = self.mbs.AddMarker(itemInterface.MarkerBodyRigid(bodyNumber=ground))
         self._light_position = light_position(math, p.free_length, p.release_angle, p.rod_radius)
         self._heavy_position = (p.rod_radius, -p.hanging_length)
-        self.light = self._add_mass(self._light_position, (vx, vy), p.light_mass if light_mass is None else light_mass)
+        self.light = self._add_mass(self._light_position, (vx, vy), (1 - taken_off) * p.light_mass)
         self.heavy: Mass | None = None
         if p.release is Release.HELD:
             self.heavy_marker = self.mbs.AddMarker(
@@ -187,17 +166,6 @@ class ExudynRig:
         if self._has_string:
             self._add_string()
         self._start()
-
-    def _add_string(self) -> None:
-        """Add the taut string between the masses, with the release's velocities."""
-        raise NotImplementedError
-
-    def _read_string(self, masses: tuple[float, ...]) -> Vector:
-        """Return the string's stretch beyond its length at release and its slip over the rod [m]."""
-        raise NotImplementedError
-
-    def _before_step(self, masses: tuple[float, ...]) -> None:
-        """Prepare the string for a step, from the masses' positions [m] and velocities [m/s]."""
 
     def _start(self) -> None:
         """Assemble the system and start the solver, at the moment of release."""
@@ -246,7 +214,7 @@ class ExudynRig:
 
     def _add_mass(self, position: Sequence[float], velocity: Vector, mass: float) -> Mass:
         items, mbs = self.items, self.mbs
-        # A rigid body that nothing turns, because a reeving system takes no point masses
+        # A rigid body that nothing turns, as the cable's ends are pinned to markers of rigid bodies
         node = mbs.AddNode(items.NodeRigidBody2D(referenceCoordinates=[*position, 0.0], initialVelocities=[*velocity, 0.0]))
         mbs.AddObject(items.ObjectRigidBody2D(mass=mass, inertia=mass * UNUSED_RADIUS**2, nodeNumber=node))
         marker, weight = mbs.AddMarker(items.MarkerNodeRigid(nodeNumber=node)), mass * self._gravity
@@ -262,12 +230,10 @@ class ExudynRig:
     def _prepare_step(self, mbs: Any, time: float) -> bool:
         """Set the effects' forces on the masses; Exudyn calls it before each step, and stops where this returns False."""
         masses = self._read_masses()
-        # Nearer to the rod than that, a reeving system finds no tangent, and a cable bends by a turn within a segment
+        # Nearer to the rod than that, the cable bends by a turn within a segment
         self._has_ended = self._has_string and math.hypot(masses[0], masses[1]) <= self._end_distance
         if self._has_ended:
             return False
-        if self._has_string:
-            self._before_step(masses)
         if self._force is not None:
             x, y, vx, vy, _, _, _, heavy_vy = masses
             fx, fy, heavy_fy = self._force(time, x, y, vx, vy, heavy_vy)
@@ -275,21 +241,6 @@ class ExudynRig:
             if self.heavy is not None:
                 mbs.SetLoadParameter(self.heavy.load, "loadVector", [0.0, heavy_fy - self.heavy.weight, 0.0])
         return True
-
-
-IN_CONTACT, NO_CONTACT = -1e-6, 0.1
-"""Gaps [m] from which the search for contact starts, for segments that lie on the rod at release, and for the others."""
-UNDEFINED = -2.0
-"""Exudyn's number for a segment of which it is not known yet whether it sticks or slides."""
-
-
-class ExudynCableRig(ExudynRig):
-    """The apparatus with a cable of finite elements."""
-
-    def __init__(self, parameters: Parameters, settings: CableSettings, end_length: float) -> None:
-        taken_off = 0.0 if parameters.release is Release.DROP else MASS_COMPENSATION * settings.mass_fraction
-        self._slip = SlipGauge()
-        super().__init__(parameters, settings, end_length, light_mass=(1 - taken_off) * parameters.light_mass)
 
     def _add_string(self) -> None:
         """Add nodes and elements along the string, and pin its ends to the masses."""
@@ -398,28 +349,15 @@ def _angles(p: Parameters, arcs: Array) -> Array:
 
 VELOCITY_PENALTY = 1.0
 """Friction per sliding speed without sticking [N s/m], with which a segment that carries 50 mN creeps at 17 mm/s."""
-SPECTRAL_RADIUS = ("spectral_radius", 0.9, "spectralRadius", "how little fast oscillations are damped")
-"""Exudyn's default that both variants replace, as for `default_row`."""
 
 
-class ExudynVariant(TunedEngine):
-    """A variant of the apparatus in Exudyn."""
+class ExudynCable(TunedEngine):
+    """A cable of finite elements over a circle."""
 
     name = "exudyn"
     distribution = "exudyn"
-
-    def build(self, scenario: Scenario) -> Rig:
-        """Build the scenario's apparatus at the moment of release."""
-        rig: Rig = self.rig(scenario.parameters, self.settings, self.end_length(scenario))
-        return rig
-
-
-class ExudynCable(ExudynVariant):
-    """A cable of finite elements over a circle."""
-
     variant = "cable"
-    settings_by_profile = CABLE_SETTINGS
-    rig = ExudynCableRig
+    settings_by_profile = SETTINGS
     settings: CableSettings
     abilities = shipped_abilities(
         "exudyn:cable",
@@ -445,6 +383,10 @@ class ExudynCable(ExudynVariant):
         main=False,
     )
 
+    def build(self, scenario: Scenario) -> ExudynCableRig:
+        """Build the scenario's apparatus at the moment of release."""
+        return ExudynCableRig(scenario.parameters, self.settings, self.end_length(scenario))
+
     def studies(self) -> Studies:
         """Return ladders of step, elements, stiffnesses and mass, Exudyn's defaults, and the adapter's choices."""
         s = self.settings
@@ -461,7 +403,7 @@ class ExudynCable(ExudynVariant):
                 ("axial_stiffness", "N", axial, "the string's damping, so that its damping time stays"),
             ),
             defaults=(
-                default_row(s, *SPECTRAL_RADIUS),
+                default_row(s, "spectral_radius", 0.9, "spectralRadius", "how little fast oscillations are damped"),
                 (
                     "useModifiedNewton",
                     "on",
@@ -506,85 +448,6 @@ class ExudynCable(ExudynVariant):
         )
 
 
-AXIS = (0.0, 0.0, -1.0)
-"""The sheave's axis: its sign says on which side of the rod the rope passes."""
-
-
-class ExudynReevingRig(ExudynRig):
-    """The apparatus with a reeving system over one sheave."""
-
-    def _add_string(self) -> None:
-        p, s = self._parameters, self._settings
-        self._wrap_angle, self._turns = p.release_angle, 0
-        self._rope = self.mbs.AddObject(
-            self.items.ObjectConnectorReevingSystemSprings(
-                markerNumbers=[self.light.marker, self.rod_marker, self.heavy_marker],
-                stiffnessPerLength=s.axial_stiffness,
-                dampingPerLength=s.axial_damping,
-                referenceLength=p.string_length,
-                regularizationForce=s.push_force,
-                sheavesAxes=self.exudyn.Vector3DList([list(AXIS)] * 3),
-                sheavesRadii=[0.0, p.rod_radius, 0.0],
-            )
-        )
-
-    def _read_string(self, masses: tuple[float, ...]) -> Vector:
-        # The length of the shortest way from mass to mass over the rod, as often around it as the string is
-        p = self._parameters
-        free_length, self._wrap_angle = next_string_coordinates(masses[0], masses[1], p.rod_radius, self._wrap_angle)
-        length = free_length + p.rod_radius * self._wrap_angle - masses[5]
-        return length - p.string_length, -masses[5] - p.hanging_length
-
-    def _before_step(self, masses: tuple[float, ...]) -> None:
-        """Shorten the rope by the turns that lie on the rod when the coming step ends; Exudyn forgets whole turns."""
-        p, (x, y, vx, vy) = self._parameters, masses[:4]
-        _, self._wrap_angle = next_string_coordinates(x, y, p.rod_radius, self._wrap_angle)
-        step = self._settings.time_step
-        _, angle = next_string_coordinates(x + step * vx, y + step * vy, p.rod_radius, self._wrap_angle)
-        turns = math.floor(angle / (2 * math.pi))
-        if turns != self._turns:
-            self._turns = turns
-            length = p.string_length - 2 * math.pi * p.rod_radius * turns
-            self.mbs.SetObjectParameter(self._rope, "referenceLength", length)
-
-
-class ExudynReeving(ExudynVariant):
-    """A reeving system over one sheave."""
-
-    variant = "reeving"
-    settings_by_profile = REEVING_SETTINGS
-    rig = ExudynReevingRig
-    settings: ReevingSettings
-    abilities = shipped_abilities(
-        "exudyn:reeving",
-        quick_cost=1.0,
-        winding="a rope tangent to a sheave; the adapter counts turns, by the rope's length",
-        friction_law=Supply(by=Supplier.NOBODY, how="a reeving system's tension is the same on both sides of a sheave"),
-        stick_slip=Supply(by=Supplier.NOBODY, how="nothing to stick to"),
-        summary="One elastic rope without mass and without friction, over a sheave.",
-        limits=(
-            "without friction the heavy mass never halts",
-            "a slack rope pushes a little: Exudyn bounds its push, but its solver needs some",
-            NO_STOP,
-        ),
-        additions=("the rope is a turn shorter or longer in the step in which the wrap angle passes a whole turn",),
-        main=False,
-    )
-
-    def studies(self) -> Studies:
-        """Return ladders of step and stiffness, Exudyn's defaults, and the adapter's choices."""
-        s = self.settings
-        return studies_from_rows(
-            self,
-            ladders=(("time_step", "s", (5e-4, 2e-4, 1e-4, 5e-5)), ("axial_stiffness", "N", (2.5e3, 5e3, 1e4, 2e4))),
-            defaults=(
-                default_row(s, *SPECTRAL_RADIUS),
-                default_row(s, "push_force", 0.1, "regularizationForce", "the force with which a slack rope pushes", unit="N"),
-            ),
-            choices=(("rope damping", quantity(s.axial_damping, "N s", 3), "half", {"axial_damping": s.axial_damping / 2}),),
-        )
-
-
 def engines(profile: Profile) -> list[Engine]:
     """Return every variant of this engine with the settings of ``profile``."""
-    return [ExudynCable(profile=profile), ExudynReeving(profile=profile)]
+    return [ExudynCable(profile=profile)]

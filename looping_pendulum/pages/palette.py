@@ -40,23 +40,17 @@ KNOWN_LABELS = (
     "mujoco:beads",
     "drake:chain",
     # Of one engine's variants, no more have the same colour than must: MuJoCo has one more than there are colours
-    "pymunk:beads",
+    "box2d:chain",
     "mujoco:effective_mass",
     "mujoco:drum",
-    "pymunk:segments",
-    "pymunk:defaults",
+    "rapier:chain",
+    "newton:tendon",
     "mujoco:frictionloss",
     "mujoco:defaults",
     "pybullet:defaults",
     "reference:heyoka",
-    "pybullet:remade",
-    "pybullet:point_to_point",
     "reference:scipy",
-    "box2d:chain",
-    "rapier:chain",
     "exudyn:cable",
-    "exudyn:reeving",
-    "newton:tendon",
 )
 """Variants of this package: the place of each gives its style, which is the same on every page and in every figure."""
 

@@ -10,8 +10,7 @@ from looping_pendulum.engines.box2d import Box2dChain
 from looping_pendulum.engines.chain import SlipGauge, hanging_rest_length, polygon_radius
 from looping_pendulum.engines.drake import DrakeChain, DrakeChainSettings
 from looping_pendulum.engines.mujoco.beads import BeadSettings, MujocoBeads
-from looping_pendulum.engines.pymunk.chain import PymunkChain, PymunkChainSettings
-from looping_pendulum.engines.pymunk.full_chain import FullChainSettings
+from looping_pendulum.engines.pymunk import PymunkChain, PymunkChainSettings
 from looping_pendulum.engines.rapier import RapierChain
 from looping_pendulum.engines.tension import measure_capstan_exponent
 from looping_pendulum.engines.trajectory import RunStatus
@@ -74,7 +73,6 @@ def halted(chain):
 COARSE = {"bend": 0.3, "bead_mass_ratio": 1e-4}
 STIFF = {"contact_stiffness": 2e4}
 IN_SEVENS = "in groups of 7, needed a whole number of groups"
-LINKED = {"link_length": 3e-3, "iterations": 10, "long_range": 0}
 
 
 @pytest.mark.parametrize(
@@ -84,7 +82,7 @@ LINKED = {"link_length": 3e-3, "iterations": 10, "long_range": 0}
         (DrakeChainSettings, COARSE | STIFF | {"time_step": 2e-5, "steps_per_group": 7}, f"2e-05 s {IN_SEVENS}"),
         *(
             (make, settings | {"time_step": step}, "")
-            for make, settings in ((BeadSettings, COARSE), (PymunkChainSettings, COARSE), (FullChainSettings, LINKED))
+            for make, settings in ((BeadSettings, COARSE), (PymunkChainSettings, COARSE))
             for step in (3e-6, 1e-3, 1.5e-5)
         ),
     ],

@@ -49,7 +49,6 @@ CASES = {
 }
 """Coefficient -> two changes of `HANGING` between which it acts."""
 BROKEN = {
-    "pymunk:defaults": "its string stretches by more than any coefficient moves the masses",
     "pybullet:defaults": "joint motors, on by default, hold every hinge: the string does not run over the rod",
 }
 """Variants that show what an engine's defaults do -> why no coefficient acts in them as it should; strict expected failures."""
@@ -57,7 +56,7 @@ BROKEN = {
 LACK = {"gravity": "gravity", "kinetic_friction": "friction_law", STATIC_FRICTION: STATIC_FRICTION}
 
 
-HOLDS_ANYWAY = frozenset({("pybullet:defaults", STATIC_FRICTION), ("pymunk:defaults", STATIC_FRICTION)})
+HOLDS_ANYWAY = frozenset({("pybullet:defaults", STATIC_FRICTION)})
 """Cases that such a variant passes for a reason of its own: it lacks what it declares to lack."""
 
 

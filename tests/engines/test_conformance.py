@@ -27,8 +27,7 @@ from tests.engines.faulty import FaultyEngine
 BY_NAME = {check.__name__: check for check in CHECKS}
 CHAINS = frozenset(
     {
-        *("mujoco:beads", "pymunk:chain", "pymunk:beads", "pymunk:segments", "pymunk:defaults"),
-        *("pybullet:chain", "pybullet:remade", "pybullet:point_to_point", "pybullet:defaults", "drake:chain"),
+        *("mujoco:beads", "pymunk:chain", "pybullet:chain", "pybullet:defaults", "drake:chain"),
         *("box2d:chain", "rapier:chain", "exudyn:cable", "newton:tendon"),
     }
 )
@@ -55,13 +54,8 @@ HELD_ELSEWHERE = frozenset(
 In `test_pybullet.py` a run is made twice on a shorter string, and every node's velocity after a push is compared with the taut
 string's; that a chain moves on from there as it should is for the other checks.
 """
-NEVER_DAILY = frozenset(
-    {
-        *("pybullet:remade", "pybullet:point_to_point", "pymunk:beads", "pymunk:segments"),
-        *("drake:chain", "box2d:chain", "rapier:chain", "exudyn:cable", "newton:tendon"),
-    }
-)
-"""Variants for studies, and optional engines; daily, tests of their own run their chains past the halt.
+NEVER_DAILY = frozenset({"drake:chain", "box2d:chain", "rapier:chain", "exudyn:cable", "newton:tendon"})
+"""Optional engines; daily, tests of their own run their chains past the halt.
 
 Newton has no daily runs: it compiles itself first, for half a minute of processor time.
 """

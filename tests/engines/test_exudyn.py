@@ -1,4 +1,4 @@
-"""Exudyn's cable and reeving system against closed forms, invariants and the reference. Exudyn is optional."""
+"""Exudyn's cable against closed forms, invariants and the reference. Exudyn is optional."""
 
 import importlib.util
 import math
@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from looping_pendulum.engines.exudyn import (
-    CABLE_SETTINGS,
+    SETTINGS,
     ExudynCable,
-    ExudynReeving,
     _coordinates_at_release,
     _node_arcs,
     _velocities_at_release,
@@ -123,33 +122,14 @@ def test_tension_ratio_obeys_the_capstan_law_nearly():
 
 
 @needs_exudyn
-def test_a_reeving_systems_tension_is_the_same_on_both_sides():
-    # Oracle: no friction, ratio 1. Bound: the measurement's own, 1e-3 of an exponent.
-    assert measure_capstan_exponent(ExudynReeving(), duration=0.1).exponent == pytest.approx(0.0, abs=1e-3)
-
-
-@needs_exudyn
-def test_the_rope_follows_the_frictionless_reference_past_a_full_turn():
-    # Oracle: the reference. Bound: a tenth of the 39 mm by which the rope would be too short if a turn were forgotten, until
-    # the light mass is nearer to the rod than a radius of it; before, twice the rope's stretch.
-    p = QUARTER.replace(kinetic_friction=0.0)
-    wound = simulated(ExudynReeving(), p, 0.2)
-    assert wound.wrap_angle[-1] > 2 * math.pi
-    distance, early = distances(wound, p), wound.wrap_angle < 1.5 * math.pi
-    assert distance[early].max() < 2 * np.abs(wound.string_stretch).max()
-    assert distance.max() < 3.9e-3
-
-
-@needs_exudyn
-@pytest.mark.parametrize("engine", [ExudynCable(), ExudynReeving()], ids=["cable", "reeving"])
-def test_drop_is_free_fall(engine):
+def test_drop_is_free_fall():
     # Oracle: g t^2 / 2, which the generalised-alpha method gives exactly; bound: rounding and Newton's tolerance.
-    fallen = simulated(engine, TEN_TO_ONE.replace(release="drop", **NO_DRAG), 0.1)
+    fallen = simulated(ExudynCable(), TEN_TO_ONE.replace(release="drop", **NO_DRAG), 0.1)
     for position in (fallen.light_position, fallen.heavy_position):
         np.testing.assert_allclose(position[0, 1] - position[:, 1], 0.5 * 9.81 * fallen.t**2, rtol=0, atol=1e-6)
 
 
 def test_profiles_refine():
-    quick, accurate = CABLE_SETTINGS[Profile.QUICK], CABLE_SETTINGS[Profile.ACCURATE]
+    quick, accurate = SETTINGS[Profile.QUICK], SETTINGS[Profile.ACCURATE]
     assert accurate.time_step < quick.time_step
     assert accurate.bend < quick.bend

@@ -109,25 +109,13 @@ def test_other_steps_take_as_long_and_push_as_much(factor, force_interval):
     # Oracle: time and impulse of the same motion with steps as they are: a constant drag over one sample.
     world = FakeWorld(2e-5, force_interval)
     p = TEN_TO_ONE.replace(light_drag=1e-3)
-    Braked(p, world, lambda *_: factor * world.settings.time_step).take_steps(world.steps)
+    Braked(p, world, lambda *_: factor * world.settings.time_step).advance()
     once = FakeWorld(2e-5, 1)
-    Braked(p, once).take_steps(once.steps)
+    Braked(p, once).advance()
     # A group of steps is divided evenly, none of them longer than is allowed
     assert world.step == pytest.approx(2e-5 * force_interval / math.ceil(force_interval / factor - 1e-9), rel=1e-12)
     assert world.time == pytest.approx(SAMPLE_INTERVAL, rel=1e-12)
     assert world.impulse == pytest.approx(once.impulse, rel=1e-9) != 0
-
-
-def test_steps_in_other_portions_than_the_forces_are_the_same():
-    # Oracle: the same steps taken at once; the variant `remade` looks at its nodes every few steps.
-    worlds = [FakeWorld(2e-5, 10) for _ in range(2)]
-    p = TEN_TO_ONE.replace(light_drag=1e-3)
-    whole, portions = (Braked(p, w) for w in worlds)
-    whole.take_steps(48)
-    for _ in range(12):
-        portions.take_steps(4)
-    assert worlds[0].time == worlds[1].time
-    assert worlds[0].impulse == worlds[1].impulse
 
 
 # ---- joining and splitting the links of PyBullet's chain away from the rod: what it must keep, and what a run makes of it

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare.comparison import compare
+from looping_pendulum.engines import pymunk as adapter
 from looping_pendulum.engines.chain import polygon_radius
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.pymunk import chain as adapter
-from looping_pendulum.engines.pymunk import engines
-from looping_pendulum.engines.pymunk.chain import SETTINGS, PymunkChain
+from looping_pendulum.engines.pymunk import SETTINGS, PymunkChain, engines, velocity_on_string
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.tension import chain_capstan_exponent, measure_capstan_exponent
 from looping_pendulum.engines.trajectory import RunStatus
+from looping_pendulum.reference_ode.cartesian import release_velocity
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import solve, solve_at
@@ -51,11 +51,9 @@ def first_fifth(settings):
 
 
 def test_profiles_have_their_own_settings():
-    names = ["chain", "beads", "segments", "defaults"]
     for profile in Profile:
-        assert [(one.variant, one.profile) for one in engines(profile)] == [(name, profile) for name in names]
-    for quick, accurate in zip(engines(Profile.QUICK), engines(Profile.ACCURATE), strict=True):
-        assert accurate.settings.time_step < quick.settings.time_step or quick.variant == "defaults"
+        assert [(one.variant, one.profile) for one in engines(profile)] == [("chain", profile)]
+    assert SETTINGS[Profile.ACCURATE].time_step < SETTINGS[Profile.QUICK].time_step
 
 
 def test_polygon_winds_up_as_much_string_as_the_circle():
@@ -240,3 +238,22 @@ def test_groups_of_steps_change_nothing_that_shows():
     # Oracle: the same engine with the drag given every step. Bound: a tenth of the project's 0.6 mm for the light mass.
     grouped, every = (first_fifth(replace(QUICK, force_interval=n, leak_interval=1)) for n in (50, 1))
     assert np.linalg.norm(grouped.light_position - every.light_position, axis=1).max() < 0.06e-3
+
+
+@pytest.mark.parametrize("push", [{"push_along": 0.3}, {"push_across": 0.5}])
+def test_velocity_along_the_string_is_consistent_with_its_length(push):
+    # Oracle: an unstretched string: material velocities along it are everywhere the heavy mass's speed. Bound: rounding.
+    p = TEN_TO_ONE.replace(**push)
+    heavy_vy = release_velocity(p)[2]
+    for arc in np.linspace(0, p.string_length, 30):
+        vx, vy = velocity_on_string(p, float(arc))
+        wound = min(max(arc - p.free_length, 0.0), p.rod_radius * p.release_angle)
+        angle = p.release_angle - wound / p.rod_radius
+        assert -vx * math.sin(angle) + vy * math.cos(angle) == pytest.approx(heavy_vy, abs=1e-12)
+
+
+def test_halfway_along_the_free_string_moves_half_as_fast_across():
+    # Oracle: a straight string about its tangent point at rest.
+    p = TEN_TO_ONE.replace(push_across=0.5)
+    half = velocity_on_string(p, p.free_length / 2)
+    assert half == pytest.approx(tuple(v / 2 for v in release_velocity(p)[:2]), rel=1e-12)

@@ -95,10 +95,6 @@ class PybulletChainSettings(WorldSettings):
     divided_step: bool = True
     """Whether steps are shorter where a wave on the taut chain would pass too much of a link, and longer after the halt."""
 
-    def last_link_length(self, parameters: Parameters) -> float:
-        """Return the free length [m] with which only the last link is left."""
-        return self.outer_link_length
-
 
 @dataclass(frozen=True, kw_only=True)
 class ReleasedChain(ChainState):

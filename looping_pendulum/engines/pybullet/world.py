@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.engines.chain import SlipGauge, polygon_friction, polygon_radius
+from looping_pendulum.engines.chain import SlipGauge, polygon_friction
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Rig, TunedEngine, steps_per_sample
 from looping_pendulum.engines.studies import ChoiceRow, DefaultRow, LadderRow, default_row
 from looping_pendulum.errors import EngineError
@@ -199,17 +199,13 @@ class SteppedRig:
         self._step = world.settings.time_step
 
     def advance(self) -> None:
-        """Advance by one sample interval, with the effects' forces."""
-        self.take_steps(self._world.steps)
-
-    def take_steps(self, count: int) -> None:
-        """Take ``count`` steps of the settings' length, or other ones that take as long.
+        """Advance by one sample interval, with the effects' forces, in steps of the settings' length or others as long in sum.
 
         PyBullet clears an applied force after a step, so the forces of a group are applied in its first step, as many times
         larger.
         """
         world = self._world
-        time_step, interval = world.settings.time_step, world.settings.force_interval
+        time_step, interval, count = world.settings.time_step, world.settings.force_interval, world.steps
         while count > 0:
             if not self._left_in_group:
                 # A group that may be divided does not reach beyond these steps, so that it is taken whole
@@ -287,8 +283,6 @@ class FallingRig(SteppedRig):
 
 MEAN_TURN_TO_HALT = math.pi / 2
 """Typical wrap angle beyond the release's, averaged over a looping mass's motion until the halt [rad]."""
-MAX_BEND = 1.3
-"""Largest bend at a node [rad]: beyond it friction at the corners no longer is that of a circle."""
 
 
 def typical_wrap_angle(parameters: Parameters) -> float:
@@ -364,60 +358,6 @@ class ChainState:
         """Angular velocities of the links [rad/s], shape (n - 1,)."""
         (x, y), (vx, vy) = np.diff(self.positions, axis=0).T, np.diff(self.velocities, axis=0).T
         return np.asarray((x * vy - y * vx) / (x * x + y * y))
-
-
-@dataclass(frozen=True, kw_only=True)
-class LinkSettings(WorldSettings):
-    """Settings of variants that consist of links between nodes."""
-
-    link_length: float
-    """Length of a link that may lie on the rod [m]; longer on a thick rod, see `least_bend`."""
-    bead_mass_ratio: float
-    """Mass of a node over the light mass. Stable below steps of about sqrt(its mass x link length / tension)."""
-    least_bend: float = 0.2
-    """Smallest angle between links on the rod [rad]: on a thick rod, which needs no shorter ones, links are longer."""
-
-    def link_rungs(self) -> LadderRow:
-        """Return a ladder of link lengths along which the string's mass per length is constant."""
-        density = self.bead_mass_ratio / self.link_length
-        rungs = [{"link_length": h, "bead_mass_ratio": density * h} for h in (4e-3, 3.5e-3, 3e-3, 2.5e-3, 2e-3)]
-        return "link_length", "m", rungs, "a node's mass, so that the string's mass per length stays"
-
-    def length_on_rod(self, parameters: Parameters) -> float:
-        """Return the length of a link on the rod [m].
-
-        Raises
-        ------
-        EngineError
-            If it would bend too far there.
-        """
-        radius = parameters.rod_radius
-        if self.link_length > MAX_BEND * radius:
-            raise EngineError(
-                f"pybullet: links of {1e3 * self.link_length:.3g} mm cannot wrap a rod of radius {1e3 * radius:.3g} mm; "
-                f"shorten link_length to {1e3 * MAX_BEND * radius:.2g} mm or less"
-            )
-        return fitting_length(parameters, max(self.link_length, self.least_bend * radius))
-
-    def last_link_length(self, parameters: Parameters) -> float:
-        """Return the free length [m] with which only the last link is left."""
-        return 2 * self.length_on_rod(parameters)
-
-    def node_circle(self, parameters: Parameters) -> float:
-        """Return the distance of a node on the rod from the rod's centre [m]."""
-        radius = parameters.rod_radius
-        return float(polygon_radius(radius, self.length_on_rod(parameters) / radius)) if self.polygon else radius
-
-    def friction(self, parameters: Parameters, wrap_angle: float, rod_radius: float) -> float:
-        """Return the contact coefficient of nodes on a rod whose sphere has ``rod_radius`` [m].
-
-        Friction acts where a node touches the rod, tension at the node: their lever arms differ by the node's radius.
-        """
-        p = parameters
-        law = p.coefficients["kinetic_friction"]
-        if self.polygon:
-            law = contact_friction(law, self.length_on_rod(p) / p.rod_radius, wrap_angle)
-        return law * self.node_circle(p) / rod_radius
 
 
 RIPPLE_LIMIT = "links of several millimetres are long for a thin rod: the string's speed over it ripples as nodes pass"
@@ -548,7 +488,7 @@ class PybulletVariant(TunedEngine):
 
     def end_length(self, scenario: Scenario) -> float:
         """Return the free length [m] at which the run ends: a chain cannot follow once only its last link is left."""
-        last_link: float = self.settings.last_link_length(scenario.parameters)
+        last_link: float = self.settings.outer_link_length
         return max(super().end_length(scenario), last_link)
 
 

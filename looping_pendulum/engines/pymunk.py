@@ -25,30 +25,29 @@ from looping_pendulum.engines.chain import (
     polygon_friction,
     polygon_radius,
 )
-from looping_pendulum.engines.protocol import Profile, TunedEngine
-from looping_pendulum.engines.pymunk.space import (
-    DEFAULT_RATE,
-    DEFAULT_RATE_TEXT,
-    MAX_SLOP_IN_RADIUS,
-    ForceIntervals,
-    PublicCalls,
-    SpaceRig,
-    Vector,
-    error_bias_default,
-    iterations_default,
-    masses,
-    slop_default,
-    step_default,
-    velocity_on_string,
-)
-from looping_pendulum.engines.studies import Studies, studies_from_rows
+from looping_pendulum.engines.protocol import Engine, Profile, TunedEngine, groups_per_sample
+from looping_pendulum.engines.studies import DefaultRow, Studies, studies_from_rows
 from looping_pendulum.engines.trajectory import Provenance
+from looping_pendulum.pages.numbers import quantity
+from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios.scenario import Scenario
 
+DEFAULT_TIME_STEP = 1e-3
+"""Step of the studies' defaults [s]. Chipmunk has no default step; this is ten times finer than what its guides use."""
+DEFAULT_ITERATIONS = 10
+"""Chipmunk's default number of solver iterations per step."""
+DEFAULT_COLLISION_SLOP = 0.1
+"""Chipmunk's default penetration that contacts leave uncorrected, in units of length: here 10 cm."""
+DEFAULT_RATE = -60 * math.log(1 - 0.1)
+"""Chipmunk's default rate of error correction [1/s]: a tenth of the error in every sixtieth of a second."""
+DEFAULT_RATE_TEXT = f"a tenth of it every 1/60 s ({DEFAULT_RATE:.1f} /s)"
+MAX_SLOP_IN_RADIUS = 1e-3
+"""Largest penetration slop that the circle's radius makes up for [m]; Chipmunk's default slop, 10 cm, exceeds the rod."""
+
 
 @dataclass(frozen=True, kw_only=True)
-class PymunkChainSettings(ForceIntervals):
+class PymunkChainSettings:
     """Numerical settings of the bead chain."""
 
     time_step: float
@@ -85,12 +84,12 @@ class PymunkChainSettings(ForceIntervals):
     """Whether the beads' circle is corrected for it."""
 
     def __post_init__(self) -> None:
-        """Raise ValueError where steps or groups of steps do not divide the sample interval."""
+        """Raise ValueError where leaks do not divide a group, EngineError where groups do not divide the sample interval."""
         if self.force_interval % self.leak_interval:
             raise ValueError(
                 f"leak_interval: found {self.leak_interval}, needed a divisor of force_interval, {self.force_interval}"
             )
-        super().__post_init__()
+        groups_per_sample(self.time_step, self.force_interval)
 
 
 SETTINGS = {
@@ -124,6 +123,31 @@ MAX_SLACK_FRACTION = 1e-3
 
 Beyond it that part hangs slack, and its beads are kept.
 """
+
+
+class PublicCalls:
+    """The calls to Chipmunk that a rig makes at every step, by pymunk's published interface only."""
+
+    def __init__(self, space: Any, time_step: float) -> None:
+        self._space = space
+        self._time_step = time_step
+
+    def step(self, count: int) -> None:
+        """Take ``count`` steps."""
+        for _ in range(count):
+            self._space.step(self._time_step)
+
+    def position(self, body: Any) -> tuple[float, float]:
+        """Return the position [m] of ``body``: x, y."""
+        return (*body.position,)
+
+    def position_and_velocity(self, body: Any) -> tuple[float, float, float, float]:
+        """Return position [m] and velocity [m/s] of ``body``: x, y, vx, vy."""
+        return (*body.position, *body.velocity)
+
+    def apply_force(self, body: Any, fx: float, fy: float) -> None:
+        """Apply a force [N] to ``body`` during the next step only."""
+        body.force = (fx, fy)
 
 
 class DirectCalls(PublicCalls):
@@ -188,7 +212,46 @@ def bead_arcs(parameters: Parameters, link_length: float, margin: float) -> list
     return [arc for arc in arcs if link_length <= arc <= parameters.string_length - link_length]
 
 
-class PymunkChainRig(SpaceRig):
+Vector = tuple[float, float]
+"""x and y components, in the unit of the quantity."""
+
+
+def velocity_on_string(parameters: Parameters, arc: float) -> Vector:
+    """Return the velocity [m/s] of the taut string just after release, ``arc`` [m] from the light mass.
+
+    String on the rod and on the heavy side moves along itself with the heavy mass's speed; on the free part the velocity is
+    linear between that of the tangent point and the light mass's.
+    """
+    p = parameters
+    vx, vy, heavy_vy = release_velocity(p)
+    wound_arc = min(max(arc - p.free_length, 0.0), p.rod_radius * p.release_angle)
+    angle = p.release_angle - wound_arc / p.rod_radius
+    along = (-heavy_vy * math.sin(angle), heavy_vy * math.cos(angle))
+    share = max(1 - arc / p.free_length, 0.0)
+    return (along[0] + share * (vx - along[0]), along[1] + share * (vy - along[1]))
+
+
+def masses(space: Any, parameters: Parameters) -> tuple[Any, Any]:
+    """Create the light and the heavy mass as bodies of ``space``, as they are released; a clamped mass is a static body."""
+    import pymunk
+
+    # An infinite moment of inertia: the masses are points, and joints at their centres exert no torque.
+    light = pymunk.Body(parameters.light_mass, math.inf)
+    if parameters.release is Release.HELD:
+        heavy = pymunk.Body(body_type=pymunk.Body.STATIC)
+    else:
+        heavy = pymunk.Body(parameters.heavy_mass, math.inf)
+    light.position = point_on_string(parameters, 0.0, parameters.rod_radius)
+    heavy.position = point_on_string(parameters, parameters.string_length, parameters.rod_radius)
+    vx, vy, heavy_vy = release_velocity(parameters)
+    light.velocity = (vx, vy)
+    if parameters.release is not Release.HELD:
+        heavy.velocity = (0.0, heavy_vy)
+    space.add(light, heavy)
+    return light, heavy
+
+
+class PymunkChainRig:
     """The apparatus in one Chipmunk space: masses and beads in a row; the first and the last link are the straight parts.
 
     Parameters
@@ -200,9 +263,14 @@ class PymunkChainRig(SpaceRig):
     def __init__(self, parameters: Parameters, settings: PymunkChainSettings, library: Any) -> None:
         import pymunk
 
-        super().__init__(parameters, settings, slop=settings.contact_slop)
-        p, s, space = parameters, settings, self._space
-        self._pymunk = pymunk
+        p, s = parameters, settings
+        self._pymunk, self._settings = pymunk, s
+        self._space = space = pymunk.Space()
+        space.gravity = (0.0, -p.coefficients["gravity"])
+        space.iterations, space.collision_slop = s.iterations, s.contact_slop
+        self._force = cartesian_force(p)
+        self._clamped = p.release is Release.HELD
+        self._groups = 0
         space.collision_bias = math.exp(-s.contact_rate)  # fraction of an error left after a second
         if library is None:
             self._calls, error_rate = PublicCalls(space, s.time_step), PUBLIC_ERROR_RATE
@@ -221,6 +289,37 @@ class PymunkChainRig(SpaceRig):
             self._add_string(p)
         else:
             self._light, self._heavy = masses(space, p)
+
+    def advance(self) -> None:
+        """Advance the simulation by one `SAMPLE_INTERVAL`."""
+        group = self._settings.force_interval
+        for _ in range(groups_per_sample(self._settings.time_step, group)):
+            if self._has_string:
+                self._update_beads()
+            self._apply_effect_forces(group)
+            self._calls.step(group)
+            self._groups += 1
+
+    def read(self) -> tuple[float, ...]:
+        """Return positions [m], velocities [m/s], string stretch and slip [m]: `COLUMNS` without the time."""
+        lx, ly, lvx, lvy = self._calls.position_and_velocity(self._light)
+        hx, hy, hvx, hvy = self._calls.position_and_velocity(self._heavy)
+        return lx, ly, lvx, lvy, hx, hy, hvx, hvy, *self._read_string()
+
+    def _apply_effect_forces(self, group: int) -> None:
+        """Apply the effects' forces for a whole group of steps in its first step, as Chipmunk clears forces after each step.
+
+        The first group gets half of its impulse, so that on average over a group the speeds are neither early nor late.
+        """
+        if self._force is None:
+            return
+        share = group if self._groups else 0.5 * group
+        time = self._groups * group * self._settings.time_step
+        heavy_vy = self._calls.position_and_velocity(self._heavy)[3]
+        fx, fy, heavy_fy = self._force(time, *self._calls.position_and_velocity(self._light), heavy_vy)
+        self._calls.apply_force(self._light, share * fx, share * fy)
+        if not self._clamped:
+            self._calls.apply_force(self._heavy, 0.0, share * heavy_fy)
 
     def _add_string(self, p: Parameters) -> None:
         """Add the rod, the masses, and the string with the release's velocities."""
@@ -244,8 +343,6 @@ class PymunkChainRig(SpaceRig):
 
     def _update_beads(self) -> None:
         """Add or remove a bead on either straight part, so that there are beads where the string will meet the rod."""
-        if not self._has_string:
-            return
         if self._needs_update(1, 2):
             self._update_first_end()
         # The same two beads, counted from the other end
@@ -344,12 +441,38 @@ class PymunkChainRig(SpaceRig):
         self.lengths[0] = length
         self._links[0].max = length
 
-    def _read_string(self, light: Vector, heavy: Vector) -> tuple[float, float]:
+    def _read_string(self) -> Vector:
+        """Return the string's stretch beyond its rest length and its slip over the rod [m]; NaN without a string."""
         if not self._has_string:
             return math.nan, math.nan
         places = [self._calls.position(body) for body in self.bodies]
         stretch = math.fsum(map(math.dist, places[:-1], places[1:])) - math.fsum(self.lengths)
         return stretch, self._slip.read(places, self.lengths)
+
+
+def step_default(settings: Any, **with_long_step: int) -> DefaultRow:
+    """Return the long step as a hidden default; ``with_long_step`` are intervals in steps, for which it has room for one."""
+    changes = {"time_step": DEFAULT_TIME_STEP, "force_interval": 1} | with_long_step
+    effect = "length of a step; joints soften with its square"
+    return "dt", "none; 1 ms is finer than its guides use", quantity(settings.time_step, "s", 3), effect, changes
+
+
+def iterations_default(settings: Any) -> DefaultRow:
+    """Return Chipmunk's number of iterations as a hidden default."""
+    effect = "sweeps of the solver per step; joints stiffen in proportion"
+    return "iterations", f"{DEFAULT_ITERATIONS}", f"{settings.iterations}", effect, {"iterations": DEFAULT_ITERATIONS}
+
+
+def slop_default(settings: Any, field: str) -> DefaultRow:
+    """Return Chipmunk's slop as a hidden default of the setting ``field``."""
+    effect, ours = "how deep shapes may rest in one another; the adapter allows for it up to 1 mm", getattr(settings, field)
+    return "collision_slop", "0.1 units of length: 10 cm", quantity(ours, "m", 3), effect, {field: DEFAULT_COLLISION_SLOP}
+
+
+def error_bias_default(settings: Any) -> DefaultRow:
+    """Return Chipmunk's rate of the joints as a hidden default."""
+    effect = "how fast a stretched joint returns to its length"
+    return "error_bias", DEFAULT_RATE_TEXT, f"{settings.error_rate:g} /s", effect, {"error_rate": DEFAULT_RATE}
 
 
 class PymunkChain(TunedEngine):
@@ -435,3 +558,8 @@ class PymunkChain(TunedEngine):
         """Return versions, settings and suppliers, and whether the warm start leaks (pymunk had the private call)."""
         provenance = super().provenance()
         return dataclasses.replace(provenance, settings=provenance.settings | {"leaky_warm_start": self._leaky})
+
+
+def engines(profile: Profile) -> list[Engine]:
+    """Return every variant of this engine with the settings of ``profile``."""
+    return [PymunkChain(profile=profile)]
