@@ -11,7 +11,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Hundreds of processes start in a test run: where compiled modules may not be written, each compiles ours again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: compare demo test all-tests accurate coverage mutation fuzz lint docs benchmark infer clean
+.PHONY: compare demo test long-tests all-tests accurate coverage mutation fuzz lint docs benchmark infer clean
 
 compare: $(VENV)/main ## run all engines on the 10:1 trial and write report/ten_to_one/report.md
 	$(BIN)/looping-pendulum compare ten_to_one --profile quick --out report/ten_to_one
@@ -20,11 +20,15 @@ demo: $(VENV)/main ## run all engines on the 10:1 trial, and open the demonstrat
 	$(BIN)/looping-pendulum demo
 
 # Three at once on two cores: many tests wait for a browser or for another process.
-test: $(VENV)/test ## run the tests (some minutes); BACKEND=scipy, old-processor, ...: as on another machine (`python -m tests.backends`)
-	$(BIN)/python $(if $(BACKEND),-m tests.backends $(BACKEND)) -m pytest -n 3 --dist worksteal --durations=40
+PYTEST = $(BIN)/python $(if $(BACKEND),-m tests.backends $(BACKEND)) -m pytest -n 3 --dist worksteal --durations=40
+test: $(VENV)/test ## run the quick tests (five minutes); BACKEND=scipy, old-processor, ...: as on another machine (`python -m tests.backends`)
+	$(PYTEST) -m "not long and not accurate"
 
-all-tests: $(VENV)/test ## run the tests with all long ones, which otherwise take turns from day to day (about a quarter of an hour)
-	$(BIN)/python -m pytest -n 3 --dist worksteal --rotation all
+long-tests: $(VENV)/test ## run the tests that are too long for `make test` (about a quarter of an hour)
+	$(PYTEST) -m "long and not accurate"
+
+all-tests: $(VENV)/test ## run all tests but the hour of `accurate`
+	$(PYTEST) -m "not accurate"
 
 accurate: $(VENV)/test ## run the long accuracy tests: accurate profiles, the blind matrix, the pendulum (about an hour)
 	$(BIN)/python -m pytest -m accurate -n 2

@@ -1,7 +1,6 @@
 """What the whole suite needs: the longest tests first, no processes beside those of the tests, and the backend."""
 
 import gc
-import os
 import shutil
 from collections.abc import Iterator
 from functools import cache
@@ -13,40 +12,21 @@ from looping_pendulum.discrepancy import workers
 from looping_pendulum.reference_ode import batch, heyoka_backend, sensitivity
 from looping_pendulum.reference_ode.heyoka_library import COMPILER_OPTIONS
 from looping_pendulum.reference_ode.solve import available_integrators
-from tests import rotation
 from tests.backends import BACKENDS, DEFAULT, current
 
 BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 """Browsers to test with, the quickest first: a window that nobody sees costs a third of the pages' time."""
 LONGEST = "tests/test_tolerances.py"
-SHARE = "LOOPING_PENDULUM_TEST_SHARE"
-"""Environment variable that holds the share of the long tests, for all processes of a run."""
-
-
-def pytest_addoption(parser):
-    parser.addoption(
-        "--rotation",
-        default=None,
-        metavar="SHARE",
-        help=f"share of the long tests that runs with all others, 0 to {rotation.SHARES - 1} (default: today's), or all",
-    )
 
 
 def pytest_configure(config):
     config.addinivalue_line(
         "markers", "fails_on(*backends, reason, raises): runs under these backends, to ensure that it does fail"
     )
-    # Workers inherit it, so that none of them begins on another day
-    os.environ.setdefault(SHARE, config.getoption("--rotation") or str(rotation.today()))
 
 
-def pytest_collection_modifyitems(config, items):
-    """Leave out long tests whose turn it is not, unless they were asked for; put the longest first: all then end together."""
-    share = os.environ[SHARE]
-    if share != "all" and config.args == config.getini("testpaths") and config.getoption("markexpr") == "not accurate":
-        due = [rotation.is_due(item.nodeid, int(share)) for item in items]
-        config.hook.pytest_deselected(items=[item for item, is_due in zip(items, due, strict=True) if not is_due])
-        items[:] = [item for item, is_due in zip(items, due, strict=True) if is_due]
+def pytest_collection_modifyitems(items):
+    """Put the longest first, so that all processes end together, and expect failures that a backend is known for."""
     items.sort(key=lambda item: LONGEST not in item.nodeid)
     for item in items:
         for marker in item.iter_markers("fails_on"):

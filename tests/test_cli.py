@@ -160,6 +160,7 @@ def test_compare_writes_the_whole_report(compared):
         assert f"figures/{figure.name}" in report
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("quick_figures")  # how figures are drawn is for the report above
 def test_a_baseline_lists_what_changed_and_leaves_the_exit_status(compared, tmp_path):
     old, new = tmp_path / "old", tmp_path / "new"
@@ -185,6 +186,7 @@ def test_a_baseline_lists_what_changed_and_leaves_the_exit_status(compared, tmp_
     assert "No such file" in one_line_error(here("compare", "drop", "--baseline", str(tmp_path / "nowhere.json")))
 
 
+@pytest.mark.long
 def test_a_memory_limit_has_a_unit_and_stops_a_run(offered):
     line = one_line_error(here("run", "drop", "--memory-limit", "2"))
     assert "write for example '2 GiB'" in line
@@ -194,6 +196,7 @@ def test_a_memory_limit_has_a_unit_and_stops_a_run(offered):
     assert "stopped by its memory limit; raise --memory-limit" in " ".join(done.stdout.split())
 
 
+@pytest.mark.long
 def test_outside_tolerance_is_exit_status_one(tmp_path):
     text = loader.source_text("drop")
     start = text.index("tolerances:") if "tolerances:" in text else len(text)
@@ -241,12 +244,14 @@ def test_an_unknown_engine_in_a_tolerance_or_option_is_an_error(tmp_path):
     assert "--engine: no engine is called 'pymnk'" in one_line_error(here("check", "drop", "-e", "pymnk"))
 
 
+@pytest.mark.long
 def test_a_tolerance_under_an_engines_name_is_judged_of_its_main_variants(tmp_path):
     done = here("check", limited(tmp_path, LIMIT % "reference"))
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("pass") == len(available_integrators()), done.stdout
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 def test_interrupt_keeps_what_was_computed(tmp_path):
     arguments = [sys.executable, "-m", "looping_pendulum", "compare", "held", "-e", "pymunk", "--out", str(tmp_path)]
@@ -267,6 +272,7 @@ def test_interrupt_keeps_what_was_computed(tmp_path):
     assert "interrupted by the user" in (tmp_path / "report.md").read_text()
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("quick_figures")
 def test_the_page_appears_with_the_first_engine_and_a_complete_one_is_kept(tmp_path, offered):
     """One after the other, so that one ends while the other has yet to start; both pages are read as they are written."""
@@ -287,6 +293,7 @@ def test_the_page_appears_with_the_first_engine_and_a_complete_one_is_kept(tmp_p
     assert "have ended" not in again.stderr  # a complete report is there, and would be lost with an interrupt
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("quick_figures")
 def test_marks_stand_beside_the_runs_and_mistakes_in_them_are_one_line(tmp_path):
     """A free fall that begins 0.1 s into the clip, measured from the ground; oracle: g t^2 / 2 less the planted 20 mm."""

@@ -32,6 +32,7 @@ def completed(line):
     return done.stdout.split(), done.stderr.strip()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("line", "offered"),
     [

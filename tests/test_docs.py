@@ -247,6 +247,7 @@ def test_formulas_are_pictures_and_docstrings_are_there(site):
     assert "looping_pendulum.engines.protocol.Engine.simulate" in (site / "api" / "engines.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["index.html", "api/engines.html"])
 def test_from_a_folder_it_is_searched_in_a_browser_that_asks_for_nothing_else(site, chromium, name):
     page = chromium.new_page(viewport={"width": 1280, "height": 900})

@@ -194,6 +194,7 @@ def test_the_table_of_engines_has_a_row_per_variant_and_profile():
     assert "never halts" in next(line for line in lines if "tendon as documented" in line)
 
 
+@pytest.mark.long
 def test_readme_leaderboard_and_study_state_one_cost_and_one_error_per_variant():
     """README had 6.8 CPU s per simulated second for pymunk:chain, the leaderboard 4.6 and the page of releases 9 per run."""
     readme = {}
@@ -219,6 +220,7 @@ def test_readme_leaderboard_and_study_state_one_cost_and_one_error_per_variant()
             assert (found is None and other is None) or found == pytest.approx(other, rel=1e-3), name
 
 
+@pytest.mark.long
 @pytest.mark.skipif("heyoka" not in available_integrators(), reason="these fits would take many minutes with SciPy")
 def test_the_verdict_that_the_page_on_tracker_shows_is_todays(tmp_path):
     """Only `-m accurate` repeats the whole search; the page said 0.00511 when it had become 0.00508.

@@ -98,6 +98,7 @@ def test_every_variant_is_in_the_study(study):
     assert own <= {v.label for v in study.convergence.variants}, f"make it again: {COMMAND} --work DIR"
 
 
+@pytest.mark.long
 def test_stored_numbers_read_back(study):
     assert read(study.to_json()) == study
 
@@ -162,6 +163,7 @@ def test_errors_are_the_same_within_a_hundredth(stored, again, expected):
     assert same(stored, again) is expected
 
 
+@pytest.mark.long
 def test_a_stored_run_is_made_again_and_stands():
     # Oracle: the stored figures of the capstan variant's own settings, which take 0.06 s per s.
     pytest.importorskip("mujoco")

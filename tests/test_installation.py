@@ -65,6 +65,7 @@ def run_in(folder: Path, command: list[str] | str) -> str:
 PRINT = f"from looping_pendulum.installation import install_command; print(install_command({PACKAGE!r}))"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "inside"), [("env", True), ("an environment", False)], ids=["env below", "blank, elsewhere"])
 def test_the_printed_command_installs_into_the_environment_that_printed_it(environment, tmp_path, name, inside):
     """Oracle: pip itself."""

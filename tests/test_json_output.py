@@ -44,6 +44,7 @@ def test_a_run_as_json_has_its_events_in_si_units():
     assert run["status"] == "FINISHED"
 
 
+@pytest.mark.long
 def test_a_check_as_json_has_every_limit_and_its_outcome(tmp_path):
     limit = "tolerances: {'reference:scipy': {quick: {tube_fraction: {limit: %s, reason: a test}}}}\n"
     text = here("scenarios", "drop").stdout
@@ -77,6 +78,7 @@ def test_a_map_as_json_counts_its_runs_and_quiet_leaves_out_its_progress(tmp_pat
     assert "3 runs" in here(*arguments).stderr  # what quiet left out; the runs are stored already
 
 
+@pytest.mark.long
 def test_quiet_prints_nothing_but_errors():
     done = here("run", "drop", "--quiet")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

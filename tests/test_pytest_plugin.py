@@ -138,6 +138,7 @@ def test_who_does_not_use_it_pays_nothing():
     assert done.stdout.strip() == "['looping_pendulum', 'looping_pendulum.pytest_plugin']"
 
 
+@pytest.mark.long
 def test_a_project_without_scenarios_stays_light(pytester):
     pytester.makepyfile("""
         import sys
@@ -190,6 +191,7 @@ def test_any_scenario_named_on_the_command_line_is_collected_and_other_yaml_is_n
     assert run(pytester, "other.yaml").ret == pytest.ExitCode.USAGE_ERROR
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("quick_figures")
 def test_expected_failures_are_strict(project, offered):
     pytester = project(mine=EXPECTED)
@@ -222,6 +224,7 @@ def test_engines_that_are_not_here_are_skips_with_the_way_to_get_them_and_crashe
     assert done.ret == pytest.ExitCode.TESTS_FAILED
 
 
+@pytest.mark.long
 def test_a_session_that_judges_nothing_is_no_success(project, offered):
     pytester = project(gap=MISSING, bare="tolerances: {}", mine=TOLERANCES)
     offered("FaultyEngine('missing', packages=('no_such_package',), releases=Release)")
@@ -267,6 +270,7 @@ def test_an_unknown_engine_in_a_tolerance_is_an_error(project, name, message):
     assert "Traceback" not in done.stdout.str()
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("quick_figures")
 def test_an_engines_name_means_its_main_variants(project, offered):
     pytester = project(mine=BY_NAME)
@@ -316,6 +320,7 @@ def test_profile_and_time_limit_are_passed_on(project):
     done.stdout.fnmatch_lines(["*reference:scipy, accurate: *", "*limit 0.01 s"])
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 def test_an_interrupt_ends_the_session_and_is_no_failed_limit(project, tmp_path):
     pytester = project(mine=HANGING)

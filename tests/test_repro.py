@@ -239,6 +239,7 @@ def test_the_versions_are_those_of_the_stored_study():
     assert {(claim.package, claim.version) for claim in CLAIMS.values()} <= versions | set(newton.items())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("written_page", [repro_page, rope_page], ids=["repro", "rope"])
 def test_the_page_is_what_the_scripts_and_the_stored_numbers_say(written_page):
     again = f"out of date; write it again: python -m {written_page.__name__}"

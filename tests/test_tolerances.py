@@ -80,6 +80,7 @@ def test_quick_profile(name, engine):
     keeps_its_tolerances(judged_in_this_process(name, installed(engine, Profile.QUICK)))
 
 
+@pytest.mark.long
 def test_a_run_in_this_process_is_judged_as_compare_engines_does():
     engine = installed("mujoco:capstan", Profile.QUICK)
     there = compare_engines(loader.load("ten_to_one"), engines=["mujoco:capstan"], profile=Profile.QUICK)

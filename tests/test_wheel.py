@@ -102,6 +102,7 @@ def test_the_wheel_says_what_the_project_says(wheel):
     assert "[pytest11]" in points
 
 
+@pytest.mark.long
 def test_what_runs_is_the_wheel_and_so_it_is_in_the_processes_that_it_starts(command, site):
     module, first, drakes = command("-c", WHERE).splitlines()
     assert Path(module).is_relative_to(site)
@@ -109,6 +110,7 @@ def test_what_runs_is_the_wheel_and_so_it_is_in_the_processes_that_it_starts(com
     assert drakes == "1"  # the checkout, which is installed too, must not offer its engines a second time
 
 
+@pytest.mark.long
 def test_its_commands_run_from_an_empty_folder(command, tmp_path):
     command("-m", PACKAGE, "init", "mine")
     assert (tmp_path / "mine" / "trials" / "second.csv").is_file()

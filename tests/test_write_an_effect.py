@@ -37,6 +37,7 @@ def blind_study(folder, case, extra=""):
     return path
 
 
+@pytest.mark.long
 @fits
 @pytest.mark.parametrize(
     "library",
@@ -95,6 +96,7 @@ def pushed(tmp_path):
     return path
 
 
+@pytest.mark.long
 def test_an_engine_runs_the_package(package, pushed, tmp_path):
     """Daily that it runs, in a process of its own; how well is measured below."""
     done = python(package, "-m", "looping_pendulum", "run", str(pushed), "-e", "mujoco:capstan", "--out", str(tmp_path))
@@ -112,6 +114,7 @@ def test_an_engine_has_the_force_of_the_package(package, pushed, tmp_path):
     assert all(engine["metrics"]["rms_0.7s"] < 1e-4 for engine in result["engines"])
 
 
+@pytest.mark.long
 def test_a_package_whose_effect_does_not_act_changes_no_key_and_no_result(package, pushed):
     """Installing one gave every run of every scenario another key and a coefficient that no baseline had."""
     script = """

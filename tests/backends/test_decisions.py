@@ -136,6 +136,7 @@ def loop():
     return data_loop()
 
 
+@pytest.mark.long
 def test_the_data_loop_names_the_push_and_gives_the_planted_values_back(loop):
     # Oracle: what made the data. Bound: 4 standard errors, of 4 numbers on one set of noise.
     assert loop.explanations[0].key == {"push_across"}

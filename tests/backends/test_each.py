@@ -38,6 +38,7 @@ def run_checks(name, *options):
     assert counts["passed"] >= 10
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", DAILY)
 def test_no_decision_depends_on(name):
     run_checks(name, *DAILY[name])

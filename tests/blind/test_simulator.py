@@ -100,6 +100,7 @@ def test_agrees_with_the_reference(apparatus: Apparatus, numerics: Numerics) -> 
     assert heavy.max() < 0.05e-3
 
 
+@pytest.mark.long
 def test_two_to_one_tends_to_the_reference_as_the_string_stiffens() -> None:
     # Where the heavy mass turns at once, a string that stretches needs a time of order 1/sqrt(k) to reverse its friction, and
     # the path beyond is sensitive. With the loss time kept a fixed part of the string's period, the error is one power series
@@ -258,6 +259,7 @@ def test_a_bearing_that_never_yields_holds_the_rod(plain: Motion) -> None:
     assert np.array_equal(fixed.light, plain.light)
 
 
+@pytest.mark.long
 def test_static_friction_only_delays_the_slip_onset() -> None:
     """As the excess tends to zero the limit is kinetic friction alone, apart from the landing on the slip onset itself."""
     plain = simulate(SIX, duration=0.75, numerics=QUICK)

@@ -120,6 +120,7 @@ def test_landmarks_have_bands_of_their_own(scenario, reference, make_run):
     assert (ChangeKind.LANDMARK, "reference", "halting time") in changes
 
 
+@pytest.mark.long
 def test_the_report_has_a_section_and_the_folder_a_file(tmp_path, scenario, reference, make_run):
     before = compare(scenario, reference, [make_run(shift=(3e-3, 0.0))])
     after = compare(scenario, reference, [make_run(shift=(1.5e-3, 0.0))])

@@ -143,6 +143,7 @@ def in_this_process(monkeypatch):
     monkeypatch.setattr(run_cache, "run_isolated", lambda engine, scenario, **_: engine.simulate(scenario))
 
 
+@pytest.mark.long
 def test_a_study_is_kept_and_goes_on(tmp_path, scenario, counted):
     engine = DelayedEngine()
     first = study_convergence(scenario, [engine], tmp_path, jobs=1)
@@ -163,6 +164,7 @@ def figures_without_pixels(monkeypatch):
     monkeypatch.setattr(plots, "png", lambda figure: b"")
 
 
+@pytest.mark.long
 def test_what_the_report_says_is_what_was_found(tmp_path, scenario, counted, monkeypatch):
     result = study_convergence(scenario, [DelayedEngine()], tmp_path, jobs=1)
     report = write(result, tmp_path).read_text(encoding="utf-8")
@@ -176,6 +178,7 @@ def test_what_the_report_says_is_what_was_found(tmp_path, scenario, counted, mon
     assert render(result)
 
 
+@pytest.mark.long
 def test_the_command_writes_all_and_says_how_it_went(tmp_path, in_this_process, figures_without_pixels):
     done = CliRunner().invoke(
         app, ["converge", "ten_to_one", "-e", "reference:scipy", "--until", "0.45", "--out", str(tmp_path)]

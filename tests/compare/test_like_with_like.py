@@ -282,6 +282,7 @@ def examine(seeds: range) -> Counter:
     return Counter(halt_outcome(seed) for seed in seeds)
 
 
+@pytest.mark.long
 def test_halts_of_random_scenarios_are_reported_as_they_are():
     said = examine(range(1000, 1008))
     assert said["right"] >= 2, said

@@ -162,6 +162,7 @@ def test_every_table_of_the_report_is_rectangular(measured_scenario, reference, 
     assert "pymunk:chain (accurate)" in report
 
 
+@pytest.mark.long
 def test_write_makes_whole_files(tmp_path, measured_scenario, reference, make_run, missing, table):
     result = compare(measured_scenario, reference, [make_run(shift=(3e-3, 0.0)), missing], table)
     report = write(result, tmp_path)

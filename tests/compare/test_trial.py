@@ -83,6 +83,7 @@ def test_the_level_of_a_hanging_mass_is_taken_from_its_first_points(against):
     assert drops == pytest.approx(closed_form_rows(t)[0, 6] - closed_form_rows(t)[:, 6], abs=JOIN)
 
 
+@pytest.mark.long
 def test_a_clock_that_does_not_start_at_the_release_is_noticed(against):
     late = np.arange(300) / 240
     notes = " ".join(against(tracked(late=0.35, t=late)).trial.notes)

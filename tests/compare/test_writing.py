@@ -53,6 +53,7 @@ def check_identify(result, folder):
     assert len(list((folder / "figures").iterdir())) == 6
 
 
+@pytest.mark.long
 def test_all_these_names_in_one_report_of_identify(tmp_path):
     """With the figures as they are: names beside the bars, below the axes, and in several lines."""
     each = [made_up.identification(name) for name in HOSTILE]
@@ -148,6 +149,7 @@ def test_the_verdict_is_written_before_anything_is_drawn(tmp_path, monkeypatch, 
     assert {"repaired.yaml", "verdict.json"} <= {path.name for path in tmp_path.iterdir()}
 
 
+@pytest.mark.long
 def test_a_worker_process_draws_the_same_figures(tmp_path):
     """It says, too, which are left out: here the one of a trial with fewer residuals than times."""
     whole = made_up.identification("one")
@@ -233,6 +235,7 @@ def test_commands_notice_before_the_work_that_they_cannot_write(tmp_path, monkey
     assert isinstance(done.exception, OutputError), done.output
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("quick_figures")
 def test_an_interrupted_comparison_goes_beside_a_complete_one(tmp_path, monkeypatch, scenario, reference, make_run):
     """Ctrl-C while `compare` ran again left the interrupted report in place of the complete one."""

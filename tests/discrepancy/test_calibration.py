@@ -42,6 +42,7 @@ def test_planted_values_come_back(fit):
     assert ratio == pytest.approx(10, rel=5e-3)  # only the ratio is seen; each mass is known to 0.5 %
 
 
+@pytest.mark.long
 def test_wrong_initial_values_end_at_the_same_minimum(problem, fit):
     rng = np.random.default_rng(1)
     for _ in range(4):
@@ -80,6 +81,7 @@ def test_correlations_name_what_the_data_cannot_tell_apart(fit):
     assert math.isfinite(fit.condition)
 
 
+@pytest.mark.long
 def test_bounds_hold_and_are_reported(problem):
     tight = Problem(
         problem.study,

@@ -38,6 +38,7 @@ NAMED = {
 """Blind case -> the camera's errors and their values."""
 
 
+@pytest.mark.long
 def test_a_picture_wider_than_it_is_high_is_named_foreshortening(tmp_path):
     with only_candidates(["foreshortening", "distortion", "scale"]):
         result = identify(load(write_study(tmp_path, CASES["pixel_aspect"], 0, trials=["ten_a"])))

@@ -50,6 +50,7 @@ def test_differences_of_neighbours_keep_their_size():
     assert white**2 + 5e-4**2 * (1 - np.exp(-1 / 240 / 0.04)) == pytest.approx(1e-6)
 
 
+@pytest.mark.long
 def test_a_tracker_that_wanders_too_little_to_be_noticed_is_no_effect(tmp_path):
     """By white noise alone a foreshortening decreased the Bayesian information criterion by 15, though nothing was hidden."""
     study = draw("rates", "clean", 65, seed=5)[64]
@@ -58,6 +59,7 @@ def test_a_tracker_that_wanders_too_little_to_be_noticed_is_no_effect(tmp_path):
     assert any(not e.names for e in result.credible)
 
 
+@pytest.mark.long
 def test_a_right_effect_of_little_evidence_stays(tmp_path):
     """A wrong scale that moves the light mass by a millimetre, hardly less probable beside a tracker that may wander."""
     study = draw("rates", "single", 6, seed=5)[5]
@@ -67,6 +69,7 @@ def test_a_right_effect_of_little_evidence_stays(tmp_path):
     assert result.names == ("scale",)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("seed", "library"),
     [

@@ -115,6 +115,7 @@ def laws_of(path):
     return laws_beside(base, grid, [0], log_z, raw(base), np.zeros((grid.count, 0))).all()
 
 
+@pytest.mark.long
 def test_no_law_is_more_probable_than_none_on_clean_data(tmp_path):
     """Oracle: data in which nothing is hidden."""
     assert laws_of(write_study(tmp_path, CLEAN, 5, trials=["ten_a"]))[0].log_odds < 0

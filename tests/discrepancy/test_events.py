@@ -184,6 +184,7 @@ def test_a_hidden_linear_drag_is_named_from_events_alone(tmp_path):
     assert {EXPECTED["linear_drag"][0]} in explanations
 
 
+@pytest.mark.long
 def test_events_beside_a_trajectory_join_the_fit(tmp_path):
     """A table whose clock differs from the video's halt by 40 ms is an alarm; the same table without that is none."""
     path = write_blind_study(tmp_path, CLEAN, 3, trials=["ten_a", "eight"], tracks_of=("ten_a",))
@@ -212,6 +213,7 @@ def off_by(result, trial, quantity):
     return (event.measured - event.before) / event.sigma
 
 
+@pytest.mark.long
 def test_the_papers_ten_to_one_trial_is_explained_by_its_model(tmp_path):
     result = paper_study(tmp_path, train=["ten"])
     assert result.verdict is Verdict.NO_MISSING_EFFECT

@@ -154,6 +154,7 @@ def test_what_adds_too_little_to_be_seen_counts_as_a_part(search):
     assert not any(e.key in ranked for e in wholes)
 
 
+@pytest.mark.long
 def test_the_order_of_the_candidates_does_not_matter(search, base, library):
     again = Search(base, library[::-1])
     again.run()
@@ -205,6 +206,7 @@ def test_templates_beside_a_fit_say_what_a_small_value_does(base, library):
         np.testing.assert_allclose(t.change[used], difference[used], atol=0.05 * scale)
 
 
+@pytest.mark.long
 def test_of_a_clean_study_nothing_is_missing(tmp_path, library):
     inputs = read(tmp_path, "clean_varied")
     by_name = {c.name: c for c in inputs.library}
@@ -290,6 +292,7 @@ def test_a_rod_whose_bearing_holds_it_can_hide_at_any_size(tmp_path):
     }  # fmt: skip
 
 
+@pytest.mark.long
 def test_a_wrong_mass_beside_a_fitted_one_is_judged_by_what_is_linear(tmp_path):
     """Oracle: the fitted mass's own derivative. Only its weighing tells the two apart, so that curvature had passed for more.
 
@@ -308,6 +311,7 @@ def test_a_wrong_mass_beside_a_fitted_one_is_judged_by_what_is_linear(tmp_path):
 CHOSEN = ("scale", "tilt", "clock_offset", "wrong_free_length", "wrong_light_mass", "light_linear_drag")
 
 
+@pytest.mark.long
 def test_the_smallest_visible_size_is_four_standard_errors_of_a_fit(tmp_path):
     """Oracle: the standard error of a fit with the effect. From finite changes, linear drag's was 6.3 times too small."""
     inputs = read_inputs(load(write_study(tmp_path, CASES["clean"], 2)))

@@ -89,6 +89,7 @@ def cost_of_fit(path):
     return calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)).cost
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SYMMETRIES)
 def test_the_keys_that_are_named_undo_every_symmetry_of_the_picture(blind, tmp_path, name):
     """The fit of the points behind a turned picture is that of the same points as they were tracked."""
@@ -103,6 +104,7 @@ def test_the_keys_that_are_named_undo_every_symmetry_of_the_picture(blind, tmp_p
     assert cost_of_fit(right) == pytest.approx(cost, rel=1e-4)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["a quarter turn to the left", "a quarter turn to the right"])
 def test_after_a_quarter_turn_the_origin_is_named_as_the_file_has_it(blind, tmp_path, name):
     path, cost = blind
@@ -124,6 +126,7 @@ def test_after_a_quarter_turn_the_origin_is_named_as_the_file_has_it(blind, tmp_
     assert abs(cost_of_fit(right) - cost) < 4  # two priors less
 
 
+@pytest.mark.long
 def test_a_turn_is_told_from_what_the_trial_says_of_it(blind, tmp_path):
     """The picture is as it should be, and the study says that it is mirrored and turned."""
 
@@ -175,6 +178,7 @@ Two masses show which of them hangs on the left, 12.5 mm from the other; one alo
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("heavy", [True, False])
 @pytest.mark.parametrize("name", VERTICAL)
 def test_a_vertical_release_shows_all_but_a_mirror_image_of_one_mass(tmp_path, name, heavy):
@@ -203,6 +207,7 @@ def test_a_turned_film_of_a_drop(tmp_path, change, keys):
     assert [m.keys for m in take_first_look(study).mistakes if m.names != ("origin",)] == ([] if keys is None else [keys])
 
 
+@pytest.mark.long
 def test_tracks_that_the_file_itself_names_are_exchanged_by_these_names(example, tmp_path):
     """The names were three dots where the study does not give them."""
     for names, keys in (
@@ -221,6 +226,7 @@ def test_tracks_that_the_file_itself_names_are_exchanged_by_these_names(example,
         assert not look(mended(path, found.keys)).mistakes
 
 
+@pytest.mark.long
 def test_files_of_the_two_masses_are_exchanged_by_their_names(example, tmp_path):
     path = mistaken(example, tmp_path, NO_MISTAKE, trials=1)
     lines = (tmp_path / "trials" / "first.csv").read_text().splitlines()[3:]
@@ -243,12 +249,14 @@ def test_radians_beyond_a_turn_are_refused_when_the_study_is_read(example, tmp_p
         study_io.load(path)
 
 
+@pytest.mark.long
 def test_a_shared_mistake_is_named_once_for_all_trials(example, tmp_path):
     found = the_only(look(mistaken(example, tmp_path, MISTAKES["mirrored"])))
     assert found.trials == ("first", "second")
     assert found.text.startswith("trials 'first', 'second': found a mirrored motion; needed 'mirrored: true' (the points are")
 
 
+@pytest.mark.long
 def test_a_mistake_of_one_trial_is_named_for_that_one(example, tmp_path):
     path = mistaken(example, tmp_path, NO_MISTAKE)
     path.write_text(path.read_text().replace("104 deg", "76 deg"))
@@ -257,6 +265,7 @@ def test_a_mistake_of_one_trial_is_named_for_that_one(example, tmp_path):
     assert found.keys == "release: {angle: 104 deg}"
 
 
+@pytest.mark.long
 def test_the_place_of_release_is_read_off_the_first_point(example, tmp_path):
     path = mistaken(example, tmp_path, FURTHER["a tenth of the length"])
     found = the_only(look(path))
@@ -265,6 +274,7 @@ def test_the_place_of_release_is_read_off_the_first_point(example, tmp_path):
     assert found.text.startswith("trials 'first', 'second': found a release 580 mm from the rod instead of the declared 50 mm;")
 
 
+@pytest.mark.long
 def test_a_trial_far_from_what_was_declared_is_told_even_if_no_mistake_explains_it(example, tmp_path):
     path = mistaken(example, tmp_path, NO_MISTAKE)
     path.write_text(path.read_text().replace("60 g +/- 0.3 g", "600 g +/- 3 g"))
@@ -275,6 +285,7 @@ def test_a_trial_far_from_what_was_declared_is_told_even_if_no_mistake_explains_
     assert warning.endswith("check this trial's masses, free length, angle and file")
 
 
+@pytest.mark.long
 def test_a_trial_without_a_mistake_is_fitted_no_further_than_needed(tmp_path):
     """The first values that are good enough are taken: half of the time of a first look."""
     study = study_io.load(write_study(tmp_path, CASES["side_force"], 1, trials=("ten_a",)))
@@ -304,6 +315,7 @@ def test_a_trial_of_few_points_is_said_not_to_be_compared(example, tmp_path):
     assert figures.first_look_chart(check) is None
 
 
+@pytest.mark.long
 def test_a_trial_whose_declared_motion_cannot_be_computed_says_why(example, tmp_path):
     path = mistaken(example, tmp_path, NO_MISTAKE, trials=1)
     path.write_text(path.read_text().replace("58 cm +/- 1 mm", "1.2 m +/- 1 mm"))
@@ -316,6 +328,7 @@ def test_a_trial_whose_declared_motion_cannot_be_computed_says_why(example, tmp_
     assert not any("inf" in text for text in all_texts(check))
 
 
+@pytest.mark.long
 def test_a_mistake_before_which_no_point_could_be_compared_is_named_without_a_distance(example, tmp_path):
     mistake = Mistake(keys=frozenset(), row=lambda row: [40 * row[0], *row[1:]])  # three pictures in the first window
     found = the_only(look(mistaken(example, tmp_path, mistake, trials=1)))
@@ -348,12 +361,14 @@ def test_an_unknown_event_beside_tracked_points_is_refused_in_one_line(example, 
         look(path)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("file_factor", [1 / 8, 2])
 def test_the_frame_rate_is_the_true_one(example, tmp_path, file_factor):
     mistake = Mistake(keys=frozenset(), row=lambda row: [file_factor * row[0], *row[1:]])
     assert the_only(look(mistaken(example, tmp_path, mistake, trials=1))).keys == "frame_rate: 240 Hz"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("per_metre", "unit"), [(39.37, "inch"), (1000, "mm"), (1.3, "none")])
 def test_the_unit_of_length_is_the_true_one(example, tmp_path, per_metre, unit):
     """A scale that is off by a third is no other unit, and left to the fit: the camera's scale is a candidate."""
@@ -377,6 +392,7 @@ def test_what_a_camera_gets_wrong_by_little_is_no_mistake(example, tmp_path, row
     assert not look(mistaken(example, tmp_path, Mistake(keys=frozenset(), row=row), trials=1)).mistakes
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("changes", [{"heavy_mass": 0.2}, {"light_mass": 0.015}])
 def test_a_wrong_mass_of_the_usual_size_is_left_to_the_fit(example, changes):
     study = study_io.load(example)
@@ -417,6 +433,7 @@ def test_a_value_of_which_hardly_anything_is_known_looks_right(example, tmp_path
     assert not check.warnings
 
 
+@pytest.mark.long
 def test_a_value_of_unusual_size_is_a_warning(example, tmp_path):
     """All masses a thousandfold, and no drag: the motion is the same, and only their size says that kg were written for g."""
     path = mistaken(example, tmp_path, MISTAKES["grams as kilograms"], trials=1)
@@ -486,6 +503,7 @@ def test_a_trial_with_events_only_is_not_looked_at(tmp_path):
     assert figures.first_look_chart(check) is None
 
 
+@pytest.mark.long
 def test_implausible_lengths_without_a_mistake_of_units_stay_an_error(example, tmp_path):
     """A factor alone does not explain points that stand still 300 m away."""
     mistake = Mistake(
@@ -511,6 +529,7 @@ def test_command_look(example, tmp_path):
         assert (tmp_path / folder / "first-look.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.long
 def test_identify_stops_before_the_fit_and_says_how_to_go_on(example, tmp_path):
     wrong = mistaken(example, tmp_path, MISTAKES["tracks exchanged"])
     done = here("identify", str(wrong), "--out", str(tmp_path / "out"))
@@ -521,6 +540,7 @@ def test_identify_stops_before_the_fit_and_says_how_to_go_on(example, tmp_path):
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["first-look.png"]
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("quick_figures")
 def test_a_search_that_goes_on_anyway_reports_what_looks_wrong(example, tmp_path):
     def interrupt(what, share):

@@ -74,6 +74,7 @@ def test_three_significant_digits():
         assert np.min(channel.least_sigma(np.zeros(len(channel)))) == pytest.approx(1e-3 / np.sqrt(12))
 
 
+@pytest.mark.long
 def test_a_long_table_with_pixels():
     for exact, found in zip(
         read("10-time-in-the-last-column"),
@@ -109,6 +110,7 @@ def test_pictures_that_are_stored_three_times_are_kept_once(form):
         assert np.diff(found.channels[0].t).min() == pytest.approx(1 / 80, rel=1e-5)
 
 
+@pytest.mark.long
 def test_times_to_milliseconds_of_a_clean_study():
     for exact, found in zip(read("controls/plain"), read("controls/ms"), strict=True):
         assert found.channels[0].t == pytest.approx(exact.channels[0].t, abs=1e-6)

@@ -21,6 +21,7 @@ def inputs_and_fit(folder, case, seed, **options):
     return inputs, refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("case", "passes"), [("clean", True), ("scale", False)])
 def test_a_held_out_trial_is_predicted_unless_something_is_missing(tmp_path, case, passes):
     inputs, fit = inputs_and_fit(tmp_path, case, 1, trials=TWO_RATIOS)
@@ -29,6 +30,7 @@ def test_a_held_out_trial_is_predicted_unless_something_is_missing(tmp_path, cas
     assert held_out.passes is passes
 
 
+@pytest.mark.long
 def test_a_single_trial_is_tested_on_blocks_of_time(tmp_path):
     inputs, fit = inputs_and_fit(tmp_path, "clean", 3, trials=["ten_a"])
     held_out = check_held_out(fit, inputs.held_out)

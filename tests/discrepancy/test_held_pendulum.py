@@ -85,6 +85,7 @@ def test_candidates_are_those_that_can_act(tmp_path):
     assert not {c.name for c in candidates(looping, (), ())} & {"pivot_friction", "pivot_damping"}
 
 
+@pytest.mark.long
 def test_a_start_in_mid_swing_is_reported_and_no_push(tmp_path):
     names = ("pivot_friction", "pivot_damping", "side_force", "tilt", "push_along")
     result = identified(tmp_path, MID_SWING, names=names, turning_points=30)
@@ -95,6 +96,7 @@ def test_a_start_in_mid_swing_is_reported_and_no_push(tmp_path):
     assert "These records begin in mid-swing" in markdown.render(result)
 
 
+@pytest.mark.long
 def test_friction_of_the_pivot_is_named_among_losses(tmp_path):
     names = ("pivot_friction", "pivot_damping", "light_drag")
     rubbing = Pendulum(axle_torque=1e-3)

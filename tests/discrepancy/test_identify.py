@@ -30,6 +30,7 @@ def identified(folder, case, seed, **options):
     return identify(load(write_study(folder, CASES[case], seed, **options)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", [pytest.param(CLEAN, marks=pytest.mark.accurate), CLEAN_VARIED], ids=lambda case: case.name)
 def test_nothing_is_added_to_clean_data(tmp_path, case):
     """Daily the harder of the two, with the whole library; of the other, test_events.py has the events with it.
@@ -65,6 +66,7 @@ def test_a_declared_term_left_out_is_found(tmp_path):
     assert abs(result.effects[0].value - 1e-3) < 3 * result.effects[0].error
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "library",
     [
@@ -106,6 +108,7 @@ def test_gravity_on_earth_decides_for_the_clock(tmp_path):
     assert "wrong_gravity was ruled out, as gravity on Earth is 9.764 to 9.834 m/s^2" in result.notes[0]
 
 
+@pytest.mark.long
 def test_what_cannot_be_told_apart_is_tied_and_an_experiment_is_named(ambiguous):
     assert ambiguous.verdict is Verdict.AMBIGUOUS
     assert {e.name for tie in ambiguous.ties for e in tie} >= INDISTINGUISHABLE
@@ -114,6 +117,7 @@ def test_what_cannot_be_told_apart_is_tied_and_an_experiment_is_named(ambiguous)
     assert best.log10_odds - second.log10_odds < 1
 
 
+@pytest.mark.long
 def test_files_are_as_promised_and_the_same_again(tmp_path, ambiguous):
     report = write(ambiguous, tmp_path / "a").read_text(encoding="utf-8")
     write(ambiguous, tmp_path / "b")
@@ -143,6 +147,7 @@ def test_one_process_finds_the_same_bytes_as_two(tmp_path):
     assert alone.scenario == shared.scenario
 
 
+@pytest.mark.long
 def test_interrupted_it_leaves_what_it_has(tmp_path):
     def interrupt(what, share):
         if what.startswith("fitting"):
@@ -155,6 +160,7 @@ def test_interrupted_it_leaves_what_it_has(tmp_path):
     assert write(result, tmp_path / "out").exists()
 
 
+@pytest.mark.long
 def test_an_interrupt_while_models_are_judged_costs_nothing_that_was_found(tmp_path, monkeypatch):
     asked = []
 

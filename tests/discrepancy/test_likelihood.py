@@ -46,6 +46,7 @@ def cost_rise(fit, name, value):
     return conditional.cost - fit.cost
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["ten_a.origin_x", "ten_a.release_angle"])
 def test_it_is_two_standard_errors_of_a_nearly_linear_number(fit, name):
     assert is_nearly_linear(fit, name)

@@ -114,6 +114,7 @@ def listed_times(result, trial):
     return sum(o.count for o in result.outliers if o.trial == trial)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("quick_figures")
 @pytest.mark.parametrize(
     ("seed", "planted", "library"),
@@ -170,6 +171,7 @@ def test_an_effect_is_named_behind_outliers_with_the_same_value_and_error(tmp_pa
     assert not alone.outliers
 
 
+@pytest.mark.long
 def test_no_point_of_a_clean_film_is_left_out(tmp_path):
     with only_candidates(RIVALS):
         result = identify(load(write_study(tmp_path, CLEAN, 3, trials=TWO_RATIOS)))

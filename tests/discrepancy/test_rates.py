@@ -51,6 +51,7 @@ def rates(*values, t=None, **more):
     return Observations(name="swing", file="swing.csv", channels=(channel,), **more)
 
 
+@pytest.mark.long
 def test_what_a_phone_measures_in_mid_swing_tells_drag_length_and_offset(tmp_path):
     result = identified(tmp_path, PHONE)
     assert result.verdict is Verdict.NO_MISSING_EFFECT
@@ -68,6 +69,7 @@ def test_what_a_phone_measures_in_mid_swing_tells_drag_length_and_offset(tmp_pat
     assert "swing_0.rate_offset" in text
 
 
+@pytest.mark.long
 def test_linear_drag_is_named_by_angular_velocities(tmp_path):
     braked = dataclasses.replace(PHONE, linear_drag=8e-3)
     result = identified(tmp_path, braked)
@@ -76,6 +78,7 @@ def test_linear_drag_is_named_by_angular_velocities(tmp_path):
     assert abs(effect.value - braked.linear_drag) < 3 * effect.error
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("stated_angle", [True, False])
 def test_a_record_that_begins_at_rest_begins_with_the_release(tmp_path, stated_angle):
     result = identified(tmp_path, RELEASED, stated_angle=stated_angle, rest=1.5)

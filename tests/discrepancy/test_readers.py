@@ -370,6 +370,7 @@ def test_one_step_and_one_gap_are_put_to_the_stated_rate(clip):
     assert any("times made for 50 frames a second were put to 240" in said for said in observations.assumptions)
 
 
+@pytest.mark.long
 def test_many_short_rows_take_no_time_for_each_pair_of_rows(clip):
     """8000 rows with every third cut short took 4 s; the time grew with the square."""
     rows = "".join(f"{i / 100},{i % 13},2\n" if i % 3 else f"{i / 100},1\n" for i in range(20_000))

@@ -26,6 +26,7 @@ def java(value, decimal):
     return text.replace(".", decimal)
 
 
+@pytest.mark.long
 @settings(max_examples=150, deadline=None)
 @given(
     rows=rows,

@@ -23,6 +23,7 @@ def fit(tmp_path_factory):
     return refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
 
 
+@pytest.mark.long
 def test_a_clean_study_passes_all_tests(fit):
     tests = check_residuals(fit)
     assert tests.passes
@@ -72,6 +73,7 @@ def _wavy(channels, size):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("count", [30, pytest.param(95, marks=pytest.mark.accurate)])
 def test_noise_fails_the_ljung_box_test_as_often_as_its_p_value_says(count):
     """Oracle: the share of white noise below a p value is that p value; by chi-square it is three times that."""

@@ -163,6 +163,7 @@ def one(problem, x, k):
         return np.full(len(problem.data[k].value), np.nan)
 
 
+@pytest.mark.long
 def test_of_every_candidate_and_of_all_trials_at_once(inputs, problem, in_batches):
     """Oracle: single runs, with only those effects compiled in that act."""
     rng = np.random.default_rng(5)
@@ -221,6 +222,7 @@ def test_a_prediction_depends_on_no_other_in_any_bit(problem, in_batches):
     assert np.array_equal(whole, np.vstack([first, second]))
 
 
+@pytest.mark.long
 def test_fits_in_step_end_where_they_end_alone(problem):
     """Oracle: each by itself, some of its steps by single runs."""
     rng = np.random.default_rng(8)

@@ -64,6 +64,7 @@ def test_without_worker_processes_all_items_are_done_in_order():
     assert done == [0, 1, 2, 3]
 
 
+@pytest.mark.long
 def test_a_worker_process_does_its_share(two_workers):
     done = two_workers.map(place, 0.05, range(6))
     assert len(set(done)) == 2
@@ -77,6 +78,7 @@ def test_the_exception_of_the_first_item_that_fails_is_raised(two_workers):
     assert two_workers.map(refuse, None, [0, 1]) == [0, 1]
 
 
+@pytest.mark.long
 def test_what_cannot_be_pickled_is_done_in_this_process():
     with Workers(2) as workers:
         wait_for_a_worker_process(workers)
@@ -85,6 +87,7 @@ def test_what_cannot_be_pickled_is_done_in_this_process():
         assert set(workers.map(lambda shared, item: os.getpid(), kept, range(4))) == {HERE}
 
 
+@pytest.mark.long
 def test_the_item_of_a_process_that_dies_is_done_by_another():
     with Workers(2) as workers:
         wait_for_a_worker_process(workers)
@@ -107,6 +110,7 @@ def is_imported(shared, module):
     return os.getpid(), module in sys.modules
 
 
+@pytest.mark.long
 def test_an_idle_worker_imports_what_is_needed_later():
     with Workers(2) as workers:
         workers.import_when_idle(["this"])
@@ -118,6 +122,7 @@ def test_an_idle_worker_imports_what_is_needed_later():
     assert list(found.values()) == [True]
 
 
+@pytest.mark.long
 def test_worker_processes_end_with_their_pool():
     with Workers(2) as workers:
         wait_for_a_worker_process(workers)
@@ -126,6 +131,7 @@ def test_worker_processes_end_with_their_pool():
         os.kill(worker_process, 0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "shared",
     [pytest.param(1, id="small", marks=pytest.mark.accurate), pytest.param(np.ones(10**6), id="larger than a pipe holds")],

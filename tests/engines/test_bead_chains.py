@@ -174,6 +174,7 @@ def test_static_capstan(chain, share, holds):
     assert (drop < 1e-4) if holds else (drop > 0.5 * 0.5 * atwood_acceleration(p) * 0.1**2)
 
 
+@pytest.mark.long
 @of_chains(RIGS, daily=RIGS)
 def test_ten_to_one_follows_the_reference_to_the_halt(halted):
     # Oracle: the reference. Bounds: 0.6 mm and 1 mm, those of the other chains, or a quarter of them, because the masses go a
@@ -190,6 +191,7 @@ def test_ten_to_one_follows_the_reference_to_the_halt(halted):
     assert stops == pytest.approx(halt, abs=2e-3)
 
 
+@pytest.mark.long
 @of_chains(("mujoco", "drake"), daily=("mujoco", "drake"))
 def test_halted_string_sticks(chain, halted):
     # Oracle: sticking is rest. Bound: of MuJoCo 1 mm/s of creep, a hundredth of what gravity would give in that time; of Drake
@@ -227,6 +229,7 @@ def test_slip_over_the_rod_is_the_heavy_mass_s_drop(chain, halted):
     assert np.abs(trajectory.string_slip - trajectory.heavy_drop).max() < bound
 
 
+@pytest.mark.long
 @of_chains(("drake", *GAMES), daily=("drake", *GAMES))
 def test_a_slack_string_does_not_push(chain):
     # Oracle: free fall, as the light mass falls towards the rod from above it; a link that pushed would turn it round the rod.
@@ -264,6 +267,7 @@ def test_winding_many_turns_ends_at_the_rod(chain):
     assert wound.t[-1] == pytest.approx(solve(p).end_time, abs=5e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("chain", "default"),
     [

@@ -68,6 +68,7 @@ def test_without_a_penalty_there_is_no_friction():
     assert fitted_acceleration(fallen) == pytest.approx(atwood_acceleration(SHORT.replace(kinetic_friction=0.0)), rel=1e-2)
 
 
+@pytest.mark.long
 @needs_exudyn
 def test_the_cable_follows_the_reference_while_it_begins_to_slide():
     # Oracle: the reference. Bound: a quarter of 0.6 mm, that of other chains over the whole string.

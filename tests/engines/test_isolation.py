@@ -155,6 +155,7 @@ def test_every_fault_at_once_leaves_the_others_results(at_once, tmp_path):
     assert all(f"faulty:{fault}" in report for fault in FAULTS)
 
 
+@pytest.mark.long
 def test_an_engine_that_never_stops_printing_fills_no_disk(monkeypatch):
     monkeypatch.setattr(isolation, "OUTPUT_LIMIT", 10)
     run = run_isolated(FaultyEngine("hang_after_print"), SCENARIO, time_limit=3)
@@ -303,6 +304,7 @@ def of_cost(*costs):
     return engines
 
 
+@pytest.mark.long
 def test_runs_come_back_in_the_order_given():
     engines = of_cost(3.0, 1.0, 2.0)
     ended = []
@@ -412,6 +414,7 @@ def test_a_good_run_comes_back_as_it_was_even_of_other_kinds_of_numbers(good):
     )
 
 
+@pytest.mark.long
 def test_a_wrong_return_is_a_gap_and_the_others_results_stay(tmp_path):
     """Such arrays reached `compare`, which ended in "unexpected ValueError" without any engine's result."""
     bad = [FaultyEngine(f"returns_{what}") for what in ("complex", "wrong_shape", "unknown_mode")]

@@ -116,6 +116,7 @@ def test_error_falls_with_the_square_of_the_step(parameters, until):
     assert coarse / fine >= 10**1.5
 
 
+@pytest.mark.long
 def test_ten_to_one_accurate_keeps_its_targets():
     # Oracle: reference. Bounds: 0.15, 0.25, 0.6 mm and 0.2 ms are the project's own targets for this variant.
     trajectory = run(TEN_TO_ONE, 1.05, profile=Profile.ACCURATE)
@@ -154,6 +155,7 @@ def test_documented_never_halts_and_follows_the_frictionless_reference():
     assert trajectory.heavy_velocity[-1, 1] > 0  # it bounced
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("angle", [30, 320])
 def test_held_string_goes_slack_and_is_caught(angle):
     # Oracle: reference with its slack mode. Bound: a catch comes up to a step's way late.

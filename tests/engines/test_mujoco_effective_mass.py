@@ -72,6 +72,7 @@ def test_held_pendulum_follows_the_reference(coordinates):
     assert distances(run(coordinates, p, 1.0), p).max() < 1e-6
 
 
+@pytest.mark.long
 @daily_without_drum
 def test_ten_to_one_keeps_the_targets(coordinates):
     # Oracle: reference. Bounds: the accurate figures of the prototype, 0.1 um, 2 um and 4 um, rounded up.
@@ -112,6 +113,7 @@ def test_error_falls_with_the_square_of_the_step(coordinates):
     assert errors[0] / errors[1] >= 10**1.5
 
 
+@pytest.mark.long
 @daily_without_drum
 def test_held_string_goes_slack_and_is_caught(coordinates):
     # Oracle: reference with its slack mode. The catch is found within the step, but takes the string's time constant, in which

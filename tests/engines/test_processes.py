@@ -52,6 +52,7 @@ def run(folder, *arguments):
     return subprocess.run(arguments, cwd=folder, capture_output=True, text=True, timeout=300, env=clean)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("begin", "engine"),
     [([COMMAND], "mujoco:capstan"), ([sys.executable, "-m", "looping_pendulum"], "pymunk:chain")],
@@ -85,6 +86,7 @@ with Workers(2) as pair:
 """Script without a guard: a process that imported it would start everything again."""
 
 
+@pytest.mark.long
 def test_helpers_import_neither_the_script_nor_anything_beside_it(planted):
     """multiprocessing starts its processes with -c, which looked in the working folder for multiprocessing itself."""
     (planted / "script.py").write_text(HELPERS)
@@ -108,6 +110,7 @@ def test_what_a_script_imports_from_its_folder_travels_to_a_pool_and_to_what_tha
     assert done.stdout == "['mine.py', None]\n", done.stdout + done.stderr
 
 
+@pytest.mark.long
 def test_an_engine_that_a_script_imports_from_its_folder_travels_and_nothing_else_does(tmp_path):
     (tmp_path / "my_helper.py").write_text("VARIANT = 'none'\n")
     (tmp_path / "my_engine.py").write_text(
@@ -178,6 +181,7 @@ HANGS_UP = "import signal\n\nsignal.signal(signal.SIGHUP, signal.SIG_DFL)\n"
 """Where the tests run under nohup, this signal is ignored, and so it is by every process that they start."""
 
 
+@pytest.mark.long
 @linux
 @pytest.mark.parametrize(
     ("what", "sent", "processes"),
@@ -215,6 +219,7 @@ def test_what_an_engine_leaves_behind_ends_with_it_even_in_a_session_of_its_own(
     assert not Path(f"/proc/{int(left.output.split()[-1])}").exists()
 
 
+@pytest.mark.long
 @linux
 def test_a_run_leaves_no_folder(tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))

@@ -242,6 +242,7 @@ def test_vertical_release_is_an_atwood_machine_with_capstan_friction(radius: flo
     assert run.status.ok
 
 
+@pytest.mark.long
 def test_held_heavy_mass_makes_a_pendulum_that_winds_as_the_reference_does() -> None:
     pytest.importorskip("pybullet")
     engine = PybulletChain()
@@ -254,6 +255,7 @@ def test_held_heavy_mass_makes_a_pendulum_that_winds_as_the_reference_does() -> 
     assert np.max(error) <= polygon_ripple(engine.settings, held.parameters.rod_radius)
 
 
+@pytest.mark.long
 def test_looping_release_follows_the_reference_while_the_string_slides() -> None:
     pytest.importorskip("pybullet")
     looping = scenario(0.15, free_length=0.2, coefficients={"kinetic_friction": 0.34, "light_drag": 1e-3})
@@ -278,6 +280,7 @@ def test_forces_may_be_updated_every_few_steps_only() -> None:
     assert np.linalg.norm(often.light_position[-1] - seldom.light_position[-1]) < 0.01 * moved
 
 
+@pytest.mark.long
 def test_static_capstan_ratio_is_that_of_the_circle() -> None:
     pytest.importorskip("pybullet")
     point = measure_capstan_exponent(PybulletChain(), duration=0.1)

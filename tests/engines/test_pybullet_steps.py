@@ -198,6 +198,7 @@ def test_masses_of_a_joined_chain_add_up_to_those_at_release() -> None:
     assert joined.sum() == pytest.approx(released.sum(), rel=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("release", [Release.LOOPING, Release.HELD])
 def test_a_rig_that_joins_links_has_fewer_and_keeps_the_masses_in_place(release: Release) -> None:
     pytest.importorskip("pybullet")

@@ -105,6 +105,7 @@ def test_studies_change_one_thing_at_a_time(profile):
         assert entry.engine.settings != engine.settings
 
 
+@pytest.mark.long
 def test_string_keeps_its_length(ten_to_one):
     # Oracle: the constraint. A chain of n links acts as a spring iterations * bead_mass / (n dt^2), held at its length against
     # the leak by the error correction: stretch = leak / error_rate * T / K. n = 2 * 3 free links and the wound ones, up to

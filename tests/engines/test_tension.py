@@ -53,6 +53,7 @@ def test_the_references_own_motion_gives_its_tensions_but_where_they_jump(name):
         assert np.max(np.abs(pull - exact)[smooth] / np.max(exact)) < 2e-3
 
 
+@pytest.mark.long
 def test_an_engines_own_friction_holds_the_capstan_ratio():
     """Oracle: exp(mu pi) over half a turn, from a chain that is fed no law."""
     scenario = shortened("atwood", 0.2)

@@ -81,6 +81,7 @@ def test_the_command_examines_it(package):
     assert "  fail" not in done.stdout
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("installed")
 def test_the_list_says_where_it_is_from():
     done = here("engines")
@@ -89,6 +90,7 @@ def test_the_list_says_where_it_is_from():
     assert done.stderr == ""
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("installed")
 def test_compare_runs_it_beside_the_others(tmp_path):
     done = here("compare", "ten_to_one", "-e", "spring", "-e", "reference:scipy", "--out", str(tmp_path))

@@ -67,6 +67,7 @@ def refused(path, settings=PAPER) -> str:
     return str(raised.value)
 
 
+@pytest.mark.long
 def test_another_thing_that_falls_is_told_by_heavy_or_by_region(film):
     path, truth = film(decoys=(falling(560, 0.0),), seed=402)
     message = refused(path)
@@ -76,6 +77,7 @@ def test_another_thing_that_falls_is_told_by_heavy_or_by_region(film):
     check(path, truth, replace(PAPER, region=(100, 0, 500, 360)))
 
 
+@pytest.mark.long
 def test_what_fell_before_the_trial_is_left_out_by_from(film):
     path, truth = film(before=0.9, decoys=(falling(391, -0.8, until=-0.2),), seed=405)
     message = refused(path)
@@ -84,6 +86,7 @@ def test_what_fell_before_the_trial_is_left_out_by_from(film):
     check(path, truth, replace(PAPER, first=0.75))
 
 
+@pytest.mark.long
 def test_where_the_masses_are_not_found_the_sheet_shows_what_moves(film, tmp_path):
     path, _ = film(decoys=(falling(560, 0.0),), seed=402)
     files = files_of(path, tmp_path)
@@ -93,12 +96,14 @@ def test_where_the_masses_are_not_found_the_sheet_shows_what_moves(film, tmp_pat
     assert not files.table.exists()
 
 
+@pytest.mark.long
 def test_many_things_that_move_are_left_out_by_region(film):
     path, truth = film(decoys=tuple(map(trembling, range(65))), seed=404)
     assert '--region "X,Y X,Y"' in refused(path)
     check(path, truth, replace(PAPER, region=(150, 0, 640, 360)))
 
 
+@pytest.mark.long
 def test_a_film_that_begins_after_the_release_needs_a_rule(film):
     path, truth = film(before=-0.05, duration=0.65, seed=401)
     assert '--scale "X,Y X,Y = 1 m"' in refused(path)
@@ -106,6 +111,7 @@ def test_a_film_that_begins_after_the_release_needs_a_rule(film):
     assert found.scale == pytest.approx(truth.scale, rel=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("contrast", "level", "bound"), [(0.5, 10, 1.0), (1.0, 120, 0.3)], ids=["darker", "paler"])
 def test_a_mirror_image_of_the_light_mass_is_refused_and_told_by_light(film, motion, contrast, level, bound):
     def mirrored(t: float) -> tuple[float, float]:
@@ -120,6 +126,7 @@ def test_a_mirror_image_of_the_light_mass_is_refused_and_told_by_light(film, mot
     assert found.side == 1
 
 
+@pytest.mark.long
 def test_a_lens_displaces_the_rod_and_a_person_who_shows_it_holds_it(film):
     path, truth = film(project=bent_by_a_lens(-0.05, SMALL), seed=406)
     assert np.abs(np.array(track(path, PAPER).rod) - ROD).max() > 0.5
@@ -127,6 +134,7 @@ def test_a_lens_displaces_the_rod_and_a_person_who_shows_it_holds_it(film):
     assert np.array(found.rod) == pytest.approx(ROD, abs=0.01)
 
 
+@pytest.mark.long
 def test_a_mass_that_is_not_where_it_was_shown_is_named_with_its_option(film):
     path, _ = film(seed=407)
     assert "--heavy" in refused(path, replace(PAPER, heavy=Shown(20, 20, 30)))

@@ -26,6 +26,7 @@ KINDS = {
 """Kind -> changes of the scene."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 def test_marks_are_right_in_each_kind_of_film(kind, tmp_path, motion):
     path = tmp_path / "trial.mp4"
@@ -40,6 +41,7 @@ def test_marks_are_right_in_each_kind_of_film(kind, tmp_path, motion):
     assert found.facts.bits == (10 if kind == "10 bit HEVC" else 8)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("frame_rate", [120, 240])
 def test_the_heavy_mass_is_followed_where_the_light_one_crosses_it(frame_rate, tmp_path):
     """It was lost there, which gave the string another length: the rod was found elsewhere, or the film refused."""
@@ -52,6 +54,7 @@ def test_the_heavy_mass_is_followed_where_the_light_one_crosses_it(frame_rate, t
     assert errors(found.light, truth.light, truth)[0].max() < WRONG / 2
 
 
+@pytest.mark.long
 def test_frames_that_an_edit_list_cuts_off_are_left_out(tmp_path, motion):
     """A phone that shortens a clip stores the frames before its beginning, too, and says in a list where it begins."""
     path, cut = tmp_path / "trial.mp4", tmp_path / "cut.mp4"
@@ -84,6 +87,7 @@ def tiny(tmp_path_factory, motion):
     return path.read_bytes()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(4))
 def test_a_film_with_flipped_bytes_is_read_or_refused_in_one_line(seed, tiny, tmp_path):
     random = np.random.default_rng(seed)

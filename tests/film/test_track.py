@@ -54,6 +54,7 @@ def test_an_ordinary_film_gives_both_masses_in_all_frames_to_a_third_of_a_pixel(
         assert share >= 0.99
 
 
+@pytest.mark.long
 def test_a_nasty_film_gives_nine_tenths_of_the_frames_and_no_wrong_mark(nasty_tracked, nasty):
     distance, share = errors(nasty_tracked.light, nasty[1].light, nasty[1])
     assert share >= 0.9
@@ -89,6 +90,7 @@ def test_readers_take_the_table(tracked, ordinary, tmp_path):
     }  # fmt: skip
 
 
+@pytest.mark.long
 def test_a_study_takes_a_film_and_reads_its_table_the_second_time(ordinary, tmp_path, monkeypatch):
     from looping_pendulum.measured.study import read_trial
 
@@ -109,6 +111,7 @@ def test_a_study_takes_a_film_and_reads_its_table_the_second_time(ordinary, tmp_
     assert first.camera_errors["scale"] == pytest.approx(1 / 580, rel=0.3)
 
 
+@pytest.mark.long
 def test_the_stated_errors_are_those_of_the_points(tracked, ordinary, nasty_tracked, nasty):
     for found, truth in ((tracked, ordinary[1]), (nasty_tracked, nasty[1])):
         for name in ("light", "heavy"):
@@ -119,6 +122,7 @@ def test_the_stated_errors_are_those_of_the_points(tracked, ordinary, nasty_trac
             assert np.mean(np.abs(relative) > 4) < 0.02  # where a shadow or the hand touches the mass
 
 
+@pytest.mark.long
 def test_a_fit_weighs_points_by_the_errors_that_the_film_states(tracked, ordinary, tmp_path):
     from looping_pendulum.discrepancy.fit.data import trial_data
     from looping_pendulum.measured.study import read_trial
@@ -152,6 +156,7 @@ def test_the_command_prints_the_lines_of_a_study(ordinary, tmp_path):
     assert {p.name for p in tmp_path.iterdir()} == {"trial.csv", "trial.film.json", "trial.track.png", "trial.overlay.mp4"}
 
 
+@pytest.mark.long
 def test_a_new_study_takes_what_the_film_shows_of_the_release(tracked, ordinary, tmp_path, monkeypatch):
     monkeypatch.setattr("looping_pendulum.film.output.track", lambda *args, **options: tracked)
     film, study = tmp_path / "trial.mp4", tmp_path / "mine.yaml"
@@ -167,12 +172,14 @@ def test_a_new_study_takes_what_the_film_shows_of_the_release(tracked, ordinary,
     assert released["hanging_length"].value == pytest.approx(0.05, abs=1e-3)
 
 
+@pytest.mark.long
 def test_plain_follows_without_physics(ordinary, tmp_path):
     done = CliRunner().invoke(app, ["track", str(ordinary[0]), "--plain", "--out", str(tmp_path)])
     assert done.exit_code == 0, done.output
     assert (tmp_path / "trial.csv").read_text().startswith("t [s],frame,A_x [px],A_y [px]")
 
 
+@pytest.mark.long
 def test_plain_follows_within_a_region_alone(ordinary):
     heavy = ordinary[1].heavy
     left, right = int(heavy[:, 0].min()) - 30, int(heavy[:, 0].max()) + 30

@@ -4,13 +4,13 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from looping_pendulum.cli.terminal import show_table
-from looping_pendulum.sweep.executors import in_process, in_processes
 from tests.film_faults.faults import KINDS, NONE
 from tests.film_faults.films import APPARATUS
 from tests.film_faults.judging import MOVED_BY, Judgement, Outcome, Task, judge_group, line_of
@@ -57,13 +57,13 @@ def main(
             [(number, kind, folder / f"{number}-{kind.replace(': ', '-').replace(' ', '_')}", identify) for kind in asked]
         ]
     judged: list[Judgement] = []
-    # Groups of one apparatus, not multiprocessing.Pool, which waits for ever for a worker that was killed
-    for group in in_process(iter(groups), judge_group) if jobs == 1 else in_processes(iter(groups), judge_group, jobs):
-        judged += group
-        for j in group:
-            if j.outcome.is_failure or every:
-                typer.echo(line_of(j, "kept"))
-                typer.echo(f"    {j.message[:SHOWN]}")
+    with ProcessPoolExecutor(jobs) as pool:
+        for group in pool.map(judge_group, groups):
+            judged += group
+            for j in group:
+                if j.outcome.is_failure or every:
+                    typer.echo(line_of(j, "kept"))
+                    typer.echo(f"    {j.message[:SHOWN]}")
     show(judged, asked)
     failed = [j for j in judged if j.outcome.is_failure]
     moving = [j for j in judged if j.moved > MOVED_BY]

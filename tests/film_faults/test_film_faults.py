@@ -49,12 +49,14 @@ FOUND = (
 """Studies of the same apparatus in which a fault was once neither put right nor named."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("number", "kind"), [*SAMPLE, *FOUND])
 def test_a_fault_is_put_right_or_named(tmp_path, number, kind):
     judgement = judge(number, kind, tmp_path, with_identify=False)
     assert not judgement.outcome.is_failure, judgement
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("number", "kind"), IDENTIFIED)
 def test_nothing_is_added(tmp_path, number, kind):
     judgement = judge(number, kind, tmp_path)
@@ -62,6 +64,7 @@ def test_nothing_is_added(tmp_path, number, kind):
     assert judgement.verdict in ("no_missing_effect", "unexplained")
 
 
+@pytest.mark.long
 def test_a_rate_that_a_recorder_leaves_open_is_no_effect(tmp_path):
     """Its points stay 1.3 standard deviations off, which a clock that is known to a thousandth must explain."""
     judgement = judge(8_400_082, "times of a recorder", tmp_path)
@@ -92,6 +95,7 @@ def wrong(faulty: Faulty, **changes: object) -> Faulty:
     return dataclasses.replace(faulty, **changes)  # type: ignore[arg-type]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("put", "outcome"),
     [

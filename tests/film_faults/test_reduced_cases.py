@@ -173,6 +173,7 @@ EXCHANGED = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("which", EXCHANGED)
 def test_exchanged_columns_of_one_mass_are_named(clean, tmp_path, which):
     """The points were 15 cm from the declared motion, which "no single usual mistake" explained."""
@@ -180,6 +181,7 @@ def test_exchanged_columns_of_one_mass_are_named(clean, tmp_path, which):
     assert [m for m in check.mistakes if "exchanged" in m.text]
 
 
+@pytest.mark.long
 def test_seconds_that_are_called_milliseconds_are_named(clean, tmp_path):
     """Factors on the times were tried up to 2^7."""
     check = take_first_look(study_io.load(rewritten(clean, tmp_path, names="t [ms],x,y,x,y,")))

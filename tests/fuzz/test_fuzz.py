@@ -34,6 +34,7 @@ def refuses_sevens(data: bytes) -> None:
             pass
 
 
+@pytest.mark.long
 def test_a_planted_fault_is_found_shrunk_and_kept(tmp_path):
     kind = InputKind(name="sevens", seeds=lambda: [b"1 2 3 77 5\n" * 5, b"1 2 7 4\n", b"123"], run=refuses_sevens)
     tally = fuzz(kind, 40, seed=0, failures=tmp_path, cpu_limit=0.05, shrink_seconds=2.0)

@@ -50,6 +50,7 @@ def test_a_scenario_of_ones_own_stays_in_its_own_language():
     assert {preset["name"] for preset in data["presets"] if preset["shipped"]} == set(shipped()) - {"ten_to_one"}
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("quick_figures")
 def test_runs_of_a_stored_comparison_are_taken_and_named(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -129,6 +129,7 @@ def is_flagged(result: dict) -> bool:
     return result["tests"]["larger"] or result["tests"]["pattern"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["first", "second"])
 def test_the_fit_is_the_calibration_of_the_study_that_the_page_writes(both, tmp_path, name):
     assert_same(*both(example(tmp_path / "example", name)))
@@ -144,6 +145,7 @@ def test_blind_trials_are_fitted_and_judged_as_by_identify(both, tmp_path, name)
     assert is_flagged(result) == (name in WITH_EFFECT and name not in ABSORBED)
 
 
+@pytest.mark.long
 def test_points_on_another_object_are_left_out_as_by_identify(both, tmp_path):
     filmed = blind(tmp_path, DAILY[0])
     moved = put_on_another_object(filmed.file, share=0.02, block=12, seed=4)
@@ -237,6 +239,7 @@ def test_planted_values_come_back_within_their_standard_errors(node):
         assert not result["tests"]["pattern"]
 
 
+@pytest.mark.long
 def test_a_wrong_mass_is_corrected_within_its_error(node):
     believed = live_settings(TEN_TO_ONE.replace(heavy_mass=1.03 * TRUTH.heavy_mass))
     known = {"heavy_mass": 0.03 * believed["heavy_mass"], "light_mass": 0.0}
@@ -250,6 +253,7 @@ def test_a_wrong_mass_is_corrected_within_its_error(node):
     assert masses[0]["error"] < known["heavy_mass"]
 
 
+@pytest.mark.long
 def test_a_missing_effect_is_not_called_noise(node):
     [result] = node("fit_trials.mjs", [task(5, truth=TRUTH.replace(side_force=3e-3))])
     assert result["tests"]["pattern"]

@@ -36,6 +36,7 @@ def films(tmp_path_factory):
     return paths
 
 
+@pytest.mark.long
 def test_times_are_those_of_the_decoder(films, node):
     read = node("frame_times.mjs", [str(path) for path in films.values()])
     for path, found in zip(films.values(), read, strict=True):

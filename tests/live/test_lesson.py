@@ -88,6 +88,7 @@ def test_without_friction_it_turns_round_and_with_friction_it_halts(ask):
     assert_only_right(judged(ask, "frictionless", answers, pushed), "falls")
 
 
+@pytest.mark.long
 def test_what_the_rod_holds_is_multiplied_by_each_half_turn(ask):
     answers = ["same", "more", "times"]
     outcomes = judged(ask, "friction", answers)
@@ -115,6 +116,7 @@ def test_the_lowest_ratio_is_where_the_reference_ceases_to_halt(ask):
     assert found["runs"] < 60  # each some milliseconds
 
 
+@pytest.mark.long
 def test_a_ratio_is_the_lowest_within_a_step_of_the_slider(ask):
     [found] = ask({"ask": "lowest"})
     lowest = found["lowest"]
@@ -128,6 +130,7 @@ def test_a_ratio_is_the_lowest_within_a_step_of_the_slider(ask):
     assert ask(*({"ask": "guess", "said": str(said), "lowest": lowest} for said in guesses)) == list(guesses.values())
 
 
+@pytest.mark.long
 def test_a_larger_friction_at_rest_halts_it_earlier(ask):
     answers = ["earlier", "same", "later"]
     outcomes = judged(ask, "static", answers)
@@ -139,6 +142,7 @@ def test_a_larger_friction_at_rest_halts_it_earlier(ask):
     assert_only_right(judged(ask, "static", answers, {"static_friction": 0.2, "mass_ratio": 2.8}), "later")
 
 
+@pytest.mark.long
 def test_a_larger_drag_lets_it_fall_further(ask):
     answers = ["deeper", "same", "higher"]
     outcomes = judged(ask, "drag", answers)
@@ -167,6 +171,7 @@ def test_only_the_hidden_drag_fits_a_film(ask, seed):
     assert not answers[2]["ofStep"]["fits"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
 def test_a_made_up_trial_is_fitted_and_its_wind_is_seen(ask, seed):
     first, again = ask({"ask": "trial", "seed": seed}, {"ask": "trial", "seed": seed})

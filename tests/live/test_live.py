@@ -190,6 +190,7 @@ def test_settings_left_open_are_those_of_parameters(node):
     assert compare(reference, node("run_cases.mjs", [case])[0]).agrees
 
 
+@pytest.mark.long
 def test_a_page_runs_the_script_as_node_runs_the_modules(node, browser):
     cases = [case_of(p, 1.0) for p in (TEN_TO_ONE, SENSITIVE)]
     for in_page, in_node in zip(browser(cases), node("run_cases.mjs", cases), strict=True):

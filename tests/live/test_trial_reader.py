@@ -92,6 +92,7 @@ def test_a_table_of_events_is_sent_to_identify(both):
     )
 
 
+@pytest.mark.long
 def test_the_forms_of_trackers_and_phones(both):
     """Each file as its study declares it, and with the tracks and the size of a pixel that the files of some forms need."""
     folder = real("forms/README.md").parent
@@ -127,6 +128,7 @@ def test_other_real_files(both, file, options):
         assert_same(expected, found)
 
 
+@pytest.mark.long
 def test_a_clock_with_faults_is_put_right_or_named_alike(both):
     rng = np.random.default_rng(SEED)
     outcomes = list(both([faulty_clock(rng, i) for i in range(CLOCKS)]))
@@ -163,6 +165,7 @@ FILMS = {
 """Name -> rows a second, number of the picture that each row shows, and a part of what is said."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("has_gaps", [False, True])
 def test_films_whose_rows_are_displaced_are_judged_alike(both, has_gaps):
     """With gaps, rows are missing, and in others the heavy mass."""
@@ -179,6 +182,7 @@ def test_films_whose_rows_are_displaced_are_judged_alike(both, has_gaps):
         assert_same(expected, found)
 
 
+@pytest.mark.long
 def test_times_that_were_cut_off_or_have_gaps(both):
     cases = []
     for rate, decimals, gone in itertools.product((30, 50, 90, 240, 1000), (2, 3, 6), ((), (21,), (30, 31, 32))):
@@ -293,6 +297,7 @@ def test_the_pages_study_names_the_run_and_has_the_files_own_clock(node):
     assert read_back.camera["clock_offset"].value == pytest.approx(-5.45)
 
 
+@pytest.mark.long
 def test_damaged_files_are_read_or_refused_alike(both, tmp_path):
     rng = np.random.default_rng(SEED)
     [path] = [p for p in write_example(tmp_path / "example") if p.name == "first.csv"]

@@ -57,6 +57,7 @@ def test_simulated_vision_keeps_greys_and_mixes_up_what_it_should():
     assert smallest_distance(COLOURS[2], COLOURS[3]) < MIN_DISTANCE < np.linalg.norm(oklab(COLOURS[2]) - oklab(COLOURS[3]))
 
 
+@pytest.mark.long
 def test_forces_differ_by_colour_or_dashes(palette):
     colours = palette["colours"]
     for one, other in combinations(palette["forces"], 2):

@@ -93,6 +93,7 @@ def test_the_page_itself_moves_as_the_stored_reference(opened):
         assert np.hypot(*(np.array(sample["light"]) - reference.light_position[i])) < 1e-7
 
 
+@pytest.mark.long
 def test_play_moves_the_masses_and_stops_at_the_end(page):
     page.click("[data-slow='1']")
     before, picture = light_mass(page), page.evaluate(COUNT, [STAGE, "#000000"])
@@ -107,6 +108,7 @@ def test_play_moves_the_masses_and_stops_at_the_end(page):
     until(page, "live.player.playing && live.player.time < 0.5")
 
 
+@pytest.mark.long
 def test_slow_motion_is_slower(page):
     page.click("[data-slow='50']")
     page.click("#play")
@@ -152,6 +154,7 @@ def test_keys(page):
     assert not page.evaluate("live.player.playing")
 
 
+@pytest.mark.long
 def test_keys_go_from_moment_to_moment_of_the_shown_runs(page):
     for box in page.locator("#engine-runs input:enabled").all()[1:]:
         box.uncheck()
@@ -190,6 +193,7 @@ def test_space_on_a_button_that_the_keyboard_led_to_presses_it(page):
     assert page.evaluate("live.player.time") == small_result().duration
 
 
+@pytest.mark.long
 def test_tracked_points_come_in_step_and_can_be_switched_off(visit):
     result = with_points(small_result())
     opened = visit(demo.render(result))
@@ -264,6 +268,7 @@ def test_gaps_say_why(page):
     assert "fed in by our adapter" in rows[2].inner_text()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("reduced_motion", "plays"), [("reduce", False), ("no-preference", True)])
 def test_it_plays_by_itself_only_where_motion_is_welcome(visit, reduced_motion, plays):
     opened = visit(demo.render(small_result()), reduced_motion=reduced_motion)
@@ -279,6 +284,7 @@ def test_without_stored_runs_it_waits_to_be_played(visit):
     )
 
 
+@pytest.mark.long
 def test_dark_and_light(visit):
     page = visit(demo.render(small_result()), color_scheme="dark").page
     ground = "getComputedStyle(document.body).backgroundColor"
@@ -289,6 +295,7 @@ def test_dark_and_light(visit):
     assert page.inner_text("#theme") == "Dark"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("color_scheme", ["light", "dark"])
 def test_a_phone_shows_it_without_scrolling_sideways(visit, color_scheme):
     page = visit(demo.render(small_result()), viewport=PHONE, color_scheme=color_scheme).page
@@ -311,10 +318,12 @@ def test_everything_that_acts_has_a_name(opened):
     assert unnamed == []
 
 
+@pytest.mark.long
 def test_axe_finds_nothing(opened):
     assert violations(opened.page) == []
 
 
+@pytest.mark.long
 def test_hostile_names_show_as_text(visit):
     opened = visit(demo.render(hostile_result()))
     page = opened.page

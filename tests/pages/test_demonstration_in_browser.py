@@ -29,6 +29,7 @@ def test_a_page_asks_for_nothing_and_fits_a_phone(visit, result):
     assert opened.page.locator("figure [role=img]").get_attribute("aria-label") == result.demonstration.picture.caption
 
 
+@pytest.mark.long
 def test_the_guess_is_read_first_and_the_answer_unfolded_then(visit, result):
     page = visit(html(result)).page
     assert result.demonstration.guess in page.inner_text("main")
@@ -40,6 +41,7 @@ def test_the_guess_is_read_first_and_the_answer_unfolded_then(visit, result):
     assert page.is_visible("table")
 
 
+@pytest.mark.long
 def test_dark_on_request_and_axe_finds_nothing_in_either(visit, result):
     opened = visit(html(result), color_scheme="light")
     assert violations(opened.page) == []

@@ -71,6 +71,7 @@ def show(page, frame):
     settled(page)
 
 
+@pytest.mark.long
 def test_a_film_is_tracked_from_two_clicks_and_fitted(page, film):
     path, places = film
     page.set_input_files("#film-file", str(path))

@@ -45,6 +45,7 @@ def test_an_unknown_page_is_refused():
         glossary("maps")
 
 
+@pytest.mark.long
 def test_names_in_code_are_in_the_code():
     known = names_in_code()
     named = [name for row in glossary_rows() for name in re.findall(r"`([\w.]+)`", row["Name in code"])]

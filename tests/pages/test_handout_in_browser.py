@@ -35,6 +35,7 @@ def answers(sheets):
     return sheets.nth(1).locator("ol strong").all_inner_texts()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("language", ["en", "de"])
 @pytest.mark.parametrize("name", RELEASES)
 def test_two_pages_of_paper_hold_all(opened, name, language):
@@ -117,6 +118,7 @@ def test_without_friction_the_last_question_adds_some(opened, printed):
     assert "sliding 0.3 in place of 0?" in printed().nth(1).inner_text()
 
 
+@pytest.mark.long
 def test_the_sheets_are_german(german, german_words):  # noqa: F811
     page = german.page
     for name in RELEASES:

@@ -89,6 +89,7 @@ PAGES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", PAGES)
 def test_pages_are_small_whole_and_the_same_again(name):
     html = PAGES[name]()
@@ -116,6 +117,7 @@ def test_a_script_that_would_end_its_element_is_refused(monkeypatch):
         shell.page(shell.SHARED_PACKAGE, "report.html", title="t", scripts=["'</script>'"])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["comparison", "identification"])
 def test_plotly_knows_every_key_of_our_figures(name):
     from plotly.graph_objects import Figure as Plotly
@@ -144,6 +146,7 @@ def test_figures_have_no_nan_and_escape_names():
     assert json.loads(embedded(figure.as_dict())) == {"id": "f", "traces": [{"y": [1.0]}], "layout": {"height": 420}}
 
 
+@pytest.mark.long
 def test_hostile_names_stand_in_no_page_as_they_are():
     for html in (demo.render(hostile_result()), comparison_page(hostile_result())):
         assert "<script>alert(1)</script>" not in html

@@ -123,6 +123,7 @@ def assert_german(page, german_words):
         german_words.check(words)
 
 
+@pytest.mark.long
 def test_nothing_on_the_page_stays_english(german, german_words):
     page = german.page
     assert page.get_attribute("html", "lang") == "de"
@@ -157,6 +158,7 @@ def test_nothing_on_the_page_stays_english(german, german_words):
     page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = false; })")
 
 
+@pytest.mark.long
 def test_the_lesson_is_told_in_german(german, german_words):
     page = german.page
     page.evaluate("document.getElementById('lesson').open = true")
@@ -179,6 +181,7 @@ def test_the_lesson_is_told_in_german(german, german_words):
     page.evaluate("document.getElementById('lesson').open = false")
 
 
+@pytest.mark.long
 def test_a_trial_and_its_fit_are_told_in_german(german, german_words):
     page = german.page
     rows = "".join(f"{0.01 * i:.2f};{-0.05 * i:.3f};{-0.3 - 0.01 * i:.3f};\n".replace(".", ",") for i in range(20))
@@ -217,6 +220,7 @@ def with_runs(request, visit):
     return page
 
 
+@pytest.mark.long
 def test_stored_runs_are_told_in_german(with_runs, german_words):
     page = with_runs
     for time in (0, 0.5, page.evaluate("live.player.end()")):
@@ -232,6 +236,7 @@ def test_stored_runs_are_told_in_german(with_runs, german_words):
     assert_german(page, german_words)
 
 
+@pytest.mark.long
 def test_stored_runs_are_told_in_another_language_at_once_and_stay_as_they_are(with_runs):
     page = with_runs
     words = "(ids) => ids.map((id) => document.getElementById(id).innerText)"
@@ -263,6 +268,7 @@ def test_stored_runs_are_told_in_another_language_at_once_and_stay_as_they_are(w
     assert page.title().startswith("Das schlingende Pendel: ")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("content", "message"),
     [
@@ -290,6 +296,7 @@ def test_a_bad_file_is_refused_in_german_and_then_in_english(german, german_word
     assert "found" in page.inner_text("#trial-error")
 
 
+@pytest.mark.long
 def test_numbers_have_a_comma_and_are_taken_with_one(german):
     page = german.page
     assert page.input_value("#field-release_angle") == "113,08"
@@ -305,6 +312,7 @@ def test_numbers_have_a_comma_and_are_taken_with_one(german):
     assert "112,5" not in page.evaluate("live.keeping.scenario()")
 
 
+@pytest.mark.long
 def test_another_language_keeps_all_that_was_set(page):
     page.fill("#field-mass_ratio", "7")
     page.keyboard.press("Tab")
@@ -322,6 +330,7 @@ def test_another_language_keeps_all_that_was_set(page):
     assert page.evaluate("live.state") == state
 
 
+@pytest.mark.long
 def test_the_language_is_the_readers_and_a_link_may_name_another(visit):
     opened = visit(page_text(), locale="de-CH")
     page = opened.page

@@ -25,6 +25,7 @@ def test_the_page_is_what_the_stored_data_say():
     assert PAGE.read_text(encoding="utf-8") == page(study, stored()), f"write it again: {COMMAND}"
 
 
+@pytest.mark.long
 def test_every_variant_of_the_study_has_its_static_ratio():
     study = read(SUMMARY.read_text(encoding="utf-8"))
     labels = {v.label for v in study.convergence.variants}
@@ -62,6 +63,7 @@ def test_a_click_on_a_head_sorts_by_it_and_gaps_stay_last(visit, name):
     assert opened.complaints == []
 
 
+@pytest.mark.long
 def test_by_keyboard_words_are_sorted_by_the_alphabet(visit):
     opened = visit(table())
     opened.page.get_by_role("button", name="variant").focus()

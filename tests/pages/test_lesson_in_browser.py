@@ -122,6 +122,7 @@ def test_a_prediction_is_checked_against_the_run(predicted, name):
     assert page.evaluate("live.state") == before
 
 
+@pytest.mark.long
 def test_the_lowest_ratio_is_searched_with_the_slider(predicted):
     page, table, right = predicted
     said = PREDICTIONS["lowest"][0 if right else 1]
@@ -148,6 +149,7 @@ def test_the_lowest_ratio_is_searched_with_the_slider(predicted):
     assert page.inner_text("#lesson-answer") == table["lessonLeft"]
 
 
+@pytest.mark.long
 def test_a_wrong_drag_is_put_right_by_its_slider(predicted):
     page, table, right = predicted
     said = PREDICTIONS["drag"][0 if right else 1]
@@ -179,6 +181,7 @@ def test_a_wrong_drag_is_put_right_by_its_slider(predicted):
     assert page.evaluate("live.lesson.points") is None
 
 
+@pytest.mark.long
 def test_a_made_up_trial_is_fitted(predicted):
     page, table, right = predicted
     page.evaluate("live.lesson.seeds.trial = 1")  # with wind
@@ -201,6 +204,7 @@ def test_a_made_up_trial_is_fitted(predicted):
     assert page.inner_text("#lesson-answer").endswith(table["lessonWind"].partition("}")[2])
 
 
+@pytest.mark.long
 def test_without_a_prediction_nothing_is_set(lesson):
     page, table = lesson
     before = page.evaluate("live.state")
@@ -217,6 +221,7 @@ def test_without_a_prediction_nothing_is_set(lesson):
     assert page.evaluate("live.state") == before
 
 
+@pytest.mark.long
 def test_a_step_whose_settings_were_changed_tells_nothing(visit):
     page = visit(page_text(), reduced_motion="no-preference").page
     page.click("#lesson > summary")
@@ -240,6 +245,7 @@ def test_a_step_whose_settings_were_changed_tells_nothing(visit):
     assert "it falls until the string is used up. The run says: it stops and rises again" in page.inner_text("#lesson-answer")
 
 
+@pytest.mark.long
 def test_steps_in_any_order_keep_what_was_said_in_either_language(lesson):
     page, table = lesson
     other = "de" if table["decimalSign"] == "." else "en"
@@ -265,6 +271,7 @@ def test_steps_in_any_order_keep_what_was_said_in_either_language(lesson):
     assert page.evaluate("live.ghost.settings.static_friction") == pytest.approx(0.2)
 
 
+@pytest.mark.long
 def test_the_lesson_by_keyboard_alone(visit):
     opened = visit(page_text())
     page = opened.page
@@ -292,6 +299,7 @@ def test_the_lesson_by_keyboard_alone(visit):
     assert opened.complaints == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("locale", ["en", "de"])
 def test_the_lesson_fits_a_narrow_screen(visit, locale):
     opened = visit(page_text(), locale=locale, viewport=PHONE | {"width": 320})

@@ -67,6 +67,7 @@ def test_a_trial_is_dropped_and_drawn_over_the_motion(page, example):
     assert not page.is_visible("#residuals")
 
 
+@pytest.mark.long
 def test_a_trial_with_german_commas_named_tracks_and_centimetres(page):
     rows = "".join(f"{0.01 * i:.2f};{55 - i};{-20 - i}\n".replace(".", ",") for i in range(20))
     page.set_input_files(
@@ -90,6 +91,7 @@ def test_a_trial_with_german_commas_named_tracks_and_centimetres(page):
     assert page.evaluate("live.trial.points('light')[0][0]") == pytest.approx(-0.05)
 
 
+@pytest.mark.long
 def test_pixels_runs_and_faults_of_the_clock_are_told_and_put_right_by_fields(page):
     t = np.delete(np.arange(60), 30) / 120  # one picture is lost, and the times do not show it
     points = motion(t)[:, :2] + 2e-4 * np.random.default_rng(1).standard_normal((len(t), 2))
@@ -125,6 +127,7 @@ def test_a_bad_file_cannot_write_into_the_page(page):
     assert page.locator("#trial-error img").count() == 0
 
 
+@pytest.mark.long
 def test_a_bad_file_is_refused_in_one_line_as_by_identify(opened, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     page = opened.page
@@ -145,6 +148,7 @@ def test_a_bad_file_is_refused_in_one_line_as_by_identify(opened, tmp_path, monk
     assert opened.complaints == []
 
 
+@pytest.mark.long
 def test_files_of_the_page(page, tmp_path):
     with page.expect_download() as download:
         page.click("#save-scenario")
@@ -174,6 +178,7 @@ def test_files_of_the_page(page, tmp_path):
 GOOD = "t,light_x,light_y\n" + "".join(f"{0.01 * i:.2f},{-0.5 + 0.01 * i:.3f},{-0.2 - 0.01 * i:.3f}\n" for i in range(20))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("bad", ["", "t,light_x,light_y\n0,1,2\n.01,x,3\n", "not a table"])
 def test_a_bad_file_keeps_the_good_trial(page, bad):
     drop_file(page, "good.csv", GOOD)
@@ -198,6 +203,7 @@ def test_a_bad_file_keeps_the_good_trial(page, bad):
     until(page, "document.getElementById('trial-error').textContent === ''")
 
 
+@pytest.mark.long
 def test_a_message_stands_beside_the_field_that_helps(page):
     drop_file(page, "cm.csv", GOOD.replace("-0.", "-10"))
     until(page, "document.getElementById('trial-error').textContent !== ''")
@@ -235,6 +241,7 @@ def test_a_wrong_frame_rate_is_named_as_look_names_it(page, slower, words):
     assert "Typical distance from the run: 0.0 mm" in page.inner_text("#trial-message")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("language", ["en", "de"])
 def test_the_table_of_the_run_is_read_as_a_trial(page, tmp_path, language):
     """In German spreadsheets, cells are separated by semicolons, as the comma is the decimal sign."""
@@ -276,6 +283,7 @@ def test_a_scenario_of_ones_own_comes_first(visit, tmp_path):
     assert opened.complaints == []
 
 
+@pytest.mark.long
 def test_a_fit_sets_the_sliders_says_what_is_left_and_writes_the_study(page, example):
     page.set_input_files("#trial-file", example)
     until(page, "live.trial.trial !== null")

@@ -104,6 +104,7 @@ CUT_OFF = """() => {
 """Elements of which a part is beyond an edge: the screen's, their own, or a field's."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("language", ["en", "de"])
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
 def test_nothing_is_cut_off(visit, tmp_path, size, language):
@@ -112,6 +113,7 @@ def test_nothing_is_cut_off(visit, tmp_path, size, language):
     assert page.evaluate(CUT_OFF) == []
 
 
+@pytest.mark.long
 def test_axe_finds_what_is_broken(visit):
     page = visit(page_text()).page
     page.evaluate("""() => {
@@ -160,6 +162,7 @@ def drop_of_reference(scenario, **changes):
     return 100 * float(heights[0] - heights[1])
 
 
+@pytest.mark.long
 def test_the_map_is_read_and_set_by_keys(page):
     page.focus("#map")
     time = page.evaluate("live.player.time")
@@ -192,6 +195,7 @@ def test_the_map_is_read_and_set_by_keys(page):
     assert page.get_attribute("#map-reading", "role") == "status"
 
 
+@pytest.mark.long
 def test_events_are_announced_once_as_the_motion_passes_them(page):
     preset(page, "two_to_one")
     page.evaluate("""() => {
@@ -271,6 +275,7 @@ def test_the_table_of_the_run_names_its_events(page):
     assert page.evaluate("live.player.time") == before, "in the table the arrows scroll"
 
 
+@pytest.mark.long
 def test_every_button_switch_and_choice_works_by_keys(opened, tmp_path):
     page = opened.page
 
@@ -328,6 +333,7 @@ def test_every_button_switch_and_choice_works_by_keys(opened, tmp_path):
     assert opened.complaints == []
 
 
+@pytest.mark.long
 def test_every_kind_of_control_works_by_touch(visit):
     opened = visit(page_text(), viewport=PHONE, **TOUCH)
     page = opened.page

@@ -78,6 +78,7 @@ def test_a_scenario_halts_when_the_reference_does(page, name):
     assert " ".join(scenario.description.split()) == page.inner_text("#story")
 
 
+@pytest.mark.long
 def test_a_slider_steps_by_keys_and_takes_a_typed_number(page):
     page.focus("#range-release_angle")
     for key, number in (
@@ -97,6 +98,7 @@ def test_a_slider_steps_by_keys_and_takes_a_typed_number(page):
     assert value(page, "release_angle") == 112.5
 
 
+@pytest.mark.long
 def test_every_slider_has_a_name_a_range_and_steps(opened):
     outcomes = opened.page.evaluate("""() => liveControls.map(({ name, min, max }) => {
       const range = document.getElementById(`range-${name}`), field = document.getElementById(`field-${name}`);
@@ -198,6 +200,7 @@ def test_the_light_mass_is_dragged_to_its_release(page):
     assert value(page, "release_angle") == 113.08
 
 
+@pytest.mark.long
 def test_undo_and_redo_go_through_all_settings(page):
     states = [page.evaluate("location.hash")]
     for angle in (100, 90, 80):
@@ -232,6 +235,7 @@ def test_a_ghost_and_the_change_as_numbers(page):
     assert page.inner_text("#compared") == ""
 
 
+@pytest.mark.long
 def test_play_slow_motion_steps_and_the_time(page):
     page.click("[data-slow='1']")
     page.click("#play")
@@ -303,6 +307,7 @@ def drawn_words(page):
     return {one: (x - shares[align] * width, x + (1 - shares[align]) * width, y) for one, (x, y, width, align) in words}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("language", ["en", "de"])
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
 def test_bars_have_a_scale_and_numbers_as_people_write_them(visit, size, language):
@@ -329,6 +334,7 @@ def test_bars_have_a_scale_and_numbers_as_people_write_them(visit, size, languag
         assert right <= width, one
 
 
+@pytest.mark.long
 def test_no_string_crosses_the_name_of_a_mass(page):
     page.evaluate(KEEP_WORDS)
     for step in range(21):
@@ -377,6 +383,7 @@ def test_release_is_one_thing(page):
     assert len(set(names)) == len(names)
 
 
+@pytest.mark.long
 def test_the_map_is_that_of_the_runs_and_a_click_sets_both(page):
     page.locator("#map").scroll_into_view_if_needed()
     until(page, "live.map.grids.length && live.map.grids[0].drops.every((row) => row)")
@@ -392,6 +399,7 @@ def test_the_map_is_that_of_the_runs_and_a_click_sets_both(page):
     assert page.evaluate("live.run.dropAtHalt") == pytest.approx(drops[row][column], rel=0.03)  # a pixel is some 0.3 degrees
 
 
+@pytest.mark.long
 def test_on_a_phone_it_fits_and_a_finger_reaches_everything(visit):
     opened = visit(page_text(), viewport=PHONE, has_touch=True, is_mobile=True, color_scheme="dark")
     page = opened.page
@@ -427,6 +435,7 @@ def test_on_a_phone_it_fits_and_a_finger_reaches_everything(visit):
     assert opened.complaints == []
 
 
+@pytest.mark.long
 def test_thirty_random_actions(visit):
     act_at_random(visit, page_text(), 30)
 
@@ -436,11 +445,13 @@ def test_two_thousand_random_actions(visit):
     act_at_random(visit, page_text(), 2000)
 
 
+@pytest.mark.long
 def test_every_number_of_the_live_model_has_a_control_or_follows_from_one(opened):
     settings = opened.page.evaluate("live.run.settings")
     assert settings.keys() == live_settings(load("ten_to_one").parameters).keys()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("width", [60, 240])
 def test_without_room_it_complains_of_nothing(opened, width):
     page = opened.page

@@ -14,6 +14,7 @@ NAMES_IN_CODES = (
 """Settings of a code `LP1:...`, in its order."""
 
 
+@pytest.mark.long
 def test_a_link_leads_to_its_setting_and_back(page):
     preset(page, "two_to_one")
     link = page.evaluate("location.hash")
@@ -26,6 +27,7 @@ def test_a_link_leads_to_its_setting_and_back(page):
     assert page.input_value("#preset") == "two_to_one"
 
 
+@pytest.mark.long
 def test_any_setting_comes_back_by_its_link(opened):
     outcomes = opened.page.evaluate("""async () => {
       let seed = 20261124;

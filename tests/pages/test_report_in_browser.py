@@ -44,6 +44,7 @@ def test_comparison_draws_its_figures_and_fetches_nothing(comparison):
     comparison.assert_no_requests_or_complaints(page.url)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("report", ["comparison", "identified"])
 def test_axe_finds_nothing(request, report):
     page = request.getfixturevalue(report).page
@@ -76,6 +77,7 @@ def test_tables_sort(comparison):
     assert names == sorted(names)
 
 
+@pytest.mark.long
 def test_a_phone_shows_it_without_scrolling_sideways(comparison):
     page = comparison.page
     page.set_viewport_size(PHONE)
@@ -91,6 +93,7 @@ def test_a_phone_shows_it_without_scrolling_sideways(comparison):
     page.set_viewport_size(DESKTOP)
 
 
+@pytest.mark.long
 def test_sections_start_folded_on_a_phone_and_a_link_opens_one(visit):
     page = visit(render_page(hostile_result(), charts(hostile_result())), viewport=PHONE).page
     folds = page.locator("details.fold")

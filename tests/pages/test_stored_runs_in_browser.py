@@ -14,6 +14,7 @@ ROUNDING = 1e-5
 """The page's numbers have 1e-5 rad and 1e-6 m, which at 0.58 m of string is 6 micrometres [m]."""
 
 
+@pytest.mark.long
 def test_with_other_settings_the_runs_are_not_drawn_and_a_button_leads_back(visit):
     page = visit(demo.render(small_result())).page
     at(page, 0.5)
@@ -105,6 +106,7 @@ def test_a_stored_run_stands_in_for_a_model_that_lacks_an_effect(thick):
     assert thick.complaints == []
 
 
+@pytest.mark.long
 def test_a_slider_moves_the_model_without_the_effect_and_says_so(thick):
     page, result = thick.page, thick_result()
     preset(page, "thick")
@@ -137,6 +139,7 @@ def test_a_slider_moves_the_model_without_the_effect_and_says_so(thick):
     assert thick.complaints == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("result", [small_result, thick_result])
 def test_thirty_random_actions_beside_stored_runs(visit, result):
     act_at_random(visit, demo.render(result()), 30)

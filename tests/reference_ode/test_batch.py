@@ -86,6 +86,7 @@ def assert_equal(actual, expected, bound):
         np.testing.assert_allclose(getattr(actual, name), getattr(expected, name), rtol=0, atol=bound, err_msg=name)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("release", "pushed"), [(Release.LOOPING, False), (Release.LOOPING, True), (Release.VERTICAL, False)])
 def test_a_batch_equals_single_runs(release, pushed):
     """Oracle: the single run. Bound: what the issue asks for, 1000 times the tolerance of a step."""
@@ -229,6 +230,7 @@ def test_of_the_last_runs_a_process_takes_only_its_share(processes):
     np.testing.assert_array_equal(runs.taken_here(), np.arange(1000))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("at_once", [24, pytest.param(100_000, marks=pytest.mark.accurate)])
 def test_results_do_not_depend_on_what_runs_beside(monkeypatch, at_once):
     """Results are equal to the last bit whatever the order, the division of a batch and the number of concurrent runs."""
@@ -317,6 +319,7 @@ def farthest(a, b, *others):
     return max(angle, *(np.abs(getattr(a, name) - getattr(b, name)).max() for name in ("free_length", *others)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("n", [24, pytest.param(2000, marks=pytest.mark.accurate)])
 def test_samples_with_further_effects_are_those_of_single_runs(n):
     """Oracle: single runs, in which only the effects that act are compiled in."""
@@ -335,6 +338,7 @@ def test_samples_with_further_effects_are_those_of_single_runs(n):
     assert len(found) >= 0.99 * n
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("n", [12, pytest.param(500, marks=pytest.mark.accurate)])
 @pytest.mark.parametrize("name", ALONE)
 def test_samples_with_effects_that_add_to_the_state_are_those_of_single_runs(name, n):
@@ -348,6 +352,7 @@ def test_samples_with_effects_that_add_to_the_state_are_those_of_single_runs(nam
     assert len(found) >= 0.98 * n
 
 
+@pytest.mark.long
 def test_just_before_the_rod_samples_are_found_though_time_falls_beyond():
     """The step in which the light mass reaches the rod goes on with a negative free length, in which time falls."""
     columns = random_columns(200, seed=4)

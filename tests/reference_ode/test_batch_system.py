@@ -204,6 +204,7 @@ def test_a_step_is_as_long_as_its_last_terms_allow():
 # How a batch is driven
 
 
+@pytest.mark.long
 def test_nothing_but_one_process_works_unasked(monkeypatch):
     monkeypatch.setattr(batch, "_work_together", lambda *_: pytest.fail("a second process"))
     assert (

@@ -142,6 +142,7 @@ def test_other_values_and_effects_together(apparatus, values):
     agree(apparatus, Effects(**values), Numerics())
 
 
+@pytest.mark.long
 def test_static_friction_above_kinetic():
     # The simulator's tension while the string rests is off by 5 % at its usual step, which moves the break-away by 6 ms. A
     # quarter of the step does as well for a string a sixteenth as stiff, which vibrates a quarter as fast.
@@ -150,6 +151,7 @@ def test_static_friction_above_kinetic():
     agree(SIX, effects, Numerics(stiffness=2.5e5, loss_time=4e-4, step=5e-5))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("added", [0.02, pytest.param(0.0, marks=pytest.mark.accurate)])
 def test_string_on_string_on_a_slippery_rod(added):
     # The heavy mass turns at once here: the simulator's error is of order 1/sqrt(k), which two stiffnesses cancel (see

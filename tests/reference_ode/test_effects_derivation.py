@@ -72,6 +72,7 @@ away = sp.Matrix([-sp.sin(theta), sp.cos(theta)])
 weight = sp.Matrix([0, -M1 * g])
 
 
+@pytest.mark.long
 def test_a_string_wound_on_itself():
     h = R + d / (2 * sp.pi) * (theta - 2 * sp.pi)  # support function of the spiral; h'' = 0
     slope = d / (2 * sp.pi)
@@ -141,6 +142,7 @@ def test_a_heavy_mass_that_swings():
     assert equal(actual.heavy_tilt, turning)
 
 
+@pytest.mark.long
 def test_a_light_mass_with_a_moment_of_inertia():
     """Lagrange's equations of a body that turns with its string, whose tension T1 pulls at the path l + R theta."""
     inertia, speeds = sp.Symbol("I", positive=True), sp.symbols("dl dtheta")

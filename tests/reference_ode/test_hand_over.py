@@ -33,6 +33,7 @@ RANGES = {"light_mass": 0.1, "heavy_mass": 0.1, "rod_radius": 0.1, "free_length"
 SCENARIO = Scenario(name="s", title="", description="", parameters=TEN_TO_ONE, duration=0.05)
 
 
+@pytest.mark.long
 def test_the_run_at_which_heyoka_gives_up_is_solved_and_says_so():
     """`solve` ended in "sticking: no event within 20000 steps"; heyoka itself solves the same at a tolerance of 1e-9."""
     with pytest.warns(IntegratorFallbackWarning, match="heyoka gave up .*no event within 20000 steps"):
@@ -69,6 +70,7 @@ def test_an_integrator_that_was_asked_for_by_name_is_not_replaced(short_of_steps
         solve(TEN_TO_ONE, duration=0.05, integrator="heyoka")
 
 
+@pytest.mark.long
 def test_a_batch_counts_what_was_handed_over(short_of_steps):
     columns = {"kinetic_friction": np.array([0.3, 0.34, -1.0])}
     with pytest.warns(IntegratorFallbackWarning, match="heyoka gave up at 2 of 3 runs"):

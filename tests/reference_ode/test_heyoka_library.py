@@ -57,6 +57,7 @@ def test_nothing_else_imports_heyoka():
     assert importing == ["heyoka_library.py"]
 
 
+@pytest.mark.long
 def test_compiled_code_is_kept_in_our_folder_under_our_limit(tmp_path):
     folder = tmp_path / "looping-pendulum" / "heyoka"
     assert printed(start(COMPILE, tmp_path)) == ["True", str(folder), str(DISK_LIMIT)]
@@ -83,6 +84,7 @@ def test_a_folder_that_cannot_be_used_costs_time_alone(tmp_path, damage):
     assert printed(start(COMPILE, tmp_path)) == ["False", str(folder), "None"]
 
 
+@pytest.mark.long
 def test_two_processes_that_fill_one_folder_keep_to_the_limit(tmp_path):
     limit = 200_000  # bytes: each of the functions takes some tens of thousands
     processes = [start(FILL.format(limit=limit, first=first), tmp_path) for first in (1, 100)]
@@ -119,6 +121,7 @@ def kept(cache: Path) -> list[Path]:
     return sorted((cache / "looping-pendulum" / "heyoka").glob("*.pickle"))
 
 
+@pytest.mark.long
 def test_what_was_compiled_is_read_and_not_made_again(tmp_path):
     """Oracle: the same bits as from what was just compiled, a swing past its turning points included."""
     made, *first = printed(start(RUN.format(before=""), tmp_path))
@@ -127,6 +130,7 @@ def test_what_was_compiled_is_read_and_not_made_again(tmp_path):
     assert first == second
 
 
+@pytest.mark.long
 def test_damaged_files_and_other_options_cost_time_alone(tmp_path):
     _, *first = printed(start(RUN.format(before=""), tmp_path))
     files = kept(tmp_path)

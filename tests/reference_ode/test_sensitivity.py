@@ -107,6 +107,7 @@ def test_static_friction_and_the_light_masses_radius_move_events_only():
     assert max(actual.values()) < AGREEMENT, actual
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seeds", [range(50, 100, 5), pytest.param(range(0, 50, 5), marks=pytest.mark.accurate)])
 def test_random_apparatus_through_slack_and_taut(seeds):
     """Each half meets every event; the daily one holds the guarantee."""

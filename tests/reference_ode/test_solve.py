@@ -177,6 +177,7 @@ def test_sequences_of_random_apparatus_are_the_same_at_three_tolerances():
         assert len(sequences) == 1, f"seed {seed}"
 
 
+@pytest.mark.long
 @HEYOKA
 @pytest.mark.parametrize("seeds", [range(0, 60, 6), pytest.param(range(3, 60, 6), marks=pytest.mark.accurate)])
 def test_random_apparatus_has_the_same_events_with_either_integrator(seeds):

@@ -36,6 +36,7 @@ def releases_of_this_mujoco(monkeypatch):
     monkeypatch.setattr(study, "spread_runs", lambda *_: [])
 
 
+@pytest.mark.long
 def test_the_command_writes_its_files_and_says_that_nothing_moved(releases_of_this_mujoco, tmp_path):
     pytest.importorskip("mujoco")
     done = here("versions", "mujoco", "--variant", "capstan", "--from", "1", "--out", str(tmp_path), "--json")
@@ -88,6 +89,7 @@ def test_every_cause_is_of_a_release_in_the_study():
         assert release in {row.release for row in STORED[engine].releases}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("label", ["mujoco:documented", "mujoco:capstan"])
 def test_stored_numbers_are_those_of_the_installed_release(label):
     # Oracle: the stored row of the same release; six digits are stored, and other processors round otherwise.
@@ -102,6 +104,7 @@ def test_stored_numbers_are_those_of_the_installed_release(label):
         assert measured[name] == pytest.approx(stored.variant(label).values[name], rel=1e-2, abs=1e-8), name
 
 
+@pytest.mark.long
 def test_the_figure_has_a_row_for_each_engine_and_a_ring_for_each_move_that_it_shows():
     mujoco = STORED["mujoco"]
     picture = figure([mujoco])

@@ -117,6 +117,7 @@ def test_where_neither_can_install_uvs_reason_is_told_and_nothing_stays(programs
     assert not (tmp_path / "env").exists()
 
 
+@pytest.mark.long
 def test_a_cancelled_installer_is_killed(tmp_path):
     cancelled, mark = threading.Event(), tmp_path / "alive"
     threading.Timer(0.3, cancelled.set).start()
@@ -132,6 +133,7 @@ def test_an_installer_has_a_time_limit():
         run_command([sys.executable, "-c", "import time; time.sleep(60)"], 0.3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("without_uv", [False, True])
 def test_an_environment_has_what_was_asked_for_and_nothing_of_ours(without_uv, tmp_path, monkeypatch):
     if without_uv:

@@ -32,6 +32,7 @@ def releases(*words):
     return [Version(word) for word in words]
 
 
+@pytest.mark.long
 def test_the_release_that_moved_a_number_is_named_and_failures_are_rows(tmp_path):
     installer = FakeInstaller()
     result = study(tmp_path, installer).run(releases("1.0", "2.0", "2.5", "2.6", "3.0", "3.1"))
@@ -57,6 +58,7 @@ def test_the_release_that_moved_a_number_is_named_and_failures_are_rows(tmp_path
     assert ReleasesResult.from_json(result.to_json()) == result
 
 
+@pytest.mark.long
 def test_ended_releases_are_not_run_again_and_others_are(tmp_path, no_spread):
     first = FakeInstaller()
     study(tmp_path, first).run(releases("1.0", "2.6"))
@@ -71,6 +73,7 @@ def test_ended_releases_are_not_run_again_and_others_are(tmp_path, no_spread):
     assert third.made == []
 
 
+@pytest.mark.long
 def test_a_damaged_file_and_one_of_other_settings_are_made_again(tmp_path, no_spread):
     study(tmp_path, FakeInstaller()).run(releases("2.6"))
     (file,) = (tmp_path / "releases").iterdir()
@@ -86,6 +89,7 @@ def test_a_damaged_file_and_one_of_other_settings_are_made_again(tmp_path, no_sp
     assert len(installer.made) == 2
 
 
+@pytest.mark.long
 def test_an_interrupt_keeps_what_has_ended(tmp_path, no_spread):
     interrupts = 0
 

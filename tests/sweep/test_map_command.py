@@ -143,6 +143,7 @@ def test_a_worker_killed_in_the_middle_loses_nothing(cluster, tmp_path):
     assert contents(tmp_path / "out") == contents(tmp_path / "here")
 
 
+@pytest.mark.long
 def test_an_unreachable_cluster_is_one_line_soon(tmp_path, monkeypatch):
     monkeypatch.setattr(executors, "CONNECT_TIME", 1.0)
     plan = map_file.load_text(GRID)

@@ -75,6 +75,7 @@ def test_a_grid_says_what_the_batch_says(tmp_path):
     assert (tmp_path / "halting_time.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("key", ["free_length", "release.free_length"])
 @pytest.mark.parametrize("design", ["", "sample: {count: 4}"])
 def test_a_varied_free_length_stands_beside_the_one_at_the_end(tmp_path, key, design):
@@ -93,6 +94,7 @@ def test_a_varied_free_length_stands_beside_the_one_at_the_end(tmp_path, key, de
     assert (tmp_path / "halting_time.png").exists()
 
 
+@pytest.mark.long
 def test_a_sample_has_its_parameters_beside_its_results(tmp_path):
     plan = read(SAMPLE)
     run_silently(plan, tmp_path, figures=True)
@@ -105,6 +107,7 @@ def test_a_sample_has_its_parameters_beside_its_results(tmp_path):
     assert (tmp_path / "halting_time.png").exists()
 
 
+@pytest.mark.long
 def test_killed_at_any_moment_it_goes_on_to_the_same_bytes(tmp_path, whole):
     """Before its first chunk, and in the middle of one: as soon as some of the files of its fields are there."""
     (tmp_path / "map.yaml").write_text(GRID)
@@ -151,6 +154,7 @@ def flipped(path, bit):
     path.write_bytes(data)
 
 
+@pytest.mark.long
 def test_a_coordinate_that_is_lost_or_damaged_is_found_when_read_and_mended_when_resumed(tmp_path, whole):
     """Coordinates had no checksum: of 53 flipped bits 18 changed values, and without its chunk one was read as zeros."""
     plan = read(GRID)
@@ -197,6 +201,7 @@ def test_a_damaged_description_is_one_line_that_names_it(tmp_path, file):
     assert run_silently(plan, tmp_path).runs_before == 72
 
 
+@pytest.mark.long
 def test_chunks_without_a_halt_are_done_too(tmp_path):
     plan = read(GRID)
 
@@ -228,6 +233,7 @@ def test_ctrl_c_keeps_what_is_done_and_the_same_call_goes_on(tmp_path, whole):
     assert contents(tmp_path) == whole
 
 
+@pytest.mark.long
 def test_memory_does_not_grow_with_the_map(tmp_path):
     """25 chunks of runs instead of one; kept, their results alone would take 7.4 MB.
 
@@ -304,6 +310,7 @@ def test_two_at_once_in_one_folder(tmp_path):
     assert run_silently(plan, tmp_path, solve=second).complete
 
 
+@pytest.mark.long
 def test_engines_may_be_mapped_too(tmp_path):
     text = "title: E\nscenario: ten_to_one\nengine: [reference, mujoco:effective_mass]\nparameters:\n  mass_ratio: [9, 10]\n"
     plan = map_file.load_text(text + "duration: 1.5 s\n")
@@ -333,6 +340,7 @@ def test_a_disk_that_is_really_full(tmp_path, whole):
         subprocess.run(["umount", str(small)], check=True)
 
 
+@pytest.mark.long
 def test_processes_change_no_byte_even_if_one_dies(tmp_path, whole):
     plan = read(GRID)
     with pytest.raises(EngineError, match="a worker process died.*run the same command again, with fewer --jobs"):
@@ -342,6 +350,7 @@ def test_processes_change_no_byte_even_if_one_dies(tmp_path, whole):
     assert contents(tmp_path) == whole
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sent", [signal.SIGKILL, pytest.param(signal.SIGINT, marks=pytest.mark.accurate)])
 def test_workers_end_with_their_parent(tmp_path, sent):
     (tmp_path / "map.yaml").write_text(LONG)

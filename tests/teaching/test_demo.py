@@ -35,6 +35,7 @@ def run_of(data, name):
     return next(run for run in data["runs"] if run["name"] == name)
 
 
+@pytest.mark.long
 def test_every_run_is_there_with_its_moments():
     result, data = small_result(), page_data(small_result())
     assert [run["name"] for run in data["runs"]] == ["reference", *LABELS]
@@ -117,6 +118,7 @@ def test_a_result_without_trajectories_is_refused():
         demo.render(dataclasses.replace(small_result(), samples=None))
 
 
+@pytest.mark.long
 def test_results_on_disk_come_back_with_their_trajectories(folder):
     result = small_result()
     again = stored_result(folder, TWO_TO_ONE, engines())
@@ -180,6 +182,7 @@ def test_a_damaged_folder_is_not_used(folder, tmp_path, file, text):
     assert stored_result(copy, TWO_TO_ONE, engines()) is None
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("quick_figures")
 def test_the_command_uses_what_compare_left(tmp_path, monkeypatch):
     arguments = ["two_to_one", "--engine", "mujoco:capstan", "--out", str(tmp_path)]

@@ -78,6 +78,7 @@ def with_claim(words, holds):
     return dataclasses.replace(d, claims=(Claim(words=words, holds=holds), *d.claims))
 
 
+@pytest.mark.long
 def test_a_claim_that_the_numbers_do_not_bear_out_is_shown_as_such(tmp_path, monkeypatch):
     wrong = with_claim("It slips again at {away[r1.2]:.3f} s, before it did.", lambda n: n["away"]["r1.2"] < n["away"]["r1.0"])
     result = run_demonstration(wrong)
@@ -124,6 +125,7 @@ def test_a_page_stands_alone(tmp_path):
     assert page.count("<th scope=") == 3 + 8
 
 
+@pytest.mark.long
 def test_the_list_leads_to_the_pages_that_are_there(tmp_path):
     done = CliRunner().invoke(app, ["demonstrations", "break-away", "--out", str(tmp_path)])
     assert done.exit_code == 0, done.output

@@ -21,6 +21,7 @@ from looping_pendulum.teaching.tracker import TrackerError, find_motion, overlay
 from tests.pages.small import small_result, with_points
 
 
+@pytest.mark.long
 def test_a_gif_has_every_frame_in_slow_motion_and_the_points(tmp_path):
     short = dataclasses.replace(with_points(small_result()), duration=0.1)
     seen = []
@@ -64,6 +65,7 @@ def test_an_mp4_is_written(tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["demo.mp4"]
 
 
+@pytest.mark.long
 def test_a_film_that_breaks_off_leaves_nothing(tmp_path, monkeypatch):
     def fail(*_):
         raise OSError("disk full")
@@ -81,6 +83,7 @@ def simulated(engine, profile=Profile.QUICK):
     return select([engine], profile)[0].simulate(load("ten_to_one"))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("engine", [None, "mujoco:capstan"])
 def test_our_readers_read_every_digit_back(tmp_path, engine):
     frames = overlay(find_motion("ten_to_one", engine), frame_rate=240.0, start=0.35)

@@ -257,6 +257,7 @@ def test_a_folder_with_anything_in_it_is_left_alone(here):
     assert [p.name for p in Path("full").iterdir()] == ["notes.txt"]
 
 
+@pytest.mark.long
 def test_the_shipped_marks_are_what_the_script_makes():
     folder = Path(__file__).parents[2] / "looping_pendulum" / "teaching" / "example" / "trials"
     for name, text in trials().items():

@@ -1,0 +1,45 @@
+"""Every module of the project is imported and every script compiled, so that no command breaks unseen."""
+
+import importlib
+from pathlib import Path
+
+import pytest
+
+PROJECT = Path(__file__).parents[1]
+IMPORTED = ("looping_pendulum", "tests", "benchmarks", "scripts", "research")
+COMPILED = ("engine_claims",)
+"""Folders whose scripts run an engine as soon as they are imported."""
+RUNS_ON_IMPORT = {
+    "looping_pendulum.engines.worker": "it is the program of an engine's process",
+    "looping_pendulum.__main__": "it is the command itself",
+}
+
+
+def files_below(folders):
+    return [path for folder in folders for path in sorted((PROJECT / folder).rglob("*.py"))]
+
+
+def module_names():
+    for path in files_below(IMPORTED):
+        parts = path.relative_to(PROJECT).with_suffix("").parts
+        is_ours = all((PROJECT.joinpath(*parts[:n]) / "__init__.py").exists() for n in range(1, len(parts)))
+        if path.name == "__init__.py":
+            parts = parts[:-1]
+        # A folder without __init__.py at the top is one of scripts; deeper ones hold examples and files of other programs
+        if is_ours or len(parts) == 2:
+            yield ".".join(parts)
+
+
+@pytest.mark.parametrize("name", [name for name in module_names() if name not in RUNS_ON_IMPORT])
+def test_a_module_can_be_imported(name):
+    try:
+        importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name.partition(".")[0] in IMPORTED:
+            raise
+        pytest.skip(f"{error.name} is not installed")
+
+
+@pytest.mark.parametrize("path", files_below(COMPILED), ids=lambda path: path.relative_to(PROJECT).as_posix())
+def test_a_script_can_be_compiled(path):
+    compile(path.read_text(encoding="utf-8"), path.name, "exec")
