@@ -1,8 +1,9 @@
-"""Computes how far an engine's run is from the reference; `scenarios.metrics.METRICS` lists the metrics."""
+"""How far an engine's run is from the reference: a function for each metric that `scenarios.metrics.METRICS` specifies."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,7 @@ from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.effects import GRAVITY, EffectKind
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-from looping_pendulum.scenarios.metrics import METRICS
+from looping_pendulum.scenarios.metrics import METRICS, RMS_END_TIMES
 
 TUBE = (5e-3, 5e-3)
 """Half-widths of the tube in time [s] and distance [m]: half of the last digit that the paper prints of each."""
@@ -166,48 +167,114 @@ class ComparedRun:
     comparable: bool = True
     """Whether both runs are long enough to compare their halting times (`landmarks.why_not_comparable`)."""
 
-    def rms_until(self, end_time: float) -> float | None:
-        """Return the root mean square of the light mass's deviation up to ``end_time`` [m]; see `rms_until`."""
-        return rms_until(self.aligned, end_time)
 
-    @property
-    def rms_until_halt(self) -> float | None:
-        """Root mean square of the light mass's deviation up to the reference's halt [m]."""
-        return rms_until(self.aligned, self.reference_landmarks.halting_time)
+MetricFunction = Callable[[ComparedRun], float | None]
+"""Function that returns a metric's value [SI] for a run; None where it is not defined."""
+FUNCTIONS: dict[str, MetricFunction] = {}
+"""Metric -> the function that computes it; `metric` registers it."""
 
-    def error_at_halt(self, landmark: str) -> float | None:
-        """Return a landmark of the halt less the reference's; None unless both halt and their halts are comparable."""
-        both_halt = self.landmarks.halting_time is not None and self.reference_landmarks.halting_time is not None
-        if not (self.comparable and both_halt):
-            return None
-        own, expected = getattr(self.landmarks, landmark), getattr(self.reference_landmarks, landmark)
-        return None if own is None or expected is None else _number(own - expected)
 
-    @property
-    def rebound(self) -> float | None:
-        """Distance between the string's extreme positions after its first rest [m]."""
-        return None if self.landmarks.rebound is None else self.landmarks.rebound.travel
+def metric(name: str) -> Callable[[MetricFunction], MetricFunction]:
+    """Return a decorator for the function that computes the metric ``name`` of `scenarios.metrics.METRICS`."""
+    specification = METRICS[name]
 
-    @property
-    def string_stretch(self) -> float | None:
-        """Largest magnitude of the stretch in the samples that are finite [m]."""
-        return largest_stretch(self.aligned.run.string_stretch[: finite_length(self.aligned.run)])
+    def register(function: MetricFunction) -> MetricFunction:
+        FUNCTIONS[specification.name] = function
+        return function
 
-    @property
-    def acceleration_error(self) -> float | None:
-        """Relative error of the heavy mass's acceleration in a vertical release; see `acceleration_error`."""
-        return acceleration_error(self.aligned, self.parameters)
+    return register
 
-    @property
-    def simulated_time(self) -> float | None:
-        """Time of the last finite sample [s]."""
-        samples = finite_length(self.aligned.run)
-        return float(self.aligned.run.t[samples - 1]) if samples else None
+
+@metric("rms_0.35s")
+def rms_of_the_fall(run: ComparedRun) -> float | None:
+    """Return the root mean square of the light mass's deviation until about the halt of a trial at ten to one [m]."""
+    return rms_until(run.aligned, RMS_END_TIMES["rms_0.35s"])
+
+
+@metric("rms_0.7s")
+def rms_of_the_first_loops(run: ComparedRun) -> float | None:
+    """Return the root mean square of the light mass's deviation until it has looped some times [m]."""
+    return rms_until(run.aligned, RMS_END_TIMES["rms_0.7s"])
+
+
+@metric("rms_1.0s")
+def rms_of_nearly_all(run: ComparedRun) -> float | None:
+    """Return the root mean square of the light mass's deviation over nearly all of a trial [m]."""
+    return rms_until(run.aligned, RMS_END_TIMES["rms_1.0s"])
+
+
+@metric("rms_halt")
+def rms_until_halt(run: ComparedRun) -> float | None:
+    """Return the root mean square of the light mass's deviation up to the reference's halt [m]."""
+    return rms_until(run.aligned, run.reference_landmarks.halting_time)
+
+
+@metric("halting_time_error")
+def halting_time_error(run: ComparedRun) -> float | None:
+    """Return the halting time less the reference's [s]."""
+    return error_at_halt(run, run.landmarks.halting_time, run.reference_landmarks.halting_time)
+
+
+@metric("rebound")
+def rebound(run: ComparedRun) -> float | None:
+    """Return the distance between the string's extreme positions after its first rest [m]."""
+    return None if run.landmarks.rebound is None else run.landmarks.rebound.travel
+
+
+@metric("drop_error")
+def drop_error(run: ComparedRun) -> float | None:
+    """Return the heavy mass's drop at the halt less the reference's [m]."""
+    return error_at_halt(run, run.landmarks.drop_at_halt, run.reference_landmarks.drop_at_halt)
+
+
+@metric("wrap_angle_error")
+def wrap_angle_error(run: ComparedRun) -> float | None:
+    """Return the wrap angle at the halt less the reference's [rad]."""
+    return error_at_halt(run, run.landmarks.wrap_angle_at_halt, run.reference_landmarks.wrap_angle_at_halt)
+
+
+@metric("free_length_error")
+def free_length_error(run: ComparedRun) -> float | None:
+    """Return the free length at the halt less the reference's [m]."""
+    return error_at_halt(run, run.landmarks.free_length_at_halt, run.reference_landmarks.free_length_at_halt)
+
+
+@metric("string_stretch")
+def string_stretch(run: ComparedRun) -> float | None:
+    """Return the largest magnitude of the stretch in the samples that are finite [m]."""
+    return largest_stretch(run.aligned.run.string_stretch[: finite_length(run.aligned.run)])
+
+
+@metric("acceleration_error")
+def relative_acceleration_error(run: ComparedRun) -> float | None:
+    """Return the relative error of the heavy mass's acceleration in a vertical release; see `acceleration_error`."""
+    return acceleration_error(run.aligned, run.parameters)
+
+
+@metric("tube_fraction")
+def tube_fraction(run: ComparedRun) -> float | None:
+    """Return the share of the samples that lie in the tube around the reference."""
+    return run.tube.fraction
+
+
+@metric("simulated_time")
+def simulated_time(run: ComparedRun) -> float | None:
+    """Return the time of the last finite sample [s]."""
+    samples = finite_length(run.aligned.run)
+    return float(run.aligned.run.t[samples - 1]) if samples else None
+
+
+def error_at_halt(run: ComparedRun, own: float | None, expected: float | None) -> float | None:
+    """Return ``own`` less the reference's ``expected``; None unless both halt and their halts are comparable."""
+    both_halt = run.landmarks.halting_time is not None and run.reference_landmarks.halting_time is not None
+    if not (run.comparable and both_halt) or own is None or expected is None:
+        return None
+    return _number(own - expected)
 
 
 def metrics(run: ComparedRun) -> dict[str, float | None]:
     """Return every metric of one run, SI; None where it is not defined."""
-    return {name: metric.value(run) for name, metric in METRICS.items()}
+    return {name: FUNCTIONS[name](run) for name in METRICS}
 
 
 def _number(value: float) -> float | None:

@@ -20,7 +20,6 @@ CAPSTAN = Metric(
     shown_in=PERCENT,
     heading="static capstan error",
     description="Relative error of ln(T2/T1) over half a turn, the string just sliding (`engines.tension`).",
-    value=lambda _: None,
     has_sign=True,
 )
 """The static capstan test, as one more number."""

@@ -1,16 +1,13 @@
-"""The metrics of how far an engine's run is from the reference: all that is known about each, in one table.
+"""The specifications of the metrics of how far an engine's run is from the reference, in one table.
 
-Scenarios limit them by this table, `compare.metrics` computes them by it, and reports, messages and docs/metrics.md show them
-by it.
+Scenarios limit them by this table, and reports, messages and docs/metrics.md show them by it. The function that computes one
+stands in `compare.metrics`, under `@metric` with its name.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from operator import attrgetter, methodcaller
 from types import MappingProxyType
-from typing import Any
 
 from looping_pendulum.pages.numbers import DISPLAY_UNITS, PERCENT, DisplayUnit, number, signed
 
@@ -32,8 +29,6 @@ class Metric:
     """Heading of its column in tables, without the unit."""
     description: str
     """What it is, as a sentence."""
-    value: Callable[[Any], float | None]
-    """Function that returns its value [SI] for a `compare.metrics.ComparedRun`; None where it is not defined."""
     has_sign: bool = False
     """Whether its sign says something, so that tables show a plus too: late, and more than the reference, is positive."""
     has_lower_limit: bool = False
@@ -66,15 +61,14 @@ _MILLIMETRES = DISPLAY_UNITS["m"]
 _SECONDS = DisplayUnit("s", 1.0)
 
 
-def _error_at_halt(name: str, unit: str, heading: str, quantity: str, landmark: str) -> Metric:
-    """Return the metric of the error of a quantity at the halt, which ``landmark`` names in `compare.metrics.ComparedRun`."""
+def _error_at_halt(name: str, unit: str, heading: str, quantity: str) -> Metric:
+    """Return the metric of the error of a quantity at the halt."""
     return Metric(
         name=name,
         unit=unit,
         shown_in=DISPLAY_UNITS[unit],
         heading=heading,
         description=f"{quantity} less the reference's.",
-        value=methodcaller("error_at_halt", landmark),
         has_sign=True,
     )
 
@@ -90,7 +84,6 @@ METRICS = MappingProxyType(
                     shown_in=_MILLIMETRES,
                     heading=f"RMS to {end_time} s",
                     description=f"Root mean square distance of the light mass from the reference's in the first {end_time} s.",
-                    value=methodcaller("rms_until", end_time),
                 )
                 for name, end_time in RMS_END_TIMES.items()
             ),
@@ -100,27 +93,24 @@ METRICS = MappingProxyType(
                 shown_in=_MILLIMETRES,
                 heading="RMS to halt",
                 description="Root mean square distance of the light mass from the reference's until the reference halts.",
-                value=attrgetter("rms_until_halt"),
             ),
-            _error_at_halt("halting_time_error", "s", "halting error", "Halting time", "halting_time"),
+            _error_at_halt("halting_time_error", "s", "halting error", "Halting time"),
             Metric(
                 name="rebound",
                 unit="m",
                 shown_in=_MILLIMETRES,
                 heading="rebound",
                 description="Distance between the string's extreme positions after its first rest.",
-                value=attrgetter("rebound"),
             ),
-            _error_at_halt("drop_error", "m", "drop error", "Drop of the heavy mass at the halt", "drop_at_halt"),
-            _error_at_halt("wrap_angle_error", "rad", "wrap angle error", "Wrap angle at the halt", "wrap_angle_at_halt"),
-            _error_at_halt("free_length_error", "m", "free length error", "Free length at the halt", "free_length_at_halt"),
+            _error_at_halt("drop_error", "m", "drop error", "Drop of the heavy mass at the halt"),
+            _error_at_halt("wrap_angle_error", "rad", "wrap angle error", "Wrap angle at the halt"),
+            _error_at_halt("free_length_error", "m", "free length error", "Free length at the halt"),
             Metric(
                 name="string_stretch",
                 unit="m",
                 shown_in=_MILLIMETRES,
                 heading="stretch",
                 description="Largest magnitude of the string's stretch.",
-                value=attrgetter("string_stretch"),
             ),
             Metric(
                 name="acceleration_error",
@@ -128,7 +118,6 @@ METRICS = MappingProxyType(
                 shown_in=PERCENT,
                 heading="acceleration error",
                 description="Relative error of the heavy mass's acceleration in a vertical release.",
-                value=attrgetter("acceleration_error"),
                 has_sign=True,
             ),
             Metric(
@@ -137,7 +126,6 @@ METRICS = MappingProxyType(
                 shown_in=PERCENT,
                 heading="in tube",
                 description="Share of the samples that lie in the tube around the reference.",
-                value=attrgetter("tube.fraction"),
                 has_lower_limit=True,
             ),
             Metric(
@@ -146,7 +134,6 @@ METRICS = MappingProxyType(
                 shown_in=_SECONDS,
                 heading="simulated time",
                 description="Time of the run's last sample.",
-                value=attrgetter("simulated_time"),
                 has_lower_limit=True,
             ),
         )
@@ -157,5 +144,5 @@ METRICS = MappingProxyType(
 
 def metric_called(name: str) -> Metric:
     """Return the metric ``name``; one that only another version knows, and whose result is read, is a plain number."""
-    unknown = Metric(name=name, unit="", shown_in=DisplayUnit("SI", 1.0), heading=name, description="", value=lambda _: None)
+    unknown = Metric(name=name, unit="", shown_in=DisplayUnit("SI", 1.0), heading=name, description="")
     return METRICS.get(name, unknown)
