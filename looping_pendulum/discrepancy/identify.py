@@ -7,7 +7,7 @@ import dataclasses
 import math
 import platform
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -67,13 +67,6 @@ class OutOfTimeError(HarnessError, TimeoutError):
     """The time limit was over before the declared model was calibrated."""
 
 
-class _OutOfTime(KeyboardInterrupt):
-    """The time limit is over: what was found is reported, as after Ctrl-C.
-
-    A KeyboardInterrupt is no Exception, so no handler of failed fits on the way catches it.
-    """
-
-
 def identify(
     study: Study,
     *,
@@ -112,17 +105,23 @@ def identify(
     """
     deadline = math.inf if time_limit is None else time.monotonic() + time_limit
 
-    def progress_within_limit(what: str, share: float) -> None:
-        if time.monotonic() > deadline and share < REPORT_SHARE:
-            raise _OutOfTime
-        progress(what, share)
+    def is_time_over() -> bool:
+        return time.monotonic() > deadline
+
+    def refuse_if_time_is_over() -> None:
+        if is_time_over():
+            raise OutOfTimeError(
+                f"--time-limit: found no fit of the declared model within {time_limit:g} s; check the study's units and "
+                "values, or allow more"
+            )
 
     read = 0.0
 
     def reading(what: str, share: float) -> None:
         nonlocal read
         read = READING_SHARE * share
-        progress_within_limit(what, read)
+        refuse_if_time_is_over()
+        progress(what, read)
 
     pool: contextlib.AbstractContextManager[Workers]
     if isinstance(workers, Workers):
@@ -130,23 +129,20 @@ def identify(
     else:
         pool = Workers(default_process_count() if workers is None else workers)
     progress("reading", 0.0)
-    try:
-        # First, so that the worker processes start and import meanwhile
-        with one_blas_thread(), pool as team:
-            first_look = take_first_look(study, reading)
-            if not anyway:
-                first_look.refuse_mistakes()
-            inputs = read_inputs(study, first_look.observations)
-            result = _identify(inputs, seed, progress_within_limit, team, done=read)
-    except _OutOfTime:
-        message = (
-            f"--time-limit: found no fit of the declared model within {time_limit:g} s; check the study's units and values"
-        )
-        raise OutOfTimeError(f"{message}, or allow more") from None
+    # First, so that the worker processes start and import meanwhile
+    with one_blas_thread(), pool as team:
+        first_look = take_first_look(study, reading)
+        if not anyway:
+            first_look.refuse_mistakes()
+        inputs = read_inputs(study, first_look.observations)
+        refuse_if_time_is_over()
+        result = _identify(inputs, seed, progress, is_time_over, team, done=read)
     return dataclasses.replace(result, notes=(*first_look.notes, *result.notes), first_look=first_look)
 
 
-def _identify(inputs: Inputs, seed: int, progress: ReportShare, workers: Workers, done: float) -> Identification:
+def _identify(
+    inputs: Inputs, seed: int, progress: ReportShare, is_time_over: Callable[[], bool], workers: Workers, done: float
+) -> Identification:
     """Identify; an interrupt after the calibration ends the search, an earlier one is raised."""
 
     def report(what: str) -> None:
@@ -164,7 +160,7 @@ def _identify(inputs: Inputs, seed: int, progress: ReportShare, workers: Workers
             return found.judged(e)
 
     study = inputs.study
-    found, start_costs = explain(inputs, seed, workers, report)
+    found, start_costs = explain(inputs, seed, workers, report, is_time_over)
     progress("reporting", REPORT_SHARE)
     before = judged(found.nothing)
     has_repair = found.verdict not in (Verdict.NO_MISSING_EFFECT, Verdict.UNEXPLAINED) and found.best is not found.nothing

@@ -177,8 +177,24 @@ def test_an_interrupt_while_models_are_judged_costs_nothing_that_was_found(tmp_p
     assert result.explanations[0].names == ("scale",)
 
 
+@pytest.mark.long
+def test_a_search_that_is_out_of_time_leaves_what_it_has(tmp_path):
+    asked = []
+
+    def is_over_at_the_second_step():
+        asked.append(True)
+        return len(asked) > 1
+
+    with only_candidates(["scale", "tilt"]):
+        inputs = read_inputs(load(write_study(tmp_path, CASES["scale"], 1, trials=["ten_a"])))
+        found, _ = explain(inputs, is_time_over=is_over_at_the_second_step)
+    assert found.verdict is Verdict.INTERRUPTED
+    assert len(asked) == 2
+    assert set(found.search.fitted) == {frozenset()}, "what is out of time is the first fit of a candidate"
+
+
 def test_a_search_ends_with_its_time_limit(tmp_path):
-    """Before anything is fitted there is nothing to report; later, the search reports as after Ctrl-C."""
+    """Before anything is fitted there is nothing to report."""
     study = load(write_study(tmp_path, CLEAN, 5, trials=["ten_a"]))
     with pytest.raises(OutOfTimeError, match=r"^--time-limit: found no fit of the declared model within 1e-09 s; check"):
         identify(study, workers=1, time_limit=1e-9)

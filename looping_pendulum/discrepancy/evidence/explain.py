@@ -206,7 +206,11 @@ class Explanations:
 
 
 def explain(
-    inputs: Inputs, seed: int = 0, workers: Workers = SERIAL, report: Callable[[str], None] = lambda what: None
+    inputs: Inputs,
+    seed: int = 0,
+    workers: Workers = SERIAL,
+    report: Callable[[str], None] = lambda what: None,
+    is_time_over: Callable[[], bool] = lambda: False,
 ) -> tuple[Explanations, tuple[float, ...]]:
     """Compare explanations of the data of all trials, held-out ones included.
 
@@ -217,7 +221,9 @@ def explain(
     seed
         Seed of the random second start of the calibration.
     report
-        Called with a description of each step. A KeyboardInterrupt that it raises after the calibration ends the search.
+        Called with a description of each step.
+    is_time_over
+        Asked before each step of the search, which then ends with what it has, as it does after Ctrl-C.
 
     Returns
     -------
@@ -241,10 +247,9 @@ def explain(
     starts = [problem.prior_mean, np.clip(second, problem.low, problem.high)]
     fits = together([calibrate_steps(problem, start) for start in starts])
     base = refit_with_estimated_noise(min(fits, key=lambda f: f.cost))
-    search = Search(base, inputs.library, workers, report)
-    interrupted = False
+    search = Search(base, inputs.library, workers, report, is_time_over)
     try:
-        search.run()
+        interrupted = not search.run()
     except KeyboardInterrupt:
         interrupted = True
     return Explanations(search, inputs, workers, interrupted), tuple(f.cost for f in fits)

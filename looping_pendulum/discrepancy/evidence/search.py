@@ -70,6 +70,8 @@ class Search:
         Listed effects that may be missing.
     report
         Called with a description of each step that begins.
+    is_time_over
+        Asked before each step whether to end.
     """
 
     def __init__(
@@ -78,8 +80,9 @@ class Search:
         library: Sequence[Candidate],
         workers: Workers = SERIAL,
         report: Callable[[str], None] = lambda what: None,
+        is_time_over: Callable[[], bool] = lambda: False,
     ) -> None:
-        self.library, self.workers, self.report = tuple(library), workers, report
+        self.library, self.workers, self.report, self._is_time_over = tuple(library), workers, report, is_time_over
         self.grid = NoiseGrid(base.problem.data)
         self.fitted: dict[Key, Explanation] = {}
         """What an explanation adds -> the explanation, of all that were fitted exactly."""
@@ -130,29 +133,39 @@ class Search:
         """
         return not self.best.parts.law and not self.best.setting and self.passes(self.best)
 
-    def run(self) -> None:
-        """Fit explanations until no other comes near the best."""
-        self._go_on()
+    def run(self) -> bool:
+        """Fit explanations until no other comes near the best; return whether none does, or False: time was over before."""
+        if not self._go_on():
+            return False
         if not self.passes(self.best):
             # Once more, from other starts: where none is right, a fit may have gone astray
             chosen = sorted((e for e in self.fitted.values() if e.key), key=lambda e: -e.log_posterior)[:MAX_TOGETHER]
             for e, fit in zip(chosen, map_steps(self.workers, again_steps, (), [(e,) for e in chosen]), strict=True):
                 if fit is not None:
                     self._add(fit, e.parts)
-            self._go_on()
+            if not self._go_on():
+                return False
         if self.best.key != NOTHING:  # whose noise is known
             self._with_noise_of(self.best)
-            self._go_on()
+            return self._go_on()
+        return True
 
-    def _go_on(self) -> None:
-        """Look at what may be added to explanations near the best, and fit what may come near, in rounds."""
+    def _go_on(self) -> bool:
+        """Look at what may be added to explanations near the best, and fit what may come near, in rounds.
+
+        Return False if time was over before.
+        """
         for _ in range(MAX_ROUNDS):
             self._fit_without_parts()
             for e in self._near():
+                if self._is_time_over():
+                    return False
                 self._expand(e)
             chosen = self._promising()
             if not chosen:
-                return
+                return True
+            if self._is_time_over():
+                return False
             self.report(f"fitting {', '.join(in_words(a.key) for a in chosen)}")
             expected = {a.key: (self._start_of(a).key, self._expected(a, 0.0)[0]) for a in chosen}
             for a in chosen:
@@ -165,6 +178,7 @@ class Search:
                     start, log_posterior = expected[a.key]
                     found = self._add(fit, a.parts)
                     self._errors.setdefault((start, a.law is not None), []).append(found.log_posterior - log_posterior)
+        return True
 
     def _add(self, fit: Fit, parts: Parts) -> Explanation:
         """Keep an explanation unless a better fit of it is known; return it."""
