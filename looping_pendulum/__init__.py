@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from looping_pendulum.compare import write as write
     from looping_pendulum.compare.harness import compare_engines as compare_engines
     from looping_pendulum.discrepancy.identify import identify as identify
+    from looping_pendulum.measured.film_points import track as track
     from looping_pendulum.measured.study_io import load as load_study  # noqa: F401
     from looping_pendulum.reference_ode.batch import solve_batch as solve_batch
     from looping_pendulum.reference_ode.solve import solve as solve
@@ -32,6 +33,7 @@ _FROM = {
     "compare_engines": "compare.harness:compare_engines",
     "write": "compare:write",
     "write_demo": "teaching.demo:write",
+    "track": "measured.film_points:track",
     "load_study": "measured.study_io:load",
     "identify": "discrepancy.identify:identify",
 }

@@ -29,8 +29,10 @@ def test_the_package_alone_imports_no_numbers():
 
 
 def test_the_examples_run(tmp_path, monkeypatch, capsys):
+    renderer = pytest.importorskip("tests.film.renderer", reason="needs the extra film")
     monkeypatch.chdir(tmp_path)
     write_example(tmp_path / "example")
+    renderer.render(tmp_path / "trial.mp4", renderer.Scene(before=0.1, duration=0.6), renderer.looping_motion(0.8))
     names = {}
     for example in re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL):
         exec(compile(example, str(PAGE), "exec"), names)
@@ -38,4 +40,5 @@ def test_the_examples_run(tmp_path, monkeypatch, capsys):
     assert (tmp_path / "report" / "ten_to_one" / "demo.html").exists()
     assert names["run"].halting_time == pytest.approx(0.3814, abs=1e-3)
     assert len(names["batch"].halting_time) == 3
+    assert {c.name for c in names["points"].channels} == {"light_x", "light_y", "heavy_x", "heavy_y"}
     assert capsys.readouterr().out.count("\n") > 4

@@ -89,7 +89,7 @@ def track(
                 tracked, written = output.track_and_write(film, settings, files, bars.update, overlay=overlay)
                 say(output.sentence(tracked))
                 say("Check the marks on the contact sheet. In a study:")
-                say(output.study_lines(tracked, files.table.name))
+                say(output.study_lines(tracked, Path(film).name if out is None else files.table.name))
                 found = output.facts(tracked)
         say(f"wrote {', '.join(map(str, written))}")
         listed.append(found | {"files": [str(path) for path in written]})

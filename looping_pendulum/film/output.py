@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 
 from looping_pendulum.files import write_atomically
 from looping_pendulum.film.decode import FilmError, Picture, decoding, imaging, pictures_of
@@ -26,7 +26,7 @@ from looping_pendulum.reference_ode.geometry import Array
 
 CHANNELS = ("light_x", "light_y", "heavy_x", "heavy_y")
 TABLE_COLUMNS = ("t [s]", *(f"{name} [m]" for name in CHANNELS), *(f"{name}_error [m]" for name in CHANNELS), "flag")
-"""Columns of the table; readers of measured data take the first five."""
+"""Columns of the table, which is an export: a study that names the film takes the points themselves."""
 LONG_STREAK = 12.0
 """Way during the exposure from which on its point is flagged [pixels of a picture 1280 wide]."""
 SHEET_WIDTH = 1280
@@ -102,35 +102,41 @@ def refuse_foreign_table(files: FilmFiles) -> None:
         raise FilmError(f"{files.table}: found a table of another program, needed room for the points; rename it, or use --out")
 
 
-def is_newer(files: FilmFiles, film: str | Path) -> bool:
-    """Return whether the table beside a film was written after it."""
+def stored_facts(files: FilmFiles, film: str | Path, stated: Mapping[str, float]) -> dict[str, Any] | None:
+    """Return the facts that `write` wrote for a film, if they are newer than it and were found with what is now stated.
+
+    Parameters
+    ----------
+    stated
+        Field of `TrackSettings` -> its value now [SI]; what a person has shown in the film besides is not compared.
+    """
     try:
-        return files.table.stat().st_mtime_ns >= Path(film).stat().st_mtime_ns
+        if files.facts.stat().st_mtime_ns < Path(film).stat().st_mtime_ns:
+            return None
+        tree: dict[str, Any] = json.loads(files.facts.read_text(encoding="utf-8"))
+        known = {name: tree["settings"][name] for name in stated}
+        points = tree["points"]["light"]["t"], tree["points"]["heavy"]["t"], tree["camera_errors"], tree["release"]
+    except (OSError, ValueError, TypeError, KeyError):
+        return None
+    # A length was written with six digits in a study's line
+    same = all(v is not None and math.isclose(v, stated[name], rel_tol=1e-5) for name, v in known.items())
+    return tree if same and all(points) else None
+
+
+def is_edited(files: FilmFiles) -> bool:
+    """Return whether somebody changed the table after it was written: the facts are written last."""
+    try:
+        return files.table.stat().st_mtime_ns > files.facts.stat().st_mtime_ns
     except OSError:
         return False
 
 
-def camera_errors(files: FilmFiles) -> dict[str, float]:
-    """Return the standard errors [SI] of the camera's parameters that the facts beside a table state; none without them."""
+def stored_settings(files: FilmFiles) -> TrackSettings:
+    """Return the settings with which the facts beside a film were found; the usual ones without them."""
     try:
-        tree = json.loads(files.facts.read_text(encoding="utf-8"))
-        return {name: float(error) for name, error in tree["camera_errors"].items()}
-    except (OSError, ValueError, TypeError, KeyError, AttributeError):
-        return {}
-
-
-def point_errors(files: FilmFiles) -> dict[str, tuple[Array, Array]]:
-    """Return channel -> times [s] and standard errors [m] of its points, as a table that `write` wrote states them."""
-    try:
-        with files.table.open(encoding="utf-8", newline="") as stream:
-            rows = list(csv.DictReader(stream))
-        return {
-            name: (np.array([float(row["t [s]"]) for row in own]), np.array([float(row[f"{name}_error [m]"]) for row in own]))
-            for name in CHANNELS
-            if (own := [row for row in rows if row[f"{name}_error [m]"]])
-        }
+        return TypeAdapter(TrackSettings).validate_python(json.loads(files.facts.read_text(encoding="utf-8"))["settings"])
     except (OSError, ValueError, TypeError, KeyError):
-        return {}
+        return TrackSettings()
 
 
 def table(track: FilmTrack) -> str:
@@ -157,21 +163,6 @@ def table(track: FilmTrack) -> str:
     return "\n".join(rows) + "\n"
 
 
-def camera_lines(track: FilmTrack) -> dict[str, str]:
-    """Return what a study says of this film's camera: the errors of scale, origin, tilt and clock."""
-    error = _camera_errors(track)
-    readout = KNOWN_READOUT_ERROR if track.settings.readout is not None else error["readout"]
-    return {
-        "scale": f"1 +/- {100 * error['scale']:.2g} %",
-        "origin_x": f"0 mm +/- {1e3 * error['origin_x']:.2g} mm",
-        "origin_y": f"0 mm +/- {1e3 * error['origin_y']:.2g} mm",
-        "tilt": f"0 deg +/- {math.degrees(error['tilt']):.2g} deg",
-        "clock_offset": f"0 ms +/- {1e3 * error['clock_offset']:.2g} ms",
-        "heavy_offset_x": f"0 mm +/- {1e3 * error['heavy_offset_x']:.2g} mm",
-        "readout": f"{delay_per_length(track):.4g} s/m +/- {readout:.2g} s/m",
-    }
-
-
 def _camera_errors(track: FilmTrack) -> dict[str, float]:
     """Return the standard errors of the camera's parameters [SI], with which they are fitted where a study states none."""
     origin_x, origin_y = (max(error / track.scale, LEAST_ORIGIN_ERROR) for error in track.rod_error)
@@ -194,19 +185,6 @@ def release_lines(track: FilmTrack) -> dict[str, str]:
     }
 
 
-def stated_release(files: FilmFiles) -> dict[str, str]:
-    """Return `release_lines` of the facts beside a table; none without them."""
-    try:
-        return dict(json.loads(files.facts.read_text(encoding="utf-8"))["release"])
-    except (OSError, ValueError, TypeError, KeyError):
-        return {}
-
-
-def delay_per_length(track: FilmTrack) -> float:
-    """Return the delay of the picture's rows per length downwards [s/m], 0 if the time of the readout is not known."""
-    return (track.settings.readout or 0.0) * track.scale / track.facts.height
-
-
 def sentence(track: FilmTrack) -> str:
     """Say in one line what was found."""
     return (
@@ -219,16 +197,18 @@ def sentence(track: FilmTrack) -> str:
 
 
 def study_lines(track: FilmTrack, file: str) -> str:
-    """Return the lines of a study for this film's trial, to copy."""
+    """Return the lines of a study for this film's trial, to copy; the errors of its camera go with the points."""
     release = release_lines(track)
-    camera = ", ".join(f"{key}: {value}" for key, value in camera_lines(track).items())
     length = "" if track.settings.free_length is None else f", free_length: {_length(track)}"
-    return "\n".join((
+    lines = [
         f"  - file: {file}",
         f"    release: {{kind: looping, angle: {release['angle']}{length},",
         f"      hanging_length: {release['hanging_length']}}}",
-        f"    camera: {{{camera}}}",
-    ))  # fmt: skip
+    ]
+    if track.settings.readout is not None:
+        delay = track.settings.readout * track.scale / track.facts.height
+        lines.append(f"    camera: {{readout: {delay:.4g} s/m +/- {KNOWN_READOUT_ERROR:.2g} s/m}}")
+    return "\n".join(lines)
 
 
 def _length(track: FilmTrack) -> str:
@@ -251,17 +231,22 @@ def facts(track: FilmTrack | PlainTrack) -> dict[str, Any]:
         "angle_deg": math.degrees(track.angle), "hanging_length_m": track.hanging_length,
         "string_residual_pixels": track.string_scatter,
         "frames_followed": [first, last], "light_share": track.share, "skipped": track.skipped,
-        "points": {name: _summary(p) for name, p in (("light", track.light), ("heavy", track.heavy))},
-        "release": release_lines(track),
-        "camera": camera_lines(track), "camera_errors": _camera_errors(track), "readout_s": track.settings.readout,
+        "settings": asdict(track.settings), "release": release_lines(track),
+        "camera_errors": _camera_errors(track),
+        "points": {name: _points(track, p) for name, p in (("light", track.light), ("heavy", track.heavy))},
     }  # fmt: skip
 
 
-def _summary(points: Points) -> dict[str, float]:
+def _points(track: FilmTrack, points: Points) -> dict[str, Any]:
+    """Return a mass's points from the release on, in seconds and metres as `table` has them, and a summary of all."""
+    t = track.t[points.frame] - track.release
+    (x, y), error = track.metres(points.place).T, points.error.T / track.scale
+    columns = {"t": t, "x": x, "y": y, "x_error": error[0], "y_error": error[1]}
     return {
         "frames": len(points.frame),
         "median_error_pixels": float(np.median(points.error)),
         "longest_streak_pixels": float(points.streak.max()),
+        **{name: values[t >= 0].tolist() for name, values in columns.items()},
     }
 
 
@@ -307,7 +292,9 @@ def write_plain(track: PlainTrack, files: FilmFiles) -> list[Path]:
 
 
 def _json(tree: dict[str, Any]) -> str:
-    return json.dumps(tree, indent=1, default=float) + "\n"
+    """Return the facts with one of them in each line."""
+    lines = (f"{json.dumps(key)}: {json.dumps(value, default=float)}" for key, value in tree.items())
+    return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
 def _png(picture: NDArray[np.uint8]) -> bytes:

@@ -12,12 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured.camera import CAMERA
 from looping_pendulum.measured.displaced_rows import clock_faults
 from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.measured.observations import (
-    DataError,
     Observations,
     merge,
     mirrored,
@@ -31,11 +29,8 @@ from looping_pendulum.reference_ode.parameters import Parameters, Release, effec
 from looping_pendulum.scenarios.quantities import APPARATUS, QUANTITIES
 
 if TYPE_CHECKING:
-    from looping_pendulum.film.output import FilmFiles
     from looping_pendulum.jobs import ReportShare
 
-FALLBACK_ROD_RADIUS = 5e-3
-"""Radius of a film's rod that a study does not state [m]; an error of a millimetre moves the scale by 0.2 %."""
 RELEASE = ("release_angle", "free_length", "hanging_length", "push_across")
 """Parameters of a release; a study gives the speed of a push with them, not under ``effects``."""
 FREE_SCALE = 1 / 3
@@ -358,11 +353,12 @@ def read_files(
         If a file cannot be used.
     """
     from looping_pendulum.film.decode import is_film
+    from looping_pendulum.measured.film_points import read_film
     from looping_pendulum.measured.readers import read  # imports units, which takes a while and which fits do not need
 
     has_film = any(is_film(path) for path, _ in trial.files)
     parts = tuple(
-        _read_film(folder / path, trial, rod_radius, progress)
+        read_film(folder / path, _stated_of_film(trial, rod_radius), trial.name, progress)
         if is_film(path)
         else read(
             folder / path,
@@ -391,57 +387,13 @@ def read_files(
     return rates_from_release(observations, period, None if angle is None else angle.value)
 
 
-def _read_film(film: Path, trial: Trial, rod_radius: float | None, progress: ReportShare | None) -> Observations:
-    """Read the points of a film, and what is known of its camera: from the table beside it, or by tracking it now."""
-    # Here, as OpenCV takes a while to import, and no other study needs it
-    from looping_pendulum.film import output
-    from looping_pendulum.measured.readers import read
-
-    files = film_files(film, trial.estimates.get("free_length"), rod_radius, trial.frame_rate, progress)
-    points = read(files.table, name=trial.name, starts_at_release=False)
-    errors = output.point_errors(files)
-    channels = tuple(replace(c, stated_error=errors.get(c.name)) for c in points.channels)
-    assumption = f"the film's points were read from {files.table.name}; {files.sheet.name} shows the marks on it"
-    return replace(
-        points,
-        channels=channels,
-        assumptions=(*points.assumptions, assumption),
-        camera_errors={**points.camera_errors, **output.camera_errors(files)},
-    )
-
-
-def film_files(
-    film: Path, length: Estimate | None, rod_radius: float | None, frame_rate: float | None, progress: ReportShare | None
-) -> FilmFiles:
-    """Return the files that tracking a film writes, which is done now if its table is not there, or older.
-
-    Parameters
-    ----------
-    length
-        Free length at the release.
-    rod_radius
-        [m]; None: the usual one.
-    frame_rate
-        True frame rate [Hz]; None: as the film says.
-
-    Raises
-    ------
-    DataError
-        If the film cannot be tracked.
-    """
-    from looping_pendulum.film import output
-    from looping_pendulum.film.track import TrackSettings
-
-    files = output.files_of(film)
-    if not output.is_newer(files, film):
-        settings = TrackSettings(
-            free_length=None if length is None else length.value,
-            free_length_error=0.0 if length is None or length.sigma is None else length.sigma,
-            rod_radius=rod_radius or FALLBACK_ROD_RADIUS,
-            frame_rate=frame_rate,
-        )
-        try:
-            output.track_and_write(film, settings, files, progress)
-        except HarnessError as error:
-            raise DataError(str(error)) from None
-    return files
+def _stated_of_film(trial: Trial, rod_radius: float | None) -> dict[str, float]:
+    """Return what a study states of a film: fields of `TrackSettings` and their values [SI]."""
+    length = trial.estimates.get("free_length")
+    stated = {
+        "free_length": None if length is None else length.value,
+        "free_length_error": None if length is None else length.sigma,
+        "rod_radius": rod_radius,
+        "frame_rate": trial.frame_rate,
+    }
+    return {name: value for name, value in stated.items() if value is not None}

@@ -16,9 +16,10 @@ from pydantic_core import PydanticCustomError
 from looping_pendulum.errors import HarnessError, ParameterError
 from looping_pendulum.film.decode import is_film
 from looping_pendulum.jobs import ReportShare
+from looping_pendulum.measured.film_points import facts_of_film
 from looping_pendulum.measured.observations import DataError
 from looping_pendulum.measured.readers import FileSurvey, mass_in_name, survey
-from looping_pendulum.measured.study import REQUIRED, Estimate, film_files
+from looping_pendulum.measured.study import REQUIRED, Estimate
 from looping_pendulum.measured.study_file import MeasuredField
 from looping_pendulum.measured.study_io import estimate_text
 from looping_pendulum.reference_ode.parameters import Release
@@ -228,17 +229,17 @@ def _trials_of(file: Path, given: Mapping[str, str], reporting: Reporting) -> li
 
 def _shown_by_film(film: Path, given: Mapping[str, str], reporting: Reporting) -> dict[str, str]:
     """Return what a film shows of its release, by the names of quantities; nothing without the free length, its scale."""
-    from looping_pendulum.film.output import stated_release  # imports OpenCV
-
     if "free_length" not in given:
         return {}
-    radius = _estimate("rod_radius", given["rod_radius"]).value if "rod_radius" in given else None
+    length = _estimate("free_length", given["free_length"])
+    stated = {"free_length": length.value, "free_length_error": length.sigma or 0.0}
+    if "rod_radius" in given:
+        stated["rod_radius"] = _estimate("rod_radius", given["rod_radius"]).value
     try:
         with reporting() as progress:
-            files = film_files(film, _estimate("free_length", given["free_length"]), radius, None, progress)
+            release = facts_of_film(film, stated, progress)["release"]
     except DataError as error:
         raise NewFileError(str(error)) from None
-    release = stated_release(files)
     return {q.name: release[q.last_key] for q in QUANTITIES.values() if q.group == "release" and q.last_key in release}
 
 

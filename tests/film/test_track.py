@@ -2,7 +2,9 @@
 
 import json
 import math
+import os
 import shutil
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +17,7 @@ from looping_pendulum.film.decode import FilmError, Picture
 from looping_pendulum.film.moving import background, blobs_of, joined, paths
 from looping_pendulum.film.plain import follow_all
 from looping_pendulum.film.track import TrackSettings, track
+from looping_pendulum.measured import film_points
 from looping_pendulum.measured.readers import read
 from looping_pendulum.measured.study_io import load
 from tests.film.conftest import SHORT
@@ -85,7 +88,7 @@ def test_readers_take_the_table(tracked, ordinary, tmp_path):
     facts = json.loads(files.facts.read_text())
     assert (facts["width"], facts["height"], facts["codec"], facts["mirrored"]) == (1280, 720, "h264", False)
     assert files.sheet.read_bytes().startswith(b"\x89PNG")
-    assert set(output.camera_errors(files)) == {
+    assert set(facts["camera_errors"]) == {
         "scale", "origin_x", "origin_y", "tilt", "clock_offset", "heavy_offset_x", "readout"
     }  # fmt: skip
 
@@ -105,10 +108,36 @@ def test_a_study_takes_a_film_and_reads_its_table_the_second_time(ordinary, tmp_
     first = read_trial(study, study.trials[0], lambda what, share: shares.append(share))
     assert len(shares) > 3
     assert shares == sorted(shares)
+    assert first.camera_errors["scale"] == pytest.approx(1 / 580, rel=0.3)
     monkeypatch.setattr("looping_pendulum.film.output.track", None)  # a second tracking would fail
     second = read_trial(study, study.trials[0])
-    assert np.array_equal(first.channel("light_y").value, second.channel("light_y").value)
-    assert first.camera_errors["scale"] == pytest.approx(1 / 580, rel=0.3)
+    for mine, stored in zip(first.channels, second.channels, strict=True):
+        assert np.array_equal(mine.t, stored.t)
+        assert np.array_equal(mine.value, stored.value)
+        assert np.array_equal(mine.stated_error, stored.stated_error)
+    other = replace(study.trials[0], frame_rate=120.0)  # a study that states something else has its film tracked again
+    with pytest.raises(TypeError):
+        read_trial(study, other)
+
+
+def test_a_film_gives_its_points_as_the_tracker_has_them(tracked, ordinary):
+    points = film_points.track(ordinary[0], free_length=0.58, free_length_error=1e-3, rod_radius=6.25e-3)
+    t = tracked.t[tracked.light.frame] - tracked.release
+    assert np.array_equal(points.channel("light_x").t, t[t >= 0])  # the decoder's times, not rounded
+    assert np.array_equal(points.channel("light_x").value, tracked.metres(tracked.light.place)[t >= 0, 0])
+    assert np.array_equal(points.channel("light_y").stated_error[1], tracked.light.error[t >= 0, 1] / tracked.scale)
+    assert {u.reason: u.count for u in points.unused} == {r: n for r, n in tracked.skipped.items() if n}
+    assert points.faults == ()
+
+
+def test_a_table_that_was_changed_after_tracking_is_not_taken_in_silence(tracked, ordinary, tmp_path):
+    film = tmp_path / "trial.mp4"
+    shutil.copy(ordinary[0], film)
+    files = output.files_of(film)
+    output.write(tracked, files)
+    assert not any("was changed" in note for note in film_points.read_film(film, {}, "trial").assumptions)
+    os.utime(files.table, (time.time() + 5, time.time() + 5))
+    assert any("trial.csv was changed since" in note for note in film_points.read_film(film, {}, "trial").assumptions)
 
 
 @pytest.mark.long
@@ -152,7 +181,7 @@ def test_the_command_prints_the_lines_of_a_study(ordinary, tmp_path):
     arguments = ["track", str(ordinary[0]), "--free-length", "58 cm +/- 1 mm", "--out", str(tmp_path), "--overlay"]
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 0, done.output
-    assert "camera: {scale: 1 +/- 0.1" in done.output
+    assert "  - file: trial.csv\n    release: {kind: looping, angle: 11" in done.output
     assert {p.name for p in tmp_path.iterdir()} == {"trial.csv", "trial.film.json", "trial.track.png", "trial.overlay.mp4"}
 
 
