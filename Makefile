@@ -58,7 +58,8 @@ lint: $(VENV)/dev $(if $(NPM),node_modules) ## style, types, and the one-way dir
 	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/lint-imports
 	$(if $(NPM),npm run --silent check,@echo "npm was not found (Debian: apt install npm): the live page's JavaScript was not checked")
 
-docs: $(DOCS_VENV)/docs ## build the documentation's site into site/
+docs: $(VENV)/dev $(DOCS_VENV)/docs ## build the documentation's site into site/
+	$(BIN)/python -m scripts.written_pages
 	NO_MKDOCS_2_WARNING=1 $(DOCS_VENV)/bin/mkdocs build --strict --quiet
 
 benchmark: $(VENV)/test ## time what users wait for

@@ -1,8 +1,8 @@
-"""Write docs/engine-study.md and its tables: what the engines' errors are made of, how they converge, what they cost.
+"""Measure what docs/accuracy.md says: what the engines' errors are made of, how they converge, what they cost.
 
 `python -m benchmarks.engine_study --work DIR` makes all runs (hours; ended ones are kept in DIR), stores what they found as
-docs/data/engine_study.json and writes the page from that. With `--engine box2d:chain`, which may be repeated, it makes only
-that variant's runs, and the others' stored rows stay. `--page` writes the page again from the stored numbers alone.
+docs/data/engine_study.json, draws the page's figures and writes all numbers as CSV into DIR. With `--engine box2d:chain`,
+which may be repeated, it makes only that variant's runs, and the others' stored rows stay. `--tables` makes no run.
 """
 
 import argparse
@@ -18,7 +18,7 @@ import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from benchmarks.engine_study_page import data_files, ladders_figure, page, pareto_figure
+from benchmarks.engine_study_page import data_files, ladders_figure, pareto_figure
 from benchmarks.stored_study import DOCS, MARK, SUMMARY, EngineStudy, Measurement, Point, read, renewed, supplied_by_engine
 from looping_pendulum.cli.terminal import convergence_bars
 from looping_pendulum.compare.convergence.result import ConvergenceResult, VariantStudy
@@ -30,8 +30,6 @@ from looping_pendulum.pages.drawing import png
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.scenario import Scenario
 
-PAGE = DOCS / "engine-study.md"
-TABLES = DOCS / "data" / "engine_study"
 SCENARIO = "ten_to_one"
 WARM_UP = 5e-3
 """Simulated time of a first run that is not timed [s], so that imports and caches do not count."""
@@ -40,10 +38,10 @@ REPEATS, TIME_BUDGET = 3, 60.0
 
 
 def main() -> None:
-    """Make the runs and write the page, or only write the page."""
+    """Make the runs, and write figures and tables, or only write these."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--work", type=Path, help="folder where runs are kept")
-    parser.add_argument("--page", action="store_true", help="only write the page again from the stored numbers")
+    parser.add_argument("--work", type=Path, default=Path("runs"), help="folder where runs are kept and tables written")
+    parser.add_argument("--tables", action="store_true", help="only write figures and tables again, from the stored numbers")
     parser.add_argument("--budget", type=float, default=300.0, help="leave out runs expected to take longer than this [s]")
     parser.add_argument("--timing-budget", type=float, default=120.0, help="time only runs that took at most this [s]")
     parser.add_argument("--jobs", type=int, help="error runs at once; timed ones always run alone")
@@ -53,9 +51,7 @@ def main() -> None:
     if options.one is not None:
         print(json.dumps(one(options.one)))
         return
-    if not options.page:
-        if options.work is None:
-            parser.error("--work: needed a folder, or --page")
+    if not options.tables:
         engines = select(options.engine or ["reference", "all"], Profile.QUICK)
         missing = sorted({package for engine in engines for package in missing_packages(engine)})
         if missing:
@@ -83,11 +79,10 @@ def main() -> None:
     study = read(SUMMARY.read_text(encoding="utf-8"))
     write_atomically(DOCS / "img" / "pareto.png", png(pareto_figure(study.pareto)))
     write_atomically(DOCS / "img" / "engine_study_ladders.png", png(ladders_figure(study.convergence)))
-    TABLES.mkdir(exist_ok=True)
+    options.work.mkdir(parents=True, exist_ok=True)
     for name, text in data_files(study).items():
-        write_atomically(TABLES / f"{name}.csv", text)
-    write_atomically(PAGE, page(study))
-    print(f"wrote {PAGE}")
+        write_atomically(options.work / f"{name}.csv", text)
+    print(f"wrote tables into {options.work}")
 
 
 def timed_study(result: ConvergenceResult, file: Path, budget: float) -> EngineStudy:

@@ -1,27 +1,25 @@
 "use strict";
-// Sorts a table inside .leaderboard by the column whose head is clicked, or chosen by keyboard. A cell's data-value, where it has
-// one, is what counts instead of its text; cells with an empty one stay last in both directions.
+// Sorts a table inside .sortable by the column whose head is clicked, or chosen by keyboard. A number counts by its value, and in a
+// column of numbers a cell without one stays last in both directions.
 (() => {
-  const value = (row, column) => {
-    const cell = row.cells[column];
-    return "value" in cell.dataset ? cell.dataset.value : cell.textContent;
-  };
-
-  const compare = (a, b) => (isNaN(a) || isNaN(b) ? a.localeCompare(b) : a - b);
+  const text = (row, column) => row.cells[column].textContent;
 
   const sort = (table, column) => {
     const head = table.tHead.rows[0].cells[column];
     const direction = head.getAttribute("aria-sort") === "ascending" ? -1 : 1;
-    const rows = [...table.tBodies[0].rows].sort((a, b) => {
-      const [x, y] = [value(a, column), value(b, column)];
-      return x === "" || y === "" ? (x === "") - (y === "") : direction * compare(x, y);
+    const rows = [...table.tBodies[0].rows];
+    const numeric = rows.some((row) => !isNaN(text(row, column)));
+    rows.sort((a, b) => {
+      const [x, y] = [text(a, column), text(b, column)];
+      if (!numeric) return direction * x.localeCompare(y);
+      return isNaN(x) || isNaN(y) ? isNaN(x) - isNaN(y) : direction * (x - y);
     });
     table.tBodies[0].append(...rows);
     for (const other of table.tHead.rows[0].cells) other.removeAttribute("aria-sort");
     head.setAttribute("aria-sort", direction > 0 ? "ascending" : "descending");
   };
 
-  for (const table of document.querySelectorAll(".leaderboard table")) {
+  for (const table of document.querySelectorAll(".sortable table")) {
     [...table.tHead.rows[0].cells].forEach((head, column) => {
       const button = document.createElement("button");
       button.type = "button";

@@ -1,11 +1,7 @@
-"""Write docs/keys.md, the page of every key of scenario, study and map files, from their schemas.
-
-python -m scripts.keys_page
-"""
+"""The page of every key of scenario, study and map files, from their schemas; `scripts.written_pages` writes it."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -21,7 +17,6 @@ from looping_pendulum.scenarios.units import pretty
 from looping_pendulum.sweep.map_file import MapFile
 from looping_pendulum.sweep.quantities import RATIOS, variables
 
-PAGE = Path(__file__).parents[1] / "docs" / "keys.md"
 HEAD = ["key", "it takes", "example", "default", "meaning"]
 ELSEWHERE = {
     "effects": "some of the [coefficients](#coefficients-of-effects)",
@@ -148,7 +143,17 @@ def coefficient_rows() -> Iterator[list[str]]:
             continue
         for c in effect.coefficients:
             key = f"`{file_key(c.name)}`"
-            yield [f"`{effect.name}`", f"`{c.name}`", key, quantity_kind(c).requirement, coefficient_default(c), c.meaning]
+            takes = quantity_kind(c).requirement
+            yield [
+                f"`{effect.name}`",
+                f"`{c.name}`",
+                key,
+                takes,
+                coefficient_default(c),
+                c.meaning,
+                effect.formula,
+                effect.source,
+            ]
 
 
 def camera_rows() -> Iterator[list[str]]:
@@ -169,13 +174,10 @@ def variable_rows() -> Iterator[list[str]]:
 
 def page() -> str:
     """Return the text of the page."""
-    effect_head = ["effect", "coefficient", "in a scenario", "it takes", "default", "meaning"]
+    effect_head = ["effect", "coefficient", "in a scenario", "it takes", "default", "meaning", "formula", "source"]
     camera_head = ["key", "it takes", "without the error", "meaning"]
     quantity_head = ["quantity", "also written", "it takes", "example", "meaning"]
     return f"""# Every key of the files
-
-`python -m scripts.keys_page` writes this page from the schemas of the files; do not edit it by hand.
-The [glossary](glossary.md) explains the terms.
 
 All three files are YAML. A dot leads into a group: `light.mass` is the key `mass` below `light:`. `[]` stands for each entry
 of a list, and a word in capitals for a name of your choice. A quantity is written with its unit, as `6.25 mm` or `112 deg`;
@@ -231,7 +233,3 @@ Under `parameters` of a map, each with a list of values or a group: `from` and `
 `sample`) and `spacing` (`linear`, or `log` for equal factors), or `values` (a list). Beside these, every coefficient above.
 
 {table(quantity_head, variable_rows(), left=len(quantity_head))}"""
-
-
-if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")

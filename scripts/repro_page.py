@@ -8,7 +8,7 @@ from pathlib import Path
 
 from looping_pendulum.pages.markdown import table
 from looping_pendulum.repro.claims import Claim, all_claims
-from scripts.engine_pages import TITLES
+from scripts.written_pages import TITLES
 
 PAGE = Path(__file__).parents[1] / "docs" / "repro.md"
 EXAMPLE = "pymunk_rests_in_the_floor.py"
@@ -25,7 +25,7 @@ def page() -> str:
 `python -m scripts.repro_page` writes this page from the scripts in `looping_pendulum/repro/scripts`; do not edit it by hand.
 The [glossary](glossary.md) explains the terms.
 
-What the [engine study](engine-study.md) finds in this package's apparatus, a script shows in a few lines without this package:
+What the [engine study](accuracy.md) finds in this package's apparatus, a script shows in a few lines without this package:
 {len(claims)} claims, each in a file of at most 60 lines that needs the engine and NumPy only. Send one to the engine's
 developers, or run it with your own version.
 

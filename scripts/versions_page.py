@@ -19,7 +19,7 @@ from looping_pendulum.pages.markdown import table
 from looping_pendulum.pages.numbers import number
 from looping_pendulum.releases.figure import png_of
 from looping_pendulum.releases.result import QUANTITIES, SHOWN, ReleaseRow, ReleasesResult, move_sentences, remark
-from scripts.engine_pages import TITLES
+from scripts.written_pages import TITLES
 
 DOCS = Path(__file__).parents[1] / "docs"
 STORED, CAUSES = DOCS / "data" / "versions.json", DOCS / "data" / "version_causes.yaml"
@@ -71,7 +71,7 @@ differs from that of the last release that ran by more than its *spread*, its st
 stands where there is no value, as for the halting time of a run that never halts. A chain of beads is chaotic: other rounding
 acts on it like another start, so that a move of up to three spreads need not mean another behaviour. Processor times are given
 as multiples of the newest release's, were taken beside other work, and are not judged; what a variant costs is on the
-[leaderboard](leaderboard.md).
+page of accuracy.
 
 ![Errors of each variant against the release](img/versions.png)
 

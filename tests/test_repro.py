@@ -11,7 +11,7 @@ from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import all_engines, select
 from looping_pendulum.engines.tension import chain_capstan_exponent, measure_capstan_exponent
 from looping_pendulum.repro.claims import RECIPES, all_claims, read_claim
-from scripts import repro_page, rope_page
+from scripts import repro_page
 from scripts.repro_page import PAGE
 from tests.command_line import here
 from tests.stranger import (
@@ -240,7 +240,7 @@ def test_the_versions_are_those_of_the_stored_study():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("written_page", [repro_page, rope_page], ids=["repro", "rope"])
+@pytest.mark.parametrize("written_page", [repro_page], ids=["repro"])
 def test_the_page_is_what_the_scripts_and_the_stored_numbers_say(written_page):
     again = f"out of date; write it again: python -m {written_page.__name__}"
     assert written_page.PAGE.read_text(encoding="utf-8") == written_page.page(), again

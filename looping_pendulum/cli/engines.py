@@ -20,17 +20,14 @@ if TYPE_CHECKING:
 def engines(
     profile: common.ProfileName = Profile.QUICK,
     support: Annotated[bool, typer.Option("--support", help="Show which engine can run which scenario, and why not.")] = False,
-    markdown: Annotated[bool, typer.Option("--markdown", help="With --support: print it as a Markdown page.")] = False,
     as_json: common.AsJson = False,
 ) -> None:
     """List the engines, how to install missing ones, and which physics is the engine's own or fed in by its adapter.
 
     An engine from another package is listed with the package's name.
     """
-    if markdown and not support:
-        raise EngineError("--markdown: found it alone, needed --support with it; write `engines --support --markdown`")
     if support:
-        _list_support(profile, markdown)
+        _list_support(profile)
     else:
         _list_engines(profile)
 
@@ -72,15 +69,12 @@ def _list_engines(profile: Profile) -> None:
     show_json({"engines": listed, "how_to_get": notes, "broken": load_errors})
 
 
-def _list_support(profile: Profile, markdown: bool) -> None:
-    """Print which engine can run which scenario, as tables or as the page docs/support.md."""
+def _list_support(profile: Profile) -> None:
+    """Print which engine can run which scenario."""
     from looping_pendulum.engines import support
     from looping_pendulum.engines.registry import all_engines
 
     available = all_engines(profile)
-    if markdown:
-        say(support.page(available), nl=False)
-        return
     tables = list(support.tables(available))
     show_json({"tables": [[dict(zip(header, row, strict=True)) for row in rows] for header, rows in tables]})
     for header, rows in tables:
@@ -260,7 +254,7 @@ def recipe(
     """List the recipes for a rope over a rod in an engine, or write one as a script for that engine's users.
 
     The script needs the engine only, and not this package. It prints what it reaches and the exact value; its exit status is 0
-    while it reaches it. An existing file is left as it is. The recipes are compared in docs/rope-over-a-cylinder.md.
+    while it reaches it. An existing file is left as it is. The recipes are compared in docs/ropes-and-releases.md.
 
     looping-pendulum recipe pymunk --variant chain --out rope.py
     """

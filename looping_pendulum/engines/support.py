@@ -14,9 +14,6 @@ from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.metrics import METRICS
 
-COMMAND = "looping-pendulum engines --support --markdown > docs/support.md"
-"""Command that writes the page docs/support.md."""
-
 YES = "yes"
 """Cell of a scenario that a variant represents completely."""
 
@@ -100,47 +97,3 @@ def accuracy_tables(engines: Sequence[Engine]) -> list[Table]:
 def kind(engine: Engine) -> str:
     """Return "reference", "main" if a comparison runs the variant unasked, or "study"."""
     return "reference" if engine.name == "reference" else "main" if engine.abilities.main else "study"
-
-
-def page(engines: Sequence[Engine]) -> str:
-    """Return the page docs/support.md: all tables as Markdown."""
-
-    def markdown(header: list[str], rows: list[list[str]]) -> str:
-        lines = [header, ["---"] * len(header), *([cell.replace("|", "\\|") for cell in row] for row in rows)]
-        return "".join(f"| {' | '.join(line)} |\n" for line in lines)
-
-    scenarios, effects, supplies, additions, errors, ranges = (markdown(*each) for each in tables(engines))
-    return f"""# Which engine can run what
-
-`{COMMAND}` writes this page from what every variant declares
-(`Abilities` in `looping_pendulum/engines/protocol.py`); do not edit it by hand. The [glossary](glossary.md) explains the terms.
-`compare` runs variants of the kind *main* by default, and those of the kind *study* only if they are named, or with `-e all`.
-If a variant cannot represent a scenario or an effect, its row of every report is a gap. If it only lacks physics of the paper's
-model (*without ...*), it is run, and its report names what is missing.
-
-## Shipped scenarios
-
-{scenarios}
-## Effects beyond the paper's model
-
-{effects}
-## Who supplies what
-
-If an adapter supplies a law, the run is no evidence for that law.
-
-{supplies}
-The next table lists what the adapters add to their engines, and, where it was measured, how much each addition changes the
-result of the 10:1 trial (profile `quick`):
-
-{additions}
-## Where the accuracy was measured
-
-The accuracy was measured on seeded random scenarios (`python -m benchmarks.engine_range`; docs/data/engine_range.json holds
-every run). The table gives the root mean square distance of the light mass from the reference's up to that time, or to the end
-of the run if that is earlier, as median / 90 % / worst of the scenarios whose run ended properly. `compare` reports if a
-scenario lies outside the range.
-
-{errors}
-The scenarios covered these ranges:
-
-{ranges}"""

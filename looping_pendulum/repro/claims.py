@@ -9,7 +9,7 @@ the head: a first line with the claim, an explanation, and then one line each of
 - ``Mended`` in a claim, ``Reached`` in a recipe: how near to the closed form the observed value must be for the claim to hold
   no longer, or for the recipe to hold; the script's exit status is then 0, and otherwise 1;
 - ``Study``: the variant of this package that the script concerns;
-- ``Default``: where the cause is a hidden default of the engine study (docs/engine-study.md), its name; several by commas.
+- ``Default``: where the cause is a hidden default of the engine study (docs/accuracy.md), its name; several by commas.
 """
 
 from __future__ import annotations
