@@ -59,10 +59,9 @@ def runs() -> Texts:
 def words() -> Texts:
     """Return the help of every command, the schemas, and pages that are made from tables."""
     from looping_pendulum.live.generate import model_source
-    from scripts import engine_pages, keys_page, metrics_page
+    from scripts.written_pages import pages
 
-    texts = {"model.js": model_source(), "keys.md": keys_page.page(), "metrics.md": metrics_page.page()}
-    texts |= {f"engine-{name}": text for name, text in engine_pages.pages().items()}
+    texts = {"model.js": model_source()} | {f"{name}.md": text for name, text in pages().items()}
     listed = _command("--help")
     from looping_pendulum.cli.main import GROUPS
 

@@ -29,9 +29,13 @@ TITLES = {
 
 def main() -> None:
     """Write the pages."""
-    pages = {"keys": keys_page.page(), "metrics": metrics_page(), "engine-facts": engine_facts_page()}
-    for name, text in pages.items():
+    for name, text in pages().items():
         (DOCS / f"{name}.md").write_text(text, encoding="utf-8")
+
+
+def pages() -> dict[str, str]:
+    """Return the name of each page -> its text."""
+    return {"keys": keys_page.page(), "metrics": metrics_page(), "engine-facts": engine_facts_page()}
 
 
 def metrics_page() -> str:
