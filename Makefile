@@ -46,10 +46,15 @@ coverage: $(VENV)/coverage ## lines that quick tests of the calculating packages
 		$(BIN)/python -m coverage run -m pytest --quiet -p no:cacheprovider $(COVERED)
 	$(BIN)/python -m coverage report
 
-SAMPLE ?= 200
-SEED ?= 1
-mutation: $(VENV)/mutation ## seed faults into the code and count those that a test catches: SAMPLE=200 of each folder, drawn by SEED=1 (hours)
-	$(BIN)/python -m tests.mutation --sample $(SAMPLE) --seed $(SEED)
+# Interrupted, it goes on where it was; a mutant that was then in place is taken back by `git checkout`.
+mutation: $(VENV)/mutation mutation.sqlite ## seed faults into the files that cosmic-ray.toml names, and list those that no test notices (hours)
+	$(BIN)/cosmic-ray exec cosmic-ray.toml mutation.sqlite
+	$(BIN)/cr-report --surviving-only --show-diff mutation.sqlite
+
+mutation.sqlite: cosmic-ray.toml | $(VENV)/mutation
+	$(BIN)/cosmic-ray baseline $<
+	$(BIN)/cosmic-ray init --force $< $@
+	$(BIN)/cr-filter-operators $@ $<
 
 fuzz: $(VENV)/test ## try 20 000 damaged files, quantities and command lines (some minutes)
 	$(BIN)/python -m tests.fuzz
@@ -69,7 +74,7 @@ infer: $(VENV)/main ## infer what the paper does not print (needs the data folde
 	$(BIN)/python scripts/infer_paper_trials.py --data $(DATA)
 
 clean:
-	rm -rf $(VENV) $(DOCS_VENV) node_modules build report site *.egg-info .coverage
+	rm -rf $(VENV) $(DOCS_VENV) node_modules build report site *.egg-info .coverage mutation.sqlite
 
 # uv installs in a tenth of pip's time, but knows no settings of pip's, such as a house's own index: where it fails, pip tries.
 install = $(BIN)/uv pip install --quiet --python $(1)/bin/python $(2) || \
