@@ -97,7 +97,6 @@ def test_every_command_with_results_offers_json():
         if "as_json" in inspect.signature(command.callback).parameters
     }
     assert offering == {
-        "scenarios", "engines", "run", "compare", "check", "conformance", "converge", "map", "track", "identify", "repro",
+        "scenarios", "engines", "run", "compare", "check", "conformance", "converge", "map", "track", "identify",
         "versions",
-        "recipe",
     }  # fmt: skip

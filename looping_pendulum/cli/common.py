@@ -42,30 +42,16 @@ def map_names() -> list[str]:
     return _names("sweep", "maps")
 
 
-def _names(*folders: str, suffix: str = ".yaml") -> list[str]:
+def _names(*folders: str) -> list[str]:
     # From the package above, whose import is cheap, as that of the folder's own package is not
     entries = files("looping_pendulum").joinpath(*folders).iterdir()
-    return sorted(entry.name.removesuffix(suffix) for entry in entries if entry.name.endswith(suffix))
+    return sorted(entry.name.removesuffix(".yaml") for entry in entries if entry.name.endswith(".yaml"))
 
 
 def engine_names() -> list[str]:
     """Return the names of engines and variants; of other packages' engines, only the engine's name is known."""
     others = sorted({point.name for point in entry_points(group="looping_pendulum.engines")})
     return [*OWN_ENGINES, *VARIANTS, *others, "all"]
-
-
-def claim_engine_names() -> list[str]:
-    """Return the names of the engines about which `repro` has scripts."""
-    return _script_engine_names("scripts")
-
-
-def recipe_engine_names() -> list[str]:
-    """Return the names of the engines for which `recipe` has scripts."""
-    return _script_engine_names("recipes")
-
-
-def _script_engine_names(folder: str) -> list[str]:
-    return list(dict.fromkeys(name.partition("_")[0] for name in _names("repro", folder, suffix=".py")))
 
 
 OUTSIDE_TOLERANCE, BAD_INPUT, INTERRUPTED = 1, 2, 130

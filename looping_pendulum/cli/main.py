@@ -16,7 +16,7 @@ from looping_pendulum import __version__
 from looping_pendulum.cli import common
 from looping_pendulum.cli.check import check
 from looping_pendulum.cli.converge import converge
-from looping_pendulum.cli.engines import conformance, engines, recipe, repro, versions
+from looping_pendulum.cli.engines import conformance, engines, versions
 from looping_pendulum.cli.identify import identify, look
 from looping_pendulum.cli.maps import map_
 from looping_pendulum.cli.new import new
@@ -61,8 +61,6 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "For engine developers": {
         "conformance": "what every engine must do, tested",
-        "repro": "a claim about an engine as a script without this package",
-        "recipe": "a rope over a rod in an engine alone, as a script",
         "versions": "many releases of one engine, and what moved",
     },
     "Maps": {"map": "how runs end over ranges of one to three quantities"},
@@ -283,9 +281,7 @@ def compare(
 app.command()(check)
 app.command()(conformance)
 app.command()(converge)
-app.command()(repro)
 app.command()(versions)
-app.command()(recipe)
 app.command("map")(map_)
 
 
