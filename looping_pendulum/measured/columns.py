@@ -100,6 +100,11 @@ class Column:
         """Return whether it shows where something is, or how fast it turns."""
         return self.role in POSITION_ROLES
 
+    @property
+    def is_length(self) -> bool:
+        """Return whether its values are lengths."""
+        return self.role in ("x", "y", "height")
+
 
 def read_columns(text: DelimitedText, kind: str, asked: Sequence[str], notes: ReadingNotes) -> list[Column]:
     """Return the columns of a file, by their names and by what they hold.

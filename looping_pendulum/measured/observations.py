@@ -155,6 +155,10 @@ class ReadingNotes:
     """What was assumed, put right or left out, one after the other."""
     camera_errors: dict[str, float] = field(default_factory=dict)
     """Parameter of the camera -> standard error that it has by what was put right [SI]."""
+    tracks: dict[str, str] = field(default_factory=dict)
+    """Mass -> name of its track in the file."""
+    length_unit: str = ""
+    """Unit of length that the file names itself; '' if it names none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -190,6 +194,10 @@ class Observations:
     """What the points say against their own times, which nothing but another export puts right."""
     camera_errors: Mapping[str, float] = field(default_factory=dict)
     """Parameter of the camera -> standard error that it has by what was put right in reading [SI]."""
+    tracks: Mapping[str, str] = field(default_factory=dict)
+    """Mass -> name of its track in the file."""
+    length_unit: str = ""
+    """Unit of length that the first file names itself; '' if it names none."""
 
     @property
     def used(self) -> int:
@@ -249,6 +257,8 @@ def merge(name: str, parts: tuple[Observations, ...]) -> Observations:
         assumptions=tuple(dict.fromkeys(a for p in parts for a in p.assumptions)),
         faults=tuple(dict.fromkeys(f for p in parts for f in p.faults)),
         camera_errors={name: sigma for p in parts for name, sigma in p.camera_errors.items()},
+        tracks={mass: track for p in parts for mass, track in p.tracks.items()},
+        length_unit=parts[0].length_unit,
     )
 
 

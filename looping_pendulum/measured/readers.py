@@ -151,6 +151,8 @@ def read(
         assumptions=tuple(dict.fromkeys(notes.assumptions)),
         faults=tuple(displaced_rows.clock_faults(channels)),
         camera_errors=notes.camera_errors,
+        tracks=notes.tracks,
+        length_unit=notes.length_unit,
     )
 
 
@@ -197,6 +199,8 @@ def _sheets(
 ) -> list[Sheet]:
     """Return the channels of a table, by the columns of times or frames that belong to them."""
     masses = _mass_of_track(text.file, tracks_of(text, columns), tracks)
+    notes.tracks = {mass: track for track, mass in masses.items()}
+    notes.length_unit = next((c.unit for c in columns if c.is_length and c.unit), "")
     by_track = {"x", "y"} | {c.role for c in columns if c.track in masses}
     left_out = [c for c in columns if c.is_position and c.role in by_track and c.track not in masses]
     timed: dict[tuple[Column, Column | None], dict[str, Series]] = {}
@@ -395,6 +399,8 @@ def _project_sheets(
     except UnitError:
         raise data_error(file, None, "", f"found the unit of length {quote(unit)}, needed one such as m or cm") from None
     masses = _mass_of_track(file, project.tracks, tracks)
+    notes.tracks = {mass: track for track, mass in masses.items()}
+    notes.length_unit = "" if project.length_unit in PIXELS else project.length_unit
     left_out = [t for t in project.tracks if t.name not in masses]
     if left_out:
         names = listed([repr(t.name) for t in left_out])
@@ -555,7 +561,7 @@ def survey(path: str | Path) -> FileSurvey:
         tracks=tuple(tracks_of(content, columns)),
         has_names=has_names,
         time_step=None if times is None else _typical_step(times[np.isfinite(times)]),
-        length_unit=next((c.unit for c in columns if c.role in ("x", "y", "height") and c.unit), ""),
+        length_unit=next((c.unit for c in columns if c.is_length and c.unit), ""),
         time_unit=clock.unit if clock else "",
         runs=tuple(dict.fromkeys(c.run for c in columns if c.is_position and c.run)),
     )

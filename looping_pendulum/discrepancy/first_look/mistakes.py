@@ -34,7 +34,6 @@ from looping_pendulum.discrepancy.first_look.row_times import (
     row_shift,
     without_shift,
 )
-from looping_pendulum.measured.readers import mass_in_name, survey
 from looping_pendulum.measured.study import Trial
 from looping_pendulum.pages.numbers import number, quantity
 from looping_pendulum.reference_ode.parameters import Release
@@ -166,14 +165,9 @@ def _frame_rate(undone: Correction) -> str:
     return f"frame_rate: {number(rate)} Hz"
 
 
-def _header_unit(undone: Correction) -> str:
-    """Return the unit of length that the trial's file names itself; '' if it names none, so that the study may."""
-    return survey(undone.declared.study.folder / undone.declared.trial.files[0][0]).length_unit
-
-
 def _length_unit(undone: Correction) -> str:
     """Return the key of the unit of length: a usual unit, or how long one unit of the file is, as of a pixel."""
-    if _header_unit(undone):
+    if undone.declared.observations.length_unit:
         return ""
     declared_unit = undone.declared.trial.units.get("length", "m")
     try:
@@ -203,10 +197,7 @@ def _tracks(undone: Correction) -> str:
     trial = undone.declared.trial
     if len(trial.files) > 1:
         return f"files: {_by_other_mass({mass: path for path, named in trial.files for mass in named})}"
-    ((path, tracks),) = trial.files
-    # Where the study names no tracks, the file's own names say which mass each is
-    named = tracks or {mass_in_name(track.name): track.name for track in survey(undone.declared.study.folder / path).tracks}
-    return f"tracks: {_by_other_mass(named)}"
+    return f"tracks: {_by_other_mass(undone.declared.observations.tracks)}"
 
 
 def _by_other_mass(names: Mapping[str, str]) -> str:
@@ -309,7 +300,9 @@ LENGTHS = Mistake(
     found=lambda undone: f"lengths that are {_times_text(1 / undone.factors['lengths'])} what the declared apparatus allows",
     keys=_length_unit,
     way_out=lambda undone: (
-        f"the header to name the unit of the points; it says {unit}" if (unit := _header_unit(undone)) else ""
+        f"the header to name the unit of the points; it says {unit}"
+        if (unit := undone.declared.observations.length_unit)
+        else ""
     ),
     fits=("scale",),
 )
