@@ -22,7 +22,7 @@ from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report import figures
 from looping_pendulum.discrepancy.report.writing import write
 from looping_pendulum.discrepancy.result import Verdict
-from looping_pendulum.measured import study_io
+from looping_pendulum.measured import readers, study_io
 from looping_pendulum.measured.observations import DataError
 from looping_pendulum.measured.study import Estimate, read_files
 from looping_pendulum.teaching.example_folder import write_example
@@ -240,6 +240,15 @@ def test_files_of_the_two_masses_are_exchanged_by_their_names(example, tmp_path)
     found = the_only(look(path))
     assert found.keys == "files: {light: a.csv, heavy: b.csv}"
     assert not look(mended(path, found.keys)).mistakes
+
+
+def test_looking_and_fitting_read_each_file_once(example, tmp_path, monkeypatch):
+    opened = []
+    read_bytes = readers.read_bytes
+    monkeypatch.setattr(readers, "read_bytes", lambda path, *rest: opened.append(path) or read_bytes(path, *rest))
+    study = study_io.load(mistaken(example, tmp_path, MISTAKES["tracks exchanged"]))
+    read_inputs(study, take_first_look(study).observations)
+    assert len(opened) == len(set(opened)) == len(study.trials)
 
 
 def test_radians_beyond_a_turn_are_refused_when_the_study_is_read(example, tmp_path):
