@@ -14,7 +14,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from looping_pendulum.compare.json_text import JsonResult, flatten
+from looping_pendulum.compare.json_text import JsonResult, flatten, plain
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, RunProvenance
 from looping_pendulum.engines.landmarks import Landmarks
 from looping_pendulum.errors import ResultError
@@ -144,7 +144,7 @@ def changes_since(
     relative
         Smallest change of a metric that is listed, as a fraction of its earlier value.
     """
-    old, new = ({**flatten(result.parameters), "duration": result.duration} for result in (before, after))
+    old, new = ({**flatten(plain(result.parameters)), "duration": result.duration} for result in (before, after))
     changes = [
         *_differences(ChangeKind.SCENARIO, "", old, new),
         *_reference(before, after),

@@ -70,7 +70,7 @@ def compare(
         scenario=scenario.name,
         title=scenario.title,
         description=scenario.description,
-        parameters=plain(scenario.parameters.as_dict()),
+        parameters=scenario.parameters,
         duration=scenario.duration,
         inferred=scenario.inferred,
         reference=ReferenceResult(

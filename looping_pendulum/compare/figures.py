@@ -63,7 +63,7 @@ def charts(result: ComparisonResult) -> list[Chart]:
 
 def path_chart(result: ComparisonResult, samples: ResultSamples) -> Chart:
     """Return the path of the light mass, with halts and places where runs broke off."""
-    reference, radius = samples.reference, float(result.parameters["rod_radius"])
+    reference, radius = samples.reference, result.parameters.rod_radius
     lines = [
         run_curve(name, run.light_position[:, 0], run.light_position[:, 1], style)
         for name, run, style in _runs(result, samples)

@@ -15,6 +15,7 @@ import numpy as np
 
 from looping_pendulum.errors import ResultError
 from looping_pendulum.files import utf8
+from looping_pendulum.reference_ode.parameters import Parameters, parameters_from
 from looping_pendulum.scenarios.document import quote, shorten
 
 T = TypeVar("T")
@@ -25,6 +26,8 @@ def plain(value: Any) -> Any:
 
     Anything else becomes its text, so that an engine's odd setting never costs the whole result.
     """
+    if isinstance(value, Parameters):
+        return plain(value.as_dict())
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         # A field that does not count in comparisons, such as the trajectories, is not written either
         return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value) if f.compare}
@@ -188,6 +191,8 @@ def _build(kind: Any, value: Any, where: str) -> Any:
     if origin is dict:
         group = _checked(dict, "an object", value, where)
         return {key: _build(inner[1], item, f"{where}.{key}".lstrip(".")) for key, item in group.items()}
+    if kind is Parameters:
+        return _parameters(_checked(dict, "an object", value, where), where)
     if dataclasses.is_dataclass(kind):
         return _build_dataclass(kind, _checked(dict, "an object", value, where), where)
     if isinstance(kind, type) and issubclass(kind, Enum):
@@ -213,6 +218,13 @@ def _build_dataclass(kind: Any, group: dict[str, Any], where: str) -> Any:
     return kind(
         **{f.name: _build(hints[f.name], group[f.name], f"{where}.{f.name}".lstrip(".")) for f in fields if f.name in group}
     )
+
+
+def _parameters(group: dict[str, Any], where: str) -> Parameters:
+    try:
+        return parameters_from(group)
+    except (ValueError, TypeError, AttributeError, KeyError) as error:
+        raise ValueError(f"{where}: {error}") from None
 
 
 def _checked(kind: type[T], words: str, value: Any, where: str) -> T:

@@ -289,8 +289,8 @@ def value_and_limit(t: ToleranceResult) -> tuple[str, str]:
 
 
 def _provenance(result: ComparisonResult) -> str:
-    p = dict(result.parameters)
-    coefficients = dict(p.pop("coefficients", {}))
+    p = dict(sorted(result.parameters.as_dict().items()))
+    coefficients = dict(sorted(p.pop("coefficients").items()))
     # There are dozens of effects, and a scenario has a few of them
     acting = {k: v for k, v in coefficients.items() if v != 0}
     listed = ", ".join(f"{k} {_setting(v)}" for k, v in (p | acting).items())

@@ -18,6 +18,7 @@ from looping_pendulum.compare.json_text import JsonResult, plain
 from looping_pendulum.compare.trial import TrialComparison
 from looping_pendulum.engines.landmarks import Landmarks
 from looping_pendulum.engines.trajectory import Provenance, RunStatus, Supplier, Supplies, Supply, supplies_as_rows
+from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.scenarios.scenario import Inference
 
 if TYPE_CHECKING:
@@ -253,7 +254,7 @@ class ComparisonResult(JsonResult):
     scenario: str
     title: str
     description: str
-    parameters: dict[str, Any]
+    parameters: Parameters
     """`Parameters.as_dict`, SI and radians."""
     duration: float
     """[s]"""

@@ -82,7 +82,7 @@ def run_key(engine: Engine, scenario: Scenario) -> str:
     what = {
         "class": f"{type(engine).__module__}.{type(engine).__qualname__}",
         "engine": [label(engine), engine.profile.value, state, plain(engine.settings)],
-        "scenario": [plain(scenario.parameters.as_dict()), scenario.duration],
+        "scenario": [plain(scenario.parameters), scenario.duration],
         "versions": versions,
         "source": source_digest(type(engine).__module__),
     }

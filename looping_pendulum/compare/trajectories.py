@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.compare.align import SAME_TIME, align
-from looping_pendulum.compare.json_text import plain
 from looping_pendulum.compare.result import ComparisonResult, ResultSamples
 from looping_pendulum.compare.run_cache import run_key
 from looping_pendulum.compare.trial import TrialComparison, residual
@@ -104,7 +103,7 @@ def stored_result(folder: Path, scenario: Scenario, engines: Sequence[Engine] | 
     """
     try:
         result = ComparisonResult.from_json((folder / "result.json").read_text(encoding="utf-8"))
-        wanted = scenario.name, scenario.title, scenario.description, plain(scenario.parameters.as_dict()), scenario.duration
+        wanted = scenario.name, scenario.title, scenario.description, scenario.parameters, scenario.duration
         if (result.scenario, result.title, result.description, result.parameters, result.duration) != wanted:
             return None
         if engines is not None:

@@ -319,7 +319,7 @@ class Parameters:
             coefficients={name: value for name, value in self.coefficients.items() if name not in absent},
         )
 
-    def as_dict(self) -> dict[str, object]:
+    def as_dict(self) -> dict[str, Any]:
         """Return plain data, for JSON and for another process; `parameters_from` reads it.
 
         An installed package's effect that does not act has no part in it, so that installing one changes no result and no key.

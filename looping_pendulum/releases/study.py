@@ -348,7 +348,7 @@ class ReleaseStudy:
             "engines": [
                 [label(e), e.profile.value, plain(e.settings), source_digest(type(e).__module__)] for e in self.engines
             ],
-            "scenario": [plain(self.scenario.parameters.as_dict()), self.scenario.duration],
+            "scenario": [plain(self.scenario.parameters), self.scenario.duration],
             "versions": [__version__, platform.python_version(), PINS],
         }
         return hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:20]

@@ -28,7 +28,7 @@ from looping_pendulum.pages.numbers import number, quantity
 from looping_pendulum.pages.palette import styles
 from looping_pendulum.pages.report import glossary
 from looping_pendulum.reference_ode.geometry import Array, light_position
-from looping_pendulum.reference_ode.parameters import Parameters, Release, parameters_from
+from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.scenarios.metrics import RMS_END_TIMES
 from looping_pendulum.scenarios.scenario import Scenario
@@ -56,7 +56,7 @@ def render(result: ComparisonResult) -> str:
         name=result.scenario,
         title=result.title,
         description=result.description,
-        parameters=parameters_from(result.parameters),
+        parameters=result.parameters,
         duration=result.duration,
     )
     return render_live(scenario, engine_runs=page_data(result))
@@ -86,7 +86,7 @@ def page_data(result: ComparisonResult) -> dict[str, Any]:
         raise ValueError("this result was read without its trajectories; make it again with `looping-pendulum compare`")
     rate = FINE_RATE if result.duration <= LONG_RUN else COARSE_RATE
     run_styles = styles(e.label for e in result.engines)
-    p = parameters_from(result.parameters)
+    p = result.parameters
     runs = [_reference_run(result, result.samples, p, rate)]
     for i, (engine, aligned) in enumerate(zip(result.engines, result.samples.aligned, strict=True), start=1):
         style = run_styles[engine.label]

@@ -25,7 +25,7 @@ from looping_pendulum.pages.chart import tracked_points
 from looping_pendulum.pages.drawing import curve_look, without_mathtext
 from looping_pendulum.pages.palette import Style, styles
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.reference_ode.parameters import Release, parameters_from
+from looping_pendulum.reference_ode.parameters import Release
 
 SUFFIXES = (".gif", ".mp4")
 """Kinds of film."""
@@ -126,7 +126,7 @@ class _Stage:
     def __init__(self, result: ComparisonResult) -> None:
         if result.samples is None:
             raise ValueError("this result was read without its trajectories; make it again with `looping-pendulum compare`")
-        p = parameters_from(result.parameters)
+        p = result.parameters
         self._radius, self._string = p.rod_radius, p.release is not Release.DROP
         look = styles(e.label for e in result.engines)
         whole: list[tuple[str, Trajectory, Style | None]] = [("reference", result.samples.reference, None)]

@@ -155,6 +155,10 @@ def test_a_baseline_is_a_file_or_its_folder(tmp_path, scenario, reference, make_
         (lambda tree: tree["schema"].update(id="other"), "needed the id 'looping-pendulum/comparison'"),
         (lambda tree: tree.update(scenario="held"), "found a result of 'held', needed one of 'made_up'"),
         (lambda tree: tree.pop("engines"), "not as documented"),
+        (lambda tree: tree["parameters"].pop("light_mass"), "parameters: .*light_mass"),
+        (lambda tree: tree["parameters"].update(rod_radius=-1.0), "parameters: rod_radius"),
+        (lambda tree: tree["parameters"].update(rod_radius="thin"), "parameters: "),
+        (lambda tree: tree["parameters"].update(coefficients=[1]), "parameters: "),
     ],
 )
 def test_what_is_no_baseline_is_one_line(tmp_path, scenario, reference, make_run, edit, message):

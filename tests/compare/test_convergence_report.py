@@ -40,6 +40,7 @@ from looping_pendulum.compare.convergence.result import (
 from looping_pendulum.compare.convergence.study import reference_target
 from looping_pendulum.compare.result import RunProvenance, SupplyEntry
 from looping_pendulum.compare.run_cache import EndedRun
+from tests.apparatus import TEN_TO_ONE
 from tests.compare.delayed import DelayedEngine
 
 EARLY, LATE = PATH_END_TIMES
@@ -107,7 +108,7 @@ def variant(name="a", **fields):
 
 def result(*variants, **fields):
     made = {
-        "scenario": "made_up", "title": "Made up", "parameters": {}, "until": 0.7, "budget": None,
+        "scenario": "made_up", "title": "Made up", "parameters": TEN_TO_ONE, "until": 0.7, "budget": None,
         "reference": "reference:exact",
         "reference_values": {HALT: 0.4123456, DROP: 0.3}, "floors": {}, "interrupted": False,
         "clock": StudyClock(written="then", run_times=(RunTime(key="x", seconds=1.4), RunTime(key="y", seconds=None),

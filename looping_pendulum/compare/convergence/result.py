@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
 
 from looping_pendulum.compare.json_text import JsonResult
 from looping_pendulum.compare.result import RunProvenance
+from looping_pendulum.reference_ode.parameters import Parameters
 
 FILE = "convergence.json"
 
@@ -225,7 +225,7 @@ class ConvergenceResult(JsonResult):
 
     scenario: str
     title: str
-    parameters: dict[str, Any]
+    parameters: Parameters
     until: float
     """Simulated time of the runs [s]."""
     budget: float | None

@@ -41,7 +41,6 @@ from looping_pendulum.compare.convergence.result import (
     VariantStudy,
     VariationStudy,
 )
-from looping_pendulum.compare.json_text import plain
 from looping_pendulum.compare.landmarks import SampledReference
 from looping_pendulum.compare.metrics import END_TIME_TOLERANCE, largest_stretch, rms_until
 from looping_pendulum.compare.result import RunProvenance
@@ -201,7 +200,7 @@ def study_convergence(
     return ConvergenceResult(
         scenario=scenario.name,
         title=scenario.title,
-        parameters=plain(scenario.parameters.as_dict()),
+        parameters=scenario.parameters,
         until=scenario.duration,
         budget=budget,
         reference=label(reference.reference.engine),
