@@ -17,7 +17,6 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
-from random import Random
 from typing import Annotated, Any
 
 import numpy as np
@@ -122,20 +121,30 @@ def studies() -> Texts:
 
 def messages() -> Texts:
     """Return what is said of damaged inputs."""
+    from hypothesis import HealthCheck, Phase, given, settings
+
     from looping_pendulum.errors import HarnessError
     from tests.fuzz.kinds import KINDS
 
     texts = {}
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         for name, kind in KINDS.items():
-            seeds, lines = kind.seeds(), []
-            for i in range(INPUTS):
+            lines = []
+
+            @settings(
+                max_examples=INPUTS, derandomize=True, database=None, deadline=None, phases=[Phase.generate],
+                suppress_health_check=list(HealthCheck),
+            )  # fmt: skip
+            @given(kind.inputs(kind.seeds()))
+            def note(data: bytes, kind: Any = kind, lines: list[str] = lines) -> None:
                 try:
-                    kind.run(kind.generate(Random(f"same {name} {i}"), seeds))
+                    kind.run(data)
                 except HarnessError as error:
-                    lines.append(f"{i} {error}".replace(folder, "."))
+                    lines.append(str(error).replace(folder, "."))
                 else:
-                    lines.append(f"{i} accepted")
+                    lines.append("accepted")
+
+            note()
             texts[f"{name}.txt"] = "\n".join(lines)
     return texts
 

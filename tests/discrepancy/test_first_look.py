@@ -362,7 +362,7 @@ def test_points_all_over_the_place_are_said_to_be_at_least_so_far_away(example, 
 
 
 def test_an_unknown_event_beside_tracked_points_is_refused_in_one_line(example, tmp_path):
-    """Found by `python -m tests.fuzz`: it ended in a KeyError."""
+    """Found among damaged inputs: it ended in a KeyError."""
     path = mistaken(example, tmp_path, NO_MISTAKE, trials=1)
     (tmp_path / "events.csv").write_text("quantity,index,measured,paper_numerical,unit\nstops,1,0.35,,s\n")
     path.write_text(path.read_text().replace("  file: trials/first.csv", "  file: trials/first.csv\n  events: events.csv"))

@@ -27,7 +27,6 @@ from looping_pendulum.measured.study import read_files
 from tests.film_faults.faults import KINDS, NONE, Faulty, nothing
 from tests.film_faults.films import CHANNELS, Array, CleanStudy, Film, Tree, clean_study
 from tests.film_faults.forms import as_written, table_bytes
-from tests.fuzz.judging import signature
 
 Task = tuple[int, str, Path, bool]
 """Number of a study, its kind of fault, its folder, and whether it is identified."""
@@ -164,7 +163,7 @@ def judge(number: int, kind: str, folder: Path, *, with_identify: bool = True) -
             result = _judge(study, faulty, kind, path, seconds, with_identify=with_identify)
     except Exception as error:
         outcome = Outcome.WARNED if isinstance(error, Warning) else Outcome.TRACEBACK
-        result = {"outcome": outcome, "message": f"{signature(error)}: {error}", "report": traceback.format_exc()}
+        result = {"outcome": outcome, "message": f"{type(error).__name__}: {error}", "report": traceback.format_exc()}
     detail = faulty.detail if faulty else ""
     return Judgement(number=number, kind=kind, detail=detail, seconds=seconds, **{"moved": 0.0} | result)
 

@@ -1,5 +1,5 @@
-"""Damaged and hostile inputs, by the thousand: ``python -m tests.fuzz``.
+"""Damaged and hostile inputs: each is a real file, quantity or command line that Hypothesis has damaged.
 
-Each input is a real file, quantity or command line that a seeded generator has damaged. It must be accepted, or refused by one
-of the package's own errors. Anything else is a fault: another exception, a warning, or no end within the time limit.
+It must be accepted, or refused by one of the package's own errors, in one line. Anything else is a fault: another exception, a
+warning, or no end within the time limit. `make fuzz` tries thousands.
 """

@@ -10,15 +10,15 @@ from collections.abc import Iterator, Sequence
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from random import Random
 from typing import Any
 from unittest import mock
 
 import typer
+from hypothesis import strategies as st
 
 from looping_pendulum.cli import main as cli
 from looping_pendulum.errors import HarnessError
-from tests.fuzz import mutation
+from tests.fuzz.damage import Draw, words
 
 SEPARATOR = b"\0"
 """Between arguments; no argument can hold it."""
@@ -121,51 +121,24 @@ def _options() -> dict[str, list[str]]:
     return {name: [o for p in command.params for o in p.opts if o.startswith("-")] for name, command in commands.items()}
 
 
-def _word(random: Random) -> bytes:
-    if random.random() < 0.75:
-        return os.fsencode(random.choice(VALUES))
-    return mutation.some_word(random).replace(SEPARATOR, b"")[:100_000]  # the system takes no longer argument
-
-
-def replace_argument(random: Random, data: bytes) -> bytes:
-    """Put another value in place of an argument."""
-    parts = data.split(SEPARATOR)
-    parts[random.randrange(len(parts))] = _word(random)
+@st.composite
+def damaged_lines(draw: Draw, seeds: Sequence[bytes]) -> bytes:
+    """Return a command line with other, fewer or more arguments."""
+    parts = draw(st.sampled_from(seeds)).split(SEPARATOR)
+    # The system takes no longer argument, and none with a zero byte
+    values = st.sampled_from(VALUES).map(os.fsencode) | words().map(lambda word: word.replace(SEPARATOR, b"")[:100_000])
+    for how in draw(st.lists(st.sampled_from(("replace", "option", "leave out", "exchange")), min_size=1, max_size=4)):
+        i, j = (draw(st.integers(0, max(0, len(parts) - 1))) for _ in range(2))
+        if how == "option" or not parts:
+            known = _options().get(os.fsdecode(parts[0]) if parts else "") or ["--help", "--version", "--debugg", "-x"]
+            parts += [draw(st.sampled_from(known)).encode(), draw(values)]
+        elif how == "replace":
+            parts[i] = draw(values)
+        elif how == "leave out":
+            del parts[i]
+        else:
+            parts[i], parts[j] = parts[j], parts[i]
     return SEPARATOR.join(parts)
-
-
-def add_option(random: Random, data: bytes) -> bytes:
-    """Give an option of the command, with some value."""
-    parts = data.split(SEPARATOR)
-    known = _options().get(os.fsdecode(parts[0])) or ["--help", "--version", "--debugg", "-x"]
-    added = [random.choice(known).encode(), _word(random)]
-    if random.random() < 0.3:
-        added = [b"=".join(added)]
-    return SEPARATOR.join([*parts, *added])
-
-
-def move_arguments(random: Random, data: bytes) -> bytes:
-    """Leave out, repeat or exchange arguments."""
-    parts = data.split(SEPARATOR)
-    i, j = random.randrange(len(parts)), random.randrange(len(parts))
-    how = random.randrange(3)
-    if how == 0:
-        del parts[i]
-    elif how == 1:
-        parts.insert(j, parts[i])
-    else:
-        parts[i], parts[j] = parts[j], parts[i]
-    return SEPARATOR.join(parts)
-
-
-MUTATIONS: tuple[mutation.Mutation, ...] = (
-    replace_argument,
-    replace_argument,
-    replace_argument,
-    add_option,
-    add_option,
-    move_arguments,
-)
 
 
 def arguments_of(data: bytes) -> list[str]:

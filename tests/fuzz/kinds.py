@@ -6,10 +6,10 @@ from dataclasses import dataclass, fields, replace
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from random import Random
 from unittest import mock
 
 import numpy as np
+from hypothesis.strategies import SearchStrategy
 from pydantic_core import PydanticCustomError
 
 from looping_pendulum.compare import baseline
@@ -34,8 +34,8 @@ from looping_pendulum.scenarios.units import QUANTITY_NOUNS, QuantityKind, show,
 from looping_pendulum.sweep import map_file
 from looping_pendulum.teaching import tracker
 from looping_pendulum.teaching.new_file import radius_of
-from tests.fuzz import command_lines, mutation
-from tests.fuzz.mutation import Mutation
+from tests.fuzz import command_lines
+from tests.fuzz.damage import damaged
 
 PACKAGE = Path(__file__).parents[2] / "looping_pendulum"
 EXAMPLE = PACKAGE / "teaching" / "example"
@@ -50,11 +50,8 @@ class InputKind:
     """Real inputs; called once, in the folder where the inputs are run."""
     run: Callable[[bytes], None]
     """Accepts an input, or raises a `HarnessError`; anything else is a fault."""
-    mutations: Sequence[Mutation] = mutation.TEXT_MUTATIONS
-
-    def generate(self, random: Random, seeds: Sequence[bytes]) -> bytes:
-        """Return one damaged input."""
-        return mutation.mutate(random, random.choice(seeds), self.mutations)
+    inputs: Callable[[Sequence[bytes]], SearchStrategy[bytes]] = damaged
+    """From real inputs to damaged ones."""
 
 
 class RefusedText(HarnessError):
@@ -348,18 +345,8 @@ KINDS = {
         InputKind(name="events", seeds=lambda: EVENT_TABLES, run=run_event_table),
         InputKind(name="readers", seeds=_table_seeds, run=run_readers),
         InputKind(name="run-file", seeds=_run_file_seeds, run=run_run_file),
-        InputKind(
-            name="baseline",
-            seeds=_baseline_seeds,
-            run=run_baseline,
-            mutations=(*[mutation.change_json] * 12, mutation.put_word, mutation.cut_off, mutation.change_bytes),
-        ),
-        InputKind(
-            name="command-line",
-            seeds=command_lines.seeds,
-            run=command_lines.run,
-            mutations=(*command_lines.MUTATIONS, mutation.replace_token),
-        ),
+        InputKind(name="baseline", seeds=_baseline_seeds, run=run_baseline),
+        InputKind(name="command-line", seeds=command_lines.seeds, run=command_lines.run, inputs=command_lines.damaged_lines),
     )
 }
 """Every kind by its name."""
