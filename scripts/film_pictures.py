@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from looping_pendulum.film.output import contact_sheet, sheet_of_moving_things
-from looping_pendulum.film.track import FilmTrack, NotTrackedError, TrackSettings, track
-from tests.film.renderer import Decoy, Scene, looping_motion, render, seen_from_aside
+from looping_pendulum.film.output import contact_sheet
+from looping_pendulum.film.track import FilmTrack, TrackSettings, track
+from tests.film.renderer import Scene, looping_motion, render, seen_from_aside
 
 FOLDER = Path(__file__).parents[1] / "docs" / "img"
 WIDTH = 900
@@ -30,25 +30,10 @@ def small(picture: NDArray[np.uint8]) -> bytes:
     return stream.getvalue()
 
 
-def mirrored(scene: Scene) -> Decoy:
-    """Return a dark mirror image of the light mass on the other side of the heavy mass's string."""
-    motion = looping_motion(1.0)
-
-    def place(t: float) -> tuple[float, float]:
-        x, y = motion.at(np.array([max(t, 0.0)]))[0][0]
-        right = 2 * motion.apparatus.rod_radius - x
-        return scene.rod[0] + scene.scale * right, scene.rod[1] - scene.scale * y
-
-    return Decoy(place=place, radius=4, level=10)
-
-
 def main() -> None:
     """Draw the contact sheet of a good film, and what five bad ones look like on theirs."""
     motion = looping_motion(1.0)
     usual = Scene(frame_rate=120, exposure=1 / 1000, duration=0.9)
-    window = Scene(
-        size=(640, 360), scale=415.0, rod=(395.0, 131.0), frame_rate=120, before=0.1, duration=0.6, contrast=0.5, seed=403
-    )
     tiles, plot = slice(HEAD + SCENE, HEAD + SCENE + TILES), slice(-170, None)
 
     with tempfile.TemporaryDirectory() as folder:
@@ -65,14 +50,6 @@ def main() -> None:
         draw("streak", tracked(hand=True, frame_rate=60, exposure=1 / 70), tiles)
         draw("aside", tracked(project=seen_from_aside(5, usual)), plot)
         draw("shutter", tracked(readout=0.015), plot)
-        draw("dim", tracked(contrast=0.6, noise=2), tiles)
-        try:
-            tracked(**vars(window) | {"decoys": (mirrored(window),)})
-        except NotTrackedError as error:
-            if error.ground is None:
-                raise
-            sheet = sheet_of_moving_things(error.ground, error.moving, str(error).replace(folder, "").lstrip("/"))
-            (FOLDER / "film-mirror.png").write_bytes(small(sheet))
 
 
 if __name__ == "__main__":

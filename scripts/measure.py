@@ -326,7 +326,7 @@ def falling_balls() -> dict[str, Any]:
 
 
 def example_study() -> dict[str, Any]:
-    """Identify the study of the folder that `init` writes, whose verdict docs/tracker.md shows."""
+    """Identify the study of the folder that `init` writes, whose verdict docs/film.md shows."""
     with tempfile.TemporaryDirectory() as folder:
         example = Path(folder) / "example"
         write_example(example)

@@ -109,7 +109,7 @@ def tracker(
     profile: common.ProfileName = Profile.QUICK,
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="File to write; default: NAME-tracker.csv.")] = None,
 ) -> None:
-    """Write a motion as a file that Tracker draws over a video (docs/tracker.md).
+    """Write a motion as a file that Tracker draws over a video (docs/film.md).
 
     Columns t,heavyx,heavyy,lightx,lighty: seconds by the video's clock and metres from the rod's axis, x to the right, y up;
     one row per frame. In Tracker: set the axes' origin on the rod, then Track > New > External Model.

@@ -1,7 +1,7 @@
 """Write a motion as a file that the program Tracker draws on a video as an external model: one row per frame.
 
 Tracker puts row after row on frame after frame, so the rows have the video's own frame times. Metres; origin at the rod's axis,
-x right and y up, as the guide (docs/tracker.md) has a student set the axes in Tracker.
+x right and y up, as the guide (docs/film.md) has a student set the axes in Tracker.
 """
 
 from __future__ import annotations
