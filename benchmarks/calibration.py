@@ -45,9 +45,9 @@ from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import write_atomically
 from looping_pendulum.measured.study import Study
 from looping_pendulum.measured.study_io import load
+from looping_pendulum.processes import in_processes
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.effects.own import multiplied_coefficient
-from looping_pendulum.sweep.executors import in_processes
 from looping_pendulum.versions import MISSING, installed_version
 from tests.discrepancy.expected import PLANTED_LAWS
 

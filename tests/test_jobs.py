@@ -7,7 +7,7 @@ from functools import partial
 
 import pytest
 
-from looping_pendulum.jobs import core_count, run_many
+from looping_pendulum.processes import core_count, run_many
 
 
 class Jobs:

@@ -35,7 +35,7 @@ REQUIRED = frozenset(
 WHERE = """
 from importlib.metadata import entry_points
 import looping_pendulum
-from looping_pendulum.jobs.processes import import_path
+from looping_pendulum.processes import import_path
 print(looping_pendulum.__file__)
 print(import_path()[0])
 print(sum(point.name == "drake" for point in entry_points(group="looping_pendulum.engines")))

@@ -88,7 +88,8 @@ def map_(
     """
     from looping_pendulum.engines.isolation import parse_memory
     from looping_pendulum.files import prepare_output_folder
-    from looping_pendulum.sweep import executors, map_file, report, runner
+    from looping_pendulum.sweep import map_file, report, runner
+    from looping_pendulum.sweep.dask_cluster import check_address
     from looping_pendulum.sweep.store import STORE
 
     if file is None:
@@ -100,7 +101,7 @@ def map_(
         show_json(common.yaml_content(text))
         return
     if cluster is not None:
-        executors.check_address(cluster)
+        check_address(cluster)
     plan = map_file.load(file)
     map_file.refuse_unintended_size(plan, max_runs)
     memory_bytes = parse_memory(memory_limit)

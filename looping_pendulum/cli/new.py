@@ -14,7 +14,7 @@ from looping_pendulum.cli.common import scenario_names
 from looping_pendulum.cli.terminal import ProgressBars, say
 
 if TYPE_CHECKING:
-    from looping_pendulum.jobs import ReportShare
+    from looping_pendulum.processes import ReportShare
 
 T = TypeVar("T")
 ENDINGS = (".yaml", ".yml")

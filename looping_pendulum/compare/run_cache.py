@@ -25,7 +25,7 @@ from looping_pendulum.engines.registry import label
 from looping_pendulum.engines.trajectory import COLUMNS, RunStatus, Trajectory, from_samples
 from looping_pendulum.engines.worker import identity
 from looping_pendulum.files import file_stem, write_atomically
-from looping_pendulum.jobs import ReportShare, core_count, run_many
+from looping_pendulum.processes import ReportShare, core_count, run_many
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.versions import installed_version
 

@@ -42,9 +42,9 @@ from looping_pendulum.discrepancy.result import (
 from looping_pendulum.discrepancy.verdict_sentence import effect_in_words, verdict_notes, verdict_sentence
 from looping_pendulum.discrepancy.workers import Workers, default_process_count, one_blas_thread
 from looping_pendulum.errors import HarnessError
-from looping_pendulum.jobs import ReportShare
 from looping_pendulum.measured.observations import BODIES
 from looping_pendulum.measured.study import Study
+from looping_pendulum.processes import ReportShare
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios import loader

@@ -1,32 +1,36 @@
 """Map a function over independent items in this process and in worker processes beside it.
 
 The results are the same for any number of processes. A worker process is started early and takes items as soon as it is ready.
-If it dies, its item is done by another.
+If it dies, its items are done by this process.
 """
 
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
+import queue
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future
+from concurrent.futures.process import BrokenProcessPool
 from importlib import import_module
+from pickle import PicklingError
 from typing import Any, Self
 
 from threadpoolctl import threadpool_limits
 
-from looping_pendulum.jobs import core_count
-from looping_pendulum.jobs.processes import process_pool
+from looping_pendulum.processes import core_count, process_pool
 
 MAX_PROCESSES = 2
 """Largest number of processes, this one included, that is used without being asked for: each needs some 300 MiB."""
+IMPORTED_EARLY = "looping_pendulum.discrepancy.evidence.explain"
+"""Module that a worker imports while it waits; by name, since it stands above this one and starts workers itself."""
+WAITED_FOR, BEGUN, WARM_UP, IMPORTS, END = 0, 1, 2, 3, -1
+"""Priorities of items, the smallest first."""
 
-IMPORTED_EARLY = ("looping_pendulum.discrepancy.evidence.explain",)
-"""Modules that a worker imports while it waits; by name, since they stand above this one and start workers themselves."""
-
-WAITED_FOR, BEGUN, WARM_UP, IMPORTS = range(4)
-"""Priorities of batches, the most urgent first."""
+Function = Callable[[Any, Any], Any]
+"""Function of a shared argument and an item whose result depends on nothing else. All three can be pickled."""
 
 
 def default_process_count() -> int:
@@ -34,22 +38,52 @@ def default_process_count() -> int:
     return min(core_count(), MAX_PROCESSES)
 
 
+class Item:
+    """One call of a function: this process makes it unless a worker process has begun with it."""
+
+    def __init__(self, function: Function, shared: Any, item: Any) -> None:
+        self.function, self.shared, self.item = function, shared, item
+        self.future: Future[Any] = Future()
+        """Result of a worker process; cancelled if this process makes the call."""
+        self._here: Future[Any] | None = None
+
+    def make_here(self) -> None:
+        """Call the function in this process, unless a worker process has begun with it."""
+        if self.future.cancel():
+            self._here = self._called()
+
+    def result(self) -> Any:
+        """Return the result of the call, or raise what it raised."""
+        try:
+            return (self._here or self.future).result()
+        # The worker process has died, or cannot be sent these arguments
+        except (BrokenProcessPool, PicklingError):
+            return self._called().result()
+
+    def _called(self) -> Future[Any]:
+        """Call the function in this process, and return its result, or what it raised."""
+        future: Future[Any] = Future()
+        try:
+            future.set_result(self.function(self.shared, self.item))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
 class Workers:
     """A pool of this process and ``count`` - 1 worker processes. Without worker processes, this one does all items in order."""
 
     def __init__(self, count: int = 1) -> None:
-        self._condition = threading.Condition()
-        self._batches: dict[int, Batch] = {}
-        """Priority -> the batch with items that worker processes may take."""
-        self._closed = False
-        self._pools = contextlib.ExitStack()
+        self._count = count
+        self._waiting: queue.PriorityQueue[tuple[int, int, Item | None]] = queue.PriorityQueue()
+        self._order = itertools.count()
+        self._at_end = contextlib.ExitStack()
         self._threads: list[threading.Thread] = []
-        with contextlib.suppress(OSError):  # where no process can be started, this one does everything
-            for _ in range(1, count):
-                # a pool of its own for each process, since an executor chooses itself which of its processes gets an item
-                executor = self._pools.enter_context(process_pool(1, _start_worker))
-                started = executor.submit(int)  # the process starts now
-                self._threads.append(threading.Thread(target=self._feed, args=(executor, started), daemon=True))
+        if count > 1:
+            with contextlib.suppress(OSError):  # where no process can be started, this one does everything
+                pool = self._at_end.enter_context(process_pool(count - 1, _start_worker))
+                # A thread for each process gives it one item at a time: what has been handed over cannot be taken back
+                self._threads = [threading.Thread(target=self._feed, args=(pool,), daemon=True) for _ in range(count - 1)]
         for thread in self._threads:
             thread.start()
 
@@ -59,140 +93,87 @@ class Workers:
 
     def __exit__(self, *_: object) -> None:
         """End the worker processes."""
-        with self._condition:
-            self._closed = True
-            self._condition.notify_all()
-        # A thread may be waiting for an answer: only the end of its process lets it go on.
-        self._pools.close()
+        for number in range(len(self._threads)):
+            self._waiting.put((END, number, None))
+        # A thread may be waiting for an answer: only the end of its process lets it go on
+        self._at_end.close()
         for thread in self._threads:
             thread.join()
 
-    def prepare(self, function: Callable[[Any, Any], Any], shared: Any, items: Sequence[Any]) -> None:
+    def prepare(self, function: Function, shared: Any, items: Sequence[Any]) -> None:
         """Let idle worker processes call ``function(shared, item)`` for each item, so that its equations are compiled."""
-        self._offer(WARM_UP, Batch(function, shared, items))
+        self._offer(WARM_UP, function, shared, items)
 
     def import_when_idle(self, modules: Sequence[str]) -> None:
         """Let idle worker processes import what will be needed at the end, as matplotlib for the report."""
-        self._offer(IMPORTS, Batch(_import, None, modules))
+        self._offer(IMPORTS, _import, None, modules)
 
-    def begin(self, function: Callable[[Any, Any], Any], shared: Any, items: Sequence[Any]) -> Batch:
+    def begin(self, function: Function, shared: Any, items: Sequence[Any]) -> list[Item]:
         """Let idle worker processes begin with ``function(shared, item)`` for each item; `finish` returns the results."""
-        return self._offer(BEGUN, Batch(function, shared, items))
+        return self._offer(BEGUN, function, shared, items)
 
-    def _offer(self, priority: int, batch: Batch) -> Batch:
-        """Let worker processes take items of a batch, in place of the former one of the same priority."""
-        with self._condition:
-            self._batches[priority] = batch
-            self._condition.notify_all()
-        return batch
+    def _offer(self, priority: int, function: Function, shared: Any, items: Sequence[Any]) -> list[Item]:
+        """Let worker processes take items."""
+        offered = [Item(function, shared, item) for item in items]
+        if self._threads:
+            for item in offered:
+                self._waiting.put((priority, next(self._order), item))
+        return offered
 
-    def map(self, function: Callable[[Any, Any], Any], shared: Any, items: Sequence[Any]) -> list[Any]:
+    def map(self, function: Function, shared: Any, items: Sequence[Any]) -> list[Any]:
         """Return ``function(shared, item)`` for every item, in the order of ``items``.
-
-        Parameters
-        ----------
-        function
-            A function of a module whose result depends on nothing but its arguments. They and the result can be pickled.
 
         Raises
         ------
         Exception
             What the function raised for the first item, in the order of ``items``, for which it raised anything.
         """
-        return self.finish(Batch(function, shared, items))
+        return self.finish(self._offer(WAITED_FOR, function, shared, items))
 
     def map_together(self, function: Callable[[Any, Sequence[Any]], list[Any]], shared: Any, items: Sequence[Any]) -> list[Any]:
         """Return what ``function(shared, items)`` returns for each item, of which every process takes an equal share at once.
 
         The result for an item may not depend on the others of its share.
         """
-        count = max(1, min(1 + len(self._threads), len(items)))
+        count = max(1, min(self._count, len(items)))
         found: list[Any] = [None] * len(items)
         for i, results in enumerate(self.map(function, shared, [items[i::count] for i in range(count)])):
             found[i::count] = results
         return found
 
-    def finish(self, batch: Batch) -> list[Any]:
-        """Return what `map` returns, of a batch that may have been begun."""
-        self._offer(WAITED_FOR, batch)
+    def finish(self, items: Sequence[Item]) -> list[Any]:
+        """Return what `map` returns, of items that may have been begun."""
         try:
-            while (taken := self._take_item(batch)) is not None:
-                i = taken[1]
-                self._store_answer(batch, i, _call(batch.function, batch.shared, batch.items[i]))
+            for item in items:
+                item.make_here()
+            return [item.result() for item in items]
         finally:
-            with self._condition:
-                # Also after an exception here: worker processes must not go on with a batch that nobody waits for
-                self._batches = {priority: one for priority, one in self._batches.items() if one is not batch}
-        # In the order of the items, so that the exception does not depend on which process was faster
-        for succeeded, value in (batch.answers[i] for i in range(len(batch.items))):
-            if not succeeded:
-                raise value
-        return [batch.answers[i][1] for i in range(len(batch.items))]
+            # After an interrupt, too: worker processes must not go on with items that nobody waits for
+            for item in items:
+                item.future.cancel()
 
-    def _take_item(self, own: Batch | None = None) -> tuple[Batch, int] | None:
-        """Wait for an item of this process's ``own`` batch or, for a worker process, of the most urgent one, and take it.
-
-        None: all of its own are done, or the pool has been closed. Items that a worker process has are waited for, too, because
-        that of one which dies comes back.
-        """
-        with self._condition:
-            while not (self._closed if own is None else len(own.answers) == len(own.items)):
-                for batch in [own] if own else [batch for _, batch in sorted(self._batches.items())]:
-                    if batch.waiting:
-                        return batch, batch.waiting.pop(0)
-                self._condition.wait()
-            return None
-
-    def _store_answer(self, batch: Batch, i: int, answer: tuple[bool, Any] | None) -> None:
-        """Keep the answer to an item; without one (None) the item goes back to be done by another worker."""
-        with self._condition:
-            if answer is None:
-                # To the front: the caller waits for all items, and this one has lost time already
-                batch.waiting.insert(0, i)
-            else:
-                batch.answers[i] = answer
-            self._condition.notify_all()
-
-    def _feed(self, executor: Executor, started: Future[Any]) -> None:
-        """Hand items to a worker process, as long as it lives: the main function of its thread."""
-        # A worker process that cannot start, or dies, leaves its items to the others
-        with contextlib.suppress(Exception):
-            started.result()
-            known: Batch | None = None
-            while (taken := self._take_item()) is not None:
-                batch, i = taken
-                answer = None
+    def _feed(self, pool: Executor) -> None:
+        """Hand items to a worker process, one at a time: the main function of its thread."""
+        while (item := self._waiting.get()[2]) is not None:
+            if item.future.set_running_or_notify_cancel():
                 try:
-                    # function and shared argument are sent once for a batch
-                    sent = None if batch is known else (batch.function, batch.shared)
-                    answer = executor.submit(_call_in_worker, sent, batch.items[i]).result()
-                    known = batch
-                finally:  # what cannot be pickled is done by this process, and so is all that follows
-                    self._store_answer(batch, i, answer)
+                    item.future.set_result(pool.submit(item.function, item.shared, item.item).result())
+                # What the function has raised, or what became of the process
+                except Exception as error:
+                    item.future.set_exception(error)
 
 
 SERIAL = Workers()
 """Pool without worker processes."""
 
 
-class Batch:
-    """Items of one call of a method of `Workers`, and the answers so far."""
-
-    def __init__(self, function: Callable[[Any, Any], Any], shared: Any, items: Sequence[Any]) -> None:
-        self.function, self.shared, self.items = function, shared, items
-        self.waiting = list(range(len(items)))
-        """Numbers of the items that no worker has taken."""
-        self.answers: dict[int, tuple[bool, Any]] = {}
-        """Number of an item -> whether the function returned, and its result or the exception that it raised."""
-
-
 def _start_worker() -> None:
-    """Prepare this worker process: it prints nothing, and imports what it will need."""
+    """Prepare this worker process: it prints nothing, imports what it will need, and does linear algebra in one thread."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.dup2(nowhere, 2)
-    for module in IMPORTED_EARLY:
-        import_module(module)
+    # First the import: only libraries that are loaded can be told their number of threads
+    import_module(IMPORTED_EARLY)
     one_blas_thread()
 
 
@@ -206,23 +187,3 @@ def one_blas_thread() -> threadpool_limits:
 
 def _import(_: None, module: str) -> None:
     import_module(module)
-
-
-_batch: tuple[Callable[[Any, Any], Any], Any]
-"""Function and shared argument of the batch that this process, if it is a worker, was sent last."""
-
-
-def _call_in_worker(batch: tuple[Callable[[Any, Any], Any], Any] | None, item: Any) -> tuple[bool, Any]:
-    """Do the same as `_call`, for an item of a new batch or (None) of the batch before."""
-    global _batch
-    if batch is not None:
-        _batch = batch
-    return _call(*_batch, item)
-
-
-def _call(function: Callable[[Any, Any], Any], shared: Any, item: Any) -> tuple[bool, Any]:
-    """Return whether the function returned, and its result or the exception that it raised."""
-    try:
-        return True, function(shared, item)
-    except Exception as error:
-        return False, error

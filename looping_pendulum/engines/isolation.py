@@ -10,6 +10,8 @@ import contextlib
 import os
 import pickle
 import signal
+import subprocess
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -22,12 +24,10 @@ import numpy as np
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine, declared
 from looping_pendulum.engines.registry import how_to_get, missing_packages
 from looping_pendulum.engines.trajectory import COLUMNS, RunStatus, Trajectory, from_samples
-from looping_pendulum.engines.worker import RESULT, ROW_BYTES, SAMPLES, identity, read_rows
+from looping_pendulum.engines.worker import JOB, OUTPUT, RESULT, ROW_BYTES, SAMPLES, identity, read_rows
 from looping_pendulum.errors import EngineError, one_line
-from looping_pendulum.jobs import POLL_INTERVAL, core_count, run_many
-from looping_pendulum.jobs.process_start import OUTPUT
-from looping_pendulum.jobs.processes import MEMORY_POLL_INTERVAL, Interpreter, SupervisedProcess, memory_in_use
 from looping_pendulum.pages.numbers import number
+from looping_pendulum.processes import POLL_INTERVAL, Interpreter, core_count, ended, memory_in_use, run_many, start_python
 from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.scenarios.units import UnitError, to_si
@@ -37,6 +37,8 @@ TIME_LIMIT = 900.0
 MEMORY_LIMIT = 2 * 1024**3
 """Default limit on the memory of one run [bytes]; runs of the shipped adapters were measured to take 35 to 141 MiB."""
 
+PREFIX = "looping-pendulum-"
+"""Beginning of the name of a run's temporary folder."""
 MIN_MEMORY_LIMIT = 64 * 1024**2
 """Smallest memory limit that is accepted [bytes]; Python with NumPy alone takes more than half of it."""
 OUTPUT_LIMIT = 2**24
@@ -72,8 +74,7 @@ def run_isolated(
     """Run ``engine`` on ``scenario`` in a process of its own.
 
     Whatever happens there, this returns a trajectory, whose status says how the run ended. ``time_limit`` is in s,
-    ``memory_limit`` in bytes, which is not enforced where the system does not report it (Windows). With an ``interpreter`` it
-    runs by that Python, which must have the engine's packages.
+    ``memory_limit`` in bytes. With an ``interpreter`` it runs by that Python, which must have the engine's packages.
     """
     missing = missing_packages(engine) if interpreter is None else ()
     if missing:
@@ -84,28 +85,38 @@ def run_isolated(
     if cancelled is not None and cancelled.is_set():
         return _empty_trajectory(engine, scenario, RunStatus.INTERRUPTED, "")
     try:
-        job = pickle.dumps((engine, scenario))
+        job = pickle.dumps((engine, scenario, time_limit))
     # Another package's engine may hold anything, and raise anything on being pickled
     except Exception as error:
         why = f"it cannot be pickled for its process: {type(error).__name__}: {error}"
         return _empty_trajectory(engine, scenario, RunStatus.FAILED, why)
-    process = SupervisedProcess("looping_pendulum.engines.worker:main", job, ENVIRONMENT, interpreter)
-    try:
-        status, message = _wait_for_worker(process, engine, scenario, time_limit, memory_limit, progress, cancelled)
-        process.end()  # before the result is read: a process that the engine started may still write to the folder
-        return _result(process, engine, scenario, status, message)
-    finally:
-        process.close()
+    with contextlib.ExitStack() as at_end:
+        try:
+            folder = Path(at_end.enter_context(tempfile.TemporaryDirectory(prefix=PREFIX, ignore_cleanup_errors=True)))
+            (folder / JOB).write_bytes(job)
+            output = at_end.enter_context((folder / OUTPUT).open("ab"))
+            process = start_python(
+                "looping_pendulum.engines.worker:main",
+                str(folder),
+                mark=folder.name,
+                output=output,
+                environment=ENVIRONMENT,
+                interpreter=interpreter,
+            )
+        except OSError as error:
+            why = f"its process could not start: {error.filename}: {error.strerror}"
+            return _empty_trajectory(engine, scenario, RunStatus.CRASHED, why)
+        # It ends before the result is read: a process that the engine started may still write to the folder
+        with ended(process, folder.name):
+            status, message = _wait_for_worker(process, folder, engine, scenario, time_limit, memory_limit, progress, cancelled)
+        return _result(folder, engine, scenario, status, message)
 
 
-def _result(
-    process: SupervisedProcess, engine: Engine, scenario: Scenario, status: RunStatus | None, message: str
-) -> Trajectory:
+def _result(folder: Path, engine: Engine, scenario: Scenario, status: RunStatus | None, message: str) -> Trajectory:
     """Return the trajectory of a worker that has ended, from the files in its folder.
 
     ``status`` is None if the worker ended by itself and should have written its result.
     """
-    folder = process.folder
     output = ""
     with contextlib.suppress(OSError), (folder / OUTPUT).open("rb") as file:
         file.seek(max(0, _size(folder / OUTPUT) - MAX_RETURNED_OUTPUT))
@@ -188,7 +199,8 @@ def start_order(engines: Sequence[Engine], workers: int) -> list[int]:
 
 
 def _wait_for_worker(
-    process: SupervisedProcess,
+    process: subprocess.Popen[bytes],
+    folder: Path,
     engine: Engine,
     scenario: Scenario,
     time_limit: float,
@@ -200,21 +212,17 @@ def _wait_for_worker(
 
     They are (None, "") if it ended by itself with success: its result then tells the status.
     """
-    samples, output = process.folder / SAMPLES, process.folder / OUTPUT
+    samples, output = folder / SAMPLES, folder / OUTPUT
     expected = max(1, round(scenario.duration / SAMPLE_INTERVAL) + 1)
     deadline = time.monotonic() + time_limit
-    next_memory_check = 0.0
-    while not process.wait(POLL_INTERVAL):
-        now = time.monotonic()
+    while (code := _exit_code(process)) is None:
         if cancelled is not None and cancelled.is_set():
             return RunStatus.INTERRUPTED, ""
-        if now > deadline:
+        if time.monotonic() > deadline:
             return RunStatus.TIME_LIMIT, f"limit {time_limit:g} s"
-        if now >= next_memory_check and process.pid is not None:
-            next_memory_check = now + MEMORY_POLL_INTERVAL
-            held = memory_in_use(process.pid)
-            if held is not None and held > memory_limit:
-                return RunStatus.MEMORY_LIMIT, f"held {format_memory(held)}, limit {format_memory(memory_limit)}"
+        held = memory_in_use(process.pid)
+        if held is not None and held > memory_limit:
+            return RunStatus.MEMORY_LIMIT, f"held {format_memory(held)}, limit {format_memory(memory_limit)}"
         if _size(output) > OUTPUT_LIMIT:  # the worker appends, so it goes on writing at the file's new end
             os.truncate(output, 0)
         if progress is not None:
@@ -222,14 +230,19 @@ def _wait_for_worker(
             progress(engine, min(1.0, _size(samples) / ROW_BYTES / expected))
     if progress is not None:
         progress(engine, 1.0)
-    code = process.returncode
-    if process.start_error:
-        return RunStatus.CRASHED, f"its process could not start: {process.start_error}"
-    if code is not None and code < 0:
+    if code < 0:
         name = signal.Signals(-code).name
         hint = "; this program did not send it: was the machine out of memory?" if name == "SIGKILL" else ""
         return RunStatus.CRASHED, f"killed by signal {name}{hint}"
     return (None, "") if code == 0 else (RunStatus.CRASHED, f"exit status {code}")
+
+
+def _exit_code(process: subprocess.Popen[bytes]) -> int | None:
+    """Wait a moment, and return the exit code of a process (negative: the signal that killed it); None if it goes on."""
+    try:
+        return process.wait(POLL_INTERVAL)
+    except subprocess.TimeoutExpired:
+        return None
 
 
 def _size(path: Path) -> int:

@@ -149,7 +149,7 @@ def declared(engine: Engine, parameters: Parameters) -> dict[str, Any]:
 
 
 class Recorder(Protocol):
-    """Stores samples as they are computed, so that a crash loses none; see `job.FileRecorder`."""
+    """Stores samples as they are computed, so that a crash loses none; see `worker.FileRecorder`."""
 
     def add(self, row: Sequence[float]) -> None:
         """Store one row of `COLUMNS`."""

@@ -5,7 +5,11 @@ Every run starts a process that imports this module, so it imports little else.
 
 from __future__ import annotations
 
+import faulthandler
+import os
 import pickle
+import shutil
+import threading
 import traceback
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,22 +22,26 @@ from looping_pendulum.engines.protocol import Engine, declared
 from looping_pendulum.engines.result_check import validate_trajectory
 from looping_pendulum.engines.trajectory import COLUMNS, Provenance, RunStatus, from_samples, padded_row
 from looping_pendulum.errors import HarnessError
-from looping_pendulum.jobs.process_start import JOB
 from looping_pendulum.scenarios.scenario import Scenario
 
 ROW_BYTES = 8 * len(COLUMNS)
 """Size of one row of a recorder's file: 8-byte floats [bytes]."""
-
-SAMPLES, RESULT = "samples.bin", "trajectory.pickle"
-"""Files in a worker's folder: the samples as they are computed, and the pickled trajectory that the engine returned."""
+JOB, OUTPUT, SAMPLES, RESULT = "job.pickle", "output.txt", "samples.bin", "trajectory.pickle"
+"""Files in a worker's folder: its input (engine, scenario and time limit [s]), everything that it prints, the samples as they
+are computed, and the pickled trajectory that the engine returned."""
+EXTRA_TIME = 60.0
+"""Time beyond its limit after which a worker ends itself [s]: its parent, which would have ended it, is gone."""
 
 
 def main(folder_path: str) -> None:
-    """Run the job in the folder at ``folder_path``, an engine and a scenario; write the trajectory to the same folder."""
+    """Run the job in the folder at ``folder_path``, and write the trajectory to the same folder."""
     folder = Path(folder_path)
+    end_with_parent(folder)
     engine: Engine
     scenario: Scenario
-    engine, scenario = pickle.loads((folder / JOB).read_bytes())
+    engine, scenario, time_limit = pickle.loads((folder / JOB).read_bytes())
+    # By a clock outside Python, as an engine that hangs in its own code lets no thread of Python run
+    faulthandler.dump_traceback_later(time_limit + EXTRA_TIME, exit=True)
     recorder = FileRecorder(folder / SAMPLES)
     try:
         trajectory = validate_trajectory(engine.simulate(scenario, recorder), engine, scenario)
@@ -54,6 +62,29 @@ def main(folder_path: str) -> None:
     partial = folder / "trajectory.part"
     partial.write_bytes(result)
     partial.rename(folder / RESULT)
+
+
+def end_with_parent(folder: Path) -> None:
+    """End this process, with all that it has started and its folder, when its standard input ends: its parent has ended.
+
+    The engine gets an empty standard input.
+    """
+    parent = os.dup(0)
+    empty = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(empty, 0)
+    os.close(empty)
+
+    def wait_for_end() -> None:
+        os.read(parent, 1)
+        try:
+            from looping_pendulum.processes import MARK, end_marked
+
+            end_marked(os.environ[MARK])
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+            os._exit(1)
+
+    threading.Thread(target=wait_for_end, daemon=True).start()
 
 
 class FileRecorder:

@@ -21,7 +21,7 @@ from looping_pendulum.film.moving import Background
 from looping_pendulum.film.moving import Path as MovingPath
 from looping_pendulum.film.plain import PlainTrack
 from looping_pendulum.film.track import FilmTrack, NotTrackedError, Points, TrackSettings, film_window, track
-from looping_pendulum.jobs import ReportShare
+from looping_pendulum.processes import ReportShare
 from looping_pendulum.reference_ode.geometry import Array
 
 CHANNELS = ("light_x", "light_y", "heavy_x", "heavy_y")

@@ -12,7 +12,7 @@ import numpy as np
 from looping_pendulum.film.decode import FilmError, FilmFacts, Survey, film_error, picture_change, pictures, survey
 from looping_pendulum.film.moving import Background, Blobs, background, blobs_of, joined, paths
 from looping_pendulum.film.track import Points, TrackSettings, streak_way
-from looping_pendulum.jobs import ReportShare
+from looping_pendulum.processes import ReportShare
 from looping_pendulum.reference_ode.geometry import Array
 
 MAX_THINGS = 8

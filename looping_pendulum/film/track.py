@@ -27,7 +27,7 @@ from looping_pendulum.film.moving import (
 )
 from looping_pendulum.film.moving import Path as MovingPath
 from looping_pendulum.film.pendulum import Fall, LightMass, String
-from looping_pendulum.jobs import ReportShare
+from looping_pendulum.processes import ReportShare
 from looping_pendulum.reference_ode.geometry import Array
 
 SECONDS_BEFORE = 0.3

@@ -14,7 +14,7 @@ from looping_pendulum.measured.displaced_rows import clock_faults
 from looping_pendulum.measured.observations import Channel, DataError, Observations, UnusedValues
 
 if TYPE_CHECKING:
-    from looping_pendulum.jobs import ReportShare
+    from looping_pendulum.processes import ReportShare
 
 
 def track(film: str | Path, *, progress: ReportShare | None = None, **known: Any) -> Observations:

@@ -29,7 +29,7 @@ from looping_pendulum.reference_ode.parameters import Parameters, Release, effec
 from looping_pendulum.scenarios.quantities import APPARATUS, QUANTITIES
 
 if TYPE_CHECKING:
-    from looping_pendulum.jobs import ReportShare
+    from looping_pendulum.processes import ReportShare
 
 RELEASE = ("release_angle", "free_length", "hanging_length", "push_across")
 """Parameters of a release; a study gives the speed of a push with them, not under ``effects``."""

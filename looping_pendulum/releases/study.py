@@ -41,8 +41,7 @@ from looping_pendulum.engines.tension import FREE_LENGTH, measure_capstan_expone
 from looping_pendulum.engines.trajectory import RunStatus, Trajectory
 from looping_pendulum.errors import EngineError, ResultError, shorten
 from looping_pendulum.files import file_stem, write_atomically
-from looping_pendulum.jobs import ReportShare, run_many
-from looping_pendulum.jobs.processes import Interpreter
+from looping_pendulum.processes import Interpreter, ReportShare, run_many
 from looping_pendulum.releases.installers import InstallationStopped, ReleaseError, install
 from looping_pendulum.releases.result import CAPSTAN, QUANTITIES, ReleaseRow, ReleasesResult, Spread, VariantRow, find_moves
 from looping_pendulum.scenarios.scenario import Scenario
@@ -381,11 +380,11 @@ def distribution_of(engine: Engine) -> str:
 
 
 def interpreter_of(python: str, engines: Sequence[Engine]) -> Interpreter:
-    """Return the Python at the path ``python`` with this package and the adapters of ``engines``, and nothing else of ours."""
+    """Return the Python at the path ``python`` with this package and the adapters of ``engines``."""
     names = {looping_pendulum.__name__, *(type(engine).__module__.partition(".")[0] for engine in engines)}
-    found = {name: Path(str(sys.modules[name].__file__)) for name in sorted(names)}
-    folders = {name: str(file.parent.parent if file.name == "__init__.py" else file.parent) for name, file in found.items()}
-    return Interpreter(executable=python, folders=(), modules=folders)
+    files = [Path(str(sys.modules[name].__file__)) for name in sorted(names)]
+    folders = (str(file.parent.parent if file.name == "__init__.py" else file.parent) for file in files)
+    return Interpreter(executable=python, folders=tuple(folders))
 
 
 @dataclass(frozen=True, kw_only=True)

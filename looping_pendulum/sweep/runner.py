@@ -13,10 +13,10 @@ from typing import Any
 from looping_pendulum.engines.isolation import MEMORY_LIMIT, TIME_LIMIT
 from looping_pendulum.errors import EngineError
 from looping_pendulum.files import write_atomically
-from looping_pendulum.jobs import core_count
+from looping_pendulum.processes import core_count, in_processes
 from looping_pendulum.scenarios.document import one_line
-from looping_pendulum.sweep import cells, executors, report
-from looping_pendulum.sweep.executors import Solve
+from looping_pendulum.sweep import cells, dask_cluster, report
+from looping_pendulum.sweep.dask_cluster import Solve
 from looping_pendulum.sweep.plan import MapPlan
 from looping_pendulum.sweep.report import EngineSummary
 from looping_pendulum.sweep.store import STORE, MapStore, claimed, open_store
@@ -98,9 +98,9 @@ def run_map(
         tasks = _tasks(plan, missing, time_limit, memory_limit)
         processes = min(jobs or core_count(), len(missing))
         if cluster is not None:
-            results = executors.on_cluster(tasks, solve, cluster)
+            results = dask_cluster.on_cluster(tasks, solve, cluster)
         else:
-            results = executors.in_processes(tasks, solve, processes)
+            results = in_processes(tasks, solve, processes)
         outcome = _fill(plan, store, folder, missing, results, progress)
         if outcome.seconds:
             _note_time(folder, outcome, "a cluster" if cluster else f"{jobs or core_count()} processes")

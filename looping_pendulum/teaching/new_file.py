@@ -15,13 +15,13 @@ from pydantic_core import PydanticCustomError
 
 from looping_pendulum.errors import HarnessError, ParameterError
 from looping_pendulum.film.decode import is_film
-from looping_pendulum.jobs import ReportShare
 from looping_pendulum.measured.film_points import facts_of_film
 from looping_pendulum.measured.observations import DataError
 from looping_pendulum.measured.readers import FileSurvey, mass_in_name, survey
 from looping_pendulum.measured.study import REQUIRED, Estimate
 from looping_pendulum.measured.study_file import MeasuredField
 from looping_pendulum.measured.study_io import estimate_text
+from looping_pendulum.processes import ReportShare
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.document import quote

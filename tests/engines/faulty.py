@@ -105,6 +105,11 @@ class FaultyRig:
         return (x, -0.4, 0.0, 0.0, 0.00625, -0.03, 0.0, 0.0, stretch)
 
 
+def alive(pid):
+    done = subprocess.run(["ps", "-o", "stat=", "-p", str(pid)], capture_output=True, text=True)
+    return bool(done.stdout.strip()) and not done.stdout.startswith("Z")
+
+
 def offer(folder: Path, *engines: str) -> None:
     """Install ``engines``, Python expressions, into ``folder`` as another package's entry point would."""
     (folder / "faulty_engines.py").write_text(

@@ -19,11 +19,11 @@ from looping_pendulum.reference_ode.batch import (
     sequence_hash,
     solve_batch,
 )
-from looping_pendulum.reference_ode.batch.runs import BYTES_PER_RUN, BatchRuns, SharedBatch, parameters_of_run, summary
+from looping_pendulum.reference_ode.batch.runs import parameters_of_run, summary
 from looping_pendulum.reference_ode.batch.steps import supports_batch
 from looping_pendulum.reference_ode.effects import EFFECTS, EffectKind
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, available_integrators, solve, solve_at
+from looping_pendulum.reference_ode.solve import available_integrators, solve, solve_at
 from looping_pendulum.reference_ode.state import State
 from looping_pendulum.reference_ode.transitions import Mode
 
@@ -167,6 +167,7 @@ def test_static_friction_follows_the_kinetic_one():
     assert actual.sequence.tolist() == [sequence_hash(run.modes) for run in expected]
 
 
+@pytest.mark.usefixtures("optimised")
 def test_processes_share_the_work_and_report_it():
     columns = {"release_angle": np.radians(np.linspace(70.0, 110.0, 6)), "rod_mobility": np.full(6, 10.0)}  # compiles little
     seen = []
@@ -180,24 +181,6 @@ def test_processes_share_the_work_and_report_it():
     assert seen == sorted(seen)
 
 
-@pytest.mark.parametrize("mobility", [0.0, 10.0])
-def test_a_helping_process_takes_what_nobody_has_taken(monkeypatch, mobility):
-    """The helper's function runs in this process, so that timing does not matter. With a rod that turns runs are single."""
-    turning = {"rod_mobility": np.full(7, mobility)} if mobility else {}
-    columns = {"release_angle": np.radians(np.linspace(70.0, 110.0, 7))} | turning
-    job = SharedBatch.of(BASE, columns, 7, DURATION, TOLERANCE, processes=2)
-    job.taken_count.value = 3
-    monkeypatch.setattr(batch, "_job", job, raising=False)
-    batch._work_in_helper()
-    assert job.taken_count.value == 7
-    assert job.ended_count.value == 4
-    actual = job.result()
-    assert np.all(actual.end[:3] == FAILED)
-    assert_equal(
-        part(actual, slice(3, 7)), solve_batch(BASE, {name: values[3:] for name, values in columns.items()}), bound=0.0
-    )
-
-
 class Deadly(Parameters):
     """Parameters that end the process that unpickles them."""
 
@@ -206,28 +189,12 @@ class Deadly(Parameters):
 
 
 def test_the_runs_of_a_helping_process_that_dies_are_run_again():
-    """The helper counts as having taken four of six runs; one of the six is impossible, so it stays failed."""
+    """One of the six is impossible, so it stays failed."""
     columns = {"release_angle": np.radians([70.0, 80.0, 90.0, 100.0, 400.0, 110.0]), "rod_mobility": np.full(6, 10.0)}
     deadly = Deadly(**{field.name: getattr(BASE, field.name) for field in dataclasses.fields(Parameters)})
-    job = SharedBatch.of(deadly, columns, 6, DURATION, TOLERANCE, processes=2)
-    job.taken_count.value = 4
-    batch._work_together(job, None)
-    actual = job.result()
+    actual = solve_batch(deadly, columns, processes=2)
     assert_equal(actual, solve_batch(BASE, columns), bound=0.0)
     assert np.flatnonzero(actual.end == FAILED).tolist() == [4]
-
-
-@pytest.mark.parametrize("processes", [1, 2, 5])
-def test_of_the_last_runs_a_process_takes_only_its_share(processes):
-    job = SharedBatch.of(BASE, {"heavy_mass": np.ones(1000)}, 1000, DURATION, TOLERANCE, processes)
-    runs, taken = BatchRuns(job), []
-    while len(some := runs.take(300)):
-        taken.append(len(some))
-    assert sum(taken) == 1000
-    assert taken == sorted(taken, reverse=True)
-    assert taken[0] == min(300, 1000 // processes)
-    assert taken[-1] <= max(1, taken[-2] // processes + 1)
-    np.testing.assert_array_equal(runs.taken_here(), np.arange(1000))
 
 
 @pytest.mark.long
@@ -257,16 +224,6 @@ def test_a_run_with_too_many_steps_is_left_to_the_single_integrator(monkeypatch)
     monkeypatch.setattr(batch, "solve_without_warning", lambda *a, **k: singly.append(solve(*a, **k)) or singly[-1])
     assert_equal(solve_batch(BASE, columns), expected, bound=1e-9)
     assert len(singly) == 5
-
-
-def test_processes_see_each_others_results():
-    memory = bytearray(3 * BYTES_PER_RUN)
-    mine, other = BatchResult.over(memory, 3), BatchResult.over(memory, 3)
-    assert len({getattr(other, name).__array_interface__["data"][0] for name in (*COUNTS, *TIMES_AND_PLACES)}) == 12
-    for i, name in enumerate((*COUNTS, *TIMES_AND_PLACES)):
-        getattr(mine, name)[:] = [i, i + 1, i + 2]
-    for i, name in enumerate((*COUNTS, *TIMES_AND_PLACES)):
-        assert getattr(other, name).tolist() == [i, i + 1, i + 2]
 
 
 def test_samples_are_those_of_single_runs_at_each_runs_own_times():

@@ -15,9 +15,9 @@ from typer.testing import CliRunner
 
 from looping_pendulum.cli.main import app
 from looping_pendulum.errors import EngineError
-from looping_pendulum.sweep import executors, map_file, open_map, run_map, runner
+from looping_pendulum.sweep import dask_cluster, map_file, open_map, run_map, runner
 from looping_pendulum.sweep.cells import ENDINGS
-from looping_pendulum.sweep.executors import CONNECT_TIME
+from looping_pendulum.sweep.dask_cluster import CONNECT_TIME
 from tests.command_line import can_be_interrupted
 from tests.sweep import fake
 from tests.sweep.maps import GRID, LONG, chunk_files, contents, program
@@ -145,7 +145,7 @@ def test_a_worker_killed_in_the_middle_loses_nothing(cluster, tmp_path):
 
 @pytest.mark.long
 def test_an_unreachable_cluster_is_one_line_soon(tmp_path, monkeypatch):
-    monkeypatch.setattr(executors, "CONNECT_TIME", 1.0)
+    monkeypatch.setattr(dask_cluster, "CONNECT_TIME", 1.0)
     plan = map_file.load_text(GRID)
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))  # not listening: nobody answers there

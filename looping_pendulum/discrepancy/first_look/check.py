@@ -42,7 +42,6 @@ from looping_pendulum.discrepancy.first_look.row_times import (
 )
 from looping_pendulum.discrepancy.fit.event_prediction import check_event_rows
 from looping_pendulum.discrepancy.workers import one_blas_thread
-from looping_pendulum.jobs import ReportShare
 from looping_pendulum.measured.displaced_rows import (
     MIN_CHANGE,
     WrongTimes,
@@ -53,6 +52,7 @@ from looping_pendulum.measured.displaced_rows import (
 from looping_pendulum.measured.observations import Channel, DataError, ImplausibleLengthError, Observations
 from looping_pendulum.measured.study import Study, Trial, read_trial
 from looping_pendulum.pages.numbers import quantity
+from looping_pendulum.processes import ReportShare
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.quantities import QUANTITIES
 

@@ -5,20 +5,19 @@ from __future__ import annotations
 import warnings
 from collections.abc import Collection, Iterable, Sequence
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import nullcontext
 
 import numpy as np
 
 from looping_pendulum.errors import HarnessError, IntegratorFallbackWarning, ParameterError
-from looping_pendulum.jobs.processes import process_pool, safe_spawning
+from looping_pendulum.processes import process_pool
 from looping_pendulum.reference_ode.batch.runs import (
     ENDS,
     FAILED,
+    Batch,
     BatchResult,
     BatchRuns,
     Columns,
     Progress,
-    SharedBatch,
     column_names,
     parameters_of_run,
     sequence_hash,
@@ -88,13 +87,8 @@ def solve_batch(
     if processes < 1:
         raise ParameterError(f"processes: found {processes}, needed 1 or more")
     worker_count = max(1, min(processes, n))  # a process without a run would only cost its start
-    with safe_spawning() if worker_count > 1 else nullcontext():  # shared memory starts a process of its own
-        job = SharedBatch.of(base, columns, n, duration, tolerance, worker_count)
-    if job.processes == 1:
-        _work(BatchRuns(job, progress))
-    else:
-        _work_together(job, progress)
-    result = job.result()
+    batch = Batch(base=base, columns=columns, n=n, durations=np.full(n, duration), tolerance=tolerance)
+    result = _solved(batch, progress) if worker_count == 1 else _solved_together(batch, worker_count, progress)
     count = int(np.count_nonzero(result.handed_over))
     if count:
         warnings.warn(IntegratorFallbackWarning(f"heyoka gave up at {count} of {n} runs, so SciPy solved these"), stacklevel=2)
@@ -129,7 +123,9 @@ def sample_batch(
         raise ParameterError(f"times: found those of {len(times)} runs, needed {n}")
     samples = BatchSamples.at([np.asarray(t, dtype=float) for t in times])
     acting = _compiled_together(base, columns)
-    _work(BatchRuns(SharedBatch.of(base, columns, n, duration, tolerance, 1, acting)), samples)
+    durations = np.broadcast_to(np.asarray(duration, dtype=float), n)
+    batch = Batch(base=base, columns=columns, n=n, durations=durations, tolerance=tolerance, acting=acting)
+    _solved(batch, samples=samples)
     return samples
 
 
@@ -184,21 +180,17 @@ def _checked_length(base: Parameters, columns: Columns) -> int:
     return next(iter(lengths.values()))
 
 
-def _work(runs: BatchRuns, samples: BatchSamples | None = None) -> None:
-    """Take runs until none are left, and fill in their results, and their samples if any are wanted."""
-    job, result = runs.job, runs.job.result()
-    effects = job.base.effects_with(job.acting.union(name for name in job.names if name in job.base.coefficients))
+def _solved(batch: Batch, progress: Progress | None = None, samples: BatchSamples | None = None) -> BatchResult:
+    """Return the results of all runs, and fill in their samples if any are wanted."""
+    runs = BatchRuns(batch, progress)
+    effects = batch.base.effects_with(batch.acting.union(name for name in batch.columns if name in batch.base.coefficients))
     if "heyoka" in available_integrators() and supports_batch(effects):
         Schedule(runs, effects, samples).run()
-        taken = runs.taken_here()
-        # A run that failed here is solved once more by itself, where SciPy may take over from heyoka
-        remaining = iter(taken[result.end[taken] == FAILED].tolist())
-    else:
-        remaining = runs.take_single()
-    for i in remaining:
+    # What failed there is solved once more by itself, where SciPy may take over from heyoka
+    for i in np.flatnonzero(runs.result.end == FAILED).tolist():
         try:
             run = solve_without_warning(
-                parameters_of_run(job.base, runs.columns, i), duration=float(job.durations[i]), tolerance=job.tolerance
+                parameters_of_run(batch.base, batch.columns, i), duration=float(batch.durations[i]), tolerance=batch.tolerance
             )
         except (HarnessError, ArithmeticError):
             pass  # the run stays marked as failed
@@ -207,48 +199,30 @@ def _work(runs: BatchRuns, samples: BatchSamples | None = None) -> None:
                 times = samples.t[samples.part(i)]
                 samples.put(i, run.sample(times[times <= run.end_time]))
             for name, value in summary(run).items():
-                getattr(result, name)[i] = value
+                getattr(runs.result, name)[i] = value
         runs.report_ended(1)
+    return runs.result
 
 
-def _work_together(job: SharedBatch, progress: Progress | None) -> None:
-    """Do the same as `_work` in several processes. Runs of a process that dies are solved again in this one."""
+def _solved_together(batch: Batch, processes: int, progress: Progress | None) -> BatchResult:
+    """Do the same as `_solved` in several processes. The share of a process that dies is solved in this one."""
+    # Neighbours cost alike, so that equal shares take alternate runs
+    shares = [np.arange(start, batch.n, processes) for start in range(processes)]
+    result, ended = BatchResult.empty(batch.n), 0
+
+    def report(ended_of_share: int, _: int) -> None:
+        if progress is not None:
+            progress(ended + ended_of_share, batch.n)
+
     # One fewer, as this process works, too
-    with process_pool(job.processes - 1, _keep_job, (job,)) as pool:
-        others = [pool.submit(_work_in_helper) for _ in range(job.processes - 1)]
-        try:
-            _work(BatchRuns(job, progress))
-            for other in others:
-                other.result()
-        except BrokenProcessPool:
-            _rerun_unfinished(job)
-    if progress is not None:
-        progress(job.n, job.n)
-
-
-def _rerun_unfinished(job: SharedBatch) -> None:
-    """Solve the runs without a result in this process."""
-    result = job.result()
-    # A run that failed by itself looks like one that was never solved; it fails again
-    unfinished = np.flatnonzero(result.end == FAILED)
-    columns = {name: values[unfinished] for name, values in job.columns().items()}
-    rest = SharedBatch.of(
-        job.base, columns, len(unfinished), job.durations[unfinished], job.tolerance, processes=1, acting=job.acting
-    )
-    _work(BatchRuns(rest))
-    result.put(unfinished, rest.result())
-
-
-_job: SharedBatch
-"""Batch of this process, if it is a helping one."""
-
-
-def _keep_job(job: SharedBatch) -> None:
-    """Keep the batch, which can be passed only when a process starts: shared memory cannot be sent to it later."""
-    global _job
-    _job = job
-
-
-def _work_in_helper() -> None:
-    """Take part in the work of the batch of this process."""
-    _work(BatchRuns(_job))
+    with process_pool(processes - 1) as pool:
+        others = [pool.submit(_solved, batch.part(share)) for share in shares[1:]]
+        for share, other in zip(shares, [None, *others], strict=True):
+            try:
+                part = _solved(batch.part(share), report) if other is None else other.result()
+            except BrokenProcessPool:
+                part = _solved(batch.part(share), report)
+            result.put(share, part)
+            ended += len(share)
+            report(0, batch.n)
+    return result

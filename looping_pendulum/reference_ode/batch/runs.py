@@ -1,14 +1,11 @@
-"""The runs of a batch: their parameters and results as arrays, and the memory that its processes share."""
+"""The runs of a batch: their parameters and results as arrays."""
 
 from __future__ import annotations
 
 import dataclasses
-import multiprocessing
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import nullcontext
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from operator import attrgetter
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -31,8 +28,6 @@ Columns = Mapping[str, Array]
 """Name, one of `column_names` -> one value per run, shape (n,), SI."""
 Index = NDArray[np.int64]
 """Indices of runs in the batch, shape (n,)."""
-_SPAWN = multiprocessing.get_context("spawn")
-"""Source of shared memory for a `process_pool`, whose processes are spawned."""
 Progress = Callable[[int, int], None]
 """Called with the number of runs that have ended and the number of all runs."""
 ENDS: tuple[str, ...] = (
@@ -162,28 +157,7 @@ class BatchResult:
     @classmethod
     def empty(cls, n: int) -> BatchResult:
         """Return results of ``n`` runs, all marked as failed until they are filled in."""
-        result = cls.over(bytearray(n * BYTES_PER_RUN), n)
-        result.clear()
-        return result
-
-    @classmethod
-    def over(cls, memory: Any, n: int) -> BatchResult:
-        """Return the results of ``n`` runs as views of ``memory``, a buffer of ``n * BYTES_PER_RUN`` bytes.
-
-        Processes may share the buffer.
-        """
-        columns, offset = {}, 0
-        kinds = {name: np.dtype(column.kind) for name, column in COLUMNS.items()}
-        # Largest items first: then every column is aligned, whatever n is
-        for name, kind in sorted(kinds.items(), key=lambda one: -one[1].itemsize):
-            columns[name] = np.frombuffer(memory, kind, count=n, offset=offset)
-            offset += n * kind.itemsize
-        return cls(**columns)
-
-    def clear(self) -> None:
-        """Mark all runs as failed."""
-        for name, column in COLUMNS.items():
-            getattr(self, name)[:] = column.failed
+        return cls(**{name: np.full(n, column.failed, dtype=column.kind) for name, column in COLUMNS.items()})
 
     def put(self, runs: NDArray[np.int64], part: BatchResult) -> None:
         """Fill in the results ``part`` of ``runs``."""
@@ -195,8 +169,6 @@ COLUMNS: dict[str, Column] = {field.name: field.metadata["column"] for field in 
 """Name of a field of `BatchResult` -> what it is."""
 AT_END = tuple((name, column.at_end) for name, column in COLUMNS.items() if column.at_end)
 """Name of a field -> entry of the state at the end, of those that are one."""
-BYTES_PER_RUN = sum(np.dtype(column.kind).itemsize for column in COLUMNS.values())
-"""Memory that the results of one run take [B]."""
 
 
 def sequence_hash(modes: Iterable[int]) -> int:
@@ -218,121 +190,55 @@ def summary(run: Run) -> dict[str, Any]:
     return {name: column.of_run(run) for name, column in COLUMNS.items()}
 
 
-def _counter(alone: bool) -> Any:
-    """Return a counter for the processes of a batch; for one process alone, one whose lock never waits."""
-    return SimpleNamespace(value=0, get_lock=nullcontext) if alone else _SPAWN.Value("q", 0)
-
-
 @dataclass(frozen=True, kw_only=True)
-class SharedBatch:
-    """A batch in memory that all its processes share."""
+class Batch:
+    """Runs that share ``base`` but for ``columns``."""
 
     base: Parameters
-    names: tuple[str, ...]
-    """Names of the columns."""
+    columns: Columns
     n: int
     """Number of runs."""
     durations: Array
     """Limit on the simulated time of each run [s], shape (n,)."""
     tolerance: float
-    acting: frozenset[str]
+    acting: frozenset[str] = frozenset()
     """Coefficients whose effects are compiled in even at their null values."""
-    processes: int
-    column_buffer: Any
-    """Values of the columns, one column after another."""
-    result_buffer: Any
-    """Memory of the results (`BatchResult.over`)."""
-    taken_count: Any
-    """Number of runs that some process has taken; runs are taken in the order of their indices."""
-    ended_count: Any
-    """Number of runs that have ended."""
 
-    @classmethod
-    def of(
-        cls,
-        base: Parameters,
-        columns: Columns,
-        n: int,
-        duration: float | Array,
-        tolerance: float,
-        processes: int,
-        acting: frozenset[str] = frozenset(),
-    ) -> SharedBatch:
-        """Return a batch of which no run has been taken yet."""
-        value_count, result_bytes = n * len(columns), n * BYTES_PER_RUN
-        alone = processes == 1
-        job = cls(
-            base=base,
-            names=tuple(columns),
-            n=n,
-            durations=np.broadcast_to(np.asarray(duration, dtype=float), n),
-            tolerance=tolerance,
-            acting=acting,
-            processes=processes,
-            column_buffer=np.empty(value_count) if alone else _SPAWN.RawArray("d", value_count),
-            result_buffer=bytearray(result_bytes) if alone else _SPAWN.RawArray("b", result_bytes),
-            taken_count=_counter(alone),
-            ended_count=_counter(alone),
-        )
-        for name, values in job.columns().items():
-            values[:] = columns[name]
-        job.result().clear()
-        return job
-
-    def columns(self) -> dict[str, Array]:
-        """Return the columns by name, as views of the shared memory."""
-        values = np.frombuffer(self.column_buffer) if self.n else np.empty(0)
-        return dict(zip(self.names, values.reshape(len(self.names), self.n), strict=True))
-
-    def result(self) -> BatchResult:
-        """Return the results, a view of the shared memory, which other processes fill in, too."""
-        return BatchResult.over(self.result_buffer, self.n)
+    def part(self, runs: Index) -> Batch:
+        """Return the batch of some of the runs."""
+        columns = {name: values[runs] for name, values in self.columns.items()}
+        return dataclasses.replace(self, columns=columns, n=len(runs), durations=self.durations[runs])
 
 
 class BatchRuns:
-    """The runs of a batch as one process takes them, with their parameters."""
+    """The runs of a batch as they are taken, with their parameters and results."""
 
-    def __init__(self, job: SharedBatch, progress: Progress | None = None) -> None:
-        self.job, self.run_count, self._progress = job, job.n, progress
-        self.columns = job.columns()
-        self._taken_here: list[Index] = []
+    def __init__(self, batch: Batch, progress: Progress | None = None) -> None:
+        self.batch, self._progress = batch, progress
+        self.result = BatchResult.empty(batch.n)
+        self._taken_count = self._ended_count = 0
 
     def take(self, most: int) -> Index:
-        """Take the next runs, at most ``most``, and of the last ones only a share, so that all processes end together."""
-        taken = self.job.taken_count
-        with taken.get_lock():
-            start = taken.value
-            taken.value = end = start + min(most, -(-(self.run_count - start) // self.job.processes))  # rounded up
-        runs = np.arange(start, end)
-        self._taken_here.append(runs)
+        """Take the next runs, at most ``most``."""
+        runs = np.arange(self._taken_count, min(self.batch.n, self._taken_count + most))
+        self._taken_count += len(runs)
         return runs
-
-    def taken_here(self) -> Index:
-        """Return the indices of all runs that this process has taken."""
-        return np.concatenate([*self._taken_here, np.arange(0)])
 
     def parameter_values(self, runs: Index) -> dict[str, Any]:
         """Return every parameter of ``runs`` that the equations read, by name: one value, or one per run."""
-        return equation_parameters(self.job.base, {name: values[runs] for name, values in self.columns.items()})
+        return equation_parameters(self.batch.base, {name: values[runs] for name, values in self.batch.columns.items()})
 
     def take_valid(self, most: int) -> tuple[Index, dict[str, Any]]:
         """Take the next runs; return those whose values `Parameters` accepts, and their parameters. The others stay failed."""
         while len(runs := self.take(most)):
             values = self.parameter_values(runs)
-            valid = valid_runs(self.job.base, values, len(runs))
+            valid = valid_runs(self.batch.base, values, len(runs))
             if valid.any():
                 return runs[valid], {name: v[valid] if np.ndim(v) else v for name, v in values.items()}
         return runs, {}
 
-    def take_single(self) -> Iterator[int]:
-        """Take the next runs one by one."""
-        while len(run := self.take(1)):
-            yield int(run[0])
-
     def report_ended(self, runs: int) -> None:
         """Count ``runs`` more runs that have ended, and report the progress."""
-        # Read, then written: without the lock two processes might count as one
-        with self.job.ended_count.get_lock():
-            self.job.ended_count.value = ended = self.job.ended_count.value + runs
+        self._ended_count += runs
         if self._progress is not None:
-            self._progress(ended, self.run_count)
+            self._progress(self._ended_count, self.batch.n)

@@ -45,12 +45,12 @@ class Schedule:
 
     def __init__(self, source: BatchRuns, effects: Effects, samples: BatchSamples | None = None) -> None:
         """Prepare; the batch's result, and ``samples`` if any are wanted, are filled in for the runs that are taken here."""
-        job = source.job
-        self._source, self._result = source, job.result()
+        batch = source.batch
+        self._source, self._result = source, source.result
         self._log = None if samples is None else SampleLog(samples)
         self._model = batch_model(effects, source.parameter_values(np.arange(0)))
-        self._durations, self._tolerance = job.durations, job.tolerance
-        self._kind = job.base.release
+        self._durations, self._tolerance = batch.durations, batch.tolerance
+        self._kind = batch.base.release
         self._queues: dict[_Task, list[Block]] = defaultdict(list)
         self._running_count = 0
 

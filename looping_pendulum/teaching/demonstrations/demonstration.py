@@ -19,7 +19,7 @@ from looping_pendulum.engines.reference import ReferenceEngine
 from looping_pendulum.engines.registry import how_to_get, label, missing_packages
 from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.errors import HarnessError, MissingPackageError
-from looping_pendulum.jobs import ReportShare
+from looping_pendulum.processes import ReportShare
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import available_integrators

@@ -1,14 +1,9 @@
-"""Executors of chunks: this process, processes of this machine, or a Dask cluster.
-
-Each executor takes tasks one by one, submits only a few at a time, and yields results as they arrive, in any order.
-"""
+"""Computes the chunks of a map on a Dask cluster: submits only a few at a time, and yields results as they arrive."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, wait
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
@@ -16,7 +11,6 @@ from urllib.parse import urlsplit
 
 from looping_pendulum.errors import EngineError, HarnessError, MissingPackageError
 from looping_pendulum.installation import install_command
-from looping_pendulum.jobs.processes import process_pool
 from looping_pendulum.scenarios.document import one_line, quote
 from looping_pendulum.sweep.cells import CellResult, CellTask
 
@@ -32,31 +26,6 @@ RETRIES = 3
 """Number of times that the cluster may repeat a failed chunk."""
 WINDOW_CHECK = 32
 """Number of results after which the number of workers is checked again, as they may join or leave during a long map."""
-
-
-def in_processes(tasks: Iterator[CellTask], solve: Solve, jobs: int) -> Iterator[CellResult]:
-    """Run tasks in ``jobs`` processes of this machine; with one job, in this process itself.
-
-    Raises
-    ------
-    EngineError
-        If one of them dies.
-    """
-    if jobs <= 1:
-        yield from map(solve, tasks)
-        return
-    try:
-        with process_pool(jobs) as pool:
-            # Two for each process, so that none waits for its next; not all of a long map, since each task holds its columns
-            running: set[Future[CellResult]] = {pool.submit(solve, task) for task in itertools.islice(tasks, 2 * jobs)}
-            while running:
-                done, running = wait(running, return_when=FIRST_COMPLETED)
-                running |= {pool.submit(solve, task) for task in itertools.islice(tasks, len(done))}
-                for future in done:
-                    yield future.result()
-    except BrokenProcessPool:
-        message = "a worker process died; was the machine out of memory? What is finished is kept: run the same command again"
-        raise EngineError(f"{message}, with fewer --jobs") from None
 
 
 def check_address(address: str) -> None:

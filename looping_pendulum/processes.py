@@ -1,0 +1,298 @@
+"""Processes of this package: many jobs at a time, pools of processes, and the start and end of a process for one function.
+
+A child process finds the installed packages first, and what lies in the working folder or beside the script last: a student's
+``mujoco.py`` or ``pickle.py`` there does not shadow the real one, and an engine's module there is found nevertheless.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from itertools import islice
+from typing import IO, TypeVar
+
+from looping_pendulum.errors import EngineError
+
+POLL_INTERVAL = 0.05
+"""Time between two looks at what goes on [s]; Ctrl-C is noticed in between."""
+END_TIMEOUT = 10.0
+"""Longest time to wait for processes that were killed [s]; normally they end within milliseconds."""
+MARK = "LOOPING_PENDULUM_PROCESS"
+"""Environment variable by which a process of `start_python`, and all that it starts, are found, wherever they belong."""
+_SAFE_PATH = {"PYTHONSAFEPATH": "1"}
+"""Environment of a Python that does not import from the working folder, as with its option -P."""
+ReportShare = Callable[[str, float], None]
+"""Function that is called with what is being done, and the share of all of it that is done."""
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+def core_count() -> int:
+    """Return the number of cores that this process may use; a container or batch system may allow fewer than there are."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def run_many(
+    calls: Iterable[Callable[[], Result]],
+    jobs: int,
+    *,
+    cancelled: threading.Event,
+    meanwhile: Callable[[dict[int, Result]], None] = lambda results: None,
+) -> dict[int, Result]:
+    """Make ``calls`` in their order, ``jobs`` at a time; return position -> result of those that had begun.
+
+    Ctrl-C sets ``cancelled``: no further call begins, and those that go on are to end soon, with a result. No interrupt is
+    raised, so that the caller returns what there is.
+
+    Parameters
+    ----------
+    calls
+        Each is made in a thread, as it only waits for a process.
+    cancelled
+        Event that the calls watch.
+    meanwhile
+        Called from the caller's thread, every `POLL_INTERVAL`, with the results so far.
+
+    Raises
+    ------
+    Exception
+        What a call raised, after all others have ended.
+    """
+
+    def results() -> dict[int, Result]:
+        return {i: call.result() for i, call in enumerate(futures) if call.done() and not call.cancelled()}
+
+    with ThreadPoolExecutor(jobs) as pool:
+        futures = [pool.submit(call) for call in calls]
+        going_on = True
+        while going_on:
+            try:
+                # In short steps, as Ctrl-C reaches this thread alone, and only between two steps
+                going_on = bool(wait(futures, POLL_INTERVAL).not_done)
+                meanwhile(results())
+            except KeyboardInterrupt:
+                cancelled.set()
+                for call in futures:
+                    call.cancel()
+    return results()
+
+
+# ---- what a child process may import
+
+
+def import_path() -> list[str]:
+    """Return `sys.path` as absolute paths, with the folders of which any file might be imported at its end.
+
+    These are the working folder, and that of the running script.
+    """
+    folders = []
+    with contextlib.suppress(OSError):  # the working folder may be gone
+        folders.append(os.getcwd())
+    if script := getattr(sys.modules.get("__main__"), "__file__", None):
+        folders.append(os.path.dirname(os.path.abspath(script)))
+    unsafe = {os.path.realpath(folder) for folder in folders}
+    path = [os.path.abspath(entry) for entry in sys.path if entry or folders]
+    # Sorting keeps the order of the others
+    return sorted(path, key=lambda entry: os.path.realpath(entry) in unsafe)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Interpreter:
+    """The Python of another environment."""
+
+    executable: str
+    folders: tuple[str, ...]
+    """Folders from which it imports what its environment does not have."""
+
+
+# ---- one process for one function
+
+
+def start_python(
+    function: str,
+    argument: str,
+    *,
+    mark: str,
+    output: IO[bytes],
+    environment: Mapping[str, str],
+    interpreter: Interpreter | None,
+) -> subprocess.Popen[bytes]:
+    """Start a process that calls ``function``, "module:name", with a text as its argument.
+
+    It is in a session of its own, so that Ctrl-C reaches only this process, which then decides what to do. Its standard input
+    ends when this process ends.
+
+    Parameters
+    ----------
+    mark
+        Text by which `end_marked` finds it.
+    output
+        File that gets all that it prints.
+    environment
+        Environment variables to set.
+    interpreter
+        Python that runs it; by default this one, with the same packages.
+    """
+    module, _, name = function.partition(":")
+    folders: Sequence[str]
+    executable, change, folders = sys.executable, "=", import_path()
+    if interpreter is not None:
+        executable, change, folders = interpreter.executable, "+=", interpreter.folders
+    code = f"import sys; sys.path {change} sys.argv[2:]; from {module} import {name}; {name}(sys.argv[1])"
+    return subprocess.Popen(
+        [executable, "-P", "-c", code, argument, *folders],
+        stdin=subprocess.PIPE,
+        stdout=output,
+        stderr=subprocess.STDOUT,
+        env=os.environ | environment | {MARK: mark},
+        start_new_session=True,
+        creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
+    )
+
+
+@contextlib.contextmanager
+def ended(process: subprocess.Popen[bytes], mark: str) -> Iterator[None]:
+    """Return a context at whose end a process of `start_python` and all that it has started have ended."""
+    assert process.stdin is not None
+    try:
+        yield
+    finally:
+        process.kill()
+        end_marked(mark)
+        process.wait()
+        process.stdin.close()
+
+
+def end_marked(mark: str) -> None:
+    """Kill all processes that carry ``mark``, except this one, and wait until they have ended.
+
+    So a process ends, too, that an engine has started in a session of its own and that has lost its parent.
+    """
+    import psutil  # not at the top: a process that only computes starts sooner without it
+
+    deadline = time.monotonic() + END_TIMEOUT
+    while time.monotonic() < deadline:
+        marked = []
+        for process in psutil.process_iter():
+            # Others' processes refuse to be read, and any may end meanwhile
+            with contextlib.suppress(psutil.Error, OSError):
+                if process.pid != os.getpid() and process.environ().get(MARK) == mark:
+                    process.kill()
+                    marked.append(process)
+        if not marked:
+            return
+        # Again afterwards: one may have started another before it was killed
+        time.sleep(0.01)
+
+
+def memory_in_use(pid: int) -> int | None:
+    """Return the memory of a process [bytes]; None if it has ended."""
+    import psutil
+
+    try:
+        return int(psutil.Process(pid).memory_info().rss)
+    except psutil.Error:
+        return None
+
+
+# ---- pools of processes
+
+
+@contextlib.contextmanager
+def process_pool(count: int, initializer: Callable[[], object] = int) -> Iterator[Executor]:
+    """Return a context with an executor of ``count`` processes; they end with the context or this process, even when busy.
+
+    They leave Ctrl-C to this process. They do not import the running script, which needs no ``if __name__ == "__main__"``.
+
+    Parameters
+    ----------
+    initializer
+        Function that each process calls first.
+    """
+    from loky import ProcessPoolExecutor
+
+    # No process ends for want of work: what it has compiled would be lost
+    pool = ProcessPoolExecutor(
+        count, timeout=None, initializer=_start_in_pool, initargs=(os.getpid(), import_path(), initializer), env=_SAFE_PATH
+    )
+    try:
+        with _safe_start():
+            pool.submit(int)  # this starts all of them
+        yield pool
+    finally:
+        pool.shutdown(kill_workers=True)
+
+
+def _start_in_pool(parent: int, path: list[str], initializer: Callable[[], object]) -> None:
+    """Let this process of a pool ignore Ctrl-C, and end when its parent has ended; then call the initializer."""
+    import psutil
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    sys.path = path
+
+    def exit_after_parent() -> None:
+        # A parent that nobody has waited for has a process id still, but no children; Windows knows no such state
+        while psutil.pid_exists(parent) and (os.name == "nt" or os.getppid() == parent):
+            time.sleep(POLL_INTERVAL)
+        os._exit(1)
+
+    threading.Thread(target=exit_after_parent, daemon=True).start()
+    initializer()
+
+
+_start_lock = threading.RLock()
+
+
+@contextlib.contextmanager
+def _safe_start() -> Iterator[None]:
+    """Start processes of a pool, and those that keep account of its locks, with a safe `import_path` and without Ctrl-C.
+
+    Environment and path belong to the whole process, so one thread at a time may change them.
+    """
+    with _start_lock, contextlib.ExitStack() as at_end:
+        saved = os.environ.get("PYTHONSAFEPATH")
+        at_end.callback(lambda: os.environ.update({} if saved is None else {"PYTHONSAFEPATH": saved}))
+        at_end.callback(os.environ.pop, "PYTHONSAFEPATH", None)
+        os.environ.update(_SAFE_PATH)
+        at_end.callback(setattr, sys, "path", sys.path)
+        sys.path = import_path()
+        if hasattr(signal, "pthread_sigmask"):
+            # They inherit it; Ctrl-C would interrupt them before they can ignore it
+            at_end.callback(
+                signal.pthread_sigmask, signal.SIG_SETMASK, signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+            )
+        yield
+
+
+def in_processes(items: Iterator[Item], function: Callable[[Item], Result], jobs: int) -> Iterator[Result]:
+    """Yield ``function`` of each item, in any order, from ``jobs`` processes; with one job, from this process itself.
+
+    Raises
+    ------
+    EngineError
+        If one of them dies.
+    """
+    if jobs <= 1:
+        yield from map(function, items)
+        return
+    try:
+        with process_pool(jobs) as pool:
+            # Two for each process, so that none waits for its next; not all of many, since each may hold much
+            running: set[Future[Result]] = {pool.submit(function, item) for item in islice(items, 2 * jobs)}
+            while running:
+                done, running = wait(running, return_when=FIRST_COMPLETED)
+                running |= {pool.submit(function, item) for item in islice(items, len(done))}
+                for future in done:
+                    yield future.result()
+    except BrokenProcessPool:
+        message = "a worker process died; was the machine out of memory? What is finished is kept: run the same command again"
+        raise EngineError(f"{message}, with fewer --jobs") from None
