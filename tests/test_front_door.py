@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import looping_pendulum as lp
@@ -42,3 +43,12 @@ def test_the_examples_run(tmp_path, monkeypatch, capsys):
     assert len(names["batch"].halting_time) == 3
     assert {c.name for c in names["points"].channels} == {"light_x", "light_y", "heavy_x", "heavy_y"}
     assert capsys.readouterr().out.count("\n") > 4
+
+
+def test_what_takes_parameters_takes_a_scenario_too():
+    scenario = lp.load("two_to_one")
+    p, times, frictions = scenario.parameters, np.array([0.0, 0.1, 0.2]), {"kinetic_friction": np.array([0.2, 0.3])}
+    assert lp.solve(scenario).halting_time == lp.solve(p).halting_time
+    assert np.array_equal(lp.solve_at(scenario, times).light_position, lp.solve_at(p, times).light_position)
+    ends = [lp.solve_batch(given, frictions, duration=0.3).end_time for given in (scenario, p)]
+    assert np.array_equal(*ends)

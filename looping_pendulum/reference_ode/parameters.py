@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property, lru_cache
 from types import MappingProxyType, SimpleNamespace
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import Any, NamedTuple, Protocol, TypeVar, cast
 
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode import effects as effect_library
@@ -353,6 +353,19 @@ def _active_effects(
         for effect in effect_tables(own_effects).effects
         if (effect.in_base_model or effect.is_active(names)) and is_possible(effect, release)
     )
+
+
+class HasParameters(Protocol):
+    """What has parameters: a scenario, whose module is in a higher layer."""
+
+    @property
+    def parameters(self) -> Parameters:
+        """Apparatus, release and coefficients."""
+
+
+def parameters_of(given: Parameters | HasParameters) -> Parameters:
+    """Return what is ``given``, if it is parameters, or the parameters that it has."""
+    return given if isinstance(given, Parameters) else given.parameters
 
 
 def parameters_from(data: Mapping[str, Any]) -> Parameters:

@@ -15,7 +15,7 @@ from looping_pendulum.installation import install_command
 from looping_pendulum.reference_ode import rules
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_backend import HeyokaIntegrator
-from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.reference_ode.parameters import HasParameters, Parameters, parameters_of
 from looping_pendulum.reference_ode.scipy_backend import ScipyIntegrator
 from looping_pendulum.reference_ode.solution import Run, RunEvent, Samples, Segment, SegmentSamples, Solution, join_samples
 from looping_pendulum.reference_ode.state import Effects, Motion, State
@@ -34,14 +34,18 @@ MAX_EVENTS = 4000
 
 
 def solve(
-    parameters: Parameters, *, duration: float = DURATION, tolerance: float = TOLERANCE, integrator: str = "auto"
+    parameters: Parameters | HasParameters,
+    *,
+    duration: float = DURATION,
+    tolerance: float = TOLERANCE,
+    integrator: str = "auto",
 ) -> Solution:
     """Integrate the equations of all modes from the release until the run ends or ``duration`` [s] is over.
 
     Parameters
     ----------
     parameters
-        Apparatus, release and coefficients.
+        Apparatus, release and coefficients; or a scenario, which has them.
     duration
         Limit on the simulated time [s].
     tolerance
@@ -57,7 +61,7 @@ def solve(
     MissingPackageError
         If heyoka is asked for by name and not installed.
     """
-    solution = solve_without_warning(parameters, duration=duration, tolerance=tolerance, integrator=integrator)
+    solution = solve_without_warning(parameters_of(parameters), duration=duration, tolerance=tolerance, integrator=integrator)
     _warn_if_handed_over(solution)
     return solution
 
@@ -71,7 +75,7 @@ def solve_without_warning(
 
 
 def solve_at(
-    parameters: Parameters,
+    parameters: Parameters | HasParameters,
     t: Array,
     *,
     duration: float = DURATION,
@@ -83,7 +87,9 @@ def solve_at(
     Times after the run's end are left out, so the samples may be fewer than the times.
     """
     times = np.asarray(t, dtype=float)
-    record, parts = _run_driver(parameters, duration, tolerance, integrator, lambda driver: driver.run_sampled(times))
+    record, parts = _run_driver(
+        parameters_of(parameters), duration, tolerance, integrator, lambda driver: driver.run_sampled(times)
+    )
     run = Run(**record)
     _warn_if_handed_over(run)
     return join_samples(run, parts)

@@ -28,7 +28,7 @@ from looping_pendulum.reference_ode.batch.schedule import Schedule
 from looping_pendulum.reference_ode.batch.steps import supports_batch
 from looping_pendulum.reference_ode.effects import EFFECTS, Effect, EffectKind
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.reference_ode.parameters import HasParameters, Parameters, Release, parameters_of
 from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, available_integrators, solve_without_warning
 
 __all__ = [
@@ -46,7 +46,7 @@ __all__ = [
 
 
 def solve_batch(
-    base: Parameters,
+    base: Parameters | HasParameters,
     columns: Columns,
     *,
     duration: float = DURATION,
@@ -64,7 +64,7 @@ def solve_batch(
     Parameters
     ----------
     base
-        Parameters that the runs have in common.
+        Parameters that the runs have in common; or a scenario, which has them.
     columns
         Parameters that differ between the runs: fields of `Parameters` or coefficients of effects, by name; arrays of
         shape (n,), SI.
@@ -83,6 +83,7 @@ def solve_batch(
         If a column has an unknown name or another length than the others. A run whose values are impossible, or that breaks
         down, is marked as failed and does not disturb the others.
     """
+    base = parameters_of(base)
     n = _checked_length(base, columns)
     if processes < 1:
         raise ParameterError(f"processes: found {processes}, needed 1 or more")
