@@ -65,7 +65,7 @@ lint: $(VENV)/dev $(if $(NPM),node_modules) ## style, types, and the one-way dir
 
 docs: $(VENV)/dev $(DOCS_VENV)/docs ## build the documentation's site into site/
 	$(BIN)/python -m scripts.written_pages
-	NO_MKDOCS_2_WARNING=1 $(DOCS_VENV)/bin/mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(DOCS_VENV)/bin/mkdocs build --strict
 
 benchmark: $(VENV)/test ## time what users wait for
 	$(BIN)/python -m benchmarks
