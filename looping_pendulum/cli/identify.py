@@ -16,6 +16,7 @@ from looping_pendulum.errors import HarnessError
 if TYPE_CHECKING:
     from looping_pendulum.discrepancy.first_look.check import DeclarationCheck
     from looping_pendulum.discrepancy.workers import Workers
+    from looping_pendulum.measured.observations import Observations
 
 
 class FirstLookError(HarnessError, ValueError):
@@ -23,22 +24,61 @@ class FirstLookError(HarnessError, ValueError):
 
 
 def look(
-    study: Annotated[
-        Path, typer.Argument(metavar="STUDY.yaml", help="Study file: apparatus, declared effects, and the trials' files.")
+    source: Annotated[
+        Path,
+        typer.Argument(metavar="STUDY.yaml|TABLE", help="Study with its trials, or a file of tracked points."),
     ],
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the picture; default: report/STUDY.")] = None,
+    write: Annotated[
+        Path | None,
+        typer.Option(metavar="PLAIN.csv", help="Write the points as a plain table, which the live page takes."),
+    ] = None,
 ) -> None:
-    """Compare tracked points with what a study declares, in seconds and before any fit.
+    """Compare tracked points with what a study declares, in seconds and before any fit; or say how a table is read.
 
     Names large mistakes of filming or declaration (frame rate, unit, mirrored film, exchanged tracks or masses, angle, diameter
     for radius) with the key that mends each, and draws first-look.png. The exit status is 2 if something looks wrong.
 
     looping-pendulum look trials/study.yaml
+
+    looping-pendulum look trials/first.trk --write plain.csv
     """
+    if source.suffix.lower() in (".yaml", ".yml"):
+        _look_at_study(source, out, write)
+    else:
+        _look_at_table(source, write)
+
+
+def _look_at_table(table: Path, write: Path | None) -> None:
+    """Say how a file of tracked points is read without a study."""
+    from looping_pendulum.film.decode import is_film
+    from looping_pendulum.measured.readers import read_as_proposed
+
+    if is_film(table):
+        raise FirstLookError(f"{table}: found a film, needed tracked points; write: looping-pendulum track {table}")
+    observations = read_as_proposed(table)
+    say(observations.summary())
+    for fault in observations.faults:
+        say(f"warning: {fault}")
+    if write is not None:
+        _write_plain(observations, write)
+
+
+def _write_plain(observations: Observations, path: Path) -> None:
+    from looping_pendulum.files import write_atomically
+    from looping_pendulum.measured.plain_table import plain_table
+
+    write_atomically(path, plain_table(observations))
+    say(f"wrote {path}")
+
+
+def _look_at_study(study: Path, out: Path | None, write: Path | None) -> None:
+    """Compare the points of a study's trials with what it declares."""
     from looping_pendulum.discrepancy.first_look.check import take_first_look
     from looping_pendulum.discrepancy.report import figures
-    from looping_pendulum.files import prepare_output_folder
+    from looping_pendulum.files import file_stem, prepare_output_folder
     from looping_pendulum.measured import study_io
+    from looping_pendulum.measured.study import read_trial
 
     loaded = study_io.load(study)
     folder = out or Path("report") / loaded.name
@@ -56,6 +96,10 @@ def look(
     drawn = _write_picture(check, folder)
     if drawn is not None:
         say(f"wrote {drawn}")
+    if write is not None:
+        for each in loaded.trials:
+            path = write if len(loaded.trials) == 1 else write.with_stem(f"{write.stem}-{file_stem(each.name)}")
+            _write_plain(read_trial(loaded, each), path)
     if check.mistakes:
         raise FirstLookError("; ".join(mistake.text for mistake in check.mistakes))
     if any(trial.distance is not None for trial in check.trials):

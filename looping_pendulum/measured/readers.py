@@ -511,6 +511,15 @@ class FileSurvey:
         """Return the header's unit of time, or s, or ms if that would make rows too rare."""
         return self.time_unit or ("ms" if self.time_step is not None and self.time_step > MAX_TIME_STEP else "s")
 
+    def proposed_units(self) -> dict[str, str]:
+        """Return the units of lengths and times that the header lacks and that are not the usual ones."""
+        units = {}
+        if self.kind in ("positions", "drop") and not self.length_unit and self.proposed_length_unit != "m":
+            units["length"] = self.proposed_length_unit
+        if self.time_step is not None and not self.time_unit and self.proposed_time_unit != "s":
+            units["time"] = self.proposed_time_unit
+        return units
+
     def proposed_masses(self) -> dict[str, str]:
         """Return mass -> name of its track: by the names of the tracks, or by their motion."""
         return propose_masses(self.tracks)
@@ -565,6 +574,25 @@ def survey(path: str | Path) -> FileSurvey:
         time_unit=clock.unit if clock else "",
         runs=tuple(dict.fromkeys(c.run for c in columns if c.is_position and c.run)),
     )
+
+
+def read_as_proposed(path: str | Path) -> Observations:
+    """Read a file of which nothing is declared, by what `survey` proposes.
+
+    Raises
+    ------
+    DataError
+        As of `read`.
+    """
+    found = survey(path)
+    observations = read(path, tracks=found.proposed_masses(), units=found.proposed_units())
+    masses = ", ".join(
+        f"{mass} = {quote(name)}" for mass, name in found.proposed_masses().items() if mass_in_name(name) != mass
+    )
+    units = ", ".join(f"{kind} in {unit}" for kind, unit in found.proposed_units().items())
+    guesses = [f"by their motion: {masses}"] if masses else []
+    guesses += [f"by their size: {units}"] if units else []
+    return replace(observations, assumptions=(*observations.assumptions, *guesses))
 
 
 def _typical_step(times: Array) -> float:

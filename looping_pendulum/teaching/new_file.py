@@ -253,11 +253,7 @@ def _reading_lines(found: FileSurvey) -> list[str]:
         ordered = sorted(masses.items(), key=lambda mass: names.index(mass[1]))
         lines.append("    tracks:  # by their motion, as their names do not say it: the heavy mass falls along a vertical line")
         lines += [f"      {mass}: {_scalar(name)}" for mass, name in ordered]
-    units = {}
-    if found.kind in ("positions", "drop") and not found.length_unit and found.proposed_length_unit != "m":
-        units["length"] = found.proposed_length_unit
-    if found.time_step is not None and not found.time_unit and found.proposed_time_unit != "s":
-        units["time"] = found.proposed_time_unit
+    units = found.proposed_units()
     if units:
         lines.append("    units:  # guessed, as the file does not name them")
         lines += [f"      {kind}: {unit}" for kind, unit in units.items()]

@@ -5,12 +5,10 @@ let text = "";
 for await (const part of process.stdin) text += part;
 const results = JSON.parse(text).map(({ file, bytes, options }) => {
   try {
-    const { channels, unused, assumptions, faults } = readTrial(file, Buffer.from(bytes, "base64"), options);
-    const counts = unused.map(({ channel, reason, count }) => [channel ? `${channel}: ${reason}` : reason, count]);
-    return { channels, unused: Object.fromEntries(counts), assumptions, faults };
+    return readTrial(file, Buffer.from(bytes, "base64"), options);
   } catch (error) {
     if (!(error instanceof DataError)) throw error;
-    return { message: error.message };
+    return { message: error.message, field: error.field };
   }
 });
 process.stdout.write(JSON.stringify(results));

@@ -190,7 +190,7 @@ def test_a_trial_and_its_fit_are_told_in_german(german, german_words):
     settled(page)
     assert_german(page, german_words)
     message = page.inner_text("#trial-message")
-    assert "nicht benutzt: 2 (leere Zelle)" in message
+    assert "leere Zellen: 2" in message
     assert "Längen ohne Einheit in m genommen" in message
     page.click("#trial-fit")
     until(page, "document.getElementById('fit-table').children.length > 0")
@@ -201,7 +201,7 @@ def test_a_trial_and_its_fit_are_told_in_german(german, german_words):
     # In the other language at once, and back
     page.select_option("#language", "en")
     settled(page)
-    assert "not used: 2 (empty cell)" in page.inner_text("#trial-message")
+    assert "empty cells: 2" in page.inner_text("#trial-message")
     assert re.search(r"Friction, string sliding: \d", page.inner_text("#fit-table"))
     page.select_option("#language", "de")
     settled(page)
@@ -272,16 +272,19 @@ def test_stored_runs_are_told_in_another_language_at_once_and_stay_as_they_are(w
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("", "bad.csv: keine Zeilen gefunden, nötig ist eine Tabelle mit Zahlen; die Daten noch einmal exportieren"),
+        (
+            "",
+            "bad.csv: keine Spalte t mit Zeiten in den ersten zwei Zeilen gefunden; diese Seite liest nur einfache Tabellen: "
+            "looping-pendulum look 'bad.csv' --write plain.csv schreibt eine solche",
+        ),
         (
             "t,light_x,light_y\n0,1,2\n.01,x,3\n",
-            "bad.csv:3: Spalte light_x: 'x' gefunden, nötig ist eine Zahl oder eine leere Zelle; die Zelle berichtigen oder "
-            "leeren",
+            "bad.csv:3: Spalte 'light_x': 'x' gefunden, nötig ist eine Zahl; diese Seite liest nur einfache Tabellen: "
+            "looping-pendulum look 'bad.csv' --write plain.csv schreibt eine solche",
         ),
         (
             "t,light_x,light_y\n0,1,2\n.01,150.5,3\n",
-            "bad.csv:3: Spalte light_x: 150,5 m gefunden, höchstens 20 sind möglich; wenn die Datei eine andere Einheit hat, "
-            "sie nennen: 'units: {length: cm}' (hier: Längen in)",
+            "bad.csv: light_x = 150,5 m gefunden, nötig sind höchstens 20 m; eine andere Einheit wählen",
         ),
     ],
 )

@@ -20,8 +20,6 @@ from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import load, shipped
 from looping_pendulum.teaching.example_folder import write_example
 from tests.discrepancy.test_clock import motion
-from tests.discrepancy.test_readers import BAD
-from tests.live.test_trial_reader import FILE, NOT_ON_THE_PAGE, by_identify
 from tests.pages.conftest import until
 from tests.pages.live_page import preset, settled, value
 
@@ -75,11 +73,10 @@ def test_a_trial_with_german_commas_named_tracks_and_centimetres(page):
     )
     until(page, "document.getElementById('trial-error').textContent !== ''")
     assert page.inner_text("#trial-error") == (
-        "versuch.csv: found the tracks 'Kugel', needed to know which mass each is; "
-        "by their motion, write 'tracks: {light: Kugel}' (here: Track of M1)"
+        "versuch.csv: found 'Kugel', needed to know which mass each track is; choose them"
     )
     page.select_option("#trial-light", label="Kugel")
-    assert "found 55 m, needed at most 20" in page.inner_text("#trial-error")
+    assert "found light_x = 55 m, needed at most 20 m" in page.inner_text("#trial-error")
     page.select_option("#trial-length", "cm")
     settled(page)
     assert page.inner_text("#trial-error") == ""
@@ -92,57 +89,52 @@ def test_a_trial_with_german_commas_named_tracks_and_centimetres(page):
 
 
 @pytest.mark.long
-def test_pixels_runs_and_faults_of_the_clock_are_told_and_put_right_by_fields(page):
-    t = np.delete(np.arange(60), 30) / 120  # one picture is lost, and the times do not show it
+def test_a_clock_that_begins_elsewhere_is_told_and_stands_in_the_study(page):
+    t = np.arange(60) / 120
     points = motion(t)[:, :2] + 2e-4 * np.random.default_rng(1).standard_normal((len(t), 2))
-    rows = "".join(
-        f"{run},{i / 120 + 5:.4f},{100 * x:.3f},{100 * y:.3f}\n" for run in (1, 2) for i, (x, y) in enumerate(points)
-    )
-    drop_file(page, "film.csv", f"run,t [s],light_x [px],light_y [px]\n{rows}")
-    until(page, "document.getElementById('trial-error').textContent !== ''")
-    assert page.inner_text("#trial-error").endswith("choose by 'run: 1' (here: Number of the run)")
-    page.fill("#trial-run", "2")
-    page.keyboard.press("Tab")
-    assert page.inner_text("#trial-error").endswith("'units: {length: 1.4 mm}' (here: Size of a pixel [mm])")
-    page.fill("#trial-pixel", "10")
-    page.keyboard.press("Tab")
+    rows = "".join(f"{time + 5:.4f},{x:.5f},{y:.5f}\n" for time, (x, y) in zip(t, points, strict=True))
+    drop_file(page, "film.csv", f"t [s],light_x [m],light_y [m]\n{rows}")
+    until(page, "live.trial.trial !== null")
     settled(page)
     assert page.evaluate("live.trial.points('light')[0]") == pytest.approx([0, *points[0]], abs=1e-4)
     assert "the first time, 5 s, was taken as 0" in page.inner_text("#trial-message")
-    assert page.inner_text("#trial-faults").startswith(
-        "This file's times are not those of its points: from 0.25 s on the masses are ahead of their times"
+    assert "clock_offset: free from -5 s" in page.evaluate("live.fit.study()")
+
+
+def test_an_export_of_trackers_needs_its_tracks_only(page):
+    rows = "".join(f"{0.01 * i:.2f},{-0.5 + 0.01 * i:.3f},-.2,{0.01 * i:.2f},.006,{-0.05 - i / 1000:.3f},\n" for i in range(20))
+    drop_file(page, "tracker.csv", f",mass A,,,mass B,,\nt,x,y,t,x,y,\n{rows}")
+    until(page, "document.getElementById('trial-error').textContent !== ''")
+    assert page.inner_text("#trial-error").endswith(
+        "found 'mass A', 'mass B', needed to know which mass each track is; choose them"
     )
-    study = page.evaluate("live.fit.study()")
-    assert "units: {length: 10 mm, time: s}" in study
-    assert 'run: "2"' in study
-    assert "clock_offset: free from -5 s" in study
-    page.click("#trial-remove")
-    assert page.inner_text("#trial-faults") == ""
+    page.select_option("#trial-light", label="mass A")
+    page.select_option("#trial-heavy", label="mass B")
+    settled(page)
+    assert page.inner_text("#trial-error") == ""
+    assert page.inner_text("#trial-message").startswith("tracker.csv: used light_x 20, light_y 20, heavy_x 20, heavy_y 20; ")
 
 
 def test_a_bad_file_cannot_write_into_the_page(page):
     drop_file(page, "bad.csv", "t,light_x,light_y\n0,1,2\n.01,<img src=x onerror=alert(1)>,3\n")
     until(page, "document.getElementById('trial-error').textContent !== ''")
-    assert page.inner_text("#trial-error").startswith("bad.csv:3: column light_x: found '<img src=x onerror=alert(1)>'")
+    assert page.inner_text("#trial-error").startswith("bad.csv:3: column 'light_x': found '<img src=x onerror=alert(1)>'")
     assert page.locator("#trial-error img").count() == 0
 
 
-@pytest.mark.long
-def test_a_bad_file_is_refused_in_one_line_as_by_identify(opened, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_a_file_that_is_no_plain_table_is_sent_to_look(opened):
     page = opened.page
-    cases = [text for name, (text, _, *options) in BAD.items() if not (options or NOT_ON_THE_PAGE.search(name))]
-    assert len(cases) > 20
-    for content in cases:
-        raw = content if isinstance(content, bytes) else content.encode()
-        page.set_input_files("#trial-file", {"name": FILE, "mimeType": "text/csv", "buffer": raw})
+    for name, content in (
+        ("trial.trk", b"<?xml version='1.0'?>"),
+        ("sheet.xlsx", b"PK\x03\x04"),
+        ("words.txt", b"not a table"),
+    ):
+        page.set_input_files("#trial-file", {"name": name, "mimeType": "text/csv", "buffer": content})
         until(page, "document.getElementById('trial-error').textContent !== ''")
-        shown = page.text_content("#trial-error")
-        expected = by_identify(raw, {})["message"]
-        assert shown == expected or re.fullmatch(re.escape(expected) + r" \(here: [\w' \[\]]+\)", shown)
-        # A key of a study file is of no use here, where there is none
-        assert ("(here: " in shown) == bool(re.search(r"'(tracks|units: \{length|units: \{time|frame_rate|run: )", expected))
-        assert "\n" not in shown
+        assert page.text_content("#trial-error") == (
+            f"{name}: found no column t of times in the first two lines; this page reads plain tables only: "
+            f"use looping-pendulum look '{name}' --write plain.csv, which writes a plain table"
+        )
         assert page.evaluate("live.trial.trial") is None
         page.click("#trial-remove")
     assert opened.complaints == []

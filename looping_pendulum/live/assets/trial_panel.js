@@ -19,18 +19,11 @@ export const COLOURS = { light_x: "orange", light_y: "pink", heavy_x: "sky", hea
 
 /** What is taken of a file of which nothing is said yet: id of a field -> its value. */
 const DEFAULTS = {
-  "trial-length": "m", "trial-pixel": "", "trial-clock": "s", "trial-rate": "", "trial-run": "", "trial-release": "0",
+  "trial-length": "m", "trial-clock": "s", "trial-rate": "", "trial-release": "0",
   "trial-origin-x": "0", "trial-origin-y": "0", "trial-mass-error": "0.5", "trial-radius-error": "1",
 };
 /** What is measured before the trial -> the field that has its relative standard error. */
 export const MEASURED = { light_mass: "trial-mass-error", heavy_mass: "trial-mass-error", rod_radius: "trial-radius-error" };
-
-/** Key of a study that a message tells one to write -> the field that stands for it here. @type {[RegExp, string][]} */
-const FIELD_OF_KEY = [
-  [/'tracks: \{light/, "trial-light"], [/'tracks: \{heavy/, "trial-heavy"], [/'tracks'/, "trial-light"],
-  [/'units: \{length: \d/, "trial-pixel"], [/'units: \{length/, "trial-length"], [/'units: \{time/, "trial-clock"],
-  [/'frame_rate'/, "trial-rate"], [/'run: /, "trial-run"],
-];
 
 /** Reads the file again whenever what is said about it changes. */
 export class TrialPanel {
@@ -44,15 +37,13 @@ export class TrialPanel {
     this.refusal = null;
     /** @type {Trial | null} */
     this.trial = null;
-    /** What is wrong with the file's times. */
-    this.faults = "";
     const file = /** @type {HTMLInputElement} */ (element("trial-file"));
     file.addEventListener("change", () => {
       if (file.files?.length) this.open(file.files[0]);
       file.value = "";
     });
     element("trial-remove").addEventListener("click", () => this.remove());
-    for (const id of ["trial-light", "trial-heavy", "trial-length", "trial-pixel", "trial-clock", "trial-rate", "trial-run"]) {
+    for (const id of ["trial-light", "trial-heavy", "trial-length", "trial-clock", "trial-rate"]) {
       element(id).addEventListener("change", () => {
         this.refusal = null;
         this.read();
@@ -82,10 +73,10 @@ export class TrialPanel {
       this.refuse(() => text("cannotBeRead", { file: name }));
       return;
     }
-    const problem = () => problemOf(next);
-    // With a field that a message names, a file may still be read
-    if (this.trial && problem() && !fieldFor(problem())) {
-      this.refuse(problem);
+    const problem = problemOf(next);
+    // With a field that can help, a file may still be read
+    if (this.trial && problem && !problem.field) {
+      this.refuse(() => problemOf(next)?.message ?? "");
       return;
     }
     this.refusal = null;
@@ -181,38 +172,27 @@ export class TrialPanel {
       const value = this.chosen(`trial-${mass}`);
       if (value.startsWith("=")) tracks[mass] = value.slice(1);
     }
-    const [rate, run] = [this.chosen("trial-rate").trim(), this.chosen("trial-run").trim()];
-    const pixel = parsed(this.chosen("trial-pixel"));
+    const rate = this.chosen("trial-rate").trim();
     const { checked: mirrored } = /** @type {HTMLInputElement} */ (this.element("trial-mirror"));
     return {
       tracks,
-      length: pixel > 0 ? `${pixel} mm` : this.chosen("trial-length"),
+      length: this.chosen("trial-length"),
       time: this.chosen("trial-clock"),
       rate: rate ? parsed(rate) : null,
-      run: run || null,
       mirrored,
     };
   }
 
   read() {
     if (!this.file) return;
-    const { tracks, length, time, rate, run } = this.options;
+    const { tracks, length, time, rate } = this.options;
     this.element("trial-options").hidden = false;
     try {
-      this.trial = readTrial(this.file.name, this.file.bytes, {
-        tracks,
-        units: { length, time },
-        frame_rate: rate,
-        run,
-      });
-      const { faults } = this.trial;
-      this.faults = faults.length ? text("trialFaults", { faults: faults.join("; ") }) : "";
+      this.trial = readTrial(this.file.name, this.file.bytes, { tracks, units: { length, time }, frame_rate: rate });
       this.tell();
     } catch (error) {
       if (!(error instanceof DataError)) throw error;
-      const field = fieldFor(error.message);
-      const label = field && this.element(field).parentElement?.firstChild?.textContent?.trim();
-      this.fail(label ? text("hereByField", { message: error.message, label }) : error.message, field);
+      this.fail(error.message, error.field);
     }
     this.onChange();
   }
@@ -301,11 +281,7 @@ export class TrialPanel {
     }
     const residuals = this.residuals(run);
     const used = trial.channels.map(({ name, t }) => `${name} ${t.length}`).join(", ");
-    /** @type {Map<string, number>} */
-    const counts = new Map();
-    // An empty cell is the same thing in each column
-    for (const { reason, count } of trial.unused) counts.set(reason, (counts.get(reason) ?? 0) + count);
-    const unused = [...counts].map(([reason, count]) => text("notUsed", { count, reason }));
+    const empty = trial.empty ? [text("emptyCells", { count: trial.empty })] : [];
     const any = residuals.some(({ t }) => t.length > 0);
     const light = this.points("light");
     const distance = typicalDistance(light, run);
@@ -313,8 +289,8 @@ export class TrialPanel {
     const other = otherFrameRate(light, run);
     const factor = other && (other.factor < 1 ? `1/${written(1 / other.factor, 2)}` : written(other.factor, 2));
     const rate = other && factor ? text("trialOtherRate", { factor, rate: written(other.rate, 3) }) : "";
-    this.element("trial-faults").textContent = [this.faults, rate].join(" ").trim();
-    const parts = [used, ...unused, ...trial.assumptions].join("; ");
+    this.element("trial-faults").textContent = rate;
+    const parts = [used, ...empty, ...trial.assumptions].join("; ");
     this.element("trial-message").textContent = text("trialUsed", { file: file.name, used: parts, typical });
     this.draw(residuals, run.end);
   }
@@ -354,18 +330,15 @@ export class TrialPanel {
 /** A distance in words. @param {number} metres */
 export const inMillimetres = (metres) => fixed(1000 * metres, 1);
 
-/** Field that stands for the key of a study that a message names. @param {string} message */
-const fieldFor = (message) => FIELD_OF_KEY.find(([key]) => key.test(message))?.[1];
-
-/** Why a file cannot be read as it stands; "" if it can. @param {{name: string, bytes: Uint8Array}} file */
+/** Why a file cannot be read as it stands; null if it can. @param {{name: string, bytes: Uint8Array}} file */
 function problemOf({ name, bytes }) {
   try {
     readTrial(name, bytes);
   } catch (error) {
-    if (error instanceof DataError) return error.message;
+    if (error instanceof DataError) return error;
     throw error;
   }
-  return "";
+  return null;
 }
 
 /** Shape of the points of a channel. @param {string} name */

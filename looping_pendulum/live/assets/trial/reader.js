@@ -1,215 +1,163 @@
-/** Reads a trial's tracked points as `identify` does (`measured/readers.py`), with the same messages (in English). */
+/**
+ * Reads a trial's tracked points from a plain table: a time, and x and y of each mass, an angle or a height. All other files are for
+ * `looping-pendulum look`, which reads many forms, judges their clocks, and writes such a table.
+ */
 
-import { text } from "../texts.js";
-import { largest } from "./arrays.js";
-import { count, startOf, timedChannels } from "./clock.js";
-import { readColumns } from "./columns.js";
-import { clockFaults, withoutCopies, withoutRepeatedRows, withTimeErrors } from "./displaced_rows.js";
-import { massOfTrack } from "./masses.js";
-import { DataError, dataError, inQuotes, inSentence, listed, quote } from "./messages.js";
-import { cellsOf, isPlace, isPosition } from "./names.js";
-import { aboutOneAxis, withoutInconsistentRate } from "./rates.js";
-import { lastDigits, readTable } from "./table.js";
-import { isProject, readProject, sheetsOfProject } from "./tracker_project.js";
-import { factorTo, isPixel } from "./units.js";
+import { shown, text } from "../texts.js";
+import { startOf } from "./start.js";
+import { mean, median } from "./statistics.js";
+import { DataError, isTime, notPlain, numbersOf, quote, readTable } from "./table.js";
+import { factorTo } from "./units.js";
 
-/** @typedef {import("./clock.js").Channel} Channel */
-/** @typedef {import("./clock.js").Notes} Notes */
-/** @typedef {import("./clock.js").Series} Series */
-/** @typedef {import("./clock.js").Sheet} Sheet */
-/** @typedef {import("./names.js").Column} Column */
-/** @typedef {import("./masses.js").Places} Places */
+/** @typedef {import("./table.js").Column} Column */
 /** @typedef {import("./table.js").Table} Table */
-/**
- * What is said about a file; `run`: number or name of the run to read, if it has several; a length of "1.4 mm" is that of a pixel.
- * @typedef {{tracks?: Record<string, string>, units?: Record<string, string>, frame_rate?: number | null,
- *   clip_rate?: number | null, run?: string | null}} Options
- */
-/** @typedef {{tracks: Record<string, string>, units: Record<string, string>, notes: Notes}} How */
-/**
- * `faults`: what the points say against their own times, which nothing but another export puts right; `start`: time by the file's
- * clock that was taken as 0 [s].
- * @typedef {Notes & {channels: Channel[], faults: string[], start: number}} Trial
- */
+/** SI, without missing samples. @typedef {{name: string, t: number[], value: number[]}} Channel */
+/** What is said about a file. @typedef {{tracks?: Record<string, string>, units?: Record<string, string>, frame_rate?: number | null}} Options */
+/** `empty`: number of empty cells; `start`: time by the file's clock that was taken as 0 [s].
+ * @typedef {{channels: Channel[], empty: number, assumptions: string[], start: number}} Trial */
+/** A column with a position, and the track that it is of; "": a file's only one. @typedef {Column & {role: string, track: string}} Place */
 
 export { DataError };
 
-/** SI unit of a channel. @param {string} name */
-const unitOf = (name) => (name === "angle" ? "rad" : name === "angle_rate" ? "rad/s" : "m");
-/** @type {Record<string, string>} */
-const DEFAULT_UNITS = { length: "m", time: "s", angle: "rad" };
-/** @type {Record<string, string>} */
-const KIND_OF_UNIT = { t: "time", x: "length", y: "length", height: "length", angle: "angle" };
+/** "light_x", "ball x", "lightx", "x", "x1". */
+const PLACE = /^(?:(?:(.*)[ _]|(light|heavy))?([xy])|([xy])[ _]?([0-9]+))$/i;
+/** Channels that belong to no track -> their SI unit. @type {Record<string, string>} */
+const OTHER_ROLES = { angle: "rad", height: "m" };
 /** Largest plausible values; a larger one must be in another unit. @type {Record<string, number>} */
-const MAX_VALUE = { m: 1000, light: 20, heavy: 20, rad: 4 * Math.PI, "rad/s": 1000 };
+const MAX_VALUE = { light: 20, heavy: 20, height: 1000, angle: 4 * Math.PI };
+/** Largest plausible time between rows [s]. */
+const MAX_TIME_STEP = 0.5;
+/** Relative difference of two frame rates that are the same. */
+const RATE_TOLERANCE = 0.01;
 
 /** Read the bytes of a file, or say in a `DataError` why not.
  * @param {string} file its name @param {Uint8Array} bytes @param {Options} options @returns {Trial} */
-export function readTrial(file, bytes, options = {}) {
-  const { tracks = {}, run = null, frame_rate: frameRate = null, clip_rate: clipRate = null } = options;
-  for (const [key, rate] of Object.entries({ frame_rate: frameRate, clip_rate: clipRate })) {
-    const isRate = rate === null || (rate > 0 && rate < Infinity);
-    if (!isRate) throw dataError(file, null, "", text("file.rate", { key, value: inSentence(rate) }));
+export function readTrial(file, bytes, { tracks = {}, units = {}, frame_rate: frameRate = null } = {}) {
+  const isRate = frameRate === null || (frameRate > 0 && frameRate < Infinity);
+  if (!isRate) throw new DataError(`${file}: ${text("file.rate")}`, "trial-rate");
+  const table = readTable(file, bytes);
+  // With missing rows, a true rate is that of the frames
+  const hasFrames = table.columns.some(({ name }) => name.toLowerCase() === "frame");
+  if (frameRate !== null && hasFrames) throw notPlain(file, null, text("file.frames"));
+  const places = placesOf(table);
+  const masses = massOfTrack(file, [...new Set(places.map(({ track }) => track))], tracks);
+  const positions = places.flatMap((place) => {
+    const mass = masses[place.track];
+    return mass ? [{ column: place, name: `${mass}_${place.role}`, si: "m" }] : [];
+  });
+  const others = table.columns.flatMap((column) => {
+    const name = column.name.toLowerCase();
+    return Object.hasOwn(OTHER_ROLES, name) ? [{ column, name, si: OTHER_ROLES[name] }] : [];
+  });
+  const found = positions.length ? positions : others;
+  if (!found.length) throw notPlain(file, null, text("file.noPositions"));
+  const twice = found.find(({ name }, i) => found.findIndex((one) => one.name === name) < i);
+  if (twice) throw notPlain(file, null, text("file.second", { name: twice.name }));
+  const alone = positions.find(({ name }) => !positions.some((one) => one.name === otherAxis(name)));
+  if (alone) throw notPlain(file, null, text("file.oneAxis", { name: alone.name, other: otherAxis(alone.name) }));
+  /** @type {string[]} */
+  const assumptions = [];
+  let empty = 0;
+  const channels = found.map(({ column, name, si }) => {
+    if (si === "m" && !column.unit) assumptions.push(text("assumed.lengths", { unit: units.length ?? "m" }));
+    const value = inSi(table, column, si, units.length);
+    const time = timesFor(table, column, units.time);
+    const kept = value.flatMap((one, i) => (Number.isFinite(one + time[i]) ? [i] : []));
+    empty += value.length - kept.length;
+    if (!kept.length) throw notPlain(file, null, text("file.noValues", { name }));
+    const back = kept.findIndex((i, k) => k > 0 && time[i] <= time[kept[k - 1]]);
+    if (back >= 0) throw notPlain(file, table.lines[kept[back]], text("file.timesGrow"));
+    const channel = { name, t: kept.map((i) => time[i]), value: kept.map((i) => value[i]) };
+    refuseImplausible(file, channel);
+    return channel;
+  });
+  const step = usualStep(channels);
+  if (frameRate === null && step > MAX_TIME_STEP) {
+    throw new DataError(`${file}: ${text("file.slow", { step: shown(Number(step.toPrecision(4))) })}`, "trial-clock");
   }
-  /** @type {Notes} */
-  const notes = { unused: [], assumptions: [] };
-  const units = { ...DEFAULT_UNITS, ...options.units };
-  const sheets = isProject(file, bytes)
-    ? sheetsOfProject(file, bytes, { tracks, units, notes })
-    : sheetsOfTable(tableOfPoints(file, bytes), { tracks, units, run, notes });
-  for (const sheet of sheets) refuseImplausibleValues(file, sheet);
-  const timed = timedChannels(sheets, { file, frameRate, clipRate, notes });
-  const start = startOf(timed);
-  if (start) notes.assumptions.push(text("assumed.start", { start: inSentence(start, 4) }));
-  const fromStart = start ? timed.map((channel) => ({ ...channel, t: channel.t.map((t) => t - start) })) : timed;
-  const once = withTimeErrors(withoutCopies(withoutInconsistentRate(fromStart, notes), notes), notes);
-  const channels = withoutRepeatedRows(once, notes);
-  return { channels, unused: notes.unused, assumptions: [...new Set(notes.assumptions)], faults: clockFaults(channels), start };
+  const trueTimes = frameRate === null ? channels : atRate(channels, 1 / step, frameRate, assumptions);
+  const start = startOf(trueTimes);
+  if (start) assumptions.push(text("assumed.start", { start: shown(Number(start.toPrecision(4))) }));
+  const fromStart = start ? trueTimes.map((one) => ({ ...one, t: one.t.map((t) => t - start) })) : trueTimes;
+  return { channels: fromStart, empty, assumptions: [...new Set(assumptions)], start };
 }
 
 /** Names of the tracks of a file, without saying which is which. @param {string} file @param {Uint8Array} bytes */
-export function tracksOf(file, bytes) {
-  if (isProject(file, bytes)) return readProject(file, bytes).tracks.map(({ name }) => name);
-  const columns = readColumns(tableOfPoints(file, bytes), [], { unused: [], assumptions: [] });
-  return [...new Set(columns.filter(isPlace).map(({ track }) => track))];
-}
+export const tracksOf = (file, bytes) => [...new Set(placesOf(readTable(file, bytes)).map(({ track }) => track))];
 
-/** @param {string} file @param {Uint8Array} bytes */
-function tableOfPoints(file, bytes) {
-  const table = readTable(file, bytes);
-  if (table.lines.some(({ cells }) => cells[0]?.toLowerCase() === "quantity")) throw table.error(null, "", text("file.eventTable"));
-  return table;
-}
-
-/** The columns of the chosen run, and those of no run, that are times or positions.
- * @param {Table} table @param {Column[]} columns @param {string | null} run @param {Notes} notes */
-function ofOneRun(table, columns, run, notes) {
-  const runs = [...new Set(columns.filter(isPosition).map((column) => column.run))];
-  const have = listed(runs.map((name) => name || text("file.withoutName")));
-  if (run === null && runs.length > 1) throw table.error(null, "", text("file.severalRuns", { have, first: runs.filter(Boolean)[0] }));
-  if (run !== null && !runs.includes(run)) {
-    throw table.error(null, "", text(runs.some(Boolean) ? "file.otherRuns" : "file.oneRun", { have, wanted: quote(run) }));
-  }
-  // Positions of no run are a run of their own, while all runs may share a column of times
-  const chosen = columns.filter((column) => run === null || column.run === run || !(column.run || isPosition(column)));
-  leaveOut(chosen.filter(({ role }) => !role), "unused.otherKind", "unused.otherKinds", notes);
-  return chosen.filter(({ role }) => role);
-}
-
-/** Count the cells of columns that are not used. @param {Column[]} columns @param {"unused.otherKind" | "unused.notAskedFor"} ofOne
- * @param {"unused.otherKinds" | "unused.severalNotAskedFor"} ofSeveral @param {Notes} notes */
-function leaveOut(columns, ofOne, ofSeveral, notes) {
-  const names = [...new Set(columns.map(({ label }) => inQuotes(label)))];
-  const cells = columns.flatMap(cellsOf).filter(Boolean).length;
-  count(notes, "", text(names.length > 1 ? ofSeveral : ofOne, { columns: listed(names) }), cells);
-}
-
-/**
- * The channels of a table, by the columns of times or frames that belong to them.
- * @param {Table} table @param {How & {run: string | null}} how @returns {Sheet[]}
- */
-function sheetsOfTable(table, { tracks, units, run, notes }) {
-  const columns = ofOneRun(table, readColumns(table, Object.values(tracks), notes), run, notes);
-  const masses = massOfTrack(table.file, placesOf(table, columns), tracks);
-  /** @type {{clock: Column, frame: Column | undefined, channels: Series[]}[]} */
-  const timed = [];
-  const isOfMass = (/** @type {Column} */ { track }) => Object.hasOwn(masses, track);
-  const byTrack = new Set(["x", "y", ...columns.filter(isOfMass).map(({ role }) => role)]);
-  const leftOut = columns.filter((one) => isPosition(one) && byTrack.has(one.role) && !isOfMass(one));
-  for (const column of columns.filter((one) => isPosition(one) && !leftOut.includes(one))) {
-    const { label, track } = column;
-    const beside = columns.filter(({ rows }) => rows === column.rows);
-    const name = isPlace(column) ? `${masses[track]}_${column.role}` : column.role;
-    // The rates of one body about several axes are one channel
-    const axes = column.axis ? beside.filter((one) => one.axis && one.track === track) : [column];
-    if (column !== axes[0] && new Set(axes.map(({ axis }) => axis)).size === axes.length) continue;
-    if (timed.some(({ channels }) => channels.some((one) => one.name === name))) {
-      throw table.error(null, label, text("file.second", { name }));
-    }
-    // Tracker repeats the column of times for each track; the one that belongs to a column stands left of it
-    const [frames, times] = ["frame", "t"].map((role) => beside.filter((one) => one.role === role));
-    const clocks = times.length ? times : frames;
-    if (!clocks.length) throw table.error(null, label, text("file.noTimes", { names: `'${label}'`, wayOut: text("file.nameTimes") }));
-    const clock = clocks.findLast(({ index }) => index < column.index) ?? clocks[0];
-    const frame = frames.find((one) => one.track === track) ?? frames[0];
-    const parts = axes.map((one) => seriesOf(table, one, name, units, notes));
-    const series = parts.length > 1 ? aboutOneAxis(table, parts, notes) : parts[0];
-    const sheet = timed.find((one) => one.clock === clock && one.frame === frame);
-    if (sheet) sheet.channels.push(series);
-    else timed.push({ clock, frame, channels: [series] });
-  }
-  leaveOut(leftOut, "unused.notAskedFor", "unused.severalNotAskedFor", notes);
-  if (!timed.length) throw table.error(null, "", text("file.nothing"));
-  return timed.map(({ clock, frame: counter, channels }) => {
-    const time = clock.role === "t" ? numbersOf(table, clock) : null;
-    const factor = time ? factorOf(table, clock, "s", units) : 1;
-    const frame = counter ? numbersOf(table, counter) : null;
-    const part = frame?.findIndex((number) => number % 1) ?? -1; // not a number, where there is none, is falsy
-    if (counter && part >= 0) throw table.error(clock.rows[part].line, counter.label, text("file.wholeFrames"));
-    for (const { name, value } of channels) {
-      value.forEach((one, i) => {
-        const [isThere, isTimed] = [Number.isFinite(one), !time || Number.isFinite(time[i])];
-        if (isThere !== isTimed) count(notes, name, text(isThere ? "unused.withoutTime" : "unused.empty"), 1);
-      });
-    }
-    return {
-      clock: clock.label,
-      lines: clock.rows.map(({ line }) => line),
-      time: time && time.map((t) => t * factor),
-      rounding: lastDigits(cellsOf(clock)).map((digit) => 0.5 * digit * factor),
-      frame,
-      channels,
-    };
+/** The columns of positions; one whose unit is no length is something else, such as a velocity. @param {Table} table @returns {Place[]} */
+function placesOf({ columns }) {
+  return columns.flatMap((column) => {
+    const [match, named = "", joined = "", role = "", numbered = "", number = ""] = PLACE.exec(column.name) ?? [];
+    const isLength = !column.unit || factorTo("m", column.unit) !== null || ["px", "pixel"].includes(column.unit);
+    if (match === undefined || !isLength) return [];
+    return [{ ...column, role: (role || numbered).toLowerCase(), track: named || joined || number || column.title }];
   });
 }
 
-/** Values of a column; not a number: none. @param {Table} table @param {Column} column */
-const numbersOf = (table, { rows, index, label }) => rows.map((row) => table.number(row, index, label));
-
-/** @param {Table} table @param {Column[]} columns */
-function placesOf(table, columns) {
-  /** @type {Places} */
-  const places = new Map();
-  for (const column of columns.filter(isPlace)) {
-    const values = numbersOf(table, column).filter(Number.isFinite);
-    places.set(column.track, { ...(places.get(column.track) ?? { x: [], y: [] }), [column.role]: values });
+/** The mass of each track, as chosen or by the track's own name. @param {string} file @param {string[]} names
+ * @param {Record<string, string>} chosen mass -> name of its track @returns {Record<string, string>} */
+function massOfTrack(file, names, chosen) {
+  const asked = Object.entries(chosen);
+  if (asked.length) {
+    if (new Set(Object.values(chosen)).size < asked.length) throw new DataError(`${file}: ${text("file.bothMasses")}`, "trial-heavy");
+    return Object.fromEntries(asked.map(([mass, track]) => [track, mass]));
   }
-  return places;
+  const known = names.flatMap((name) => (massInName(name) ? [[name, massInName(name)]] : []));
+  if (names.length && !known.length) {
+    const have = names.map((name) => (name ? quote(name) : text("onlyTrack"))).join(", ");
+    throw new DataError(`${file}: ${text("file.whichTrack", { have })}`, "trial-light");
+  }
+  return Object.fromEntries(known);
 }
 
-/** One channel in SI units. @param {Table} table @param {Column} column @param {string} name @param {Record<string, string>} units
- * @param {Notes} notes @returns {Series} */
-function seriesOf(table, column, name, units, notes) {
-  const factor = factorOf(table, column, unitOf(name), units);
-  const values = numbersOf(table, column);
-  if (!values.some(Number.isFinite)) throw table.error(null, column.label, text("file.noValues", { name }));
-  if (!column.unit && KIND_OF_UNIT[column.role] === "length") notes.assumptions.push(text("assumed.lengths", { unit: units.length }));
-  const digit = lastDigits(cellsOf(column)).map((one) => one * factor);
-  return { name, column: column.label, value: values.map((value) => value * factor), digit };
+/** The mass that the name of a track says; "" if it says none, or both. @param {string} track */
+function massInName(track) {
+  const words = track.toLowerCase().split(/[^a-z]+/);
+  const said = ["light", "heavy"].filter((mass) => words.includes(mass));
+  return said.length === 1 ? said[0] : "";
 }
 
-/** @param {Table} table @param {Column} column @param {string} si @param {Record<string, string>} units */
-function factorOf(table, column, si, units) {
-  let unit = column.unit || units[KIND_OF_UNIT[column.role] ?? ""] || si;
-  if (si === "m" && isPixel(unit)) {
-    unit = units.length;
-    if (unit === DEFAULT_UNITS.length || isPixel(unit)) throw table.error(null, column.label, text("file.pixels"));
-  }
-  const factor = factorTo(si, unit);
-  if (factor !== null) return factor;
-  throw table.error(column.unit ? column.rows[0].line - 1 : null, column.label, text("file.unit", { unit: quote(unit), si }));
+/** The values of a column. @param {Table} table @param {Column} column @param {string} si @param {string} unit where the column names none */
+function inSi(table, column, si, unit = si) {
+  const named = column.unit || (si === "rad" ? si : unit);
+  const factor = factorTo(si, named);
+  if (factor === null) throw notPlain(table.file, null, text("file.unit", { column: quote(column.name), unit: quote(named) }));
+  return numbersOf(table, column).map((value) => factor * value);
 }
 
-/** Refuse values that must be in another unit than was said. @param {string} file @param {Sheet} sheet */
-function refuseImplausibleValues(file, { channels, lines }) {
-  for (const { name, column, value } of channels) {
-    const unit = unitOf(name);
-    const limit = MAX_VALUE[name.split("_")[0]] ?? MAX_VALUE[unit];
-    const sizes = value.map((one) => Math.abs(one) || 0);
-    const worst = sizes.indexOf(largest(sizes));
-    if (sizes[worst] <= limit) continue;
-    const [kind, other] = unit.startsWith("rad") ? ["angle", "deg"] : ["length", "cm"];
-    const found = { value: inSentence(value[worst]), unit, limit: inSentence(limit, 4), kind, other };
-    throw dataError(file, lines[worst], column, text("file.tooLarge", found));
-  }
+/** The times of a column's rows. Tracker repeats the times for each track; those of a column stand left of it.
+ * @param {Table} table @param {Column} column @param {string} [unit] */
+function timesFor(table, column, unit) {
+  const clocks = table.columns.filter(({ name }) => isTime(name));
+  return inSi(table, clocks.findLast(({ index }) => index < column.index) ?? clocks[0], "s", unit);
+}
+
+/** Mean time from row to row where none is missing, as each may be rounded [s]. @param {Channel[]} channels */
+function usualStep(channels) {
+  const steps = channels.flatMap(({ t }) => t.slice(1).map((later, i) => later - t[i]));
+  const usual = median(steps);
+  return mean(steps.filter((step) => step < 1.5 * usual));
+}
+
+/** The channels with the times of the camera's true frame rate. @param {Channel[]} channels @param {number} rowsPerSecond by the file
+ * @param {number} rate @param {string[]} assumptions */
+function atRate(channels, rowsPerSecond, rate, assumptions) {
+  if (!(Math.abs(rowsPerSecond / rate - 1) >= RATE_TOLERANCE)) return channels;
+  const [from, to] = [rowsPerSecond, rate].map((one) => shown(Number(one.toPrecision(4))));
+  assumptions.push(text("assumed.rate", { from, to }));
+  return channels.map((one) => ({ ...one, t: one.t.map((t) => (t * rowsPerSecond) / rate) }));
+}
+
+/** "light_y" for "light_x". @param {string} name */
+const otherAxis = (name) => name.replace(/[xy]$/, (axis) => (axis === "x" ? "y" : "x"));
+
+/** Refuse values that must be in another unit than was said. @param {string} file @param {Channel} channel */
+function refuseImplausible(file, { name, value }) {
+  const limit = MAX_VALUE[name.split("_")[0]];
+  const large = value.find((one) => Math.abs(one) > limit);
+  if (large === undefined) return;
+  const unit = name === "angle" ? "rad" : "m";
+  const words = { name, unit, value: shown(Number(large.toPrecision(6))), limit: shown(Number(limit.toPrecision(4))) };
+  throw new DataError(`${file}: ${text("file.tooLarge", words)}`, "trial-length");
 }

@@ -6,11 +6,10 @@ import { tidy } from "../controls.js";
 /**
  * Return a study whose calibration is the page's fit: it believes the same numbers, and what the page fits is free in it.
  * @param {Record<string, any>} settings
- * @param {{file: string, tracks: Record<string, string>, length: string, time: string, rate: number | null, run?: string | null,
- *   mirrored: boolean, start?: number, camera: import("./prediction.js").Camera, known: Record<string, number>}} trial `start`: as of a
+ * @param {{file: string, tracks: Record<string, string>, length: string, time: string, rate: number | null, mirrored: boolean, start?: number, camera: import("./prediction.js").Camera, known: Record<string, number>}} trial `start`: as of a
  *   `Trial`; `known`: as of a `FitTask`
  */
-export function studyYaml(settings, { file, tracks, length, time, rate, run = null, mirrored, start: clockStart = 0, camera, known }) {
+export function studyYaml(settings, { file, tracks, length, time, rate, mirrored, start: clockStart = 0, camera, known }) {
   const quoted = (/** @type {string} */ words) => JSON.stringify(words);
   const si = (/** @type {string} */ name) => tidy(settings[name]);
   const inUnit = (/** @type {string} */ name) => `${si(name)} ${UNITS[name]}`;
@@ -28,7 +27,6 @@ export function studyYaml(settings, { file, tracks, length, time, rate, run = nu
     ...(named.length ? [`tracks: {${named.join(", ")}}`] : []),
     ...(length !== "m" || time !== "s" ? [`units: {length: ${length}, time: ${time}}`] : []),
     ...(rate ? [`frame_rate: ${rate} Hz`] : []),
-    ...(run ? [`run: ${quoted(run)}`] : []),
     ...(mirrored ? ["mirrored: true"] : []),
     ...(free.length ? [`camera: {${free.join(", ")}}`] : []),
   ];
