@@ -219,3 +219,17 @@ def test_a_page_complains_of_nothing(site, chromium, name):
     page.goto((site / name).as_uri())
     page.close()
     assert (errors, asked) == ([], [])
+
+
+@pytest.mark.long
+def test_a_click_on_a_heading_sorts_the_variants_and_gaps_stay_last(site, chromium):
+    page = chromium.new_page()
+    page.goto((site / "accuracy.html").as_uri())
+    for descending in (False, True):
+        page.get_by_role("button", name="halt [ms]").click()
+        cells = page.locator(".sortable tbody tr td:nth-child(5)").all_inner_texts()
+        numbers = [float(cell) for cell in cells if re.fullmatch(r"[-+.e\d]+", cell)]
+        assert len(numbers) > 10
+        assert numbers == sorted(numbers, reverse=descending)
+        assert not any(re.fullmatch(r"[-+.e\d]+", cell) for cell in cells[len(numbers) :])
+    page.close()
