@@ -101,7 +101,7 @@ export class TrialPanel {
   /** Say why a file was refused, and what is shown in its place. */
   tell() {
     const stays = this.trial && this.file ? text("trialStays", { file: this.file.name }) : "";
-    this.fault(this.refusal ? [this.refusal(), stays].join(" ").trim() : "");
+    this.fault(this.refusal ? [this.refusal(), ...(stays ? [stays] : [])].join(". ") : "");
   }
 
   /** Say what is wrong with a file, beside the field that could help. @param {string} words @param {string} [field] */
