@@ -27,7 +27,7 @@ from looping_pendulum.engines.chain import (
     polygon_radius,
 )
 from looping_pendulum.engines.protocol import TunedEngine
-from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
+from looping_pendulum.reference_ode.cartesian import MassesAtRelease, Vector, cartesian_force, masses_at_release
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios.scenario import Scenario
 
@@ -36,10 +36,6 @@ MAX_SLACK_FRACTION = 1e-3
 
 Beyond it that part hangs slack, and its beads do not lie on the line to its mass.
 """
-
-
-Vector = tuple[float, float]
-"""x and y components, in the unit of the quantity."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,17 +119,16 @@ class BeadRig:
         self._force = cartesian_force(p)
         self._is_held = p.release is Release.HELD
         self._groups = 0
-        vx, vy, heavy_vy = release_velocity(p)
-        light_position = point_on_string(p, 0.0, p.rod_radius)
+        masses = masses_at_release(p)
         heavy_position = point_on_string(p, p.string_length, p.rod_radius)
-        self._light = self._world.add_mass(light_position, (vx, vy), p.light_mass)
+        self._light = self._world.add_mass(masses.light_position, masses.light_velocity, p.light_mass)
         if self._is_held:
             self._heavy = self._world.add_held(heavy_position)
         else:
-            self._heavy = self._world.add_mass(heavy_position, (0.0, heavy_vy), p.heavy_mass)
+            self._heavy = self._world.add_mass(heavy_position, masses.heavy_velocity, p.heavy_mass)
         self._has_string = p.release is not Release.DROP
         if self._has_string:
-            self._place_string(p)
+            self._place_string(p, masses)
 
     def advance(self) -> None:
         """Advance by one sample interval."""
@@ -149,7 +144,7 @@ class BeadRig:
         masses = (*world.position(light), *world.velocity(light), *world.position(heavy), *world.velocity(heavy))
         return (*masses, *self._read_string())
 
-    def _place_string(self, p: Parameters) -> None:
+    def _place_string(self, p: Parameters, masses: MassesAtRelease) -> None:
         """Add the rod, and the string with the release's velocities."""
         s = self._settings
         node_radius = s.node_radius(p.rod_radius)
@@ -157,7 +152,7 @@ class BeadRig:
         self._bead_mass = s.bead_mass_ratio * p.light_mass
         self._slip = SlipGauge()
         self._world.add_rod(node_radius - s.bead_radius, s.contact_friction(p.coefficients["kinetic_friction"]))
-        positions, velocities = beads_at_release(p, s.bend, node_radius)
+        positions, velocities = beads_at_release(p, masses, s.bend, node_radius)
         beads = [
             self._world.add_bead((x, y), (vx, vy), self._bead_mass)
             for (x, y), (vx, vy) in zip(positions.tolist(), velocities.tolist(), strict=True)
@@ -295,15 +290,14 @@ class RebuiltBeadRig(abc.ABC):
 
     def _place_chain(self) -> None:
         """Place the chain along the taut string, with the release's velocities."""
-        p = self._parameters
+        masses = masses_at_release(self._parameters)
         beads = sliding = np.empty((0, 2))
         if self._has_string:
-            beads, sliding = beads_at_release(p, self._settings.bend, self._node_radius)
-        light, heavy = point_on_string(p, 0.0, p.rod_radius), (p.rod_radius, -p.hanging_length)
-        self.lengths = self._distances([light, *beads.tolist(), heavy])
-        vx, vy, heavy_v = release_velocity(p)
-        positions = [*light, *beads.ravel().tolist(), heavy[1]]
-        self._use_model(len(beads), [positions, [vx, vy, *sliding.ravel().tolist(), heavy_v], [0.0] * len(positions)])
+            beads, sliding = beads_at_release(self._parameters, masses, self._settings.bend, self._node_radius)
+        self.lengths = self._distances([masses.light_position, *beads.tolist(), masses.heavy_position])
+        positions = [*masses.light_position, *beads.ravel().tolist(), masses.heavy_position[1]]
+        velocities = [*masses.light_velocity, *sliding.ravel().tolist(), masses.heavy_velocity[1]]
+        self._use_model(len(beads), [positions, velocities, [0.0] * len(positions)])
 
     def _use_model(self, beads: int, rows: Sequence[Row]) -> None:
         """Continue with the model of ``beads`` beads, in the state that `_rows` shall return as ``rows``."""

@@ -12,7 +12,7 @@ import numpy as np
 from looping_pendulum.engines.protocol import Abilities, StepGroups
 from looping_pendulum.engines.shipped import shipped_abilities
 from looping_pendulum.engines.studies import ChoiceRow, LadderRow
-from looping_pendulum.reference_ode.cartesian import release_velocity
+from looping_pendulum.reference_ode.cartesian import MassesAtRelease
 from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters
 
@@ -226,7 +226,7 @@ def point_on_string(parameters: Parameters, arc: float, node_radius: float) -> t
     return (p.rod_radius, -hanging_arc)
 
 
-def beads_at_release(parameters: Parameters, bend: float, node_radius: float) -> tuple[Array, Array]:
+def beads_at_release(parameters: Parameters, masses: MassesAtRelease, bend: float, node_radius: float) -> tuple[Array, Array]:
     """Return positions [m] and velocities [m/s] of the beads on the rod at release, light side first, each of shape (n, 2).
 
     The outermost beads lie within half a link of their tangent points, on either side of them.
@@ -235,5 +235,4 @@ def beads_at_release(parameters: Parameters, bend: float, node_radius: float) ->
     first = parameters.release_angle - 0.5 * (parameters.release_angle - (count - 1) * bend)
     angles = first - bend * np.arange(count)
     outwards = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    heavy_velocity = release_velocity(parameters)[2]
-    return node_radius * outwards, heavy_velocity * np.stack([-outwards[:, 1], outwards[:, 0]], axis=1)
+    return node_radius * outwards, masses.heavy_velocity[1] * np.stack([-outwards[:, 1], outwards[:, 0]], axis=1)

@@ -26,8 +26,8 @@ from looping_pendulum.engines.shipped import shipped_abilities
 from looping_pendulum.engines.studies import Studies, default_row, studies_from_rows
 from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import quantity
-from looping_pendulum.reference_ode.cartesian import CartesianForce, cartesian_force, release_velocity
-from looping_pendulum.reference_ode.geometry import Array, light_position
+from looping_pendulum.reference_ode.cartesian import CartesianForce, MassesAtRelease, Vector, cartesian_force, masses_at_release
+from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios.scenario import Scenario
 
@@ -100,9 +100,6 @@ SETTINGS = {
         bending_stiffness=1e-8,
     ),
 }
-
-Vector = tuple[float, float]
-"""x and y components, in the unit of the quantity."""
 MIN_TIME_STEP = 1e-8
 """Shortest step that is tried where Newton's iterations fail [s]."""
 UNUSED_RADIUS = 0.01
@@ -148,19 +145,18 @@ class ExudynCableRig:
         self._gravity = p.coefficients["gravity"]
         self._samples = 0
         self._end_distance, self._has_ended = math.hypot(end_length, p.rod_radius), False
-        vx, vy, heavy_vy = release_velocity(p)
+        self._at_release = masses_at_release(p)
         ground = self.mbs.AddObject(itemInterface.ObjectGround())
         self.rod_marker = self.mbs.AddMarker(itemInterface.MarkerBodyRigid(bodyNumber=ground))
-        self._light_position = light_position(math, p.free_length, p.release_angle, p.rod_radius)
-        self._heavy_position = (p.rod_radius, -p.hanging_length)
-        self.light = self._add_mass(self._light_position, (vx, vy), (1 - taken_off) * p.light_mass)
+        start = self._at_release
+        self.light = self._add_mass(start.light_position, start.light_velocity, (1 - taken_off) * p.light_mass)
         self.heavy: Mass | None = None
         if p.release is Release.HELD:
             self.heavy_marker = self.mbs.AddMarker(
-                itemInterface.MarkerBodyRigid(bodyNumber=ground, localPosition=[*self._heavy_position, 0.0])
+                itemInterface.MarkerBodyRigid(bodyNumber=ground, localPosition=[*start.heavy_position, 0.0])
             )
         else:
-            self.heavy = self._add_mass(self._heavy_position, (0.0, heavy_vy), p.heavy_mass)
+            self.heavy = self._add_mass(start.heavy_position, start.heavy_velocity, p.heavy_mass)
             self.heavy_marker = self.heavy.marker
 
         if self._has_string:
@@ -209,7 +205,7 @@ class ExudynCableRig:
 
     def _read_masses(self) -> tuple[float, ...]:
         """Return positions [m] and velocities [m/s] of both masses, the light one's first."""
-        heavy = (*self._heavy_position, 0.0, 0.0) if self.heavy is None else self._read(self.heavy)
+        heavy = (*self._at_release.heavy_position, 0.0, 0.0) if self.heavy is None else self._read(self.heavy)
         return (*self._read(self.light), *heavy)
 
     def _add_mass(self, position: Sequence[float], velocity: Vector, mass: float) -> Mass:
@@ -248,7 +244,7 @@ class ExudynCableRig:
         arcs = _node_arcs(self._parameters, self._settings.bend)
         self._lengths = np.diff(arcs)
         self._reference = _coordinates_at_release(self._parameters, arcs)
-        velocities = _velocities_at_release(self._parameters, arcs)
+        velocities = _velocities_at_release(self._parameters, self._at_release, arcs)
         nodes = [
             mbs.AddNode(items.NodePoint2DSlope1(referenceCoordinates=place.tolist(), initialVelocities=velocity.tolist()))
             for place, velocity in zip(self._reference, velocities, strict=True)
@@ -327,18 +323,19 @@ def _coordinates_at_release(p: Parameters, arcs: Array) -> Array:
     return np.column_stack([places, np.sin(angles), -np.cos(angles)])
 
 
-def _velocities_at_release(p: Parameters, arcs: Array) -> Array:
+def _velocities_at_release(p: Parameters, masses: MassesAtRelease, arcs: Array) -> Array:
     """Return the rates of these coordinates, shape (n, 4): the string slides over the rod, and is straight beside it."""
-    vx, vy, heavy_vy = release_velocity(p)
     angles = _angles(p, arcs)
-    rates = -heavy_vy * np.column_stack(
+    rates = -masses.heavy_velocity[1] * np.column_stack(
         [np.sin(angles), -np.cos(angles), -np.cos(angles) / p.rod_radius, -np.sin(angles) / p.rod_radius]
     )
     rates[arcs > p.free_length + p.rod_radius * p.release_angle, 2:] = 0.0
     free = arcs < p.free_length
     at_rod = rates[~free][0, :2]
-    rate = (at_rod - (vx, vy)) / p.free_length
-    rates[free] = np.column_stack([np.array([vx, vy]) + arcs[free, None] * rate, np.tile(rate, (int(free.sum()), 1))])
+    rate = (at_rod - masses.light_velocity) / p.free_length
+    rates[free] = np.column_stack(
+        [np.array(masses.light_velocity) + arcs[free, None] * rate, np.tile(rate, (int(free.sum()), 1))]
+    )
     return rates
 
 

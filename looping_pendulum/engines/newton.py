@@ -17,7 +17,7 @@ from looping_pendulum.engines.shipped import shipped_abilities
 from looping_pendulum.engines.studies import Studies, default_row, studies_from_rows
 from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import quantity
-from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
+from looping_pendulum.reference_ode.cartesian import Vector, cartesian_force, masses_at_release
 from looping_pendulum.reference_ode.geometry import Array, string_coordinates
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.versions import installed_version
@@ -64,9 +64,6 @@ SETTINGS = {
 """Profile -> settings."""
 
 
-Vector = tuple[float, float]
-"""Components x and y, SI."""
-
 INERTIA_RADIUS = 1e-3
 """Radius of gyration of a mass [m]. No torque acts on one, so it changes nothing, but Newton replaces an inertia of zero."""
 CLOCKWISE = -1
@@ -102,11 +99,11 @@ class NewtonTendonRig:
         self._groups = 0
         self._has_string, self._is_held = p.release is not Release.DROP, p.release is Release.HELD
         self._heavy_position = point_on_string(p, p.string_length, p.rod_radius)
-        vx, vy, heavy_vy = release_velocity(p)
-        velocities = [(vx, vy)]
-        self._add_mass(point_on_string(p, 0.0, p.rod_radius), p.light_mass)
+        masses = masses_at_release(p)
+        velocities = [masses.light_velocity]
+        self._add_mass(masses.light_position, p.light_mass)
         if not self._is_held:
-            velocities.append((0.0, heavy_vy))
+            velocities.append(masses.heavy_velocity)
             self._add_mass(self._heavy_position, p.heavy_mass)
         if self._has_string:
             self._add_string()

@@ -94,7 +94,7 @@ class Abilities:
     effect_kinds: frozenset[EffectKind] = frozenset({EffectKind.FORCE, EffectKind.CLOSURE})
     """Kinds of effects beyond the paper's model that reach it; forces reach every engine (`reference_ode.cartesian`).
 
-    An engine with `EffectKind.RELEASE` starts with `reference_ode.cartesian.release_velocity`.
+    An engine with `EffectKind.RELEASE` starts with `reference_ode.cartesian.masses_at_release`.
     """
     known_failures: Mapping[str, str] = field(default_factory=dict)
     """Checks of `engines.conformance` that it fails -> the measured reason: strict expected failures."""

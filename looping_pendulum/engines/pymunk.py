@@ -29,7 +29,7 @@ from looping_pendulum.engines.protocol import Engine, Profile, TunedEngine, grou
 from looping_pendulum.engines.studies import DefaultRow, Studies, studies_from_rows
 from looping_pendulum.engines.trajectory import Provenance
 from looping_pendulum.pages.numbers import quantity
-from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
+from looping_pendulum.reference_ode.cartesian import MassesAtRelease, Vector, cartesian_force, masses_at_release
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios.scenario import Scenario
 
@@ -212,18 +212,14 @@ def bead_arcs(parameters: Parameters, link_length: float, margin: float) -> list
     return [arc for arc in arcs if link_length <= arc <= parameters.string_length - link_length]
 
 
-Vector = tuple[float, float]
-"""x and y components, in the unit of the quantity."""
-
-
-def velocity_on_string(parameters: Parameters, arc: float) -> Vector:
+def velocity_on_string(parameters: Parameters, masses: MassesAtRelease, arc: float) -> Vector:
     """Return the velocity [m/s] of the taut string just after release, ``arc`` [m] from the light mass.
 
     String on the rod and on the heavy side moves along itself with the heavy mass's speed; on the free part the velocity is
     linear between that of the tangent point and the light mass's.
     """
     p = parameters
-    vx, vy, heavy_vy = release_velocity(p)
+    (vx, vy), (_, heavy_vy) = masses.light_velocity, masses.heavy_velocity
     wound_arc = min(max(arc - p.free_length, 0.0), p.rod_radius * p.release_angle)
     angle = p.release_angle - wound_arc / p.rod_radius
     along = (-heavy_vy * math.sin(angle), heavy_vy * math.cos(angle))
@@ -231,7 +227,7 @@ def velocity_on_string(parameters: Parameters, arc: float) -> Vector:
     return (along[0] + share * (vx - along[0]), along[1] + share * (vy - along[1]))
 
 
-def masses(space: Any, parameters: Parameters) -> tuple[Any, Any]:
+def add_masses(space: Any, parameters: Parameters, masses: MassesAtRelease) -> tuple[Any, Any]:
     """Create the light and the heavy mass as bodies of ``space``, as they are released; a clamped mass is a static body."""
     import pymunk
 
@@ -241,12 +237,10 @@ def masses(space: Any, parameters: Parameters) -> tuple[Any, Any]:
         heavy = pymunk.Body(body_type=pymunk.Body.STATIC)
     else:
         heavy = pymunk.Body(parameters.heavy_mass, math.inf)
-    light.position = point_on_string(parameters, 0.0, parameters.rod_radius)
+    light.position, light.velocity = masses.light_position, masses.light_velocity
     heavy.position = point_on_string(parameters, parameters.string_length, parameters.rod_radius)
-    vx, vy, heavy_vy = release_velocity(parameters)
-    light.velocity = (vx, vy)
     if parameters.release is not Release.HELD:
-        heavy.velocity = (0.0, heavy_vy)
+        heavy.velocity = masses.heavy_velocity
     space.add(light, heavy)
     return light, heavy
 
@@ -286,9 +280,9 @@ class PymunkChainRig:
         self._unused_beads: list[tuple[Any, Any]] = []  # removed beads, kept for reuse
         self._has_string = p.release is not Release.DROP
         if self._has_string:
-            self._add_string(p)
+            self._add_string(p, masses_at_release(p))
         else:
-            self._light, self._heavy = masses(space, p)
+            self._light, self._heavy = add_masses(space, p, masses_at_release(p))
 
     def advance(self) -> None:
         """Advance the simulation by one `SAMPLE_INTERVAL`."""
@@ -321,7 +315,7 @@ class PymunkChainRig:
         if not self._clamped:
             self._calls.apply_force(self._heavy, 0.0, share * heavy_fy)
 
-    def _add_string(self, p: Parameters) -> None:
+    def _add_string(self, p: Parameters, masses: MassesAtRelease) -> None:
         """Add the rod, the masses, and the string with the release's velocities."""
         s, friction = self._settings, p.coefficients["kinetic_friction"]
         node_radius = polygon_radius(p.rod_radius, s.bend) if s.polygon_radius else p.rod_radius
@@ -329,9 +323,9 @@ class PymunkChainRig:
         rod = self._pymunk.Circle(self._space.static_body, node_radius - s.bead_radius + slop)
         rod.friction = polygon_friction(friction, s.bend) if s.polygon_friction else friction
         self._space.add(rod)
-        self._light, self._heavy = masses(self._space, p)
+        self._light, self._heavy = add_masses(self._space, p, masses)
         arcs = bead_arcs(p, self._link_length, ADD_WITHIN_LINKS)
-        beads = [self._bead(point_on_string(p, a, node_radius), velocity_on_string(p, a)) for a in arcs]
+        beads = [self._bead(point_on_string(p, a, node_radius), velocity_on_string(p, masses, a)) for a in arcs]
         self.bodies = [self._light, *beads, self._heavy]
         pairs = list(zip(self.bodies[:-1], self.bodies[1:], strict=True))
         self.lengths = [a.position.get_distance(b.position) for a, b in pairs]

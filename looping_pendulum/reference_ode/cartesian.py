@@ -1,15 +1,18 @@
-"""Forces of the effects, and the velocities at release, in x and y, as engines need them."""
+"""Forces of the effects, and the state of the masses at release, in x and y, as engines need them."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from looping_pendulum.reference_ode import effects, rules
 from looping_pendulum.reference_ode.effects import GRAVITY, EffectKind, Kinematics
-from looping_pendulum.reference_ode.geometry import light_velocity, next_string_coordinates
+from looping_pendulum.reference_ode.geometry import light_position, light_velocity, next_string_coordinates
 from looping_pendulum.reference_ode.parameters import Parameters
 
+Vector = tuple[float, float]
+"""x and y components, in the unit of the quantity."""
 CartesianForce = Callable[[float, float, float, float, float, float], tuple[float, float, float]]
 """(time, x, y, vx, vy, heavy_vy) -> (fx, fy, heavy_fy), SI."""
 
@@ -54,11 +57,31 @@ def cartesian_force(parameters: Parameters) -> CartesianForce | None:
     return force
 
 
-def release_velocity(parameters: Parameters) -> tuple[float, float, float]:
-    """Return the velocities just after release [m/s]: x and y of the light mass, y of the heavy one.
+@dataclass(frozen=True, kw_only=True)
+class MassesAtRelease:
+    """Where both masses are just after release, and how they move."""
 
-    They are those of the reference: zero unless the light mass is pushed. A push that pulls at a taut string moves both masses.
+    light_position: Vector
+    """x and y [m]."""
+    light_velocity: Vector
+    """[m/s]."""
+    heavy_position: Vector
+    """[m]."""
+    heavy_velocity: Vector
+    """[m/s]."""
+
+
+def masses_at_release(parameters: Parameters) -> MassesAtRelease:
+    """Return the state in which every rig starts, which is the reference's.
+
+    The masses rest unless the light one is pushed. A push that pulls at a taut string moves both.
     """
-    system = rules.system_of_floats(parameters.values(), parameters.effects)
-    state = rules.release(system, parameters.release, rules.state_at_release(parameters)).y
-    return (*light_velocity(math, state.wrap_angle, state.retreat_speed, state.across_speed), state.heavy_speed)
+    p = parameters
+    system = rules.system_of_floats(p.values(), p.effects)
+    state = rules.release(system, p.release, rules.state_at_release(p)).y
+    return MassesAtRelease(
+        light_position=light_position(math, p.free_length, p.release_angle, p.rod_radius),
+        light_velocity=light_velocity(math, state.wrap_angle, state.retreat_speed, state.across_speed),
+        heavy_position=(p.rod_radius, -p.hanging_length),
+        heavy_velocity=(0.0, state.heavy_speed),
+    )

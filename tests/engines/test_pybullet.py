@@ -20,7 +20,7 @@ from looping_pendulum.engines.pybullet.chain import (
 from looping_pendulum.engines.pybullet.world import DEFAULT_NEIGHBOUR_MARGIN, MAX_JOINTS, contact_friction, typical_wrap_angle
 from looping_pendulum.engines.tension import measure_capstan_exponent
 from looping_pendulum.errors import EngineError
-from looping_pendulum.reference_ode.cartesian import release_velocity
+from looping_pendulum.reference_ode.cartesian import masses_at_release
 from looping_pendulum.reference_ode.geometry import light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import solve, solve_at
@@ -122,7 +122,8 @@ def test_pushed_chain_turns_about_its_tangent_point_and_slides_as_the_reference_
     p = scenario(0.1, coefficients={"push_along": 0.4, "push_across": 0.7}).parameters
     s = SETTINGS[Profile.QUICK]
     chain = chain_at_release(p, s)
-    vx, vy, heavy_v = release_velocity(p)
+    masses = masses_at_release(p)
+    (vx, vy), (_, heavy_v) = masses.light_velocity, masses.heavy_velocity
     assert abs(heavy_v) > 0.01
     assert chain.velocities[-1] == pytest.approx((vx, vy))
     assert chain.velocities[0] == pytest.approx((0.0, heavy_v))

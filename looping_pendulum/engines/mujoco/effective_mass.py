@@ -150,7 +150,7 @@ class EffectiveMassRig(StringRig, abc.ABC):
     def _initialise(self) -> None:
         """Determine the motion of the string at release; a subclass calls it after setting its coordinates."""
         if not self._held:
-            self._qvel[HEAVY_DOF] = self._release_velocity[2]
+            self._qvel[HEAVY_DOF] = self._at_release.heavy_velocity[1]
         if self._has_string and not self._held:
             # `_update_motion` asks MuJoCo for forces, to which those of the effects belong
             self._mujoco.set_mjcb_passive(self._passive)
@@ -329,7 +329,7 @@ class TendonMassRig(EffectiveMassRig):
         softness = settings.impedance * settings.string_time_constant
         self._turning_shift = softness * softness if settings.corrections else 0.0
         self._tendons = AlternatingTendons(parameters, self._model, SWITCH_UP, SWITCH_DOWN) if self._has_string else None
-        self._qvel[:HEAVY_DOF] = self._release_velocity[:HEAVY_DOF]
+        self._qvel[:HEAVY_DOF] = self._at_release.light_velocity
         self._initialise()
 
     def _light_mass_state(self, ahead: float = 0.0) -> tuple[float, float, float, float]:
@@ -415,7 +415,7 @@ class DrumRig(EffectiveMassRig):
         self._max_sum = float(self._length_range[0, 1])
         self._qpos[ANGLE_DOF], self._qpos[LENGTH_DOF] = parameters.release_angle, parameters.free_length
         cosine, sine = math.cos(parameters.release_angle), math.sin(parameters.release_angle)
-        vx, vy, _ = self._release_velocity
+        vx, vy = self._at_release.light_velocity
         angle_rate = -(vx * cosine + vy * sine) / parameters.free_length
         self._qvel[ANGLE_DOF], self._qvel[LENGTH_DOF] = angle_rate, vy * cosine - vx * sine - self._radius * angle_rate
         self._initialise()

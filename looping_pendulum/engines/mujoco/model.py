@@ -10,7 +10,7 @@ from typing import Any
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, steps_per_sample
 from looping_pendulum.engines.studies import DefaultRow, LadderRow, default_row
 from looping_pendulum.pages.numbers import quantity
-from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
+from looping_pendulum.reference_ode.cartesian import cartesian_force, masses_at_release
 from looping_pendulum.reference_ode.effects import Kinematics
 from looping_pendulum.reference_ode.geometry import light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -105,7 +105,7 @@ class StringRig:
         self._has_string, self._held = p.release is not Release.DROP, p.release is Release.HELD
         self._end_length = end_length if self._has_string else -math.inf
         self._force = cartesian_force(p)
-        self._release_velocity = release_velocity(p)
+        self._at_release = masses_at_release(p)
 
     def read(self) -> tuple[float, ...]:
         """Return positions [m], velocities [m/s] and string stretch [m]: `COLUMNS` without the time."""

@@ -144,7 +144,8 @@ class TendonRig(StringRig):
         self._was_slack, self._catch_stretch = False, 0.0
         self._catch_decay = math.exp(-settings.time_step / settings.catch_time)
         # The accelerations at release, and the velocities half a step before it
-        self._qvel[:] = self._release_velocity[: len(self._qvel)]
+        speeds = (*self._at_release.light_velocity, self._at_release.heavy_velocity[1])
+        self._qvel[:] = speeds[: len(self._qvel)]
         self._prepare()
         self._mujoco.mj_forward(self._model, self._data)
         self._qvel -= self._half_step * self._qacc
@@ -227,7 +228,7 @@ class TendonRig(StringRig):
         light_share = p.light_mass / total_mass
         friction, tension = self._solve_friction()
         # At release the mass has the release's speed; the engine's velocity is that half a step earlier.
-        velocity = float(self._qvel[HEAVY_DOF]) if k.time > 0 else self._release_velocity[HEAVY_DOF]
+        velocity = float(self._qvel[HEAVY_DOF]) if k.time > 0 else self._at_release.heavy_velocity[1]
         sliding, holding = (
             max(exponent(math, k, self._values, p.effects), 0.0)
             for exponent in (effects.sliding_exponent, effects.holding_exponent)

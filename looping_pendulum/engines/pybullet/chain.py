@@ -55,8 +55,8 @@ from looping_pendulum.engines.shipped import shipped_abilities
 from looping_pendulum.engines.studies import Studies, rows_that_differ, studies_from_rows
 from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import quantity
-from looping_pendulum.reference_ode.cartesian import release_velocity
-from looping_pendulum.reference_ode.geometry import Array, light_position
+from looping_pendulum.reference_ode.cartesian import masses_at_release
+from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import solve
 
@@ -141,8 +141,8 @@ def chain_at_release(parameters: Parameters, settings: PybulletChainSettings) ->
 
 def _chain_of_links(p: Parameters, s: PybulletChainSettings, inner: float, outer: float) -> ReleasedChain:
     """Return a chain of links of about ``inner`` [m] and, near the light mass, ``outer`` [m]."""
-    light = np.array(light_position(np, p.free_length, p.release_angle, p.rod_radius))
-    heavy = np.array([p.rod_radius, -p.hanging_length])
+    masses = masses_at_release(p)
+    light, heavy = np.array(masses.light_position), np.array(masses.heavy_position)
     inner = fitting_length(p, inner)
     bend = inner / p.rod_radius
     circle = polygon_radius(p.rod_radius, bend) if s.polygon else p.rod_radius
@@ -162,10 +162,9 @@ def _chain_of_links(p: Parameters, s: PybulletChainSettings, inner: float, outer
         return np.concatenate([hanging, on_rod[:-1], on_rod[-1] + shares[:, None] * (light_end - on_rod[-1])])
 
     # A push turns the free part about its tangent point, and slides the string at the heavy mass's speed.
-    vx, vy, heavy_v = release_velocity(p)
-    sliding = heavy_v / np.hypot(*on_rod.T)[:, None] * np.stack([-on_rod[:, 1], on_rod[:, 0]], axis=1)
+    sliding = masses.heavy_velocity[1] / np.hypot(*on_rod.T)[:, None] * np.stack([-on_rod[:, 1], on_rod[:, 0]], axis=1)
     positions = along(heavy, on_rod, light)
-    velocities = along(np.array([0.0, heavy_v]), sliding, np.array([vx, vy]))
+    velocities = along(np.array(masses.heavy_velocity), sliding, np.array(masses.light_velocity))
     lengths = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     # Hanging links do not come to lie on the rod: their last node bends as the links above it do.
     lengths_on_rod = np.where(np.arange(len(lengths)) < hanging_count, inner, lengths)

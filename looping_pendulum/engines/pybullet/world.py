@@ -19,8 +19,8 @@ from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Rig, TunedEngine,
 from looping_pendulum.engines.studies import ChoiceRow, DefaultRow, LadderRow, default_row
 from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import quantity
-from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
-from looping_pendulum.reference_ode.geometry import Array, light_position
+from looping_pendulum.reference_ode.cartesian import cartesian_force, masses_at_release
+from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios.scenario import Scenario
 
@@ -265,10 +265,9 @@ class FallingRig(SteppedRig):
     def __init__(self, parameters: Parameters, settings: WorldSettings) -> None:
         p = parameters
         super().__init__(p, World(p, settings))
-        vx, vy, heavy_v = release_velocity(p)
-        light = light_position(math, p.free_length, p.release_angle, p.rod_radius)
-        self._light = self._body(p.light_mass, [*light, 0.0], [vx, vy, 0.0])
-        self._heavy = self._body(p.heavy_mass, [p.rod_radius, -p.hanging_length, 0.0], [0.0, heavy_v, 0.0])
+        masses = masses_at_release(p)
+        self._light = self._body(p.light_mass, [*masses.light_position, 0.0], [*masses.light_velocity, 0.0])
+        self._heavy = self._body(p.heavy_mass, [*masses.heavy_position, 0.0], [*masses.heavy_velocity, 0.0])
 
     def _read_string(self) -> Row:
         return (math.nan,)
