@@ -121,32 +121,39 @@ def studies() -> Texts:
 
 def messages() -> Texts:
     """Return what is said of damaged inputs."""
+    from tests.fuzz.kinds import KINDS
+
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        return {f"{name}.txt": "\n".join(_said_of_damaged(kind)).replace(folder, ".") for name, kind in KINDS.items()}
+
+
+def _said_of_damaged(kind: Any) -> list[str]:
+    """Return what is said of inputs of one kind, the same ones every time."""
     from hypothesis import HealthCheck, Phase, given, settings
 
     from looping_pendulum.errors import HarnessError
-    from tests.fuzz.kinds import KINDS
 
-    texts = {}
-    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
-        for name, kind in KINDS.items():
-            lines = []
+    lines = []
 
-            @settings(
-                max_examples=INPUTS, derandomize=True, database=None, deadline=None, phases=[Phase.generate],
-                suppress_health_check=list(HealthCheck),
-            )  # fmt: skip
-            @given(kind.inputs(kind.seeds()))
-            def note(data: bytes, kind: Any = kind, lines: list[str] = lines) -> None:
-                try:
-                    kind.run(data)
-                except HarnessError as error:
-                    lines.append(str(error).replace(folder, "."))
-                else:
-                    lines.append("accepted")
+    @settings(
+        max_examples=INPUTS,
+        derandomize=True,
+        database=None,
+        deadline=None,
+        phases=[Phase.generate],
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(kind.inputs(kind.seeds()))
+    def note(data: bytes) -> None:
+        try:
+            kind.run(data)
+        except HarnessError as error:
+            lines.append(str(error))
+        else:
+            lines.append("accepted")
 
-            note()
-            texts[f"{name}.txt"] = "\n".join(lines)
-    return texts
+    note()
+    return lines
 
 
 PARTS: Mapping[str, Callable[[], Texts]] = {

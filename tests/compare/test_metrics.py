@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-from pathlib import Path
 
 import numpy as np
 import pint
@@ -18,7 +17,6 @@ from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import json_schema, load_text
 from looping_pendulum.scenarios.metrics import METRICS, metric_called
-from scripts.metrics_page import PAGE, page
 
 
 def test_a_run_shifted_by_3_mm_has_an_rms_of_3_mm_at_every_mark(scenario, reference, make_run):
@@ -169,11 +167,6 @@ def test_editors_of_scenario_files_show_what_it_is(metric):
     limits = json_schema()["$defs"]["Limits"]["properties"]
     assert limits[metric.name]["description"] == metric.description
     assert metric.description.endswith(".")
-
-
-def test_the_page_of_metrics_is_what_the_table_says():
-    assert PAGE == Path(__file__).parents[2] / "docs" / "metrics.md"
-    assert PAGE.read_text(encoding="utf-8") == page(), "out of date; write it again: python -m scripts.metrics_page"
 
 
 def test_a_metric_of_another_version_is_shown_in_si():
