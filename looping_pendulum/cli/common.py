@@ -129,7 +129,7 @@ def schema_option(kind: str, module: str) -> Any:
             say(json.dumps(import_module(module).json_schema(), indent=2))
             raise typer.Exit
 
-    words = f"Print the JSON Schema of {kind} files, for editors (docs/keys.md lists all keys)."
+    words = f"Print the JSON Schema of {kind} files, for editors (every key, and what it takes)."
     return typer.Option("--schema", is_eager=True, callback=show, help=words)
 
 

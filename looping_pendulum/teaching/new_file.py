@@ -160,7 +160,7 @@ def new_study(
     for quantity in needed:
         lines += [f"  {QUANTITIES[quantity].group}:", _measured(quantity, shared, "    ")]
     usual = USUAL_EFFECTS_WITHOUT_ROD.get(next(iter(releases)), USUAL_EFFECTS) if len(releases) == 1 else USUAL_EFFECTS
-    lines += ["effects:  # that you believe act; docs/keys.md lists all", "  gravity: 9.81 m/s^2"]
+    lines += ["effects:  # that you believe act; `looping-pendulum identify --schema` lists all", "  gravity: 9.81 m/s^2"]
     lines += [f"  {effect}: free" for effect in usual]
     lines.append("trials:")
     for i, (trial, name) in enumerate(zip(trials, names, strict=True)):
