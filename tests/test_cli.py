@@ -174,13 +174,13 @@ def test_a_baseline_lists_what_changed_and_leaves_the_exit_status(compared, tmp_
     done = here("compare", "drop", "-e", REFERENCE, "--out", str(new), "--baseline", str(old / "result.json"))
     assert done.returncode == 0, done.stderr
     assert f"1 change since {old}/result.json" in done.stdout
-    assert "metric: tube_fraction" in done.stdout
+    assert "metrics: tube_fraction" in done.stdout
     assert "+100 %" in done.stdout
     (change,) = json.loads((new / "changes.json").read_text())["changes"]
-    assert (change["what"], change["before"], change["after"]) == ("tube_fraction", 0.5, 1.0)
+    assert (change["what"], change["before"], change["after"]) == ("metrics: tube_fraction", 0.5, 1.0)
     assert "## Changes since the baseline" in (new / "report.md").read_text()
     done = here("compare", "drop", "-e", REFERENCE, "--out", str(new), "--baseline", str(old), "--baseline-threshold", "2")
-    assert "metric:" not in done.stdout
+    assert "metrics:" not in done.stdout
     line = one_line_error(here("compare", "held", "--baseline", str(old)))
     assert "found a result of 'drop', needed one of 'held'" in line
     assert "No such file" in one_line_error(here("compare", "drop", "--baseline", str(tmp_path / "nowhere.json")))

@@ -1,4 +1,4 @@
-"""Lists what changed between two results of the same scenario.
+"""Lists what moved between two results of the same scenario: both are flattened, and compared value by value.
 
 `changes.json` is `ResultChanges` as JSON: one object per dataclass, one key per field, SI and radians, and first the key
 ``schema`` with its id and version. It is written beside `result.json`, which does not depend on the baseline.
@@ -6,17 +6,14 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from looping_pendulum.compare.json_text import JsonResult, flatten, plain
-from looping_pendulum.compare.result import ComparisonResult, EngineResult, RunProvenance
-from looping_pendulum.engines.landmarks import Landmarks
+from looping_pendulum.compare.json_text import JsonResult, plain
+from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.errors import ResultError
 from looping_pendulum.pages.markdown import table
 from looping_pendulum.pages.numbers import DISPLAY_UNITS, GAP, DisplayUnit, number
@@ -24,63 +21,52 @@ from looping_pendulum.scenarios.metrics import metric_called
 
 SAME_SETTING = 1e-9
 """Largest relative difference of equal settings: some are computed, and their last bits depend on the processor."""
-
 MIN_RELATIVE_CHANGE = 0.01
 """Smallest change of a metric that is listed, as a fraction of its earlier value."""
-
-MIN_METRIC_CHANGES = {"m": 1e-6, "s": 1e-6, "rad": 1e-6, "": 1e-6}
-"""SI unit -> smallest change of a metric, or of a landmark of the reference, that is listed."""
-
+MIN_CHANGE = 1e-6
+"""Smallest change of a metric, or of a landmark of the reference, that is listed [SI]; what is smaller is rounding."""
 MIN_LANDMARK_CHANGES = {"m": 1e-4, "s": 1e-4, "rad": 1e-3}
 """SI unit -> smallest change of an engine's landmark that is listed: a tenth of the sample interval, and the motion in it."""
-
-# The fields of `Landmarks` that are single numbers; the others are tuples of events, or no numbers
 LANDMARK_UNITS = {
     "halting_time": "s",
-    "drop_at_halt": "m",
-    "wrap_angle_at_halt": "rad",
-    "free_length_at_halt": "m",
     "light_reaches_rod": "s",
+    "slip_onsets": "s",
+    "time": "s",
+    "drop_at_halt": "m",
+    "free_length_at_halt": "m",
+    "height_change": "m",
+    "value": "m",
+    "wrap_angle_at_halt": "rad",
 }
-
+"""Key of a landmark, or of a part of one -> SI unit, of those that are measured."""
 MAX_BASELINE_BYTES = 64 * 1024 * 1024
 """Largest size of a baseline file [bytes]; the result of a dozen engines has 0.2 MiB."""
-
-REFERENCE = "reference"
-NOT_RUN_TEXT = "not run"
 MAX_CONSOLE_CHANGES = 40
 """Largest number of changes that the terminal shows; the report has all."""
+REFERENCE, SCENARIO = "reference", "scenario"
+LENGTH = "how many"
+"""Key that a list's length has beside its numbered entries."""
 
-
-class ChangeKind(StrEnum):
-    """Kind of a change."""
-
-    SCENARIO = "scenario"
-    RUN = "run"
-    STATUS = "status"
-    METRIC = "metric"
-    TOLERANCE = "tolerance"
-    LANDMARK = "landmark"
-    VERSION = "version"
-    SETTING = "setting"
-    SUPPLY = "supply"
+Keys = tuple[str, ...]
+"""Keys of a value in the tree that is compared, from the run on."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ResultChange:
-    """One difference between two results."""
+    """One value that differs between two results."""
 
-    kind: ChangeKind
     run: str
-    """"reference", "pymunk:chain, quick", or empty for the scenario."""
+    """"scenario", "reference" or "pymunk:chain, quick"."""
     what: str
-    """Name of the metric, landmark, package or setting."""
+    """Keys of the value, "metrics: rms_0.7s"."""
     unit: str
     """SI unit; '' for a pure number and for what is not a number."""
     before: Any
     """Earlier value; None if there was none."""
     after: Any
     """Present value; None if there is none."""
+    tolerance: float
+    """Largest change of a number here that is not listed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +74,7 @@ class ResultChanges(JsonResult):
     """All differences between two results."""
 
     SCHEMA_ID = "looping-pendulum/changes"
-    SCHEMA_VERSION = 1
+    SCHEMA_VERSION = 2
 
     scenario: str
     baseline: str
@@ -97,8 +83,6 @@ class ResultChanges(JsonResult):
     """Date and time at which that was written, UTC."""
     relative: float
     """Smallest relative change of a metric that is listed."""
-    floors: dict[str, float]
-    landmark_floors: dict[str, float]
     changes: tuple[ResultChange, ...]
 
 
@@ -144,118 +128,97 @@ def changes_since(
     relative
         Smallest change of a metric that is listed, as a fraction of its earlier value.
     """
-    old, new = ({**flatten(plain(result.parameters)), "duration": result.duration} for result in (before, after))
-    changes = [
-        *_differences(ChangeKind.SCENARIO, "", old, new),
-        *_reference(before, after),
-        *_runs(before, after, relative),
-    ]
+    old, new = (dict(_flat(_compared(result))) for result in (before, after))
+    # Those that are gone come last in their run
+    runs = list(dict.fromkeys(keys[0] for keys in [*new, *old]))
+    every = sorted(dict.fromkeys([*new, *old]), key=lambda keys: runs.index(keys[0]))
+    alone = {run for run in runs if any(run not in {keys[0] for keys in known} for known in (old, new))}
+    uneven = {keys[:-1] for keys in every if keys[-1] == LENGTH and old.get(keys) != new.get(keys)}
+    changes = []
+    for keys in every:
+        # Its status says that a run is in one result alone
+        if keys[0] in alone and keys[1:] != ("status",):
+            continue
+        # Events are told apart by their index: if one is missing, all that follow would be compared with the wrong one
+        if keys[-1] != LENGTH and any(keys[:n] in uneven for n in range(len(keys))):
+            continue
+        was, now = old.get(keys), new.get(keys)
+        unit, tolerance = _unit(keys), _tolerance(keys, was, relative)
+        if _differ(was, now, tolerance):
+            what = ": ".join(keys[1:])
+            changes.append(ResultChange(run=keys[0], what=what, unit=unit, before=was, after=now, tolerance=tolerance))
     return ResultChanges(
         scenario=after.scenario,
         baseline=source,
         baseline_written=before.clock.written,
         relative=relative,
-        floors=dict(MIN_METRIC_CHANGES),
-        landmark_floors=dict(MIN_LANDMARK_CHANGES),
         changes=tuple(changes),
     )
 
 
-def _reference(before: ComparisonResult, after: ComparisonResult) -> Iterator[ResultChange]:
-    old, new = before.reference, after.reference
-    names = [f"{t.engine}:{t.variant}" for t in (old, new)]
-    yield from _differences(ChangeKind.RUN, REFERENCE, {"integrator": names[0]}, {"integrator": names[1]})
-    yield from _landmarks(REFERENCE, old.landmarks, new.landmarks, MIN_METRIC_CHANGES)
-    yield from _provenance(REFERENCE, old.provenance, new.provenance)
+def _compared(result: ComparisonResult) -> dict[str, Any]:
+    """Return run -> what is compared of it; texts, and numbers that follow from others, are left out."""
+    exact = result.reference
+    runs = {
+        ", ".join(part for part in (engine.label, engine.profile) if part): {
+            "status": engine.status,
+            "tolerances": {t.metric: {"outcome": t.outcome, "limit": t.limit} for t in result.judged(engine)},
+            "metrics": engine.metrics,
+            "landmarks": engine.landmarks,
+            "provenance": engine.provenance,
+        }
+        for engine in result.engines
+    }
+    return {
+        SCENARIO: {**plain(result.parameters), "duration": result.duration},
+        REFERENCE: {
+            "integrator": f"{exact.engine}:{exact.variant}",
+            "landmarks": plain(exact.landmarks),
+            "provenance": plain(exact.provenance),
+        },
+        **{run: plain(compared) for run, compared in runs.items()},
+    }
 
 
-def _runs(before: ComparisonResult, after: ComparisonResult, relative: float) -> Iterator[ResultChange]:
-    old, new = ({(e.label, e.profile): e for e in result.engines} for result in (before, after))
-    for key in [*new, *(key for key in old if key not in new)]:
-        run = ", ".join(part for part in key if part)
-        if key in old and key in new:
-            yield from _run(run, old[key], new[key], relative)
-            # Either run serves, as only its label and profile are asked for
-            yield from _tolerances(run, before, after, old[key])
-        else:
-            statuses = [known[key].status if key in known else NOT_RUN_TEXT for known in (old, new)]
-            yield ResultChange(kind=ChangeKind.RUN, run=run, what="run", unit="", before=statuses[0], after=statuses[1])
+def _flat(value: Any, keys: Keys = ()) -> Iterator[tuple[Keys, Any]]:
+    """Yield keys and values of nested dicts and lists."""
+    if isinstance(value, list):
+        value = {LENGTH: len(value)} | {str(i): item for i, item in enumerate(value, 1)}
+    if not isinstance(value, dict):
+        yield keys, value
+        return
+    for key, item in value.items():
+        yield from _flat(item, (*keys, key))
 
 
-def _run(run: str, old: EngineResult, new: EngineResult, relative: float) -> Iterator[ResultChange]:
-    yield from _differences(ChangeKind.STATUS, run, {"status": old.status}, {"status": new.status})
-    for name in (name for name in new.metrics if name in old.metrics):  # one that only one version knows cannot be compared
-        unit = metric_called(name).unit
-        was, now = old.metrics[name], new.metrics[name]
-        # The absolute floor is for values near zero, whose relative changes are rounding
-        if _has_changed(was, now, max(MIN_METRIC_CHANGES[unit], relative * abs(was or 0.0))):
-            yield ResultChange(kind=ChangeKind.METRIC, run=run, what=name, unit=unit, before=was, after=now)
-    yield from _landmarks(run, old.landmarks, new.landmarks, MIN_LANDMARK_CHANGES)
-    yield from _provenance(run, old.provenance, new.provenance)
+def _unit(keys: Keys) -> str:
+    """Return the SI unit of a number, of those that have one."""
+    if "landmarks" in keys:
+        return "" if keys[-1] == LENGTH else next((LANDMARK_UNITS[key] for key in reversed(keys) if key in LANDMARK_UNITS), "")
+    if keys[1:2] == ("metrics",) or keys[-1] == "limit":
+        return metric_called(keys[2]).unit
+    return ""
 
 
-def _tolerances(run: str, before: ComparisonResult, after: ComparisonResult, engine: EngineResult) -> Iterator[ResultChange]:
-    judged = [{t.metric: t for t in result.judged(engine)} for result in (before, after)]
-    old, new = ({metric: t.outcome.value for metric, t in known.items()} for known in judged)
-    yield from _differences(ChangeKind.TOLERANCE, run, old, new)
-    for metric in (metric for metric in judged[1] if metric in judged[0]):
-        limits = [known[metric].limit for known in judged]
-        if limits[0] != limits[1]:  # exact: limits are read, not computed
-            unit = metric_called(metric).unit
-            yield ResultChange(
-                kind=ChangeKind.TOLERANCE, run=run, what=f"limit of {metric}", unit=unit, before=limits[0], after=limits[1]
-            )
+def _tolerance(keys: Keys, was: Any, relative: float) -> float:
+    """Return the largest change of a number that is not listed."""
+    size = abs(was) if isinstance(was, (int, float)) else 0.0
+    if keys[1:2] == ("metrics",):
+        return max(MIN_CHANGE, relative * size)
+    if "landmarks" in keys and _unit(keys):
+        return MIN_CHANGE if keys[0] == REFERENCE else MIN_LANDMARK_CHANGES[_unit(keys)]
+    return SAME_SETTING * size
 
 
-def _landmarks(run: str, before: Landmarks, after: Landmarks, floors: Mapping[str, float]) -> Iterator[ResultChange]:
-    def change(what: str, unit: str, old: Any, new: Any) -> ResultChange:
-        return ResultChange(kind=ChangeKind.LANDMARK, run=run, what=what, unit=unit, before=old, after=new)
-
-    for f in dataclasses.fields(Landmarks):
-        old, new = getattr(before, f.name), getattr(after, f.name)
-        name = f.name.replace("_", " ")
-        if not isinstance(new, tuple):
-            unit = LANDMARK_UNITS.get(f.name, "")
-            if _has_changed(old, new, floors[unit]) if unit else old != new:
-                yield change(name, unit, old, new)
-        # Events are told apart by their index: if one is missing, all that follow would be compared with the wrong one
-        elif len(old) != len(new):
-            yield change(f"number of {name}", "", len(old), len(new))
-        else:
-            pairs = zip(map(_quantities, old), map(_quantities, new), strict=True)
-            for index, (was, now) in enumerate(pairs, 1):
-                # A slip onset has only a time, a stop a height besides, and an extremum a value
-                for what, unit in (("time", "s"), ("height_change", "m"), ("value", "m")):
-                    if what in now and _has_changed(was[what], now[what], floors[unit]):
-                        yield change(f"{name} {index}, {what.replace('_', ' ')}", unit, was[what], now[what])
+def _differ(was: Any, now: Any, tolerance: float) -> bool:
+    """Return whether two values differ, numbers by more than ``tolerance``."""
+    if _is_number(was) and _is_number(now):
+        return abs(float(now) - float(was)) > tolerance
+    return bool(was != now)
 
 
-def _quantities(landmark: Any) -> dict[str, float]:
-    return vars(landmark) if dataclasses.is_dataclass(landmark) else {"time": landmark}
-
-
-def _provenance(run: str, before: RunProvenance, after: RunProvenance) -> Iterator[ResultChange]:
-    yield from _differences(ChangeKind.VERSION, run, before.versions, after.versions)
-    old, new = (flatten(p.settings) | ({} if p.seed is None else {"seed": p.seed}) for p in (before, after))
-    yield from _differences(ChangeKind.SETTING, run, old, new)
-    by, now_by = ({s.what: s.by for s in p.supplies} for p in (before, after))
-    yield from _differences(ChangeKind.SUPPLY, run, by, now_by)
-
-
-def _differences(kind: ChangeKind, run: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[ResultChange]:
-    """Yield every entry that differs, numbers by more than `SAME_SETTING`."""
-    for key in [*new, *(key for key in old if key not in new)]:
-        was, now = old.get(key), new.get(key)
-        if isinstance(was, float) and isinstance(now, float) and math.isclose(was, now, rel_tol=SAME_SETTING):
-            continue
-        if was != now:
-            yield ResultChange(kind=kind, run=run, what=key, unit="", before=was, after=now)
-
-
-def _has_changed(was: float | None, now: float | None, floor: float) -> bool:
-    if was is None or now is None:
-        return was is not now
-    return abs(now - was) > floor
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
 def heading(changes: ResultChanges) -> str:
@@ -265,45 +228,36 @@ def heading(changes: ResultChanges) -> str:
     return f"{what} since {changes.baseline or 'the baseline'} (written {changes.baseline_written})."
 
 
-def thresholds(changes: ResultChanges) -> str:
-    """Return the sentence that says which changes are listed."""
-    floors = (changes.floors, changes.landmark_floors)
-    metric, landmark = ({unit: _cell(value, unit) for unit, value in known.items()} for known in floors)
-    return (
-        f"Listed: metrics that moved by more than {100 * changes.relative:g} % and more than {metric['m']}, {metric['s']} or "
-        f"{metric['rad']} (1e-6 of a plain number); an engine's landmarks by more than {landmark['m']}, {landmark['s']} or "
-        f"{landmark['rad']}, the reference's by the floors of the metrics; any other difference."
-    )
-
-
 def rows(changes: ResultChanges) -> list[list[str]]:
-    """Return rows of (run, what, before, after, change), for Markdown and for a terminal."""
+    """Return rows of (run, what, before, after, change, tolerance), for Markdown and for a terminal."""
     return [
-        [c.run or "scenario", f"{c.kind.value}: {c.what}", _cell(c.before, c.unit), _cell(c.after, c.unit), _percent(c)]
+        [c.run, c.what, _cell(c.before, c.unit), _cell(c.after, c.unit), _percent(c), _cell(c.tolerance, c.unit)]
+        if _is_number(c.before) or _is_number(c.after)
+        else [c.run, c.what, _cell(c.before, c.unit), _cell(c.after, c.unit), "", ""]
         for c in changes.changes
     ]
 
 
-HEADER = ["run", "what", "before", "now", "change"]
+HEADER = ["run", "what", "before", "now", "change", "not listed up to"]
 
 
 def render(changes: ResultChanges) -> str:
     """Return the report's section."""
-    text = f"{heading(changes)} {thresholds(changes)}\n"
+    text = f"{heading(changes)}\n"
     return f"{text}\n{table(HEADER, rows(changes), left=4)}" if changes.changes else text
 
 
 def _cell(value: Any, unit: str) -> str:
     if value is None:
         return GAP
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
+    if not _is_number(value):
         return str(value)
     shown, scale = DISPLAY_UNITS.get(unit, DisplayUnit(unit, 1.0))
     return f"{number(value, scale, digits=6)} {shown}".rstrip()
 
 
 def _percent(c: ResultChange) -> str:
-    numeric = all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in (c.before, c.after))
-    if not numeric or not c.before or not math.isfinite(share := 100 * (c.after - c.before) / abs(c.before)):
+    if not (_is_number(c.before) and _is_number(c.after)) or not c.before:
         return ""
-    return f"{share:+.3g} %"
+    share = 100 * (c.after - c.before) / abs(c.before)
+    return f"{share:+.3g} %" if math.isfinite(share) else ""

@@ -12,18 +12,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from looping_pendulum.compare.json_text import JsonResult, plain
+from pydantic import InstanceOf
+
+from looping_pendulum.compare.align import Aligned
+from looping_pendulum.compare.json_text import JsonResult, StoredParameters, plain
 from looping_pendulum.compare.trial import TrialComparison
 from looping_pendulum.engines.landmarks import Landmarks
-from looping_pendulum.engines.trajectory import Provenance, RunStatus, Supplier, Supplies, Supply, supplies_as_rows
-from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.engines.trajectory import Provenance, RunStatus, Supplier, Supplies, Supply, Trajectory, supplies_as_rows
 from looping_pendulum.scenarios.scenario import Inference
-
-if TYPE_CHECKING:
-    from looping_pendulum.compare.align import Aligned
-    from looping_pendulum.engines.trajectory import Trajectory
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -254,7 +252,7 @@ class ComparisonResult(JsonResult):
     scenario: str
     title: str
     description: str
-    parameters: Parameters
+    parameters: StoredParameters
     """`Parameters.as_dict`, SI and radians."""
     duration: float
     """[s]"""
@@ -271,7 +269,7 @@ class ComparisonResult(JsonResult):
     run_keys: tuple[str, ...] = ()
     """Key of each engine's run in the cache, equal for equal settings, scenario, versions and adapter; empty if unknown."""
     clock: Clock
-    samples: ResultSamples | None = field(default=None, compare=False, repr=False)
+    samples: InstanceOf[ResultSamples] | None = field(default=None, compare=False, repr=False)
     """None if read from JSON."""
 
     @property

@@ -11,18 +11,8 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare import baseline, compare, write
-from looping_pendulum.compare.baseline import (
-    MIN_METRIC_CHANGES,
-    ChangeKind,
-    ResultChange,
-    changes_since,
-    heading,
-    read_baseline,
-    render,
-    rows,
-    thresholds,
-)
-from looping_pendulum.compare.json_text import MAX_INTEGER_DIGITS, MAX_NESTING, dump, load, plain
+from looping_pendulum.compare.baseline import MIN_CHANGE, ResultChange, changes_since, heading, read_baseline, render, rows
+from looping_pendulum.compare.json_text import dump, load, plain
 from looping_pendulum.compare.report import render as render_report
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.engines.landmarks import Extremum, Landmarks, Stop
@@ -33,7 +23,7 @@ RUN = "pymunk:chain, quick"
 
 
 def values_by_change(changes):
-    return {(c.kind, c.run, c.what): (c.before, c.after) for c in changes.changes}
+    return {(c.run, c.what): (c.before, c.after) for c in changes.changes}
 
 
 def test_the_same_run_again_changed_nothing(scenario, reference, make_run, missing):
@@ -49,13 +39,12 @@ def test_a_metric_counts_above_the_fraction_and_above_the_floor(scenario, refere
     before = compare(scenario, reference, [make_run(shift=(3e-3, 0.0))])
     shifted = {share: compare(scenario, reference, [make_run(shift=(3e-3 * (1 + share), 0.0))]) for share in (0.009, 0.011)}
     assert not values_by_change(changes_since(before, shifted[0.009]))
-    names = {what for _, _, what in values_by_change(changes_since(before, shifted[0.011]))}
-    assert {"rms_0.35s", "rms_0.7s", "rms_1.0s"} <= names
-    assert {"rms_0.7s"} <= {what for _, _, what in values_by_change(changes_since(before, shifted[0.009], relative=0.005))}
-    tiny = [
-        compare(scenario, reference, [make_run(shift=(size, 0.0))])
-        for size in (0.1 * MIN_METRIC_CHANGES["m"], 0.9 * MIN_METRIC_CHANGES["m"])
-    ]
+    names = {what for _, what in values_by_change(changes_since(before, shifted[0.011]))}
+    assert {"metrics: rms_0.35s", "metrics: rms_0.7s", "metrics: rms_1.0s"} <= names
+    assert {"metrics: rms_0.7s"} <= {
+        what for _, what in values_by_change(changes_since(before, shifted[0.009], relative=0.005))
+    }
+    tiny = [compare(scenario, reference, [make_run(shift=(size, 0.0))]) for size in (0.1 * MIN_CHANGE, 0.9 * MIN_CHANGE)]
     changed = {c.what for c in changes_since(*tiny).changes if c.unit == "m"}
     assert not changed  # nine times as much, and still nothing that one could see
 
@@ -74,19 +63,19 @@ def test_every_kind_of_change_is_listed(scenario, reference, make_run, missing, 
     changes = values_by_change(changes_since(ComparisonResult.from_json(before.to_json()), after))
     mass = scenario.parameters.light_mass
     expected = {
-        (ChangeKind.SCENARIO, "", "light_mass"): (mass, 2 * mass),
-        (ChangeKind.RUN, "pybullet:chain, quick", "run"): ("MISSING", "not run"),
-        (ChangeKind.RUN, "mujoco:chain, quick", "run"): ("not run", "FINISHED"),
-        (ChangeKind.STATUS, RUN, "status"): ("FINISHED", "CRASHED"),
-        (ChangeKind.TOLERANCE, RUN, "rms_0.7s"): ("pass", "fail"),
-        (ChangeKind.TOLERANCE, RUN, "limit of rms_1.0s"): (9e-3, 8e-3),
-        (ChangeKind.VERSION, RUN, "pymunk"): ("7.3", "7.4"),
-        (ChangeKind.SETTING, RUN, "dt"): (1e-3, 1e-4),
-        (ChangeKind.SETTING, RUN, "solver.sweeps"): (10, 20),
-        (ChangeKind.SUPPLY, RUN, "friction law"): ("engine", "nobody"),
+        ("scenario", "light_mass"): (mass, 2 * mass),
+        ("pybullet:chain, quick", "status"): ("MISSING", None),
+        ("mujoco:chain, quick", "status"): (None, "FINISHED"),
+        (RUN, "status"): ("FINISHED", "CRASHED"),
+        (RUN, "tolerances: rms_0.7s: outcome"): ("pass", "fail"),
+        (RUN, "tolerances: rms_1.0s: limit"): (9e-3, 8e-3),
+        (RUN, "provenance: versions: pymunk"): ("7.3", "7.4"),
+        (RUN, "provenance: settings: dt"): (1e-3, 1e-4),
+        (RUN, "provenance: settings: solver: sweeps"): (10, 20),
+        (RUN, "provenance: supplies: 2: by"): ("engine", "nobody"),
     }
     assert expected.items() <= changes.items()
-    was, now = changes[ChangeKind.METRIC, RUN, "rms_0.7s"]
+    was, now = changes[RUN, "metrics: rms_0.7s"]
     assert (was, now) == (pytest.approx(3e-3, rel=1e-6), pytest.approx(6e-3, rel=1e-6))
 
 
@@ -96,7 +85,7 @@ def test_the_last_bits_of_a_computed_setting_are_no_change(scenario, reference, 
     before, after = (
         compare(scenario, reference, [make_run(settings={"rod": {"friction": 0.34217 * f}})]) for f in (1.0, factor)
     )
-    assert ((ChangeKind.SETTING, RUN, "rod.friction") in values_by_change(changes_since(before, after))) is seen
+    assert ((RUN, "provenance: settings: rod: friction") in values_by_change(changes_since(before, after))) is seen
 
 
 def test_landmarks_have_bands_of_their_own(scenario, reference, make_run):
@@ -112,12 +101,12 @@ def test_landmarks_have_bands_of_their_own(scenario, reference, make_run):
             reference=dataclasses.replace(true, landmarks=known),
         )
 
-    halt, count = (ChangeKind.LANDMARK, RUN, "halting time"), (ChangeKind.LANDMARK, RUN, "number of stops")
+    halt, count = (RUN, "landmarks: halting_time"), (RUN, "landmarks: stops: how many")
     assert halt not in values_by_change(changes_since(result, later(9e-5, 0.0)))
     changes = values_by_change(changes_since(result, later(2e-4, 5e-6)))
     assert changes[halt][1] - changes[halt][0] == pytest.approx(2e-4)
     assert changes[count] == (len(result.engines[0].landmarks.stops), 0)
-    assert (ChangeKind.LANDMARK, "reference", "halting time") in changes
+    assert ("reference", "landmarks: halting_time") in changes
 
 
 @pytest.mark.long
@@ -125,18 +114,15 @@ def test_the_report_has_a_section_and_the_folder_a_file(tmp_path, scenario, refe
     before = compare(scenario, reference, [make_run(shift=(3e-3, 0.0))])
     after = compare(scenario, reference, [make_run(shift=(1.5e-3, 0.0))])
     changes = changes_since(before, after, source="old")
-    assert ["pymunk:chain, quick", "metric: rms_0.7s", "3 mm", "1.5 mm", "-50 %"] in rows(changes)
+    assert ["pymunk:chain, quick", "metrics: rms_0.7s", "3 mm", "1.5 mm", "-50 %", "0.03 mm"] in rows(changes)
     report = write(after, tmp_path, changes).read_text()
     heads = [line for line in report.splitlines() if line.startswith("##")]
     assert heads[:3] == ["## Verdict", "## Where, when and why", "## Changes since the baseline"]
-    assert "| pymunk:chain, quick | metric: rms_0.7s | 3 mm | 1.5 mm | -50 % |" in report
-    assert "more than 1 % and more than 0.001 mm" in report
+    assert "| pymunk:chain, quick | metrics: rms_0.7s | 3 mm | 1.5 mm | -50 % | 0.03 mm |" in report
     tree = json.loads((tmp_path / "changes.json").read_text())
-    assert tree["schema"] == {"id": "looping-pendulum/changes", "version": 1}
+    assert tree["schema"] == {"id": "looping-pendulum/changes", "version": 2}
     assert tree["relative"] == 0.01
-    assert {"kind": "metric", "run": RUN, "what": "rms_0.7s"}.items() <= next(
-        c for c in tree["changes"] if c["what"] == "rms_0.7s"
-    ).items()
+    assert {(c["run"], c["what"]) for c in tree["changes"]} >= {(RUN, "metrics: rms_0.7s")}
     assert ComparisonResult.from_json((tmp_path / "result.json").read_text()) == after
     assert "since the baseline" not in render_report(after)
     assert "Nothing changed" in render(changes_since(after, after))
@@ -156,7 +142,7 @@ def test_a_baseline_is_a_file_or_its_folder(tmp_path, scenario, reference, make_
         (lambda tree: tree.update(scenario="held"), "found a result of 'held', needed one of 'made_up'"),
         (lambda tree: tree.pop("engines"), "not as documented"),
         (lambda tree: tree["parameters"].pop("light_mass"), "parameters: .*light_mass"),
-        (lambda tree: tree["parameters"].update(rod_radius=-1.0), "parameters: rod_radius"),
+        (lambda tree: tree["parameters"].update(rod_radius=-1.0), "parameters: .*rod_radius"),
         (lambda tree: tree["parameters"].update(rod_radius="thin"), "parameters: "),
         (lambda tree: tree["parameters"].update(coefficients=[1]), "parameters: "),
     ],
@@ -201,37 +187,30 @@ def edited(result, *, reference=None, **engine):
 
 
 def listed(before, after, **more):
-    return [(c.kind, c.run, c.what, c.unit, c.before, c.after) for c in changes_since(before, after, **more).changes]
+    return [(c.run, c.what, c.unit, c.before, c.after) for c in changes_since(before, after, **more).changes]
 
 
 def made(*changes, **fields):
     known = {"scenario": "s", "baseline": "old", "baseline_written": "then", "relative": 0.01}
-    floors = {"floors": dict(baseline.MIN_METRIC_CHANGES), "landmark_floors": dict(baseline.MIN_LANDMARK_CHANGES)}
-    return baseline.ResultChanges(changes=tuple(changes), **(known | floors | fields))
+    return baseline.ResultChanges(changes=tuple(changes), **(known | fields))
 
 
-def change(before, after, unit="m", kind=ChangeKind.METRIC, run=ME, what="x"):
-    return ResultChange(kind=kind, run=run, what=what, unit=unit, before=before, after=after)
+def change(before, after, unit="m", tolerance=1e-6):
+    return ResultChange(run=ME, what="x", unit=unit, before=before, after=after, tolerance=tolerance)
 
 
 @pytest.mark.parametrize(
     ("one", "row"),
     [
-        (change(2e-3, 3e-3), [ME, "metric: x", "2 mm", "3 mm", "+50 %"]),
-        (change(-2e-3, -3e-3), [ME, "metric: x", "-2 mm", "-3 mm", "-50 %"]),
-        (change(0.1234567, 0.1, "s"), [ME, "metric: x", "123.457 ms", "100 ms", "-19 %"]),
-        (change(1.0, 2.0, "rad"), [ME, "metric: x", "1000 mrad", "2000 mrad", "+100 %"]),
-        (change(0.5, 0.75, ""), [ME, "metric: x", "0.5", "0.75", "+50 %"]),
-        (change(0.0, 0.75, ""), [ME, "metric: x", "0", "0.75", ""]),
-        (change(None, 0.75, ""), [ME, "metric: x", "–", "0.75", ""]),
-        (change(0.75, None, "s"), [ME, "metric: x", "750 ms", "–", ""]),
-        (change(True, False, ""), [ME, "metric: x", "True", "False", ""]),
-        (change(True, 2, ""), [ME, "metric: x", "True", "2", ""]),
-        (change(2, True, ""), [ME, "metric: x", "2", "True", ""]),
-        (change("a", 2.0, "", ChangeKind.SETTING), [ME, "setting: x", "a", "2", ""]),
-        (change(2.0, "a", "", ChangeKind.SETTING), [ME, "setting: x", "2", "a", ""]),
-        (change(1, 3, "", ChangeKind.SCENARIO, run=""), ["scenario", "scenario: x", "1", "3", "+200 %"]),
-        (change(1e-300, 1e300, ""), [ME, "metric: x", "1e-300", "1e300", ""]),
+        (change(-2e-3, -3e-3), [ME, "x", "-2 mm", "-3 mm", "-50 %", "0.001 mm"]),
+        (change(0.1234567, 0.1, "s"), [ME, "x", "123.457 ms", "100 ms", "-19 %", "0.001 ms"]),
+        (change(1.0, 2.0, "rad"), [ME, "x", "1000 mrad", "2000 mrad", "+100 %", "0.001 mrad"]),
+        (change(0.0, 0.75, "", 0.0), [ME, "x", "0", "0.75", "", "0"]),
+        (change(None, 0.75, ""), [ME, "x", "–", "0.75", "", "1e-6"]),
+        (change(0.75, None, "s"), [ME, "x", "750 ms", "–", "", "0.001 ms"]),
+        (change(True, False, ""), [ME, "x", "True", "False", "", ""]),
+        (change("a", 2.0, ""), [ME, "x", "a", "2", "", "1e-6"]),
+        (change(1e-300, 1e300, ""), [ME, "x", "1e-300", "1e300", "", "1e-6"]),
     ],
 )
 def test_a_row_has_both_values_in_their_unit_and_the_share(one, row):
@@ -244,17 +223,8 @@ def test_the_heading_counts(count, said):
     assert heading(changes) == f"{said} since old (written then)."
     assert heading(dataclasses.replace(changes, baseline="")) == f"{said} since the baseline (written then)."
     text = render(changes)
-    assert text.startswith(f"{said} since old (written then). Listed: metrics that moved by more than 1 % and")
-    assert text.count(f"| {ME} | metric: x | ") == count
-    assert ("| run | what | before | now | change |\n| --- | --- | --- | --- | ---: |\n" in text) is (count > 0)
-
-
-def test_the_thresholds_are_stated_in_their_units():
-    assert thresholds(made(relative=0.025)) == (
-        "Listed: metrics that moved by more than 2.5 % and more than 0.001 mm, 0.001 ms or 0.001 mrad (1e-6 of a plain "
-        "number); an engine's landmarks by more than 0.1 mm, 0.1 ms or 1 mrad, the reference's by the floors of the metrics; "
-        "any other difference."
-    )
+    assert text.startswith(f"{said} since old (written then).\n")
+    assert text.count(f"| {ME} | x | ") == count
 
 
 @pytest.mark.parametrize(
@@ -266,16 +236,7 @@ def test_a_metric_moves_by_one_percent_of_what_it_was_and_by_its_floor(result, w
     known = result.engines[0].metrics
     before, after = (edited(result, metrics=known | {"tube_fraction": value}) for value in (was, now))
     changes = listed(before, after)
-    assert changes == ([(ChangeKind.METRIC, ME, "tube_fraction", "", was, now)] if seen else [])
-
-
-def test_a_metric_that_only_one_version_knows_says_nothing(result):
-    known = result.engines[0].metrics
-    assert listed(result, edited(result, metrics=known | {"new": 1.0})) == []
-    assert listed(edited(result, metrics=known | {"old": 1.0}), result) == []
-    assert listed(edited(result, metrics=known | {"odd": 1.0}), edited(result, metrics=known | {"odd": 2.0})) == [
-        (ChangeKind.METRIC, ME, "odd", "", 1.0, 2.0)
-    ]
+    assert changes == ([(ME, "metrics: tube_fraction", "", was, now)] if seen else [])
 
 
 MARKS = Landmarks(
@@ -293,33 +254,32 @@ MARKS = Landmarks(
 @pytest.mark.parametrize(
     ("moved", "what", "unit", "pair"),
     [
-        ({"halting_time": 0.50011}, "halting time", "s", (0.5, 0.50011)),
+        ({"halting_time": 0.50011}, "halting_time", "s", (0.5, 0.50011)),
         ({"halting_time": 0.50009}, None, "", ()),
-        ({"drop_at_halt": 0.25011}, "drop at halt", "m", (0.25, 0.25011)),
+        ({"drop_at_halt": 0.25011}, "drop_at_halt", "m", (0.25, 0.25011)),
         ({"free_length_at_halt": 0.30009}, None, "", ()),
-        ({"wrap_angle_at_halt": 4.0011}, "wrap angle at halt", "rad", (4.0, 4.0011)),
+        ({"wrap_angle_at_halt": 4.0011}, "wrap_angle_at_halt", "rad", (4.0, 4.0011)),
         ({"wrap_angle_at_halt": 4.0009}, None, "", ()),
-        ({"light_reaches_rod": None}, "light reaches rod", "s", (0.9, None)),
-        ({"halting_confirmed": True}, "halting confirmed", "", (False, True)),
-        ({"slip_onsets": ()}, "number of slip onsets", "", (1, 0)),
-        ({"slip_onsets": (0.3002,)}, "slip onsets 1, time", "s", (0.3, 0.3002)),
-        ({"stops": (MARKS.stops[0], Stop(time=0.4, height_change=-0.3002))}, "stops 2, height change", "m", (-0.3, -0.3002)),
-        ({"stops": (Stop(time=0.2002, height_change=-0.1), MARKS.stops[1])}, "stops 1, time", "s", (0.2, 0.2002)),
-        ({"x1_extrema": (Extremum(time=0.1, value=0.2002),)}, "x1 extrema 1, value", "m", (0.2, 0.2002)),
+        ({"light_reaches_rod": None}, "light_reaches_rod", "s", (0.9, None)),
+        ({"halting_confirmed": True}, "halting_confirmed", "", (False, True)),
+        ({"slip_onsets": ()}, "slip_onsets: how many", "", (1, 0)),
+        ({"slip_onsets": (0.3002,)}, "slip_onsets: 1", "s", (0.3, 0.3002)),
+        ({"stops": (MARKS.stops[1],)}, "stops: how many", "", (2, 1)),
+        ({"stops": (MARKS.stops[0], Stop(time=0.4, height_change=-0.3002))}, "stops: 2: height_change", "m", (-0.3, -0.3002)),
+        ({"stops": (Stop(time=0.2002, height_change=-0.1), MARKS.stops[1])}, "stops: 1: time", "s", (0.2, 0.2002)),
+        ({"x1_extrema": (Extremum(time=0.1, value=0.2002),)}, "x1_extrema: 1: value", "m", (0.2, 0.2002)),
     ],
 )
-def test_every_landmark_has_its_name_unit_and_floor(result, moved, what, unit, pair):
+def test_every_landmark_has_its_unit_and_floor(result, moved, what, unit, pair):
     before, after = (edited(result, landmarks=marks) for marks in (MARKS, dataclasses.replace(MARKS, **moved)))
-    assert listed(before, after) == ([] if what is None else [(ChangeKind.LANDMARK, ME, what, unit, *pair)])
+    assert listed(before, after) == ([] if what is None else [(ME, f"landmarks: {what}", unit, *pair)])
 
 
 def test_the_references_landmarks_have_finer_floors_and_its_integrator_a_row(result):
     later = dataclasses.replace(result.reference.landmarks, halting_time=result.reference.landmarks.halting_time + 2e-6)
     changes = listed(result, edited(result, reference={"landmarks": later, "variant": "other"}))
-    assert [(kind, run, what) for kind, run, what, *_ in changes] == [
-        (ChangeKind.RUN, "reference", "integrator"), (ChangeKind.LANDMARK, "reference", "halting time"),
-    ]  # fmt: skip
-    assert changes[0][4:] == ("reference:closed form", "reference:other")
+    assert [change[:2] for change in changes] == [("reference", "integrator"), ("reference", "landmarks: halting_time")]
+    assert changes[0][3:] == ("reference:closed form", "reference:other")
 
 
 def test_settings_and_seeds_that_come_and_go_are_changes(result):
@@ -330,39 +290,40 @@ def test_settings_and_seeds_that_come_and_go_are_changes(result):
         return edited(result, provenance=provenance)
 
     assert listed(having({"a": 1, "b": {"c": 2}}), having({"b": {"c": 3, "d": 4}}, seed=7)) == [
-        (ChangeKind.SETTING, ME, "b.c", "", 2, 3), (ChangeKind.SETTING, ME, "b.d", "", None, 4),
-        (ChangeKind.SETTING, ME, "seed", "", None, 7),
-        (ChangeKind.SETTING, ME, "a", "", 1, None),
-    ]  # fmt: skip
-    assert listed(having({}, versions={"a": "1", "b": "2"}), having({}, versions={"a": "1", "c": "2"})) == [
-        (ChangeKind.VERSION, ME, "c", "", None, "2"), (ChangeKind.VERSION, ME, "b", "", "2", None),
+        (ME, "provenance: settings: b: c", "", 2, 3), (ME, "provenance: settings: b: d", "", None, 4),
+        (ME, "provenance: seed", "", None, 7), (ME, "provenance: settings: a", "", 1, None),
     ]  # fmt: skip
     assert listed(having({}, seed=0), having({}, seed=0)) == []
-    assert listed(having({"x": 1.0}), having({"x": 1.0 + 2e-9})) == [(ChangeKind.SETTING, ME, "x", "", 1.0, 1.0 + 2e-9)]
+    assert listed(having({"x": 1.0}), having({"x": 1.0 + 2e-9})) == [(ME, "provenance: settings: x", "", 1.0, 1.0 + 2e-9)]
     assert listed(having({"x": 1.0}), having({"x": 1.0 + 0.5e-9})) == []
     assert listed(having({"x": 1.0}), having({"x": 1})) == []
+    assert listed(having({"x": True}), having({"x": 1.0})) == []
 
 
 def test_the_scenario_changes_with_its_duration(result):
-    assert listed(result, dataclasses.replace(result, duration=2.0)) == [(ChangeKind.SCENARIO, "", "duration", "", 1.05, 2.0)]
+    assert listed(result, dataclasses.replace(result, duration=2.0)) == [("scenario", "duration", "", 1.05, 2.0)]
 
 
 def test_engines_come_first_as_they_are_now_and_then_those_that_are_gone(scenario, reference, make_run):
     old, new = ([make_run(engine=name) for name in names] for names in ("abc", "dcb"))
     before, after = compare(scenario, reference, old), compare(scenario, reference, new)
-    changes = [(run, before, after) for kind, run, _, _, before, after in listed(before, after) if kind is ChangeKind.RUN]
-    assert changes == [("d:chain, quick", "not run", "FINISHED"), ("a:chain, quick", "FINISHED", "not run")]
+    changes = [(run, before, after) for run, _, _, before, after in listed(before, after)]
+    assert changes == [("d:chain, quick", None, "FINISHED"), ("a:chain, quick", "FINISHED", None)]
     bare = compare(scenario, reference, [make_run(profile="")])
-    assert listed(bare, compare(scenario, reference, []))[0][1] == "pymunk:chain"
+    assert listed(bare, compare(scenario, reference, [])) == [("pymunk:chain", "status", "", "FINISHED", None)]
 
 
-def test_a_limit_that_is_new_or_gone_is_reported_by_its_outcome(scenario, reference, make_run, limit):
+def test_a_limit_that_is_new_or_gone_is_reported(scenario, reference, make_run, limit):
     one = dataclasses.replace(scenario, tolerances=(limit("rms_0.7s", 4e-3),))
     before, after = compare(one, reference, [make_run()]), compare(scenario, reference, [make_run()])
-    assert listed(before, after) == [(ChangeKind.TOLERANCE, ME, "rms_0.7s", "", "pass", None)]
-    assert listed(after, before) == [(ChangeKind.TOLERANCE, ME, "rms_0.7s", "", None, "pass")]
+    gone = [
+        (ME, "tolerances: rms_0.7s: limit", "m", 4e-3, None),
+        (ME, "tolerances: rms_0.7s: outcome", "", "pass", None),
+    ]
+    assert listed(before, after) == gone
+    assert listed(after, before) == [(*row[:3], row[4], row[3]) for row in gone]
     wider = compare(dataclasses.replace(scenario, tolerances=(limit("rms_0.7s", 5e-3),)), reference, [make_run()])
-    assert listed(before, wider) == [(ChangeKind.TOLERANCE, ME, "limit of rms_0.7s", "m", 4e-3, 5e-3)]
+    assert listed(before, wider) == [(ME, "tolerances: rms_0.7s: limit", "m", 4e-3, 5e-3)]
 
 
 # ---- files
@@ -453,23 +414,21 @@ def test_there_and_back():
         ('{"schema": {"id": "others", "version": 1}}', "needed the id 'ours'"),
         ('{"schema": "ours"}', "needed the id 'ours'"),
         ("3", "needed the id 'ours'"),
-        (text(), "f.json: not as documented: found no 'name', needed it; make it anew"),
-        (text(name=3), "not as documented: name: found '3', needed text"),
-        (text(name="n", flag=1), "flag: found '1', needed true or false"),
-        (text(name="n", pair=["a"]), "pair: found 1 values, needed 2"),
-        (text(name="n", pair=["a", True]), r"pair[1]: found 'True', needed a number"),
-        (text(name="n", pair={}), "pair: found a group of keys, needed a list"),
-        (text(name="n", many=[{"number": "x"}]), r"many[0].number: found 'x', needed a number"),
-        (text(name="n", many=[{"number": 1, "maybe": 1.5}]), r"many[0].maybe: found '1.5', needed a whole number"),
-        (text(name="n", many=[{}]), r"many[0]: found no 'number', needed it"),
-        (text(name="n", many=[3]), r"many[0]: found '3', needed an object"),
-        (text(name="n", group={"g": "x"}), "group.g: found 'x', needed a number"),
-        (text(name="n", group=[]), "group: found a list, needed an object"),
+        (text(), "f.json: not as documented: name: found a group of keys; field required; make it anew"),
+        (text(name=3), "not as documented: name: found '3'; input should be a valid string"),
+        (text(name="n", flag=1), "flag: found '1'; input should be a valid boolean"),
+        (text(name="n", pair=["a", True]), "pair.1: found 'True'; input should be a valid number"),
+        (text(name="n", pair={}), "pair: found a group of keys; input should be a valid"),
+        (text(name="n", many=[{"number": "x"}]), "many.0.number: found 'x'; input should be a valid number"),
+        (text(name="n", many=[{"number": 1, "maybe": 1.5}]), "many.0.maybe: found '1.5'; input should be a valid integer"),
+        (text(name="n", group={"g": "x"}), "group.g: found 'x'; input should be a valid number"),
         (text(name="n")[:-1] + ', "x": 1e999}', "f.json: found 1e999, needed a finite number; make it anew"),
         (text(name="n")[:-1] + ', "x": NaN}', "found NaN, needed a finite number"),
-        (text(name="\ud800"), "which is half a character, needed text"),
-        (text(name="n", **{"\udfff": 1}), "which is half a character, needed text"),
-        (text(name="n", x=[{"y": "\udc00"}]), "which is half a character, needed text"),
+        (text(name="\ud800"), "f.json: not as documented: the file: "),
+        (text(name="n", x=[{"y": "\udc00"}]), "f.json: not as documented: the file: "),
+        (text(name="n")[:-1] + f', "other": {"[" * 300}{"]" * 300}}}', "recursion limit"),
+        (text(name="n")[:-1] + f', "other": {"[" * 10**5}', "nesting without end"),
+        (text(name="n")[:-1] + f', "other": {"1" * 10**4}}}', "f.json: "),
     ],
 )
 def test_what_is_not_as_documented_says_where_and_what_was_needed(content, said):
@@ -477,31 +436,3 @@ def test_what_is_not_as_documented_says_where_and_what_was_needed(content, said)
         read(content)
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_characters_beside_the_halves_are_text():
-    assert read(text(name="\ud7ff\ue000")).name == "\ud7ff\ue000"
-
-
-@pytest.mark.parametrize(("digits", "taken"), [(MAX_INTEGER_DIGITS, True), (MAX_INTEGER_DIGITS + 1, False)])
-def test_a_whole_number_has_at_most_300_digits(digits, taken):
-    content = text(name="n")[:-1] + f', "other": {"1" * digits}}}'
-    if taken:
-        assert read(content).name == "n"
-    else:
-        with pytest.raises(ResultError, match="found a whole number of 301 digits, needed at most 300"):
-            read(content)
-
-
-@pytest.mark.parametrize(("levels", "taken"), [(MAX_NESTING - 1, True), (MAX_NESTING, False)])
-def test_values_are_nested_at_most_64_deep(levels, taken):
-    """The whole is one level; empty lists within lists are the others."""
-    content = text(name="n")[:-1] + f', "other": {"[" * levels}{"]" * levels}}}'
-    if taken:
-        assert read(content).name == "n"
-    else:
-        with pytest.raises(ResultError, match="found more than 64 levels of nesting, needed a result; make it anew"):
-            read(content)
-    endless = text(name="n")[:-1] + f', "other": {"[" * 10**5}'
-    with pytest.raises(ResultError):
-        read(endless)

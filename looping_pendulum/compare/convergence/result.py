@@ -11,9 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-from looping_pendulum.compare.json_text import JsonResult
+from looping_pendulum.compare.json_text import JsonResult, StoredParameters
 from looping_pendulum.compare.result import RunProvenance
-from looping_pendulum.reference_ode.parameters import Parameters
 
 FILE = "convergence.json"
 
@@ -225,7 +224,7 @@ class ConvergenceResult(JsonResult):
 
     scenario: str
     title: str
-    parameters: Parameters
+    parameters: StoredParameters
     until: float
     """Simulated time of the runs [s]."""
     budget: float | None
