@@ -42,7 +42,7 @@ GIF_COLOURS = 128
 """Colours of a GIF, the same for all frames, so that nothing flickers."""
 
 
-class FilmError(HarnessError, ValueError):
+class FilmWritingError(HarnessError, ValueError):
     """A film cannot be written."""
 
 
@@ -51,15 +51,15 @@ def check_film(path: Path) -> None:
 
     Raises
     ------
-    FilmError
+    FilmWritingError
         If the name has another ending than `SUFFIXES`, or an MP4 is asked for without ffmpeg.
     """
     if path.suffix.lower() not in SUFFIXES:
         found = repr(path.suffix) if path.suffix else "no ending"
-        raise FilmError(f"--film: {path}: found {found}, needed .gif or .mp4; write for example --film demo.gif")
+        raise FilmWritingError(f"--film: {path}: found {found}, needed .gif or .mp4; write for example --film demo.gif")
     if path.suffix.lower() == ".mp4" and not FFMpegWriter.isAvailable():
         way_out = f"install ffmpeg, or write a GIF: --film {path.with_suffix('.gif')}"
-        raise FilmError(f"--film: {path}: found no program ffmpeg, needed it for an MP4; {way_out}")
+        raise FilmWritingError(f"--film: {path}: found no program ffmpeg, needed it for an MP4; {way_out}")
 
 
 def write_film(result: ComparisonResult, path: Path, progress: ReportShare | None = None) -> None:
@@ -67,7 +67,7 @@ def write_film(result: ComparisonResult, path: Path, progress: ReportShare | Non
 
     Raises
     ------
-    FilmError
+    FilmWritingError
         If the file cannot be of the kind that its name says.
     ValueError
         If ``result`` was read from a file without trajectories.
