@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from looping_pendulum.compare.convergence.ladder import (
-    Correction,
+    RefinementChange,
     SequenceFinding,
     classify_sequence,
     deviation,
@@ -371,7 +371,7 @@ def test_what_neither_rises_nor_falls_is_no_ladder(bad):
 
 def split(own=0.5, corrections=((-0.3, 0.01, True),), choices=(), spread=0.03, floor=0.0, reference=0.1):
     made = [
-        Correction(change=np.array([[change]]), uncertainty=u, converges=converges)
+        RefinementChange(change=np.array([[change]]), uncertainty=u, converges=converges)
         for k, (change, u, converges) in enumerate(corrections)
     ]
     others = {what: np.array([[value]]) for what, value in choices}
@@ -420,7 +420,7 @@ def test_a_choice_explains_a_model_that_is_no_larger_within_its_uncertainty(choi
 
 def test_at_the_very_limits_a_change_is_not_seen_and_a_choice_explains():
     # Binary fractions: numerics of 0.25 are just the floor, and the choice of 0.5 is just the model's 0.75 less that.
-    step = Correction(change=np.array([[-0.25]]), uncertainty=0.0, converges=True)
+    step = RefinementChange(change=np.array([[-0.25]]), uncertainty=0.0, converges=True)
     choices = {"a": np.array([[1.5]])}
     parts = split_error(
         np.array([[1.0]]), np.array([[0.0]]), corrections=[step], choices=choices, spread=None, floor=0.25, quantity=DROP

@@ -314,7 +314,7 @@ def _not_monotone(values: Sequence[Array]) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Correction:
+class RefinementChange:
     """Difference that refining one setting to its limit would make."""
 
     change: Array
@@ -329,7 +329,7 @@ def split_error(
     *,
     quantity: str,
     without_limit: tuple[str, ...] = (),
-    corrections: Sequence[Correction],
+    corrections: Sequence[RefinementChange],
     choices: Mapping[str, Array],
     spread: float | None,
     floor: float = 0.0,

@@ -14,7 +14,7 @@ import numpy as np
 
 from looping_pendulum.compare.align import align
 from looping_pendulum.compare.convergence.ladder import (
-    Correction,
+    RefinementChange,
     SequenceFinding,
     classify_sequence,
     deviation,
@@ -528,7 +528,7 @@ def refined_further_by(one: LadderResult, others: Sequence[LadderResult]) -> str
     return ""
 
 
-def correction(quantity: str, result: LadderResult, own: MeasuredRun) -> Correction | None:
+def correction(quantity: str, result: LadderResult, own: MeasuredRun) -> RefinementChange | None:
     """Return the difference between the ladder's limit and the variant's own setting; None without a limit."""
     finding = result.findings[quantity]
     if finding.limit is None or finding.uncertainty is None:
@@ -544,7 +544,7 @@ def correction(quantity: str, result: LadderResult, own: MeasuredRun) -> Correct
         start = same[0] if same else start
     if start is None:
         return None
-    return Correction(
+    return RefinementChange(
         change=finding.limit - start,
         uncertainty=finding.uncertainty,
         converges=finding.kind in (SequenceKind.CONVERGES, SequenceKind.SETTLED),
