@@ -29,7 +29,7 @@ from looping_pendulum.engines.protocol import STATIC_FRICTION, Engine, Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import label, select
 from looping_pendulum.engines.trajectory import Trajectory
-from looping_pendulum.engines.validated import FILE, QUANTITIES, VALIDATED_METRICS, Spread, ValidatedRange, to_plain
+from looping_pendulum.engines.validated import FILE, QUANTITIES, VALIDATED_METRICS, ErrorDistribution, ValidatedRange, to_plain
 from looping_pendulum.files import write_atomically
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios.metrics import RMS_END_TIMES
@@ -193,13 +193,13 @@ def validated(profile: str, rows: list[dict[str, Any]], sample: dict[str, Parame
     )
 
 
-def spread(values: Iterable[float | None]) -> Spread | None:
+def spread(values: Iterable[float | None]) -> ErrorDistribution | None:
     """Return median, 90 % quantile and maximum of the magnitudes that are known."""
     known = sorted(abs(value) for value in values if value is not None)
     if not known:
         return None
     median, ninety = np.quantile(known, (0.5, 0.9), method="higher")
-    return Spread(count=len(known), median=float(median), ninety=float(ninety), worst=known[-1])
+    return ErrorDistribution(count=len(known), median=float(median), ninety=float(ninety), worst=known[-1])
 
 
 def stored() -> dict[str, Any]:

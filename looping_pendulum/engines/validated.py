@@ -71,7 +71,7 @@ VALIDATED_METRICS = ("rms_0.35s", "rms_0.7s", "halting_time_error")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Spread:
+class ErrorDistribution:
     """Distribution of one error over the scenarios [SI]."""
 
     count: int
@@ -94,7 +94,7 @@ class ValidatedRange:
     releases: frozenset[Release]
     bounds: Mapping[str, tuple[float, float]]
     """Name of a `ValidatedQuantity` -> smallest and largest value among the scenarios [SI]."""
-    errors: Mapping[str, Spread]
+    errors: Mapping[str, ErrorDistribution]
     """Metric of `VALIDATED_METRICS` -> the distribution of its magnitude."""
 
 
@@ -159,5 +159,5 @@ def from_plain(tree: dict[str, Any]) -> ValidatedRange:
         failed=tree["failed"],
         releases=frozenset(Release(name) for name in tree["releases"]),
         bounds={name: (low, high) for name, (low, high) in tree["bounds"].items()},
-        errors={name: Spread(**spread) for name, spread in tree["errors"].items()},
+        errors={name: ErrorDistribution(**spread) for name, spread in tree["errors"].items()},
     )

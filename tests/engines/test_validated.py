@@ -19,7 +19,7 @@ from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import select
 from looping_pendulum.engines.validated import (
     QUANTITIES,
-    Spread,
+    ErrorDistribution,
     ValidatedRange,
     from_plain,
     outside_range,
@@ -36,7 +36,7 @@ RANGE = ValidatedRange(
     failed=1,
     releases=frozenset({Release.LOOPING}),
     bounds={"mass ratio M2/M1": (2.0, 12.0), "rod radius": (3e-3, 15e-3), "kinetic friction": (0.1, 0.6)},
-    errors={"rms_0.7s": Spread(count=39, median=1e-3, ninety=2e-3, worst=5e-3)},
+    errors={"rms_0.7s": ErrorDistribution(count=39, median=1e-3, ninety=2e-3, worst=5e-3)},
 )
 
 
@@ -68,7 +68,9 @@ def test_a_range_reads_back():
 
 def test_spread_is_of_magnitudes_and_covers_nine_tenths():
     # Oracle: of 1 to 10, nine are at most 9; the sign of an error is no merit.
-    assert spread([-value if value % 2 else value for value in range(1, 11)]) == Spread(count=10, median=6, ninety=10, worst=10)
+    assert spread([-value if value % 2 else value for value in range(1, 11)]) == ErrorDistribution(
+        count=10, median=6, ninety=10, worst=10
+    )
     assert spread([None, None]) is None
 
 
