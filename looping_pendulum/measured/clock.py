@@ -239,7 +239,7 @@ def _mean_near(steps: Array, percent: float) -> float:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Grid:
+class TimeGrid:
     """Equal steps on which times lie."""
 
     start: float
@@ -263,7 +263,7 @@ class Grid:
         t = self.start + number / self.rate
         return t if np.all(np.abs(t - self.cut - sheet.time) <= 2 * sheet.rounding + TINY) else None
 
-    def at_usual_rate(self, time: Array, rounding: Array, wanted: Sequence[float], tolerance: float = TINY) -> Grid | None:
+    def at_usual_rate(self, time: Array, rounding: Array, wanted: Sequence[float], tolerance: float = TINY) -> TimeGrid | None:
         """Return the grid with a ``wanted`` rate, or the nearest usual one; None: the rounded times do not allow it."""
         for rate in (*wanted, min(USUAL_RATES, key=lambda r: abs(r - self.rate))):
             low = float(np.max(time - rounding - self.number / rate))
@@ -279,7 +279,7 @@ class Grid:
         return None
 
 
-def frame_grid(time: Array, rounding: Array, rates: Sequence[float] = ()) -> Grid | None:
+def frame_grid(time: Array, rounding: Array, rates: Sequence[float] = ()) -> TimeGrid | None:
     """Return the equal steps of which rounded times are whole numbers; None: they are not, or are too coarse to tell.
 
     Parameters
@@ -313,7 +313,7 @@ def frame_grid(time: Array, rounding: Array, rates: Sequence[float] = ()) -> Gri
     return rows or next(filter(None, grids), None)
 
 
-def _fitted_grid(time: Array, number: Array, largest_error: Array | float) -> Grid | None:
+def _fitted_grid(time: Array, number: Array, largest_error: Array | float) -> TimeGrid | None:
     """Return the equal steps nearest to times with these numbers; None: one is farther from its step than is allowed."""
     if not np.all(np.diff(number) > 0):
         return None
@@ -321,7 +321,7 @@ def _fitted_grid(time: Array, number: Array, largest_error: Array | float) -> Gr
     errors = np.abs(time - start - slope * number)
     if slope <= 0 or np.any(errors > largest_error):
         return None
-    return Grid(start=float(start), rate=float(1 / slope), number=number, largest_error=float(errors.max()))
+    return TimeGrid(start=float(start), rate=float(1 / slope), number=number, largest_error=float(errors.max()))
 
 
 def _without_repeated_rows(sheet: Sheet, refuse: Refusal, notes: ReadingNotes) -> Array:
