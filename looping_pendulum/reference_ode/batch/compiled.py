@@ -90,7 +90,7 @@ def expression(x: Any) -> Any:
     """Return a number, an expression, or the first coefficient of a series as an expression."""
     hy = load_heyoka()
 
-    x = x[0] if isinstance(x, Series) else x
+    x = x[0] if isinstance(x, TaylorSeries) else x
     return hy.expression(float(x)) if isinstance(x, (int, float)) else x
 
 
@@ -171,12 +171,12 @@ def _compiled(model: BatchModel, name: str, case: object, outputs: Callable[[Sym
     return compiled(("batch", name, case, model.names), model.effects, make)
 
 
-class Series:
+class TaylorSeries:
     """A Taylor series; its normalised coefficients x^(n) / n! are computed in order when they are asked for."""
 
     __slots__ = ("_coefficients", "_compute", "algebra", "constant", "number")
 
-    def __init__(self, algebra: SeriesAlgebra, compute: Callable[[int, Series], Any], constant: bool = False) -> None:
+    def __init__(self, algebra: SeriesAlgebra, compute: Callable[[int, TaylorSeries], Any], constant: bool = False) -> None:
         self.algebra = algebra
         self.number = next(algebra.numbers)
         """Serial number. Keys of the cache and the order of operands use it, not `id`, so that every process compiles the same
@@ -195,15 +195,15 @@ class Series:
             self._coefficients.append(self._compute(len(self._coefficients), self))
         return self._coefficients[n]
 
-    def __add__(self, other: Any) -> Series:
+    def __add__(self, other: Any) -> TaylorSeries:
         a, b = self.algebra.ordered_operands(self, other)
         return self.algebra.cached("+", a, b, lambda n, _: a[n] + b[n])
 
-    def __sub__(self, other: Any) -> Series:
+    def __sub__(self, other: Any) -> TaylorSeries:
         a, b = self, self.algebra.series(other)
         return self.algebra.cached("-", a, b, lambda n, _: a[n] - b[n])
 
-    def __mul__(self, other: Any) -> Series:
+    def __mul__(self, other: Any) -> TaylorSeries:
         a, b = self.algebra.ordered_operands(self, other)
         if a.constant:
             return self.algebra.cached("*", a, b, lambda n, _: a[0] * b[n])
@@ -213,7 +213,7 @@ class Series:
             return self.algebra.cached("*", a, a, lambda n, _: self.algebra.square(a, n, 0))
         return self.algebra.cached("*", a, b, lambda n, _: self.algebra.product(a, b, range(n + 1), n))
 
-    def __truediv__(self, other: Any) -> Series:
+    def __truediv__(self, other: Any) -> TaylorSeries:
         a, b = self, self.algebra.series(other)
         inverse = self.algebra.inverse(b)
         if b.constant:
@@ -225,62 +225,64 @@ class Series:
             lambda n, own: (a[n] - self.algebra.product(b, own, range(1, n + 1), n)) * inverse if n else a[0] * inverse,
         )
 
-    def __neg__(self) -> Series:
+    def __neg__(self) -> TaylorSeries:
         return self.algebra.series(0.0) - self
 
-    def __radd__(self, other: Any) -> Series:
+    def __radd__(self, other: Any) -> TaylorSeries:
         return self.algebra.series(other) + self
 
-    def __rsub__(self, other: Any) -> Series:
+    def __rsub__(self, other: Any) -> TaylorSeries:
         return self.algebra.series(other) - self
 
-    def __rmul__(self, other: Any) -> Series:
+    def __rmul__(self, other: Any) -> TaylorSeries:
         return self.algebra.series(other) * self
 
-    def __rtruediv__(self, other: Any) -> Series:
+    def __rtruediv__(self, other: Any) -> TaylorSeries:
         return self.algebra.series(other) / self
 
 
 class SeriesAlgebra:
-    """Math namespace of `Series`; it caches each result, so that no expression is built twice."""
+    """Math namespace of `TaylorSeries`; it caches each result, so that no expression is built twice."""
 
     def __init__(self) -> None:
         hy = load_heyoka()
 
         self._hy = hy
         self.numbers = itertools.count()
-        self._cache: dict[tuple[Any, ...], Series] = {}
+        self._cache: dict[tuple[Any, ...], TaylorSeries] = {}
         self._inverses: dict[int, Any] = {}
 
-    def series(self, x: Any) -> Series:
+    def series(self, x: Any) -> TaylorSeries:
         """Return ``x`` as a series; an expression or a number becomes a constant one."""
-        if isinstance(x, Series):
+        if isinstance(x, TaylorSeries):
             return x
         # An id is unique here, as the cached series keeps its expression alive
         key = ("constant", x if isinstance(x, (int, float)) else id(x))
         cached_series = self._cache.get(key)
         if cached_series is None:
-            cached_series = self._cache[key] = Series(self, lambda n, _: x, constant=True)
+            cached_series = self._cache[key] = TaylorSeries(self, lambda n, _: x, constant=True)
         return cached_series
 
-    def variable(self, start: Any, rate: Callable[[], Series]) -> Series:
+    def variable(self, start: Any, rate: Callable[[], TaylorSeries]) -> TaylorSeries:
         """Return the series that begins with ``start`` and whose derivative is the series that ``rate`` returns."""
         # ``rate`` is called late: the rates are series of the variables, which must exist before
-        return Series(self, lambda n, _: rate()[n - 1] * (1.0 / n) if n else start)
+        return TaylorSeries(self, lambda n, _: rate()[n - 1] * (1.0 / n) if n else start)
 
-    def cached(self, operation: str, a: Series, b: Series, compute: Callable[[int, Series], Any]) -> Series:
+    def cached(
+        self, operation: str, a: TaylorSeries, b: TaylorSeries, compute: Callable[[int, TaylorSeries], Any]
+    ) -> TaylorSeries:
         """Return the series that ``compute`` defines, or the cached one of the same operation and operands."""
         key = (operation, a.number, b.number)
         if key not in self._cache:
-            self._cache[key] = Series(self, compute, constant=a.constant and b.constant)
+            self._cache[key] = TaylorSeries(self, compute, constant=a.constant and b.constant)
         return self._cache[key]
 
-    def ordered_operands(self, a: Series, b: Any) -> tuple[Series, Series]:
+    def ordered_operands(self, a: TaylorSeries, b: Any) -> tuple[TaylorSeries, TaylorSeries]:
         """Return the operands of a commutative operation in the order of their serial numbers."""
         other = self.series(b)
         return (a, other) if a.number <= other.number else (other, a)
 
-    def inverse(self, a: Series) -> Any:
+    def inverse(self, a: TaylorSeries) -> Any:
         """Return 1 / a at the start of the step, an expression."""
         if a.number not in self._inverses:
             self._inverses[a.number] = 1.0 / a[0]
@@ -291,7 +293,7 @@ class SeriesAlgebra:
         terms = [a[j] * b[n - j] * (1.0 if weight is None else weight(j)) for j in orders]
         return self._hy.sum([self._expression(term) for term in terms])
 
-    def square(self, a: Series, n: int, first: int) -> Any:
+    def square(self, a: TaylorSeries, n: int, first: int) -> Any:
         """Return the sum of a[j] a[n - j] over ``first`` <= j <= n - first, with ``first`` <= n / 2 or n odd.
 
         Equal terms are added once and doubled, which halves the work of `product`.
@@ -303,7 +305,7 @@ class SeriesAlgebra:
     def _expression(self, x: Any) -> Any:
         return self._hy.expression(x) if isinstance(x, (int, float)) else x
 
-    def _function(self, name: str, x: Any, further: Callable[[int, Series, Series], Any]) -> Series:
+    def _function(self, name: str, x: Any, further: Callable[[int, TaylorSeries, TaylorSeries], Any]) -> TaylorSeries:
         """Return a function of ``x`` that heyoka has.
 
         Parameters
@@ -313,49 +315,49 @@ class SeriesAlgebra:
         """
         a = self.series(x)
 
-        def compute(n: int, own: Series) -> Any:
+        def compute(n: int, own: TaylorSeries) -> Any:
             return further(n, a, own) if n else getattr(self._hy, name)(self._expression(a[0]))
 
         return self.cached(name, a, a, compute)
 
-    def sqrt(self, x: Any) -> Series:
+    def sqrt(self, x: Any) -> TaylorSeries:
         """Return the square root of ``x``."""
         return self._function("sqrt", x, lambda n, a, own: (a[n] - self.square(own, n, 1)) * (0.5 * self.inverse(own)))
 
-    def exp(self, x: Any) -> Series:
+    def exp(self, x: Any) -> TaylorSeries:
         """Return e**x."""
         return self._function("exp", x, lambda n, a, own: self.product(a, own, range(1, n + 1), n, lambda j: j / n))
 
-    def log(self, x: Any) -> Series:
+    def log(self, x: Any) -> TaylorSeries:
         """Return the natural logarithm of ``x``, from its rate log' = x' / x."""
 
-        def further(n: int, a: Series, own: Series) -> Any:
+        def further(n: int, a: TaylorSeries, own: TaylorSeries) -> Any:
             return (a[n] - self.product(own, a, range(1, n), n, lambda j: j / n)) * self.inverse(a)
 
         return self._function("log", x, further)
 
-    def tanh(self, x: Any) -> Series:
+    def tanh(self, x: Any) -> TaylorSeries:
         """Return the hyperbolic tangent of ``x``, from its rate tanh' = (1 - tanh^2) x'."""
         return self._function(
             "tanh", x, lambda n, a, own: self.product(a, 1.0 - own * own, range(1, n + 1), n, lambda j: j / n)
         )
 
-    def sin(self, x: Any) -> Series:
+    def sin(self, x: Any) -> TaylorSeries:
         """Return the sine of ``x`` [rad]."""
         return self._circular(x)[0]
 
-    def cos(self, x: Any) -> Series:
+    def cos(self, x: Any) -> TaylorSeries:
         """Return the cosine of ``x`` [rad]."""
         return self._circular(x)[1]
 
-    def _circular(self, x: Any) -> tuple[Series, Series]:
+    def _circular(self, x: Any) -> tuple[TaylorSeries, TaylorSeries]:
         """Return sine and cosine together: the coefficients of each need those of the other."""
         a = self.series(x)
 
-        def sine(n: int, own: Series) -> Any:
+        def sine(n: int, own: TaylorSeries) -> Any:
             return self.product(a, cosines, range(1, n + 1), n, lambda j: j / n) if n else self._hy.sin(a[0])
 
-        def cosine(n: int, own: Series) -> Any:
+        def cosine(n: int, own: TaylorSeries) -> Any:
             return self.product(a, sines, range(1, n + 1), n, lambda j: -j / n) if n else self._hy.cos(a[0])
 
         sines, cosines = self.cached("sin", a, a, sine), self.cached("cos", a, a, cosine)

@@ -20,8 +20,8 @@ from looping_pendulum.reference_ode.batch.compiled import (
     LEADING,
     BatchModel,
     CompiledFunction,
-    Series,
     Symbols,
+    TaylorSeries,
     absolute_value,
     expression,
 )
@@ -160,10 +160,10 @@ def _terms(model: BatchModel, mode: Mode, tolerance: float, order: int) -> _Term
     return _Terms(motion, event_functions, lower_bounds, tuple(event_series), symbols.inputs)
 
 
-def _series(symbols: Symbols, mode: Mode, effects: Effects) -> tuple[dict[str, Series], dict[Event, Series]]:
+def _series(symbols: Symbols, mode: Mode, effects: Effects) -> tuple[dict[str, TaylorSeries], dict[Event, TaylorSeries]]:
     """Return the Taylor series in s of the moving variables and the time, and those of the event functions."""
     algebra, inputs = symbols.algebra, symbols.leading
-    rates: dict[str, Series] = {}
+    rates: dict[str, TaylorSeries] = {}
     motion_series = {
         name: algebra.variable(inputs[name], lambda name=name: rates[name])  # type: ignore[misc]
         for name in (*variables(mode, effects), "time")
@@ -178,7 +178,7 @@ def _series(symbols: Symbols, mode: Mode, effects: Effects) -> tuple[dict[str, S
     return motion_series, {event: algebra.series(function) for event, function in event_series.items()}
 
 
-def _step_length(hy: Any, moving: list[Series], event_series: list[Series], order: int, tolerance: float) -> Any:
+def _step_length(hy: Any, moving: list[TaylorSeries], event_series: list[TaylorSeries], order: int, tolerance: float) -> Any:
     """Return the longest step in s whose last two terms, those of the event functions (SI) included, are within the tolerance.
 
     This is the choice of Jorba and Zou (2005) except for the size of the last term, `LAST_TERM_TOLERANCE`. Errors are relative
