@@ -72,7 +72,7 @@ def find_data(file: str, folders: Path | Sequence[Path] | None = None) -> Path |
     Parameters
     ----------
     file
-        Path below a data folder, as `MeasuredTrial.file`.
+        Path below a data folder, as `MeasuredTable.file`.
     folders
         Data folders to search first, before those of `data_folders`.
     """

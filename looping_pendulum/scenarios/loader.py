@@ -26,7 +26,7 @@ from looping_pendulum.scenarios.quantities import FILE_KEYS, file_key, unit_of
 from looping_pendulum.scenarios.scenario import (
     PROFILES,
     Inference,
-    MeasuredTrial,
+    MeasuredTable,
     Scenario,
     Tolerance,
 )
@@ -146,7 +146,7 @@ def _scenario(doc: Document, name: str) -> Scenario:
         duration=file.duration,
         tolerances=_tolerances(file),
         inferred=tuple(Inference(parameters=tuple(i.parameters), how=i.how, script=i.script) for i in file.inferred),
-        measured=MeasuredTrial(**file.measured.model_dump()) if file.measured else None,
+        measured=MeasuredTable(**file.measured.model_dump()) if file.measured else None,
     )
 
 

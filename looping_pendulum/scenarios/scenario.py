@@ -54,7 +54,7 @@ class Inference:
 
 
 @dataclass(frozen=True, kw_only=True)
-class MeasuredTrial:
+class MeasuredTable:
     """The file with the measured event table of this trial, which is not part of the package."""
 
     file: str
@@ -78,7 +78,7 @@ class Scenario:
     tolerances: tuple[Tolerance, ...] = ()
     """Limits, sorted by engine, then profile, then in the order of `METRICS`."""
     inferred: tuple[Inference, ...] = ()
-    measured: MeasuredTrial | None = None
+    measured: MeasuredTable | None = None
 
     def __post_init__(self) -> None:
         """Sort the tolerances, so that equal scenarios compare equal; refuse two limits on the same metric."""

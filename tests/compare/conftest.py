@@ -36,7 +36,7 @@ from looping_pendulum.pages import drawing
 from looping_pendulum.reference_ode.geometry import light_position
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.transitions import Mode
-from looping_pendulum.scenarios.scenario import MeasuredTrial, Scenario, Tolerance
+from looping_pendulum.scenarios.scenario import MeasuredTable, Scenario, Tolerance
 from tests.compare import report_cells
 
 FALL, BRAKE, TURN, RATE = 5.0, 40.0, 0.3, 6.0  # m/s^2, m/s^2, s, rad/s
@@ -160,7 +160,7 @@ def scenario() -> Scenario:
 
 @pytest.fixture
 def measured_scenario(scenario: Scenario) -> Scenario:
-    trial = MeasuredTrial(file="trial.csv", sha256="0", source="a table")
+    trial = MeasuredTable(file="trial.csv", sha256="0", source="a table")
     return dataclasses.replace(scenario, measured=trial)
 
 

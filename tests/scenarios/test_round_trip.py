@@ -16,7 +16,7 @@ from looping_pendulum.scenarios.quantities import FILE_KEYS, file_key
 from looping_pendulum.scenarios.scenario import (
     PROFILES,
     Inference,
-    MeasuredTrial,
+    MeasuredTable,
     Scenario,
     Tolerance,
 )
@@ -81,7 +81,7 @@ scenarios = st.builds(
     ).map(tuple),
     measured=st.none()
     | st.builds(
-        MeasuredTrial,
+        MeasuredTable,
         file=st.just("paper/trial.csv"),
         sha256=st.text("0123456789abcdef", min_size=64, max_size=64),
         source=words,
