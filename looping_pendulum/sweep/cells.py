@@ -21,7 +21,7 @@ from looping_pendulum.engines.registry import select
 from looping_pendulum.engines.trajectory import RunStatus, Trajectory
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode.batch import solve_batch
-from looping_pendulum.reference_ode.batch.runs import COLUMNS, ENDS, FAILED, Column
+from looping_pendulum.reference_ode.batch.runs import COLUMNS, ENDS, FAILED, RunColumn
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.transitions import Event
@@ -73,7 +73,7 @@ class Field:
         return 0 if self.dtype == "uint64" else -1
 
 
-def _field(name: str, column: Column) -> Field:
+def _field(name: str, column: RunColumn) -> Field:
     kind = np.dtype(column.kind)
     # A code has its words in the attributes of its field, and a number that is not known is NaN
     unknown = {"i": UNKNOWN_COUNT, "u": 0}.get(kind.kind) if name != "end" else None

@@ -82,7 +82,7 @@ def valid_runs(base: Parameters, values: Mapping[str, Any], n: int) -> NDArray[n
 
 
 @dataclass(frozen=True, kw_only=True)
-class Column:
+class RunColumn:
     """What a batch, and a map, hold of every run."""
 
     unit: str
@@ -102,7 +102,7 @@ def _column(
     unit: str, meaning: str, of_run: Callable[[Run], Any], kind: type[np.generic] = np.float64, failed: float = np.nan,
     *, in_maps: bool = True, at_end: str = "",
 ) -> Any:  # fmt: skip
-    column = Column(unit=unit, meaning=meaning, of_run=of_run, at_end=at_end, kind=kind, failed=failed, in_maps=in_maps)
+    column = RunColumn(unit=unit, meaning=meaning, of_run=of_run, at_end=at_end, kind=kind, failed=failed, in_maps=in_maps)
     return dataclasses.field(metadata={"column": column})
 
 
@@ -165,7 +165,7 @@ class BatchResult:
             getattr(self, name)[runs] = getattr(part, name)
 
 
-COLUMNS: dict[str, Column] = {field.name: field.metadata["column"] for field in dataclasses.fields(BatchResult)}
+COLUMNS: dict[str, RunColumn] = {field.name: field.metadata["column"] for field in dataclasses.fields(BatchResult)}
 """Name of a field of `BatchResult` -> what it is."""
 AT_END = tuple((name, column.at_end) for name, column in COLUMNS.items() if column.at_end)
 """Name of a field -> entry of the state at the end, of those that are one."""
