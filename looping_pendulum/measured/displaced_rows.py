@@ -228,7 +228,7 @@ class WrongTimes:
         return np.asarray(np.where(self.concerns(t), self.t + self.factor * (t - self.t) + self.shift, t))
 
 
-class Model(Protocol):
+class KnownMotion(Protocol):
     """What a model knows of the motion beside its points."""
 
     def agrees(self, wrong: tuple[WrongTimes, ...]) -> bool | None:
@@ -238,7 +238,7 @@ class Model(Protocol):
         """Return by how much nearer to it the points are with other times than with others that are known already."""
 
 
-def clock_faults(channels: Sequence[Channel], model: Model | None = None) -> list[str]:
+def clock_faults(channels: Sequence[Channel], model: KnownMotion | None = None) -> list[str]:
     """Return what the points say against the times: clocks that change, lost, repeated and uneven pictures.
 
     None of these can be put right.
@@ -632,7 +632,7 @@ def _unrest(channels: Sequence[Channel], film: _Film) -> float:
     return max(c.time_error for c in channels) / film.step
 
 
-def _displaced_rows(film: _Film, model: Model | None, unrest: float) -> list[WrongTimes]:
+def _displaced_rows(film: _Film, model: KnownMotion | None, unrest: float) -> list[WrongTimes]:
     """Return rows before which pictures are lost, and those that show the picture before.
 
     Parameters
