@@ -22,8 +22,8 @@ from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.pages.chart import (
     BLACK,
     LIGHT_GREY,
-    Axis,
     Chart,
+    ChartAxis,
     Curve,
     Guide,
     Panel,
@@ -85,8 +85,8 @@ def path_chart(result: ComparisonResult, samples: ResultSamples) -> Chart:
         caption="Path of the light mass around the rod (to scale); star: halt, cross: a run broke off.",
         subject=result.scenario,
         title="path of the light mass",
-        x=Axis(label="x [m]", limits=x),
-        panels=[Panel(curves=curves, y=Axis(label="y [m]", limits=y), disc=radius, to_scale=True)],
+        x=ChartAxis(label="x [m]", limits=x),
+        panels=[Panel(curves=curves, y=ChartAxis(label="y [m]", limits=y), disc=radius, to_scale=True)],
         size=(7.0, 6.4),
     )
 
@@ -129,15 +129,17 @@ def drop_chart(result: ComparisonResult, samples: ResultSamples) -> Chart:
         caption="Drop of the heavy mass, and below it each engine's deviation from the reference.",
         subject=result.scenario,
         title="heavy mass",
-        x=Axis(label=TIME),
+        x=ChartAxis(label=TIME),
         panels=[
             # Down is down; a clamped mass is drawn at rest, not as its rounding
             Panel(
-                curves=top, y=Axis(label="drop of the heavy mass [m]", limits=(max(most, 0.01), min(least, -0.001))), height=3
+                curves=top,
+                y=ChartAxis(label="drop of the heavy mass [m]", limits=(max(most, 0.01), min(least, -0.001))),
+                height=3,
             ),
             Panel(
                 curves=below,
-                y=Axis(
+                y=ChartAxis(
                     label=f"drop, engine less reference\n[mm] (linear within ±{LINEAR_DROP:g})",
                     scale="symlog",
                     linear_to=LINEAR_DROP,
@@ -181,11 +183,11 @@ def divergence_chart(result: ComparisonResult, samples: ResultSamples) -> Chart:
         caption="Distance of each engine's light mass from the reference's, and the reference's events.",
         subject=result.scenario,
         title="divergence",
-        x=Axis(label=TIME, limits=(0.0, result.duration)),
+        x=ChartAxis(label=TIME, limits=(0.0, result.duration)),
         panels=[
             Panel(
                 curves=curves,
-                y=Axis(label="distance from the reference's light mass [mm]", scale="log", limits=limits),
+                y=ChartAxis(label="distance from the reference's light mass [mm]", scale="log", limits=limits),
                 guides=[*guides, *(Guide(x=time, text=name.replace("_", " ")) for name, time in events)],
             )
         ],
@@ -202,13 +204,13 @@ def residual_chart(result: ComparisonResult, samples: ResultSamples, trial: Tria
             run_curve(name, np.array(track.t), distance(track, run) * unit.per_si_unit, style, in_legend=not panels)
             for name, run, style in _runs(result, samples)
         ]
-        panels.append(Panel(curves=curves, y=Axis(label=f"{track.name}:\nresidual [{unit.name}]", scale="log")))
+        panels.append(Panel(curves=curves, y=ChartAxis(label=f"{track.name}:\nresidual [{unit.name}]", scale="log")))
     return Chart(
         id="residuals",
         caption="Distance of each tracked point from what the reference and the engines predict for its time.",
         subject=trial.name,
         title="measured less predicted",
-        x=Axis(label=TIME),
+        x=ChartAxis(label=TIME),
         panels=panels,
         size=(8.0, 2.0 + 2.4 * len(panels)),
     )
@@ -247,7 +249,7 @@ def events_chart(result: ComparisonResult) -> Chart:
         caption=f"Event times less the measured ones; grey bars: {meaning}.",
         subject=result.scenario,
         title="event times",
-        x=Axis(
+        x=ChartAxis(
             label=f"time less measured time [ms] (linear within ±{LINEAR_DELAY:g})",
             scale="symlog",
             linear_to=LINEAR_DELAY,
@@ -257,7 +259,7 @@ def events_chart(result: ComparisonResult) -> Chart:
         panels=[
             Panel(
                 curves=curves,
-                y=Axis(
+                y=ChartAxis(
                     limits=(len(rows) - 0.5, -0.5),
                     ticks={k: quantity_label(row.quantity, row.index) for k, row in enumerate(rows)},
                 ),

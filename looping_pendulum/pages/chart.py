@@ -22,7 +22,7 @@ MARGIN = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
-class Axis:
+class ChartAxis:
     """One axis of a panel."""
 
     label: str = ""
@@ -97,13 +97,13 @@ class Panel:
     """Axes with curves; the later are drawn above the earlier."""
 
     curves: Sequence[Curve]
-    y: Axis
+    y: ChartAxis
     guides: Sequence[Guide] = ()
     height: int = 1
     """Height in proportion to the other panels."""
     disc: float | None = None
     """Radius of a disc about the origin, which hides what is below it."""
-    x: Axis | None = None
+    x: ChartAxis | None = None
     """Its own x axis, which a panel of a grid may have; None: the chart's."""
     title: str = ""
     """Of a panel of a grid; a line may end in it."""
@@ -122,7 +122,7 @@ class Chart:
     subject: str
     """Name of a scenario or a trial, which stands before the title."""
     title: str
-    x: Axis
+    x: ChartAxis
     panels: Sequence[Panel]
     size: tuple[float, float]
     """Width and height on paper [inches]."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from markupsafe import Markup
 
 from looping_pendulum.files import utf8
-from looping_pendulum.pages.chart import BLACK, LIGHT_GREY, Axis, Chart, Curve, Panel
+from looping_pendulum.pages.chart import BLACK, LIGHT_GREY, Chart, ChartAxis, Curve, Panel
 from looping_pendulum.pages.palette import COLOURS
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ def curve_look(curve: Curve) -> dict[str, Any]:
     return look | ({"mew": 2} if curve.marker == "x" else {})
 
 
-def _set_axis(axes: Axes, name: Literal["x", "y"], axis: Axis) -> None:
+def _set_axis(axes: Axes, name: Literal["x", "y"], axis: ChartAxis) -> None:
     own, set_scale, set_limits, set_ticks = (
         (axes.xaxis, axes.set_xscale, axes.set_xlim, axes.set_xticks)
         if name == "x"

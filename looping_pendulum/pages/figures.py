@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.pages.chart import BLACK, DARK_GREY, LIGHT_GREY, Axis, Chart, Curve, Guide, tick
+from looping_pendulum.pages.chart import BLACK, DARK_GREY, LIGHT_GREY, Chart, ChartAxis, Curve, Guide, tick
 from looping_pendulum.pages.palette import COLOURS, GREY
 
 REFERENCE, SOFT, LINE = "var(--reference)", "var(--soft)", "var(--line)"
@@ -127,7 +127,7 @@ def _number(letter: str, panel: int) -> str:
     return letter if panel == 0 else f"{letter}{panel + 1}"
 
 
-def _guide(guide: Guide, x: str, y: str, x_axis: Axis, y_axis: Axis) -> list[dict[str, Any]]:
+def _guide(guide: Guide, x: str, y: str, x_axis: ChartAxis, y_axis: ChartAxis) -> list[dict[str, Any]]:
     """Return the shapes of a line across the panel whose axes have the names ``x`` and ``y``, and of its shaded span."""
     shapes: list[dict[str, Any]] = []
     for at, letter, axis, place in (
@@ -148,7 +148,7 @@ def _guide(guide: Guide, x: str, y: str, x_axis: Axis, y_axis: Axis) -> list[dic
     return shapes
 
 
-def _axis(axis: Axis) -> dict[str, Any]:
+def _axis(axis: ChartAxis) -> dict[str, Any]:
     """Return plotly's axis. It has no scale like "symlog": its values are transformed here, and the ticks named."""
     made: dict[str, Any] = {"title": {"text": _lines(axis.label)}}
     if axis.scale == "log":
@@ -165,7 +165,7 @@ def _axis(axis: Axis) -> dict[str, Any]:
     return made
 
 
-def _placed(axis: Axis, values: Any) -> np.ndarray:
+def _placed(axis: ChartAxis, values: Any) -> np.ndarray:
     """Return where values of an axis stand on plotly's."""
     given = np.asarray(values, dtype=float)
     if axis.scale != "symlog":
@@ -175,7 +175,7 @@ def _placed(axis: Axis, values: Any) -> np.ndarray:
     return np.asarray(np.sign(given) * np.where(size <= 1, size, 1 + np.log10(np.maximum(size, 1))))
 
 
-def _traces(curve: Curve, x: Axis, y: Axis) -> list[dict[str, Any]]:
+def _traces(curve: Curve, x: ChartAxis, y: ChartAxis) -> list[dict[str, Any]]:
     """Return the traces of a curve: its own, above the two of its band's edges."""
     colour, name = PAGE_COLOURS[curve.colour], escaped(curve.label)
     # Division that rounds up, so that there are never more points than allowed
@@ -219,7 +219,7 @@ def _traces(curve: Curve, x: Axis, y: Axis) -> list[dict[str, Any]]:
     return [low, high | {"fill": "tonexty", "fillcolor": f"faint {colour}"}, trace]
 
 
-def _shown(axis: Axis, values: np.ndarray) -> list[Any]:
+def _shown(axis: ChartAxis, values: np.ndarray) -> list[Any]:
     """Return what a reader is told of values: the word of the nearest tick, where these are not numbers on a scale."""
     if axis.scale == "linear" and axis.ticks:
         return [escaped(axis.ticks[min(axis.ticks, key=lambda tick: abs(tick - value))]).replace("\n", " ") for value in values]

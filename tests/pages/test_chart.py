@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from looping_pendulum.files import SkippedOutputWarning
-from looping_pendulum.pages.chart import BLACK, Axis, Chart, Curve, Guide, Panel, make_charts, with_room
+from looping_pendulum.pages.chart import BLACK, Chart, ChartAxis, Curve, Guide, Panel, make_charts, with_room
 from looping_pendulum.pages.drawing import draw
 from looping_pendulum.pages.figures import MAX_LINE_POINTS, on_page
 from looping_pendulum.pages.palette import COLOURS
@@ -12,12 +12,13 @@ from looping_pendulum.pages.palette import COLOURS
 
 def chart(*panels, **fields):
     return Chart(
-        **({"id": "f", "caption": "c", "subject": "s", "title": "t", "x": Axis(), "size": (4.0, 3.0)} | fields), panels=panels
+        **({"id": "f", "caption": "c", "subject": "s", "title": "t", "x": ChartAxis(), "size": (4.0, 3.0)} | fields),
+        panels=panels,
     )
 
 
 def panel(*curves, **fields):
-    return Panel(**({"y": Axis()} | fields), curves=curves)
+    return Panel(**({"y": ChartAxis()} | fields), curves=curves)
 
 
 def both(*curves, **fields):
@@ -84,7 +85,7 @@ def test_every_two_points_have_a_line_of_their_own(count):
 
 
 def test_words_of_points_stand_beside_the_pointer():
-    _, page = both(Curve(label="a", x=[1.0], y=[0.0], marker="o", words=["<b>"]), y=Axis(ticks={0.0: "row"}))
+    _, page = both(Curve(label="a", x=[1.0], y=[0.0], marker="o", words=["<b>"]), y=ChartAxis(ticks={0.0: "row"}))
     assert (page.traces[0]["text"], page.traces[0]["hovertemplate"]) == (["&lt;b&gt;"], "%{text}")
 
 
@@ -95,7 +96,7 @@ def test_a_legend_shows_no_point_too_small_to_see(size, sizing):
 
 
 def test_words_beside_an_axis_may_have_lines_and_no_markup():
-    axes, page = both(y=Axis(ticks={0.0: "$a$\n<b>"}, limits=(0.5, -0.5)))
+    axes, page = both(y=ChartAxis(ticks={0.0: "$a$\n<b>"}, limits=(0.5, -0.5)))
     assert [label.get_text() for label in axes.get_yticklabels()] == ["\\$a\\$\n<b>"]
     assert page.layout["yaxis"]["ticktext"] == ["$a$<br>&lt;b&gt;"]
 
@@ -103,8 +104,8 @@ def test_words_beside_an_axis_may_have_lines_and_no_markup():
 def test_panels_of_a_grid_have_axes_and_titles_of_their_own():
     point = Curve(label="a", x=[1.0], y=[2.0], marker="o")
     scaled = panel(point, title="<one>\nof $three$", to_scale=True)
-    own = panel(point, title="two", x=Axis(label="other", limits=(0.0, 9.0)), guides=[Guide(x=4.0, half_width=1.0)])
-    grid = chart(scaled, own, panel(point, title="three"), columns=2, x=Axis(label="shared"))
+    own = panel(point, title="two", x=ChartAxis(label="other", limits=(0.0, 9.0)), guides=[Guide(x=4.0, half_width=1.0)])
+    grid = chart(scaled, own, panel(point, title="three"), columns=2, x=ChartAxis(label="shared"))
     figure = draw(grid)
     assert [axes.get_visible() for axes in figure.axes] == [True, True, True, False]
     first, second, third, _ = figure.axes

@@ -26,8 +26,8 @@ from looping_pendulum.measured.observations import BODIES, UNITS
 from looping_pendulum.pages.chart import (
     BLACK,
     DARK_GREY,
-    Axis,
     Chart,
+    ChartAxis,
     Curve,
     Guide,
     Panel,
@@ -48,7 +48,7 @@ SHOWN_UNITS = {"m": (("mm", 1e3), ("m", 1.0)), "rad": (("mrad", 1e3), ("deg", 18
 """SI unit of a channel -> unit and its number per SI unit for small residuals, and for those of `LARGE` and above."""
 LARGE = 0.1
 """RMS residual [SI] above which the larger unit is used."""
-CLOCK = Axis(label="time by the file's clock [s]")
+CLOCK = ChartAxis(label="time by the file's clock [s]")
 POINTS: dict[str, Any] = {"marker": "o", "size": 2.4}
 """Look of tracked points and of residuals."""
 OUTLIER = "outlier, left out"
@@ -99,11 +99,11 @@ def in_lines(name: str) -> str:
     return "\n".join(textwrap.wrap(name, LABEL_WIDTH, max_lines=MAX_LINES, placeholder="..."))
 
 
-def _rows(names: Sequence[str]) -> tuple[Axis, float]:
+def _rows(names: Sequence[str]) -> tuple[ChartAxis, float]:
     """Return the axis of rows with these names, the first on top, and the height of a figure with it [inches]."""
     ticks = {float(i): in_lines(name) for i, name in enumerate(names)}
     lines = max((words.count("\n") + 1 for words in ticks.values()), default=1)
-    return Axis(limits=(len(names) - 0.5, -0.5), ticks=ticks), 1.8 + (0.2 + 0.15 * lines) * len(names)
+    return ChartAxis(limits=(len(names) - 0.5, -0.5), ticks=ticks), 1.8 + (0.2 + 0.15 * lines) * len(names)
 
 
 def _held_out(trial: str, held_out: bool) -> str:
@@ -173,7 +173,7 @@ def motion_chart(result: Identification) -> Chart:
             Curve(label=label, x=path[:, 0], y=path[:, 1], width=1.2, in_legend=False),
         ]
         title = label + (f"\n(residuals x {factor:g})" if factor > 1 else "")
-        panels.append(Panel(curves=curves, y=Axis(label="y [m]", limits=y), title=title, to_scale=True))
+        panels.append(Panel(curves=curves, y=ChartAxis(label="y [m]", limits=y), title=title, to_scale=True))
     return Chart(
         id=MOTION,
         caption=f"Motion of the {BODY_IN_WORDS[body]} in the {role} {picture.trial}{beside}. Each line leads from the model to "
@@ -181,7 +181,7 @@ def motion_chart(result: Identification) -> Chart:
         "way, it is off.",
         subject=picture.trial,
         title=f"motion of the {BODY_IN_WORDS[body]}",
-        x=Axis(label="x [m]", limits=x),
+        x=ChartAxis(label="x [m]", limits=x),
         panels=panels,
         size=(4.8 * len(models), 1.6 + min(4.2 * (y[1] - y[0]) / (x[1] - x[0]), 5.0)),
         columns=len(models),
@@ -201,7 +201,7 @@ def _residual_panel(picture: TrialFigure, channel: str, models: Sequence[tuple[s
             Curve(label=label, x=picture.t[channel], y=per_si * residuals[side], colour=MODEL_COLOURS[side], **look)
             for side, label in models
         ],
-        y=Axis(label=f"{channel}: measured\nless predicted [{unit}]"),
+        y=ChartAxis(label=f"{channel}: measured\nless predicted [{unit}]"),
         guides=[Guide(y=0.0)],
     )
 
@@ -226,7 +226,7 @@ def errors_chart(result: Identification) -> Chart:
         caption="Error of each trial before and after, in units of noise: 1 (dotted) is the best possible.",
         subject=result.title,
         title="error of each trial",
-        x=Axis(label="RMS [noise]"),
+        x=ChartAxis(label="RMS [noise]"),
         panels=[Panel(curves=bars, y=rows, guides=[Guide(x=1.0, colour=BLACK, dotted=True)])],
         size=(7.0, height),
     )
@@ -253,7 +253,7 @@ def trial_chart(result: Identification, picture: TrialFigure, name: str) -> Char
             look = {"colour": colour, "marker": "x", "size": 5.0, "in_legend": not named}
             top.append(Curve(label=OUTLIER, x=t[is_outlier], y=measured[is_outlier], **look))
         guide = Guide(y=0.0, half_width=NOISE_BAND)
-        below.append(Panel(curves=residuals, y=Axis(label=channel), guides=[guide], height=5))
+        below.append(Panel(curves=residuals, y=ChartAxis(label=channel), guides=[guide], height=5))
     return Chart(
         id=name,
         caption=f"Trial {picture.trial} ({'held out' if picture.held_out else 'training'}): tracked points and models; below, "
@@ -261,7 +261,7 @@ def trial_chart(result: Identification, picture: TrialFigure, name: str) -> Char
         subject=picture.trial,
         title="tracked points and models",
         x=CLOCK,
-        panels=[Panel(curves=top, y=Axis(label="measured [SI]"), height=12), *below],
+        panels=[Panel(curves=top, y=ChartAxis(label="measured [SI]"), height=12), *below],
         size=(9.0, 3.8 + 1.3 * len(picture.channels)),
     )
 
@@ -291,7 +291,7 @@ def events_chart(result: Identification) -> Chart:
         "drawn at the edge; a cross: the event does not happen in that model's run.",
         subject=result.title,
         title="events",
-        x=Axis(label="residual\n[standard errors]", limits=(-1.05 * AXIS_LIMIT, 1.05 * AXIS_LIMIT)),
+        x=ChartAxis(label="residual\n[standard errors]", limits=(-1.05 * AXIS_LIMIT, 1.05 * AXIS_LIMIT)),
         panels=[Panel(curves=curves, y=rows, guides=[Guide(x=0.0, colour=BLACK, half_width=NOISE_BAND)])],
         size=(7.5, height),
     )
@@ -315,7 +315,7 @@ def explanations_chart(result: Identification) -> Chart:
         "probability; blue: together these have 95 %.",
         subject=result.title,
         title="explanations",
-        x=Axis(label="odds, powers of ten"),
+        x=ChartAxis(label="odds, powers of ten"),
         panels=[Panel(curves=bars, y=rows, guides=[Guide(x=0.0, colour=BLACK)])],
         size=(7.0, height),
     )
@@ -335,9 +335,11 @@ def unlisted_chart(result: Identification, force: Unlisted) -> Chart:
         caption="The unlisted force along its coordinate; bands: two standard errors.",
         subject=result.title,
         title="unlisted law",
-        x=Axis(label=f"{force.depends_on.replace('_', ' ')} [{force.unit}]"),
+        x=ChartAxis(label=f"{force.depends_on.replace('_', ' ')} [{force.unit}]"),
         panels=[
-            Panel(curves=curves, y=Axis(label=f"unlisted law [{force.value_unit or 1}]"), guides=[Guide(y=0.0, colour=BLACK)])
+            Panel(
+                curves=curves, y=ChartAxis(label=f"unlisted law [{force.value_unit or 1}]"), guides=[Guide(y=0.0, colour=BLACK)]
+            )
         ],
         size=(8.0, 4.2),
     )
@@ -388,10 +390,10 @@ def _declared_panel(distance: Distance, title: str, *, named: bool) -> Panel:
             curves.append(Curve(label="its start", x=start[0], y=start[1], marker="o", hollow=True, in_legend=first))
     title = "\n".join(textwrap.wrap(title, TITLE_WIDTH, max_lines=2, placeholder="..."))
     if not are_paths:
-        return Panel(curves=curves, y=Axis(label="measured [SI]"), title=title)
+        return Panel(curves=curves, y=ChartAxis(label="measured [SI]"), title=title)
     curves.append(Curve(label="origin", x=[0.0], y=[0.0], colour=DARK_GREY, marker="P", size=6.0, in_legend=named))
     x, y = with_room(reach([curve.x for curve in curves]), reach([curve.y for curve in curves]))
-    axes = Axis(label="x [m]", limits=x), Axis(label="y [m]", limits=y)
+    axes = ChartAxis(label="x [m]", limits=x), ChartAxis(label="y [m]", limits=y)
     return Panel(curves=curves, x=axes[0], y=axes[1], title=title, to_scale=True)
 
 
