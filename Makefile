@@ -5,13 +5,12 @@ VENV ?= .venv
 DOCS_VENV ?= .venv-docs
 BIN = $(VENV)/bin
 NPM := $(shell command -v npm)
-DATA ?= ../shared/data
 # Our matrices are small: a second thread of BLAS only waits for a core.
 export OPENBLAS_NUM_THREADS ?= 1
 # Hundreds of processes start in a test run: where compiled modules may not be written, each compiles ours again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: compare demo test long-tests all-tests accurate coverage mutation fuzz lint docs benchmark infer clean
+.PHONY: compare demo test long-tests all-tests accurate coverage mutation fuzz lint docs benchmark clean
 
 compare: $(VENV)/main ## run all engines on the 10:1 trial and write report/ten_to_one/report.md
 	$(BIN)/looping-pendulum compare ten_to_one --profile quick --out report/ten_to_one
@@ -69,9 +68,6 @@ docs: $(VENV)/dev $(DOCS_VENV)/docs ## build the documentation's site into site/
 
 benchmark: $(VENV)/test ## time what users wait for
 	$(BIN)/python -m benchmarks
-
-infer: $(VENV)/main ## infer what the paper does not print (needs the data folder)
-	$(BIN)/python scripts/infer_paper_trials.py --data $(DATA)
 
 clean:
 	rm -rf $(VENV) $(DOCS_VENV) node_modules build report site *.egg-info .coverage mutation.sqlite

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks import browser, calibration, identify, known_answer, rivals
+from benchmarks import browser, identify
 from looping_pendulum.measured.measurement import FIT_TOLERANCE
 from looping_pendulum.reference_ode.batch import sample_batch
 from looping_pendulum.reference_ode.solve import solve_at
@@ -105,7 +105,7 @@ def quick_comparison() -> None:
     print("\n```text\n" + done.stderr.strip() + "\n```")
 
 
-QUICK: dict[str, Callable[[argparse.Namespace], None]] = {
+BENCHMARKS: dict[str, Callable[[argparse.Namespace], None]] = {
     "batches": lambda options: batches(options.repeats),
     "command-line": lambda options: command_line(options.repeats),
     "comparison": lambda _: quick_comparison(),
@@ -114,29 +114,17 @@ QUICK: dict[str, Callable[[argparse.Namespace], None]] = {
     "pages": lambda _: browser.demonstration(),
     "live-page": lambda _: browser.live_page(),
 }
-"""Benchmarks that all run if none is named."""
-HOURS: dict[str, Callable[[argparse.Namespace], None]] = {
-    "calibration": calibration.benchmark,
-    "known-answer": known_answer.benchmark,
-    "outliers": calibration.outliers,
-    "rivals": rivals.benchmark,
-}
-"""Benchmarks that run only if they are named."""
 
 
 def main() -> None:
     """Run the benchmarks that were asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", choices=[*QUICK, *HOURS], help=f"{', '.join(HOURS)} take hours: they run only if named")
+    parser.add_argument("--only", choices=list(BENCHMARKS), help="by default all run")
     parser.add_argument("--runs", type=int, default=1_000_000, help="runs of the map in `--only maps`")
     parser.add_argument("--repeats", type=int, default=15)
-    calibration.add_options(parser)
-    parser.add_argument(
-        "--method", action="append", choices=list(rivals.METHODS), help="in `--only rivals`, only this one; repeatable"
-    )
     options = parser.parse_args()
-    for name in [options.only] if options.only else QUICK:
-        (QUICK | HOURS)[name](options)
+    for name in [options.only] if options.only else BENCHMARKS:
+        BENCHMARKS[name](options)
 
 
 if __name__ == "__main__":

@@ -30,7 +30,6 @@ ELSEWHERE = {
     r"--engine mujoco --marks": "tests/compare/test_trial.py, and docs/demo.md with one variant",
     r"^looping-pendulum track |films\.yaml": "tests/film, with rendered films",
     r"--install-completion": "tests/test_completion.py",
-    r"^looping-pendulum versions ": "tests/releases/test_command.py, with an index and an installer of their own",
 }
 """Commands that other tests run, or whose names stand for a reader's own -> which tests."""
 SLOW = r"identify|mujoco:documented|report/|pymunk|compare ten_to_one$|demonstrations|^looping-pendulum map "

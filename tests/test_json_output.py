@@ -98,5 +98,4 @@ def test_every_command_with_results_offers_json():
     }
     assert offering == {
         "scenarios", "engines", "run", "compare", "check", "conformance", "converge", "map", "track", "identify",
-        "versions",
     }  # fmt: skip

@@ -16,7 +16,7 @@ from looping_pendulum import __version__
 from looping_pendulum.cli import common
 from looping_pendulum.cli.check import check
 from looping_pendulum.cli.converge import converge
-from looping_pendulum.cli.engines import conformance, engines, versions
+from looping_pendulum.cli.engines import conformance, engines
 from looping_pendulum.cli.identify import identify, look
 from looping_pendulum.cli.maps import map_
 from looping_pendulum.cli.new import new
@@ -61,7 +61,6 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "For engine developers": {
         "conformance": "what every engine must do, tested",
-        "versions": "many releases of one engine, and what moved",
     },
     "Maps": {"map": "how runs end over ranges of one to three quantities"},
 }
@@ -281,7 +280,6 @@ def compare(
 app.command()(check)
 app.command()(conformance)
 app.command()(converge)
-app.command()(versions)
 app.command("map")(map_)
 
 

@@ -14,7 +14,7 @@ from looping_pendulum.pages.numbers import amount
 from looping_pendulum.reference_ode.parameters import Release
 
 FILE = "additions.json"
-"""File beside this module with what `benchmarks.additions` measured: variant -> rows of an addition and errors.
+"""File beside this module with what `research.additions` measured: variant -> rows of an addition and errors.
 
 Errors are the root mean square distances of the light mass from the reference on ten_to_one with the quick profile,
 up to 0.35 s and up to 0.7 s [m]; those without the addition are null where that run did not come to its proper end.

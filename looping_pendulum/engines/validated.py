@@ -1,6 +1,6 @@
 """Ranges of scenarios over which a variant's accuracy was measured, the errors there, and whether a scenario is inside.
 
-`benchmarks.engine_range` measures it on seeded random scenarios and writes `validated.json`; a third party's engine may declare
+`research.engine_range` measures it on seeded random scenarios and writes `validated.json`; a third party's engine may declare
 its own in `Abilities.validated`.
 """
 
@@ -18,7 +18,7 @@ from looping_pendulum.pages.numbers import amount
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
 FILE = "validated.json"
-"""File beside this module with what `benchmarks.engine_range` measured of the shipped variants."""
+"""File beside this module with what `research.engine_range` measured of the shipped variants."""
 ROUNDING_MARGIN = 1e-9
 """Relative margin of a bound, so that rounding does not put a scenario at the very edge outside the range."""
 

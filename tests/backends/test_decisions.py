@@ -24,7 +24,7 @@ from looping_pendulum.reference_ode.sensitivity import solve_sensitivities
 from looping_pendulum.reference_ode.solve import available_integrators, solve, solve_at
 from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.scenarios.scenario import Scenario
-from scripts.answers_parts.lyapunov import solve_tangent_map
+from research.answers.lyapunov import solve_tangent_map
 from tests.apparatus import TEN_TO_ONE, WITHOUT_LOSSES
 from tests.backends.write_expected import APPARATUS, CANDIDATES, DATA, PUSH, data_loop
 

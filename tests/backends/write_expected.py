@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.rivals import best_additions
 from looping_pendulum.discrepancy.evidence.explanation import Explanation, Parts, addition_steps, explained
 from looping_pendulum.discrepancy.evidence.marginal import NoiseGrid
 from looping_pendulum.discrepancy.fit.calibration import Fit, minimise
@@ -19,7 +18,8 @@ from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.solve import solve_at
-from scripts.answers_parts.extended import solve_extended
+from research.answers.extended import solve_extended
+from research.rivals import best_additions
 from tests.apparatus import SENSITIVE, TEN_TO_ONE, TWO_TO_ONE
 
 DATA = Path(__file__).with_name("data")

@@ -4,7 +4,6 @@ import math
 
 import pytest
 
-from benchmarks.blind_sample import BlindStudy, draw, write_files
 from looping_pendulum.discrepancy.evidence.prior import body_of
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.result import Verdict
@@ -13,6 +12,7 @@ from looping_pendulum.reference_ode.solve import available_integrators
 from looping_pendulum.teaching.example_folder import write_example
 from scripts.make_example_trials import HIDDEN
 from tests.blind.cases import CASES
+from tests.discrepancy.blind_sample import BlindStudy, draw, write_files
 from tests.discrepancy.blind_study import TWO_RATIOS, only_candidates, write_study
 from tests.discrepancy.expected import PLANTED_LAWS
 

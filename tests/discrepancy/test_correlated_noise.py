@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from benchmarks.blind_sample import draw, write_files
 from looping_pendulum.discrepancy.fit.data import CorrelatedNoise, Whitening
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.report.markdown import render
 from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.measured.study_io import load
 from tests.blind.cases import CASES, CLEAN
+from tests.discrepancy.blind_sample import draw, write_files
 from tests.discrepancy.blind_study import TWO_RATIOS, WHOLE_LIBRARY, let_the_tracker_wander, only_candidates, write_study
 
 AMPLITUDE, FRAMES = 5e-4, 10

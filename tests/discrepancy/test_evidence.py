@@ -8,7 +8,6 @@ import pytest
 from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal
 
-from benchmarks.blind_sample import draw, write_files
 from looping_pendulum.discrepancy.evidence import prior
 from looping_pendulum.discrepancy.evidence.explanation import NOTHING, Parts, explained, raw
 from looping_pendulum.discrepancy.evidence.laws import covariance_root, laws_beside, with_law
@@ -24,6 +23,7 @@ from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.workers import Workers, one_blas_thread
 from looping_pendulum.measured.study_io import load
 from tests.blind.cases import CASES
+from tests.discrepancy.blind_sample import draw, write_files
 from tests.discrepancy.blind_study import write_study
 
 DRAG = "light_linear_drag"

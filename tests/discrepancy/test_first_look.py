@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 import yaml
 
-from benchmarks.blind_sample import draw, write_files
 from looping_pendulum.discrepancy.first_look.check import DeclarationError, take_first_look
 from looping_pendulum.discrepancy.first_look.misfit import declared_trial, measured_distance
 from looping_pendulum.discrepancy.first_look.mistakes import MAX_GOOD_MISFIT, TrialSearch
@@ -33,6 +32,7 @@ from tests.blind.pendulum import Pendulum
 from tests.blind.simulator import simulate
 from tests.command_line import here
 from tests.compare.conftest import quick_figures  # noqa: F401, a fixture
+from tests.discrepancy.blind_sample import draw, write_files
 from tests.discrepancy.blind_study import only_candidates, write_study
 from tests.discrepancy.held_study import write_held_study
 from tests.discrepancy.mistaken_study import FURTHER, MISTAKES, SYMMETRIES, Mistake, mended, mistaken, named_keys, pictured

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from benchmarks.blind_sample import draw, planted_values, write_files
 from looping_pendulum.discrepancy.fit import likelihood
 from looping_pendulum.discrepancy.fit.calibration import FitError, calibrate
 from looping_pendulum.discrepancy.fit.likelihood import (
@@ -23,6 +22,7 @@ from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.verdict_sentence import effect_in_words
 from looping_pendulum.measured.study_io import load
 from tests.blind.cases import CLEAN
+from tests.discrepancy.blind_sample import draw, planted_values, write_files
 from tests.discrepancy.blind_study import only_candidates, write_study
 
 

@@ -8,7 +8,6 @@ import json
 import math
 import sys
 from importlib.metadata import version
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,9 +21,10 @@ from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.geometry import string_coordinates
 from looping_pendulum.reference_ode.solve import solve_at
 from looping_pendulum.scenarios import load
+from research import DATA
 from tests.apparatus import NO_DRAG, TEN_TO_ONE, scenario
 
-STORED = Path(__file__).parents[2] / "docs" / "data" / "measured" / "newton_tendon.json"
+STORED = DATA / "measured" / "newton_tendon.json"
 needs_newton = pytest.mark.skipif(importlib.util.find_spec("newton") is None, reason="newton is not installed")
 SLIDES_WHILE_LOADED = (
     "measured 0.22 mm: the string is not stretched at release and slides while it takes its load; from 0.05 s on it is held, "
@@ -101,8 +101,8 @@ def test_the_stored_compliances_show_what_too_stiff_and_too_soft_strings_lose():
 @needs_newton
 @pytest.mark.accurate
 def test_the_stored_result_is_what_newton_gives(tmp_path, monkeypatch):
-    """Measure again; the result of this release and machine replaces the stored one with `python -m scripts.measure`."""
-    from scripts import measure
+    """Measure again; the result of this release and machine replaces the stored one with `python -m research.measure`."""
+    from research import measure
 
     monkeypatch.setattr(measure, "FOLDER", tmp_path)
     again = json.loads(measure.measure_and_store("newton_tendon").read_text(encoding="utf-8"))

@@ -4,17 +4,6 @@ import json
 
 import pytest
 
-from benchmarks.engine_range import (
-    COMMAND,
-    DATA,
-    MAIN,
-    PACKAGE_DATA,
-    SCENARIOS,
-    scenarios,
-    spread,
-    stored,
-    summary_text,
-)
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import select
 from looping_pendulum.engines.validated import (
@@ -28,6 +17,17 @@ from looping_pendulum.engines.validated import (
 )
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import load
+from research.engine_range import (
+    COMMAND,
+    MAIN,
+    MEASURED,
+    PACKAGE_DATA,
+    SCENARIOS,
+    scenarios,
+    spread,
+    stored,
+    summary_text,
+)
 from tests.apparatus import TEN_TO_ONE
 
 RANGE = ValidatedRange(
@@ -76,7 +76,7 @@ def test_spread_is_of_magnitudes_and_covers_nine_tenths():
 
 def test_scenarios_are_the_same_for_everyone_and_a_longer_list_begins_with_the_shorter():
     # Oracle: the stored parameters that the runs were made with, to the digits that are stored.
-    kept = json.loads(DATA.read_text(encoding="utf-8"))["scenarios"]
+    kept = json.loads(MEASURED.read_text(encoding="utf-8"))["scenarios"]
     drawn = {s.name: s.parameters for s in scenarios()}
     assert kept.keys() == drawn.keys()
     for name, parameters in drawn.items():

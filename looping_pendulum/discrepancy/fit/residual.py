@@ -2,7 +2,7 @@
 
 A study has some eight groups of residuals with three tests each, and tests of their size and of held-out data. Each limit is
 chosen so that of studies without a missing effect ("clean studies") it fails about 0.5 %, and all together some 3 %.
-`docs/data/calibration.json` has what clean studies reach (``thresholds``), by which a test judges the limits, and the rates
+`research/data/calibration.json` has what clean studies reach (``thresholds``), by which a test judges the limits, and the rates
 that were measured with other studies (``rates``).
 
 A table of events has a few values, each with its own stated error, so that tests for whiteness say nothing and chi2 scatters
@@ -29,7 +29,7 @@ from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.transitions import Mode
 
 MAX_CHI2_PER_DOF = 1.07
-"""Largest chi2 per degree of freedom that passes; 99 % of clean studies stay below it (docs/data/calibration.json)."""
+"""Largest chi2 per degree of freedom that passes; 99 % of clean studies stay below it (research/data/calibration.json)."""
 CHI2_SCATTER_SIGMAS = 3.5
 """Largest excess of chi2 per value over 1, in units of 1/sqrt(n), for fewer values, in the fit and in held-out data.
 

@@ -247,7 +247,7 @@ those releases do anyway.
 
 
 def compile_model(mujoco: Any, xml: str) -> Any:
-    """Return the compiled model of ``xml``; for older releases (`looping-pendulum versions`) without the `NEWER_ATTRIBUTES`.
+    """Return the compiled model of ``xml``; for older releases (`research.releases`) without the `NEWER_ATTRIBUTES`.
 
     Raises
     ------

@@ -1,0 +1,190 @@
+"""The figures of docs/accuracy.md and the tables of all its numbers, from the stored engine study."""
+
+import csv
+import io
+import math
+import re
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from looping_pendulum.compare.convergence import report
+from looping_pendulum.compare.convergence.ladder import refinement_sizes
+from looping_pendulum.compare.convergence.result import (
+    HALT,
+    ConvergenceResult,
+    LadderStudy,
+    VariantStudy,
+)
+from looping_pendulum.pages.drawing import legend_below, make_figure
+from looping_pendulum.pages.numbers import GAP, number
+from looping_pendulum.pages.palette import COLOURS, GREY, MARKERS, styles
+from research.stored_study import MARK, EngineStudy, Point, front
+
+EARLY = "path_0.35s"
+TARGET = 60.0
+"""CPU seconds per simulated second that a chain may take: a run of 0.7 s then takes less than a minute."""
+KINDS = {
+    "time step": ("time_step",),
+    "link length": ("bend", "link_length", "segment_length", "elements"),
+    "softness": ("time_constant", "stiffness", "compliance", "stiction_tolerance", "contact_slop", "error_rate", "hertz"),
+    "solver's effort": ("iterations", "sub_steps", "solver_iterations", "substeps", "tolerance"),
+    "string's mass": ("mass_fraction", "bead_mass_ratio"),
+}
+"""Kind of a ladder -> endings of the names of the settings that it refines."""
+OTHER = "other"
+COLUMNS, WIDTH, ROW_HEIGHT, LEGEND_HEIGHT = 3, 4.8, 1.25, 0.8
+"""Panels beside each other, and sizes [in]: at this width the letters can be read on a phone."""
+ERRORS = (1e-4, 1e3)
+"""Limits of the errors' axis [mm]; smaller errors are drawn on its lower edge."""
+
+
+FILES = {
+    "splits": "variant and quantity: error to 0.35 s, to 0.7 s and of the halting time, with their parts",
+    "halting": "variant: whether its halting time converges",
+    "ladders": "setting that was refined: its ends, and how each error behaves along it",
+    "defaults": "default of an engine that an adapter changes: what that setting alone does",
+    "choices": "choice of an adapter: what an equally reasonable alternative does",
+    "speed": "setting that was timed: error and seconds per simulated second",
+    "provenance": "variant: versions, days of measurement, and who supplies which physics",
+    "settings": "setting of a variant, in SI units",
+}
+"""Name of a table -> what a row of it is about."""
+
+
+def data_files(study: EngineStudy) -> dict[str, str]:
+    """Return the name of each table of `FILES` -> its text, as CSV."""
+    result = study.convergence
+    splits = {report.QUANTITY_LABELS[name]: cells(report.splits_table(result, [name])) for name in (EARLY, MARK, HALT)}
+    days = {m.variant: [m.errors, m.times or GAP] for m in study.measurements}
+    head, *provenance = cells(report.provenance_table(result))
+    settings = [[v.label, name, str(value)] for v in result.variants for name, value in v.provenance.settings.items()]
+    rows = {
+        "splits": [
+            # The unit is the quantity's: millimetres of a path, milliseconds of a time
+            ["quantity", "variant", "main cause", "error [mm or ms]", *splits[report.QUANTITY_LABELS[EARLY]][0][3:]],
+            *([label, *row] for label, (_, *of_quantity) in splits.items() for row in of_quantity),
+        ],
+        "halting": cells(report.halting_table(result)),
+        "ladders": cells(report.ladders_table(result)),
+        "defaults": cells(report.defaults_table(result)),
+        "choices": cells(report.choices_table(result)),
+        "speed": speed_rows(study),
+        "provenance": [[*head, "errors measured", "times measured"], *([*row, *days[row[0]]] for row in provenance)],
+        "settings": [["variant", "setting", "value"], *settings],
+    }
+    return {name: _csv(rows[name]) for name in FILES}
+
+
+def cells(markdown: str) -> list[list[str]]:
+    """Return the head and the rows of a Markdown table."""
+    lines = [re.split(r"(?<!\\)\|", line)[1:-1] for line in markdown.splitlines() if line.startswith("| ")]
+    head, _, *rows = [[cell.strip().replace("\\|", "|") for cell in line] for line in lines]
+    return [head, *rows]
+
+
+def _csv(rows: list[list[str]]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
+
+
+def speed_rows(study: EngineStudy) -> list[list[str]]:
+    """Return a head, and a row for every timed setting: its error, its times, and whether any engine's point beats it."""
+    best = {p.key for p in front(study.pareto)}
+    contact = {p.key for p in front(p for p in study.pareto if p.contact)}
+    head = ["variant", "setting", "no point is faster and more accurate", "RMS to 0.7 s [mm]", "CPU s per s", "wall s per s"]
+    rows = [[*head, "runs", "slowest [wall s per s]"]]
+    for p in sorted(study.pareto, key=lambda p: (p.variant, p.cpu)):
+        beaten = "of all" if p.key in best else "of those with a law of their own" if p.key in contact else ""
+        times = [number(x, digits=2) for x in (p.cpu, p.wall)]
+        rows.append(
+            [p.variant, p.where or "its own", beaten, number(1e3 * p.rms), *times, str(p.runs), number(p.slowest, digits=2)]
+        )
+    return rows
+
+
+def kind_of_ladder(setting: str) -> str:
+    """Return the kind of the ladder that refines ``setting``."""
+    return next((name for name, endings in KINDS.items() if setting.endswith(endings)), OTHER)
+
+
+def ladder_line(v: VariantStudy, ladder: LadderStudy) -> tuple[list[float], list[float]]:
+    """Return refinement against the variant's own setting, and error [mm], of each rung that has one."""
+    sizes = refinement_sizes([rung.value for rung in ladder.rungs])
+    own = next((h for h, rung in zip(sizes, ladder.rungs, strict=True) if rung.run.key == v.own.key), None)
+    if own is None and ladder.own:
+        rises = ladder.rungs[0].value < ladder.rungs[-1].value
+        own = 1 / ladder.own if rises else ladder.own
+    refinement, errors = [], []
+    for h, rung in zip(sizes, ladder.rungs, strict=True):
+        rms = rung.run.rms[MARK]
+        if rms is not None and rung.run.ok and h > 0:
+            refinement.append(float((own or sizes[0]) / h))
+            errors.append(max(1e3 * rms, ERRORS[0]))
+    return refinement, errors
+
+
+def ladders_figure(result: ConvergenceResult) -> Figure:
+    """Draw a panel for each variant that has a ladder with two rungs to 0.7 s; the reference is left out."""
+    panels = {}
+    for v in result.variants:
+        lines = [(kind_of_ladder(ladder.setting), *ladder_line(v, ladder)) for ladder in v.ladders]
+        lines = [line for line in lines if len(line[1]) > 1]
+        if lines and v.engine != "reference":
+            panels[v.label] = lines
+    rows = math.ceil(len(panels) / COLUMNS)
+    picture = Figure(figsize=(WIDTH, rows * ROW_HEIGHT + LEGEND_HEIGHT), dpi=180, layout="constrained")
+    FigureCanvasAgg(picture)
+    grid = picture.subplots(rows, COLUMNS, sharex=True, sharey=True, squeeze=False).ravel()
+    look = {name: (COLOURS[k], MARKERS[k]) for k, name in enumerate((*KINDS, OTHER))}
+    used = {name for lines in panels.values() for name, _, _ in lines}
+    for axes, (label, lines) in zip(grid, panels.items(), strict=False):
+        for name, x, y in lines:
+            colour, marker = look[name]
+            axes.plot(x, y, color=colour, marker=marker, ms=2.8, lw=1.0, clip_on=False, zorder=3)
+        axes.axvline(1.0, color="0.6", lw=0.7)
+        axes.set_title(label, fontsize=7.5, pad=2.5)
+        axes.set(xscale="log", yscale="log", ylim=ERRORS)
+        axes.set_yticks([1e-4, 1e-2, 1, 1e2], ["1e-4", "0.01", "1", "100"])
+        axes.set_xticks([0.1, 1, 10], ["1/10", "1", "10"])
+        axes.minorticks_off()
+        axes.tick_params(labelsize=7, length=2)
+        axes.grid(True, color="0.92", lw=0.6)
+    for axes in grid[len(panels) :]:
+        axes.set_visible(False)
+    for axes in grid[len(panels) - COLUMNS : len(panels)]:
+        # Above a hidden panel, too
+        axes.tick_params(labelbottom=True)
+    picture.supxlabel("refinement: own setting = 1, finer to the right", fontsize=8)
+    picture.supylabel("RMS to 0.7 s against the reference [mm]", fontsize=8)
+    handles = [Line2D([], [], color=c, marker=m, ms=4, label=name) for name, (c, m) in look.items() if name in used]
+    picture.legend(handles=handles, loc="outside upper center", ncols=3, frameon=False, fontsize=8)
+    return picture
+
+
+def pareto_figure(timed_points: Sequence[Point]) -> Figure:
+    """Draw error against time, log-log, with the Pareto fronts of all engines and of those that supply winding and friction."""
+    picture, (axes,) = make_figure(8.4, 6.8)
+    look = styles(p.variant for p in timed_points)
+    for variant in dict.fromkeys(p.variant for p in timed_points):
+        mine = [p for p in timed_points if p.variant == variant]
+        style = look[variant]
+        fill = style.colour if mine[0].contact else "white"
+        xy = np.array([(p.cpu, 1e3 * p.rms) for p in mine]).T
+        axes.plot(*xy, ls="none", marker=style.marker, ms=5.5, color=style.colour, mfc=fill, label=variant)
+    for chosen, line, name in (
+        (front(timed_points), "-", "no engine beats these"),
+        (front(p for p in timed_points if p.contact), "--", "nor these, law its own"),
+    ):
+        axes.plot([p.cpu for p in chosen], [1e3 * p.rms for p in chosen], line, color="black", lw=1.0, zorder=1, label=name)
+    axes.axvline(TARGET, color=GREY, lw=0.9, dashes=(1, 2), label=f"target {TARGET:g} s per s")
+    axes.set(
+        xscale="log", yscale="log", xlabel="CPU seconds per simulated second", ylabel="RMS to 0.7 s against the reference [mm]"
+    )
+    axes.set_title("Speed against accuracy; open marks: the adapter feeds a law in")
+    legend_below(picture)
+    return picture
