@@ -190,7 +190,6 @@ class FilmTrack:
     """Why points are missing -> number of frames."""
     ground: Background = field(repr=False)
     """The picture without the masses."""
-    remarks: tuple[str, ...] = ()
 
     @property
     def string_scatter(self) -> float:
