@@ -160,7 +160,7 @@ FAULTS = {
     ),
     "unknown key": ([ANGLE], ["tolerence: 1e-9"], ":5: tolerence: found an unknown key", "did you mean 'tolerance'?"),
     "unknown engine": ([ANGLE], ["engine: mujuco"], "engine: no engine is called 'mujuco'", "did you mean 'mujoco'?"),
-    "several without a list": ([ANGLE], ["engine: pymunk"], "engine: found several variants", "write a list"),
+    "several without a list": ([ANGLE], ["engine: mujoco"], "engine: found several variants", "write a list"),
     "nothing possible": (
         ["static_friction: [0.1, 0.2]"],
         [],
