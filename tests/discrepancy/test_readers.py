@@ -114,6 +114,15 @@ FORMS = {
         {"tracks": {"light": ""}, "run": "2"},
     ),
     "a line of a no-break space": ("t x y\n\u00a0\n0 1.2 2.1\n.01 -1.4 .5\n", {"tracks": LIGHT}),
+    "quoted names between spaces": ('"t" "light x" "light y"\n0 1.2 2.1\n.01 -1.4 .5\n', {}),
+    "a letter for a name, before the axis": (
+        "t,mass A x,mass A y,B x,B y\n0,1.2,2.1,9,9\n.01,-1.4,.5,9,9\n",
+        {"tracks": LIGHT},
+    ),
+    "a letter for a name, joined to the axis": (
+        "t,A_x,A_y,B_x,B_y\n0,1.2,2.1,9,9\n.01,-1.4,.5,9,9\n",
+        {"tracks": {"light": "A"}},
+    ),
     "a lone quotation mark": ('t x y\n"\n0 1.2 2.1\n.01 -1.4 .5\n', {"tracks": LIGHT}),
     "comments and blank lines": ("# by hand\n\nt,light_x,light_y\n0,1.2,2.1\n\n# again\n.01,-1.4,.5\n", {}),
 }

@@ -3,31 +3,17 @@
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tests.film_faults.films import Array, CleanStudy, Film, Tree
-from tests.film_faults.forms import (
-    AROUND,
-    COMMENTS,
-    DELIMITERS,
-    ENCODINGS,
-    INDICES,
-    MISSING,
-    NAMES,
-    OBJECTS,
-    TIMES,
-    UNIT_STYLES,
-    Form,
-)
+from tests.film_faults.forms import Form
 
 T = TypeVar("T")
 PLAIN = Form()
-TRACKER = Form(layout="Tracker", number="exponent", objects=("mass A", "mass B"), comments=("multi:",))
-ANY_REFUSAL = r"found .*needed "
-"""What every refusal of a file says: a table whose form leaves something open may be refused for any reason."""
+TRACKER = Form(tracker=True)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,10 +32,6 @@ class Faulty:
     """Largest constant error of the times that nothing in the file tells [s]."""
     entry: Tree = dataclasses.field(default_factory=dict)
     """What the study says of every trial."""
-    names: tuple[str, ...] = ()
-    """Names of columns in place of the right ones, of a table in the plain form."""
-    is_form: bool = False
-    """Whether the points are as they were, and only the form of the table is another one."""
 
 
 Put = Callable[[np.random.Generator, CleanStudy], Faulty]
@@ -82,7 +64,7 @@ def rounded_times(rng: np.random.Generator, study: CleanStudy) -> Faulty:
     decimals = pick(rng, [d for d in (2, 3, 4) if rate * 10.0**-d < 5])
     truncated = bool(rng.random() < 0.2)
     entry = _stated_rate(rng, study, 0.5)
-    form = dataclasses.replace(plain_form(rng), number="fixed", time_decimals=decimals, truncated=truncated)
+    form = dataclasses.replace(plain_form(rng), time_decimals=decimals, truncated=truncated)
     cut = "cut off after" if truncated else "rounded to"
     return Faulty(
         films=study.films, form=form, entry=entry,
@@ -93,7 +75,7 @@ def rounded_times(rng: np.random.Generator, study: CleanStudy) -> Faulty:
 
 def rounded_points(rng: np.random.Generator, study: CleanStudy) -> Faulty:
     decimals = int(rng.integers(2, 5))
-    form = dataclasses.replace(plain_form(rng), number=pick(rng, ("fixed", "short")), length_decimals=decimals)
+    form = dataclasses.replace(plain_form(rng), length_decimals=decimals)
     return Faulty(
         films=study.films, form=form, detail=f"points rounded to {decimals} decimals of a metre", words="decimals|digits|coarse"
     )
@@ -333,7 +315,7 @@ def wrong_unit_of_time(rng: np.random.Generator, study: CleanStudy) -> Faulty:
     # All digits, as these faults are not those of rounding
     form = dataclasses.replace(PLAIN, time_decimals=9)
     if kind.startswith(("ms called", "s called")):
-        form = dataclasses.replace(form, units="(m)", time="s" if kind == "ms called s" else "ms", names="object axis")
+        form = dataclasses.replace(form, with_units=True, time="s" if kind == "ms called s" else "ms")
         form = dataclasses.replace(form, time_decimals=9 if form.time == "s" else 12)
     films = tuple(dataclasses.replace(film, t=film.t * factor) for film in study.films)
     return Faulty(
@@ -401,68 +383,11 @@ def exchanged_columns(rng: np.random.Generator, study: CleanStudy) -> Faulty:
     at = 1 if "light" in which else 4
     names[0], names[at] = names[at], names[0]
     # Under the names that the table has, the times are the values of another column
-    return Faulty(films=study.films, form=PLAIN, names=tuple(names), words=words, detail=f"{which} exchanged")
-
-
-# ------------------------------------------------------------------------------------------------- forms
-
-
-def _form_fault(rng: np.random.Generator, study: CleanStudy, form: Form, detail: str, words: str = ANY_REFUSAL) -> Faulty:
-    return Faulty(
-        films=study.films, form=form, words=words, entry=_stated_rate(rng, study), detail=f"{detail}: {form_text(form)}",
-        is_form=True, clock_offset=0.5 * 10.0**-form.time_decimals,
-    )  # fmt: skip
-
-
-def form_text(form: Form) -> str:
-    """Return how a form differs from the plain one."""
-    changes = {f.name: getattr(form, f.name) for f in dataclasses.fields(form)}
-    return ", ".join(f"{name}={value!r}" for name, value in changes.items() if value != getattr(PLAIN, name)) or "plain"
-
-
-def _names(rng: np.random.Generator, **more: object) -> Form:
-    """Return a form with names of any kind."""
-    form = Form(names=pick(rng, list(NAMES)), objects=pick(rng, OBJECTS), time_name=pick(rng, TIMES))
-    return dataclasses.replace(form, **more)  # type: ignore[arg-type]
-
-
-UNITS = {"units": tuple(UNIT_STYLES), "length": ("m", "cm", "mm"), "time": ("s", "s", "ms")}
-COMMAS = (",", ";", "\t")
-SECOND_TABLES = ("each object beside", "force beside", "each object below", "statistics below", "second run below")
-
-
-def any_of(said: str, *, named: bool = True, **options: object) -> Put:
-    """Return the kind of fault that takes one of several forms at random.
-
-    Parameters
-    ----------
-    named
-        Whether the columns have names of any kind.
-    options
-        Field of `Form` -> values of which one is taken, the share of True, or the value itself.
-    """
-
-    def put(rng: np.random.Generator, study: CleanStudy) -> Faulty:
-        chosen = {name: _chosen(rng, option) for name, option in options.items()}
-        return _form_fault(rng, study, _names(rng, **chosen) if named else Form(**chosen), said)
-
-    return put
-
-
-def _chosen(rng: np.random.Generator, option: Any) -> Any:
-    if isinstance(option, tuple):
-        return pick(rng, option)
-    return bool(rng.random() < option) if isinstance(option, float) else option
-
-
-def short_rows(rng: np.random.Generator, study: CleanStudy) -> Faulty:
-    delimiter = pick(rng, (",", ";", "\t"))
-    form = _names(rng, layout="short rows", delimiter=delimiter, decimal_comma=bool(delimiter != "," and rng.random() < 0.5))
-    return _form_fault(rng, study, form, "short rows")
+    return Faulty(films=study.films, form=Form(names=tuple(names)), words=words, detail=f"{which} exchanged")
 
 
 def contradicting_names(rng: np.random.Generator, study: CleanStudy) -> Faulty:
-    right = ("t", "light_x", "light_y", "heavy_x", "heavy_y")
+    right = PLAIN.names
     wrong = {
         "names moved by one column": ("heavy_y", "t", "light_x", "light_y", "heavy_x"),
         "frame over times": ("frame", *right[1:]),
@@ -474,25 +399,11 @@ def contradicting_names(rng: np.random.Generator, study: CleanStudy) -> Faulty:
     }
     which = pick(rng, list(wrong))
     return Faulty(
-        films=study.films, form=PLAIN, names=wrong[which], words="column|frame|unit|times that grow|needed positions",
-        detail=which, is_form=True,
-    )  # fmt: skip
-
-
-def any_form(rng: np.random.Generator, study: CleanStudy) -> Faulty:
-    """Many of these at once."""
-    delimiter = pick(rng, DELIMITERS)
-    sure = delimiter != " "
-    form = _names(
-        rng, delimiter=delimiter, **{name: pick(rng, styles) for name, styles in UNITS.items()},
-        around=pick(rng, ("", "", *AROUND)), quoted=pick(rng, ("", "names", "all")),
-        encoding=pick(rng, ENCODINGS), newline=pick(rng, ("\n", "\r\n")), separator_line=bool(sure and rng.random() < 0.2),
-        decimal_comma=bool(rng.random() < 0.4), comments=pick(rng, ((), (), *COMMENTS)), missing=pick(rng, ("", *MISSING)),
-        index=pick(rng, (None, None, None, *INDICES)), time_place=int(pick(rng, (0, 0, 0, 1, 2, 4))),
-        heavy_first=bool(rng.random() < 0.3), velocities=pick(rng, ("", "", "empty", "filled")),
-        number=pick(rng, ("fixed", "short", "exponent")), settings=pick(rng, ("", "", "", "", "own row")),
-    )  # fmt: skip
-    return _form_fault(rng, study, form, "many at once")
+        films=study.films,
+        form=Form(names=wrong[which]),
+        words="column|frame|unit|times that grow|needed positions",
+        detail=which,
+    )
 
 
 KINDS: dict[str, Put] = {
@@ -514,37 +425,8 @@ KINDS: dict[str, Put] = {
     "late rows": late_rows,
     "wrong unit of time": wrong_unit_of_time,
     "exchanged columns": exchanged_columns,
-    "form: names": any_of("names", heavy_first=0.3),
-    "form: units": any_of("units", **UNITS),
-    "form: program's words": any_of("words around names", **UNITS, around=tuple(AROUND)[1:]),
-    "form: index": any_of("index column", index=INDICES),
-    "form: time": any_of("time elsewhere", **UNITS, time_place=(1, 2, 3, 4)),
-    "form: sep line": any_of(
-        "sep line", delimiter=(*COMMAS, "|"), decimal_comma=0.5, separator_line=True, quoted=("", "names", "all")
-    ),
-    "form: quotes": any_of("quotes", quoted=("names", "all"), delimiter=DELIMITERS, **UNITS),
-    "form: encoding": any_of("encoding", encoding=ENCODINGS, newline=("\n", "\r\n", "\r")),
-    "form: decimal commas": any_of(
-        "decimal commas", decimal_comma=True, delimiter=DELIMITERS, number=("fixed", "short", "exponent"), **UNITS
-    ),
-    "form: comments": any_of("comments", comments=COMMENTS, delimiter=DELIMITERS, newline=("\n", "\r\n")),
-    "form: settings": any_of(
-        "settings in the table", settings=("own row", "first row"), units=("[m]", "(m)"), quoted=("", "all"), delimiter=COMMAS,
-        decimal_comma=0.5, velocities=("", "empty", "filled"),
-    ),
-    "form: second table": any_of(
-        "second table", layout=SECOND_TABLES, delimiter=COMMAS, units=("", "(m)", "[m]"),
-    ),
-    "form: long table": any_of(
-        "long table", named=False, layout=("long by frame", "long by object", "long with frames"),
-        objects=(*OBJECTS, ("0", "1"), ("1", "2")), units=("", "(m)"), heavy_first=0.3,
-    ),
-    "form: no value": any_of("no value", missing=MISSING, delimiter=DELIMITERS),
-    "form: short rows": short_rows,
-    "form: no names": any_of("no names", named=False, layout="no names", delimiter=DELIMITERS, missing=("", "nan")),
-    "form: contradiction": contradicting_names,
-    "form: many at once": any_form,
-}  # fmt: skip
+    "contradicting names": contradicting_names,
+}
 """Name of each kind of fault -> the function that puts one into a study."""
 NONE = "none"
 """Name of the kind that leaves a study as it is."""

@@ -4,12 +4,10 @@ import copy
 import itertools
 import re
 import shutil
-import time
 import traceback
 import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -24,9 +22,9 @@ from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured import study_io
 from looping_pendulum.measured.observations import Observations
 from looping_pendulum.measured.study import read_files
-from tests.film_faults.faults import KINDS, NONE, Faulty, nothing
+from tests.film_faults.faults import KINDS, NONE, PLAIN, Faulty, nothing
 from tests.film_faults.films import CHANNELS, Array, CleanStudy, Film, Tree, clean_study
-from tests.film_faults.forms import as_written, table_bytes
+from tests.film_faults.forms import as_written, table_text
 
 Task = tuple[int, str, Path, bool]
 """Number of a study, its kind of fault, its folder, and whether it is identified."""
@@ -38,8 +36,6 @@ MIN_SHARE_READ = 0.6
 """Smallest share of a channel's points that must be read: of a table with shifted cells, whole rows are left out."""
 MAX_FOLLOWED = 4
 """Largest number of refusals of one trial whose way out is followed."""
-FORMS_IDENTIFIED = 4
-"""One in so many studies of which the form alone is another one is identified: its points are those of the clean study."""
 IDENTIFY_LIMIT = 60.0
 """Longest search [s]: that for an unlisted force, in a fault that nobody named, takes minutes."""
 USUAL_ASSUMPTION = "lengths without a unit taken in "
@@ -53,7 +49,6 @@ class Outcome(StrEnum):
 
     RIGHT = "put right"
     NAMED = "named"
-    REFUSED = "refused"
     HARMLESS = "harmless"
     SILENT = "silent misreading"
     LEFT_OUT = "points left out"
@@ -66,7 +61,7 @@ class Outcome(StrEnum):
 
     @property
     def is_failure(self) -> bool:
-        return self not in (Outcome.RIGHT, Outcome.NAMED, Outcome.REFUSED, Outcome.HARMLESS)
+        return self not in (Outcome.RIGHT, Outcome.NAMED, Outcome.HARMLESS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,9 +80,6 @@ class Judgement:
     """Of `identify`; empty: it was not asked, or refuses the study."""
     also_without: bool = False
     """Whether the same addition is made without the fault."""
-    seconds: dict[str, float] = field(default_factory=dict)
-    report: str = ""
-    """Traceback."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,10 +107,9 @@ def write(study: CleanStudy, faulty: Faulty, folder: Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     trials = []
     for film in faulty.films:
-        (folder / f"{film.trial.name}.csv").write_bytes(table_bytes(film, faulty.form, faulty.names))
-        units = faulty.form.unstated_units
+        (folder / f"{film.trial.name}.csv").write_text(table_text(film, faulty.form), encoding="utf-8")
         trial = film.entry | {"file": f"{film.trial.name}.csv", "tracks": faulty.form.tracks} | faulty.entry
-        trials.append(trial | ({"units": units} if units else {}))
+        trials.append(trial)
     path = folder / "study.yaml"
     _dump(study.tree | {"trials": trials}, path)
     return path
@@ -130,19 +121,17 @@ def judge_group(group: list[Task]) -> list[Judgement]:
     for number, kind, folder, with_identify in group:
         judgement = judge(number, kind, folder, with_identify=with_identify)
         if judgement.outcome.is_failure:
-            text = "\n".join([line_of(judgement, folder), judgement.message, judgement.report])
             folder.mkdir(parents=True, exist_ok=True)
-            (folder / "failure.txt").write_text(text + "\n", encoding="utf-8")
+            (folder / "failure.txt").write_text(f"{line_of(judgement)}\n{judgement.message}\n", encoding="utf-8")
         else:
             shutil.rmtree(folder)
         judged.append(judgement)
     return judged
 
 
-def line_of(judgement: Judgement, folder: Path | str) -> str:
+def line_of(judgement: Judgement) -> str:
     also = " (also without the fault)" if judgement.also_without else ""
-    took = f"{sum(judgement.seconds.values()):.1f} s"
-    return f"{judgement.number} {judgement.kind}: {judgement.outcome}{also}; {judgement.detail}; {took}; {folder}"
+    return f"{judgement.number} {judgement.kind}: {judgement.outcome}{also}; {judgement.detail}"
 
 
 def _dump(tree: Tree, path: Path) -> None:
@@ -151,39 +140,32 @@ def _dump(tree: Tree, path: Path) -> None:
 
 def judge(number: int, kind: str, folder: Path, *, with_identify: bool = True) -> Judgement:
     """Put a fault in, and say what becomes of the study; files are written into the folder."""
-    seconds: dict[str, float] = {}
-    faulty = None
+    detail = ""
     try:
-        with _timed("simulate", seconds):
-            study, faulty = make(number, kind)
-            path = write(study, faulty, folder)
+        study, faulty = make(number, kind)
+        detail = faulty.detail
+        path = write(study, faulty, folder)
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            with_identify &= not faulty.is_form or number % FORMS_IDENTIFIED == 0
-            result = _judge(study, faulty, kind, path, seconds, with_identify=with_identify)
+            result = _judge(study, faulty, kind, path, with_identify=with_identify)
     except Exception as error:
         outcome = Outcome.WARNED if isinstance(error, Warning) else Outcome.TRACEBACK
-        result = {"outcome": outcome, "message": f"{type(error).__name__}: {error}", "report": traceback.format_exc()}
-    detail = faulty.detail if faulty else ""
-    return Judgement(number=number, kind=kind, detail=detail, seconds=seconds, **{"moved": 0.0} | result)
+        result = {"outcome": outcome, "message": "".join(traceback.format_exception(error))}
+    return Judgement(number=number, kind=kind, detail=detail, **result)
 
 
-def _judge(
-    study: CleanStudy, faulty: Faulty, kind: str, path: Path, seconds: dict[str, float], *, with_identify: bool
-) -> dict[str, Any]:
+def _judge(study: CleanStudy, faulty: Faulty, kind: str, path: Path, *, with_identify: bool) -> dict[str, Any]:
     result: dict[str, Any] = {"moved": max(_moved_as_written(film, faulty) for film in faulty.films)}
-    with _timed("read", seconds):
-        readings, refusals = _read(path, faulty)
+    readings, refusals = _read(path, faulty)
     unnamed = next((r for r in refusals if not re.search(faulty.words, r)), None)
     if unnamed is not None:
         return result | {"outcome": Outcome.MISNAMED, "message": unnamed}
     if readings is None:
-        return result | {"outcome": Outcome.REFUSED if faulty.is_form else Outcome.NAMED, "message": refusals[-1]}
+        return result | {"outcome": Outcome.NAMED, "message": refusals[-1]}
     moved = max(r.moved for r in readings)
     share = min(r.share for r in readings)
     asked = f"after the answer to: {refusals[-1]}; " if refusals else ""
-    with _timed("look", seconds):
-        check = take_first_look(study_io.load(path))
+    check = take_first_look(study_io.load(path))
     faults = [m.text for m in check.mistakes]
     said = [*check.warnings, *(a for r in readings for a in r.observations.assumptions)]
     strange = next((text for text in faults if not re.search(faulty.words, text)), None)
@@ -195,14 +177,12 @@ def _judge(
         return result | {"outcome": Outcome.ALARM, "message": extra}
     if faults:
         result |= {"outcome": Outcome.NAMED, "message": faults[0]}
-        with _timed("look again", seconds):
-            if check.mistakes and (rest := _after_keys(path, check)):
-                return result | {"outcome": Outcome.NO_WAY_OUT, "message": f"{faults[0]} -> {rest}"}
-        if check.mistakes:
-            return result
+        if rest := _after_keys(path, check):
+            return result | {"outcome": Outcome.NO_WAY_OUT, "message": f"{faults[0]} -> {rest}"}
+        return result
     elif moved <= RIGHT_WITHIN and share >= MIN_SHARE_READ:
         # A refusal that asks for what the table leaves open has named it
-        was = (Outcome.REFUSED if faulty.is_form else Outcome.NAMED) if refusals else Outcome.RIGHT
+        was = Outcome.NAMED if refusals else Outcome.RIGHT
         result |= {"outcome": was, "message": (refusals or ["; ".join(t for t in said if USUAL_ASSUMPTION not in t)])[-1]}
     elif moved <= RIGHT_WITHIN:
         return result | {"outcome": Outcome.LEFT_OUT, "message": f"{asked}{read}; {'; '.join(said)}"}
@@ -214,8 +194,7 @@ def _judge(
         outcome = Outcome.NO_WAY_OUT if refusals else Outcome.SILENT
         result |= {"outcome": outcome, "message": f"{asked}{read}; said: {'; '.join(said) or 'nothing'}"}
     if with_identify:
-        with _timed("identify", seconds):
-            result |= _identified(study, path, result)
+        result |= _identified(study, path, result)
     return result
 
 
@@ -311,9 +290,7 @@ def _what_was_done(readings: Sequence[Reading], check: DeclarationCheck) -> str:
 
 def _moved_as_written(film: Film, faulty: Faulty) -> float:
     """Return how far the table's own words move a point, in standard deviations."""
-    if faulty.is_form:
-        return 0.0
-    if faulty.names:
+    if faulty.form.names != PLAIN.names:
         return float("inf")
     t, values = as_written(film, faulty.form)
     away = film.displaced(np.tile(t[:, None], (1, 4)), values)
@@ -391,13 +368,3 @@ def _verdict(path: Path) -> tuple[str, str]:
     except HarnessError as error:
         return "", f"refused: {error}"
     return str(found.verdict), " or ".join("+".join(e.names) or "nothing" for e in found.credible)
-
-
-@contextmanager
-def _timed(name: str, seconds: dict[str, float]) -> Iterator[None]:
-    """Add the processor time of a block to a table of times [s]."""
-    start = time.process_time()
-    try:
-        yield
-    finally:
-        seconds[name] = seconds.get(name, 0.0) + time.process_time() - start

@@ -39,11 +39,7 @@ class Table:
     """As they are written; by default with six decimals."""
     decimals: int = 6
     """Of the points."""
-    delimiter: str = ","
-    objects: tuple[str, str] = ("light", "heavy")
     frame_rate: float | None = None
-    above: str = ""
-    """What stands above the names."""
     may_refuse: bool = False
     """Whether the table may be refused, as it contradicts itself."""
     values: Array = field(default_factory=lambda: np.empty((0, 4)))
@@ -62,13 +58,7 @@ def as_a_recorder_says(rate: float, count: int, unrest: float) -> list[str]:
     return [f"{v:.6f}" for v in (np.arange(count) + late) / rate]
 
 
-MASSES_A_AND_B = ("mass A", "mass B")
 TABLES = {
-    # Reads the heavy mass alone: "a" is the word of an acceleration
-    "mass A before the axis": Table(
-        t=even(240, 100), names=("t", *(f"{o} {a}" for o in MASSES_A_AND_B for a in "xy")), objects=MASSES_A_AND_B
-    ),
-    "A and B joined to the axis": Table(t=even(240, 100), names=("t", "A_x", "A_y", "B_x", "B_y"), objects=("A", "B")),
     # 98.98 frames a second, from 2.7 ms on: times are exact, but their steps have one digit
     "a row is missing at 100 frames a second": Table(t=even(100, 101, gone=(21,))),
     "the same with the rate stated": Table(t=even(100, 101, gone=(21,)), frame_rate=100.0),
@@ -93,18 +83,6 @@ TABLES = {
     "points to a centimetre": Table(t=even(240, 241), decimals=2),
     # Times are taken as numbers of frames, as soon as a rate is stated
     "frame above times": Table(t=even(30, 31), names=("frame", *CHANNELS), frame_rate=30.0, may_refuse=True),
-    # "found 5 cells, needed 7": between spaces, "X 2" has one number more
-    "numbers in names between tabs": Table(
-        t=even(240, 100), names=("t", "X", "Y", "X 2", "Y 2"), delimiter="\t", objects=("1", "2")
-    ),
-    # "found the tracks 'sep=', '2'"
-    "a line that names the tab": Table(
-        t=even(240, 100), names=("t", "X", "Y", "X 2", "Y 2"), delimiter="\t", objects=("1", "2"), above="sep=\t\n"
-    ),
-    # "found 5 cells, needed 9": so R's write.table does it
-    "quoted names between spaces": Table(
-        t=even(240, 100), names=('"t"', '"light x"', '"light y"', '"heavy x"', '"heavy y"'), delimiter=" "
-    ),
 }
 
 
@@ -115,10 +93,9 @@ def test_the_points_of_a_table_are_read(tmp_path, name):
     times = table.times or [f"{v:.6f}" for v in table.t]
     rows = [[text, *(f"{v:.{table.decimals}f}" for v in row)] for text, row in zip(times, values, strict=True)]
     path = tmp_path / "clip.csv"
-    path.write_text(table.above + "\n".join(table.delimiter.join(row) for row in (table.names, *rows)) + "\n", encoding="utf-8")
-    tracks = dict(zip(("light", "heavy"), table.objects, strict=True))
+    path.write_text("\n".join(",".join(row) for row in (table.names, *rows)) + "\n", encoding="utf-8")
     try:
-        observations = read(path, tracks=tracks, frame_rate=table.frame_rate)
+        observations = read(path, frame_rate=table.frame_rate)
     except DataError:
         if table.may_refuse:
             return
