@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from looping_pendulum.compare import write as write
     from looping_pendulum.compare.harness import compare_engines as compare_engines
     from looping_pendulum.discrepancy.identify import identify as identify
+    from looping_pendulum.engines.landmarks import run_landmarks as landmarks  # noqa: F401
+    from looping_pendulum.engines.registry import engine as engine
     from looping_pendulum.measured.film_points import track as track
     from looping_pendulum.measured.study_io import load as load_study  # noqa: F401
     from looping_pendulum.reference_ode.batch import solve_batch as solve_batch
@@ -30,6 +32,8 @@ _FROM = {
     "solve": "reference_ode.solve:solve",
     "solve_at": "reference_ode.solve:solve_at",
     "solve_batch": "reference_ode.batch:solve_batch",
+    "engine": "engines.registry:engine",
+    "landmarks": "engines.landmarks:run_landmarks",
     "compare_engines": "compare.harness:compare_engines",
     "write": "compare:write",
     "write_demo": "teaching.demo:write",

@@ -1,6 +1,7 @@
 """Write the pages of the site that are made from the code's own tables; `make docs` runs this before it builds the site.
 
-The pages are docs/keys.md, docs/metrics.md and docs/engine-facts.md. Git ignores them, so that none is edited or out of date.
+The pages are docs/keys.md, docs/metrics.md, docs/engine-facts.md, and the gallery of the demonstrations, which run for it. Git
+ignores them, so that none is edited or out of date.
 """
 
 from pathlib import Path
@@ -11,7 +12,7 @@ from looping_pendulum.engines.trajectory import supplies_as_rows
 from looping_pendulum.pages.markdown import table
 from looping_pendulum.scenarios.metrics import METRICS
 from looping_pendulum.sweep.cells import FIELDS
-from scripts import keys_page
+from scripts import demonstrations_page, keys_page
 
 DOCS = Path(__file__).parents[1] / "docs"
 TITLES = {
@@ -31,10 +32,11 @@ def main() -> None:
     """Write the pages."""
     for name, text in pages().items():
         (DOCS / f"{name}.md").write_text(text, encoding="utf-8")
+    demonstrations_page.write()
 
 
 def pages() -> dict[str, str]:
-    """Return the name of each page -> its text."""
+    """Return the name of each page that is made from tables -> its text."""
     return {"keys": keys_page.page(), "metrics": metrics_page(), "engine-facts": engine_facts_page()}
 
 

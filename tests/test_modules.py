@@ -26,7 +26,8 @@ def module_names():
         if path.name == "__init__.py":
             parts = parts[:-1]
         # A folder without __init__.py at the top is one of scripts; deeper ones hold examples and files of other programs
-        if is_ours or len(parts) == 2:
+        # Demonstrations, whose names begin with a digit, run as soon as they are imported; `tests/demonstrations` runs them
+        if (is_ours or len(parts) == 2) and path.stem.isidentifier():
             yield ".".join(parts)
 
 

@@ -20,7 +20,12 @@ BUILD = "import sys; from hatchling.build import build_wheel; build_wheel(sys.ar
 REQUIRED = frozenset(
     {
         *("scenarios/ten_to_one.yaml", "sweep/maps/quick.yaml", "engines/validated.json", "engines/additions.json"),
-        *("pages/assets/base.html", "pages/assets/tables.js", "teaching/assets/demonstration.html"),
+        *(
+            "pages/assets/base.html",
+            "pages/assets/tables.js",
+            "demonstrations/assets/demonstrations.html",
+            "demonstrations/04_polygon.py",
+        ),
         *("teaching/example/study.yaml", "teaching/example/trials/first.csv", "teaching/example/README.md", "py.typed"),
         *(
             "live/model.js",

@@ -146,54 +146,44 @@ def init(
 
 def demonstrations(
     name: Annotated[
-        list[str] | None, typer.Argument(metavar="[NAME]...", help="Names of demonstrations (see --list); default: all nine.")
+        list[str] | None, typer.Argument(metavar="[NAME]...", help="Names or numbers (see --list); default: all nine.")
     ] = None,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the pages.")] = Path("demonstrations"),
-    html: Annotated[bool, typer.Option(help="Whether to write HTML files beside the Markdown files.")] = True,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for scripts, pictures and the page.")] = Path(
+        "demonstrations"
+    ),
     listed: Annotated[bool, typer.Option("--list", help="List the demonstrations, and run nothing.")] = False,
 ) -> None:
     """Show what each model assumes: a question, a guess, an experiment that is run now, and the answer.
 
-    Writes a page per demonstration, as Markdown with a figure and as one HTML file. The exit status is 1 if a run contradicts
-    what a page says.
+    Each is a script. It is copied to the folder, unless it is there, for you to read and change; with it come its picture and
+    a page of all that were run.
+    The exit status is 1 if a run contradicts what a script says.
 
     looping-pendulum demonstrations polygon --out demonstrations
     """
+    from looping_pendulum.demonstrations.runner import find_demonstrations, render, run_demonstration
     from looping_pendulum.files import prepare_output_folder, write_atomically
-    from looping_pendulum.teaching.demonstrations.demonstration import run_demonstration
-    from looping_pendulum.teaching.demonstrations.page import (
-        NOT_BORNE_OUT,
-        find_demonstrations,
-        index,
-        write_index,
-        write_pages,
-    )
 
     chosen = find_demonstrations(name or ())
     if listed:
         for demonstration in chosen:
-            say(f"{demonstration.name:26} {demonstration.title}")
+            say(f"{demonstration.name:24} {demonstration.title}")
         return
     prepare_output_folder(out)  # refuse an unusable folder before the work, not after it
-    all_hold = True
-    with ProgressBars() as bars:
-        for i, demonstration in enumerate(chosen):
-
-            def report_progress(description: str, fraction: float, i: int = i) -> None:
-                bars.update(description, (i + fraction) / len(chosen))
-
-            result = run_demonstration(demonstration, report_progress)
-            pages = write_pages(result, out, with_html=html)
-            say(f"{demonstration.title}: wrote {pages[-1]}")
-            for claim in result.answer:
-                if not claim.holds:
-                    say(f"  {NOT_BORNE_OUT} {claim.text}", err=True)
-            all_hold = all_hold and result.all_claims_hold
-    if html:
-        say(f"wrote {write_index(out)}")
-    elif not name:
-        write_atomically(out / "index.md", index())
-    raise typer.Exit(0 if all_hold else common.OUTSIDE_TOLERANCE)
+    runs = []
+    for demonstration in chosen:
+        say(f"{demonstration.title}\n{demonstration.words['Question']}\n")
+        run = run_demonstration(demonstration, out)
+        say(f"{run.printed}\n")
+        if run.false_claim:
+            say(f"{demonstration.name}: not borne out by this run: {run.false_claim}", err=True)
+        runs.append(run)
+        mine = out / demonstration.script.name
+        if not mine.exists():  # what a reader changed stays
+            write_atomically(mine, demonstration.source)
+    write_atomically(out / "index.html", render(runs))
+    say(f"wrote {out / 'index.html'}")
+    raise typer.Exit(common.OUTSIDE_TOLERANCE if any(run.false_claim for run in runs) else 0)
 
 
 def live(

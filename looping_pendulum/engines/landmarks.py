@@ -23,7 +23,7 @@ from looping_pendulum.engines.string_motion import (
 )
 from looping_pendulum.engines.trajectory import RunStatus, Trajectory, finite_length
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.reference_ode.parameters import HasParameters, Parameters, Release, parameters_of
 
 EXTREMUM_BAND = 1e-3
 """Smallest turn of a coordinate that counts as an extremum [m]; smaller ones are noise."""
@@ -128,8 +128,17 @@ def _parabola_apex(t: Array, values: Array, i: int) -> Extremum:
     return Extremum(time=float(t[i] + shift), value=float(values[i] + slope * shift + curvature * shift**2))
 
 
-def run_landmarks(run: Trajectory, parameters: Parameters) -> Landmarks:
-    """Return the landmarks of a run, an engine's or the reference's, from its samples alone."""
+def run_landmarks(run: Trajectory, parameters: Parameters | HasParameters) -> Landmarks:
+    """Return the landmarks of a run, an engine's or the reference's, from its samples alone.
+
+    Parameters
+    ----------
+    run
+        The run.
+    parameters
+        Those that it ran with; or its scenario, which has them.
+    """
+    parameters = parameters_of(parameters)
     count = finite_length(run)
     t = run.t[:count]
     if count < 3:

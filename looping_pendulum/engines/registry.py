@@ -9,9 +9,10 @@ from collections.abc import Collection, Iterable, Sequence
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
+from typing import Any
 
-from looping_pendulum.engines.protocol import Abilities, Engine, Profile
-from looping_pendulum.errors import EngineError, ScenarioError
+from looping_pendulum.engines.protocol import Abilities, Engine, Profile, SteppedEngine
+from looping_pendulum.errors import EngineError, MissingPackageError, ScenarioError
 from looping_pendulum.installation import install_command
 from looping_pendulum.scenarios.scenario import Scenario
 
@@ -191,6 +192,47 @@ def select(names: Iterable[str], profile: Profile) -> list[Engine]:
             raise EngineError(f"--engine: {unknown_engine_message(name, engines)}")
         chosen += [engine for engine in matches if engine not in chosen]
     return chosen
+
+
+def engine(name: str, *, profile: Profile | str = Profile.QUICK, **settings: Any) -> Engine:
+    """Return one engine, ready for ``engine(...).simulate(scenario)`` in this process.
+
+    Parameters
+    ----------
+    name
+        "mujoco:capstan" for a variant; the engine's name alone, if it has one main variant; "reference" for the exact model.
+    profile
+        "quick" or "accurate": chooses the settings.
+    settings
+        Settings that differ from the profile's, `time_step=1e-4` for example.
+
+    Raises
+    ------
+    EngineError
+        If no engine, or more than one, has this name, or it has no such setting.
+    MissingPackageError
+        If the engine is not installed.
+    """
+    found = select([name], Profile(profile))
+    if name == "reference":
+        found = found[:1]
+    elif len(found) > 1:
+        found = [one for one in found if one.abilities.main]
+    if len(found) != 1:
+        choice = ", ".join(label(one) for one in select([name], Profile(profile)))
+        raise EngineError(f"found several variants of {name!r}, needed one of {choice}")
+    chosen = found[0]
+    for package in missing_packages(chosen):
+        raise MissingPackageError(f"{label(chosen)}: {package} is not installed; to get it: {how_to_get(package)}")
+    if not settings:
+        return chosen
+    if not isinstance(chosen, SteppedEngine):
+        raise EngineError(f"{label(chosen)}: found settings, needed an engine that has some that can be changed")
+    known = [field.name for field in dataclasses.fields(chosen.settings)]
+    for setting in settings:
+        if setting not in known:
+            raise EngineError(f"{label(chosen)}: found no setting {setting!r}, needed one of {', '.join(known)}")
+    return chosen.with_settings(**settings)
 
 
 def expand_tolerances(scenario: Scenario, profile: Profile) -> Scenario:

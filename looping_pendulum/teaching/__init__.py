@@ -1,1 +1,1 @@
-"""What a teacher shows: the demonstration page, demonstrations of modelling assumptions, new scenarios and studies."""
+"""What a teacher shows: the demonstration page, new scenarios and studies."""

@@ -220,7 +220,7 @@ def test_commands_notice_before_the_work_that_they_cannot_write(tmp_path, monkey
         "looping_pendulum.engines.isolation.run_all",
         "looping_pendulum.compare.convergence.study.study_convergence",
         "looping_pendulum.discrepancy.identify.identify",
-        "looping_pendulum.teaching.demonstrations.demonstration.run_demonstration",
+        "looping_pendulum.demonstrations.runner.run_demonstration",
         "looping_pendulum.teaching.tracker.find_motion",
     ):
         monkeypatch.setattr(place, work)

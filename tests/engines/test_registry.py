@@ -18,6 +18,7 @@ from looping_pendulum.engines.registry import (
     ENTRY_POINTS,
     AdapterWarning,
     all_engines,
+    engine,
     how_to_get,
     label,
     load_engines,
@@ -209,3 +210,24 @@ def test_studies_vary_what_they_say(engine):
                 assert other.variant == one.variant
                 # The quick drum's step is as near to MuJoCo's default as samples allow
                 assert vars(other) != vars(one) or (one.variant, profile) == ("drum", Profile.QUICK)
+
+
+def test_one_engine_is_had_by_its_name_with_settings_of_ones_own():
+    assert label(engine("mujoco:documented", profile="accurate")) == "mujoco:documented"
+    assert label(engine("pybullet")) in {label(one) for one in main_engines(Profile.QUICK)}
+    assert engine("reference").name == "reference"
+    assert engine("mujoco:capstan", time_step=1e-4).settings.time_step == 1e-4
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "message"),
+    [
+        ("mujocko", {}, "no engine is called 'mujocko'"),
+        ("all", {}, "found several variants of 'all', needed one of mujoco:"),
+        ("mujoco:capstan", {"timestep": 1}, "mujoco:capstan: found no setting 'timestep', needed one of time_step, "),
+        ("reference", {"time_step": 1}, "found settings, needed an engine that has some that can be changed"),
+    ],
+)
+def test_an_engine_that_cannot_be_had_says_why(name, settings, message):
+    with pytest.raises(EngineError, match=message):
+        engine(name, **settings)

@@ -31,7 +31,7 @@ WORK = (
     "looping_pendulum.engines.conformance.run_checks",
     "looping_pendulum.sweep.runner.run_map",
     "looping_pendulum.discrepancy.identify.identify",
-    "looping_pendulum.teaching.demonstrations.demonstration.run_demonstration",
+    "looping_pendulum.demonstrations.runner.run_demonstration",
     "looping_pendulum.teaching.tracker.run_isolated",
     "looping_pendulum.teaching.tracker.solve",
     "looping_pendulum.discrepancy.inputs.read_inputs",
@@ -51,7 +51,7 @@ SEED_LINES = (
     "demo two_to_one --no-open --again",
     "new scenario own.yaml --like two_to_one --light-mass 12g", "new study trials/first.csv --out s.yaml --free-length 58cm",
     "init fresh", "tracker runs.csv --fps 240 --start 0.35 --out o.csv", "tracker ten_to_one -e pymunk:chain", "tracker full",
-    "demonstrations --list", "demonstrations polygon --out d --no-html", "--help", "run --help", "--version",
+    "demonstrations --list", "demonstrations polygon --out d", "--help", "run --help", "--version",
     "map quick --cluster nonsense",
 )  # fmt: skip
 VALUES = (
@@ -82,7 +82,7 @@ def encoded(arguments: Sequence[str]) -> bytes:
 
 def seeds() -> list[bytes]:
     """Real command lines, and the files that they name, in a folder from which each run starts anew."""
-    for module in (*(work.rpartition(".")[0] for work in WORK), "looping_pendulum.teaching.demonstrations.page"):
+    for module in (work.rpartition(".")[0] for work in WORK):
         import_module(module)  # takes longer than any command line may
     shutil.rmtree("pristine", ignore_errors=True)
     here = Path("pristine")
