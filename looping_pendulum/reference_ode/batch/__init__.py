@@ -85,6 +85,7 @@ def solve_batch(
     """
     base = parameters_of(base)
     n = _checked_length(base, columns)
+    columns = {name: np.asarray(values, dtype=float) for name, values in columns.items()}
     if processes < 1:
         raise ParameterError(f"processes: found {processes}, needed 1 or more")
     worker_count = max(1, min(processes, n))  # a process without a run would only cost its start
@@ -120,6 +121,7 @@ def sample_batch(
         As `solve_batch` does, or if there are not as many times as runs.
     """
     n = _checked_length(base, columns)
+    columns = {name: np.asarray(values, dtype=float) for name, values in columns.items()}
     if len(times) != n:
         raise ParameterError(f"times: found those of {len(times)} runs, needed {n}")
     samples = BatchSamples.at([np.asarray(t, dtype=float) for t in times])
