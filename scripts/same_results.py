@@ -80,7 +80,7 @@ def comparisons() -> Texts:
 
     The keys of kept runs are left out, too, as they hash the engines' sources; the report is written again without either.
     """
-    from looping_pendulum.compare.report import render
+    from looping_pendulum.compare.report import comparison_markdown
     from looping_pendulum.compare.result import ComparisonResult
 
     texts = {}
@@ -93,7 +93,7 @@ def comparisons() -> Texts:
             for times in result["clock"]["wall_times"]:
                 times |= {key: 0.0 for key, value in times.items() if isinstance(value, float)}
             texts[f"{name}.json"] = json.dumps(result, indent=1)
-            texts[f"{name}.md"] = render(ComparisonResult.from_json(texts[f"{name}.json"]))
+            texts[f"{name}.md"] = comparison_markdown(ComparisonResult.from_json(texts[f"{name}.json"]))
             texts |= _written(Path(folder), name, skip=("result.json", "report.md", "report.html"))
     return texts
 

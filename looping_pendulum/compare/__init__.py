@@ -25,7 +25,7 @@ def write(result: ComparisonResult, folder: Path | str, changes: ResultChanges |
     has them as data. The numbers are written first; a figure or a page that cannot be made is left out with a warning.
     """
     from looping_pendulum.compare.figures import charts
-    from looping_pendulum.compare.report import render, render_page
+    from looping_pendulum.compare.report import comparison_markdown, render_page
     from looping_pendulum.pages.drawing import draw, png
 
     folder = Path(folder)
@@ -50,7 +50,7 @@ def write(result: ComparisonResult, folder: Path | str, changes: ResultChanges |
             write_atomically(folder / file, png(draw(chart)))
             captions[file] = chart.caption
     report = folder / "report.md"
-    write_atomically(report, render(result, captions, changes))
+    write_atomically(report, comparison_markdown(result, captions, changes))
     with optional_output("report.html"):
         write_atomically(folder / "report.html", render_page(result, made, changes))
     return report

@@ -241,7 +241,7 @@ def rows(changes: ResultChanges) -> list[list[str]]:
 HEADER = ["run", "what", "before", "now", "change", "not listed up to"]
 
 
-def render(changes: ResultChanges) -> str:
+def changes_markdown(changes: ResultChanges) -> str:
     """Return the report's section."""
     text = f"{heading(changes)}\n"
     return f"{text}\n{table(HEADER, rows(changes), left=4)}" if changes.changes else text

@@ -54,7 +54,7 @@ HELP_NOTE = (
 )
 
 
-def render(
+def comparison_markdown(
     result: ComparisonResult, figures: Mapping[str, str] | None = None, changes: baseline.ResultChanges | None = None
 ) -> str:
     """Return the report.
@@ -83,7 +83,7 @@ def render_page(
     head, *sections = before_figures(result, changes)
     if running:
         head += f"\n**Still running:** {', '.join(running)}. This page is about the others; reload it for these.\n"
-    return pages.render(
+    return pages.report_page(
         f"{result.title}: engines against the reference",
         [head, *sections],
         [on_page(chart) for chart in charts],
@@ -100,7 +100,7 @@ def before_figures(result: ComparisonResult, changes: baseline.ResultChanges | N
         "## Verdict\n\n" + _verdict(result),
         *trial_section(result),
         "## Where, when and why\n\n" + _stories(result),
-        *([] if changes is None else ["## Changes since the baseline\n\n" + baseline.render(changes)]),
+        *([] if changes is None else ["## Changes since the baseline\n\n" + baseline.changes_markdown(changes)]),
     ]
 
 

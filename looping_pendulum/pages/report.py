@@ -17,7 +17,7 @@ from looping_pendulum.pages.figures import Figure, plotly_source
 from looping_pendulum.pages.shell import SHARED_PACKAGE, asset, page
 
 
-def render(
+def report_page(
     title: str,
     before: Sequence[str],
     figures: Sequence[Figure],

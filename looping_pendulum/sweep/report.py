@@ -74,7 +74,7 @@ def write(plan: MapPlan, store: Path, folder: Path, *, figures: bool) -> list[En
             drawn = draw(plan, store)
     for name, (_, png) in drawn.items():
         write_atomically(folder / name, png)
-    write_atomically(folder / REPORT, render(plan, summaries, {name: caption for name, (caption, _) in drawn.items()}))
+    write_atomically(folder / REPORT, map_markdown(plan, summaries, {name: caption for name, (caption, _) in drawn.items()}))
     return summaries
 
 
@@ -108,7 +108,7 @@ def _add(summary: EngineSummary, values: dict[str, Any], given: dict[str, Array]
         summary.where_halting[name].add(varied[halted])
 
 
-def render(plan: MapPlan, summaries: list[EngineSummary], captions: dict[str, str]) -> str:
+def map_markdown(plan: MapPlan, summaries: list[EngineSummary], captions: dict[str, str]) -> str:
     """Return the report in Markdown: verdict, figures, tables, provenance."""
     parts = [f"# {plan.title}", *(verdict(one, several=plan.several) for one in summaries)]
     if plan.description:

@@ -44,7 +44,7 @@ KIND_OF_EVENT = {"slip_onset": "slip", "light_reaches_rod": "rod"} | {n: n for n
 """Name of a reference's event -> its kind on the timeline; any other is "other". Of an engine's run there is "broke", too."""
 
 
-def render(result: ComparisonResult) -> str:
+def demo_page(result: ComparisonResult) -> str:
     """Return the page of a comparison that has its trajectories.
 
     Raises
@@ -64,7 +64,7 @@ def render(result: ComparisonResult) -> str:
 
 def write(result: ComparisonResult, path: Path) -> None:
     """Write the page to ``path``."""
-    write_atomically(path, render(result))
+    write_atomically(path, demo_page(result))
 
 
 def show(path: Path) -> bool:

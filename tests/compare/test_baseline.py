@@ -11,9 +11,17 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare import baseline, compare, write
-from looping_pendulum.compare.baseline import MIN_CHANGE, ResultChange, changes_since, heading, read_baseline, render, rows
+from looping_pendulum.compare.baseline import (
+    MIN_CHANGE,
+    ResultChange,
+    changes_markdown,
+    changes_since,
+    heading,
+    read_baseline,
+    rows,
+)
 from looping_pendulum.compare.json_text import dump, load, plain
-from looping_pendulum.compare.report import render as render_report
+from looping_pendulum.compare.report import comparison_markdown
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.engines.landmarks import Extremum, Landmarks, Stop
 from looping_pendulum.engines.trajectory import Provenance, RunStatus
@@ -124,8 +132,8 @@ def test_the_report_has_a_section_and_the_folder_a_file(tmp_path, scenario, refe
     assert tree["relative"] == 0.01
     assert {(c["run"], c["what"]) for c in tree["changes"]} >= {(RUN, "metrics: rms_0.7s")}
     assert ComparisonResult.from_json((tmp_path / "result.json").read_text()) == after
-    assert "since the baseline" not in render_report(after)
-    assert "Nothing changed" in render(changes_since(after, after))
+    assert "since the baseline" not in comparison_markdown(after)
+    assert "Nothing changed" in changes_markdown(changes_since(after, after))
 
 
 def test_a_baseline_is_a_file_or_its_folder(tmp_path, scenario, reference, make_run):
@@ -222,7 +230,7 @@ def test_the_heading_counts(count, said):
     changes = made(*[change(1, 2)] * count)
     assert heading(changes) == f"{said} since old (written then)."
     assert heading(dataclasses.replace(changes, baseline="")) == f"{said} since the baseline (written then)."
-    text = render(changes)
+    text = changes_markdown(changes)
     assert text.startswith(f"{said} since old (written then).\n")
     assert text.count(f"| {ME} | x | ") == count
 

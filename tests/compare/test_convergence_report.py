@@ -8,13 +8,13 @@ import pytest
 from looping_pendulum.compare.convergence import study
 from looping_pendulum.compare.convergence.report import (
     choices_table,
+    convergence_markdown,
     defaults_table,
     format_setting,
     halting_table,
     halting_verdict,
     ladders_table,
     opening,
-    render,
     splits_table,
     verdict_cell,
 )
@@ -124,7 +124,7 @@ def cells(text, first, after=""):
 
 
 def test_the_sections_come_in_their_order():
-    text = render(result(variant("a"), variant("b")))
+    text = convergence_markdown(result(variant("a"), variant("b")))
     heads = [line for line in text.splitlines() if line.startswith("#")]
     assert heads == [
         "# Made up: what the engines' errors are made of",
@@ -274,7 +274,7 @@ def test_angles_stay_in_radians():
 
 
 def test_a_ladder_is_reported_rung_by_rung():
-    text = render(result())
+    text = convergence_markdown(result())
     (coarse,), (own,), (left_out,) = (cells(text, value, "### Refining") for value in ("0.8 ms", "0.4 ms", "0.2 ms"))
     assert coarse == ["0.8 ms", "3.7", "7.41", "22.2", "29.6", "0.40370", "-11.1", ""]
     assert own == ["0.4 ms", "2.47", "4.94", "14.8", "19.8", "0.40247", "-7.41", ""]
@@ -285,23 +285,25 @@ def test_a_ladder_is_reported_rung_by_rung():
         "- drop at the halt: drop_at_halt is well\n\n"
     )
     plain = dataclasses.replace(variant().ladders[0], follows="", own=None, unit="")
-    assert "### Refining dt\n" in render(result(variant(ladders=(plain,))))
-    assert "The adapter offers no ladder (studies(), in docs/write-an-engine.md).\n" in render(result(variant(ladders=())))
+    assert "### Refining dt\n" in convergence_markdown(result(variant(ladders=(plain,))))
+    assert "The adapter offers no ladder (studies(), in docs/write-an-engine.md).\n" in convergence_markdown(
+        result(variant(ladders=()))
+    )
 
 
 def test_a_ladder_that_another_refines_further_says_so():
     ladder = dataclasses.replace(variant().ladders[0], refined_further_by="time_step")
     said = "- left out of the verdicts above, as the ladder of time_step refines it as far or further\n"
-    assert said in render(result(variant(ladders=(ladder,))))
-    assert said not in render(result())
+    assert said in convergence_markdown(result(variant(ladders=(ladder,))))
+    assert said not in convergence_markdown(result())
 
 
 def test_small_changes_of_the_start_are_reported_with_their_errors():
     broken = StartChange(what="angle -", run=run("t", 4, **FAILED))
-    text = render(result(variant(starts=(*variant().starts, broken))))
+    text = convergence_markdown(result(variant(starts=(*variant().starts, broken))))
     assert cells(text, "angle +") == [["angle +", "4.94", "9.88", "-14.8", "+19.8", ""]]
     assert cells(text, "angle -")[0][-1] == "it died"
-    assert "Small changes of the start" not in render(result(variant(starts=())))
+    assert "Small changes of the start" not in convergence_markdown(result(variant(starts=())))
 
 
 def test_the_halting_table_tells_of_the_halting_time_alone():
@@ -317,7 +319,7 @@ def test_the_halting_table_tells_of_the_halting_time_alone():
 
 
 def test_defaults_and_choices_are_stated_in_milliseconds_and_millimetres():
-    text = render(result())
+    text = convergence_markdown(result())
     assert cells(text, "toy:a", "## Hidden") == [
         ["toy:a", "d", "i", "o", "e", "-3.46", "2.47", "11.1", ""],
         ["toy:a", "c", "o", "i", "1.23", "2.35", "-3.46", ""],
@@ -325,11 +327,11 @@ def test_defaults_and_choices_are_stated_in_milliseconds_and_millimetres():
     ]
     assert "| variant | versions | winding | drag |" in text
     assert "- **toy:a**: dt 0.333333, n 7\n" in text
-    none = render(result(variant(choices=(), defaults=())))
+    none = convergence_markdown(result(variant(choices=(), defaults=())))
     assert none.count("None of these variants declares one.\n") == 2
     bare = variant(provenance=RunProvenance(versions={}, settings={}, supplies=()))
-    assert cells(render(result(bare)), "toy:a", "## Provenance") == [["toy:a", "–"]]
-    assert "- **toy:a**: –\n" in render(result(bare))
+    assert cells(convergence_markdown(result(bare)), "toy:a", "## Provenance") == [["toy:a", "–"]]
+    assert "- **toy:a**: –\n" in convergence_markdown(result(bare))
 
 
 @pytest.mark.parametrize(("fields", "note"), [(NEVER_HALTS, "never halts"), (FAILED, "it died")])
@@ -339,7 +341,7 @@ def test_a_choice_that_does_not_halt_or_fails_says_so(fields, note):
 
 
 def test_words_are_to_the_left_and_numbers_to_the_right():
-    lines = render(result()).splitlines()
+    lines = convergence_markdown(result()).splitlines()
     rules = [line.split("|").count(" --- ") for line in lines if line.startswith(("| ---", "| ---:"))]
     # Three splits, halting, ladder, starts, defaults, choices, provenance.
     assert rules == [2, 2, 2, 2, 0, 1, 5, 4, 4]
@@ -360,7 +362,7 @@ def test_the_last_digit_tells_a_factor_that_is_a_thousandth_off(two, three, show
         defaults=(one,), spread=dict.fromkeys(QUANTITIES, two), ladders=(ladder,),
         starts=(StartChange(what="angle +", run=one.run),),
     )  # fmt: skip
-    text = render(result(made))
+    text = convergence_markdown(result(made))
     small, large = shown
     assert [row[2:] for row in cells(text, "toy:a")[:3]] == [[small] * 6] * 3
     assert cells(text, "toy:a", "## Does")[0][1:4] == [f"yes, to within ± {small} ms", f"+{large}", small]
@@ -376,12 +378,12 @@ def test_the_last_digit_tells_a_factor_that_is_a_thousandth_off(two, three, show
 
 def test_each_figure_stands_with_its_variant():
     figures = {"f/a.png": ("toy:b", "Of b."), "f/b.png": ("toy:a", "Of a."), "f/c.png": ("toy:b", "Also b.")}
-    text = render(result(variant("a"), variant("b")), figures)
+    text = convergence_markdown(result(variant("a"), variant("b")), figures)
     first, second = text[text.index("## toy:a") : text.index("## toy:b")], text[text.index("## toy:b") :]
     assert [caption in first for caption in ("Of a.", "Of b.", "Also b.")] == [True, False, False]
     assert [second.count(caption) for caption in ("Of a.", "Of b.", "Also b.")] == [0, 2, 2]
     assert "![Of a.](f/b.png)\n\n*Of a.*\n" in first
-    assert "![" not in render(result())
+    assert "![" not in convergence_markdown(result())
 
 
 def test_a_result_comes_back_from_its_file_and_the_report_is_beside_it(tmp_path, monkeypatch):

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from looping_pendulum.cli.main import app
 from looping_pendulum.compare import run_cache
 from looping_pendulum.compare.convergence import report as plots
-from looping_pendulum.compare.convergence.report import halting_verdict, render
+from looping_pendulum.compare.convergence.report import convergence_markdown, halting_verdict
 from looping_pendulum.compare.convergence.result import HALT, ConvergenceResult, ErrorCause, SequenceKind
 from looping_pendulum.compare.convergence.study import (
     changed_starts,
@@ -175,7 +175,7 @@ def test_what_the_report_says_is_what_was_found(tmp_path, scenario, counted, mon
     assert "order 1" in report
     assert "| delayed:exact | not converged |" in report
     assert "| delayed:exact | step | 0.8 ms | 0.4 ms | lateness | +0.2 | 0.52 | 1.04 |" in report
-    assert render(result)
+    assert convergence_markdown(result)
 
 
 @pytest.mark.long
@@ -198,7 +198,7 @@ def test_a_budget_leaves_out_what_would_cost_too_much(tmp_path, scenario, counte
     rungs = result.variants[0].ladders[0].rungs
     assert [rung.run.status for rung in rungs] == ["FINISHED"] * 3 + ["SKIPPED"], "cost: 0.1 ms of time step are a second"
     assert rungs[-1].run.why == "left out: expected 1 s"
-    assert "1 run was left out" in render(result)
+    assert "1 run was left out" in convergence_markdown(result)
 
 
 def archive(**arrays):

@@ -67,7 +67,7 @@ def test_who_helped_a_run_stands_beside_its_verdict(result):
     head, (_, own) = report.verdict_rows(with_engine(result, provenance=made, from_reference=("the length of a step",)))
     assert head[2] == "helped by"
     assert own[2] == "the adapter: friction law, stick slip; the reference: the length of a step"
-    assert "*Helped by*: laws that the adapter supplies" in report.render(result)
+    assert "*Helped by*: laws that the adapter supplies" in report.comparison_markdown(result)
 
 
 @pytest.mark.parametrize(
@@ -86,7 +86,7 @@ def test_who_helped_a_run_stands_beside_its_verdict(result):
 def test_whether_it_is_within_tolerance(result, outcomes, said):
     judged = dataclasses.replace(result, tolerances=tuple(limit(outcome) for outcome in outcomes))
     assert report.verdict_rows(judged)[1][1][1] == said
-    text = report.render(judged)
+    text = report.comparison_markdown(judged)
     shown = f"**no**{said[2:]}" if said.startswith("no (") else said
     assert cells(text, ME)[0][1] == shown
     assert ("**Outside tolerance:**" in text) is (BAD in outcomes)
@@ -98,8 +98,8 @@ def test_whether_it_is_within_tolerance(result, outcomes, said):
 def test_a_run_that_broke_off_is_no_and_says_why(result):
     broken = with_engine(result, ok=False, status="CRASHED", status_sentence="it died")
     assert report.verdict_rows(broken)[1][1][1] == "no: it died"
-    assert "| **no**: it died |" in report.render(broken)
-    assert "**Outside tolerance:** pymunk:chain (it died)." in report.render(broken)
+    assert "| **no**: it died |" in report.comparison_markdown(broken)
+    assert "**Outside tolerance:** pymunk:chain (it died)." in report.comparison_markdown(broken)
     feared = dataclasses.replace(broken, tolerances=(limit(FEARED, expected_failure="dies"),))
     assert report.verdict_rows(feared)[1][1][1] == "as expected, no; 1 expected failure"
     assert report.verdict_rows(dataclasses.replace(broken, tolerances=(limit(FEARED),)))[1][1][1].startswith(
@@ -112,14 +112,14 @@ def test_what_is_outside_is_listed_and_what_was_not_run_too(result):
         result, tolerances=(limit(BAD), limit(ToleranceOutcome.UNEXPECTED_PASS, "drop_error"), limit(GOOD))
     )
     said = "**Outside tolerance:** pymunk:chain (rms_0.7s: fail); pymunk:chain (drop_error: unexpected pass).\n"
-    assert said in report.render(judged)
+    assert said in report.comparison_markdown(judged)
     missing = with_engine(result, available=False, status_sentence="it is not there")
-    assert " Not run: pymunk:chain.\n" in report.render(missing)
+    assert " Not run: pymunk:chain.\n" in report.comparison_markdown(missing)
     assert report.verdict_rows(missing)[1][1][1] == "not run: it is not there"
 
 
 def test_the_detail_has_every_number_in_its_unit(result):
-    text = report.render(result)
+    text = report.comparison_markdown(result)
     (true, own) = cells(text, "reference", "## Detail")[0], cells(text, ME, "## Detail")[0]
     assert own == [
         ME, "97", "0.123", "0.235", "0.346", "12", "4.4", "0.3123", "5.1235", "-8.8", "0.2123", "+9.9", "1.2",
@@ -127,56 +127,56 @@ def test_the_detail_has_every_number_in_its_unit(result):
     assert true == ["reference", *["–"] * 6, "0.6123", "5.1235", "–", "0.2123", "–", "–"]
     assert "The half-widths of the tube are 5 ms and 5 mm." in text
     one = with_engine(result, departures=(gone(1e-2, 0.5),))
-    assert cells(report.render(one), ME, "## Detail")[0][3:5] == ["–", "0.500"]
+    assert cells(report.comparison_markdown(one), ME, "## Detail")[0][3:5] == ["–", "0.500"]
     nobody = dataclasses.replace(result, engines=(), clock=dataclasses.replace(result.clock, wall_times=()))
-    assert "No engine was run." in report.render(nobody)
+    assert "No engine was run." in report.comparison_markdown(nobody)
 
 
 def test_every_limit_is_stated_with_its_value_and_why(result):
     rows = (limit(GOOD), limit(BAD, "tube_fraction", None, "no value: too short"), limit(GOOD, "no_metric_of_ours", 5.0))
-    text = report.render(dataclasses.replace(result, tolerances=rows))
+    text = report.comparison_markdown(dataclasses.replace(result, tolerances=rows))
     table_rows = cells(text, ME, "## Tolerances")[:3]
     assert table_rows[0] == [ME, "rms_0.7s", "pass", "2.2 mm", "at most 1 mm", "by design", ""]
     assert table_rows[1] == [ME, "tube_fraction", "**fail**", "–", "at least 0.1 %", "by design", "no value: too short"]
     assert table_rows[2][3:5] == ["5 SI", "at most 0.001 SI"]
-    assert "The scenario declares no tolerances for these engines and this profile." in report.render(result)
+    assert "The scenario declares no tolerances for these engines and this profile." in report.comparison_markdown(result)
 
 
 def test_the_stories_begin_with_the_reference(result):
-    text = report.render(result)
+    text = report.comparison_markdown(result)
     assert (
         "- **reference** (reference:closed form): released at 0 s, halt at 0.3375 s, light reaches rod at 1.1000 s.\n" in text
     )
     never = dataclasses.replace(result.reference, landmarks=Landmarks(), events=(("release", 0.0),))
-    text = report.render(dataclasses.replace(result, reference=never))
+    text = report.comparison_markdown(dataclasses.replace(result, reference=never))
     assert "- **reference** (reference:closed form): released at 0 s, never halts.\n" in text
 
 
 def test_what_an_engine_said_is_its_last_line_and_no_markup(result):
     said = with_engine(result, story="S.", message="first\nlast `word` " + "x" * 300 + "\n")
-    line = next(line for line in report.render(said).splitlines() if line.startswith(f"- **{ME}**"))
+    line = next(line for line in report.comparison_markdown(said).splitlines() if line.startswith(f"- **{ME}**"))
     assert line == f"- **{ME}**: S. `last 'word' {'x' * 188}`", "two hundred characters"
-    assert report.render(with_engine(result, story="S.", message="")).count(f"- **{ME}**: S.\n") == 1
-    assert f"- **{ME}**: S. \n" in report.render(with_engine(result, story="S.", message=" \n"))
+    assert report.comparison_markdown(with_engine(result, story="S.", message="")).count(f"- **{ME}**: S.\n") == 1
+    assert f"- **{ME}**: S. \n" in report.comparison_markdown(with_engine(result, story="S.", message=" \n"))
 
 
 def test_a_scenario_outside_the_measured_range_is_a_warning(result):
     warned = with_engine(result, story="S.", outside_range=("a thick rod", "much drag"))
     sentence = "**Its accuracy was not measured for such a scenario:** a thick rod; much drag."
-    assert f"- **{ME}**: S. {sentence}\n" in report.render(warned)
-    assert "was not measured" not in report.render(result)
+    assert f"- **{ME}**: S. {sentence}\n" in report.comparison_markdown(warned)
+    assert "was not measured" not in report.comparison_markdown(result)
 
 
 def test_who_supplies_the_physics(result):
-    text = report.render(with_engine(result, additions=("a spring, 3 mm", "a brake")))
+    text = report.comparison_markdown(with_engine(result, additions=("a spring, 3 mm", "a brake")))
     section = text[text.index("## Who supplies") : text.index("## Tolerances")]
     assert cells(section, ME)[0][1:] == ["**engine**: by closed form"] * 4
     assert cells(section, "reference")[0][1:] == ["**engine**: by closed form"] * 4
     assert f"matters:\n\n- **{ME}**: a spring, 3 mm\n- **{ME}**: a brake\n" in section
-    assert "matters:" not in report.render(result)
+    assert "matters:" not in report.comparison_markdown(result)
     (engine,) = result.engines
     less = dataclasses.replace(engine.provenance, supplies=engine.provenance.supplies[1:])
-    assert cells(report.render(with_engine(result, provenance=less)), ME, "## Who supplies")[0][1] == "–"
+    assert cells(report.comparison_markdown(with_engine(result, provenance=less)), ME, "## Who supplies")[0][1] == "–"
 
 
 def test_the_provenance_names_settings_seed_and_what_was_inferred(result):
@@ -186,7 +186,7 @@ def test_the_provenance_names_settings_seed_and_what_was_inferred(result):
         Inference(parameters=("mu", "k"), how="Fitted.", script="fit.py"),
         Inference(parameters=("m",), how="Weighed.", script=""),
     )
-    text = report.render(dataclasses.replace(with_engine(result, provenance=made), inferred=inferred))
+    text = report.comparison_markdown(dataclasses.replace(with_engine(result, provenance=made), inferred=inferred))
     section = text[text.index("## Provenance") : text.index("## Times")]
     assert cells(section, ME) == [[ME, "a 1, b 2", "dt 0.333333, n 7", "0"]]
     assert cells(section, "reference, reference:closed form")[0][-1] == "–"
@@ -198,14 +198,14 @@ def test_the_provenance_names_settings_seed_and_what_was_inferred(result):
     assert "_drag" not in section, "none acts"
     assert "coefficients" not in section
     bare = with_engine(result, provenance=dataclasses.replace(made, settings={}, versions={}, seed=12))
-    assert cells(report.render(bare), ME, "## Provenance")[0] == [ME, "–", "–", "12"]
+    assert cells(report.comparison_markdown(bare), ME, "## Provenance")[0] == [ME, "–", "–", "12"]
 
 
 def test_times_are_in_seconds_and_per_simulated_second(result):
     values = {"seconds": 1.234, "per_simulated_second": 5.678, "cpu_seconds": 0.9876, "cpu_per_simulated_second": 4.321}
     times = (WallTime(engine="pymunk:chain", profile="quick", **values),)
     timed = dataclasses.replace(result, clock=dataclasses.replace(result.clock, wall_times=times))
-    assert cells(report.render(timed), ME, "## Times")[0] == [ME, "0.988", "4.32", "1.23", "5.68"]
+    assert cells(report.comparison_markdown(timed), ME, "## Times")[0] == [ME, "0.988", "4.32", "1.23", "5.68"]
     assert report.verdict_rows(timed)[1][1][-1] == "4.3"
 
 
@@ -221,9 +221,9 @@ def test_a_run_without_a_profile_is_named_by_its_label(result):
 
 
 def test_figures_are_embedded_with_their_captions(result):
-    text = report.render(result, {"figures/a.png": "First.", "figures/b.png": "Second."})
+    text = report.comparison_markdown(result, {"figures/a.png": "First.", "figures/b.png": "Second."})
     assert "![First.](figures/a.png)\n\n*First.*\n\n![Second.](figures/b.png)\n\n*Second.*\n" in text
-    assert "There are none, because this report was made without the trajectories." in report.render(result)
+    assert "There are none, because this report was made without the trajectories." in report.comparison_markdown(result)
 
 
 # ---- factors of units: a thousandth more or less turns the last digit of one of these over
@@ -238,7 +238,7 @@ def test_three_digits_of_a_thousandth(result, size, shown):
     all_alike = with_engine(result, metrics=dict.fromkeys(METRICS, size) | {"acceleration_error": 10 * size})
     _, (_, own) = report.verdict_rows(all_alike)
     assert own[3:6] + own[7:10] == [shown] * 3 + [f"+{shown}"] * 3
-    detail = cells(report.render(all_alike), ME, "## Detail")[0]
+    detail = cells(report.comparison_markdown(all_alike), ME, "## Detail")[0]
     assert [detail[6], detail[9], detail[11], detail[12]] == [shown, f"+{shown}", f"+{shown}", shown]
     for metric, (_, factor) in ((name, known.shown_in) for name, known in metrics.METRICS.items()):
         texts = report.value_and_limit(limit(GOOD, metric, 1e3 * size / factor, **{"limit": 1e3 * size / factor}))
@@ -252,7 +252,7 @@ def test_two_digits_of_a_thousandth(result, size, shown):
     own = dataclasses.replace(OWN, halting_time_uncertainty=size, rebound=Rebound(travel=size, speed=size))
     (row,) = cells(render_halts(with_engine(result, landmarks=own))[0], ME)
     assert row[-3:] == [shown] * 3
-    assert cells(report.render(with_engine(result, growth_rate=1e3 * size)), ME, "## Detail")[0][5] == shown
+    assert cells(report.comparison_markdown(with_engine(result, growth_rate=1e3 * size)), ME, "## Detail")[0][5] == shown
 
 
 def test_hundreds_of_thousandths(result):
@@ -261,7 +261,7 @@ def test_hundreds_of_thousandths(result):
     assert cells(text, "halting time")[0][3:] == ["0.70 (+600)", "0.7000 (+600)", "0.7000 (+600)"]
     assert cells(text, "RMS difference of the times")[0][3:] == ["600.0 (1 of 1)"] * 3
     wide = dataclasses.replace(result.engines[0].tube, half_time=0.123456, half_width=0.654321)
-    section = report.render(with_engine(result, tube=wide, metrics=METRICS | {"tube_fraction": 0.97654}))
+    section = report.comparison_markdown(with_engine(result, tube=wide, metrics=METRICS | {"tube_fraction": 0.97654}))
     assert "The half-widths of the tube are 123.456 ms and 654.321 mm" in section
     assert cells(section, ME, "## Detail")[0][1] == "97.7"
 
@@ -319,7 +319,7 @@ def test_a_tables_numbers_are_to_the_right(left, rule):
 
 
 def test_columns_of_words_are_to_the_left_and_numbers_to_the_right(result):
-    text = report.render(dataclasses.replace(result, tolerances=(limit(GOOD),), measured=(measured(),)))
+    text = report.comparison_markdown(dataclasses.replace(result, tolerances=(limit(GOOD),), measured=(measured(),)))
     lines = text.splitlines()
     rules = [line for line in lines if line.startswith("| ---")]
     # Verdict, paper, halts, detail, who supplies what, tolerances, provenance, wall times.

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare import compare, write
-from looping_pendulum.compare.report import render
+from looping_pendulum.compare.report import comparison_markdown
 from looping_pendulum.compare.result import ComparisonResult, ToleranceOutcome
 from looping_pendulum.compare.trajectories import CSV_HEADER
 from looping_pendulum.engines.trajectory import RunStatus
@@ -99,7 +99,7 @@ def test_a_missing_engine_is_a_gap_that_does_not_fail(scenario, reference, make_
         "an engine not asked for is left out"
     )
     assert result.within_tolerance
-    report = render(result)
+    report = comparison_markdown(result)
     assert report.count("not run: the engine is not installed") == 1
     assert "Not run: pybullet:chain" in report
 
@@ -110,7 +110,7 @@ def test_a_crash_fails_unless_it_is_expected(scenario, reference, make_run, limi
     result = compare(kept, reference, [crashed])
     assert result.tolerances[0].outcome is ToleranceOutcome.PASSED
     assert not result.within_tolerance
-    report = render(result)
+    report = comparison_markdown(result)
     assert "**no**: the engine's process died" in report
     assert "broke off at 0.500 s" in report
     assert "`fault | 'core'`" in report
@@ -139,7 +139,7 @@ def test_the_story_says_where_when_and_why(scenario, reference, make_run, no_fri
 
 
 def test_the_report_begins_with_the_verdict(measured_scenario, reference, make_run, table):
-    report = render(compare(measured_scenario, reference, [make_run(shift=(3e-3, 0.0))], table))
+    report = comparison_markdown(compare(measured_scenario, reference, [make_run(shift=(3e-3, 0.0))], table))
     heads = [line for line in report.splitlines() if line.startswith("#")]
     assert heads[:4] == ["# Made up", "## Verdict", "## Where, when and why", "## Figures"]
     assert heads[-1] == "## Words"
@@ -150,13 +150,13 @@ def test_the_report_begins_with_the_verdict(measured_scenario, reference, make_r
 
 
 def test_without_the_measured_table_the_report_says_how_to_give_it(measured_scenario, scenario, reference, make_run):
-    assert "--data DIR" in render(compare(measured_scenario, reference, [make_run()]))
-    assert "--data DIR" not in render(compare(scenario, reference, [make_run()]))
+    assert "--data DIR" in comparison_markdown(compare(measured_scenario, reference, [make_run()]))
+    assert "--data DIR" not in comparison_markdown(compare(scenario, reference, [make_run()]))
 
 
 def test_every_table_of_the_report_is_rectangular(measured_scenario, reference, make_run, missing, table, limit):
     scenario = dataclasses.replace(measured_scenario, tolerances=(limit("rms_0.7s", 1e-3),))
-    report = render(compare(scenario, reference, [make_run(), make_run(profile="accurate"), missing], table))
+    report = comparison_markdown(compare(scenario, reference, [make_run(), make_run(profile="accurate"), missing], table))
     widths = [line.replace("\\|", "").count("|") if line.startswith("|") else 0 for line in report.splitlines()]
     assert all(a == b for a, b in zip(widths, widths[1:], strict=False) if a and b)
     assert "pymunk:chain (accurate)" in report

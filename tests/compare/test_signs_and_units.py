@@ -11,7 +11,7 @@ from looping_pendulum.compare import compare
 from looping_pendulum.compare.align import align
 from looping_pendulum.compare.comparison import judge_tolerance
 from looping_pendulum.compare.metrics import DEPARTURE_THRESHOLDS, departures, growth_rate
-from looping_pendulum.compare.report import render, value_and_limit, verdict_rows
+from looping_pendulum.compare.report import comparison_markdown, value_and_limit, verdict_rows
 from looping_pendulum.compare.result import ToleranceOutcome
 from looping_pendulum.compare.trajectories import trajectory_csv
 from looping_pendulum.engines.landmarks import run_landmarks
@@ -145,7 +145,7 @@ def test_every_column_of_the_exported_samples_is_what_its_heading_says(make_run)
 
 def test_the_report_tells_the_errors_at_halt_in_their_units(scenario, reference, make_run, closed_form):
     run = further(make_run(), 0.01, 0.1)
-    report = render(compare(scenario, reference, [dataclasses.replace(run, free_length=run.free_length + 2e-3)]))
+    report = comparison_markdown(compare(scenario, reference, [dataclasses.replace(run, free_length=run.free_length + 2e-3)]))
     (head,) = [line.split("|") for line in report.splitlines() if line.startswith("| engine | in tube")]
     (row,) = [line.split("|") for line in report.splitlines() if line.startswith("| pymunk:chain, quick | 100 ")]
     cells = dict(zip([h.strip() for h in head[:-4]], row, strict=False))

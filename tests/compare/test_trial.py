@@ -114,7 +114,7 @@ def test_axes_beside_the_rod_are_noticed(against):
 def test_the_report_speaks_of_no_paper_over_a_trial_of_ones_own(against, measured_scenario):
     row = MeasuredEventRow(quantity="halting_time", index=1, measured=0.351, paper_numerical=None, unit="s", sigma=0.002)
     result = against(dataclasses.replace(tracked(offset=(-6e-3, 8e-3)), rows=(row,)))
-    text, html = report.render(result), report.render_page(result, figures.charts(result))
+    text, html = report.comparison_markdown(result), report.render_page(result, figures.charts(result))
     assert "## Against the measured trial" in text
     assert "mine.csv" in text
     assert "paper" not in text.partition("## Words")[0].lower()
@@ -129,7 +129,7 @@ def test_it_reads_back_from_json(against):
     result = against(tracked())
     again = ComparisonResult.from_json(result.to_json())
     assert again.trial == result.trial
-    assert report.render(dataclasses.replace(result, samples=None)) == report.render(again)
+    assert report.comparison_markdown(dataclasses.replace(result, samples=None)) == report.comparison_markdown(again)
 
 
 def test_residuals_csv_has_every_point(against):

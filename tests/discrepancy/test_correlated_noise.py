@@ -5,7 +5,7 @@ import pytest
 
 from looping_pendulum.discrepancy.fit.data import CorrelatedNoise, Whitening
 from looping_pendulum.discrepancy.identify import identify
-from looping_pendulum.discrepancy.report.markdown import render
+from looping_pendulum.discrepancy.report.markdown import identification_markdown
 from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.measured.study_io import load
 from tests.blind.cases import CASES, CLEAN
@@ -84,7 +84,7 @@ def test_nothing_is_missing_where_the_tracker_wanders(tmp_path, seed, library):
     assert {e.body for e in result.correlated_noise} <= {"light", "heavy"}
     assert all(2e-4 < e.amplitude < 1e-3 for e in result.correlated_noise)
     assert any("as when a tracker wanders over its mark" in note for note in result.notes)
-    report = render(result)
+    report = identification_markdown(result)
     assert "## Errors that last longer than a frame" in report
     assert "## What these data could show" in report
     assert {v.name for v in result.smallest_visible} >= set(library or ())

@@ -16,7 +16,7 @@ from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated
 from looping_pendulum.discrepancy.formulas import PREFIX, forms
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.discrepancy.report.markdown import render
+from looping_pendulum.discrepancy.report.markdown import identification_markdown
 from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.cartesian import cartesian_force
@@ -97,7 +97,7 @@ def test_a_pulse_of_thrust_is_found_as_a_force_of_time(tmp_path, library):
         assert abs(parameters[name].value - planted) < 3 * parameters[name].error
         assert parameters[name].error < 0.12 * planted
     assert {n.name for n in result.after.parameters} >= {f"{PREFIX}{name}" for name in parameters}
-    section = render(result)
+    section = identification_markdown(result)
     assert all(f"| {name.replace('_', ', ')} |" in section for name in parameters)
 
 

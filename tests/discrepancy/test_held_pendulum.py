@@ -93,7 +93,7 @@ def test_a_start_in_mid_swing_is_reported_and_no_push(tmp_path):
     (start,) = result.record_starts
     assert abs(start.angle - (math.pi - MID_SWING.angle)) < 4 * start.angle_error + 2e-3  # the operator's origin: 1 mm of 65 cm
     assert abs(start.speed + MID_SWING.rate * MID_SWING.length) < 4 * start.speed_error
-    assert "These records begin in mid-swing" in markdown.render(result)
+    assert "These records begin in mid-swing" in markdown.identification_markdown(result)
 
 
 @pytest.mark.long
@@ -117,7 +117,7 @@ def test_damping_of_the_pivot_and_linear_drag_are_tied_until_another_length(tmp_
     best = result.next_experiments[0]
     assert best.distance > 10
     assert best.free_length != pytest.approx(DAMPED.length, rel=0.3)
-    assert f"{100 * best.free_length:.3g}" in markdown.render(result)
+    assert f"{100 * best.free_length:.3g}" in markdown.identification_markdown(result)
 
 
 @pytest.mark.accurate

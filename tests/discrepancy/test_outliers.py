@@ -8,7 +8,7 @@ import pytest
 
 from looping_pendulum.discrepancy.fit.residual_noise import HALF_WINDOW, find_outliers
 from looping_pendulum.discrepancy.identify import identify
-from looping_pendulum.discrepancy.report.markdown import render
+from looping_pendulum.discrepancy.report.markdown import identification_markdown
 from looping_pendulum.discrepancy.report.writing import write
 from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.measured.study_io import load
@@ -141,7 +141,7 @@ def test_nothing_is_missing_where_only_points_are_wrong(tmp_path, seed, planted,
     total = sum(map(len, times.values()))
     assert f"{total} of " in " ".join(result.notes)
     assert "left out" in " ".join(result.notes)
-    assert "## Outliers" in render(result)
+    assert "## Outliers" in identification_markdown(result)
     assert max(o.largest_distance for o in result.outliers) == pytest.approx(0.03, abs=6e-3)  # its noise: 1 mm, blur 2 mm
     report = write(result, tmp_path / "out")
     assert "## Outliers" in report.read_text(encoding="utf-8")
@@ -177,8 +177,8 @@ def test_no_point_of_a_clean_film_is_left_out(tmp_path):
         result = identify(load(write_study(tmp_path, CLEAN, 3, trials=TWO_RATIOS)))
     assert result.outliers == ()
     assert "left out" not in " ".join(result.notes)
-    assert "## Outliers" not in render(result)
-    assert "## Outliers" in render(dataclasses.replace(result, outliers=studied_outliers()))
+    assert "## Outliers" not in identification_markdown(result)
+    assert "## Outliers" in identification_markdown(dataclasses.replace(result, outliers=studied_outliers()))
 
 
 def studied_outliers():

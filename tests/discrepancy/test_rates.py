@@ -64,7 +64,7 @@ def test_what_a_phone_measures_in_mid_swing_tells_drag_length_and_offset(tmp_pat
     assert abs(abs(start.angle - math.pi) - PHONE.angle) < 3 * start.angle_error
     assert abs(abs(start.speed) + PHONE.rate * PHONE.length) < 3 * start.speed_error
     assert "rad/s (RMS)" in result.sentence
-    text = markdown.render(result)
+    text = markdown.identification_markdown(result)
     assert "RMS before [mrad/s]" in text
     assert "swing_0.rate_offset" in text
 

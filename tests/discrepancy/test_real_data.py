@@ -85,7 +85,7 @@ def test_the_errors_of_the_wiffle_balls_marks_are_reported(wiffle):
     assert error.unit == "m"
     assert error.points > 2
     assert any("as when a tracker wanders over its mark" in note for note in wiffle.notes)
-    assert "## Errors that last longer than a frame" in markdown.render(wiffle)
+    assert "## Errors that last longer than a frame" in markdown.identification_markdown(wiffle)
 
 
 @pytest.mark.accurate

@@ -122,7 +122,7 @@ def made_up(verdict):
 @pytest.mark.parametrize("verdict", list(Verdict))
 def test_a_report_begins_with_the_sentence_the_picture_and_what_to_do_next(verdict):
     result = made_up(verdict)
-    report = markdown.render(result, pictures(verdict))
+    report = markdown.identification_markdown(result, pictures(verdict))
     blocks = [b for b in report.split("\n\n") if b.strip()]
     assert blocks[1].strip().startswith("## Verdict: ")
     assert blocks[2].strip() == result.sentence
@@ -147,7 +147,7 @@ def test_no_sentence_has_test_statistics(verdict):
     assert result.sentence.endswith(".")
     for text in (result.sentence, *result.notes, *pictures(verdict).values()):
         assert not STATISTICS.search(text), text
-    report = markdown.render(result).split("## Tests")[0]
+    report = markdown.identification_markdown(result).split("## Tests")[0]
     for line in report.splitlines():
         if not line.startswith("|"):
             assert not STATISTICS.search(line), line
@@ -299,7 +299,7 @@ def test_the_report_says_on_what_the_size_of_an_effect_depends(name, said):
         pages.identification("swing").effects[0], name=name, kind=effect.kind.value, depends_on=effect.depends_on,
         direction=effect.direction,
     )  # fmt: skip
-    text = markdown.render(dataclasses.replace(made_up(Verdict.IDENTIFIED), effects=(made,)))
+    text = markdown.identification_markdown(dataclasses.replace(made_up(Verdict.IDENTIFIED), effects=(made,)))
     (row,) = (line for line in text.splitlines() if line.startswith(f"| {name} | {effect.kind.value} |"))
     assert row.split("|")[4].strip() == said
 
@@ -361,9 +361,9 @@ def tied(result):
 
 def test_the_headline_says_that_nothing_may_be_missing():
     result = made_up(Verdict.AMBIGUOUS)
-    assert "## Verdict: Something is missing, and" in markdown.render(result)
+    assert "## Verdict: Something is missing, and" in markdown.identification_markdown(result)
     nothing = dataclasses.replace(result, explanations=(explanation(EFFECT), explanation()))
-    assert "## Verdict: Something may be missing, and" in markdown.render(nothing)
+    assert "## Verdict: Something may be missing, and" in markdown.identification_markdown(nothing)
 
 
 def test_the_figure_of_explanations_has_a_bar_for_each_that_adds_something():
@@ -425,7 +425,7 @@ def test_the_report_says_whether_the_repaired_model_has_the_unlisted_force():
 
 
 def test_every_test_stands_in_the_table_with_its_limit():
-    report = markdown.render(made_up(Verdict.IDENTIFIED))
+    report = markdown.identification_markdown(made_up(Verdict.IDENTIFIED))
     assert "| all tracked points | chi2 per degree of freedom | at most 1.07 | 2.3 | no | 2.3 | no |" in report
 
 

@@ -330,7 +330,7 @@ def run_baseline(data: bytes) -> None:
     path.write_bytes(data)
     earlier = baseline.read_baseline(path, "drop")
     for changes in (baseline.changes_since(earlier, _result()), baseline.changes_since(_result(), earlier)):
-        assert baseline.render(changes).encode()
+        assert baseline.changes_markdown(changes).encode()
         assert changes.to_json().encode()
         assert baseline.rows(changes) is not None
 

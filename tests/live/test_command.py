@@ -61,7 +61,7 @@ def test_runs_of_a_stored_comparison_are_taken_and_named(tmp_path, monkeypatch):
         f"wrote live.html, with the runs of {', '.join(LABELS)} from {Path('report/two_to_one')}\n",
     )
     stored = stored_result(Path("report/two_to_one"), load("two_to_one"), None)
-    assert Path("live.html").read_text(encoding="utf-8") == demo.render(stored)
+    assert Path("live.html").read_text(encoding="utf-8") == demo.demo_page(stored)
     Path("report").rename("elsewhere")
     result = CliRunner().invoke(app, ["live", "two_to_one", "--no-open", "--results", "elsewhere/two_to_one"])
     assert "with the runs of" in result.output

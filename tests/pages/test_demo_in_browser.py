@@ -45,7 +45,7 @@ POINTS = [STAGE, [2.4, 6.5]]
 
 @pytest.fixture(scope="module")
 def one_page(visit_once):
-    return visit_once(demo.render(small_result()))
+    return visit_once(demo.demo_page(small_result()))
 
 
 @pytest.fixture
@@ -196,7 +196,7 @@ def test_space_on_a_button_that_the_keyboard_led_to_presses_it(page):
 @pytest.mark.long
 def test_tracked_points_come_in_step_and_can_be_switched_off(visit):
     result = with_points(small_result())
-    opened = visit(demo.render(result))
+    opened = visit(demo.demo_page(result))
     page = opened.page
     assert page.inner_text("#engine-runs .run[data-run=measured] .name") == "measured: mine"
     assert "light mass 20 mm" in page.inner_text("#engine-runs .run[data-run=reference] .caption")
@@ -271,7 +271,7 @@ def test_gaps_say_why(page):
 @pytest.mark.long
 @pytest.mark.parametrize(("reduced_motion", "plays"), [("reduce", False), ("no-preference", True)])
 def test_it_plays_by_itself_only_where_motion_is_welcome(visit, reduced_motion, plays):
-    opened = visit(demo.render(small_result()), reduced_motion=reduced_motion)
+    opened = visit(demo.demo_page(small_result()), reduced_motion=reduced_motion)
     assert opened.page.evaluate("live.player.playing") is plays
 
 
@@ -286,7 +286,7 @@ def test_without_stored_runs_it_waits_to_be_played(visit):
 
 @pytest.mark.long
 def test_dark_and_light(visit):
-    page = visit(demo.render(small_result()), color_scheme="dark").page
+    page = visit(demo.demo_page(small_result()), color_scheme="dark").page
     ground = "getComputedStyle(document.body).backgroundColor"
     dark, black = page.evaluate(ground), page.evaluate(COUNT, [STAGE, "#ffffff"])
     assert black > 0  # the reference is white there
@@ -298,7 +298,7 @@ def test_dark_and_light(visit):
 @pytest.mark.long
 @pytest.mark.parametrize("color_scheme", ["light", "dark"])
 def test_a_phone_shows_it_without_scrolling_sideways(visit, color_scheme):
-    page = visit(demo.render(small_result()), viewport=PHONE, color_scheme=color_scheme).page
+    page = visit(demo.demo_page(small_result()), viewport=PHONE, color_scheme=color_scheme).page
     assert sideways(page) == 0
     stage = page.locator("#stage").bounding_box()
     assert stage["width"] > 300
@@ -325,7 +325,7 @@ def test_axe_finds_nothing(opened):
 
 @pytest.mark.long
 def test_hostile_names_show_as_text(visit):
-    opened = visit(demo.render(hostile_result()))
+    opened = visit(demo.demo_page(hostile_result()))
     page = opened.page
     at(page, 0.5)
     assert HOSTILE in page.locator("#preset option").all_inner_texts()

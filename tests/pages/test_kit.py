@@ -73,7 +73,7 @@ def test_every_variant_of_this_package_has_a_style_of_its_own_whatever_else_is_s
 
 def identified_page(name):
     result = identification(name)
-    return identification_page.render(result, identification_figures.charts(result))
+    return identification_page.identification_page(result, identification_figures.charts(result))
 
 
 def comparison_page(result):
@@ -84,8 +84,8 @@ PAGES = {
     "comparison": lambda: comparison_page(small_result()),
     "comparison with points": lambda: comparison_page(with_points(small_result())),
     "identification": lambda: identified_page("calm"),
-    "demo": lambda: demo.render(small_result()),
-    "demo with points": lambda: demo.render(with_points(small_result())),
+    "demo": lambda: demo.demo_page(small_result()),
+    "demo with points": lambda: demo.demo_page(with_points(small_result())),
 }
 
 
@@ -148,7 +148,7 @@ def test_figures_have_no_nan_and_escape_names():
 
 @pytest.mark.long
 def test_hostile_names_stand_in_no_page_as_they_are():
-    for html in (demo.render(hostile_result()), comparison_page(hostile_result())):
+    for html in (demo.demo_page(hostile_result()), comparison_page(hostile_result())):
         assert "<script>alert(1)</script>" not in html
         assert "<img src=x" not in html
     assert "<img src=x" not in identified_page(HOSTILE)

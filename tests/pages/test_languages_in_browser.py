@@ -211,7 +211,7 @@ def test_a_trial_and_its_fit_are_told_in_german(german, german_words):
 @pytest.fixture(params=[lambda: with_points(small_result()), thick_result], ids=["small", "thick"])
 def with_runs(request, visit):
     """A page with stored runs, in German."""
-    page = visit(demo.render(request.param()), locale="de-DE", viewport={"width": 1280, "height": 900}).page
+    page = visit(demo.demo_page(request.param()), locale="de-DE", viewport={"width": 1280, "height": 900}).page
     page.evaluate("live.player.stopAt(0)")
     page.evaluate(KEEP_WHAT_IS_DRAWN)
     page.evaluate("live.change()")

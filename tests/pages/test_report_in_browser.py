@@ -26,7 +26,7 @@ def comparison(visit_once):
 @pytest.fixture(scope="module")
 def identified(visit_once):
     result = identification(HOSTILE)
-    return visit_once(writing.render(result, figures.charts(result)), viewport=PHONE, color_scheme="dark")
+    return visit_once(writing.identification_page(result, figures.charts(result)), viewport=PHONE, color_scheme="dark")
 
 
 def test_comparison_draws_its_figures_and_fetches_nothing(comparison):

@@ -16,7 +16,7 @@ ROUNDING = 1e-5
 
 @pytest.mark.long
 def test_with_other_settings_the_runs_are_not_drawn_and_a_button_leads_back(visit):
-    page = visit(demo.render(small_result())).page
+    page = visit(demo.demo_page(small_result())).page
     at(page, 0.5)
     page.evaluate("document.documentElement.dataset.theme === 'light' || document.getElementById('theme').click()")
     settled(page)
@@ -46,7 +46,7 @@ def test_with_other_settings_the_runs_are_not_drawn_and_a_button_leads_back(visi
 
 
 def test_the_last_setting_stays_as_a_ghost_beside_the_runs(visit):
-    page = visit(demo.render(small_result())).page
+    page = visit(demo.demo_page(small_result())).page
     page.fill("#field-mass_ratio", "3")
     page.keyboard.press("Tab")
     settled(page)
@@ -58,7 +58,7 @@ def test_the_last_setting_stays_as_a_ghost_beside_the_runs(visit):
 
 @pytest.mark.parametrize("name", ["drop", "held", "atwood"])
 def test_every_release_moves_beside_its_runs(visit, name):
-    opened = visit(demo.render(twin_result(load(name))))
+    opened = visit(demo.demo_page(twin_result(load(name))))
     page = opened.page
     twin = page.evaluate("live.engines.data.runs[1].id")
     for share in (0.3, 1.0):
@@ -76,7 +76,7 @@ def test_every_release_moves_beside_its_runs(visit, name):
 
 @pytest.fixture(scope="module")
 def thick(visit_once):
-    return visit_once(demo.render(thick_result()))
+    return visit_once(demo.demo_page(thick_result()))
 
 
 def test_a_stored_run_stands_in_for_a_model_that_lacks_an_effect(thick):
@@ -142,4 +142,4 @@ def test_a_slider_moves_the_model_without_the_effect_and_says_so(thick):
 @pytest.mark.long
 @pytest.mark.parametrize("result", [small_result, thick_result])
 def test_thirty_random_actions_beside_stored_runs(visit, result):
-    act_at_random(visit, demo.render(result()), 30)
+    act_at_random(visit, demo.demo_page(result()), 30)

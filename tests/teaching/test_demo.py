@@ -104,7 +104,7 @@ def test_every_release_can_be_shown(name):
     assert (places is None) is data["string"]
     if places is not None:
         assert np.allclose(places, run.light_position[:: 1000 // data["rate"]], rtol=0, atol=1e-6)
-    assert scenario.title in demo.render(result)
+    assert scenario.title in demo.demo_page(result)
 
 
 def test_a_long_run_is_drawn_more_coarsely():
@@ -115,7 +115,7 @@ def test_a_long_run_is_drawn_more_coarsely():
 
 def test_a_result_without_trajectories_is_refused():
     with pytest.raises(ValueError, match="make it again"):
-        demo.render(dataclasses.replace(small_result(), samples=None))
+        demo.demo_page(dataclasses.replace(small_result(), samples=None))
 
 
 @pytest.mark.long

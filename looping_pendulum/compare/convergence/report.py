@@ -76,7 +76,7 @@ PATH_STYLES = dict(zip(PATH_END_TIMES, (("o", COLOURS[0]), ("s", COLOURS[1])), s
 """Path quantity -> marker and colour."""
 
 
-def render(result: ConvergenceResult, figures: Mapping[str, tuple[str, str]] | None = None) -> str:
+def convergence_markdown(result: ConvergenceResult, figures: Mapping[str, tuple[str, str]] | None = None) -> str:
     """Return the report.
 
     Parameters

@@ -314,7 +314,7 @@ def _variation(what: str, ours: str, other: str, effect: str, own: MeasuredRun, 
 
 def write(result: ConvergenceResult, folder: Path) -> Path:
     """Write convergence.md, convergence.json and the figures below ``folder``; return the report's path."""
-    from looping_pendulum.compare.convergence.report import draw, render
+    from looping_pendulum.compare.convergence.report import convergence_markdown, draw
 
     write_atomically(folder / FILE, result.to_json())
     captions = {}
@@ -322,7 +322,7 @@ def write(result: ConvergenceResult, folder: Path) -> Path:
         write_atomically(folder / "figures" / name, png)
         captions[f"figures/{name}"] = variant, caption
     report = folder / "convergence.md"
-    write_atomically(report, render(result, captions))
+    write_atomically(report, convergence_markdown(result, captions))
     return report
 
 

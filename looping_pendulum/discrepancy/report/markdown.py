@@ -52,7 +52,7 @@ MAX_VISIBLE = 10
 """Effects in the table of what these data could show."""
 
 
-def render(result: Identification, figures: Mapping[str, str] | None = None) -> str:
+def identification_markdown(result: Identification, figures: Mapping[str, str] | None = None) -> str:
     """Return the report.
 
     Parameters

@@ -31,14 +31,14 @@ def write(result: Identification, folder: Path, workers: Workers = SERIAL) -> Pa
     charts = figures.charts(result)
     drawings = workers.begin(_draw, None, [charts])
     with optional_output("report.html"):
-        write_atomically(folder / "report.html", render(result, charts))
+        write_atomically(folder / "report.html", identification_page(result, charts))
     [(drawn, skipped)] = workers.finish(drawings)
     for warning in skipped:
         warnings.warn(warning, stacklevel=2)
     for file, image in drawn.items():
         write_atomically(folder / file, image)
     captions = {file: chart.caption for chart in charts if (file := f"figures/{chart.id}.png") in drawn}
-    write_atomically(folder / "report.md", markdown.render(result, captions))
+    write_atomically(folder / "report.md", markdown.identification_markdown(result, captions))
     return folder / "report.md"
 
 
@@ -54,10 +54,10 @@ def _draw(_: None, charts: Sequence[Chart]) -> tuple[dict[str, bytes], list[Warn
     return drawn, [w.message for w in caught]
 
 
-def render(result: Identification, charts: Sequence[Chart]) -> str:
+def identification_page(result: Identification, charts: Sequence[Chart]) -> str:
     """Return the page as HTML: the sections of report.md, and interactive figures."""
     first = [on_page(chart) for chart in charts if chart.id == markdown.first_figure(result)]
-    return pages.render(
+    return pages.report_page(
         f"{result.title}: what the model lacks",
         markdown.before_figures(result),
         [on_page(chart) for chart in charts if chart.id != markdown.first_figure(result)],
