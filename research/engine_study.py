@@ -1,7 +1,7 @@
 """Measure what docs/accuracy.md says: what the engines' errors are made of, how they converge, what they cost.
 
 `python -m research.engine_study --work DIR` makes all runs (hours; ended ones are kept in DIR), stores what they found as
-research/data/engine_study.json, draws the page's figures and writes all numbers as CSV into DIR. With `--engine box2d:chain`,
+research/data/engine_study.json, draws the page's figures and writes all tables into DIR/tables. With `--engine box2d:chain`,
 which may be repeated, it makes only that variant's runs, and the others' stored rows stay. `--tables` makes no run.
 """
 
@@ -28,7 +28,7 @@ from looping_pendulum.pages.drawing import png
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.scenario import Scenario
 from research import IMAGES
-from research.engine_study_figures import data_files, ladders_figure, pareto_figure
+from research.engine_study_figures import ladders_figure, pareto_figure, speed_table
 from research.stored_study import MARK, SUMMARY, EngineStudy, Measurement, Point, read, renewed, supplied_by_engine
 
 SCENARIO = "ten_to_one"
@@ -80,10 +80,10 @@ def main() -> None:
     study = read(SUMMARY.read_text(encoding="utf-8"))
     write_atomically(IMAGES / "pareto.png", png(pareto_figure(study.pareto)))
     write_atomically(IMAGES / "engine_study_ladders.png", png(ladders_figure(study.convergence)))
-    options.work.mkdir(parents=True, exist_ok=True)
-    for name, text in data_files(study).items():
-        write_atomically(options.work / f"{name}.csv", text)
-    print(f"wrote tables into {options.work}")
+    tables = options.work / "tables"
+    write(study.convergence, tables)
+    write_atomically(tables / "speed.md", speed_table(study))
+    print(f"wrote tables into {tables}")
 
 
 def timed_study(result: ConvergenceResult, file: Path, budget: float) -> EngineStudy:

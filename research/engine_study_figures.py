@@ -1,9 +1,6 @@
-"""The figures of docs/accuracy.md and the tables of all its numbers, from the stored engine study."""
+"""The figures of docs/accuracy.md and the table of its times, from the stored engine study."""
 
-import csv
-import io
 import math
-import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,20 +8,18 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from looping_pendulum.compare.convergence import report
 from looping_pendulum.compare.convergence.ladder import refinement_sizes
 from looping_pendulum.compare.convergence.result import (
-    HALT,
     ConvergenceResult,
     LadderStudy,
     VariantStudy,
 )
 from looping_pendulum.pages.drawing import legend_below, make_figure
-from looping_pendulum.pages.numbers import GAP, number
+from looping_pendulum.pages.markdown import table
+from looping_pendulum.pages.numbers import number
 from looping_pendulum.pages.palette import COLOURS, GREY, MARKERS, styles
 from research.stored_study import MARK, EngineStudy, Point, front
 
-EARLY = "path_0.35s"
 TARGET = 60.0
 """CPU seconds per simulated second that a chain may take: a run of 0.7 s then takes less than a minute."""
 KINDS = {
@@ -42,69 +37,19 @@ ERRORS = (1e-4, 1e3)
 """Limits of the errors' axis [mm]; smaller errors are drawn on its lower edge."""
 
 
-FILES = {
-    "splits": "variant and quantity: error to 0.35 s, to 0.7 s and of the halting time, with their parts",
-    "halting": "variant: whether its halting time converges",
-    "ladders": "setting that was refined: its ends, and how each error behaves along it",
-    "defaults": "default of an engine that an adapter changes: what that setting alone does",
-    "choices": "choice of an adapter: what an equally reasonable alternative does",
-    "speed": "setting that was timed: error and seconds per simulated second",
-    "provenance": "variant: versions, days of measurement, and who supplies which physics",
-    "settings": "setting of a variant, in SI units",
-}
-"""Name of a table -> what a row of it is about."""
-
-
-def data_files(study: EngineStudy) -> dict[str, str]:
-    """Return the name of each table of `FILES` -> its text, as CSV."""
-    result = study.convergence
-    splits = {report.QUANTITY_LABELS[name]: cells(report.splits_table(result, [name])) for name in (EARLY, MARK, HALT)}
-    days = {m.variant: [m.errors, m.times or GAP] for m in study.measurements}
-    head, *provenance = cells(report.provenance_table(result))
-    settings = [[v.label, name, str(value)] for v in result.variants for name, value in v.provenance.settings.items()]
-    rows = {
-        "splits": [
-            # The unit is the quantity's: millimetres of a path, milliseconds of a time
-            ["quantity", "variant", "main cause", "error [mm or ms]", *splits[report.QUANTITY_LABELS[EARLY]][0][3:]],
-            *([label, *row] for label, (_, *of_quantity) in splits.items() for row in of_quantity),
-        ],
-        "halting": cells(report.halting_table(result)),
-        "ladders": cells(report.ladders_table(result)),
-        "defaults": cells(report.defaults_table(result)),
-        "choices": cells(report.choices_table(result)),
-        "speed": speed_rows(study),
-        "provenance": [[*head, "errors measured", "times measured"], *([*row, *days[row[0]]] for row in provenance)],
-        "settings": [["variant", "setting", "value"], *settings],
-    }
-    return {name: _csv(rows[name]) for name in FILES}
-
-
-def cells(markdown: str) -> list[list[str]]:
-    """Return the head and the rows of a Markdown table."""
-    lines = [re.split(r"(?<!\\)\|", line)[1:-1] for line in markdown.splitlines() if line.startswith("| ")]
-    head, _, *rows = [[cell.strip().replace("\\|", "|") for cell in line] for line in lines]
-    return [head, *rows]
-
-
-def _csv(rows: list[list[str]]) -> str:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(rows)
-    return text.getvalue()
-
-
-def speed_rows(study: EngineStudy) -> list[list[str]]:
-    """Return a head, and a row for every timed setting: its error, its times, and whether any engine's point beats it."""
+def speed_table(study: EngineStudy) -> str:
+    """Return a row for every timed setting: its error, its times, and whether any engine's point beats it."""
     best = {p.key for p in front(study.pareto)}
     contact = {p.key for p in front(p for p in study.pareto if p.contact)}
     head = ["variant", "setting", "no point is faster and more accurate", "RMS to 0.7 s [mm]", "CPU s per s", "wall s per s"]
-    rows = [[*head, "runs", "slowest [wall s per s]"]]
+    rows = []
     for p in sorted(study.pareto, key=lambda p: (p.variant, p.cpu)):
         beaten = "of all" if p.key in best else "of those with a law of their own" if p.key in contact else ""
         times = [number(x, digits=2) for x in (p.cpu, p.wall)]
         rows.append(
             [p.variant, p.where or "its own", beaten, number(1e3 * p.rms), *times, str(p.runs), number(p.slowest, digits=2)]
         )
-    return rows
+    return table([*head, "runs", "slowest [wall s per s]"], rows, left=3)
 
 
 def kind_of_ladder(setting: str) -> str:
