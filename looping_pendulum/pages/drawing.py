@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import io
-import re
 from typing import TYPE_CHECKING, Any, Literal
-
-from markupsafe import Markup
 
 from looping_pendulum.files import utf8
 from looping_pendulum.pages.chart import BLACK, LIGHT_GREY, Chart, ChartAxis, Curve, Panel
-from looping_pendulum.pages.palette import COLOURS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -156,35 +152,6 @@ def png(figure: Figure, dpi: float | Literal["figure"] = "figure") -> bytes:
     # No version, so that the same figure has the same bytes
     figure.savefig(out, format="png", metadata={"Software": None}, dpi=dpi)
     return out.getvalue()
-
-
-SVG_COLOURS = {"#000000": "var(--reference)", "#ffffff": "var(--ground)"} | {
-    colour.lower(): f"var(--run-{slot})" for slot, colour in enumerate(COLOURS)
-}
-"""Colour of a figure on white -> what stands for it in a page's style."""
-SVG_GREY = re.compile(r"#([0-9a-f]{2})\1\1\b")
-
-
-def themed_svg(figure: Figure) -> Markup:
-    """Return ``figure`` as an SVG element in the page's colours, without a ground of its own; equal figures give equal text."""
-    import matplotlib as mpl
-
-    out = io.StringIO()
-    # Text as text, so that it is read aloud and takes the page's colour; the salt makes the names of its parts repeatable
-    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "looping-pendulum"}):
-        figure.savefig(out, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
-    svg = out.getvalue()
-    svg = svg[svg.index("<svg") :].replace("<svg ", '<svg fill="var(--ink)" aria-hidden="true" ', 1)
-
-    def in_page_colours(style: re.Match[str]) -> str:
-        text = style[0]
-        for colour, variable in SVG_COLOURS.items():
-            text = text.replace(colour, variable)
-        # Other greys are grids and guides
-        return SVG_GREY.sub("var(--line)", text)
-
-    # Only in style attributes: elsewhere the same characters may be text
-    return Markup(re.sub(r'style="[^"]*"', in_page_colours, svg))
 
 
 def _lines(text: str) -> str:
