@@ -67,23 +67,25 @@ def run_many(
     Exception
         What a call raised, after all others have ended.
     """
+    results: dict[int, Result] = {}
 
-    def results() -> dict[int, Result]:
-        return {i: call.result() for i, call in enumerate(futures) if call.done() and not call.cancelled()}
+    def make(position: int, call: Callable[[], Result]) -> None:
+        if not cancelled.is_set():
+            results[position] = call()
 
     with ThreadPoolExecutor(jobs) as pool:
-        futures = [pool.submit(call) for call in calls]
+        made = [pool.submit(make, position, call) for position, call in enumerate(calls)]
         going_on = True
         while going_on:
             try:
                 # In short steps, as Ctrl-C reaches this thread alone, and only between two steps
-                going_on = bool(wait(futures, POLL_INTERVAL).not_done)
-                meanwhile(results())
+                going_on = bool(wait(made, POLL_INTERVAL).not_done)
+                meanwhile(dict(results))
             except KeyboardInterrupt:
                 cancelled.set()
-                for call in futures:
-                    call.cancel()
-    return results()
+    for each in made:
+        each.result()
+    return results
 
 
 # ---- what a child process may import
