@@ -1,4 +1,4 @@
-"""The report of a study of convergence, whole: two variants whose every number is another."""
+"""The report of a study of convergence, whole (`convergence.md`, as tests/compare/golden.py says), and its sentences."""
 
 import dataclasses
 from types import SimpleNamespace
@@ -7,11 +7,8 @@ import pytest
 
 from looping_pendulum.compare.convergence import study
 from looping_pendulum.compare.convergence.report import (
-    choices_table,
     convergence_markdown,
-    defaults_table,
     format_setting,
-    halting_table,
     halting_verdict,
     ladders_table,
     opening,
@@ -42,6 +39,7 @@ from looping_pendulum.compare.result import RunProvenance, SupplyEntry
 from looping_pendulum.compare.run_cache import EndedRun
 from tests.apparatus import TEN_TO_ONE
 from tests.compare.delayed import DelayedEngine
+from tests.compare.golden import golden
 
 EARLY, LATE = PATH_END_TIMES
 
@@ -123,21 +121,26 @@ def cells(text, first, after=""):
     return [[cell.strip() for cell in row] for row in rows]
 
 
-def test_the_sections_come_in_their_order():
-    text = convergence_markdown(result(variant("a"), variant("b")))
-    heads = [line for line in text.splitlines() if line.startswith("#")]
-    assert heads == [
-        "# Made up: what the engines' errors are made of",
-        "## Verdict", "### Path to 0.35 s", "### Path to 0.7 s", "### Halting time",
-        "## Does the halting time converge?", "## How to read this",
-        "## toy:a, quick", "### Refining dt (with sweeps); the variant uses 0.4 ms",
-        "## toy:b, quick", "### Refining dt (with sweeps); the variant uses 0.4 ms",
-        "## Hidden defaults", "## The adapter's choices and their alternatives", "## Provenance", "## Wall times",
-    ]  # fmt: skip
-    assert "A toy. At its own settings: ran.\n" in text
-    assert text.rstrip().endswith(
-        "Written then. 3 runs took 4 s in total; several ran at the same time, so this is not a benchmark."
-    )
+NEVER_HALTS = {"halting_time": None, "halting_time_error": None}
+
+
+def test_the_golden_report():
+    """One variant with everything, one that fails, never halts and has nothing, and a figure of each."""
+    (ladder,) = variant().ladders
+    sizes = {EARLY: 1e-3, LATE: 2e-3, HALT: -3e-3, DROP: 4e-3}
+    verdicts = tuple(dataclasses.replace(one, limit_error=sizes[one.quantity]) for one in ladder.verdicts)
+    plain = dataclasses.replace(ladder, follows="", own=None, unit="", refined_further_by="time_step")
+    starts = (*variant().starts, StartChange(what="angle -", run=run("t", 4, **FAILED)))
+    whole = variant("a", ladders=(dataclasses.replace(ladder, verdicts=verdicts), plain), starts=starts)
+    bare = variant(
+        "b", own=run("o", 1, **NEVER_HALTS), splits=(), ladders=(), starts=(),
+        choices=(variation("e", "e", **NEVER_HALTS),), defaults=(variation("f", "f", **FAILED),),
+        provenance=RunProvenance(versions={}, settings={}, supplies=()),
+    )  # fmt: skip
+    broken = variant("c", own=run("o", 1, **NEVER_HALTS | FAILED), ladders=(), starts=(), splits=(), choices=(), defaults=())
+    figures = {"f/a.png": ("toy:b", "Of b."), "f/b.png": ("toy:a", "Of a."), "f/c.png": ("toy:b", "Also b.")}
+    made = result(whole, bare, broken)
+    golden("convergence.md", convergence_markdown(made, figures) + "\n## Ladders\n\n" + ladders_table(made))
 
 
 def test_the_opening_says_what_was_run_and_what_was_not():
@@ -172,9 +175,6 @@ def test_the_parts_of_an_error_are_stated_to_two_digits():
     assert "error [mm]" in splits_table(nothing, [EARLY])
     assert "error [ms]" in splits_table(nothing, [HALT])
     assert "error [mm]" in splits_table(nothing, [DROP])
-
-
-NEVER_HALTS = {"halting_time": None, "halting_time_error": None}
 
 
 @pytest.mark.parametrize(
@@ -253,137 +253,9 @@ def test_a_verdict_fits_a_cell(kind, limit, said):
     assert verdict_cell(SimpleNamespace(kind=kind, order=1.5, limit_error=limit, uncertainty=1e-3, scatter=4e-3)) == said
 
 
-def test_ladders_are_reported_from_the_first_to_the_last_rung_that_ran():
-    ladder = variant().ladders[0]
-    sizes = {EARLY: 1e-3, LATE: 2e-3, HALT: -3e-3, DROP: 4e-3}
-    verdicts = tuple(dataclasses.replace(one, limit_error=sizes[one.quantity]) for one in ladder.verdicts)
-    table = ladders_table(result(variant(ladders=(dataclasses.replace(ladder, verdicts=verdicts),))))
-    (row,) = cells(table, "toy:a")
-    limits = [f"order 1 → {size} ± 0.1" for size in (1, 2, 3)]
-    assert row == ["toy:a", "dt", "0.8 ms", "0.4 ms", "2 of 3", *limits]
-    head, rule = table.splitlines()[:2]
-    assert rule.split("|")[1:-1] == [" --- "] * 8, "words and amounts with their units: all to the left"
-    assert len(head.split("|")) == len(rule.split("|"))
-    nowhere = dataclasses.replace(ladder, rungs=tuple(rung(1e-4, 1, "r", status="NOT_RUN") for _ in range(3)))
-    assert cells(ladders_table(result(variant(ladders=(nowhere,)))), "toy:a")[0][2:5] == ["–", "–", "0 of 3"]
-
-
 def test_angles_stay_in_radians():
     assert format_setting(0.28, "rad") == "0.28 rad"
     assert format_setting(5e-3, "m") == "5 mm"
-
-
-def test_a_ladder_is_reported_rung_by_rung():
-    text = convergence_markdown(result())
-    (coarse,), (own,), (left_out,) = (cells(text, value, "### Refining") for value in ("0.8 ms", "0.4 ms", "0.2 ms"))
-    assert coarse == ["0.8 ms", "3.7", "7.41", "22.2", "29.6", "0.40370", "-11.1", ""]
-    assert own == ["0.4 ms", "2.47", "4.94", "14.8", "19.8", "0.40247", "-7.41", ""]
-    assert left_out[-1] == "left out"
-    said = text[text.index("### Refining") : text.index("Runs with slightly changed starts")]
-    assert said.endswith(
-        "- path to 0.35 s: path_0.35s is well\n- path to 0.7 s: path_0.7s is well\n- halting time: halting_time is well\n"
-        "- drop at the halt: drop_at_halt is well\n\n"
-    )
-    plain = dataclasses.replace(variant().ladders[0], follows="", own=None, unit="")
-    assert "### Refining dt\n" in convergence_markdown(result(variant(ladders=(plain,))))
-    assert "The adapter offers no ladder (studies(), in docs/write-an-engine.md).\n" in convergence_markdown(
-        result(variant(ladders=()))
-    )
-
-
-def test_a_ladder_that_another_refines_further_says_so():
-    ladder = dataclasses.replace(variant().ladders[0], refined_further_by="time_step")
-    said = "- left out of the verdicts above, as the ladder of time_step refines it as far or further\n"
-    assert said in convergence_markdown(result(variant(ladders=(ladder,))))
-    assert said not in convergence_markdown(result())
-
-
-def test_small_changes_of_the_start_are_reported_with_their_errors():
-    broken = StartChange(what="angle -", run=run("t", 4, **FAILED))
-    text = convergence_markdown(result(variant(starts=(*variant().starts, broken))))
-    assert cells(text, "angle +") == [["angle +", "4.94", "9.88", "-14.8", "+19.8", ""]]
-    assert cells(text, "angle -")[0][-1] == "it died"
-    assert "Small changes of the start" not in convergence_markdown(result(variant(starts=())))
-
-
-def test_the_halting_table_tells_of_the_halting_time_alone():
-    (row,) = cells(halting_table(result()), "toy:a")
-    assert row == ["toy:a", "yes, to within ± 11 ms", "-7.41", "1.2"]
-    never = result(variant(own=run("o", 1, **NEVER_HALTS)))
-    assert cells(halting_table(never), "toy:a")[0][2] == "does not halt"
-    broken = result(variant(own=run("o", 1, halting_time=None, halting_time_error=None, **FAILED)))
-    assert cells(halting_table(broken), "toy:a")[0][1:3] == [
-        "its run at its own settings does not end properly",
-        "–",
-    ]
-
-
-def test_defaults_and_choices_are_stated_in_milliseconds_and_millimetres():
-    text = convergence_markdown(result())
-    assert cells(text, "toy:a", "## Hidden") == [
-        ["toy:a", "d", "i", "o", "e", "-3.46", "2.47", "11.1", ""],
-        ["toy:a", "c", "o", "i", "1.23", "2.35", "-3.46", ""],
-        ["toy:a", "p 1, q 2", "engine", "nobody"],
-    ]
-    assert "| variant | versions | winding | drag |" in text
-    assert "- **toy:a**: dt 0.333333, n 7\n" in text
-    none = convergence_markdown(result(variant(choices=(), defaults=())))
-    assert none.count("None of these variants declares one.\n") == 2
-    bare = variant(provenance=RunProvenance(versions={}, settings={}, supplies=()))
-    assert cells(convergence_markdown(result(bare)), "toy:a", "## Provenance") == [["toy:a", "–"]]
-    assert "- **toy:a**: –\n" in convergence_markdown(result(bare))
-
-
-@pytest.mark.parametrize(("fields", "note"), [(NEVER_HALTS, "never halts"), (FAILED, "it died")])
-def test_a_choice_that_does_not_halt_or_fails_says_so(fields, note):
-    made = result(variant(choices=(variation("c", "c", **fields),), defaults=(variation("d", "d", **fields),)))
-    assert cells(choices_table(made), "toy:a")[0][-1] == cells(defaults_table(made), "toy:a")[0][-1] == note
-
-
-def test_words_are_to_the_left_and_numbers_to_the_right():
-    lines = convergence_markdown(result()).splitlines()
-    rules = [line.split("|").count(" --- ") for line in lines if line.startswith(("| ---", "| ---:"))]
-    # Three splits, halting, ladder, starts, defaults, choices, provenance.
-    assert rules == [2, 2, 2, 2, 0, 1, 5, 4, 4]
-
-
-@pytest.mark.parametrize(
-    ("two", "three", "shown"), [(1.2495e-3, 1.2345e-3, ("1.2", "1.23")), (1.2505e-3, 1.2355e-3, ("1.3", "1.24"))]
-)
-def test_the_last_digit_tells_a_factor_that_is_a_thousandth_off(two, three, shown):
-    parts = dict.fromkeys(("error", "numerics", "numerics_uncertainty", "model", "choice", "spread"), two)
-    errors = {"rms": {EARLY: three, LATE: three}, "halting_time_error": three, "drop_error": three}
-    change = {EARLY: three, LATE: three, HALT: three, DROP: None}
-    one = dataclasses.replace(variation("c", "c"), change=change, run=run("c", 1, **errors))
-    rung_ = dataclasses.replace(rung(8e-4, 1, "r", **errors), to_finest={LATE: three}, to_limit={LATE: three})
-    ladder = dataclasses.replace(variant().ladders[0], rungs=(rung_,))
-    made = variant(
-        own=run("own", 1, **errors), splits=tuple(split(name, 1, **parts) for name in (EARLY, LATE, HALT)), choices=(one,),
-        defaults=(one,), spread=dict.fromkeys(QUANTITIES, two), ladders=(ladder,),
-        starts=(StartChange(what="angle +", run=one.run),),
-    )  # fmt: skip
-    text = convergence_markdown(result(made))
-    small, large = shown
-    assert [row[2:] for row in cells(text, "toy:a")[:3]] == [[small] * 6] * 3
-    assert cells(text, "toy:a", "## Does")[0][1:4] == [f"yes, to within ± {small} ms", f"+{large}", small]
-    (row,) = cells(text, "0.8 ms", "### Refining")
-    assert row[1:5] + row[6:7] == [large] * 4 + [f"+{large}"]
-    assert cells(text, "angle +")[0][1:5] == [large, large, f"+{large}", f"+{large}"]
-    assert cells(text, "toy:a", "## Hidden")[0][5:8] == [f"+{large}", large, large]
-    assert cells(text, "toy:a", "## The adapter")[0][4:7] == [large, large, f"+{large}"]
-    scattering = dataclasses.replace(verdict(HALT, SequenceKind.SCATTERS), scatter=two)
-    scattered = variant(ladders=(dataclasses.replace(ladder, verdicts=(scattering,)),))
-    assert cells(halting_table(result(scattered)), "toy:a")[0][1] == f"no; it scatters by ± {small} ms"
-
-
-def test_each_figure_stands_with_its_variant():
-    figures = {"f/a.png": ("toy:b", "Of b."), "f/b.png": ("toy:a", "Of a."), "f/c.png": ("toy:b", "Also b.")}
-    text = convergence_markdown(result(variant("a"), variant("b")), figures)
-    first, second = text[text.index("## toy:a") : text.index("## toy:b")], text[text.index("## toy:b") :]
-    assert [caption in first for caption in ("Of a.", "Of b.", "Also b.")] == [True, False, False]
-    assert [second.count(caption) for caption in ("Of a.", "Of b.", "Also b.")] == [0, 2, 2]
-    assert "![Of a.](f/b.png)\n\n*Of a.*\n" in first
-    assert "![" not in convergence_markdown(result())
 
 
 def test_a_result_comes_back_from_its_file_and_the_report_is_beside_it(tmp_path, monkeypatch):
