@@ -18,6 +18,8 @@ from looping_pendulum.reference_ode.parameters import Parameters, parameters_fro
 from looping_pendulum.scenarios.document import quote, shorten
 
 T = TypeVar("T")
+MAX_DIGITS = 300
+"""Most digits of a whole number, as a floating-point number has at most about so many."""
 
 
 def plain(value: Any) -> Any:
@@ -78,7 +80,7 @@ def load(cls: type[T], text: str, schema_id: str, version: int, *, file: str, re
     """
     try:
         # By default Python reads NaN and Infinity, which are not JSON, and 1e999 as infinite
-        tree = json.loads(text, parse_float=_finite, parse_constant=_finite)
+        tree = json.loads(text, parse_float=_finite, parse_constant=_finite, parse_int=_whole)
     # First, as it is a ValueError, too, and knows the line
     except json.JSONDecodeError as error:
         raise ResultError(f"{file}: line {error.lineno}: {error.msg}; {rewrite_hint}") from None
@@ -88,7 +90,7 @@ def load(cls: type[T], text: str, schema_id: str, version: int, *, file: str, re
         raise ResultError(f"{file}: found nesting without end, needed a result; {rewrite_hint}") from None
     schema = tree.get("schema") if isinstance(tree, dict) else None
     if not isinstance(schema, dict) or schema.get("id") != schema_id:
-        raise ResultError(f"{file}: schema: found {quote(schema)}, needed the id {schema_id!r}")
+        raise ResultError(f"{file}: schema: found {utf8(quote(schema)).decode()}, needed the id {schema_id!r}")
     if not isinstance(schema.get("version"), int) or not 0 < schema["version"] <= version:
         mismatch = f"found version {quote(schema.get('version'))}, needed {version} or less"
         raise ResultError(f"{file}: schema: {mismatch}; update looping-pendulum")
@@ -107,6 +109,12 @@ def _finite(digits: str) -> float:
     if not math.isfinite(value):
         raise ValueError(f"found {shorten(digits)}, needed a finite number")
     return value
+
+
+def _whole(digits: str) -> int:
+    if len(digits) > MAX_DIGITS:
+        raise ValueError(f"found a whole number of {len(digits)} digits, needed at most {MAX_DIGITS}")
+    return int(digits)
 
 
 def _read_parameters(tree: Any) -> Parameters:
