@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from posixpath import dirname, join, normpath
@@ -131,15 +130,6 @@ def bundle(entry: str) -> str:
     modules: dict[str, str] = {}
     _add(entry, modules, ())
     return str(jsmin("\n".join(['"use strict";', *(_wrapped(path, source) for path, source in modules.items())])))
-
-
-@cache
-def page_script() -> str:
-    """Return the model as one script, for a page: ``loopingPendulum.simulate(settings, {duration})``.
-
-    ``loopingPendulum`` has what `run.js` and `model.js` export.
-    """
-    return bundle("run.js") + "\nconst loopingPendulum = { ...module_model, ...module_run };\n"
 
 
 def _add(path: str, modules: dict[str, str], importers: tuple[str, ...]) -> None:

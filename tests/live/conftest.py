@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from looping_pendulum.live.write import page_script
+from looping_pendulum.live.write import bundle
 from tests.live.cases import RUN_IN_PAGE
 
 FOLDER = Path(__file__).parent
@@ -33,7 +33,7 @@ def node():
 def browser(chromium):
     """Run cases in Chromium, by the script that a page embeds."""
     page = chromium.new_page()
-    page.evaluate(page_script() + "globalThis.loopingPendulum = loopingPendulum;")
+    page.evaluate(bundle("run.js") + "\nglobalThis.loopingPendulum = { ...module_model, ...module_run };")
 
     def run(cases: list[dict[str, Any]]) -> list[dict[str, Any]]:
         runs: list[dict[str, Any]] = page.evaluate(RUN_IN_PAGE, cases)
