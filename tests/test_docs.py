@@ -33,7 +33,7 @@ ELSEWHERE = {
 }
 """Commands that other tests run, or whose names stand for a reader's own -> which tests."""
 SLOW = r"identify|mujoco:documented|report/|pymunk|compare ten_to_one$|demonstrations|^looping-pendulum map "
-"""Commands that take more than a few seconds, or need what those write, and many alike: with `-m accurate`."""
+"""Commands that take more than a few seconds, or need what those write: in a long test."""
 
 
 def elsewhere(command: Command) -> bool:
@@ -119,7 +119,7 @@ def test_the_quick_commands_run_as_they_stand(tmp_path, monkeypatch):
     run_in_example_folder([c for c in commands() if not elsewhere(c) and not slow(c)], tmp_path, monkeypatch)
 
 
-@pytest.mark.accurate
+@pytest.mark.long
 @pytest.mark.skipif("heyoka" not in available_integrators(), reason="with SciPy `identify` takes many minutes")
 def test_every_command_runs_as_it_stands(tmp_path, monkeypatch):
     with_slow = {c.page for c in commands() if slow(c) and not elsewhere(c)}
