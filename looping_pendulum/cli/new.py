@@ -117,7 +117,8 @@ def study(
     _write(out, text)
     _write_schema(out, "study", json_schema)
     todo = text.count(f": {TO_FILL_IN}")
-    fill_in = f"fill in the {todo} values that say {TO_FILL_IN}, then" if todo else "next"
+    values = "value that says" if todo == 1 else f"{todo} values that say"
+    fill_in = f"fill in the {values} {TO_FILL_IN}, then" if todo else "next"
     say(f"{fill_in}: looping-pendulum look {out}")
 
 

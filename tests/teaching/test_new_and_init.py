@@ -95,7 +95,7 @@ def test_a_study_says_what_is_still_to_be_filled_in_and_look_judges_it(here):
     masses = ["--light-mass", "10 g +/- 0.5 %", "--heavy-mass", "100 g +/- 0.5 %", "--heavy-mass", "80 g"]
     done = run("new", "study", *files, "--out", "studies/mine.yaml", *lengths, *angles, *masses)
     assert done.exit_code == 0, done.output
-    assert "fill in the 1 values that say TODO, then: looping-pendulum look studies/mine.yaml" in done.output
+    assert "fill in the value that says TODO, then: looping-pendulum look studies/mine.yaml" in done.output
     fault = run("look", "studies/mine.yaml").exception
     assert "mine.yaml:10: apparatus.rod.radius: found TODO, needed a length above 0" in str(fault)
     assert "fill it in, for example '6.25 mm +/- 1 %'" in str(fault)
