@@ -29,8 +29,9 @@ def test_a_damaged_input_is_accepted_or_refused_in_one_line(kind, tmp_path, monk
         outcomes[was_accepted(kind.run, data)] += 1
 
     judge()
-    # Inputs that are all refused, or all accepted, would test nothing behind the first look at them
-    assert min(outcomes[True], outcomes[False]) > 0
+    # Whether damage is accepted is chance; if nothing were refused, or no sound input accepted, nothing would be tested
+    assert outcomes[False] > 0
+    assert any(was_accepted(kind.run, seed) for seed in kind.seeds())
 
 
 def sevens(data: bytes) -> None:
