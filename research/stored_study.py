@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from looping_pendulum.compare.convergence.result import ConvergenceResult, RunSummary, VariantStudy
+from looping_pendulum.engines.trajectory import Supplier
 from research import DATA, rounded
 
 SUMMARY = DATA / "engine_study.json"
@@ -141,8 +142,8 @@ def own_costs(study: EngineStudy) -> dict[str, float]:
 
 def supplied_by_engine(v: VariantStudy) -> bool:
     """Return whether the engine itself supplies winding and friction law."""
-    by = {s.what: s.by for s in v.provenance.supplies}
-    return by["winding"] == by["friction law"] == "engine"
+    supplies = v.provenance.supplies
+    return supplies.winding.by is supplies.friction_law.by is Supplier.ENGINE
 
 
 def front(timed_points: Iterable[Point]) -> list[Point]:

@@ -20,10 +20,10 @@ from looping_pendulum.compare.result import (
     MeasuredRow,
     ReferenceResult,
     ResultSamples,
-    RunProvenance,
     ToleranceOutcome,
     ToleranceResult,
     WallTime,
+    stored_provenance,
 )
 from looping_pendulum.compare.stories import missing_physics, story
 from looping_pendulum.compare.trial import MeasuredTrial, compare_trial
@@ -80,7 +80,7 @@ def compare(
             sampled=sampled.landmarks_beside(),
             events=tuple((event.name, float(event.time)) for event in reference_run.events),
             end_time=float(reference_run.t[finite_length(reference_run) - 1]),
-            provenance=RunProvenance.of(**vars(reference_run.provenance)),
+            provenance=stored_provenance(reference_run.provenance),
         ),
         engines=engines,
         tolerances=judge(scenario.tolerances, engines),
@@ -132,7 +132,7 @@ def _engine(
         comparable=not not_comparable,
     )
     departures = measure.departures(aligned, reference_run.events)
-    provenance = RunProvenance.of(**vars(run.provenance))
+    provenance = stored_provenance(run.provenance)
     return EngineResult(
         engine=run.engine,
         variant=run.variant,

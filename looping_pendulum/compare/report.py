@@ -18,7 +18,7 @@ from looping_pendulum.compare.result import (
 from looping_pendulum.compare.stories import events_to_show
 from looping_pendulum.compare.trial import RESIDUAL_UNITS, RunResidual, TrackComparison
 from looping_pendulum.engines.string_motion import FIRST_REST_RESOLUTION, RESOLUTION
-from looping_pendulum.engines.trajectory import Supplier
+from looping_pendulum.engines.trajectory import Supplier, supplies_as_rows
 from looping_pendulum.pages import report as pages
 from looping_pendulum.pages.chart import Chart
 from looping_pendulum.pages.figures import MAX_LINE_POINTS, on_page
@@ -147,7 +147,8 @@ def verdict_rows(result: ComparisonResult) -> tuple[list[str], list[list[str]]]:
 
 def _helped_by(engine: EngineResult) -> str:
     """Say which laws the adapter supplies in the engine's place, and what it takes from the reference's own run."""
-    laws = [s.what for s in engine.provenance.supplies if s.by == Supplier.ADAPTER.value and s.what != "drag"]
+    supplies = supplies_as_rows(engine.provenance.supplies)
+    laws = [what for what, by, _ in supplies if by == Supplier.ADAPTER.value and what != "drag"]
     helpers = {"the adapter": laws, "the reference": engine.from_reference}
     return "; ".join(f"{who}: {', '.join(what)}" for who, what in helpers.items() if what) or GAP
 
@@ -258,11 +259,10 @@ def _detail(result: ComparisonResult) -> str:
 
 def _supplies(result: ComparisonResult) -> str:
     runs = [("reference", result.reference.provenance), *((name(e), e.provenance) for e in result.engines)]
-    whats = [s.what for s in result.reference.provenance.supplies]
+    whats = [what for what, *_ in supplies_as_rows(result.reference.provenance.supplies)]
     rows = []
     for label, provenance in runs:
-        by = {s.what: f"**{s.by}**: {s.how}" for s in provenance.supplies}
-        rows.append([label, *(by.get(what, GAP) for what in whats)])
+        rows.append([label, *(f"**{by}**: {how}" for _, by, how in supplies_as_rows(provenance.supplies))])
     note = (
         "Agreement tests an engine only in the physics that the engine itself supplies, not in laws that the adapter adds.\n\n"
     )

@@ -10,9 +10,8 @@ name or meaning or goes away.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import Any
 
 from pydantic import InstanceOf
 
@@ -20,7 +19,7 @@ from looping_pendulum.compare.align import Aligned
 from looping_pendulum.compare.json_text import JsonResult, StoredParameters, plain
 from looping_pendulum.compare.trial import TrialComparison
 from looping_pendulum.engines.landmarks import Landmarks
-from looping_pendulum.engines.trajectory import Provenance, RunStatus, Supplier, Supplies, Supply, Trajectory, supplies_as_rows
+from looping_pendulum.engines.trajectory import Provenance, RunStatus, Trajectory
 from looping_pendulum.scenarios.scenario import Inference
 
 
@@ -64,37 +63,9 @@ class Departure:
     """Largest stretch of the string up to that time [m]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class SupplyEntry:
-    """A piece of physics and who supplies it."""
-
-    what: str
-    by: str
-    """"engine", "adapter" or "nobody"."""
-    how: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class RunProvenance:
-    """Versions, settings and suppliers of physics that a run was made with."""
-
-    versions: dict[str, str]
-    settings: dict[str, Any]
-    """Settings of the engine, SI."""
-    supplies: tuple[SupplyEntry, ...]
-    seed: int | None = None
-
-    @classmethod
-    def of(cls, *, versions: Any, settings: Any, supplies: Supplies, seed: int | None = None) -> RunProvenance:
-        """Return what a `Provenance` has, or an engine without a run, in the form of result.json."""
-        rows = tuple(SupplyEntry(what=what, by=by, how=how) for what, by, how in supplies_as_rows(supplies))
-        return cls(versions=plain(versions), settings=plain(settings), supplies=rows, seed=seed)
-
-    def as_of_a_run(self) -> Provenance:
-        """Return the `Provenance` that this is made of."""
-        # The result has these names with spaces, for its readers
-        supplies = {s.what.replace(" ", "_"): Supply(by=Supplier(s.by), how=s.how) for s in self.supplies}
-        return Provenance(versions=self.versions, settings=self.settings, supplies=Supplies(**supplies), seed=self.seed)
+def stored_provenance(provenance: Provenance) -> Provenance:
+    """Return a run's provenance with settings as JSON has them, so that a result is equal to what is read back."""
+    return replace(provenance, versions=plain(provenance.versions), settings=plain(provenance.settings))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +80,7 @@ class ReferenceResult:
     """Events as (name, time [s])."""
     end_time: float
     """Last time [s] that the reference covers, at most the scenario's duration."""
-    provenance: RunProvenance
+    provenance: Provenance
     sampled: Landmarks = Landmarks()
     """Landmarks from the reference's samples, by the detector that reads the engines; their errors are relative to it."""
 
@@ -153,7 +124,7 @@ class EngineResult:
     """Rate [1/s] of the exponential that grows from the first exceeded threshold to the last."""
     story: str
     """Where, when and why it departs, in one or two sentences."""
-    provenance: RunProvenance
+    provenance: Provenance
 
     @property
     def label(self) -> str:

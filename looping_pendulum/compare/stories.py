@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from looping_pendulum.compare.align import SAME_TIME
-from looping_pendulum.compare.result import Departure, SupplyEntry
+from looping_pendulum.compare.result import Departure
 from looping_pendulum.engines.landmarks import Landmarks
 from looping_pendulum.engines.protocol import STATIC_FRICTION, physics_of
 from looping_pendulum.engines.string_motion import RESOLUTION
-from looping_pendulum.engines.trajectory import UNKNOWN_MODE, RunStatus, Supplier, Trajectory
+from looping_pendulum.engines.trajectory import UNKNOWN_MODE, RunStatus, Supplier, Supplies, Trajectory
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.transitions import Mode
@@ -81,7 +81,7 @@ def mode_description(mode: int) -> str:
 def story(
     run: Trajectory,
     parameters: Parameters,
-    supplies: tuple[SupplyEntry, ...],
+    supplies: Supplies,
     departures: tuple[Departure, ...],
     own: Landmarks,
     expected: Landmarks,
@@ -119,10 +119,10 @@ def story(
     return " ".join(s for s in sentences if s)
 
 
-def missing_physics(supplies: tuple[SupplyEntry, ...], parameters: Parameters, lacks: tuple[str, ...] = ()) -> tuple[str, ...]:
+def missing_physics(supplies: Supplies, parameters: Parameters, lacks: tuple[str, ...] = ()) -> tuple[str, ...]:
     """Return the physics that the scenario has and the run did not: what nobody supplies, and what ``lacks`` names."""
     scenario_physics = physics_of(parameters)
-    nobody = (s.what.replace(" ", "_") for s in supplies if s.by == Supplier.NOBODY.value)
+    nobody = (what for what, supply in vars(supplies).items() if supply.by is Supplier.NOBODY)
     return tuple(dict.fromkeys([*(what for what in nobody if what in scenario_physics), *lacks]))
 
 
@@ -153,7 +153,7 @@ def _where(first: Departure, parameters: Parameters) -> str:
     )
 
 
-def _why(first: Departure, supplies: tuple[SupplyEntry, ...], parameters: Parameters, missing: tuple[str, ...]) -> str:
+def _why(first: Departure, supplies: Supplies, parameters: Parameters, missing: tuple[str, ...]) -> str:
     causes = []
     # A string that has slid ever since its release has not needed to stick yet.
     acting = [m for m in missing if m not in REST_PHYSICS or first.after != "release"]
@@ -165,7 +165,7 @@ def _why(first: Departure, supplies: tuple[SupplyEntry, ...], parameters: Parame
         return f"Likely cause: {'; '.join(causes)}."
     text = "All the physics that had acted by then is modelled" if missing else "All the physics of the scenario is modelled"
     scenario_physics = physics_of(parameters)
-    by = {who: [s.what.replace(" ", "_") for s in supplies if s.by == who.value] for who in Supplier}
+    by = {who: [what for what, supply in vars(supplies).items() if supply.by is who] for who in Supplier}
     parts = []
     for who in (Supplier.ENGINE, Supplier.ADAPTER):
         supplied = [PHYSICS_DESCRIPTIONS[what] for what in by[who] if what in scenario_physics]

@@ -127,7 +127,7 @@ def _samples(result: ComparisonResult, folder: Path) -> ResultSamples:
         profile="",
         scenario=result.scenario,
         events=tuple(TrajectoryEvent(name=name, time=time) for name, time in exact.events),
-        provenance=exact.provenance.as_of_a_run(),
+        provenance=exact.provenance,
     )
 
     def at(times: Array) -> Trajectory:
@@ -148,7 +148,7 @@ def _samples(result: ComparisonResult, folder: Path) -> ResultSamples:
             scenario=result.scenario,
             status=RunStatus[e.status],
             message=e.message,
-            provenance=e.provenance.as_of_a_run(),
+            provenance=e.provenance,
         )
         for e, file in zip(result.engines, trajectory_files(result), strict=True)
     ]

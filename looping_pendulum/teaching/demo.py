@@ -15,13 +15,13 @@ import numpy as np
 
 from looping_pendulum.compare.align import Aligned
 from looping_pendulum.compare.report import name
-from looping_pendulum.compare.result import ComparisonResult, EngineResult, ResultSamples, SupplyEntry
+from looping_pendulum.compare.result import ComparisonResult, EngineResult, ResultSamples
 from looping_pendulum.compare.stories import EVENT_DESCRIPTIONS, PHYSICS_DESCRIPTIONS, events_to_show
 from looping_pendulum.compare.trial import RESIDUAL_UNITS, distance
 from looping_pendulum.engines.landmarks import RELEASES_WITHOUT_STOPS, Landmarks
 from looping_pendulum.engines.protocol import physics_of
 from looping_pendulum.engines.tension import AVERAGING_TIME, tension_from_motion
-from looping_pendulum.engines.trajectory import UNKNOWN_MODE, Supplier, Trajectory
+from looping_pendulum.engines.trajectory import UNKNOWN_MODE, Supplier, Supplies, Trajectory
 from looping_pendulum.files import write_atomically
 from looping_pendulum.live.write import render as render_live
 from looping_pendulum.pages.numbers import number, quantity
@@ -209,18 +209,15 @@ def caption(result: ComparisonResult, engine: EngineResult, p: Parameters) -> st
     return " ".join(part for part in parts if part)
 
 
-def _friction(supplies: tuple[SupplyEntry, ...], p: Parameters) -> str:
+def _friction(supplies: Supplies, p: Parameters) -> str:
     if "friction_law" not in physics_of(p):
         return "Friction plays no part here."
-    entry = next((s for s in supplies if s.what == "friction law"), None)
-    if entry is None:
-        return "It does not say who supplies the friction."
     who = {
-        Supplier.ENGINE.value: "Friction by the engine itself",
-        Supplier.ADAPTER.value: "Friction fed in by our adapter",
-        Supplier.NOBODY.value: "No friction on the rod",
+        Supplier.ENGINE: "Friction by the engine itself",
+        Supplier.ADAPTER: "Friction fed in by our adapter",
+        Supplier.NOBODY: "No friction on the rod",
     }
-    return f"{who[entry.by]}: {entry.how}."
+    return f"{who[supplies.friction_law.by]}: {supplies.friction_law.how}."
 
 
 def _halting(engine: EngineResult, reference: Landmarks) -> str:

@@ -80,7 +80,7 @@ def test_every_kind_of_change_is_listed(scenario, reference, make_run, missing, 
         (RUN, "provenance: versions: pymunk"): ("7.3", "7.4"),
         (RUN, "provenance: settings: dt"): (1e-3, 1e-4),
         (RUN, "provenance: settings: solver: sweeps"): (10, 20),
-        (RUN, "provenance: supplies: 2: by"): ("engine", "nobody"),
+        (RUN, "provenance: supplies: friction_law: by"): ("engine", "nobody"),
     }
     assert expected.items() <= changes.items()
     was, now = changes[RUN, "metrics: rms_0.7s"]

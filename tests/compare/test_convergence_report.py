@@ -35,13 +35,15 @@ from looping_pendulum.compare.convergence.result import (
     VariationStudy,
 )
 from looping_pendulum.compare.convergence.study import reference_target
-from looping_pendulum.compare.result import RunProvenance, SupplyEntry
 from looping_pendulum.compare.run_cache import EndedRun
+from looping_pendulum.engines.trajectory import Provenance, Supplier, Supplies, Supply
 from tests.apparatus import TEN_TO_ONE
 from tests.compare.delayed import DelayedEngine
 from tests.compare.golden import golden
 
 EARLY, LATE = PATH_END_TIMES
+BY_ENGINE, BY_NOBODY = Supply(by=Supplier.ENGINE, how="h"), Supply(by=Supplier.NOBODY, how="h")
+SUPPLIES = Supplies(winding=BY_ENGINE, friction_law=BY_NOBODY, stick_slip=BY_NOBODY, drag=BY_NOBODY)
 
 
 def run(key, i, **fields):
@@ -90,10 +92,10 @@ def variant(name="a", **fields):
         rungs=(rung(8e-4, 3, "r8"), rung(4e-4, 2, f"own {name}"), rung(2e-4, 1, "r2", **SKIPPED)),
         verdicts=tuple(verdict(quantity) for quantity in QUANTITIES),
     )  # fmt: skip
-    provenance = RunProvenance(
+    provenance = Provenance(
         versions={"p": "1", "q": "2"},
         settings={"dt": 1 / 3, "n": 7},
-        supplies=(SupplyEntry(what="winding", by="engine", how="h"), SupplyEntry(what="drag", by="nobody", how="h")),
+        supplies=SUPPLIES,
     )
     made = {
         "engine": "toy", "variant": name, "profile": "quick", "summary": "A toy.", "own": run(f"own {name}", 2),
@@ -135,7 +137,7 @@ def test_the_golden_report():
     bare = variant(
         "b", own=run("o", 1, **NEVER_HALTS), splits=(), ladders=(), starts=(),
         choices=(variation("e", "e", **NEVER_HALTS),), defaults=(variation("f", "f", **FAILED),),
-        provenance=RunProvenance(versions={}, settings={}, supplies=()),
+        provenance=Provenance(versions={}, settings={}, supplies=SUPPLIES),
     )  # fmt: skip
     broken = variant("c", own=run("o", 1, **NEVER_HALTS | FAILED), ladders=(), starts=(), splits=(), choices=(), defaults=())
     figures = {"f/a.png": ("toy:b", "Of b."), "f/b.png": ("toy:a", "Of a."), "f/c.png": ("toy:b", "Also b.")}

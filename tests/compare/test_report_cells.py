@@ -13,11 +13,11 @@ import pytest
 from looping_pendulum.compare import compare, report
 from looping_pendulum.compare.report import halting_section as render_halts
 from looping_pendulum.compare.report import measured_events_table as render_paper
-from looping_pendulum.compare.result import SupplyEntry, ToleranceOutcome, WallTime
+from looping_pendulum.compare.result import ToleranceOutcome, WallTime
 from looping_pendulum.compare.trajectories import trajectory_csv, trajectory_files
 from looping_pendulum.engines.landmarks import Extremum, HaltingTimeAt, Landmarks
 from looping_pendulum.engines.string_motion import RESOLUTIONS
-from looping_pendulum.engines.trajectory import RunStatus
+from looping_pendulum.engines.trajectory import RunStatus, Supplier, Supplies, Supply
 from looping_pendulum.pages.markdown import table as markdown
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.scenario import Inference
@@ -44,9 +44,8 @@ from tests.compare.report_cells import (
 def whole(result):
     """A result with everything that a report may say."""
     (engine,) = result.engines
-    supplies = tuple(SupplyEntry(what=what, by=by, how="by hand") for what, by in [
-        ("winding", "engine"), ("friction law", "adapter"), ("stick slip", "adapter"), ("drag", "nobody"),
-    ])  # fmt: skip
+    makers = {"winding": "engine", "friction_law": "adapter", "stick_slip": "adapter", "drag": "nobody"}
+    supplies = Supplies(**{what: Supply(by=Supplier(by), how="by hand") for what, by in makers.items()})
     marks = dataclasses.replace(
         OWN, stops=at(0.2031, 0.3987, 0.6), slip_onsets=(0.2512,), light_reaches_rod=0.9049,
         x1_extrema=(Extremum(time=0.3042, value=0.0),), y1_extrema=(Extremum(time=0.4053, value=0.0),),
@@ -68,7 +67,7 @@ def whole(result):
     short = dataclasses.replace(
         engine, variant="short", not_comparable="it is short", departures=(gone(1e-2, 0.5),),
         landmarks=dataclasses.replace(OWN, halting_times=(HaltingTimeAt(resolution=1e-5, time=None), *OWN.halting_times[1:])),
-        provenance=dataclasses.replace(engine.provenance, supplies=supplies[1:], settings={}, versions={}, seed=12),
+        provenance=dataclasses.replace(engine.provenance, supplies=supplies, settings={}, versions={}, seed=12),
     )  # fmt: skip
     gap = dataclasses.replace(engine, variant="gap", available=False, status_sentence="it is not there")
     rows = (

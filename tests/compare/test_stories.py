@@ -7,20 +7,18 @@ import pytest
 
 from looping_pendulum.compare.align import SAME_TIME
 from looping_pendulum.compare.landmarks import why_not_comparable
-from looping_pendulum.compare.result import Departure, SupplyEntry
+from looping_pendulum.compare.result import Departure
 from looping_pendulum.compare.stories import EVENT_DESCRIPTIONS, events_to_show, missing_physics, mode_description, story
 from looping_pendulum.engines.landmarks import Landmarks, Rebound, Stop
 from looping_pendulum.engines.string_motion import MIN_REST
-from looping_pendulum.engines.trajectory import UNKNOWN_MODE, RunStatus
+from looping_pendulum.engines.trajectory import UNKNOWN_MODE, RunStatus, Supplier, Supplies, Supply
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.transitions import Mode
 
-PIECES = ("winding", "friction law", "stick slip", "drag")
-
 
 def supplied(winding="engine", friction="engine", stick="engine", drag="engine"):
-    makers = zip(PIECES, (winding, friction, stick, drag), strict=True)
-    return tuple(SupplyEntry(what=what, by=by, how="somehow") for what, by in makers)
+    makers = {"winding": winding, "friction_law": friction, "stick_slip": stick, "drag": drag}
+    return Supplies(**{what: Supply(by=Supplier(by), how="somehow") for what, by in makers.items()})
 
 
 def departure(threshold=1e-3, time=0.2, **other):

@@ -22,6 +22,7 @@ from looping_pendulum.compare.convergence.result import (
     VariantStudy,
     VariationStudy,
 )
+from looping_pendulum.engines.trajectory import supplies_as_rows
 from looping_pendulum.errors import EngineError
 from looping_pendulum.files import file_stem, optional_output
 from looping_pendulum.pages.drawing import legend_below, make_figure, png, without_mathtext
@@ -324,13 +325,14 @@ def verdict_cell(verdict: ConvergenceVerdict) -> str:
 
 def provenance_table(result: ConvergenceResult) -> str:
     """Return a table of versions and suppliers of physics of every variant, and below it the settings of each."""
-    physics = list(dict.fromkeys(s.what for v in result.variants for s in v.provenance.supplies))
+    physics: list[str] = []
     rows, settings = [], []
     for v in result.variants:
         p = v.provenance
-        by = {s.what: s.by for s in p.supplies}
+        supplies = supplies_as_rows(p.supplies)
+        physics = [what for what, *_ in supplies]
         versions = ", ".join(f"{k} {x}" for k, x in p.versions.items()) or GAP
-        rows.append([v.label, versions, *(by.get(what, GAP) for what in physics)])
+        rows.append([v.label, versions, *(by for _, by, _ in supplies)])
         each = ", ".join(f"{k} {number(x, digits=6) if isinstance(x, float) else x}" for k, x in p.settings.items())
         settings.append(f"- **{v.label}**: {each or GAP}\n")
     head = ["variant", "versions", *physics]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from looping_pendulum.compare.json_text import JsonResult, StoredParameters
-from looping_pendulum.compare.result import RunProvenance
+from looping_pendulum.engines.trajectory import Provenance
 
 FILE = "convergence.json"
 
@@ -188,7 +188,7 @@ class VariantStudy:
     choices: tuple[VariationStudy, ...]
     defaults: tuple[VariationStudy, ...]
     splits: tuple[ErrorSplit, ...]
-    provenance: RunProvenance
+    provenance: Provenance
 
     @property
     def label(self) -> str:

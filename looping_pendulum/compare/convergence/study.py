@@ -43,7 +43,7 @@ from looping_pendulum.compare.convergence.result import (
 )
 from looping_pendulum.compare.landmarks import SampledReference
 from looping_pendulum.compare.metrics import END_TIME_TOLERANCE, largest_stretch, rms_until
-from looping_pendulum.compare.result import RunProvenance
+from looping_pendulum.compare.result import stored_provenance
 from looping_pendulum.compare.run_cache import EndedRun, RunCache, Runner, RunTask, run_key
 from looping_pendulum.engines.isolation import MEMORY_LIMIT, TIME_LIMIT
 from looping_pendulum.engines.landmarks import run_landmarks
@@ -51,6 +51,7 @@ from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import label
 from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder
+from looping_pendulum.engines.trajectory import Provenance
 from looping_pendulum.errors import EngineError
 from looping_pendulum.files import write_atomically
 from looping_pendulum.pages.numbers import DISPLAY_UNITS, number
@@ -260,10 +261,12 @@ def evaluate_variant(
             for default, task in plan.defaults
         ),
         splits=tuple(split for split in splits if split is not None),
-        provenance=RunProvenance.of(
-            versions=own_run.run.provenance.versions if own_run is not None and own_run.run is not None else {},
-            settings=plan.engine.settings,
-            supplies=plan.engine.abilities.supplies,
+        provenance=stored_provenance(
+            Provenance(
+                versions=own_run.run.provenance.versions if own_run is not None and own_run.run is not None else {},
+                settings=vars(plan.engine.settings),
+                supplies=plan.engine.abilities.supplies,
+            )
         ),
     )
 
