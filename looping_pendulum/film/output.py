@@ -27,6 +27,8 @@ from looping_pendulum.reference_ode.geometry import Array
 CHANNELS = ("light_x", "light_y", "heavy_x", "heavy_y")
 TABLE_COLUMNS = ("t [s]", *(f"{name} [m]" for name in CHANNELS), *(f"{name}_error [m]" for name in CHANNELS), "flag")
 """Columns of the table, which is an export: a study that names the film takes the points themselves."""
+POINT_COLUMNS = ("t", "x", "y", "x_error", "y_error")
+"""Columns of a mass's points among the facts [s, m]."""
 LONG_STREAK = 12.0
 """Way during the exposure from which on its point is flagged [pixels of a picture 1280 wide]."""
 SHEET_WIDTH = 1280
@@ -114,13 +116,15 @@ def stored_facts(files: FilmFiles, film: str | Path, stated: Mapping[str, float]
         if files.facts.stat().st_mtime_ns < Path(film).stat().st_mtime_ns:
             return None
         tree: dict[str, Any] = json.loads(files.facts.read_text(encoding="utf-8"))
-        known = {name: tree["settings"][name] for name in stated}
-        points = tree["points"]["light"]["t"], tree["points"]["heavy"]["t"], tree["camera_errors"], tree["release"]
-    except (OSError, ValueError, TypeError, KeyError):
+        numbers = [tree["points"][mass][column] for mass in ("light", "heavy") for column in POINT_COLUMNS]
+        numbers += [list(tree["camera_errors"].values()), list(tree["skipped"].values())]
+        # A length was written with six digits in a study's line
+        same = all(math.isclose(tree["settings"][name], value, rel_tol=1e-5) for name, value in stated.items())
+        is_whole = all(len(column) and np.isfinite(column).all() for column in numbers) and bool(tree["release"])
+    # Whoever changed or cut the file, tracking the film again puts it right
+    except (OSError, ValueError, TypeError, KeyError, AttributeError):
         return None
-    # A length was written with six digits in a study's line
-    same = all(v is not None and math.isclose(v, stated[name], rel_tol=1e-5) for name, v in known.items())
-    return tree if same and all(points) else None
+    return tree if same and is_whole else None
 
 
 def is_edited(files: FilmFiles) -> bool:
@@ -241,7 +245,7 @@ def _points(track: FilmTrack, points: Points) -> dict[str, Any]:
     """Return a mass's points from the release on, in seconds and metres as `table` has them, and a summary of all."""
     t = track.t[points.frame] - track.release
     (x, y), error = track.metres(points.place).T, points.error.T / track.scale
-    columns = {"t": t, "x": x, "y": y, "x_error": error[0], "y_error": error[1]}
+    columns = dict(zip(POINT_COLUMNS, (t, x, y, *error), strict=True))
     return {
         "frames": len(points.frame),
         "median_error_pixels": float(np.median(points.error)),

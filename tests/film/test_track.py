@@ -130,6 +130,23 @@ def test_a_film_gives_its_points_as_the_tracker_has_them(tracked, ordinary):
     assert points.faults == ()
 
 
+def test_a_film_whose_facts_are_damaged_is_tracked_again(tracked, ordinary, tmp_path, monkeypatch):
+    film = tmp_path / "trial.mp4"
+    shutil.copy(ordinary[0], film)
+    files = output.files_of(film)
+    output.write(tracked, files)
+    whole = json.loads(files.facts.read_text())
+    assert output.stored_facts(files, film, {}) is not None
+    monkeypatch.setattr("looping_pendulum.film.output.track", lambda *args, **options: tracked)
+    for damage in (
+        {"points": {}}, {"skipped": None}, {"camera_errors": {"scale": "small"}}, {"settings": {"free_length": "58 cm"}},
+        {"points": whole["points"] | {"light": {"t": []}}},
+    ):  # fmt: skip
+        files.facts.write_text(json.dumps(whole | damage))
+        assert output.stored_facts(files, film, {"free_length": 0.58}) is None
+        assert len(film_points.read_film(film, {"free_length": 0.58}, "trial").channels) == 4
+
+
 def test_a_table_that_was_changed_after_tracking_is_not_taken_in_silence(tracked, ordinary, tmp_path):
     film = tmp_path / "trial.mp4"
     shutil.copy(ordinary[0], film)
