@@ -12,9 +12,9 @@ from looping_pendulum.reference_ode.solution import Run
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.reference_ode.state import Signs, State
 from looping_pendulum.reference_ode.transitions import Mode
+from research import heyoka_runs
 
 from .common import CASES, DURATION, PAPER_ANGLES, at_angle, case, letters, rounded
-from .extended import solve_extended
 
 TOLERANCES = tuple(10.0**-k for k in range(8, 16))
 SCIPY_TOLERANCES = tuple(10.0**-k for k in range(8, 14))
@@ -44,9 +44,9 @@ def four_angles() -> dict[str, Any]:
 
 
 def _solve_with_every_solver(parameters: Parameters) -> dict[str, Any]:
-    exact = solve_extended(parameters, precision="128-bit", duration=DURATION)
-    runs: dict[str, Run] = {"heyoka 80-bit": solve_extended(parameters, precision="80-bit", duration=DURATION)}
-    runs |= {f"heyoka {tol:.0e}": solve(parameters, duration=DURATION, tolerance=tol) for tol in TOLERANCES}
+    exact = heyoka_runs.solve(parameters, precision="128-bit", duration=DURATION)
+    runs: dict[str, Run] = {"heyoka 80-bit": heyoka_runs.solve(parameters, precision="80-bit", duration=DURATION)}
+    runs |= {f"heyoka {tol:.0e}": heyoka_runs.solve(parameters, duration=DURATION, tolerance=tol) for tol in TOLERANCES}
     runs |= {
         f"scipy {tol:.0e}": solve(parameters, duration=DURATION, tolerance=tol, integrator="scipy") for tol in SCIPY_TOLERANCES
     }

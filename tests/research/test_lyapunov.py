@@ -1,4 +1,4 @@
-"""Growth of small differences, and runs in extended precision."""
+"""Growth of small differences."""
 
 import math
 from types import SimpleNamespace
@@ -6,17 +6,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from looping_pendulum.errors import MissingPackageError, ParameterError
-from looping_pendulum.reference_ode.heyoka_library import load_heyoka
+from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.sensitivity import solve_sensitivities
 from looping_pendulum.reference_ode.solve import solve, solve_at
 from looping_pendulum.scenarios.loader import load
-from research.answers import extended
-from research.answers.extended import TOLERANCES, solve_extended
-from research.answers.lyapunov import OBSERVABLES, TangentMap, solve_tangent_map
 
 pytest.importorskip("heyoka", reason="exponents need heyoka")
+from research.answers.lyapunov import OBSERVABLES, TangentMap, solve_tangent_map  # noqa: E402
 
 LENGTH, GRAVITY = 0.58, 9.81
 
@@ -108,7 +105,7 @@ def test_differences_are_measured_in_lengths_and_speeds_of_the_apparatus(gravity
     p = apparatus(coefficients={"gravity": gravity})
     run = SimpleNamespace(run=SimpleNamespace(parameters=p))
     empty = np.zeros((0, 0))
-    scales = TangentMap(samples=run, names=(), start=empty, state=empty).scales
+    scales = TangentMap(samples=run, names=(), state=empty, start=empty, observables=empty).scales
     by_name = dict(zip(OBSERVABLES, scales, strict=True))
     assert {by_name[n] for n in ("x1", "y1", "y2")} == {LENGTH}
     assert [by_name[n] for n in ("vx1", "vy1", "vy2")] == pytest.approx([speed] * 3, rel=1e-3)
@@ -118,56 +115,3 @@ def test_an_effect_with_a_state_of_its_own_is_refused():
     p = load("ten_to_one").parameters.replace(push_sideways=0.1)
     with pytest.raises(ParameterError, match="out_of_plane"):
         solve_tangent_map(p, np.array([0.1]))
-
-
-# ---- runs in extended precision
-
-
-pytest.importorskip("heyoka", reason="extended precision needs heyoka")
-
-
-@pytest.mark.parametrize("angle", [66.5, 75.1, 100.5])
-def test_double_precision_is_right_to_its_rounding(angle):
-    """Modes agree, and event times are within a hundred roundings: as much as small differences grow during a run."""
-    p = load("two_and_a_half_to_one").parameters.replace(release_angle=math.radians(angle))
-    exact, double = solve_extended(p), solve(p, tolerance=1e-15)
-    assert exact.modes == double.modes
-    assert abs(double.halting_time - float(exact.halting_time)) < 100 * np.finfo(float).eps
-
-
-def test_precisions_agree_to_80_bits():
-    p = load("two_and_a_half_to_one").parameters
-    a, b = solve_extended(p, precision="80-bit"), solve_extended(p, precision="128-bit")
-    assert a.modes == b.modes
-    difference = type(b.halting_time)(str(a.halting_time)) - b.halting_time
-    assert abs(float(difference)) < 100 * float(np.finfo(np.longdouble).eps)
-
-
-def test_a_frictionless_drop_is_a_fall():
-    """Falling h without drag takes sqrt(2 h / g), to 128 bits' tolerance but for the series that leaves rest."""
-    p = Parameters(
-        light_mass=0.02, heavy_mass=0.2, rod_radius=1e-3, free_length=0.5, release_angle=math.pi, hanging_length=0.1,
-        release=Release.VERTICAL,
-    )  # fmt: skip
-    run = solve_extended(p, duration=5.0)
-    fall = run.parameters.free_length - run.parameters.end_length  # the light mass rises to the rod
-    acceleration = 9.81 * (0.2 - 0.02) / (0.2 + 0.02)
-    assert float(run.end_time) == pytest.approx(math.sqrt(2 * fall / acceleration), rel=1e-12)
-
-
-def test_a_precision_is_that_of_its_numbers(monkeypatch):
-    # Oracle: what the names say. 64 bits of fraction in 80 (x86's), 113 in 128 (IEEE's quadruple).
-    hy = load_heyoka()
-    if "real128" in dir(hy):
-        assert extended._number_type("128-bit") is hy.real128
-        monkeypatch.delattr(hy, "real128")
-    if np.finfo(np.longdouble).nmant >= 63:
-        assert extended._number_type("80-bit") is np.longdouble
-    with pytest.raises(MissingPackageError, match="128-bit numbers are not available"):
-        extended._number_type("128-bit")
-
-
-def test_an_unknown_precision_is_refused():
-    with pytest.raises(ValueError, match="80-bit, 128-bit"):
-        solve_extended(load("ten_to_one").parameters, precision="64-bit")
-    assert set(TOLERANCES) == {"80-bit", "128-bit"}
