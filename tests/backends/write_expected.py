@@ -18,7 +18,7 @@ from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.solve import solve_at
-from research.answers.extended import solve_extended
+from research import heyoka_runs
 from research.rivals import best_additions
 from tests.apparatus import SENSITIVE, TEN_TO_ONE, TWO_TO_ONE
 
@@ -34,7 +34,7 @@ PUSH = 0.06
 
 def events(name: str) -> list[list[object]]:
     """Every event of an apparatus: name, time [s], mode after it, wrap angle [rad] and free length [m]."""
-    run = solve_extended(APPARATUS[name], precision="80-bit", duration=2.0)
+    run = heyoka_runs.solve(APPARATUS[name], precision="80-bit", duration=2.0)
     return [
         [e.event and e.event.value, float(e.time), e.mode_after.name, float(e.state.wrap_angle), float(e.state.free_length)]
         for e in run.events
