@@ -13,7 +13,7 @@ import numpy as np
 
 from looping_pendulum.errors import IntegrationError, MissingPackageError
 from looping_pendulum.reference_ode import rules
-from looping_pendulum.reference_ode.effects import EFFECTS
+from looping_pendulum.reference_ode.effects import EFFECTS, EffectKind
 from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
@@ -163,8 +163,10 @@ class HeyokaIntegrator:
     """Integrates a mode until one of its events."""
 
     def __init__(self, p: SimpleNamespace, effects: Effects, tolerance: float, number_type: Any = float) -> None:
-        self.effects, self.tolerance, self.number_type = effects, tolerance, number_type
-        self.names = tuple(sorted(set(vars(p)) - _absent_coefficients(effects).keys() - {"release"}))
+        # Motions at release change no equation: runs with and without a push share their compiled code
+        self.effects = tuple(effect for effect in effects if effect.kind is not EffectKind.RELEASE)
+        self.tolerance, self.number_type = tolerance, number_type
+        self.names = tuple(sorted(set(vars(p)) - _absent_coefficients(self.effects).keys() - {"release"}))
         """Names of the parameters, in heyoka's order."""
         self.numbers = [getattr(p, name) for name in self.names]
 
