@@ -13,7 +13,7 @@ FURTHER = tuple(name for name in TYPICAL if not name.startswith("push"))
 
 
 def of_papers_model(seed: int) -> Parameters:
-    """Return an apparatus of the paper's model, pushed or not: M2/M1 from 1 to 32, rods of 2 to 20 mm, strings of 0.2 to 1.2 m."""
+    """Return an apparatus of the paper's model, pushed or not."""
     return _apparatus(np.random.default_rng([1, seed]), Release.LOOPING, {})
 
 
