@@ -15,7 +15,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from looping_pendulum.live.expressions import Expression, literal, written
+from looping_pendulum.live.expressions import literal, written
 from looping_pendulum.live.functions import mode_equations, release_function
 from looping_pendulum.live.symbols import (
     FURTHER_EFFECTS,
@@ -29,6 +29,7 @@ from looping_pendulum.live.symbols import (
 )
 from looping_pendulum.measured.camera import CAMERA
 from looping_pendulum.reference_ode import rules, scipy_backend, solve
+from looping_pendulum.reference_ode.core.expressions import Expression
 from looping_pendulum.reference_ode.parameters import (
     NUMBERS,
     POINT_MASS_END,

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import reduce
 from operator import and_
 from types import SimpleNamespace
 from typing import Any, cast
 
-from looping_pendulum.live.expressions import ExpressionGraph, ExpressionMath, possible_values
+from looping_pendulum.live.expressions import PrintedGraph
+from looping_pendulum.reference_ode.core.expressions import ExpressionGraph, ExpressionMath
+from looping_pendulum.reference_ode.core.trace import SymbolicSystem
 from looping_pendulum.reference_ode.effects import LIBRARY, Effect, Kinematics
 from looping_pendulum.reference_ode.effects.library import (
     HEAVY_LINEAR_DRAG,
@@ -19,10 +20,8 @@ from looping_pendulum.reference_ode.effects.library import (
     SIDE_FORCE,
     WIND,
 )
-from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.parameters import NUMBERS, Parameters, Release, is_possible
-from looping_pendulum.reference_ode.rules import HybridSystem
-from looping_pendulum.reference_ode.state import Effects, Motion, Signs, State
+from looping_pendulum.reference_ode.state import Effects, Signs, State
 from looping_pendulum.reference_ode.transitions import Mode
 
 FURTHER_EFFECTS = (LIGHT_LINEAR_DRAG, HEAVY_LINEAR_DRAG, WIND, SIDE_FORCE, PUSH_ACROSS, PUSH_ALONG)
@@ -86,7 +85,7 @@ class Model:
     """Symbols of one function of the model, and the equations over them."""
 
     def __init__(self, effects: Effects) -> None:
-        self.graph = ExpressionGraph()
+        self.graph = PrintedGraph()
         self.xp = ExpressionMath(self.graph)
         # The null value of an absent effect's coefficient is a number, so that nothing is printed of its terms
         absent = {c.name: c.null for effect in LIBRARY for c in effect.coefficients}
@@ -103,53 +102,3 @@ class Model:
             **vars(self.p), release=release, coefficients=vars(self.p), effects=self.effects, values=lambda: self.p
         )
         return cast(Parameters, stand_in)
-
-
-class SymbolicSystem(HybridSystem):
-    """The equations of one run on expressions; the mode may be a choice between several."""
-
-    def __init__(self, graph: ExpressionGraph, p: SimpleNamespace, effects: Effects) -> None:
-        super().__init__(Equations(ExpressionMath(graph), p, effects))
-        self._graph = graph
-
-    def where(self, condition: Any, a: Any, b: Any) -> Any:
-        """Return the number ``a`` where ``condition`` holds, else ``b``."""
-        return self._graph.where(condition, a, b)
-
-    def choose(self, condition: Any, a: Motion, b: Motion) -> Motion:
-        """Return the motion ``a`` where ``condition`` holds, else ``b``."""
-        return Motion(
-            mode=self.where(condition, a.mode, b.mode),
-            t=self.where(condition, a.t, b.t),
-            y=State(*self._each(condition, a.y, b.y)),
-            signs=Signs(*self._each(condition, a.signs, b.signs)),
-        )
-
-    def _each(self, condition: Any, a: tuple[Any, ...], b: tuple[Any, ...]) -> list[Any]:
-        return [self.where(condition, x, y) for x, y in zip(a, b, strict=True)]
-
-    def any(self, condition: Any) -> bool:
-        """Return whether ``condition`` may hold."""
-        return condition is not False
-
-    def rates(self, m: Motion) -> State:
-        """Return the derivatives of the state by time."""
-        return State(*self._in_each_mode(m, self.equations.rates))
-
-    def tensions(self, m: Motion) -> tuple[Any, Any]:
-        """Return the tensions in the free string and above the heavy mass [N]."""
-        light, heavy = self._in_each_mode(m, self.equations.tensions)
-        return light, heavy
-
-    def holding_margins(self, m: Motion) -> tuple[Any, Any]:
-        """Return by how much the tensions are inside the friction cone, (down, up) [N]."""
-        down, up = self._in_each_mode(m, self.equations.holding_margins)
-        return down, up
-
-    def _in_each_mode(self, m: Motion, function: Callable[..., tuple[Any, ...]]) -> list[Any]:
-        """Return what ``function`` gives in the mode of ``m``, which may be a choice between several."""
-        modes = [Mode(value) for value in possible_values(m.mode)]
-        result = list(function(modes[-1], *m[1:]))
-        for mode in modes[:-1]:
-            result = self._each(m.mode == mode, function(mode, *m[1:]), tuple(result))
-        return result

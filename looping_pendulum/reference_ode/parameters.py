@@ -44,6 +44,30 @@ def string_length(free_length: Any, rod_radius: Any, release_angle: Any, hanging
     return free_length + rod_radius * (release_angle - heavy_swing) + hanging_length
 
 
+def derived_values(values: Mapping[str, Any], where: Callable[[Any, Any, Any], Any]) -> dict[str, Any]:
+    """Return the numbers that the equations read and that follow from parameters and coefficients, by name.
+
+    Parameters
+    ----------
+    values
+        Parameters and coefficients by name: numbers, arrays or expressions.
+    where
+        (condition, a, b) -> a where the condition holds, else b; as `numpy.where`.
+    """
+    light_radius, rod_radius = values["light_radius"], values["rod_radius"]
+    has_radius, loss_time = light_radius > 0, values["string_loss_time"]
+    # Of a point the touching length is not asked for, as its root has no derivative there
+    touching = touching_length(where(has_radius, light_radius, 1.0), rod_radius)
+    return {
+        "end_length": where(has_radius, touching, POINT_MASS_END * rod_radius),
+        "string_length": string_length(
+            values["free_length"], rod_radius, values["release_angle"], values["hanging_length"], values["heavy_swing"]
+        ),
+        # Only the equations see the least damping: the coefficients stay as given
+        "string_loss_time": where(loss_time > MIN_LOSS_TIME, loss_time, MIN_LOSS_TIME),
+    }
+
+
 class Requirement(NamedTuple):
     """What an apparatus must fulfil."""
 

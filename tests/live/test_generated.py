@@ -7,10 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from looping_pendulum.live.expressions import ExpressionGraph, ExpressionMath, written
+from looping_pendulum.live.expressions import written
 from looping_pendulum.live.generate import model_source
 from looping_pendulum.live.symbols import MODES, SIGNS, STATE
 from looping_pendulum.live.write import render
+from looping_pendulum.reference_ode.core.expressions import ExpressionGraph, ExpressionMath
 from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.state import Signs, full_state, variables

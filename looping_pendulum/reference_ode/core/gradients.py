@@ -1,0 +1,80 @@
+"""Derivatives of traced functions, by sweeps backwards through their graph."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from looping_pendulum.reference_ode.core.expressions import Expression, ExpressionMath
+
+
+def gradient(output: Any, inputs: Sequence[Expression]) -> list[Any]:
+    """Return the derivatives of one output by all ``inputs``, numbers or expressions of the same graph."""
+    if not isinstance(output, Expression):
+        return [0.0] * len(inputs)
+    graph, xp = output.graph, ExpressionMath(output.graph)
+    slopes: dict[int, Any] = {output.number: 1.0}
+    """Number of a node -> derivative of the output by it."""
+
+    def add(x: Any, slope: Any) -> None:
+        if isinstance(x, Expression) and (isinstance(slope, Expression) or slope != 0):
+            slopes[x.number] = slopes[x.number] + slope if x.number in slopes else slope
+
+    # A node is built after its operands, so that backwards every node comes after all that depend on it
+    for node in sorted(_nodes_below(output), key=lambda n: n.number, reverse=True):
+        slope = slopes.get(node.number)
+        if slope is None or node.operation == "symbol":
+            continue
+        a, *others = node.operands
+        b = others[0] if others else None
+        match node.operation:
+            case "+":
+                add(a, slope)
+                add(b, slope)
+            case "-":
+                add(a, slope)
+                add(b, -slope)
+            case "*":
+                add(a, slope * b)
+                add(b, slope * a)
+            case "/":
+                quotient = slope / b
+                add(a, quotient)
+                add(b, -(quotient * node))
+            case "neg":
+                add(a, -slope)
+            case "?:":
+                # The condition has no derivative; `where` keeps what is not finite in the branch that is not taken out
+                add(b, graph.where(a, slope, 0.0))
+                add(others[1], graph.where(a, 0.0, slope))
+            case "abs":
+                add(a, graph.where(a >= 0, slope, -slope))
+            case "sqrt":
+                add(a, slope * 0.5 / node)
+            case "exp":
+                add(a, slope * node)
+            case "log":
+                add(a, slope / a)
+            case "sin":
+                add(a, slope * xp.cos(a))
+            case "cos":
+                add(a, -(slope * xp.sin(a)))
+            case "tanh":
+                add(a, slope * (1.0 - node * node))
+            case _:
+                raise TypeError(f"{node.operation} has no derivative")
+    return [slopes.get(x.number, 0.0) for x in inputs]
+
+
+def _nodes_below(output: Expression) -> list[Expression]:
+    """Return all nodes on which ``output`` depends smoothly, itself included: those of conditions are left out."""
+    found = {output.number: output}
+    waiting = [output]
+    while waiting:
+        node = waiting.pop()
+        operands = node.operands[1:] if node.operation == "?:" else () if node.operation == "symbol" else node.operands
+        for x in operands:
+            if isinstance(x, Expression) and x.number not in found:
+                found[x.number] = x
+                waiting.append(x)
+    return list(found.values())

@@ -1,0 +1,306 @@
+"""Carries out runs of traced models in wasmtime, a store for each thread.
+
+The layouts here are those of ``Job``, ``Status``, ``EventRow`` and ``DenseRow`` in `driver.c`. Nothing is kept on disk: a model
+is traced and compiled within a tenth of a second, so that there is no cache to be damaged, outdated or too large.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from importlib.resources import files
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from looping_pendulum.errors import IntegrationError, MissingPackageError
+from looping_pendulum.reference_ode.core import wasm
+from looping_pendulum.reference_ode.core.trace import TracedModel, trace
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.reference_ode.state import Effects, Signs, State
+
+NY, NS = len(State._fields), len(Signs._fields)
+EVENT_COLUMNS = 3 + NY + NS
+"""Numbers of a row of events: code, mode after, time, state after, signs after."""
+DENSE_COLUMNS = 3 + 8 * NY
+"""Numbers of a row of the dense output: time, length, mode, and the polynomials of all entries of the state."""
+MAX_COLUMNS = 128
+"""Largest number of derivatives that the driver takes at once."""
+STEPS_PER_CALL = 4000
+"""Number of steps after which a call returns, so that Ctrl-C is heard within 0.1 s even with `MAX_COLUMNS` derivatives."""
+MAX_MODELS = 100
+"""Number of models after which a thread's store is made anew, as a store gives nothing back [10^5 B each]."""
+FIRST_EVENTS, FIRST_DENSE = 40, 400
+"""Room for events and steps of a run at first; a run that needs more is made once more."""
+_JOB_COUNTS = (
+    "model", "runs", "p", "durations", "times", "starts", "samples", "partials", "status", "events", "event_partials",
+    "end_partials", "max_events", "n", "seed_starts", "seed_columns", "seed_weights", "dense", "max_dense",
+)  # fmt: skip
+_FAILURES = {
+    1: "more than 200000 steps in one mode",
+    2: "the integration broke down",
+    3: "more than 4000 events within a second",
+}
+"""What went wrong, by the number in ``Status`` of `driver.c`, whose limits these are."""
+
+
+@lru_cache(maxsize=256)
+def traced(release: Release, effects: Effects, derivatives: bool) -> TracedModel:
+    """Return the model of a release with exactly these effects."""
+    return trace(release, effects, derivatives=derivatives)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Runs:
+    """What `Core.carry_out` returns of r runs at m times."""
+
+    samples: Array
+    """States, shape (m, 13); past a run's end those of its end."""
+    counts: NDArray[np.int32]
+    """How many of each run's times lie within it, shape (r,)."""
+    failures: NDArray[np.int32]
+    """0, or what went wrong (`failure_text`), shape (r,)."""
+    event_counts: NDArray[np.int32]
+    """Number of events of each run, release and end included, shape (r,)."""
+    events: Array
+    """Events of all runs, one run after another, shape (events, `EVENT_COLUMNS`)."""
+    dense: Array
+    """Steps of all runs, if they were wanted, shape (steps, `DENSE_COLUMNS`)."""
+    partials: Array
+    """Derivatives of the samples, shape (m, 13, n)."""
+    event_partials: Array
+    """Derivatives of the times of the events, shape (events, n)."""
+    end_partials: Array
+    """Derivatives of the states at the runs' ends, whose times move, shape (r, 13, n)."""
+
+
+def failure_text(failure: int) -> str:
+    """Return what went wrong with a run, in words."""
+    return _FAILURES[failure]
+
+
+def this_threads_core() -> Core:
+    """Return the driver of this thread."""
+    core: Core | None = getattr(_of_thread, "core", None)
+    if core is None or core.model_count >= MAX_MODELS:
+        core = _of_thread.core = Core()
+    return core
+
+
+_of_thread = threading.local()
+
+
+def _wasmtime() -> ModuleType:
+    """Import wasmtime, on use: it takes a tenth of a second."""
+    try:
+        import wasmtime
+    except (ImportError, OSError, RuntimeError) as error:
+        # pip takes a wheel for any system where there is none for this one, and its import fails
+        message = (
+            f"wasmtime does not run on this system ({error}); it has wheels for Linux, macOS and Windows with a 64-bit Python"
+        )
+        raise MissingPackageError(f"{message}: see docs/install.md") from error
+    return wasmtime
+
+
+@cache
+def _engine() -> Any:
+    return _wasmtime().Engine()
+
+
+@cache
+def _compiled_driver() -> Any:
+    return _wasmtime().Module(_engine(), files(__package__).joinpath("driver.wasm").read_bytes())
+
+
+@lru_cache(maxsize=256)
+def _compiled(model: TracedModel) -> Any:
+    return _wasmtime().Module(_engine(), wasm.module(model.functions))
+
+
+class Core:
+    """An instance of the driver, and the models that were loaded into it. It is for one thread."""
+
+    def __init__(self) -> None:
+        wasmtime = _wasmtime()
+        self._store = wasmtime.Store(_engine())
+        exports = wasmtime.Instance(self._store, _compiled_driver(), []).exports(self._store)
+        self._memory, self._table = exports["memory"], exports["__indirect_function_table"]
+        self._maths = [exports[f"w_{name}"] for name in wasm.IMPORTED]
+        exports["_initialize"](self._store)
+        self._room, self._release_room, self._begin, self._advance = (
+            _fast_call(self._store, exports[name]) for name in ("room", "release_room", "begin", "advance")
+        )
+        self._models: dict[TracedModel, int] = {}
+
+    @property
+    def model_count(self) -> int:
+        """Number of models that were loaded."""
+        return len(self._models)
+
+    def carry_out(
+        self,
+        model: TracedModel,
+        p: Array,
+        durations: Array,
+        times: Array,
+        starts: NDArray[np.int32],
+        *,
+        rtol: float,
+        seeds: Array | None = None,
+        dense: bool = False,
+    ) -> Runs:
+        """Carry out r runs.
+
+        Parameters
+        ----------
+        model
+            From `traced`; with derivatives, if there are ``seeds``.
+        p
+            Values of `TracedModel.names`, shape (r, names).
+        durations
+            Limits on the simulated time [s], shape (r,).
+        times, starts
+            Sample times of all runs [s], ascending in each, shape (m,), and where each run's begin, shape (r + 1,).
+        rtol
+            Relative tolerance of a step; 0.1 of it is the absolute one.
+        seeds
+            Derivatives of the parameters by the n numbers by which derivatives are wanted, shape (names, n); n is at most
+            `MAX_COLUMNS`.
+        dense
+            Whether all steps are wanted.
+
+        Raises
+        ------
+        IntegrationError
+            If there is not enough memory.
+        """
+        most_events, most_steps = FIRST_EVENTS, FIRST_DENSE if dense else 0
+        while True:
+            runs, events, steps = self._carried_out(model, p, durations, times, starts, rtol, seeds, most_events, most_steps)
+            if events <= most_events and steps <= most_steps:
+                return runs
+            # Once more, with room for what had none
+            most_events, most_steps = max(events, most_events), max(steps, most_steps)
+
+    def _carried_out(
+        self, model: TracedModel, p: Array, durations: Array, times: Array, starts: NDArray[np.int32], rtol: float,
+        seeds: Array | None, most_events: int, most_steps: int,
+    ) -> tuple[Runs, int, int]:  # fmt: skip
+        """Return the runs, and the largest numbers of events and steps of a run, for which there may have been no room."""
+        loaded = self._loaded(model)  # before any room of this call, which is given back
+        r, m, columns = len(p), len(times), 0 if seeds is None else seeds.shape[1]
+        n = (columns + 3) & ~3
+        inputs: dict[str, NDArray[Any]] = {"p": p, "durations": durations, "times": times, "starts": starts}
+        if seeds is not None:
+            inputs |= _seed_arrays(seeds)
+        outputs = {
+            "samples": (m, NY), "partials": (m, NY, n), "events": (r, most_events, EVENT_COLUMNS),
+            "event_partials": (r, most_events, n), "end_partials": (r, NY, n), "dense": (r, most_steps, DENSE_COLUMNS),
+            "status": (r, 2),
+        }  # fmt: skip
+        sizes = {name: array.nbytes for name, array in inputs.items()}
+        sizes |= {name: 8 * int(np.prod(shape)) for name, shape in outputs.items()} | {"job": 8 + 4 * len(_JOB_COUNTS) + 4}
+        places = dict(zip(sizes, np.cumsum([0, *((size + 15) & ~15 for size in sizes.values())]).tolist(), strict=False))
+        block = self._room(sum((size + 15) & ~15 for size in sizes.values()))
+        if not block:
+            raise IntegrationError(
+                "runs: found no memory for their results; ask for fewer samples, derivatives or runs at once"
+            )
+        block &= 0xFFFFFFFF
+        try:
+            at = {name: block + place for name, place in places.items()}
+            memory = self._view()
+            for name, array in inputs.items():
+                memory[at[name] : at[name] + array.nbytes] = np.ascontiguousarray(array).view(np.uint8).ravel()
+            given = at | {"model": loaded, "runs": r, "n": n, "max_events": most_events, "max_dense": most_steps}
+            if not most_steps:
+                given["dense"] = 0
+            job = memory[at["job"] :]
+            job[:8].view(np.float64)[0] = rtol
+            job[8 : 8 + 4 * len(_JOB_COUNTS)].view(np.uint32)[:] = [given.get(name, 0) for name in _JOB_COUNTS]
+            self._begin(at["job"])
+            while not self._advance(STEPS_PER_CALL):
+                pass
+            memory = self._view()
+
+            def result(name: str) -> Array:
+                return memory[at[name] : at[name] + sizes[name]].view(np.float64).reshape(outputs[name])
+
+            status = memory[at["status"] : at["status"] + sizes["status"]].view(np.int32).reshape(r, 4)
+            failures, event_counts, counts, step_counts = status.T.copy()
+            is_event = np.arange(most_events) < event_counts[:, None]
+            found = Runs(
+                samples=result("samples").copy(),
+                counts=counts,
+                failures=failures,
+                event_counts=event_counts,
+                events=result("events")[is_event],
+                dense=result("dense")[np.arange(most_steps) < step_counts[:, None]],
+                partials=result("partials")[:, :, :columns].copy(),
+                event_partials=result("event_partials")[is_event, :columns],
+                end_partials=result("end_partials")[:, :, :columns].copy(),
+            )
+            return found, int(event_counts.max()), int(step_counts.max()) if most_steps else 0
+        finally:
+            self._release_room(block)
+
+    def _loaded(self, model: TracedModel) -> int:
+        """Return the address of the driver's ``Model``; load the model on its first use."""
+        if model not in self._models:
+            wasmtime = _wasmtime()
+            first = self._table.grow(self._store, len(model.functions), None)
+            kind = wasmtime.GlobalType(wasmtime.ValType.i32(), False)
+            place = wasmtime.Global(self._store, kind, wasmtime.Val.i32(first))
+            wasmtime.Instance(self._store, _compiled(model), [*self._maths, self._memory, self._table, place])
+            jacobian, table = 16, 16 + 8 * int(model.table[4])
+            address = self._room(table + model.table.nbytes) & 0xFFFFFFFF
+            if not address:
+                raise IntegrationError("model: found no memory for it")
+            memory = self._view()[address:]
+            memory[:12].view(np.int32)[:] = [first, address + table, address + jacobian]
+            memory[table : table + model.table.nbytes] = model.table.view(np.uint8)
+            self._models[model] = address
+        return self._models[model]
+
+    def _view(self) -> NDArray[np.uint8]:
+        """Return the memory, which may lie elsewhere after any growth."""
+        size = self._memory.data_len(self._store)
+        base = ctypes.addressof(self._memory.data_ptr(self._store).contents)
+        return np.ctypeslib.as_array((ctypes.c_uint8 * size).from_address(base))
+
+
+def _seed_arrays(seeds: Array) -> dict[str, NDArray[Any]]:
+    """Return the entries of ``seeds`` that are not 0, in the order of the parameters."""
+    rows, columns = np.nonzero(seeds)
+    starts = np.searchsorted(rows, np.arange(len(seeds) + 1))
+    arrays = {"seed_starts": starts.astype(np.int32), "seed_columns": columns.astype(np.int32)}
+    return arrays | {"seed_weights": np.ascontiguousarray(seeds[rows, columns])}
+
+
+def _fast_call(store: Any, function: Any) -> Callable[[int], int]:
+    """Return a function of one i32 without wasmtime's conversions of each call, which take as long as a tenth of a run.
+
+    It uses a private function of wasmtime, so that without it, in another version, the public way is taken.
+    """
+    try:
+        from wasmtime import _bindings as ffi
+
+        context, raw, trap = store._context(), (ffi.wasmtime_val_raw_t * 1)(), ctypes.POINTER(ffi.wasm_trap_t)()
+        handle, call = ctypes.byref(function._func), ffi._wasmtime_func_call_unchecked
+    except (ImportError, AttributeError):
+        return lambda x: function(store, x) or 0
+
+    def fast(x: int) -> int:
+        raw[0].i64 = x
+        if call(context, handle, raw, 1, ctypes.byref(trap)) or trap:
+            raise IntegrationError("the driver trapped, which is a fault of this package; please report it")
+        return int(raw[0].i32)
+
+    return fast
