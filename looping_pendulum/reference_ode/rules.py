@@ -1,9 +1,8 @@
 """Rules of transition: what the release and each event do to mode, state and signs; which mode follows.
 
 Each rule is a pure function from one `Motion` to the next and asks for the equations through `HybridSystem`. It decides by
-``system.where`` and ``system.choose``, so that one run (numbers) and many runs at once (arrays) follow the same lines. Only
-what is the same for all of these runs, such as the event and the effects, is decided by ``if``. A batch does not support a rod
-that turns, so its rules are written for one run.
+``system.where`` and ``system.choose``, so that numbers, arrays and expressions follow the same lines. Only what is the same for
+all runs of a model, such as the event, the mode in which it happens and the effects, is decided by ``if``.
 
 Comparisons with 0 are of three kinds. Coefficients are as given, and signs and the speeds of what rests (or `TINY_SPEED`) were
 assigned, so these comparisons are exact. Tensions and margins are computed and have tolerances (`RELATIVE_TENSION_TOLERANCE`,
@@ -212,8 +211,7 @@ def apply_event(system: HybridSystem, mode: Mode, event: Event, m: Motion) -> Mo
     if event is Event.FIRST_TURN:
         return _cross_first_turn(system, m)
     if event is Event.ROD_CHANGES:  # it begins or ceases to turn under a string that slides or is slack
-        at_rest = m._replace(y=m.y._replace(rod_speed=0.0))
-        return _turn_if_not_held(system, at_rest) if m.signs.rod else _begin_to_turn(m, m.signs.slide)
+        return system.choose(m.signs.rod == 0, _begin_to_turn(m, m.signs.slide), _turn_if_not_held(system, m))
     return _change_mode(system, mode, event, following, m)
 
 
@@ -266,53 +264,45 @@ def _with_string_speed(system: HybridSystem, m: Motion, speed: Any) -> Motion:
 def stick_or_slide(system: HybridSystem, m: Motion) -> Motion:
     """Return the motion of a string that does not slide now: it sticks if the rod holds it, else begins to slide."""
     if system.rod_turns:
-        return _stick_roll_or_slide(system, m)
-    down, up = system.holding_margins(m._replace(mode=Mode.STICKING))
+        rolling = m._replace(mode=Mode.ROLLING)
+        return system.choose(m.y.rod_speed == 0, _stick_roll_or_slide(system, m), _hold_or_slide(system, rolling))
     # A string that stretches slows down onto the edge of the friction cone, where a margin is 0 but for rounding
     least = -MARGIN_TOLERANCE if system.string_stretches else 0.0
-    holds = system.where(up < least, Mode.SLIDING_UP, Mode.STICKING)
-    return m._replace(mode=system.where(down < least, Mode.SLIDING_DOWN, holds))
+    return _hold_or_slide(system, m._replace(mode=Mode.STICKING), least)
+
+
+def _hold_or_slide(system: HybridSystem, m: Motion, least: float = 0.0) -> Motion:
+    """Return ``m``, in which the string sticks or rolls, if both margins are at least ``least`` [N]; else the string slides."""
+    down, up = system.holding_margins(m)
+    holds_or_rises = system.where(up < least, Mode.SLIDING_UP, m.mode)
+    return m._replace(mode=system.where(down < least, Mode.SLIDING_DOWN, holds_or_rises))
 
 
 def _stick_roll_or_slide(system: HybridSystem, m: Motion) -> Motion:
-    """Return the motion of a string that does not slide now: it sticks, rolls with the rod or slides on it."""
-    at_rest = m.y.rod_speed == 0
-    margins = (0.0, 0.0)
-    if at_rest:
-        m = m._replace(mode=Mode.STICKING, signs=m.signs._replace(rod=0.0))
-        light, heavy = system.tensions(m)
-        margins = system.holding_margins(m)
-        # A string that sticks pulls the rod by T1 - T2, and only the bearing resists
-        if abs(light - heavy) > system.p.bearing_friction:
-            m = _begin_to_turn(m, math.copysign(1.0, light - heavy))
-        elif min(margins) >= 0:
-            return m
-    if m.signs.rod:
-        # On a rod that turns, or now begins to, the string may stick and turn with it
-        rolling = m._replace(mode=Mode.ROLLING)
-        margins = system.holding_margins(rolling)
-        if min(margins) >= 0:
-            return rolling
-    # The string slides. A rod that was at rest turns only if the string's rubbing overcomes its bearing
-    m = m._replace(mode=Mode.SLIDING_DOWN if margins[0] < 0 else Mode.SLIDING_UP)
-    return _turn_if_not_held(system, m._replace(y=m.y._replace(rod_speed=0.0))) if at_rest else m
+    """Return the motion of a string that does not slide, on a rod at rest: it sticks, rolls with the rod or slides on it."""
+    sticking = m._replace(mode=Mode.STICKING, signs=m.signs._replace(rod=0.0))
+    light, heavy = system.tensions(sticking)
+    rolling = _begin_to_turn(sticking, system.where(light < heavy, -1.0, 1.0))._replace(mode=Mode.ROLLING)
+    # A string that sticks pulls the rod by T1 - T2, and only the bearing resists
+    yields = abs(light - heavy) > system.p.bearing_friction
+    after = system.choose(yields, _hold_or_slide(system, rolling), _hold_or_slide(system, sticking))
+    return system.choose(_is_one_of(after.mode, SLIDING), _turn_if_not_held(system, after), after)
 
 
-def _begin_to_turn(m: Motion, sign: float) -> Motion:
+def _begin_to_turn(m: Motion, sign: Any) -> Motion:
     """Return the motion of a rod that begins to turn, towards the light side if ``sign`` is +1."""
     return m._replace(signs=m.signs._replace(rod=sign, rod_phase=0.0), y=m.y._replace(rod_speed=sign * TINY_SPEED))
 
 
 def _turn_if_not_held(system: HybridSystem, m: Motion) -> Motion:
-    """Return the motion of a rod at rest, which begins to turn if the string rubs it harder than its bearing holds it."""
-    m = m._replace(signs=m.signs._replace(rod=0.0))
-    if m.mode.sliding:
-        slide = 1.0 if m.mode is Mode.SLIDING_UP else -1.0
-        m = m._replace(signs=m.signs._replace(slide=slide))
-        light, heavy = system.tensions(m)
-        if slide * (light - heavy) > system.p.bearing_friction:
-            return _begin_to_turn(m, slide)
-    return m
+    """Return the motion with the rod at rest; it begins to turn if the string slides and rubs harder than its bearing holds."""
+    sliding = _is_one_of(m.mode, SLIDING)
+    slide = system.where(m.mode == Mode.SLIDING_UP, 1.0, -1.0)
+    signs = m.signs._replace(rod=0.0, slide=system.where(sliding, slide, m.signs.slide))
+    held = m._replace(y=m.y._replace(rod_speed=0.0), signs=signs)
+    light, heavy = system.tensions(held)
+    yields = sliding & (slide * (light - heavy) > system.p.bearing_friction)
+    return system.choose(yields, _begin_to_turn(held, slide), held)
 
 
 def slide_or_stick_after_impulse(system: HybridSystem, m: Motion) -> Motion:
@@ -330,7 +320,9 @@ def _after(system: HybridSystem, impact: Impact, m: Motion) -> Motion:
     """Return ``m`` with the state just after an impact, which may have set the rod in motion."""
     m = m._replace(y=impact.state)
     if system.rod_turns:
-        m = m._replace(signs=m.signs._replace(rod=math.copysign(1.0, m.y.rod_speed) if m.y.rod_speed else 0.0))
+        speed = m.y.rod_speed
+        sign = system.where(speed > 0, 1.0, system.where(speed < 0, -1.0, 0.0))
+        m = m._replace(signs=m.signs._replace(rod=sign))
     return m
 
 
@@ -366,8 +358,9 @@ def begin_sliding(system: HybridSystem, m: Motion) -> Motion:
 
 def enter(system: HybridSystem, m: Motion) -> Motion:
     """Return the motion with the signs and the phase with which its mode begins."""
-    if system.rod_turns and abs(m.y.rod_speed) > TINY_SPEED:  # the rod turns, so its return to rest is watched for
-        m = m._replace(signs=m.signs._replace(rod_phase=1.0))
+    if system.rod_turns:
+        turns = abs(m.y.rod_speed) > TINY_SPEED  # so its return to rest is watched for
+        m = m._replace(signs=m.signs._replace(rod_phase=system.where(turns, 1.0, m.signs.rod_phase)))
     m = begin_sliding(system, m)
     slack = _is_one_of(m.mode, SLACK)
     if not system.any(slack):
