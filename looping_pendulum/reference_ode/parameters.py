@@ -242,10 +242,7 @@ class Parameters:
     @property
     def end_length(self) -> float:
         """Free length at which the light mass touches the rod and the run ends [m]."""
-        if not self.light_radius > 0:
-            return POINT_MASS_END * self.rod_radius
-        touching: float = touching_length(self.light_radius, self.rod_radius)
-        return touching
+        return self._derived["end_length"]
 
     @property
     def static_equals_kinetic(self) -> bool:
@@ -265,9 +262,7 @@ class Parameters:
     @property
     def string_length(self) -> float:
         """Length of the whole string, L = l + R theta + h [m] (paper, before eq. 1), less what a tilted heavy mass unwinds."""
-        swing = self.coefficients["heavy_swing"]
-        whole: float = string_length(self.free_length, self.rod_radius, self.release_angle, self.hanging_length, swing)
-        return whole
+        return self._derived["string_length"]
 
     @cached_property
     def effects(self) -> tuple[Effect, ...]:
@@ -295,11 +290,12 @@ class Parameters:
     @cached_property
     def _values(self) -> SimpleNamespace:
         fields = {name: getattr(self, name) for name in _FIELDS}
-        derived = {"end_length": self.end_length, "string_length": self.string_length}
-        values = SimpleNamespace(**fields, **derived, **self._copied_coefficients())
-        # Only the equations see the least damping: `coefficients` stay as given
-        values.string_loss_time = max(values.string_loss_time, MIN_LOSS_TIME)
-        return values
+        return SimpleNamespace(**fields | self._copied_coefficients() | self._derived)
+
+    @cached_property
+    def _derived(self) -> dict[str, float]:
+        numbers = {name: getattr(self, name) for name in NUMBERS} | self._copied_coefficients()
+        return derived_values(numbers, lambda condition, a, b: a if condition else b)
 
     def replace(self, **changes: object) -> Parameters:
         """Return a copy with fields or coefficients changed (``replace(light_mass=0.02, kinetic_friction=0.3)``)."""

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from looping_pendulum.reference_ode.core.trace import EVENTS
 from looping_pendulum.reference_ode.effects.types import TURN
 from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.geometry import Array, light_position, light_velocity, xy_pairs
@@ -44,17 +44,28 @@ class RunEvent(NamedTuple):
     """State just after the event."""
 
 
+_MODES = {mode.value: mode for mode in Mode}
+_FIRST_SIGN = 3 + len(State._fields)
+
+
+def events_of(rows: Array) -> tuple[RunEvent, ...]:
+    """Return the events of one run from the driver's rows, shape (events, `EVENT_COLUMNS`)."""
+    events, before = [], _MODES[int(rows[0, 1])]
+    for code, mode, time, *numbers in rows[:, :_FIRST_SIGN].tolist():
+        after = _MODES[int(mode)]
+        events.append(RunEvent(EVENTS[int(code)] if code >= 0 else None, time, before, after, State(*numbers)))
+        before = after
+    return tuple(events)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Run:
     """Events of a run of the reference, from release to end."""
 
     parameters: Parameters
-    integrator: str
     tolerance: float
     events: tuple[RunEvent, ...]
     """All events in order, the release first and the end last."""
-    handed_over: str = ""
-    """Why SciPy took over this run from heyoka; empty if it did not."""
 
     @property
     def end(self) -> RunEvent:
@@ -189,49 +200,17 @@ def heavy_mass_position(xp: Any, s: State, overlap: Any, p: SimpleNamespace, eff
     return p.rod_radius * cosine + length * sine, p.rod_radius * sine - length * cosine
 
 
-@dataclass(frozen=True, kw_only=True)
-class SegmentSamples:
-    """Samples of a run between two events, or of a swing past its turning points."""
-
-    mode: Mode
-    signs: Signs
-    """Numbers or, where they change, arrays of shape (n,)."""
-    t: Array
-    values: Array
-    """Every entry of the state, shape (len(State), n)."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Segment:
-    """A run between two events: for each step of the integrator, a polynomial in the fraction of that step."""
-
-    mode: Mode
-    signs: Signs
-    times: Array
-    """Edges of the steps [s], shape (steps + 1,)."""
-    coefficients: Array
-    """Coefficients of ascending powers of x, 0 <= x <= 1, shape (steps, len(State), order + 1)."""
-
-    def sample(self, t: Array) -> SegmentSamples:
-        """Return samples at times ``t`` [s] within the segment."""
-        step = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.coefficients) - 1)
-        start = self.times[step]
-        x = (t - start) / (self.times[step + 1] - start)
-        polynomials = self.coefficients[step]
-        values = polynomials[:, :, -1]
-        for power in range(polynomials.shape[2] - 2, -1, -1):
-            values = values * x[:, None] + polynomials[:, :, power]
-        return SegmentSamples(mode=self.mode, signs=self.signs, t=t, values=values.T)
-
-
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Solution(Run):
-    """A run that can be sampled at any time: piecewise polynomials, exact to the integrator's tolerance."""
+    """A run that can be sampled at any time: polynomials of degree 7 between its steps, exact to the tolerance."""
 
-    segments: tuple[Segment, ...]
+    rows: Array
+    """The events as the driver's rows, which have the signs, too, shape (events, `EVENT_COLUMNS`)."""
+    steps: Array
+    """The driver's steps: their starts [s], lengths [s], modes and polynomials, shape (steps, `DENSE_COLUMNS`)."""
 
     def sample(self, t: Array) -> Samples:
-        """Sample the run at times ``t`` [s], shape (n,), which must lie within it.
+        """Sample the run at times ``t`` [s], shape (n,), in any order; they must lie within it.
 
         Raises
         ------
@@ -241,35 +220,23 @@ class Solution(Run):
         t = np.asarray(t, dtype=float)
         if t.size and not (t.min() >= 0 and t.max() <= self.end_time):
             raise ValueError(f"times from {t.min():g} to {t.max():g} s asked for; the run covers 0 to {self.end_time:g} s")
-        # Times may come in any order: they are sampled segment by segment, and the samples put back into that order
-        starts = np.array([segment.times[0] for segment in self.segments])
-        owner = np.searchsorted(starts, t, side="right") - 1
-        order = np.argsort(owner, kind="stable")
-        parts = [segment.sample(t[owner == i]) for i, segment in enumerate(self.segments)]
-        samples, place = join_samples(self, parts), np.argsort(order)
-        if np.array_equal(order, np.arange(len(t))):
-            return samples
-        return Samples(
-            run=self,
-            t=t,
-            state=State(*(v[place] for v in samples.state)),
-            mode=samples.mode[place],
-            signs=Signs(*(v[place] for v in samples.signs)),
-        )
+        step = np.maximum(np.searchsorted(self.steps[:, 0], t, side="right") - 1, 0)
+        starts, lengths = self.steps[step, 0], self.steps[step, 1]
+        x = ((t - starts) / lengths)[:, None]
+        rest = 1.0 - x
+        # As the driver's function `at`
+        z, *d = self.steps[step, 3:].reshape(len(t), 8, len(State._fields)).swapaxes(0, 1)
+        values = d[6]
+        for k, factor in ((5, x), (4, rest), (3, x), (2, rest), (1, x), (0, rest)):
+            values = d[k] + factor * values
+        return samples_at(self, self.rows, t, State(*(z + x * values).T), side="right")
 
 
-def join_samples(run: Run, parts: Sequence[SegmentSamples]) -> Samples:
-    """Join samples between events, given in the order of time, to samples of the run."""
-    counts = [len(part.t) for part in parts]
-    values = np.concatenate([part.values for part in parts], axis=1)
-    signs = np.empty((len(Signs._fields), values.shape[1]))
-    ends = np.cumsum([0, *counts]).tolist()
-    for part, start, end in zip(parts, ends, ends[1:], strict=False):
-        signs[:, start:end] = np.array(part.signs).reshape(len(signs), -1)
-    return Samples(
-        run=run,
-        t=np.concatenate([part.t for part in parts]),
-        state=State(*values),
-        mode=np.repeat([part.mode.value for part in parts], counts).astype(np.int8),
-        signs=Signs(*signs),
-    )
+def samples_at(run: Run, rows: Array, t: Array, state: State, side: Literal["left", "right"] = "left") -> Samples:
+    """Return samples with their modes and signs, which are those after the last event before them.
+
+    A sample at the very time of an event belongs to the motion before it (``side`` "left") or after it ("right").
+    """
+    # The mode after the last event, ENDED, has no equations
+    event = np.clip(np.searchsorted(rows[:, 2], t, side=side) - 1, 0, max(len(rows) - 2, 0))
+    return Samples(run=run, t=t, state=state, mode=rows[event, 1].astype(np.int8), signs=Signs(*rows[event, _FIRST_SIGN:].T))

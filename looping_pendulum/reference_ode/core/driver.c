@@ -63,8 +63,9 @@ typedef struct { int32_t failure, events, samples, dense; } Status; // what went
 enum { FINE, TOO_MANY_STEPS, BROKE_DOWN, TOO_MANY_EVENTS };
 
 typedef struct { double mode, t, y[NY], s[NS]; } Motion;
-typedef struct { double code; Motion after; } EventRow;          // code: place of the event in `Event`, or
-enum { RELEASED = -1, TIME_UP = -2, STOPPED = -3 };              // these; STOPPED: where the run failed
+typedef struct { double code; Motion after; } EventRow;
+// Codes are places in `Event`, beside two more; STOPPED: where the run failed
+enum { STOPPED = -2, RELEASED = -1, TIME_UP = 3 };
 typedef struct { double t, h, mode, y[8][NY]; } DenseRow;        // y(t + x h) by `at`; the mode's other entries are 0
 
 EXPORT double w_exp(double x) { return exp(x); }
@@ -332,7 +333,7 @@ static void start(void) {
     multiply(table->release_structure, jacobian, S_NEXT, S_NEXT);
     memcpy(S, S_NEXT + NY * n, NY * n * sizeof(double));
   }
-  now = begun.released;
+  now = begun.released, memcpy(now.s, begun.after.s, sizeof now.s);
   record_times(0);
   record(RELEASED);
   for (; sample < sample_count && times[sample] <= 0; sample++) {

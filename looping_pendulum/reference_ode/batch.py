@@ -1,0 +1,428 @@
+"""Solve many runs that differ in some parameters, and return their results, samples and derivatives as arrays."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from looping_pendulum.errors import ParameterError
+from looping_pendulum.reference_ode.core.host import EVENT_COLUMNS, MAX_COLUMNS, Runs, this_threads_core, traced
+from looping_pendulum.reference_ode.core.trace import EVENTS, TracedModel
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.parameters import (
+    NUMBERS,
+    HasParameters,
+    Parameters,
+    Release,
+    derived_values,
+    effect_tables,
+    parameters_of,
+)
+from looping_pendulum.reference_ode.solution import MAX_RESTING_ROD_SPEED, string_overlap
+from looping_pendulum.reference_ode.solve import DURATION, LEAST_TOLERANCE, TOLERANCE
+from looping_pendulum.reference_ode.state import Effects, State, heavy_drop
+from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, Event, Mode
+
+Columns = Mapping[str, Array]
+"""Name, one of `column_names` -> one value per run, shape (n,), SI."""
+Progress = Callable[[int, int], None]
+"""Called with the number of runs that have ended and the number of all runs."""
+ENDS: tuple[str, ...] = (
+    Event.LIGHT_REACHES_ROD,
+    Event.HEAVY_REACHES_ROD,
+    Event.UNWRAPPED,
+    Event.TIME_UP,
+    "failed",
+)
+"""Values of `BatchResult.end`, by index: the event that ended a run, or "failed"."""
+FAILED = ENDS.index("failed")
+MOST_RUNS = 500
+"""Number of runs that are carried out at once by one thread: some 50 ms."""
+MOST_NUMBERS = 4 * 10**6
+"""Number of samples and derivatives that the runs carried out at once may have: 32 MB."""
+
+# Offset basis and prime of the 64-bit FNV-1a hash
+_HASH_START, _HASH_FACTOR = np.uint64(0xCBF29CE484222325), np.uint64(0x100000001B3)
+
+
+class EventTable:
+    """The events of many runs, one run after another: rows of the driver, and the values of the parameters."""
+
+    def __init__(self, runs: Runs, values: Mapping[str, Any], effects: Effects) -> None:
+        rows = runs.events
+        self.n, self._values, self._effects = len(runs.event_counts), values, effects
+        self.last = np.cumsum(runs.event_counts) - 1
+        """Row of each run's end, shape (n,)."""
+        self.run = np.repeat(np.arange(self.n), runs.event_counts)
+        """Run of each row."""
+        self.code, self.mode = rows[:, 0].astype(np.int64), rows[:, 1].astype(np.int64)
+        self.time, self.state = rows[:, 2], State(*rows[:, 3 : 3 + len(State._fields)].T)
+        self.ended = runs.failures == 0
+        self.is_mode_change = ~np.isin(self.code, _codes(*PHASE_EVENTS))
+        """Rows after which a mode begins, or the run is over; the release is one."""
+
+    def count(self, rows: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Return how many of these rows each run has."""
+        return np.bincount(self.run[rows], minlength=self.n)
+
+    @property
+    def halt(self) -> NDArray[np.int64]:
+        """Row of the event that began the sticking that lasted until the light mass reached the rod, or -1, shape (n,)."""
+        before = np.append(-1, np.maximum.accumulate(np.where(self.is_mode_change, np.arange(len(self.run)), -1)))[self.last]
+        # In the table of all runs the row before a run's first is another run's; a run has a release and an end at least
+        halts = (self.code[self.last] == _codes(Event.LIGHT_REACHES_ROD)[0]) & (self.mode[before] == Mode.STICKING)
+        return np.where(halts & self.ended, before, -1)
+
+    def at_halt(self, column: Array) -> Array:
+        """Return the values of a column of the rows at the halts; nan without one."""
+        return np.where(self.halt >= 0, column[self.halt], np.nan)
+
+    def heavy_drop(self) -> Array:
+        """Return how far the heavy mass is below its release at the end of each run [m]."""
+        end = State(*(column[self.last] for column in self.state))
+        p = SimpleNamespace(**self._values)
+        return np.asarray(heavy_drop(np, end, string_overlap(end, self._effects), p, self._effects))
+
+    def ends(self) -> NDArray[np.int64]:
+        """Return how each run ended, an index into `ENDS`."""
+        place = {code: i for i, code in enumerate(_codes(*map(Event, ENDS[:FAILED])))}
+        return np.array([place.get(code, FAILED) for code in self.code[self.last].tolist()])
+
+    def sequences(self) -> NDArray[np.uint64]:
+        """Return the hash of each run's sequence of modes (`sequence_hash`)."""
+        rows = np.flatnonzero(self.is_mode_change)
+        run, mode = self.run[rows], self.mode[rows].astype(np.uint64)
+        place = np.arange(len(rows)) - np.searchsorted(run, run)
+        hashes = np.full(self.n, _HASH_START)
+        with np.errstate(over="ignore"):  # the product is taken modulo 2^64
+            for k in range(place.max(initial=-1) + 1):
+                now = place == k
+                hashes[run[now]] = (hashes[run[now]] ^ mode[now]) * _HASH_FACTOR
+        return hashes
+
+
+def _codes(*events: Event) -> list[int]:
+    return [EVENTS.index(event) for event in events]
+
+
+def sequence_hash(modes: Iterable[int]) -> int:
+    """Return the 64-bit FNV-1a hash of a sequence of modes."""
+    value = _HASH_START
+    with np.errstate(over="ignore"):
+        for mode in modes:
+            value = (value ^ np.uint64(mode)) * _HASH_FACTOR
+    return int(value)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunColumn:
+    """What a batch, and a map, hold of every run."""
+
+    unit: str
+    """SI unit; '' for a plain number."""
+    meaning: str
+    of_runs: Callable[[EventTable], Any]
+    """Its values for the runs of a table."""
+    kind: type[np.generic]
+    failed: float
+    """Its value for a run that broke down."""
+
+
+def _column(
+    unit: str, meaning: str, of_runs: Callable[[EventTable], Any], kind: type[np.generic] = np.float64, failed: float = np.nan
+) -> Any:
+    column = RunColumn(unit=unit, meaning=meaning, of_runs=of_runs, kind=kind, failed=failed)
+    return dataclasses.field(metadata={"column": column})
+
+
+def _at_halt(unit: str, meaning: str, value: Callable[[EventTable], Array]) -> Any:
+    return _column(unit, f"{meaning}; NaN without one", lambda table: table.at_halt(value(table)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class BatchResult:
+    """Result of each run; every array has shape (n,). A failed run has nan, zero counts and a sequence of 0."""
+
+    halting_time: Array = _at_halt(
+        "s", "start of the sticking that lasts until the light mass reaches the rod", lambda table: table.time
+    )
+    halting_wrap_angle: Array = _at_halt("rad", "wrap angle at the halting time", lambda table: table.state.wrap_angle)
+    halting_free_length: Array = _at_halt("m", "free length at the halting time", lambda table: table.state.free_length)
+    drop: Array = _column("m", "how far the heavy mass is below its release at the end of the run", EventTable.heavy_drop)
+    wrap_angle: Array = _column("rad", "wrap angle at the end of the run", lambda table: table.state.wrap_angle[table.last])
+    free_length: Array = _column("m", "free length at the end of the run", lambda table: table.state.free_length[table.last])
+    stops: NDArray[np.int32] = _column(
+        "", "how often the heavy mass's speed became zero",
+        lambda table: table.count(
+            np.isin(table.code, _codes(Event.STOP, Event.ROD_STOPS)) & (abs(table.state.rod_speed) < MAX_RESTING_ROD_SPEED)
+        ), np.int32, 0,
+    )  # fmt: skip
+    slip_count: NDArray[np.int32] = _column(
+        "", "how often a string at rest on the rod began to slide again",
+        lambda table: table.count(np.isin(table.code, _codes(Event.SLIP_ONSET_DOWN, Event.SLIP_ONSET_UP))), np.int32, 0,
+    )  # fmt: skip
+    slack_intervals: NDArray[np.int32] = _column(
+        "", "how often the string was, or became, slack",
+        lambda table: table.count(table.is_mode_change & np.isin(table.mode, (Mode.SLACK, Mode.CLAMPED_SLACK))), np.int32, 0,
+    )  # fmt: skip
+    end: NDArray[np.int8] = _column("", "how the run ended", EventTable.ends, np.int8, FAILED)
+    """An index into `ENDS`."""
+    end_time: Array = _column("s", "end of the run", lambda table: table.time[table.last])
+    sequence: NDArray[np.uint64] = _column("", "hash of the sequence of modes", EventTable.sequences, np.uint64, 0)
+    """`sequence_hash`."""
+
+    def __len__(self) -> int:
+        return len(self.end)
+
+    @classmethod
+    def empty(cls, n: int) -> BatchResult:
+        """Return results of ``n`` runs, all marked as failed until they are filled in."""
+        return cls(**{name: np.full(n, column.failed, dtype=column.kind) for name, column in COLUMNS.items()})
+
+
+COLUMNS: dict[str, RunColumn] = {field.name: field.metadata["column"] for field in dataclasses.fields(BatchResult)}
+"""Name of a field of `BatchResult` -> what it is."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BatchSamples:
+    """States of runs at their own times, one run after another."""
+
+    t: Array
+    """Times since release [s], shape (m,)."""
+    start: NDArray[np.int32]
+    """Where each run's samples begin, and m, shape (n + 1,)."""
+    state: Array
+    """Entries of the state, shape (len(State), m); past a run's end those of its end; nan for a run that failed."""
+    count: NDArray[np.int32]
+    """How many of each run's times lie within it, shape (n,)."""
+    derivatives: Array
+    """Derivatives of the entries at fixed time by each of ``wrt``, shape (len(State), m, len(wrt)); past a run's end those of
+    the end. They are nan after an event that is only grazed, where none exist."""
+
+    def part(self, run: int) -> slice:
+        """Return where the samples of a run are."""
+        return slice(int(self.start[run]), int(self.start[run + 1]))
+
+
+def column_names(base: Parameters) -> tuple[str, ...]:
+    """Return the names that a column may have."""
+    return (*NUMBERS, *base.coefficients)
+
+
+def solve_batch(
+    base: Parameters | HasParameters,
+    columns: Columns,
+    *,
+    duration: float | Array = DURATION,
+    tolerance: float = TOLERANCE,
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> BatchResult:
+    """Integrate many runs that share ``base`` but for ``columns``; each result equals that of `solve`.
+
+    A result does not depend, in any bit, on the other runs, on their order, or on the thread that computes it.
+
+    Parameters
+    ----------
+    base
+        Parameters that the runs have in common; or a scenario, which has them.
+    columns
+        Parameters that differ between the runs: fields of `Parameters` or coefficients of effects, by name; arrays of
+        shape (n,), SI.
+    duration
+        Limit on the simulated time [s], of all runs or of each, shape (n,).
+    tolerance
+        Relative tolerance of a step.
+    threads
+        Number of threads that share the work.
+    progress
+        Called now and then with the number of runs that have ended and the number of all runs.
+
+    Raises
+    ------
+    ParameterError
+        If a column has an unknown name or another length than the others. A run whose values are impossible, or that breaks
+        down, is marked as failed and does not disturb the others.
+    """
+    if threads < 1:
+        raise ParameterError(f"threads: found {threads}, needed 1 or more")
+    batch = _Batch(parameters_of(base), columns, duration, tolerance)
+    result = BatchResult.empty(batch.n)
+    ended = batch.n - len(batch.valid)
+    for part, runs in batch.carried_out(np.zeros(0), np.zeros(batch.n + 1, dtype=np.int32), (), threads):
+        table = EventTable(runs, batch.values_of(part), batch.effects)
+        for name, column in COLUMNS.items():
+            values = column.of_runs(table)
+            getattr(result, name)[part[table.ended]] = values[table.ended]
+        ended += len(part)
+        if progress is not None:
+            progress(ended, batch.n)
+    return result
+
+
+def sample_batch(
+    base: Parameters,
+    columns: Columns,
+    times: Sequence[Array],
+    *,
+    duration: float | Array = DURATION,
+    tolerance: float = TOLERANCE,
+    wrt: Sequence[str] = (),
+) -> BatchSamples:
+    """Return samples of the runs of `solve_batch`, each at ascending times of its own [s], and derivatives by ``wrt``.
+
+    Parameters
+    ----------
+    duration
+        Limit on the simulated time [s], for all runs or for each, shape (n,).
+    wrt
+        Names of fields or coefficients by which derivatives are wanted. They change as in `Parameters.replace`: the static
+        friction follows the kinetic one where it is equal to it in ``base`` and not among the columns.
+
+    Raises
+    ------
+    ParameterError
+        As `solve_batch` does, or if there are not as many times as runs.
+    """
+    batch = _Batch(base, columns, duration, tolerance, wrt)
+    if len(times) != batch.n:
+        raise ParameterError(f"times: found those of {len(times)} runs, needed {batch.n}")
+    start = np.cumsum([0, *map(len, times)]).astype(np.int32)
+    t = np.concatenate([np.zeros(0), *times])
+    state, derivatives = np.full((len(t), len(State._fields)), np.nan), np.full((len(t), len(State._fields), len(wrt)), np.nan)
+    count = np.zeros(batch.n, dtype=np.int32)
+    for part, runs in batch.carried_out(t, start, wrt, threads=1):
+        ended = runs.failures == 0
+        rows = _places(start, part)
+        keep = np.repeat(ended, (start[1:] - start[:-1])[part])
+        state[rows[keep]] = runs.samples[keep]
+        derivatives[rows[keep]] = runs.partials[keep]
+        count[part[ended]] = runs.counts[ended]
+    return BatchSamples(t=t, start=start, state=state.T, count=count, derivatives=derivatives.swapaxes(0, 1))
+
+
+def seeds_of(model: TracedModel, base: Parameters, wrt: Sequence[str], held: Iterable[str] = ()) -> Array:
+    """Return the derivatives of a model's parameters by those named ``wrt``, shape (parameters, len(wrt)).
+
+    Parameters
+    ----------
+    held
+        Parameters that do not follow others.
+    """
+    seeds = np.zeros((len(model.names), len(wrt)))
+    for column, name in enumerate(wrt):
+        follows = name == "kinetic_friction" and base.static_equals_kinetic and "static_friction" not in held
+        for other in (name, "static_friction") if follows else (name,):
+            # A vertical release keeps its angle
+            if other in model.names and not (other == "release_angle" and base.release is Release.VERTICAL):
+                seeds[model.names.index(other), column] = 1.0
+    return seeds
+
+
+class _Batch:
+    """Runs that share ``base`` but for ``columns``, checked."""
+
+    def __init__(
+        self, base: Parameters, columns: Columns, duration: float | Array, tolerance: float, wrt: Sequence[str] = ()
+    ) -> None:
+        self.n = _checked_length(base, columns)
+        self._base, self._columns = base, {name: np.asarray(values, dtype=float) for name, values in columns.items()}
+        self._durations, self._rtol = (
+            np.broadcast_to(np.asarray(duration, dtype=float), self.n),
+            max(tolerance, LEAST_TOLERANCE),
+        )
+        self._values = parameter_values(base, self._columns)
+        self.valid = np.flatnonzero(valid_runs(base, self._values, self.n))
+        """Runs whose values `Parameters` accepts."""
+        self.effects = base.effects_with([name for name in (*columns, *wrt) if name in base.coefficients])
+
+    def values_of(self, runs: NDArray[np.int64]) -> dict[str, Any]:
+        """Return the parameters of some runs, by name: one value, or one per run."""
+        return {name: value[runs] if np.ndim(value) else value for name, value in self._values.items()}
+
+    def carried_out(
+        self, t: Array, start: NDArray[np.int32], wrt: Sequence[str], threads: int
+    ) -> Iterator[tuple[NDArray[np.int64], Runs]]:
+        """Yield the valid runs in parts, each with its results; sample times as in `BatchSamples`."""
+        model = traced(self._base.release, self.effects, bool(wrt))
+        if len(wrt) > MAX_COLUMNS:
+            raise ParameterError(f"wrt: found {len(wrt)} names, needed at most {MAX_COLUMNS}")
+        seeds = seeds_of(model, self._base, wrt, self._columns) if wrt else None
+        p = np.stack([np.broadcast_to(self._values[name], self.n) for name in model.names], axis=1)
+        sizes = ((start[1:] - start[:-1]) * (1 + len(wrt)) + 40 * EVENT_COLUMNS)[self.valid]
+        parts = _parts(self.valid, sizes)
+
+        def carry_out(part: NDArray[np.int64]) -> Runs:
+            lengths = (start[1:] - start[:-1])[part]
+            own_start = np.append(0, np.cumsum(lengths)).astype(np.int32)
+            return this_threads_core().carry_out(
+                model, p[part], self._durations[part], t[_places(start, part)], own_start, rtol=self._rtol, seeds=seeds
+            )
+
+        if threads == 1 or len(parts) < 2:
+            yield from ((part, carry_out(part)) for part in parts)
+            return
+        with ThreadPoolExecutor(threads) as pool:
+            yield from zip(parts, pool.map(carry_out, parts), strict=True)
+
+
+def _parts(runs: NDArray[np.int64], sizes: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Return the runs in parts of at most `MOST_RUNS`, and of `MOST_NUMBERS` unless a run alone has more."""
+    parts, begin = [], 0
+    while begin < len(runs):
+        room = np.searchsorted(np.cumsum(sizes[begin : begin + MOST_RUNS]), MOST_NUMBERS, side="right")
+        parts.append(runs[begin : begin + max(int(room), 1)])
+        begin += len(parts[-1])
+    return parts
+
+
+def _places(start: NDArray[np.int32], runs: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the places of the samples of some runs, one run after another."""
+    first, lengths = start[runs], (start[1:] - start[:-1])[runs]
+    return np.repeat(first - np.append(0, np.cumsum(lengths)[:-1]), lengths) + np.arange(lengths.sum())
+
+
+def parameter_values(base: Parameters, columns: Columns) -> dict[str, Any]:
+    """Return every parameter, and what follows from it, by name: one value, or one per run, shape (n,)."""
+    values: dict[str, Any] = {name: getattr(base, name) for name in NUMBERS} | dict(base.coefficients)
+    values |= base.with_static_friction({name: np.asarray(column, dtype=float) for name, column in columns.items()})
+    # As in `Parameters.replace`, a vertical release keeps its angle
+    if base.release is Release.VERTICAL:
+        values["release_angle"] = base.release_angle
+    with np.errstate(invalid="ignore"):  # impossible values are marked by `valid_runs`
+        # What follows stands back: the least damping is the equations' alone
+        return derived_values(values, np.where) | values
+
+
+def valid_runs(base: Parameters, values: Mapping[str, Any], n: int) -> NDArray[np.bool_]:
+    """Return which of ``n`` runs have values that `Parameters` accepts."""
+    valid = np.ones(n, dtype=bool)
+    for requirement in effect_tables(base.own_effects).requirements(base.coefficients):
+        valid &= requirement.is_met(values)
+    return valid
+
+
+def _checked_length(base: Parameters, columns: Columns) -> int:
+    """Check the names and shapes of the columns and return the number of runs."""
+    if not columns:
+        raise ParameterError("columns: found none, needed at least one array of values, one value per run")
+    lengths: dict[str, int] = {}
+    for name, values in columns.items():
+        if name not in column_names(base):
+            raise ParameterError(f"columns: found {name!r}, needed one of {', '.join(column_names(base))}")
+        shape = np.shape(values)
+        if len(shape) != 1:
+            raise ParameterError(f"columns: {name}: found shape {shape}, needed one value per run, shape (n,)")
+        lengths[name] = shape[0]
+    if len(set(lengths.values())) > 1:
+        listed = ", ".join(f"{name} {length}" for name, length in lengths.items())
+        raise ParameterError(f"columns: found lengths {listed}, needed the same for all")
+    return next(iter(lengths.values()))
