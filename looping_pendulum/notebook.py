@@ -59,7 +59,7 @@ def reference_run(run: Run) -> str:
     from looping_pendulum.reference_ode.transitions import PHASE_EVENTS
 
     halt = "never halts" if run.halt is None else f"halts at {run.halt.time:.6f} s"
-    note = f"The heavy mass {halt}; the run ends at {run.end_time:.6f} s. {run.integrator}, tolerance {run.tolerance:g}."
+    note = f"The heavy mass {halt}; the run ends at {run.end_time:.6f} s. Its tolerance is {run.tolerance:g}."
     rows = [
         [
             f"{e.time:.6f}",

@@ -486,7 +486,7 @@ def reference_positions(p: Parameters, t: Array) -> Array:
     for cached, times, reference in _cached_runs:
         if np.array_equal(times, t) and cached == p:
             return reference
-    run = solve_at(p, t, duration=float(t[-1]) + EXTRA_TIME, tolerance=TOLERANCE, integrator="scipy")
+    run = solve_at(p, t, duration=float(t[-1]) + EXTRA_TIME, tolerance=TOLERANCE)
     reference = np.column_stack([run.light_position, run.heavy_position[:, 1]])
     reference.flags.writeable = False  # the next caller gets the same array
     _cached_runs.append((p, t.copy(), reference))

@@ -15,6 +15,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from looping_pendulum.live.expressions import literal, written
 from looping_pendulum.live.functions import mode_equations, release_function
 from looping_pendulum.live.symbols import (
@@ -28,7 +30,7 @@ from looping_pendulum.live.symbols import (
     live_effects,
 )
 from looping_pendulum.measured.camera import CAMERA
-from looping_pendulum.reference_ode import rules, scipy_backend, solve
+from looping_pendulum.reference_ode import rules, solve
 from looping_pendulum.reference_ode.core.expressions import Expression
 from looping_pendulum.reference_ode.parameters import (
     NUMBERS,
@@ -39,7 +41,6 @@ from looping_pendulum.reference_ode.parameters import (
     string_length,
     touching_length,
 )
-from looping_pendulum.reference_ode.solve import MAX_EVENTS
 from looping_pendulum.reference_ode.transitions import END_EVENTS, PHASE_EVENTS, Event, Mode
 from looping_pendulum.scenarios.quantities import QUANTITIES
 from looping_pendulum.scenarios.units import factor, pretty
@@ -120,22 +121,22 @@ def _constants() -> Iterator[str]:
     numbers: dict[str, tuple[float, str]] = {
         "TOLERANCE": (solve.TOLERANCE, "Default relative tolerance of a step."),
         "DURATION": (solve.DURATION, "Default limit on the simulated time [s]."),
-        "MAX_EVENTS": (MAX_EVENTS, "Number of events after which a run is given up as endless."),
-        "MAX_STEPS": (scipy_backend.MAX_STEPS, "Number of steps in one mode after which a run is given up."),
-        "FIRST_STEP": (scipy_backend.FIRST_STEP, "First step in a mode [s]."),
+        "MAX_EVENTS": (4000, "Number of events after which a run is given up as endless."),
+        "MAX_STEPS": (200_000, "Number of steps in one mode after which a run is given up."),
+        "FIRST_STEP": (1e-6, "First step in a mode [s]."),
         "REST_SERIES_DURATION": (rules.REST_SERIES_DURATION, "Length of the step by which a run leaves rest [s]."),
         "DIP_THRESHOLD": (
-            scipy_backend.DIP_THRESHOLD,
+            0.01,
             "Fraction of an event function's largest value; a lower dip is minimized.",
         ),
-        "MIN_DIP_DEPTH": (scipy_backend.MIN_DIP_DEPTH, "Fraction of the same by which a minimum must be below zero."),
+        "MIN_DIP_DEPTH": (1e-6, "Fraction of the same by which a minimum must be below zero."),
     }
     for name, (value, meaning) in numbers.items():
         yield f"/** {meaning} */\nexport const {name} = {literal(value)};"
     yield "/** Fractions of a step at which event functions are evaluated. */"
-    yield f"export const CHECKS = {_list(scipy_backend.CHECKS)};"
+    yield f"export const CHECKS = {_list(np.linspace(0.0, 1.0, 9))};"
     yield "/** Fractions of a step at which the polynomial through those values is evaluated. */"
-    yield f"export const BETWEEN = {_list(scipy_backend.BETWEEN)};"
+    yield f"export const BETWEEN = {_list(np.linspace(0.0, 1.0, 65))};"
 
 
 def _tables_of_dop853() -> Iterator[str]:

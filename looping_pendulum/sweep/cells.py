@@ -20,8 +20,7 @@ from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.registry import select
 from looping_pendulum.engines.trajectory import RunStatus, Trajectory
 from looping_pendulum.errors import ParameterError
-from looping_pendulum.reference_ode.batch import solve_batch
-from looping_pendulum.reference_ode.batch.runs import COLUMNS, ENDS, FAILED, RunColumn
+from looping_pendulum.reference_ode.batch import COLUMNS, ENDS, FAILED, RunColumn, solve_batch
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.transitions import Event
@@ -81,8 +80,8 @@ def _field(name: str, column: RunColumn) -> Field:
     return Field(name=name, unit=column.unit, dtype=kind.name, meaning=meaning)
 
 
-FIELDS = tuple(_field(name, column) for name, column in COLUMNS.items() if column.in_maps)
-PACKAGES = ("numpy", "scipy", "heyoka")
+FIELDS = tuple(_field(name, column) for name, column in COLUMNS.items())
+PACKAGES = ("numpy", "wasmtime")
 """Packages that the reference's results depend on, beside this package."""
 
 _ONE_AT_A_TIME = threading.Lock()

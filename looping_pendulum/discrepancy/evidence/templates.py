@@ -18,7 +18,6 @@ from looping_pendulum.discrepancy.fit.problem import Problem, Steps, jacobian_at
 from looping_pendulum.discrepancy.result import SmallestVisible
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
-from looping_pendulum.reference_ode.batch import compiled_alone, supports
 from looping_pendulum.reference_ode.geometry import Array
 
 SCALE_SIZE = 10.0
@@ -353,7 +352,7 @@ def steps_together(problem: Problem, candidate: Candidate) -> bool:
     """Return whether runs with a candidate are made in a batch, whose one compiled model serves all such candidates."""
     base, names = problem.base[0], [candidate.parameter, *(c.name for c in candidate.companions)]
     names = [name for name in names if name in base.coefficients]
-    return not problem.is_swing and supports(base, names) and not compiled_alone(base.effects_with(names))
+    return not problem.is_swing
 
 
 def compile_for(problem: Problem, candidate: Candidate | None) -> None:

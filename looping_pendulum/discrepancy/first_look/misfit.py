@@ -31,7 +31,7 @@ from looping_pendulum.reference_ode.effects import GRAVITY
 from looping_pendulum.reference_ode.geometry import Array, next_string_coordinates
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solution import Samples, Solution
-from looping_pendulum.reference_ode.solve import available_integrators, solve_without_warning
+from looping_pendulum.reference_ode.solve import solve
 
 QUARTER_TURN = math.pi / 2
 OTHER_MASS = {"light": "heavy", "heavy": "light"}
@@ -350,8 +350,8 @@ class _Key:
 
 @lru_cache(maxsize=64)
 def _solve(key: _Key, window: float) -> Solution:
-    return solve_without_warning(
-        key.parameters, duration=window, tolerance=FIT_TOLERANCE, integrator=available_integrators()[0]
+    return solve(
+        key.parameters, duration=window, tolerance=FIT_TOLERANCE
     )
 
 

@@ -24,7 +24,7 @@ from looping_pendulum.measured.observations import DataError, EventObservation, 
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solution import Samples
-from looping_pendulum.reference_ode.solve import DURATION, available_integrators, solve_at
+from looping_pendulum.reference_ode.solve import DURATION, solve_at
 from looping_pendulum.scenarios.document import quote
 
 SAMPLE_STEP = 1e-3
@@ -69,7 +69,7 @@ def check_event_rows(observations: Observations) -> None:
 def run_for_events(parameters: Parameters, until: float = DURATION) -> Samples:
     """Run to the end, which the halt needs, with samples up to ``until`` [s], which extrema need."""
     times = _SAMPLE_TIMES[: np.searchsorted(_SAMPLE_TIMES, until, side="right")]
-    return solve_at(parameters, times, duration=DURATION, tolerance=FIT_TOLERANCE, integrator=available_integrators()[0])
+    return solve_at(parameters, times, duration=DURATION, tolerance=FIT_TOLERANCE)
 
 
 class EventRun:

@@ -23,12 +23,12 @@ from looping_pendulum.measured.camera import CAMERA, Camera
 from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.measured.measurement import FIT_TOLERANCE, SampledRuns, predict, predict_many, sample_times
 from looping_pendulum.measured.study import Study, Trial
-from looping_pendulum.reference_ode.batch import compiled_alone, sample_batch, supports
+from looping_pendulum.reference_ode.batch import sample_batch
 from looping_pendulum.reference_ode.effects import EffectKind
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import NUMBERS, Parameters, Release
 from looping_pendulum.reference_ode.solution import Samples
-from looping_pendulum.reference_ode.solve import available_integrators, solve_at
+from looping_pendulum.reference_ode.solve import solve_at
 from looping_pendulum.reference_ode.state import Effects
 
 DIFFERENCE_STEP = 1e-3
@@ -37,14 +37,6 @@ DIFFERENCE_STEP = 1e-3
 Derivatives are good to about 2e-4 as long as the sequence of events stays the same.
 """
 _TIMES, _CAMERA = ParameterRole.TIMES, ParameterRole.CAMERA  # for an inner loop
-MIN_BATCH_OF_OWN_MODEL = 12
-"""Number of runs of one trial that are asked for at once, from which on they are made in a batch where an effect needs a
-compiled model of its own, which a fit is worth, but not what a few values do.
-
-Whether a run is part of a batch may not depend on what else is asked for, as a single run differs from it in the last digits,
-and results are the same for any number of processes.
-"""
-
 PLACES = ("rod_radius", "free_length", "release_angle", "hanging_length", "heavy_swing", "string_thickness")
 """Parameters that say, beside the state, where the masses are."""
 
@@ -132,8 +124,7 @@ class Problem:
     @cached_property
     def runs_singly(self) -> bool:
         """Return whether every run is made by itself: of swings, of effects that a batch does not take, without heyoka."""
-        names = [n.parameter for n in self.free_parameters]
-        return self.is_swing or not all(supports(b, [n for n in names if n in b.coefficients]) for b in self.base)
+        return self.is_swing
 
     @property
     def count(self) -> int:
@@ -219,7 +210,6 @@ class Problem:
                     t,
                     duration=float(t[-1]) + 1e-3,
                     tolerance=FIT_TOLERANCE,
-                    integrator=available_integrators()[0],
                 )
                 self._cached_run[k] = last = parameters, t, run
             return last[2]
@@ -411,14 +401,9 @@ class _Part:
     def model(self) -> tuple[Any, ...]:
         """What the runs of one batch have in common; empty: these runs are made one by one."""
         d = self.problem.data[self.k]
-        names = [name for name in self.columns if name in self.base.coefficients]
-        alone = compiled_alone(self.effects)
-        is_single = (alone and len(self.first) < MIN_BATCH_OF_OWN_MODEL) or d.events or not d.channels
-        if is_single or self.base.release is Release.HELD or not supports(self.base, names):
+        if d.events or not d.channels:
             return ()
-        further = [effect for effect in self.effects if not effect.in_base_model]
-        has_closure = any(effect.kind is EffectKind.CLOSURE for effect in further)
-        return self.base.release, self.base.own_effects, bool(further), has_closure, alone
+        return self.base.release, self.base.own_effects, self.effects
 
     @cached_property
     def effects(self) -> Effects:
