@@ -19,7 +19,7 @@ def measured_rows(name):
     scenario = loader.load(name)
     if find_data(scenario.measured.file) is None:
         pytest.skip(f"the paper's table {scenario.measured.file} is not here: set $LOOPING_PENDULUM_DATA")
-    return compare_engines(scenario, engines=["reference:scipy"]).measured
+    return compare_engines(scenario, engines=["reference"]).measured
 
 
 def test_rod_radii_are_within_the_papers_range():

@@ -106,7 +106,7 @@ def test_an_engine_runs_the_package(package, pushed, tmp_path):
 @pytest.mark.accurate
 def test_an_engine_has_the_force_of_the_package(package, pushed, tmp_path):
     """Oracle: the reference with SciPy. Without the push this variant is as near; the push moves the light mass by 8 mm."""
-    engines = ("-e", "mujoco:capstan", "-e", "reference:scipy")
+    engines = ("-e", "mujoco:capstan", "-e", "reference")
     done = python(package, "-m", "looping_pendulum", "compare", str(pushed), *engines, "--out", str(tmp_path))
     assert done.returncode == 0, done.stdout + done.stderr
     result = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 OWN_ENGINES = ("reference", "mujoco", "pymunk", "pybullet")
 """Engines that are no entry points of a package; the adapters, which know their variants, import NumPy."""
 VARIANTS = tuple(label for label in KNOWN_LABELS if label.partition(":")[0] in OWN_ENGINES)
-"""Variants of these engines. A test compares them with the adapters'."""
+"""Variants of these engines, and the one engine without variants. A test compares them with the adapters'."""
 
 
 def scenario_names() -> list[str]:
@@ -51,7 +51,7 @@ def _names(*folders: str) -> list[str]:
 def engine_names() -> list[str]:
     """Return the names of engines and variants; of other packages' engines, only the engine's name is known."""
     others = sorted({point.name for point in entry_points(group="looping_pendulum.engines")})
-    return [*OWN_ENGINES, *VARIANTS, *others, "all"]
+    return list(dict.fromkeys([*OWN_ENGINES, *VARIANTS, *others, "all"]))
 
 
 OUTSIDE_TOLERANCE, BAD_INPUT, INTERRUPTED = 1, 2, 130

@@ -164,10 +164,9 @@ def run(
     from looping_pendulum.engines.reference import ReferenceEngine
     from looping_pendulum.engines.trajectory import RunStatus
     from looping_pendulum.files import file_stems, prepare_output_folder, write_atomically
-    from looping_pendulum.reference_ode.solve import available_integrators
 
     chosen, memory_bytes = common.load_scenario(scenario), parse_memory(memory_limit)
-    wanted = chosen_engines(engine, profile) if engine else [ReferenceEngine(available_integrators()[0], profile)]
+    wanted = chosen_engines(engine, profile) if engine else [ReferenceEngine(profile)]
     if out is not None:
         prepare_output_folder(out)  # refuse an unusable folder before the work, not after it
     with ProgressBars(time_left=True, keep=True) as bars:

@@ -179,8 +179,10 @@ class ProgressBars:
 
     def update_engine(self, engine: Any, fraction: float) -> None:
         """Show that ``fraction`` of the run of ``engine`` is complete, on a bar of its own."""
-        label = f"{engine.name}:{engine.variant}"
-        self.update(label, fraction, task=label)
+        from looping_pendulum.engines.registry import label
+
+        name = label(engine)
+        self.update(name, fraction, task=name)
 
     def show_finished_run(self, run: Trajectory) -> None:
         """Print a line for a run that has ended, where no bar shows it."""

@@ -171,11 +171,7 @@ def _compared(result: ComparisonResult) -> dict[str, Any]:
     }
     return {
         SCENARIO: {**plain(result.parameters), "duration": result.duration},
-        REFERENCE: {
-            "integrator": f"{exact.engine}:{exact.variant}",
-            "landmarks": plain(exact.landmarks),
-            "provenance": plain(exact.provenance),
-        },
+        REFERENCE: {"landmarks": plain(exact.landmarks), "provenance": plain(exact.provenance)},
         **{run: plain(compared) for run, compared in runs.items()},
     }
 

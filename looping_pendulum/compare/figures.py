@@ -79,7 +79,7 @@ def path_chart(result: ComparisonResult, samples: ResultSamples) -> Chart:
     curves += _marks(reference, result.reference.landmarks.halting_time, "reference", BLACK, 13.8)
     look = styles(e.label for e in result.engines)
     for engine, aligned in zip(result.engines, samples.aligned, strict=True):
-        curves += _marks(aligned.run, engine.landmarks.halting_time, engine.label, look[engine.label].colour, 8.4)
+        curves += _marks(aligned.run, engine.landmarks.halting_time, result.short_name(engine), look[engine.label].colour, 8.4)
     return Chart(
         id="path",
         caption="Path of the light mass around the rod (to scale); star: halt, cross: a run broke off.",

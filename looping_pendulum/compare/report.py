@@ -218,7 +218,7 @@ def _stories(result: ComparisonResult) -> str:
     halt = result.reference.landmarks.halting_time
     events = "".join(f", {n.replace('_', ' ')} at {t:.4f} s" for n, t in events_to_show(result.reference.events))
     end = "" if halt is not None else ", never halts"
-    reference = f"- **reference** ({result.reference.engine}:{result.reference.variant}): released at 0 s{events}{end}.\n"
+    reference = f"- **reference**: released at 0 s{events}{end}.\n"
     lines = []
     for e in result.engines:
         outside = "; ".join(e.outside_range)
@@ -299,8 +299,7 @@ def _provenance(result: ComparisonResult) -> str:
     for i in result.inferred:
         script = f" (`{i.script}`)" if i.script else ""
         text += f"- Inferred, because the source does not print them: {', '.join(i.parameters)}. {i.how}{script}\n"
-    runs = [(f"reference, {result.reference.engine}:{result.reference.variant}", result.reference.provenance)]
-    runs += [(name(e), e.provenance) for e in result.engines]
+    runs = [("reference", result.reference.provenance), *((name(e), e.provenance) for e in result.engines)]
     rows = []
     for label, provenance in runs:
         versions = ", ".join(f"{k} {v}" for k, v in provenance.versions.items()) or GAP

@@ -19,7 +19,7 @@ from looping_pendulum.compare.align import Aligned
 from looping_pendulum.compare.json_text import JsonResult, StoredParameters, plain
 from looping_pendulum.compare.trial import TrialComparison
 from looping_pendulum.engines.landmarks import Landmarks
-from looping_pendulum.engines.trajectory import Provenance, RunStatus, Trajectory
+from looping_pendulum.engines.trajectory import Provenance, RunStatus, Trajectory, variant_label
 from looping_pendulum.scenarios.scenario import Inference
 
 
@@ -84,6 +84,11 @@ class ReferenceResult:
     sampled: Landmarks = Landmarks()
     """Landmarks from the reference's samples, by the detector that reads the engines; their errors are relative to it."""
 
+    @property
+    def label(self) -> str:
+        """Engine and variant, "reference"."""
+        return variant_label(self.engine, self.variant)
+
 
 @dataclass(frozen=True, kw_only=True)
 class EngineResult:
@@ -129,7 +134,7 @@ class EngineResult:
     @property
     def label(self) -> str:
         """Engine and variant, "pymunk:chain"."""
-        return f"{self.engine}:{self.variant}"
+        return variant_label(self.engine, self.variant)
 
 
 class ToleranceOutcome(StrEnum):
@@ -254,8 +259,8 @@ class ComparisonResult(JsonResult):
         return any(engine.status == RunStatus.INTERRUPTED.name for engine in self.engines)
 
     def short_name(self, engine: EngineResult) -> str:
-        """Return the label of ``engine``, with its profile if the engine was run with several."""
-        same = sum(e.label == engine.label for e in self.engines)
+        """Return the label of ``engine``, with its profile if the engine was run with several or is the reference's own."""
+        same = [self.reference.label, *(e.label for e in self.engines)].count(engine.label)
         return engine.label if same == 1 else f"{engine.label} ({engine.profile})"
 
     def judged(self, engine: EngineResult) -> tuple[ToleranceResult, ...]:

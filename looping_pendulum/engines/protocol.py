@@ -184,6 +184,7 @@ class Engine(Protocol):
 
     name: str
     variant: str
+    """Empty for an engine without variants."""
     profile: Profile
     abilities: Abilities
     settings: Any

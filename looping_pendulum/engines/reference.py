@@ -24,13 +24,16 @@ from looping_pendulum.reference_ode.effects import EffectKind
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solution import Run, Samples
-from looping_pendulum.reference_ode.solve import DURATION, available_integrators, solve, solve_at
+from looping_pendulum.reference_ode.solve import DURATION, solve, solve_at
 from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, Event, Mode
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.versions import installed_version
 
 TOLERANCES = {Profile.QUICK: 1e-9, Profile.ACCURATE: 1e-12}
 """Relative tolerance of an integration step, by profile."""
+
+PACKAGES = ("heyoka", "numpy", "scipy")
+"""Packages that its results depend on."""
 
 SUPPLIES = Supplies(
     winding=Supply(by=Supplier.ENGINE, how="wrap angle is a coordinate"),
@@ -49,26 +52,24 @@ class ReferenceSettings:
 
     tolerance: float
     """Relative tolerance of an integration step."""
-    integrator: str
-    """"heyoka" or "scipy"."""
 
 
 class ReferenceEngine:
-    """The hybrid model, integrated by heyoka or SciPy."""
+    """The hybrid model of `reference_ode`."""
 
     name = "reference"
+    variant = ""
 
-    def __init__(self, integrator: str, profile: Profile, *, tolerance: float | None = None) -> None:
-        self.variant = integrator
+    def __init__(self, profile: Profile, *, tolerance: float | None = None) -> None:
         self.profile = profile
         chosen = TOLERANCES[profile] if tolerance is None else tolerance
-        self.settings = ReferenceSettings(tolerance=chosen, integrator=integrator)
+        self.settings = ReferenceSettings(tolerance=chosen)
         self.abilities = Abilities(
             releases=frozenset(Release),
             effect_kinds=frozenset(EffectKind),
             supplies=SUPPLIES,
-            packages=("heyoka",) if integrator == "heyoka" else ("scipy",),
-            summary=f"the exact hybrid model (stick, slip, slack), integrated with {integrator}",
+            packages=(),
+            summary="the exact hybrid model (stick, slip, slack)",
         )
 
     def simulate(self, scenario: Scenario, recorder: Recorder | None = None) -> Trajectory:
@@ -81,8 +82,6 @@ class ReferenceEngine:
             times,
             duration=max(DURATION, scenario.duration),  # only a run to its end shows whether a stop is the halt
             tolerance=self.settings.tolerance,
-            # "auto" lets SciPy take over a run that heyoka cannot finish; an integrator that was chosen by name does not change
-            integrator="auto" if self.settings.integrator == available_integrators()[0] else self.settings.integrator,
         )
         wall, cpu = time.perf_counter() - started, time.process_time() - cpu_started
         trajectory = replace(_trajectory(samples, scenario, self), wall_time=wall, cpu_time=cpu)
@@ -93,14 +92,13 @@ class ReferenceEngine:
 
     def studies(self) -> Studies:
         """Return one ladder: the tolerance of a step."""
-        rungs = tuple(ReferenceEngine(self.variant, self.profile, tolerance=value) for value in LADDER)
+        rungs = tuple(ReferenceEngine(self.profile, tolerance=value) for value in LADDER)
         return Studies(ladders=(Ladder(setting="tolerance", unit="", values=LADDER, engines=rungs),))
 
     def provenance(self) -> Provenance:
         """Return versions, settings and suppliers of this engine's runs."""
-        packages = {"numpy", "scipy", *self.abilities.packages}
         return Provenance(
-            versions={name: installed_version(name) for name in sorted(packages)},
+            versions={name: installed_version(name) for name in PACKAGES},
             settings=asdict(self.settings),
             supplies=SUPPLIES,
         )
@@ -111,7 +109,7 @@ class Reference:
 
     def __init__(self, scenario: Scenario) -> None:
         self.scenario = scenario
-        self.engine = ReferenceEngine(available_integrators()[0], Profile.ACCURATE)
+        self.engine = ReferenceEngine(Profile.ACCURATE)
         tolerance = self.engine.settings.tolerance
         # Solved once for all times, unlike `ReferenceEngine`: each engine is compared at times of its own
         self.solution = solve(scenario.parameters, duration=max(DURATION, scenario.duration), tolerance=tolerance)
@@ -144,8 +142,8 @@ def event_names(run: Run) -> tuple[TrajectoryEvent, ...]:
 
 
 def engines(profile: Profile) -> list[Engine]:
-    """Return the reference with each integrator, installed or not."""
-    return [ReferenceEngine("heyoka", profile), ReferenceEngine("scipy", profile)]
+    """Return the reference, in ``profile``."""
+    return [ReferenceEngine(profile)]
 
 
 def _rows(samples: Samples) -> Array:

@@ -12,6 +12,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from looping_pendulum.engines.protocol import Abilities, Engine, Profile, SteppedEngine
+from looping_pendulum.engines.trajectory import variant_label
 from looping_pendulum.errors import EngineError, MissingPackageError, ScenarioError
 from looping_pendulum.installation import install_command
 from looping_pendulum.scenarios.scenario import Scenario
@@ -54,8 +55,8 @@ class AdapterWarning(UserWarning):
 
 
 def label(engine: Engine) -> str:
-    """Return engine and variant as one name, "pymunk:chain"."""
-    return f"{engine.name}:{engine.variant}"
+    """Return engine and variant as one name, as `variant_label` does."""
+    return variant_label(engine.name, engine.variant)
 
 
 def how_to_get(package: str, *, anywhere: bool = False) -> str:
@@ -214,9 +215,7 @@ def engine(name: str, *, profile: Profile | str = Profile.QUICK, **settings: Any
         If the engine is not installed.
     """
     found = select([name], Profile(profile))
-    if name == "reference":
-        found = found[:1]
-    elif len(found) > 1:
+    if len(found) > 1:
         found = [one for one in found if one.abilities.main]
     if len(found) != 1:
         choice = ", ".join(label(one) for one in select([name], Profile(profile)))

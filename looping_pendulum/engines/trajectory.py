@@ -159,8 +159,8 @@ class Trajectory:
 
     @property
     def label(self) -> str:
-        """Return engine and variant as one name, "pymunk:chain"."""
-        return f"{self.engine}:{self.variant}"
+        """Return engine and variant as one name, as `variant_label` does."""
+        return variant_label(self.engine, self.variant)
 
     @property
     def heavy_drop(self) -> Array:
@@ -180,6 +180,11 @@ class Trajectory:
         if not self.status.ok:
             raise EngineError(f"{self.label}: {self.status.value}. {self.message}".strip())
         return self
+
+
+def variant_label(engine: str, variant: str) -> str:
+    """Return engine and variant as one name, "pymunk:chain"; the engine's name alone, "reference", if it has no variants."""
+    return f"{engine}:{variant}" if variant else engine
 
 
 def padded_row(row: Sequence[float]) -> Sequence[float]:

@@ -48,11 +48,10 @@ KNOWN_LABELS = (
     "mujoco:frictionloss",
     "mujoco:defaults",
     "pybullet:defaults",
-    "reference:heyoka",
-    "reference:scipy",
+    "reference",
     "exudyn:cable",
 )
-"""Variants of this package: the place of each gives its style, which is the same on every page and in every figure."""
+"""Labels of this package's engines: the place of each gives its style, which is the same on every page and in every figure."""
 
 
 def styles(labels: Iterable[str]) -> dict[str, Style]:

@@ -305,7 +305,7 @@ def _mode_name(mode: int) -> str:
 def _versions(result: ComparisonResult) -> list[str]:
     """Return for the reference and for each engine who made the run, with which versions."""
     reference = result.reference
-    made = [(f"{reference.engine}:{reference.variant}", reference.provenance)]
+    made = [("reference", reference.provenance)]
     made += [(name(engine), engine.provenance) for engine in result.engines]
     return [
         ", ".join([who, *(f"{package} {version}" for package, version in provenance.versions.items())])

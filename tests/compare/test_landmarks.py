@@ -303,7 +303,7 @@ def test_the_references_samples_give_the_references_events(scenario):
     )
     two = dataclasses.replace(scenario, parameters=parameters, duration=1.2)
     exact = reference_landmarks(Reference(two), np.arange(1201) * DT)
-    landmarks = run_landmarks(ReferenceEngine("scipy", Profile.QUICK).simulate(two), parameters)
+    landmarks = run_landmarks(ReferenceEngine(Profile.QUICK).simulate(two), parameters)
     assert len(landmarks.stops) == len(exact.stops) == 3
     for own, true in zip(landmarks.stops, exact.stops, strict=True):
         assert own.time == pytest.approx(true.time, abs=5e-4)  # the speed's curvature over the last two samples

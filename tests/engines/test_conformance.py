@@ -183,7 +183,7 @@ def test_what_an_engine_declares_that_it_lacks_is_left_out():
     engines = {label(engine): engine for engine in all_engines(Profile.QUICK)}
     assert skip_reason(capstan, engines["mujoco:documented"]) == "nobody supplies its friction law"
     assert skip_reason(static, engines["mujoco:beads"]) == "it declares no static friction of its own"
-    for name in ("reference:scipy", "mujoco:capstan"):
+    for name in ("reference", "mujoco:capstan"):
         assert skip_reason(capstan, engines[name]) == skip_reason(static, engines[name]) == ""
 
 

@@ -24,7 +24,6 @@ from looping_pendulum.engines.trajectory import COLUMNS, Provenance, RunStatus, 
 from looping_pendulum.engines.worker import FileRecorder, read_rows
 from looping_pendulum.errors import EngineError
 from looping_pendulum.processes import memory_in_use
-from looping_pendulum.reference_ode.solve import available_integrators
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.scenario import Scenario
 from tests.apparatus import TEN_TO_ONE
@@ -52,7 +51,7 @@ FAULTS = {
     "returns_nothing": (RunStatus.FAILED, 51, "needed a Trajectory"),
 }
 """What an engine does -> how its run ends, how many of its samples stay, and what is said of it."""
-GOOD = [ReferenceEngine(available_integrators()[0], Profile.QUICK), FaultyEngine("none")]
+GOOD = [ReferenceEngine(Profile.QUICK), FaultyEngine("none")]
 
 
 class LeapingClock:
@@ -249,7 +248,7 @@ def test_an_effect_that_does_not_reach_an_engine_is_a_gap_not_a_wrong_result():
         run = run_isolated(FaultyEngine("nan"), with_effects(**{name: value}))
         assert run.status is RunStatus.UNSUPPORTED
         assert name in run.message
-    assert run_isolated(ReferenceEngine(available_integrators()[0], Profile.QUICK), with_effects(**effects)).status.ok
+    assert run_isolated(ReferenceEngine(Profile.QUICK), with_effects(**effects)).status.ok
 
 
 def test_an_interrupted_run_keeps_what_it_had():

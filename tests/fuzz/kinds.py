@@ -274,7 +274,7 @@ def run_readers(data: bytes) -> None:
         raise refused[0]
 
 
-ENGINE = ReferenceEngine("scipy", Profile.QUICK)
+ENGINE = ReferenceEngine(Profile.QUICK)
 
 
 @cache

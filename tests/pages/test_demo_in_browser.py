@@ -197,15 +197,15 @@ def test_a_switched_off_engine_disappears(page):
     at(page, 0.5)
     page.evaluate("document.documentElement.dataset.theme === 'light' || document.getElementById('theme').click()")
     settled(page)
-    colour = page.evaluate("Theme.colour(live.engines.data.runs[1].colour)").lower()
+    colour = page.evaluate("Theme.colour(live.engines.data.runs[2].colour)").lower()
     canvases = [STAGE, *(f"[data-plot={plot}] canvas" for plot in ("drop", "turns", "pull-light", "pull-heavy", "distance"))]
     for canvas in canvases:
         assert page.evaluate(COUNT, [canvas, colour]) > 20, canvas
-    page.locator("#engine-runs input[data-run=run1]").uncheck()
+    page.locator("#engine-runs input[data-run=run2]").uncheck()
     settled(page)
     for canvas in canvases:
         assert page.evaluate(COUNT, [canvas, colour]) == 0, canvas
-    page.locator("#engine-runs input[data-run=run1]").check()
+    page.locator("#engine-runs input[data-run=run2]").check()
     settled(page)
     assert page.evaluate(COUNT, [STAGE, colour]) > 20
 

@@ -110,7 +110,7 @@ def test_rows_lie_on_the_frames_of_the_video_and_have_the_places_of_the_referenc
 
 
 def test_between_samples_an_engines_run_is_as_near_to_the_reference_as_on_them():
-    run = simulated("reference:scipy", Profile.ACCURATE)
+    run = simulated("reference", Profile.ACCURATE)
     frames = overlay(trajectory_motion(run), frame_rate=777.0)
     exact = overlay(find_motion("ten_to_one"), frame_rate=777.0)
     # Samples are 1 ms apart and a cubic bends by the fourth power of it; at the halt, where the acceleration jumps by some
@@ -125,7 +125,7 @@ def test_a_run_in_a_folder_of_compare_is_found(tmp_path):
     for engine in ("mujoco:capstan", "mujoco:documented"):
         run = simulated(engine)
         (folder / f"{file_stem(run.label, run.profile)}.csv").write_text(trajectory_csv(run))
-    (folder / "reference.csv").write_text(trajectory_csv(simulated("reference:scipy")))
+    (folder / "reference.csv").write_text(trajectory_csv(simulated("reference")))
     exact = overlay(find_motion("ten_to_one"))
     kept = overlay(find_motion(str(tmp_path)))
     assert np.allclose(kept.light, exact.light, atol=1e-5)

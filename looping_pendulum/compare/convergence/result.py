@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from looping_pendulum.compare.json_text import JsonResult, StoredParameters
-from looping_pendulum.engines.trajectory import Provenance
+from looping_pendulum.engines.trajectory import Provenance, variant_label
 
 FILE = "convergence.json"
 
@@ -193,7 +193,7 @@ class VariantStudy:
     @property
     def label(self) -> str:
         """Engine and variant, "pymunk:chain"."""
-        return f"{self.engine}:{self.variant}"
+        return variant_label(self.engine, self.variant)
 
 
 @dataclass(frozen=True, kw_only=True)
