@@ -3,16 +3,12 @@
 import gc
 import shutil
 from collections.abc import Iterator
-from functools import cache
 from typing import Any
 
 import pytest
 
 from looping_pendulum.discrepancy import workers
-from looping_pendulum.reference_ode import batch, heyoka_backend, sensitivity
-from looping_pendulum.reference_ode.heyoka_library import COMPILER_OPTIONS
-from looping_pendulum.reference_ode.solve import available_integrators
-from tests.backends import BACKENDS, DEFAULT, current
+from tests.backends import BACKENDS, current
 
 BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 """Browsers to test with, the quickest first: a window that nobody sees costs a third of the pages' time."""
@@ -50,42 +46,6 @@ def _fits_without_helpers():
     That the result is the same with helpers is for tests/discrepancy/test_identify.py, which asks for two.
     """
     workers.MAX_PROCESSES = 1
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _no_optimisation_in_this_process():
-    """Compile in a third of the time, which on a machine that has no compiled code yet takes 90 s of a processor less.
-
-    A run then takes up to half as long again. The processes that tests start optimise, as users' do; so do all other backends.
-    """
-    if current() != DEFAULT or "heyoka" not in available_integrators():
-        yield
-        return
-    with pytest.MonkeyPatch.context() as patch:
-        leave_code_unoptimised(patch)
-        yield
-
-
-def leave_code_unoptimised(patch):
-    """Have heyoka's compilers optimise nothing, until ``patch`` is undone."""
-    patch.setitem(COMPILER_OPTIONS, "opt_level", 0)
-
-
-@pytest.fixture
-def optimised(monkeypatch):
-    """Compile in this process as in those that it starts, for a test that compares the results of both in every bit."""
-    monkeypatch.delitem(COMPILER_OPTIONS, "opt_level", raising=False)
-    keep_compiled_apart(monkeypatch)
-
-
-def keep_compiled_apart(patch):
-    """Keep all that is compiled until ``patch`` is undone, and use nothing that was compiled before."""
-    for module, name in ((heyoka_backend, "_compiled"), (sensitivity, "_variational")):
-        patch.setattr(module, name, cache(getattr(module, name).__wrapped__))
-    for module in (batch.compiled, batch.roots, batch.samples, batch.steps):  # what others import by name
-        for function in vars(module).values():
-            if hasattr(function, "cache_clear") and function.__module__ == module.__name__:
-                function.cache_clear()
 
 
 @pytest.fixture(scope="session")

@@ -154,10 +154,6 @@ def _rows(samples: Samples) -> Array:
 
 def _trajectory(samples: Samples, scenario: Scenario, engine: ReferenceEngine) -> Trajectory:
     run, provenance = samples.run, engine.provenance()
-    if run.handed_over:
-        # Another integrator finished the run
-        settings = provenance.settings | {"integrator": run.integrator, "handed_over": run.handed_over}
-        provenance = replace(provenance, settings=settings)
     without_string = scenario.parameters.release is Release.DROP
     nan = np.full(len(samples.t), math.nan)
     light_tension, heavy_tension = samples.tensions
@@ -179,6 +175,5 @@ def _trajectory(samples: Samples, scenario: Scenario, engine: ReferenceEngine) -
         heavy_tension=heavy_tension,
         events=event_names(run),
         status=RunStatus.LIGHT_REACHED_ROD if reached else RunStatus.FINISHED,
-        message=run.handed_over,
         provenance=provenance,
     )

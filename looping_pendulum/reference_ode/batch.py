@@ -197,11 +197,11 @@ class BatchSamples:
 
     t: Array
     """Times since release [s], shape (m,)."""
-    start: NDArray[np.int32]
+    start: NDArray[np.int64]
     """Where each run's samples begin, and m, shape (n + 1,)."""
     state: Array
     """Entries of the state, shape (len(State), m); past a run's end those of its end; nan for a run that failed."""
-    count: NDArray[np.int32]
+    count: NDArray[np.int64]
     """How many of each run's times lie within it, shape (n,)."""
     derivatives: Array
     """Derivatives of the entries at fixed time by each of ``wrt``, shape (len(State), m, len(wrt)); past a run's end those of
@@ -257,7 +257,7 @@ def solve_batch(
     batch = _Batch(parameters_of(base), columns, duration, tolerance)
     result = BatchResult.empty(batch.n)
     ended = batch.n - len(batch.valid)
-    for part, runs in batch.carried_out(np.zeros(0), np.zeros(batch.n + 1, dtype=np.int32), (), threads):
+    for part, runs in batch.carried_out(np.zeros(0), np.zeros(batch.n + 1, dtype=np.int64), (), threads):
         table = EventTable(runs, batch.values_of(part), batch.effects)
         for name, column in COLUMNS.items():
             values = column.of_runs(table)
@@ -295,10 +295,10 @@ def sample_batch(
     batch = _Batch(base, columns, duration, tolerance, wrt)
     if len(times) != batch.n:
         raise ParameterError(f"times: found those of {len(times)} runs, needed {batch.n}")
-    start = np.cumsum([0, *map(len, times)]).astype(np.int32)
+    start = np.cumsum([0, *map(len, times)])
     t = np.concatenate([np.zeros(0), *times])
     state, derivatives = np.full((len(t), len(State._fields)), np.nan), np.full((len(t), len(State._fields), len(wrt)), np.nan)
-    count = np.zeros(batch.n, dtype=np.int32)
+    count = np.zeros(batch.n, dtype=np.int64)
     for part, runs in batch.carried_out(t, start, wrt, threads=1):
         ended = runs.failures == 0
         rows = _places(start, part)
@@ -349,7 +349,7 @@ class _Batch:
         return {name: value[runs] if np.ndim(value) else value for name, value in self._values.items()}
 
     def carried_out(
-        self, t: Array, start: NDArray[np.int32], wrt: Sequence[str], threads: int
+        self, t: Array, start: NDArray[np.int64], wrt: Sequence[str], threads: int
     ) -> Iterator[tuple[NDArray[np.int64], Runs]]:
         """Yield the valid runs in parts, each with its results; sample times as in `BatchSamples`."""
         model = traced(self._base.release, self.effects, bool(wrt))
@@ -384,7 +384,7 @@ def _parts(runs: NDArray[np.int64], sizes: NDArray[np.int64]) -> list[NDArray[np
     return parts
 
 
-def _places(start: NDArray[np.int32], runs: NDArray[np.int64]) -> NDArray[np.int64]:
+def _places(start: NDArray[np.int64], runs: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the places of the samples of some runs, one run after another."""
     first, lengths = start[runs], (start[1:] - start[:-1])[runs]
     return np.repeat(first - np.append(0, np.cumsum(lengths)[:-1]), lengths) + np.arange(lengths.sum())

@@ -7,6 +7,8 @@ import os
 
 import numpy as np
 import pytest
+from looping_pendulum.reference_ode.batch.runs import parameters_of_run, summary
+from looping_pendulum.reference_ode.batch.steps import supports_batch
 
 from looping_pendulum.errors import IntegrationError, ParameterError
 from looping_pendulum.reference_ode import batch
@@ -19,8 +21,6 @@ from looping_pendulum.reference_ode.batch import (
     sequence_hash,
     solve_batch,
 )
-from looping_pendulum.reference_ode.batch.runs import parameters_of_run, summary
-from looping_pendulum.reference_ode.batch.steps import supports_batch
 from looping_pendulum.reference_ode.effects import EFFECTS, EffectKind
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import available_integrators, solve, solve_at

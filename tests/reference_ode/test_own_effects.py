@@ -8,11 +8,11 @@ import pickle
 import numpy as np
 import pytest
 import sympy
+from looping_pendulum.reference_ode.batch.compiled import CompiledFunction, SeriesAlgebra
 
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode import dual
 from looping_pendulum.reference_ode.batch import solve_batch
-from looping_pendulum.reference_ode.batch.compiled import CompiledFunction, SeriesAlgebra
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS, EffectKind, own
 from looping_pendulum.reference_ode.effects.formula import FUNCTIONS, MAX_LENGTH, FormulaError, parse
 from looping_pendulum.reference_ode.effects.own import RESERVED, OwnEffect, effect_of, multiplied_coefficient

@@ -350,8 +350,6 @@ def first_change(candidate: Candidate) -> float:
 
 def steps_together(problem: Problem, candidate: Candidate) -> bool:
     """Return whether runs with a candidate are made in a batch, whose one compiled model serves all such candidates."""
-    base, names = problem.base[0], [candidate.parameter, *(c.name for c in candidate.companions)]
-    names = [name for name in names if name in base.coefficients]
     return not problem.is_swing
 
 

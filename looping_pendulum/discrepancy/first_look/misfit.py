@@ -350,9 +350,7 @@ class _Key:
 
 @lru_cache(maxsize=64)
 def _solve(key: _Key, window: float) -> Solution:
-    return solve(
-        key.parameters, duration=window, tolerance=FIT_TOLERANCE
-    )
+    return solve(key.parameters, duration=window, tolerance=FIT_TOLERANCE)
 
 
 def _fall_time(parameters: Parameters) -> float:

@@ -24,7 +24,6 @@ from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRol
 from looping_pendulum.measured.measurement import FIT_TOLERANCE, SampledRuns, predict, predict_many, sample_times
 from looping_pendulum.measured.study import Study, Trial
 from looping_pendulum.reference_ode.batch import sample_batch
-from looping_pendulum.reference_ode.effects import EffectKind
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import NUMBERS, Parameters, Release
 from looping_pendulum.reference_ode.solution import Samples
