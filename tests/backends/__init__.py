@@ -10,8 +10,6 @@ from pathlib import Path
 
 from numpy._core import _multiarray_umath as numpy_build
 
-from looping_pendulum.reference_ode.heyoka_library import FOLDER_VARIABLE, cache_folder
-
 SITE = Path(__file__).with_name("site")
 """Folder of the `sitecustomize.py` that removes heyoka, or has it compile otherwise, in every process."""
 NAME_VARIABLE = "LOOPING_PENDULUM_TEST_BACKEND"
@@ -72,14 +70,11 @@ def current() -> str:
 def environment(name: str) -> dict[str, str]:
     """Return this process's environment as it is under the backend ``name``."""
     backend = BACKENDS[name]
-    set_by_any = {FOLDER_VARIABLE, *(variable for other in BACKENDS.values() for variable in other.environment)}
+    set_by_any = {variable for other in BACKENDS.values() for variable in other.environment}
     others = {variable: value for variable, value in os.environ.items() if variable not in set_by_any}
     paths = [path for path in os.environ.get("PYTHONPATH", "").split(os.pathsep) if path and path != str(SITE)]
-    # What is compiled with options that the package does not know of is kept apart
-    apart = {FOLDER_VARIABLE: str(cache_folder().with_name(name))} if backend.heyoka != "{}" else {}
     return others | {
         **backend.environment,
-        **apart,
         NAME_VARIABLE: name,
         HEYOKA_VARIABLE: backend.heyoka,
         "PYTHONPATH": os.pathsep.join([str(SITE), *paths]),
