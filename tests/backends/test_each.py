@@ -16,13 +16,6 @@ CHECKED = (
     "tests/engines/test_tension.py::test_a_string_that_does_not_slide_is_no_measurement",
     "tests/engines/test_tension.py::test_what_rounding_or_creep_moves_a_stuck_string_is_no_slide",
 )
-DAILY = {
-    "heyoka-avx512": ["-k", "events or derivatives or direction or edge or under_the_backend or does_not_slide"],
-    "scipy": [],
-    "old-processor": [],
-}
-"""Every way to round differently, once: backend -> options of pytest, where only what heyoka compiles is another."""
-
 pytestmark = pytest.mark.skipif(current() != DEFAULT, reason="this run itself is under one backend")
 
 
@@ -39,9 +32,9 @@ def run_checks(name, *options):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", DAILY)
+@pytest.mark.parametrize("name", [name for name in BACKENDS if name != DEFAULT])
 def test_no_decision_depends_on(name):
-    run_checks(name, *DAILY[name])
+    run_checks(name)
 
 
 @pytest.mark.accurate
