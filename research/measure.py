@@ -139,7 +139,7 @@ def paper_columns() -> dict[str, Any]:
     """Compare the reference with the paper's numerical columns; needs the data folder."""
     from looping_pendulum.compare.harness import compare_engines
 
-    ten, two = (compare_engines(load(name), engines=["reference:scipy"]).measured for name in ("ten_to_one", "two_to_one"))
+    ten, two = (compare_engines(load(name), engines=["reference"]).measured for name in ("ten_to_one", "two_to_one"))
     time_errors = [abs(r.reference - r.paper_numerical) for r in ten if r.quantity in ("x1_extremum", "y1_extremum")]
     rows = [abs(r.reference - r.paper_numerical) for r in two]
     return {

@@ -221,7 +221,7 @@ def main() -> None:
 def measured(study: EngineStudy, budgets: Budgets) -> Iterator[Budgets]:
     """Yield the data after each measurement."""
     scenario = dataclasses.replace(load(SCENARIO), duration=PATH_END_TIMES[MARK])
-    exact = select(["reference:heyoka"], Profile.QUICK)[0].simulate(scenario)
+    exact = select(["reference"], Profile.QUICK)[0].simulate(scenario)
     # Newton has an environment of its own, in which others may be missing
     installed = {registry.label(one) for one in all_engines(Profile.QUICK) if not missing_packages(one)}
     done = {(row.variant, row.settings) for row in budgets.runs} | {row[:2] for row in budgets.failed}

@@ -148,6 +148,6 @@ def supplied_by_engine(v: VariantStudy) -> bool:
 
 def front(timed_points: Iterable[Point]) -> list[Point]:
     """Return the Pareto front of the engines' points in time and error, from fast to slow; the reference is left out."""
-    engines = [p for p in timed_points if not p.variant.startswith("reference:")]
+    engines = [p for p in timed_points if p.variant != "reference"]
     best = [p for p in engines if not any(o is not p and o.cpu <= p.cpu and o.rms <= p.rms for o in engines)]
     return sorted(best, key=lambda p: p.cpu)

@@ -98,7 +98,7 @@ def test_every_release_can_be_shown(name):
     result = twin_result(scenario)
     run = result.samples.aligned[0].run
     data = page_data(result)
-    twin = run_of(data, f"twin:{run.variant}")
+    twin = run_of(data, run.label)
     assert data["string"] is (name != "drop")
     places = np.array(list(zip(twin["x"], twin["y"], strict=True))) if "x" in twin else None
     assert (places is None) is data["string"]
