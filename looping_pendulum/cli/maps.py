@@ -141,7 +141,7 @@ def _show_size(plan: MapPlan) -> None:
     engines = f" x {len(plan.engines)} engines" if len(plan.engines) > 1 else ""
     over = ", ".join(axis.name for axis in plan.design.axes)
     megabytes = plan.runs * BYTES_PER_RUN / 1e6
-    message = f"{plan.runs} runs ({sizes}{engines}: {over}) in {plan.units} chunks, at most {amount(megabytes)} MB"
+    message = f"{plan.runs} runs ({sizes}{engines}: {over}) in {plan.chunk_count} chunks, at most {amount(megabytes)} MB"
     note(message)
     sys.stderr.flush()
 

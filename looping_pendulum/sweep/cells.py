@@ -1,20 +1,18 @@
-"""Computes the runs of one chunk: what a map stores of each run, with units, and how a run may have ended.
-
-`solve` and its argument are sent to worker processes, possibly on other machines. Each of these imports this module first, so
-it imports neither the reader of map files nor Zarr.
-"""
+"""Computes the runs of one chunk: what a map stores of each run, with units, and how a run may have ended."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from concurrent.futures import CancelledError
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum import __version__
-from looping_pendulum.engines.isolation import MEMORY_LIMIT, TIME_LIMIT, run_isolated
+from looping_pendulum.engines.isolation import run_isolated
 from looping_pendulum.engines.landmarks import Landmarks, run_landmarks
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.registry import select
@@ -25,10 +23,9 @@ from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.transitions import Event
 from looping_pendulum.scenarios.scenario import Scenario
+from looping_pendulum.sweep.plan import REFERENCE, MapPlan, Region
 from looping_pendulum.versions import installed_version
 
-REFERENCE = "reference"
-"""Name of the exact model, which is run in batches, in the chunk's own process."""
 IMPOSSIBLE = "impossible"
 """Ending of a run that was not made because its parameters contradict each other."""
 ENDINGS: tuple[str, ...] = tuple(
@@ -48,6 +45,8 @@ ENDING_DESCRIPTIONS = {
 """Ending -> its description."""
 UNKNOWN_COUNT = -1
 """Value of a count that an engine does not report."""
+NOT_YET_RUN = -1
+"""Value of the field `end` of runs that are not computed yet."""
 
 Values = dict[str, NDArray[np.generic]]
 """Name of a field -> its values, shape (n,)."""
@@ -85,44 +84,49 @@ PACKAGES = ("numpy", "wasmtime")
 """Packages that the reference's results depend on, beside this package."""
 
 _ONE_AT_A_TIME = threading.Lock()
-"""The compiled integrators are kept per process and are not for several threads at once (a Dask worker may have some)."""
+"""heyoka's compiled integrators are kept per process and are not for several threads at once."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class CellTask:
-    """Input of `solve`: the runs of one chunk. It is pickled."""
+class ChunkResult:
+    """Values of the runs of a chunk."""
 
-    index: int
-    """Index of the unit of work."""
-    engine: str
-    profile: Profile
-    scenario: Scenario
-    columns: Mapping[str, Array]
-    """Values of the parameters and coefficients that differ from the scenario's, shape (n,) each."""
-    tolerance: float
-    duration: float
-    """Limit on the simulated time of a run [s]."""
-    time_limit: float = TIME_LIMIT
-    """Limit on the wall time of an engine's run [s]."""
-    memory_limit: int = MEMORY_LIMIT
-    """Limit on the memory of an engine's run [bytes]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class CellResult:
-    """Output of `solve`: the values of one chunk."""
-
-    index: int
     values: Values
     versions: dict[str, str]
     """Package -> version that the values depend on."""
 
 
-def solve(task: CellTask) -> CellResult:
-    """Compute the runs of one chunk."""
-    with _ONE_AT_A_TIME:
-        values = _reference(task) if task.engine == REFERENCE else _engine(task)
-    return CellResult(index=task.index, values=values, versions=versions(task.engine, task.profile))
+def solve_chunk(
+    plan: MapPlan,
+    region: Region,
+    *,
+    time_limit: float,
+    memory_limit: int,
+    cancelled: threading.Event | None = None,
+) -> ChunkResult:
+    """Compute the runs of one chunk of a map, on this machine or on one of a cluster.
+
+    Parameters
+    ----------
+    time_limit, memory_limit
+        Limits of each run of an engine [s], [bytes].
+    cancelled
+        Event that ends the work early.
+
+    Raises
+    ------
+    CancelledError
+        If ``cancelled`` is set meanwhile.
+    """
+    engine = plan.engine(region)
+    if engine == REFERENCE:
+        values = _reference_values(plan, region, cancelled)
+    else:
+        limited = partial(run_isolated, time_limit=time_limit, memory_limit=memory_limit, cancelled=cancelled)
+        values = _engine_values(plan, region, limited)
+    if cancelled is not None and cancelled.is_set():
+        raise CancelledError
+    return ChunkResult(values=values, versions=versions(engine, plan.profile))
 
 
 def versions(engine: str, profile: Profile) -> dict[str, str]:
@@ -142,40 +146,44 @@ def engine_called(name: str, profile: Profile) -> Engine:
     return select([name], profile)[0]
 
 
-def _reference(task: CellTask) -> Values:
-    base = task.scenario.parameters
-    batch = solve_batch(base, task.columns, duration=task.duration, tolerance=task.tolerance)
+def _reference_values(plan: MapPlan, region: Region, cancelled: threading.Event | None) -> Values:
+    def stop_if_cancelled(done: int, runs: int) -> None:
+        if cancelled is not None and cancelled.is_set():
+            raise CancelledError
+
+    base, columns = plan.scenario.parameters, plan.columns(region)
+    with _ONE_AT_A_TIME:
+        batch = solve_batch(base, columns, duration=plan.duration, tolerance=plan.tolerance, progress=stop_if_cancelled)
     values: Values = {field.name: np.array(getattr(batch, field.name)) for field in FIELDS}
     # A batch marks runs with impossible parameters as failed, as it does those that break down
     for i in np.flatnonzero(batch.end == FAILED):
-        if _member(task, int(i)) is None:
+        if _parameters_of_run(base, columns, int(i)) is None:
             values["end"][i] = ENDINGS.index(IMPOSSIBLE)
     return values
 
 
-def _member(task: CellTask, i: int) -> Parameters | None:
-    """Return the parameters of run ``i``; None if they contradict each other."""
-    try:
-        return task.scenario.parameters.replace(**{name: float(column[i]) for name, column in task.columns.items()})
-    except ParameterError:
-        return None
-
-
-def _engine(task: CellTask) -> Values:
-    engine = engine_called(task.engine, task.profile)
-    n = len(next(iter(task.columns.values())))
+def _engine_values(plan: MapPlan, region: Region, limited: Callable[[Engine, Scenario], Trajectory]) -> Values:
+    engine, columns = engine_called(plan.engine(region), plan.profile), plan.columns(region)
+    n = len(next(iter(columns.values())))
     values: Values = {field.name: np.full(n, field.fill, dtype=field.dtype) for field in FIELDS}
     # For the runs that the loop leaves out; the others write over it
     values["end"][:] = ENDINGS.index(IMPOSSIBLE)
     for i in range(n):
-        parameters = _member(task, i)
-        if parameters is None:
-            continue
-        scenario = replace(task.scenario, parameters=parameters, duration=task.duration, tolerances=(), measured=None)
-        run = run_isolated(engine, scenario, time_limit=task.time_limit, memory_limit=task.memory_limit)
-        for name, value in _summary(run, run_landmarks(run, parameters)).items():
-            values[name][i] = value
+        parameters = _parameters_of_run(plan.scenario.parameters, columns, i)
+        if parameters is not None:
+            scenario = replace(plan.scenario, parameters=parameters, duration=plan.duration, tolerances=(), measured=None)
+            run = limited(engine, scenario)
+            for name, value in _summary(run, run_landmarks(run, parameters)).items():
+                values[name][i] = value
     return values
+
+
+def _parameters_of_run(base: Parameters, columns: Mapping[str, Array], i: int) -> Parameters | None:
+    """Return the parameters of run ``i``; None if they contradict each other."""
+    try:
+        return base.replace(**{name: float(column[i]) for name, column in columns.items()})
+    except ParameterError:
+        return None
 
 
 def _summary(run: Trajectory, landmarks: Landmarks) -> dict[str, float]:

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from looping_pendulum.pages.drawing import new_figure, png
 from looping_pendulum.pages.palette import styles
 from looping_pendulum.reference_ode.transitions import Event
-from looping_pendulum.sweep.cells import ENDING_DESCRIPTIONS, ENDINGS, REFERENCE
-from looping_pendulum.sweep.plan import Axis, MapPlan, Sample
+from looping_pendulum.sweep.cells import ENDING_DESCRIPTIONS, ENDINGS
+from looping_pendulum.sweep.plan import REFERENCE, Axis, MapPlan, Sample
 
 MAP = "viridis"
 """Matplotlib's colour map: safe for colour-blind readers, and monotone when printed in grey."""

@@ -32,8 +32,8 @@ from looping_pendulum.scenarios.quantities import FILE_KEYS, QUANTITIES
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.scenarios.units import QuantityKind
 from looping_pendulum.sweep.axis_file import COUNT, MAX_AXES, MAX_RUNS, parameters_schema, read_axis
-from looping_pendulum.sweep.cells import REFERENCE, engine_called
-from looping_pendulum.sweep.plan import Axis, Grid, MapPlan, Sample
+from looping_pendulum.sweep.cells import engine_called
+from looping_pendulum.sweep.plan import REFERENCE, Axis, Grid, MapPlan, Sample
 from looping_pendulum.sweep.quantities import ALLOWED_OVERLAPS, Variable, variables
 
 MAX_ENGINE_RUNS = 20_000

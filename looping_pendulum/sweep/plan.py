@@ -1,10 +1,9 @@
-"""Plan of a map: its axes, its runs, and how these are cut into chunks. Everything follows from the index of a run."""
+"""Plan of a map: its axes, its runs, and how these are cut into chunks."""
 
 from __future__ import annotations
 
 import itertools
 import math
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,18 +14,26 @@ import numpy as np
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.errors import HarnessError, ParameterError
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.scenarios.scenario import Scenario
-from looping_pendulum.sweep.cells import REFERENCE
 from looping_pendulum.sweep.quantities import columns
 
-MIN_CHUNK_RUNS, MAX_CHUNK_RUNS, CHUNKS_PER_MAP = 256, 65536, 16
+REFERENCE = "reference"
+"""Name of the exact model among the engines of a map."""
+MIN_CHUNK_RUNS, MAX_CHUNK_RUNS, CHUNKS_PER_MAP = 1024, 65536, 32
 """Bounds on the runs per chunk, and chunks per map, where the map file does not give the size of a chunk.
 
-A batch costs 0.04 s and 25 us per run, and writing a chunk 0.03 s.
+Writing a chunk takes as long as a few hundred runs.
 """
 ENGINE_CHUNK = 4
 """Runs per chunk of engines, whose runs take seconds."""
+
+Region = tuple[slice, ...]
+"""Slices of a map's dimensions."""
+
+
+def run_count(region: Region) -> int:
+    """Return the number of runs in a region."""
+    return math.prod(where.stop - where.start for where in region)
 
 
 class MapError(HarnessError, ValueError):
@@ -85,7 +92,7 @@ class Grid:
         """Number of values of each axis."""
         return tuple(len(axis.values) for axis in self.axes)
 
-    def values_in(self, region: tuple[slice, ...]) -> dict[str, Array]:
+    def values_in(self, region: Region) -> dict[str, Array]:
         """Return the values of the varied quantities in a region, by name, shape (n,) each, the last axis fastest."""
         parts = [axis.values[where] for axis, where in zip(self.axes, region, strict=True)]
         mesh = np.meshgrid(*parts, indexing="ij")
@@ -104,41 +111,27 @@ class Sample:
 
     dims = ("run",)
 
+    def as_dict(self) -> dict[str, Any]:
+        """Return how the runs are chosen as plain data."""
+        return {"method": self.method, "count": self.count, "seed": self.seed}
+
     @property
     def shape(self) -> tuple[int, ...]:
         """Number of runs."""
         return (self.count,)
 
-    def values_in(self, region: tuple[slice, ...]) -> dict[str, Array]:
+    def values_in(self, region: Region) -> dict[str, Array]:
         """Return the values of the varied quantities in a region, by name, shape (n,) each."""
         from scipy.stats import qmc
 
         start, stop = region[0].start, region[0].stop
         sampler = (qmc.Sobol if self.method == "sobol" else qmc.Halton)(len(self.axes), seed=self.seed)
-        with warnings.catch_warnings():
-            warnings.simplefilter(
-                "ignore", UserWarning
-            )  # Sobol' sequences are balanced only for powers of 2; the docs of maps say so
-            if start:  # SciPy cannot fast-forward by 0
-                # So that any chunk can be computed alone, with the points that the whole sequence has there
-                sampler.fast_forward(start)
-            shares = sampler.random(stop - start)
+        if start:  # SciPy cannot fast-forward by 0
+            # So that any chunk can be computed alone, with the points that the whole sequence has there
+            sampler.fast_forward(start)
+        # The first by itself, as SciPy warns of a Sobol' sequence whose first points are no power of 2; docs/maps.md says so
+        shares = np.concatenate([sampler.random(1), sampler.random(stop - start - 1)])
         return {axis.name: axis.interpolate(shares[:, i]) for i, axis in enumerate(self.axes)}
-
-
-@dataclass(frozen=True, kw_only=True)
-class WorkUnit:
-    """Unit of work: one engine on one chunk, which is computed, written and resumed as a whole."""
-
-    index: int
-    engine: int
-    region: tuple[slice, ...]
-    """Slices of the design's dimensions."""
-
-    @property
-    def runs(self) -> int:
-        """Number of runs."""
-        return math.prod(where.stop - where.start for where in self.region)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,7 +149,7 @@ class MapPlan:
     engines: tuple[str, ...]
     """Labels, "mujoco:capstan"; `REFERENCE` for the exact model."""
     several: bool
-    """Whether the file gave a list of engines: results then have a dimension for them."""
+    """Whether the file gave a list of engines: results then have a first dimension for them."""
     profile: Profile
     design: Grid | Sample
     tolerance: float
@@ -167,55 +160,61 @@ class MapPlan:
     """Most runs in a chunk; None: by the size of the map."""
 
     @property
-    def cells(self) -> int:
-        """Runs of one engine."""
-        return math.prod(self.design.shape)
+    def dims(self) -> tuple[str, ...]:
+        """Names of the dimensions of the results."""
+        return ("engine", *self.design.dims) if self.several else self.design.dims
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the results."""
+        return (len(self.engines), *self.design.shape) if self.several else self.design.shape
 
     @property
     def runs(self) -> int:
-        """Runs of all engines."""
-        return self.cells * len(self.engines)
+        """Number of runs."""
+        return math.prod(self.shape)
 
     @cached_property
     def chunk_shape(self) -> tuple[int, ...]:
-        """Shape of a chunk in the design's dimensions, with as many whole rows as fit."""
+        """Shape of a chunk of the results: of one engine, and as many whole rows as fit."""
+        usual = min(max(math.prod(self.design.shape) // CHUNKS_PER_MAP, MIN_CHUNK_RUNS), MAX_CHUNK_RUNS)
         # All chunks of a map have one shape, so that an engine among them decides, whose runs take seconds
-        usual = min(max(self.cells // CHUNKS_PER_MAP, MIN_CHUNK_RUNS), MAX_CHUNK_RUNS)
         left = self.chunk or (usual if set(self.engines) == {REFERENCE} else ENGINE_CHUNK)
         shape: list[int] = []
         # From the last axis, along which values are neighbours in the store
         for n in reversed(self.design.shape):
             shape.insert(0, max(1, min(n, left)))
             left //= shape[0]
-        return tuple(shape)
-
-    @cached_property
-    def blocks(self) -> tuple[int, ...]:
-        """Number of chunks along each of the design's dimensions."""
-        # Division that rounds up: the last chunk may be smaller
-        return tuple(-(-n // size) for n, size in zip(self.design.shape, self.chunk_shape, strict=True))
+        return (1, *shape) if self.several else tuple(shape)
 
     @property
-    def units(self) -> int:
-        """Number of units of work."""
-        return math.prod(self.blocks) * len(self.engines)
+    def chunk_count(self) -> int:
+        """Number of chunks."""
+        return math.prod(math.ceil(n / size) for n, size in zip(self.shape, self.chunk_shape, strict=True))
 
-    def unit(self, index: int) -> WorkUnit:
-        """Return the unit of work with this index; the engine is the slowest index."""
-        engine, *block = np.unravel_index(index, (len(self.engines), *self.blocks))
-        region = tuple(
-            slice(int(b) * size, min((int(b) + 1) * size, n))
-            for b, size, n in zip(block, self.chunk_shape, self.design.shape, strict=True)
-        )
-        return WorkUnit(index=index, engine=int(engine), region=region)
+    def regions(self) -> Iterator[Region]:
+        """Yield where each chunk is in the results; a chunk is computed, written and resumed as a whole."""
+        starts = [range(0, n, size) for n, size in zip(self.shape, self.chunk_shape, strict=True)]
+        for corner in itertools.product(*starts):
+            yield tuple(
+                slice(start, min(start + size, n)) for start, size, n in zip(corner, self.chunk_shape, self.shape, strict=True)
+            )
 
-    def columns(self, unit: WorkUnit) -> dict[str, Array]:
-        """Return the parameters and coefficients of a unit's runs for `solve_batch`, shape (n,) each."""
-        return columns(self.scenario.parameters, self.design.values_in(unit.region))
+    def engine(self, region: Region) -> str:
+        """Return the engine that makes the runs of a chunk."""
+        return self.engines[region[0].start if self.several else 0]
+
+    def values_in(self, region: Region) -> dict[str, Array]:
+        """Return the values [SI] of the varied quantities in a chunk, by name, shape (n,) each."""
+        return self.design.values_in(region[1:] if self.several else region)
+
+    def columns(self, region: Region) -> dict[str, Array]:
+        """Return the parameters and coefficients of a chunk's runs for `solve_batch`, shape (n,) each."""
+        return columns(self.scenario.parameters, self.values_in(region))
 
     def corners(self) -> Iterator[tuple[str, ParameterError | None]]:
         """Yield the corners of the box of all axes, in words, each with why its apparatus is impossible, or None."""
-        base: Parameters = self.scenario.parameters
+        base = self.scenario.parameters
         for ends in itertools.product((0, -1), repeat=len(self.design.axes)):
             at = {axis.name: axis.values[[end]] for axis, end in zip(self.design.axes, ends, strict=True)}
             words = ", ".join(f"{name} = {values[0]:g}" for name, values in at.items())
@@ -231,7 +230,7 @@ class MapPlan:
         """Return all that determines the results as plain data."""
         design: dict[str, Any] = {"axes": [axis.as_dict() for axis in self.design.axes]}
         if isinstance(self.design, Sample):
-            design |= {"method": self.design.method, "count": self.design.count, "seed": self.design.seed}
+            design |= self.design.as_dict()
         return {
             "parameters": self.scenario.parameters.as_dict(),
             "design": design,

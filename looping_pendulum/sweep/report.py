@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import zarr
 
 from looping_pendulum.files import optional_output, write_atomically
 from looping_pendulum.pages.markdown import table
@@ -18,7 +17,7 @@ from looping_pendulum.pages.numbers import number
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.sweep.cells import ENDING_DESCRIPTIONS, ENDINGS, FIELDS
 from looping_pendulum.sweep.plan import Axis, MapPlan, Sample
-from looping_pendulum.sweep.store import attributes
+from looping_pendulum.sweep.store import MapStore, attributes
 
 REPORT = "map.md"
 COPY = "map.yaml"
@@ -62,7 +61,7 @@ class EngineSummary:
     """Varied quantity -> range of its values in runs that halt."""
 
 
-def write(plan: MapPlan, store: Path, folder: Path, *, figures: bool) -> list[EngineSummary]:
+def write(plan: MapPlan, store: MapStore, folder: Path, *, figures: bool) -> list[EngineSummary]:
     """Write report, figure and a copy of the map file to ``folder``, the same bytes for the same map; return the summaries."""
     write_atomically(folder / COPY, plan.text)
     summaries = summarize(plan, store)
@@ -71,26 +70,22 @@ def write(plan: MapPlan, store: Path, folder: Path, *, figures: bool) -> list[En
         from looping_pendulum.sweep.figures import draw  # matplotlib takes half a second to import
 
         with optional_output("the figure"):
-            drawn = draw(plan, store)
+            drawn = draw(plan, store.path)
     for name, (_, png) in drawn.items():
         write_atomically(folder / name, png)
     write_atomically(folder / REPORT, map_markdown(plan, summaries, {name: caption for name, (caption, _) in drawn.items()}))
     return summaries
 
 
-def summarize(plan: MapPlan, store: Path) -> list[EngineSummary]:
+def summarize(plan: MapPlan, store: MapStore) -> list[EngineSummary]:
     """Read a whole map once and return one summary per engine."""
-    group = zarr.open_group(store, mode="r", use_consolidated=False)
-    summaries = [EngineSummary(engine=engine) for engine in plan.engines]
-    arrays: dict[str, Any] = {name: group[name] for name in (*RANGES, "end")}
-    for summary in summaries:
-        summary.where_halting = {axis.name: ValueRange() for axis in plan.design.axes}
-    for index in range(plan.units):
-        unit = plan.unit(index)
-        where = (unit.engine, *unit.region) if plan.several else unit.region
-        values = {name: np.asarray(array[where]).ravel() for name, array in arrays.items()}
-        _add(summaries[unit.engine], values, plan.design.values_in(unit.region))
-    return summaries
+    axes = [axis.name for axis in plan.design.axes]
+    summaries = {
+        engine: EngineSummary(engine=engine, where_halting={name: ValueRange() for name in axes}) for engine in plan.engines
+    }
+    for region in plan.regions():
+        _add(summaries[plan.engine(region)], store.read(region), plan.values_in(region))
+    return list(summaries.values())
 
 
 def _add(summary: EngineSummary, values: dict[str, Any], given: dict[str, Array]) -> None:

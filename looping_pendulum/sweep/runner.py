@@ -2,28 +2,29 @@
 
 from __future__ import annotations
 
-import json
+import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import closing
-from dataclasses import dataclass, replace
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from itertools import islice
 from pathlib import Path
-from typing import Any
 
 from looping_pendulum.engines.isolation import MEMORY_LIMIT, TIME_LIMIT
-from looping_pendulum.errors import EngineError
-from looping_pendulum.files import write_atomically
-from looping_pendulum.processes import core_count, in_processes
+from looping_pendulum.errors import EngineError, HarnessError
+from looping_pendulum.processes import POLL_INTERVAL, core_count
 from looping_pendulum.scenarios.document import one_line
-from looping_pendulum.sweep import cells, dask_cluster, report
-from looping_pendulum.sweep.dask_cluster import Solve
-from looping_pendulum.sweep.plan import MapPlan
+from looping_pendulum.sweep import cells, report
+from looping_pendulum.sweep.cells import ChunkResult, differing_versions, versions
+from looping_pendulum.sweep.dask_cluster import cluster_executor
+from looping_pendulum.sweep.plan import MapPlan, Region, run_count
 from looping_pendulum.sweep.report import EngineSummary
-from looping_pendulum.sweep.store import STORE, MapStore, claimed, open_store
+from looping_pendulum.sweep.store import MapStore, claimed
 
-TIMINGS = "timings.json"
-"""File with the times at which a map was made and its speed; the store itself does not depend on them."""
-
+MAX_ON_CLUSTER = 256
+"""Chunks that a cluster holds at a time: results that are ready sooner than they can be written fill the memory."""
 Progress = Callable[[int, int], None]
 """Callback that is given the number of runs that are done and the number of all runs."""
 
@@ -60,8 +61,8 @@ def run_map(
     figures: bool = True,
     time_limit: float = TIME_LIMIT,
     memory_limit: int = MEMORY_LIMIT,
-    progress: Progress | None = None,
-    solve: Solve = cells.solve,
+    progress: Progress = lambda done, runs: None,
+    solve: Callable[..., ChunkResult] = cells.solve_chunk,
 ) -> MapOutcome:
     """Make the map of ``plan`` in ``folder``, or continue one that was interrupted.
 
@@ -72,7 +73,7 @@ def run_map(
     folder
         A new or empty folder, or one that holds a part of this map.
     jobs
-        Number of processes on this machine; one per core if None.
+        Number of chunks that are computed at a time on this machine; one per core if None.
     cluster
         Address of a Dask scheduler, "tcp://host:port", to run there instead.
     figures
@@ -89,96 +90,77 @@ def run_map(
     MapError
         If the folder holds something else, or if the disk is full.
     EngineError
-        If a worker process or the cluster fails.
+        If the cluster fails.
     """
     folder = Path(folder)
     with claimed(folder):
-        store = open_store(plan, folder)
+        store = MapStore(plan, folder)
         missing = store.missing()
-        tasks = _tasks(plan, missing, time_limit, memory_limit)
-        processes = min(jobs or core_count(), len(missing))
-        if cluster is not None:
-            results = dask_cluster.on_cluster(tasks, solve, cluster)
-        else:
-            results = in_processes(tasks, solve, processes)
-        outcome = _fill(plan, store, folder, missing, results, progress)
-        if outcome.seconds:
-            _note_time(folder, outcome, "a cluster" if cluster else f"{jobs or core_count()} processes")
-        if outcome.complete:
-            summaries = report.write(plan, folder / STORE, folder, figures=figures)
-            return replace(outcome, summaries=tuple(summaries))
-    return outcome
-
-
-def _tasks(plan: MapPlan, missing: list[int], time_limit: float, memory_limit: int) -> Iterator[cells.CellTask]:
-    for index in missing:
-        unit = plan.unit(index)
-        yield cells.CellTask(
-            index=index,
-            engine=plan.engines[unit.engine],
-            profile=plan.profile,
-            scenario=plan.scenario,
-            columns=plan.columns(unit),
-            tolerance=plan.tolerance,
-            duration=plan.duration,
-            time_limit=time_limit,
-            memory_limit=memory_limit,
-        )
-
-
-def _fill(
-    plan: MapPlan,
-    store: MapStore,
-    folder: Path,
-    missing: list[int],
-    results: Iterator[cells.CellResult],
-    progress: Progress | None,
-) -> MapOutcome:
-    """Write each chunk when its result arrives."""
-    before = plan.runs - sum(plan.unit(index).runs for index in missing)
-    done, interrupted, started = before, False, time.monotonic()
-    wanted = {engine: cells.versions(engine, plan.profile) for engine in plan.engines}
-    if progress is not None:
+        before = done = plan.runs - sum(map(run_count, missing))
         progress(done, plan.runs)
-    try:
-        # Closed also on an exception: the generator's own end stops the processes or leaves the cluster
-        with closing(results):  # type: ignore[type-var]
-            # A generator starts its processes with its first item, so a complete map starts none
-            for result in results if missing else ():
-                unit = plan.unit(result.index)
-                # Before writing: versions on a cluster's machines may differ, and a map is made with one
-                for package, there, here in cells.differing_versions(result.versions, wanted[plan.engines[unit.engine]]):
-                    message = f"--cluster: found {package} {there} on a worker, needed {here} as on this machine"
-                    raise EngineError(one_line(f"{message}; install {package} {here} there"))
-                store.write(unit, result.values)
-                done += unit.runs
-                if progress is not None:
-                    progress(done, plan.runs)
-    except KeyboardInterrupt:
-        interrupted = True
-    seconds = time.monotonic() - started if missing else 0.0
-    return MapOutcome(
-        folder=folder, runs=plan.runs, runs_before=before, runs_now=done, seconds=seconds, interrupted=interrupted
-    )
-
-
-def _note_time(folder: Path, outcome: MapOutcome, where: str) -> None:
-    """Append the duration of this call to the folder's timings."""
-    path = folder / TIMINGS
-    sessions: list[Any] = []
-    if path.exists():
+        interrupted, started = False, time.monotonic()
+        cancelled = threading.Event()
+        compute = partial(solve, plan, time_limit=time_limit, memory_limit=memory_limit)
+        if cluster is None:
+            jobs = jobs or core_count()
+            executor, limit = _threads(jobs, cancelled), 2 * jobs
+            compute = partial(compute, cancelled=cancelled)
+        else:
+            executor, limit = cluster_executor(cluster), MAX_ON_CLUSTER
         try:
-            sessions = json.loads(path.read_text())["sessions"]
-        except (ValueError, KeyError, TypeError):
-            sessions = []  # a damaged file is replaced: it holds nothing but timings
-    runs = outcome.runs_now - outcome.runs_before
-    sessions.append(
-        {
-            "ended": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-            "on": where,
-            "runs": runs,
-            "seconds": round(outcome.seconds, 3),
-            "runs_per_second": round(runs / outcome.seconds, 1) if outcome.seconds else None,
-        }
-    )
-    write_atomically(path, json.dumps({"sessions": sessions}, indent=2) + "\n")
+            with executor as pool:
+                for region, future in _ended(pool, compute, missing, limit):
+                    store.write(region, _checked_result(future, plan, region, cluster).values)
+                    done += run_count(region)
+                    progress(done, plan.runs)
+        except KeyboardInterrupt:
+            interrupted = True
+        seconds = time.monotonic() - started
+        summaries = tuple(report.write(plan, store, folder, figures=figures)) if done == plan.runs else ()
+    counts = {"runs": plan.runs, "runs_before": before, "runs_now": done}
+    return MapOutcome(folder=folder, **counts, seconds=seconds, interrupted=interrupted, summaries=summaries)
+
+
+def _ended(
+    executor: Executor, compute: Callable[[Region], ChunkResult], regions: list[Region], limit: int
+) -> Iterator[tuple[Region, Future[ChunkResult]]]:
+    """Compute chunks, at most ``limit`` at a time; yield each when it has ended."""
+    waiting = iter(regions)
+    computing: dict[Future[ChunkResult], Region] = {}
+    while True:
+        computing |= {executor.submit(compute, region): region for region in islice(waiting, limit - len(computing))}
+        if not computing:
+            return
+        # In short steps, as Windows lets Ctrl-C through only between two of them
+        for future in wait(computing, POLL_INTERVAL, FIRST_COMPLETED).done:
+            yield computing.pop(future), future
+
+
+@contextmanager
+def _threads(count: int, cancelled: threading.Event) -> Iterator[Executor]:
+    """Return a context with an executor of threads, which end soon after it: the core computes without the interpreter's lock,
+    and engines in processes of their own.
+    """
+    executor = ThreadPoolExecutor(count)
+    try:
+        yield executor
+    finally:
+        cancelled.set()
+        executor.shutdown(cancel_futures=True)
+
+
+def _checked_result(future: Future[ChunkResult], plan: MapPlan, region: Region, cluster: str | None) -> ChunkResult:
+    """Return the result of a chunk, which a cluster's machine must have computed with the same versions as here."""
+    try:
+        result = future.result()
+    except Exception as error:
+        # Our own errors are one line already, and the fault is not the cluster's
+        if cluster is None or isinstance(error, HarnessError):
+            raise
+        why = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        message = f"--cluster: {cluster}: a chunk failed ({why}); what is finished is kept"
+        raise EngineError(one_line(f"{message}: repair the cluster and run the same command again")) from None
+    for package, there, here in differing_versions(result.versions, versions(plan.engine(region), plan.profile)):
+        message = f"--cluster: found {package} {there} on a worker, needed {here} as on this machine"
+        raise EngineError(one_line(f"{message}; install {package} {here} there"))
+    return result

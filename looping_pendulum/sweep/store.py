@@ -1,7 +1,7 @@
-"""The Zarr store of a map: created as a whole, filled unit by unit, and read back with checksums.
+"""The Zarr store of a map: created as a whole, filled chunk by chunk, and read back with checksums.
 
 Layout: Zarr version 3, one array per field of `cells.FIELDS`, dimensions named by the parameters of a grid or ``run`` of a
-sample (and first ``engine``, where the map file lists several), so that `xarray.open_zarr` opens it. Zarr writes each chunk
+sample (and first ``engine``, where the map file lists several), so that `xarray.open_zarr` opens it. Zarr writes each file
 under a temporary name and renames it, and Zstandard's checksum tells a damaged one.
 """
 
@@ -10,47 +10,42 @@ from __future__ import annotations
 import errno
 import hashlib
 import json
-import os
-import shutil
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import zarr
 import zarr.storage
 from zarr.codecs import ZstdCodec
 
-from looping_pendulum.files import LockedError, locked
+from looping_pendulum.files import LockedError, locked, write_atomically
 from looping_pendulum.scenarios import dump
 from looping_pendulum.scenarios.document import one_line, shorten
 from looping_pendulum.sweep.cells import (
     ENDING_DESCRIPTIONS,
     ENDINGS,
     FIELDS,
-    REFERENCE,
+    NOT_YET_RUN,
     Values,
     differing_versions,
     engine_called,
     versions,
 )
-from looping_pendulum.sweep.plan import Grid, MapError, MapPlan, Sample, WorkUnit
+from looping_pendulum.sweep.plan import REFERENCE, Grid, MapError, MapPlan, Region, Sample
+
+if TYPE_CHECKING:
+    import xarray
 
 STORE = "map.zarr"
 """Name of the store in the output folder."""
-PART = ".map.zarr.part"
-"""Name of the store while it is created."""
 LOCK = ".lock"
 """Name of the file that keeps a second process out of the output folder."""
 METADATA = "zarr.json"
-"""Name of the file that describes a group or an array."""
-DESCRIPTION = (
-    "shape", "data_type", "chunk_grid", "chunk_key_encoding", "dimension_names", "attributes", "fill_value", "codecs",
-)  # fmt: skip
-"""Keys of such a description that determine how the values are read."""
+"""Name of the file that describes a group."""
 BYTES_PER_RUN = sum(np.dtype(field.dtype).itemsize for field in FIELDS)
 """Uncompressed size of a run's values."""
 
@@ -73,73 +68,60 @@ def claimed(folder: Path) -> Iterator[None]:
 
 
 class MapStore:
-    """A map on disk, open for writing."""
-
-    def __init__(self, plan: MapPlan, folder: Path) -> None:
-        self.plan, self.path = plan, folder / STORE
-        # By the arrays' own descriptions, not by the copies of them that the group's may have
-        group = zarr.open_group(self.path, mode="r+", use_consolidated=False)
-        with zarr.config.set({"array.write_empty_chunks": True}):  # a chunk of nothing but NaN must exist to count as computed
-            self._arrays: dict[str, Any] = {name: array for name, array in group.arrays()}
-        self._varied = [axis.name for axis in plan.design.axes] if isinstance(plan.design, Sample) else []
-
-    def missing(self) -> list[int]:
-        """Return the units that are missing or damaged; remove temporary files that a killed process left."""
-        for leftover in self.path.rglob("*.partial"):
-            leftover.unlink(missing_ok=True)
-        return [i for i in range(self.plan.units) if not self._is_complete(self.plan.unit(i))]
-
-    def write(self, unit: WorkUnit, values: Values) -> None:
-        """Write the results of a unit, shape (n,) each."""
-        # All engines of a sample share the values of its runs, so one of them writes these
-        given = self.plan.design.values_in(unit.region) if self._varied and unit.engine == 0 else {}
-        for name, content in (given | values).items():
-            index = self._index(name, unit)
-            shape = tuple(where.stop - where.start for where in index)
-            self._arrays[name][index] = np.asarray(content).reshape(shape)
-
-    def _index(self, name: str, unit: WorkUnit) -> tuple[slice, ...]:
-        by_engine = self.plan.several and name not in self._varied
-        return (slice(unit.engine, unit.engine + 1), *unit.region) if by_engine else unit.region
-
-    def _is_complete(self, unit: WorkUnit) -> bool:
-        for name in (*(self._varied if unit.engine == 0 else ()), *(field.name for field in FIELDS)):
-            array, index = self._arrays[name], self._index(name, unit)
-            key = "/".join(str(where.start // size) for where, size in zip(index, array.chunks, strict=True))
-            if not (self.path / name / "c" / key).is_file():
-                return False
-            try:
-                # Reading is what tests the checksum
-                array[index]
-            except Exception:  # a damaged chunk may raise any exception; the unit is computed again
-                return False
-        return True
-
-
-def open_store(plan: MapPlan, folder: Path) -> MapStore:
-    """Open the map in ``folder``, or create it.
+    """A map on disk, open for reading and writing.
 
     Raises
     ------
     MapError
         If the folder holds another map or something else.
     """
-    part = folder / PART
-    # A process that was killed may have left half of a store
-    shutil.rmtree(part, ignore_errors=True)
-    if not (folder / STORE).exists():
-        others = sorted(entry.name for entry in folder.iterdir() if entry.name != LOCK)
-        if others:
-            message = f"{folder}: found other files ({shorten(', '.join(others))}), needed an empty folder or one of this map"
-            raise MapError(one_line(f"{message}; choose another with --out"))
-        _create(plan, part)
-        # The store appears as a whole or not at all, so that one that exists can be gone on with
-        os.replace(part, folder / STORE)
-    else:
-        _refuse_other(plan, folder)
-        _refuse_damaged(plan, folder / STORE)
-        _repair_coordinates(plan, folder / STORE)
-    return MapStore(plan, folder)
+
+    def __init__(self, plan: MapPlan, folder: Path) -> None:
+        self.plan, self.path = plan, folder / STORE
+        if (self.path / METADATA).exists():
+            _refuse_other(plan, folder)
+        else:
+            _refuse_other_files(folder)
+        # Written again each time, which restores what was lost or damaged. The group's own comes first: with it the map exists
+        for key, content in sorted(_files_without_results(plan).items(), key=lambda item: item[0] != METADATA):
+            write_atomically(self.path / key, content)
+        group = zarr.open_group(self.path, mode="r+", use_consolidated=False)
+        self._arrays: dict[str, Any] = dict(group.arrays())
+
+    def missing(self) -> list[Region]:
+        """Return the chunks that are not computed yet, or damaged; remove temporary files that a killed process left."""
+        for leftover in self.path.rglob("*.partial"):
+            leftover.unlink()
+        return [region for region in self.plan.regions() if not self._is_complete(region)]
+
+    def _is_complete(self, region: Region) -> bool:
+        try:
+            return bool(np.all(self.read(region)["end"] != NOT_YET_RUN))
+        except Exception:  # a damaged chunk may raise any exception
+            return False
+
+    def read(self, region: Region) -> Values:
+        """Return the results of a chunk, shape (n,) each."""
+        return {field.name: np.asarray(self._arrays[field.name][region]).ravel() for field in FIELDS}
+
+    def write(self, region: Region, values: Values) -> None:
+        """Write the results of a chunk, shape (n,) each."""
+        if isinstance(self.plan.design, Sample):
+            for name, given in self.plan.values_in(region).items():
+                self._arrays[name][region[-1]] = given
+        # The end comes last: it says that the chunk is there as a whole
+        for name in sorted(values, key="end".__eq__):
+            array = self._arrays[name]
+            array[region] = values[name].reshape([where.stop - where.start for where in region])
+
+
+def _refuse_other_files(folder: Path) -> None:
+    others = sorted(entry.name for entry in folder.iterdir() if entry.name not in (LOCK, STORE))
+    # A process that was killed may have left a store that was hardly begun, with nothing but a temporary file
+    if others or any((folder / STORE).glob("[!.]*")):
+        found = shorten(", ".join(others or [STORE]))
+        message = f"{folder}: found other files ({found}), needed an empty folder or one of this map"
+        raise MapError(one_line(f"{message}; choose another with --out"))
 
 
 def attributes(plan: MapPlan) -> dict[str, Any]:
@@ -169,7 +151,7 @@ def attributes(plan: MapPlan) -> dict[str, Any]:
         # Through JSON, which turns what Zarr's attributes cannot hold into text
         metadata["engine_settings"] = json.loads(json.dumps(settings, default=str))
     if isinstance(plan.design, Sample):
-        metadata["sample"] = {"method": plan.design.method, "count": plan.design.count, "seed": plan.design.seed}
+        metadata["sample"] = plan.design.as_dict()
     return metadata
 
 
@@ -196,100 +178,79 @@ def _refuse_other(plan: MapPlan, folder: Path) -> None:
         raise MapError(one_line(f"{message}: install {package} {old}, or {way_out}"))
 
 
-def _refuse_damaged(plan: MapPlan, path: Path) -> None:
-    """Refuse a store whose description of its arrays differs from this map's: its values would be read wrongly."""
-    # Zarr itself says what the description must be, by creating the same store in memory
-    whole = zarr.storage.MemoryStore()
-    _create(plan, whole)
-    arrays: dict[str, Any] = dict(zarr.open_group(whole, mode="r").arrays())
-    consolidated = (_description(path / METADATA).get("consolidated_metadata") or {}).get("metadata") or {}
-    for name, array in arrays.items():
-        wanted = json.loads(json.dumps(array.metadata.to_dict(), default=str))
-        own = path / name / METADATA
-        for file, description in ((own, _description(own)), (path / METADATA, consolidated.get(name) or {})):
-            for key in DESCRIPTION:
-                if (actual := description.get(key)) != wanted[key]:
-                    what = f"{key} {shorten(json.dumps(actual))} of {name}, needed {shorten(json.dumps(wanted[key]))}"
-                    raise _damaged(file, what)
+def _files_without_results(plan: MapPlan) -> dict[str, bytes]:
+    """Return name -> content of the files of a store that holds no results yet: the same whenever and wherever it is made."""
+    files: dict[str, Any] = {}
+    store = zarr.storage.MemoryStore(files)
+    group = zarr.create_group(store, attributes=attributes(plan))
+    compressors = [ZstdCodec(level=3, checksum=True)]
+
+    def coordinate(name: str, values: Any, fill: Any, attrs: dict[str, Any]) -> None:
+        whole: dict[str, Any] = {"data": values, "chunks": values.shape, "dimension_names": (name,), "compressors": compressors}
+        # The value of a lost chunk: Zarr's default of 0 would look like a coordinate
+        group.create_array(name, **whole, fill_value=fill, attributes=attrs)
+
+    def results(name: str, dims: int, dtype: str, fill: float, attrs: dict[str, Any]) -> None:
+        """Create an array of results over the last ``dims`` dimensions."""
+        part = slice(-dims, None)
+        kind: dict[str, Any] = {"dtype": dtype, "fill_value": fill, "compressors": compressors}
+        cut: dict[str, Any] = {"shape": plan.shape[part], "chunks": plan.chunk_shape[part], "dimension_names": plan.dims[part]}
+        group.create_array(name, **kind, **cut, attributes=attrs)
+
+    beside: dict[str, Any] = {}
+    if plan.several:
+        names = np.array(plan.engines, dtype=np.dtypes.StringDType())
+        coordinate("engine", names, "", {"long_name": "engine and variant"})
+    for axis in plan.design.axes:
+        of_axis = {"long_name": axis.meaning, "units": axis.unit or "1", "written_units": axis.written or "1"}
+        if isinstance(plan.design, Grid):
+            coordinate(axis.name, axis.values, float("nan"), of_axis)
+        else:
+            results(axis.name, 1, "float64", float("nan"), of_axis)
+            beside = {"coordinates": " ".join(a.name for a in plan.design.axes)}
+    for field in FIELDS:
+        of_field: dict[str, Any] = {"long_name": field.meaning, "units": field.unit or "1", **beside}
+        if field.name == "end":
+            endings = {"flag_values": list(range(len(ENDINGS))), "flag_meanings": " ".join(ENDINGS)}
+            of_field |= endings | {"flag_words": [ENDING_DESCRIPTIONS[name] for name in ENDINGS]}
+        results(field.name, len(plan.dims), field.dtype, field.fill, of_field)
+    with warnings.catch_warnings():
+        # Zarr warns that consolidated metadata is not in the standard yet; without it xarray warns
+        warnings.simplefilter("ignore")
+        zarr.consolidate_metadata(store)
+    return {name: content.to_bytes() for name, content in files.items()}
 
 
-def _description(path: Path) -> dict[str, Any]:
-    """Read a zarr.json.
+def open_map(folder: Path | str) -> xarray.Dataset:
+    """Open the map in ``folder``; values are read from the disk when they are needed.
+
+    Returns
+    -------
+    xarray.Dataset
+        SI units; dimensions named by the parameters of a grid, or ``run`` of a sample. Runs that are not computed yet are
+        NaN, and their ``end`` is -1.
 
     Raises
     ------
     MapError
-        If the file is missing or damaged.
+        If there is no map, or if a file that is needed to read it is missing or damaged.
     """
+    import xarray as xr
+
+    path = Path(folder) / STORE
+    if not (path / METADATA).is_file():
+        raise MapError(f"{folder}: found no map, needed a folder that `looping-pendulum map` wrote")
     try:
-        description = json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError) as error:
+        data: xr.Dataset = xr.open_zarr(path)
+    except Exception as error:  # a damaged file may raise any exception
         raise _damaged(path, f"{type(error).__name__}: {error}") from None
-    if not isinstance(description, dict):
-        raise _damaged(path, "no description of an array")
-    return description
+    # Zarr reads a missing chunk as its fill value, so that a lost coordinate raises nothing
+    for name, index in data.indexes.items():
+        if index.isin(["", float("nan")]).any():
+            raise _damaged(path, f"no values of {name}")
+    return data
 
 
-def _damaged(path: Path, what: str) -> MapError:
-    way_out = "restore that file from a copy, or delete the map and make it again"
-    return MapError(one_line(f"{path}: found it damaged ({what}); {way_out}"))
-
-
-def _repair_coordinates(plan: MapPlan, path: Path) -> None:
-    """Write again the coordinates that are missing, damaged, or different from the map file's."""
-    group: Any = zarr.open_group(path, mode="r+", use_consolidated=False)
-    coordinates: dict[str, Any] = {"engine": np.array(plan.engines, dtype=object)} if plan.several else {}
-    coordinates |= {axis.name: axis.values for axis in plan.design.axes} if isinstance(plan.design, Grid) else {}
-    for name, values in coordinates.items():
-        try:
-            intact = coordinate_file(path, name).is_file() and np.array_equal(np.asarray(group[name]), values)
-        except Exception:  # a damaged chunk may raise any exception
-            intact = False
-        if not intact:
-            group[name][...] = values
-
-
-def coordinate_file(store: Path, name: str) -> Path:
-    """Return the file of a coordinate's only chunk."""
-    return store / name / "c" / "0"
-
-
-def _create(plan: MapPlan, path: Path | zarr.storage.MemoryStore) -> None:
-    """Create the store with everything but the results."""
-    group = zarr.open_group(path, mode="w", zarr_format=3, attributes=attributes(plan))
-    dims, shape, chunks = plan.design.dims, plan.design.shape, plan.chunk_shape
-    compressors = [ZstdCodec(level=3, checksum=True)]
-
-    def coordinate(name: str, values: Any, attrs: dict[str, Any], dtype: Any = "float64") -> None:
-        # The value of a lost chunk: zarr's default of 0 would look like a coordinate
-        fill: Any = "" if dtype is str else float("nan")
-        whole: dict[str, Any] = {"shape": values.shape, "chunks": values.shape, "dtype": dtype, "fill_value": fill}
-        array = group.create_array(name, **whole, dimension_names=(name,), attributes=attrs, compressors=compressors)
-        array[...] = values
-
-    def results(name: str, dtype: str, fill: float, attrs: dict[str, Any]) -> None:
-        empty: dict[str, Any] = {"shape": shape, "chunks": chunks, "dtype": dtype, "fill_value": fill}
-        group.create_array(name, **empty, dimension_names=dims, attributes=attrs, compressors=compressors)
-
-    coordinates = {}
-    for axis in plan.design.axes:
-        attrs = {"long_name": axis.meaning, "units": axis.unit or "1", "written_units": axis.written or "1"}
-        if isinstance(plan.design, Grid):
-            coordinate(axis.name, axis.values, attrs)
-        else:
-            results(axis.name, "float64", float("nan"), attrs)
-            coordinates = {"coordinates": " ".join(a.name for a in plan.design.axes)}
-    if plan.several:
-        coordinate("engine", np.array(plan.engines, dtype=object), {"long_name": "engine and variant"}, dtype=str)
-        # A chunk belongs to one engine, since it is computed and written as one unit
-        dims, shape, chunks = ("engine", *dims), (len(plan.engines), *shape), (1, *chunks)
-    for field in FIELDS:
-        of_field: dict[str, Any] = {"long_name": field.meaning, "units": field.unit or "1", **coordinates}
-        if field.name == "end":
-            endings = {"flag_values": list(range(len(ENDINGS))), "flag_meanings": " ".join(ENDINGS)}
-            of_field |= endings | {"flag_words": [ENDING_DESCRIPTIONS[name] for name in ENDINGS]}
-        results(field.name, field.dtype, field.fill, of_field)
-    with warnings.catch_warnings():
-        # Zarr warns that consolidated metadata is not in the standard yet; readers work without it
-        warnings.simplefilter("ignore")
-        zarr.consolidate_metadata(path)
+def _damaged(path: Path, why: str) -> MapError:
+    message = f"{path}: found it damaged ({shorten(' '.join(why.split()))})"
+    return MapError(one_line(f"{message}; `looping-pendulum map` with the same file and folder repairs it or says why not"))

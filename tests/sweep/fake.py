@@ -1,21 +1,20 @@
-"""A solver that costs nothing, in a module of its own so that it travels to processes; and a program that maps with it."""
+"""A solver that costs nothing, in a module of its own so that it travels to a cluster; and a program that maps with it."""
 
 import argparse
 import os
 import resource
-import signal
 import time
 
 import numpy as np
 
-from looping_pendulum.sweep import cells
+from looping_pendulum.sweep import cells, map_file, runner
 from looping_pendulum.sweep.cells import ENDINGS, FIELDS
 
 
-def solve(task):
+def solve(plan, region, **limits):
     """Numbers that tell one run from every other; every fifth run does not halt. Takes $FAKE_SLEEP s."""
     time.sleep(float(os.environ.get("FAKE_SLEEP", "0")))
-    total = sum(np.cos(1e3 * column) for column in task.columns.values())
+    total = sum(np.cos(1e3 * column) for column in plan.columns(region).values())
     values = {field.name: np.full(len(total), 0, dtype=field.dtype) for field in FIELDS}
     for field in FIELDS:
         if field.dtype == "float64":
@@ -25,14 +24,7 @@ def solve(task):
     without = values["stops"] % 5 == 0
     values["halting_time"][without] = np.nan
     values["end"] = np.where(without, ENDINGS.index("unwrapped"), ENDINGS.index("light_reaches_rod")).astype(np.int8)
-    return cells.CellResult(index=task.index, values=values, versions=cells.versions(task.engine, task.profile))
-
-
-def die_at_last(task):
-    """Kill the own process at a late chunk."""
-    if task.index == 5:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return solve(task)
+    return cells.ChunkResult(values=values, versions=cells.versions(plan.engine(region), plan.profile))
 
 
 def main():
@@ -41,9 +33,6 @@ def main():
     Of several pairs of a map and a folder, each is mapped by a copy of this process, one after another: what such a copy
     does, or that it is killed, leaves the next as it was, and none has to import anything. First its process id is printed.
     """
-    from looping_pendulum.sweep import map_file, runner  # not above: a worker needs neither
-    from tests.sweep import fake  # whose functions can be sent to a worker; those of a running script cannot
-
     parser = argparse.ArgumentParser()
     parser.add_argument("paths", nargs="+", help="map and folder, once or several times")
     parser.add_argument("--jobs", type=int, default=1)
@@ -55,7 +44,7 @@ def main():
             print(copy, flush=True)
             os.waitpid(copy, 0)
             continue
-        outcome = runner.run_map(plan, out, jobs=given.jobs, figures=False, solve=fake.solve)
+        outcome = runner.run_map(plan, out, jobs=given.jobs, figures=False, solve=solve)
         print(outcome.runs_now, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, flush=True)
         if len(pairs) > 1:
             os._exit(0)

@@ -5,12 +5,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-from looping_pendulum.sweep.runner import TIMINGS
 from looping_pendulum.sweep.store import LOCK
 
 ROOT = Path(__file__).parents[2]
-NOT_REPEATED = (TIMINGS, LOCK)
-"""Files that differ from run to run."""
 
 GRID = """
 title: A grid
@@ -48,14 +45,14 @@ def run(*arguments, timeout=120, **also):
 
 
 def contents(folder):
-    """Bytes of every file that must be the same whenever and wherever a map is made."""
-    files = [path for path in sorted(Path(folder).rglob("*")) if path.is_file() and path.name not in NOT_REPEATED]
+    """Bytes of every file, which must be the same whenever and wherever a map is made."""
+    files = [path for path in sorted(Path(folder).rglob("*")) if path.is_file() and path.name != LOCK]
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
 def chunk_files(folder):
-    """Files of the last field of each chunk so far."""
-    return [path for path in Path(folder).glob("map.zarr/sequence/c/**/*") if path.is_file() and path.suffix != ".partial"]
+    """Files of the field of each chunk so far that is written last."""
+    return [path for path in Path(folder).glob("map.zarr/end/c/**/*") if path.is_file() and path.suffix != ".partial"]
 
 
 def field_files(folder):

@@ -18,6 +18,7 @@ from looping_pendulum.errors import EngineError
 from looping_pendulum.sweep import dask_cluster, map_file, open_map, run_map, runner
 from looping_pendulum.sweep.cells import ENDINGS
 from looping_pendulum.sweep.dask_cluster import CONNECT_TIME
+from looping_pendulum.sweep.store import MapStore
 from tests.command_line import can_be_interrupted
 from tests.sweep import fake
 from tests.sweep.maps import GRID, LONG, chunk_files, contents, program
@@ -25,12 +26,17 @@ from tests.sweep.test_runner import run_silently
 
 
 def test_the_command_says_after_ctrl_c_how_to_go_on(tmp_path, monkeypatch):
-    def interrupted(task):
-        if task.index == 4:
-            raise KeyboardInterrupt
-        return fake.solve(task)
+    written = []
 
-    monkeypatch.setattr(runner, "run_map", partial(run_map, solve=interrupted))
+    def write(store, region, values):
+        if len(written) == 4:
+            raise KeyboardInterrupt
+        written.append(region)
+        put(store, region, values)
+
+    put = MapStore.write
+    monkeypatch.setattr(MapStore, "write", write)
+    monkeypatch.setattr(runner, "run_map", partial(run_map, solve=fake.solve))
     (tmp_path / "map.yaml").write_text(GRID)
     arguments = ["map", str(tmp_path / "map.yaml"), "--out", str(tmp_path / "out"), "--jobs", "1"]
     done = CliRunner().invoke(app, arguments, catch_exceptions=False)

@@ -11,7 +11,7 @@ from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.scenarios import load as load_scenario
 from looping_pendulum.sweep import map_file
 from looping_pendulum.sweep.cells import FIELDS
-from looping_pendulum.sweep.plan import Sample
+from looping_pendulum.sweep.plan import Sample, run_count
 from looping_pendulum.sweep.quantities import RATIOS, columns, variables
 from looping_pendulum.sweep.store import map_id
 from tests.sweep.maps import LONG, SAMPLE
@@ -63,7 +63,7 @@ def test_no_axis_has_the_name_of_another_array_of_a_map():
 
 def test_a_grid_has_every_combination_once_whatever_the_chunks():
     plan = map_file.load_text(LONG.replace("chunk: 12", "chunk: 7"))
-    parts = [plan.design.values_in(plan.unit(i).region) for i in range(plan.units)]
+    parts = [plan.values_in(region) for region in plan.regions()]
     pairs = [np.column_stack([np.degrees(part["release_angle"]), part["mass_ratio"]]) for part in parts]
     seen = {tuple(pair) for pair in np.concatenate(pairs).round(9)}
     assert seen == {(60.0 + 5 * i, 1.0 + j) for i in range(15) for j in range(12)}
@@ -75,7 +75,7 @@ def test_chunks_of_three_axes_keep_to_their_size():
     text = written([ANGLE, "mass_ratio: [2, 5, 10]", "rod_radius: {from: 4 mm, to: 8 mm, count: 5}"], "chunk: 16")
     plan = map_file.load_text(text)
     assert plan.chunk_shape == (1, 3, 5)
-    assert sum(plan.unit(i).runs for i in range(plan.units)) == plan.runs == 120
+    assert sum(map(run_count, plan.regions())) == plan.runs == 120
 
 
 @pytest.mark.parametrize("method", ["sobol", "halton"])
@@ -83,7 +83,7 @@ def test_a_sample_is_the_same_in_one_piece_and_in_chunks(method):
     plan = map_file.load_text(SAMPLE.replace("sobol", method))
     assert isinstance(plan.design, Sample)
     whole = plan.design.values_in((slice(0, 100),))
-    parts = [plan.design.values_in(plan.unit(i).region) for i in range(plan.units)]
+    parts = [plan.values_in(region) for region in plan.regions()]
     for axis in plan.design.axes:
         assert np.array_equal(whole[axis.name], np.concatenate([part[axis.name] for part in parts]))
         assert axis.values[0] <= whole[axis.name].min() < whole[axis.name].max() <= axis.values[-1]
