@@ -80,11 +80,8 @@ def _field(name: str, column: RunColumn) -> Field:
 
 
 FIELDS = tuple(_field(name, column) for name, column in COLUMNS.items())
-PACKAGES = ("numpy", "wasmtime")
-"""Packages that the reference's results depend on, beside this package."""
-
-_ONE_AT_A_TIME = threading.Lock()
-"""heyoka's compiled integrators are kept per process and are not for several threads at once."""
+PACKAGES = ("numpy", "scipy", "wasmtime")
+"""Packages that results depend on, beside this package; SciPy chooses the points of a sample."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,8 +149,7 @@ def _reference_values(plan: MapPlan, region: Region, cancelled: threading.Event 
             raise CancelledError
 
     base, columns = plan.scenario.parameters, plan.columns(region)
-    with _ONE_AT_A_TIME:
-        batch = solve_batch(base, columns, duration=plan.duration, tolerance=plan.tolerance, progress=stop_if_cancelled)
+    batch = solve_batch(base, columns, duration=plan.duration, tolerance=plan.tolerance, progress=stop_if_cancelled)
     values: Values = {field.name: np.array(getattr(batch, field.name)) for field in FIELDS}
     # A batch marks runs with impossible parameters as failed, as it does those that break down
     for i in np.flatnonzero(batch.end == FAILED):
