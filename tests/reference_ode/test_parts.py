@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import scipy.integrate
+from looping_pendulum.reference_ode.scipy_backend import CHECKS, DEGREE, ScipyIntegrator
 
 from looping_pendulum.reference_ode import parameters as parameter_module
 from looping_pendulum.reference_ode import rules, scipy_backend, solution, state
@@ -21,7 +22,6 @@ from looping_pendulum.reference_ode.effects.closure import (
 from looping_pendulum.reference_ode.effects.library import REST_SPEED
 from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.parameters import Parameters
-from looping_pendulum.reference_ode.scipy_backend import CHECKS, DEGREE, ScipyIntegrator
 from looping_pendulum.reference_ode.solution import Segment, SegmentSamples, join_samples
 from looping_pendulum.reference_ode.solve import Driver, solve
 from looping_pendulum.reference_ode.state import (
