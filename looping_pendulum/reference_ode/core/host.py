@@ -6,6 +6,7 @@ is traced and compiled within a tenth of a second, so that there is no cache to 
 
 from __future__ import annotations
 
+import atexit
 import ctypes
 import threading
 from collections.abc import Callable
@@ -94,6 +95,14 @@ def this_threads_core() -> Core:
 
 
 _of_thread = threading.local()
+
+
+@atexit.register
+def _let_go() -> None:
+    """Let go of all that is wasmtime's while its functions are still there; else each object would complain at the end."""
+    vars(_of_thread).clear()
+    for kept in (_compiled, _compiled_driver, _engine):
+        kept.cache_clear()
 
 
 def _wasmtime() -> ModuleType:
