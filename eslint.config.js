@@ -4,6 +4,7 @@ export default [
   js.configs.recommended,
   // Functions of one table take the same arguments, whether they read them or not
   { rules: { "no-unused-vars": ["error", { args: "none" }], eqeqeq: "error", "prefer-const": "error", "no-var": "error" } },
+  { files: ["looping_pendulum/live/core.js"], languageOptions: { globals: { WebAssembly: "readonly", atob: "readonly" } } },
   {
     files: ["looping_pendulum/live/assets/**"],
     languageOptions: {

@@ -30,6 +30,7 @@ REQUIRED = frozenset(
         *(
             "live/model.js",
             "live/run.js",
+            "live/core.js",
             "live/assets/live.html",
             "live/assets/trial/reader.js",
             "live/assets/engine_runs/motion.js",

@@ -1,43 +1,64 @@
-/** A run of the looping pendulum from its release to its end: the model of `reference_ode`, integrated in the browser. */
+/** A run of the looping pendulum from its release to its end: the model of `reference_ode`, carried out in the browser. */
 
-import { firstEvent } from "./events.js";
-import { Integrator } from "./integrator.js";
+import { Core } from "./core.js";
 import {
   DEFAULTS,
   DEMANDED_ANGLES,
+  DRIVER,
   DURATION,
-  ENDED,
-  FIRST_STEP,
+  EVENTS,
+  HOLDING_MODES,
   LIGHT_REACHES_ROD,
-  MAX_EVENTS,
-  MAX_STEPS,
-  MODES,
+  MODELS,
   MODE_NAMES,
   PHASE_EVENTS,
   RELEASES,
   REQUIRED,
-  REST_SERIES_DURATION,
+  REQUIREMENTS,
+  SIGNS_SIZE,
+  STATE_SIZE,
   STICKING,
   STOP,
   TIME_UP,
   TOLERANCE,
-  faultOf,
-  withDerived,
 } from "./model.js";
 
-/** @typedef {import("./model.js").Motion} Motion */
-/** @typedef {import("./model.js").Numbers} Numbers */
-/** @typedef {import("./integrator.js").DenseStep} DenseStep */
-
-/**
- * A run between two events: the steps' dense output, or the series by which it leaves rest.
- * @typedef {{mode: number, signs: import("./model.js").Signs, start: number, end: number, steps: DenseStep[],
- *   series: number[][] | null}} Segment
- */
 /** @typedef {{time: number, event: string | null, modeBefore: string, modeAfter: string}} RunEvent */
+/** @typedef {{release: string, p: Record<string, number>}} Settings with all that was left open */
+
+/** Codes of rows that are no event of a model, and numbers of a row: its code; mode, time, state and signs just after it. */
+const [RELEASED, DURATION_OVER] = [-1, -2];
+const EVENT_SIZE = 3 + STATE_SIZE + SIGNS_SIZE;
+/** Numbers of a step: its start, its length and its mode; then the terms of its polynomial, each for the whole state. */
+const [STEP_HEAD, TERMS] = [3, 8];
+const STEP_SIZE = STEP_HEAD + TERMS * STATE_SIZE;
+/** Rows for which there is room at first. */
+const [EVENT_ROOM, STEP_ROOM] = [128, 1024];
+/** Numbers that `quantities` of models.py gives. */
+const QUANTITIES = 18;
+/** Why a run has no end, by the number in its status. */
+const FAILURES = ["", "too many steps without an event", "the integration breaks down", "endless events"];
+
+/** @typedef {{core: Core, models: import("./core.js").LoadedModel[], requirements: number}} Machine */
+/** @type {Machine | null} */
+let machine = null;
+
+/** Resolves when `simulate` can be called; rejected where the browser does not allow WebAssembly. */
+export const ready = start();
+
+async function start() {
+  const core = await Core.start(DRIVER);
+  machine = { core, models: await Promise.all(MODELS.map((model) => core.load(model))), requirements: await core.place(REQUIREMENTS) };
+}
+
+/** @returns {Machine} */
+function running() {
+  if (!machine) throw new Error("simulate: found WebAssembly not yet started, needed to wait for `ready`");
+  return machine;
+}
 
 /**
- * Return the run of an apparatus.
+ * Return the run of an apparatus; to be called when `ready` has resolved.
  * @param {Record<string, any>} settings values by the names of `Parameters` and of its coefficients, SI and radians; `release`:
  *   "looping" (the default), "vertical", "held" or "drop"
  * @param {{duration?: number, tolerance?: number}} [options] limit on the simulated time [s]; relative tolerance of a step
@@ -45,32 +66,15 @@ import {
  * @throws {Error} if the integration breaks down
  */
 export function simulate(settings, { duration = DURATION, tolerance = TOLERANCE } = {}) {
-  const { release, p } = complete(settings);
+  const given = complete(settings);
   if (!(duration > 0)) throw new RangeError(`duration: found ${duration}, needed a number above 0`);
-  const { released, after, bySeries, series } = RELEASES[release](p);
-  /** @type {RunEvent[]} */
-  const events = [{ time: 0, event: null, modeBefore: MODE_NAMES[released.mode], modeAfter: MODE_NAMES[released.mode] }];
-  /** @type {Segment[]} */
-  const segments = [];
-  let motion = after;
-  if (bySeries) {
-    segments.push({ mode: motion.mode, signs: motion.signs, start: 0, end: REST_SERIES_DURATION, steps: [], series });
-  }
-  while (motion.mode !== ENDED) {
-    if (events.length > MAX_EVENTS) throw new Error(`more than ${MAX_EVENTS} events at t = ${motion.t} s`);
-    const before = motion.mode;
-    const { event, segment } = advance(p, motion, duration, tolerance);
-    segments.push(segment);
-    motion = MODES[before].apply[event](p, segment.end, stateAt(segment, segment.end), motion.signs);
-    events.push({ time: segment.end, event, modeBefore: MODE_NAMES[before], modeAfter: MODE_NAMES[motion.mode] });
-  }
-  return new Run(p, events, segments);
+  return new Run(given, carriedOut(given, duration, tolerance, EVENT_ROOM, STEP_ROOM));
 }
 
 /**
  * Return the settings with all that they leave open.
  * @param {Record<string, any>} settings
- * @returns {{release: string, p: Numbers}}
+ * @returns {Settings}
  */
 function complete(settings) {
   const { release = "looping", ...given } = settings;
@@ -88,49 +92,55 @@ function complete(settings) {
   for (const name of REQUIRED) {
     if (!(name in p)) throw new RangeError(`${name}: not given`);
   }
-  const whole = withDerived(p);
-  const fault = faultOf(whole);
+  const fault = faultOf(p);
   if (fault) throw new RangeError(fault);
-  return { release, p: whole };
+  return { release, p };
+}
+
+/** What is impossible in an apparatus; "" if nothing is. @param {Record<string, number>} p */
+function faultOf(p) {
+  const { core, requirements } = running();
+  const { names, messages, outputs } = REQUIREMENTS;
+  const values = core.evaluate(requirements, 0, [], [], names.map((name) => p[name]), outputs);
+  const shown = values.slice(messages.length);
+  const fault = messages.find((_, i) => !values[i]) ?? "";
+  return fault.replace(/\{(\d+)\}/g, (_, place) => String(Number(shown[place].toPrecision(6))));
 }
 
 /**
- * Integrate a mode until one of its events, or to the limit on the time.
- * @param {Numbers} p
- * @param {Motion} motion
- * @param {number} duration
- * @param {number} tolerance
- * @returns {{event: string, segment: Segment}}
+ * Have the driver carry out a run; return its rows of events and of steps, end to end.
+ * @param {Settings} settings @param {number} duration @param {number} tolerance
+ * @param {number} max_events rows for which there is room @param {number} max_dense
+ * @returns {{events: Float64Array, steps: Float64Array}}
  */
-function advance(p, { mode, t, y, signs }, duration, tolerance) {
-  const equations = MODES[mode];
-  const { rates, eventValues, integrated, events } = equations;
-  const integrator = new Integrator(
-    (now, z, out) => rates(p, now, z, signs, out),
-    t,
-    integrated.map((place) => y[place]),
-    { tolerance, firstStep: FIRST_STEP },
-  );
-  const z = new Float64Array(integrated.length);
-  /** @type {Segment} */
-  const segment = { mode, signs, start: t, end: t, steps: [], series: null };
-  while (segment.steps.length < MAX_STEPS) {
-    const dense = integrator.step();
-    const found = firstEvent(
-      events.length,
-      (x, out) => eventValues(p, dense.start + x * dense.size, dense.at(x, z), signs, out),
-      segment.steps.length > 0,
-    );
-    segment.steps.push(dense);
-    segment.end = found ? dense.start + found.fraction * dense.size : integrator.t;
-    // The last step may go beyond the limit
-    if (segment.end >= duration) {
-      segment.end = duration;
-      return { event: TIME_UP, segment };
-    }
-    if (found) return { event: events[found.place][signs.phase], segment };
-  }
-  throw new Error(`${MODE_NAMES[mode]}: no event within ${MAX_STEPS} steps`);
+function carriedOut({ release, p }, duration, tolerance, max_events, max_dense) {
+  const { core, models } = running();
+  const place = RELEASES[release];
+  const [failure, events, dense, rows] = core.withRoom(() => {
+    const status = core.put(Int32Array, [0, 0, 0, 0]);
+    const [eventRows, denseRows] = [core.room(8 * EVENT_SIZE * max_events), core.room(8 * STEP_SIZE * max_dense)];
+    core.carryOut(tolerance, {
+      model: models[place].address,
+      runs: 1,
+      p: core.put(Float64Array, MODELS[place].names.map((name) => p[name])),
+      durations: core.put(Float64Array, [duration]),
+      starts: core.put(Int32Array, [0, 0]),
+      status,
+      events: eventRows,
+      max_events,
+      dense: denseRows,
+      max_dense,
+    });
+    const [failed, eventCount, , stepCount] = core.integers(status, 4);
+    const copied = {
+      events: core.doubles(eventRows, EVENT_SIZE * Math.min(eventCount, max_events)).slice(),
+      steps: core.doubles(denseRows, STEP_SIZE * Math.min(stepCount, max_dense)).slice(),
+    };
+    return [failed, eventCount, stepCount, copied];
+  });
+  if (failure) throw new Error(`${FAILURES[failure]} after t = ${rows.events[rows.events.length - EVENT_SIZE + 2]} s`);
+  if (events > max_events || dense > max_dense) return carriedOut({ release, p }, duration, tolerance, events, dense);
+  return rows;
 }
 
 /**
@@ -149,35 +159,29 @@ function lastStarted(count, start, t) {
   return low;
 }
 
-/**
- * Return the whole state of a segment at t [s].
- * @param {Segment} segment
- * @param {number} t
- */
-function stateAt({ mode, steps, series }, t) {
-  if (series) {
-    const x = t / REST_SERIES_DURATION;
-    return series[0].map((constant, i) => constant + x * (series[1][i] + x * series[2][i]));
-  }
-  const step = steps[lastStarted(steps.length, (i) => steps[i].start, t)];
-  const z = step.at((t - step.start) / step.size, new Float64Array(step.z.length));
-  return MODES[mode].fullState(z);
-}
-
 /** A run from release to end. */
 export class Run {
   /**
-   * @param {Numbers} p
-   * @param {RunEvent[]} events
-   * @param {Segment[]} segments
+   * @param {Settings} settings
+   * @param {{events: Float64Array, steps: Float64Array}} rows
    */
-  constructor(p, events, segments) {
-    this.settings = p;
-    /** All events in order, the release (`event` null) first and the end last. */
-    this.events = events;
-    this.segments = segments;
-    const { kineticEnergy, potentialEnergy } = this.quantities(0);
-    this.energyAtRelease = kineticEnergy + potentialEnergy;
+  constructor({ release, p }, { events, steps }) {
+    this.model = RELEASES[release];
+    this.p = MODELS[this.model].names.map((name) => p[name]);
+    this.steps = steps;
+    // One array for all samples: to make one takes longer than all else of a sample
+    this.state = new Float64Array(STATE_SIZE);
+    const rows = Array.from({ length: events.length / EVENT_SIZE }, (_, i) => events.subarray(i * EVENT_SIZE, (i + 1) * EVENT_SIZE));
+    this.signs = rows.map((row) => row.slice(-SIGNS_SIZE));
+    /** All events in order, the release (`event` null) first and the end last. @type {RunEvent[]} */
+    this.events = rows.map(([code, mode, time], i) => {
+      const event = code === RELEASED ? null : code === DURATION_OVER ? TIME_UP : EVENTS[code];
+      return { time, event, modeBefore: MODE_NAMES[rows[Math.max(i - 1, 0)][1]], modeAfter: MODE_NAMES[mode] };
+    });
+    /** [J] @type {number} */
+    this.energyAtRelease = 0;
+    const { kinetic, potential } = this.sample(0).energies;
+    this.energyAtRelease = kinetic + potential;
   }
 
   /** Time at which the run ended [s]. */
@@ -207,22 +211,42 @@ export class Run {
    */
   sample(t) {
     if (!(t >= 0 && t <= this.endTime)) throw new RangeError(`t: found ${t}, needed from 0 to ${this.endTime} s`);
-    const { mode, kineticEnergy, potentialEnergy, ...seen } = this.quantities(t);
+    const { core, models } = running();
+    const { steps, events, model } = this;
+    const step = STEP_SIZE * lastStarted(steps.length / STEP_SIZE, (i) => steps[i * STEP_SIZE], t);
+    const mode = steps[step + 2];
+    const event = lastStarted(events.length, (i) => events[i].time, steps[step]);
+    const place = models[model].first + MODELS[model].quantities[mode];
+    // In the order in which models.py gives them
+    const q = core.evaluate(place, t, this.stateAt(step, t), this.signs[event], this.p, QUANTITIES);
     return {
-      mode,
-      ...seen,
-      energies: {
-        kinetic: kineticEnergy,
-        potential: potentialEnergy,
-        lost: this.energyAtRelease - kineticEnergy - potentialEnergy,
-      },
+      mode: MODE_NAMES[mode],
+      light: [q[0], q[1]],
+      heavy: [q[2], q[3]],
+      lightVelocity: [q[4], q[5]],
+      heavyVelocity: [0, q[6]],
+      wrapAngle: q[7],
+      freeLength: q[8],
+      slack: q[9],
+      lightTension: q[10],
+      heavyTension: q[11],
+      energies: { kinetic: q[12], potential: q[13], lost: this.energyAtRelease - q[12] - q[13] },
+      dragForce: [q[14], q[15]],
+      holding: HOLDING_MODES.includes(mode) ? { needed: q[16], bound: q[17] } : null,
     };
   }
 
-  /** @param {number} t */
-  quantities(t) {
-    const segment = this.segments[lastStarted(this.segments.length, (i) => this.segments[i].start, t)];
-    const { mode, signs } = segment;
-    return { mode: MODE_NAMES[mode], ...MODES[mode].quantities(this.settings, t, stateAt(segment, t), signs) };
+  /** Whole state at t [s] in the step whose row begins at the place `step`. @param {number} step @param {number} t */
+  stateAt(step, t) {
+    const { steps, state } = this;
+    const x = (t - steps[step]) / steps[step + 1];
+    const first = step + STEP_HEAD;
+    // The polynomial of DOP853: z + x (d1 + (1 - x) (d2 + x (d3 + (1 - x) (d4 + ...))))
+    state.fill(0);
+    for (let term = TERMS - 1; term >= 0; term--) {
+      const factor = term % 2 ? 1 - x : x;
+      for (let i = 0; i < STATE_SIZE; i++) state[i] = steps[first + term * STATE_SIZE + i] + factor * state[i];
+    }
+    return state;
   }
 }

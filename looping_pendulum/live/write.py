@@ -17,7 +17,7 @@ from rjsmin import jsmin
 from looping_pendulum import __version__
 from looping_pendulum.errors import ParameterError, ScenarioError
 from looping_pendulum.files import write_atomically
-from looping_pendulum.live.symbols import live_coefficients, live_effects
+from looping_pendulum.live.models import live_coefficients, live_effects
 from looping_pendulum.pages.shell import page
 from looping_pendulum.reference_ode.parameters import NUMBERS, Parameters
 from looping_pendulum.scenarios import loader
@@ -56,7 +56,7 @@ def render(scenario: Scenario | None = None, *, engine_runs: Mapping[str, Any] |
         else f"The looping pendulum: {scenario.title}",
         styles=[(PACKAGE, "live.css")],
         scripts=[bundle("assets/main.js")],
-        blob_workers=True,
+        webassembly=True,
         data={
             "live-data": {
                 "presets": [_preset(s, shipped=s in shipped, has_runs=engine_runs is not None) for s in presets],

@@ -42,7 +42,7 @@ def page(
     title: str,
     styles: Sequence[tuple[str, str]] = (),
     scripts: Sequence[str] = (),
-    blob_workers: bool = False,
+    webassembly: bool = False,
     data: Mapping[str, Any] | None = None,
     **context: Any,
 ) -> str:
@@ -55,8 +55,8 @@ def page(
     scripts
         Sources of scripts, run in this order at the end of the body. Nothing else can run, since the security policy
         lists them by hash.
-    blob_workers
-        Whether scripts may start workers whose text they have themselves.
+    webassembly
+        Whether scripts may run WebAssembly, and start workers whose text they have themselves.
     data
         Id of an element -> data that scripts read from it as JSON.
     context
@@ -66,7 +66,7 @@ def page(
     sheets = [asset(SHARED_PACKAGE, "base.css"), colour_rules(), *(asset(*sheet) for sheet in styles)]
     return _compiled(package, template).render(
         title=title,
-        policy=Markup(_policy([theme, *scripts], blob_workers=blob_workers)),
+        policy=Markup(_policy([theme, *scripts], webassembly=webassembly)),
         sheet=Markup(cssmin("\n".join(sheets))),
         theme=Markup(theme),
         scripts=[Markup(_checked_script(source)) for source in scripts],
@@ -95,11 +95,11 @@ def _checked_script(source: str) -> str:
     return source
 
 
-def _policy(scripts: Sequence[str], *, blob_workers: bool) -> str:
+def _policy(scripts: Sequence[str], *, webassembly: bool) -> str:
     """Return the content security policy: no requests at all, and only ``scripts`` may run."""
     run = " ".join(f"'sha256-{_digest(source)}'" for source in scripts)
-    workers = "; worker-src blob:; media-src blob:" if blob_workers else ""
-    return f"default-src 'none'; style-src 'unsafe-inline'; img-src data: blob:; script-src {run}{workers}"
+    more = " 'wasm-unsafe-eval'; worker-src blob:; media-src blob:" if webassembly else ""
+    return f"default-src 'none'; style-src 'unsafe-inline'; img-src data: blob:; script-src {run}{more}"
 
 
 @lru_cache(maxsize=8)

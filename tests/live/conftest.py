@@ -33,7 +33,7 @@ def node():
 def browser(chromium):
     """Run cases in Chromium, by the script that a page embeds."""
     page = chromium.new_page()
-    page.evaluate(bundle("run.js") + "\nglobalThis.loopingPendulum = { ...module_model, ...module_run };")
+    page.evaluate(bundle("run.js") + "\nglobalThis.loopingPendulum = { ...module_model, ...module_run };\nmodule_run.ready")
 
     def run(cases: list[dict[str, Any]]) -> list[dict[str, Any]]:
         runs: list[dict[str, Any]] = page.evaluate(RUN_IN_PAGE, cases)

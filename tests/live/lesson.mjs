@@ -1,4 +1,5 @@
 // Answers questions about the lesson's steps: {ask, ...} as JSON on standard input, answers on standard output.
+import { ready } from "../../looping_pendulum/live/run.js";
 import { settingsOf, withValue } from "../../looping_pendulum/live/assets/controls.js";
 import { filmedPoints, madeUpTrial } from "../../looping_pendulum/live/assets/lesson/made_up.js";
 import {
@@ -62,6 +63,7 @@ const answers = {
   trialJudged: ({ said, isNoise }) => judgeTrial(said, isNoise, 0.002),
 };
 
+await ready;
 let text = "";
 for await (const part of process.stdin) text += part;
 process.stdout.write(JSON.stringify(JSON.parse(text).map((item) => answers[item.ask](item))));

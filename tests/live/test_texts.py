@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import looping_pendulum.live
-from looping_pendulum.live.symbols import live_effects
+from looping_pendulum.live.models import live_effects
 from looping_pendulum.reference_ode.effects import LIBRARY
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import shipped

@@ -5,8 +5,7 @@ import { STEPS } from "../../looping_pendulum/live/assets/lesson/steps.js";
 import { LANGUAGES, languageFor } from "../../looping_pendulum/live/assets/texts.js";
 import { END_EVENTS, MODE_NAMES, RELEASES } from "../../looping_pendulum/live/model.js";
 
-/** Modes of stored runs that the page's own model does not have. */
-const modes = [...Object.values(MODE_NAMES), "rolling", "unknown"];
+const modes = [...Object.values(MODE_NAMES), "unknown"];
 let input = "";
 for await (const part of process.stdin) input += part;
 process.stdout.write(JSON.stringify({

@@ -66,6 +66,8 @@ def visitor(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator
         opened.page.on("dialog", lambda dialog: (opened.dialogs.append(dialog.message), dialog.dismiss()))
         opened.page.goto(file.as_uri())
         opened.page.wait_for_load_state("load")
+        # The live page starts when its WebAssembly is compiled
+        until(opened.page, "!document.getElementById('live-data') || 'live' in window")
         return opened
 
     try:

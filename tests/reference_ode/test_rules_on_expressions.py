@@ -10,9 +10,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from looping_pendulum.live.expressions import Expression, ExpressionGraph
-from looping_pendulum.live.symbols import SymbolicSystem
 from looping_pendulum.reference_ode import rules
+from looping_pendulum.reference_ode.core.expressions import FUNCTIONS, Expression, ExpressionGraph
+from looping_pendulum.reference_ode.core.trace import SymbolicSystem
 from looping_pendulum.reference_ode.effects import LIBRARY
 from looping_pendulum.reference_ode.effects.library import PIVOT_FRICTION
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -33,12 +33,12 @@ OPERATIONS = {
     "<=": operator.le,
     ">": operator.gt,
     ">=": operator.ge,
-    "===": operator.eq,
+    "==": operator.eq,
     "&&": operator.and_,
     "||": operator.or_,
     "?:": lambda condition, a, b: a if condition else b,
-    "Math.abs": abs,
-} | {f"Math.{name}": getattr(math, name) for name in ("exp", "log", "sin", "cos", "sqrt")}
+    "abs": abs,
+} | {name: getattr(math, name) for name in FUNCTIONS}
 
 
 def evaluated(graph: ExpressionGraph, given: dict[str, float], outputs: list) -> list:

@@ -401,6 +401,15 @@ class Page {
   }
 }
 
+/** Say in place of the page that this browser cannot run it. */
+export function sayThatNothingRuns() {
+  const speech = new Speech(element, () => speech.fill());
+  element("main").replaceChildren(Object.assign(document.createElement("p"), { id: "fault", role: "alert" }));
+  speech.select.addEventListener("change", () => speech.speak(speech.select.value));
+  speech.say("fault", () => text("noWebAssembly"));
+  speech.fill();
+}
+
 /** Start the page. @param {string} source text of the script that runs */
 export function startPage(source) {
   const read = (/** @type {string} */ id) => JSON.parse(element(id).textContent ?? "");

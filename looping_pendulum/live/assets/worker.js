@@ -1,5 +1,6 @@
 /** What runs beside the page: maps and fits. */
 
+import { ready } from "../run.js";
 import { computeMap } from "./map_worker.js";
 import { fit } from "./trial/fit.js";
 
@@ -11,8 +12,7 @@ export function startWorker() {
     /** @type {unknown} */ (self)
   );
   let current = 0;
-  scope.onmessage = ({ data }) => {
-    const job = /** @type {Job} */ (data);
+  const answer = (/** @type {Job} */ job) => {
     if ("fit" in job) {
       scope.postMessage(fit(job.fit));
       return;
@@ -21,4 +21,6 @@ export function startWorker() {
     current = map.job;
     computeMap(map, () => map.job === current, (row) => scope.postMessage(row));
   };
+  // Not in the promise itself, whose errors would not reach the page
+  scope.onmessage = ({ data }) => ready.then(() => setTimeout(answer, 0, data));
 }

@@ -123,6 +123,7 @@ export const de = {
   badRelease: "der Link: release: '{text}' gefunden, möglich sind {names}; der Rest des Links gilt",
   tooShort: "So lässt es sich nicht bauen: Die leichte Masse berührte schon die Stange; den Faden verlängern oder M1 oder die Stange "
     + "kleiner machen.",
+  noWebAssembly: "Diese Seite rechnet mit WebAssembly, das dieser Browser nicht hat oder nicht erlaubt; bitte in einem anderen öffnen.",
   cannotRun: "Das lässt sich nicht berechnen; eine Einstellung ändern.",
 
   // Verlauf

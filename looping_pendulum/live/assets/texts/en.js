@@ -121,6 +121,7 @@ export const en = {
   badLink: "the link: {key}: found '{text}', needed {min} to {max}; the rest of the link is used",
   badRelease: "the link: release: found '{text}', needed one of {names}; the rest of the link is used",
   tooShort: "This cannot be built: the light mass would already touch the rod; lengthen the string, or make M1 or the rod smaller.",
+  noWebAssembly: "This page computes with WebAssembly, which this browser does not have or does not allow; please open it in another one.",
   cannotRun: "This cannot be computed; change a setting.",
 
   // Over time
