@@ -28,9 +28,20 @@ MAX_TIME_DIFFERENCE = 1e-8
 """Of an event [s]; so much can heyoka itself be off where a speed returns to zero slowly (measured against 80-bit numbers)."""
 MAX_PATH_DIFFERENCE = 1e-7
 """Of a position up to the end [m], as between heyoka and SciPy."""
-_RUN_CASE = Path(__file__).with_name("run_case.mjs").read_text(encoding="utf-8").replace("export ", "")
-RUN_IN_PAGE = f"(cases) => {{ {_RUN_CASE} return cases.map((item) => runCase(loopingPendulum.simulate, item)); }}"
-"""Function of the page in which the script is."""
+_RUN_CASE, _BITS_OF = (
+    Path(__file__).with_name(name).read_text(encoding="utf-8").replace("export ", "")
+    for name in ("run_case.mjs", "bits_of.mjs")
+)
+IN_PAGE = {
+    "run_cases.mjs": f"(cases) => {{ {_RUN_CASE} return cases.map((item) => runCase(loopingPendulum.simulate, item)); }}",
+    "bits.mjs": f"""async (jobs) => {{
+      {_BITS_OF}
+      const results = [];
+      for (const job of jobs) results.push(await bitsOf(loopingPendulum.Core, loopingPendulum.DRIVER, job));
+      return results;
+    }}""",
+}
+"""Module for Node -> the function of a page, in which the script is, that does the same."""
 RELEASES = (*Release, Release.LOOPING, Release.LOOPING)
 """Releases of successive threes; half of all are looping ones."""
 ROUNDING_SPEED = 1e-9

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from looping_pendulum.live.write import bundle
-from tests.live.cases import RUN_IN_PAGE
+from tests.live.cases import IN_PAGE
 
 FOLDER = Path(__file__).parent
 
@@ -31,13 +31,9 @@ def node():
 
 @pytest.fixture(scope="module")
 def browser(chromium):
-    """Run cases in Chromium, by the script that a page embeds."""
+    """Run a module of this folder in Chromium, by the script that a page embeds: what `node` does."""
     page = chromium.new_page()
-    page.evaluate(bundle("run.js") + "\nglobalThis.loopingPendulum = { ...module_model, ...module_run };\nmodule_run.ready")
-
-    def run(cases: list[dict[str, Any]]) -> list[dict[str, Any]]:
-        runs: list[dict[str, Any]] = page.evaluate(RUN_IN_PAGE, cases)
-        return runs
-
-    yield run
+    names = "globalThis.loopingPendulum = { ...module_model, ...module_core, ...module_run }"
+    page.evaluate(f"{bundle('run.js')}\n{names};\nmodule_run.ready")
+    yield lambda module, data: page.evaluate(IN_PAGE[module], data)
     page.close()
