@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -39,19 +43,22 @@ NO_HALT = {**ENDING_DESCRIPTIONS, str(Event.LIGHT_REACHES_ROD): "the light mass 
 
 def draw(plan: MapPlan, store: Path) -> dict[str, tuple[str, bytes]]:
     """Draw the figure: file name -> (caption, PNG)."""
+    sampled = isinstance(plan.design, Sample)
+    varied = [axis for axis in plan.design.axes if sampled or len(axis.values) > 1] or [plan.design.axes[0]]
     # As plain arrays, also where Dask is installed: it is loaded whole anyway
     with xr.open_zarr(store, chunks=None) as data:
-        most = MAX_POINTS if isinstance(plan.design, Sample) or len(plan.design.axes) == 1 else MAX_CELLS
-        chosen = {dim: slice(None, None, max(1, -(-n // most))) for dim, n in data.sizes.items()}
-        thin = data[["halting_time", "stops", "end"]].isel(chosen).load()
-    varied = [axis for axis in plan.design.axes if isinstance(plan.design, Sample) or len(axis.values) > 1]
-    drawn = "" if all(thin.sizes[d] == n for d, n in data.sizes.items()) else " Of so many runs, evenly chosen ones are drawn."
-    if len(varied) <= 1:
-        axis = varied[0] if varied else plan.design.axes[0]
-        caption = f"Halting time and stops of the heavy mass over {axis.name}; grey: runs that do not halt.{drawn}"
-        return {"halting_time.png": (caption, png(_lines(plan, thin, axis)))}
-    figure = _scatter_panels(plan, thin) if isinstance(plan.design, Sample) else _maps(plan, thin, varied)
-    caption = f"Halting time over {' and '.join(a.name for a in varied)}; grey: runs that do not halt, and how they end.{drawn}"
+        most = MAX_POINTS if sampled or len(plan.design.axes) == 1 else MAX_CELLS
+        steps = {dim: math.ceil(n / most) for dim, n in data.sizes.items()}
+        thin = data[["halting_time", "stops", "end"]].isel({dim: slice(None, None, step) for dim, step in steps.items()}).load()
+    if len(varied) == 1:
+        caption = f"Halting time and stops of the heavy mass over {varied[0].name}; grey: runs that do not halt."
+        figure = _lines(plan, thin, varied[0])
+    else:
+        over = " and ".join(axis.name for axis in varied)
+        caption = f"Halting time over {over}; grey: runs that do not halt, and how they end."
+        figure = _map(plan, thin, varied)
+    if max(steps.values()) > 1:
+        caption += " Of so many runs, evenly chosen ones are drawn."
     return {"halting_time.png": (caption, png(figure))}
 
 
@@ -73,10 +80,6 @@ def _scales(axes: Axes, x: Axis, y: Axis | None = None) -> None:
             axes.set_yscale("log")
 
 
-def _of_engine(plan: MapPlan, data: xr.Dataset, i: int) -> xr.Dataset:
-    return data.isel(engine=i) if plan.several else data
-
-
 def _lines(plan: MapPlan, data: xr.Dataset, axis: Axis) -> Figure:
     """Draw one varied quantity: halting time above, number of stops below; ticks mark runs that do not halt."""
     figure = new_figure(7.6, 5.6, dpi=130)
@@ -85,7 +88,7 @@ def _lines(plan: MapPlan, data: xr.Dataset, axis: Axis) -> Figure:
     few = data.sizes[next(iter(data["end"].dims[-1:]))] <= 200 and not isinstance(plan.design, Sample)
     look = styles(plan.engines)
     for i, engine in enumerate(plan.engines):
-        one = _of_engine(plan, data, i)
+        one = data.isel(engine=i) if plan.several else data
         colour = "black" if engine == REFERENCE else look[engine].colour
         x, halt = _values(axis, one), one["halting_time"].values.ravel()
         stops = np.where(one["stops"].values < 0, np.nan, one["stops"].values).ravel()
@@ -106,36 +109,95 @@ def _lines(plan: MapPlan, data: xr.Dataset, axis: Axis) -> Figure:
     return figure
 
 
-def _maps(plan: MapPlan, data: xr.Dataset, varied: list[Axis]) -> Figure:
-    """Draw two varied quantities of a grid as a heat map, with a panel for each of some values of a third one."""
-    # The quantity with the fewest values, since each needs a panel
-    panel_axis = min(varied, key=lambda a: len(a.values)) if len(varied) > 2 else None
-    x, y = (axis for axis in varied if axis is not panel_axis)
-    chosen = [0]
-    if panel_axis is not None:
-        # Evenly spaced, with the first and the last
-        n = data.sizes[panel_axis.name]
-        chosen = sorted({round(i) for i in np.linspace(0, n - 1, min(n, MAX_PANELS // len(plan.engines) or 1))})
-    panels = [(i, j) for i in range(len(plan.engines)) for j in chosen]
-    figure, grid, norm = _panels(len(panels), data)
+@dataclass(frozen=True, kw_only=True)
+class _Panel:
+    """A panel of a map: two quantities, and the runs over them."""
+
+    title: str
+    x: Axis
+    y: Axis
+    data: xr.Dataset
+
+
+def _panels(plan: MapPlan, data: xr.Dataset, varied: list[Axis]) -> Iterator[_Panel]:
+    """Yield, for each engine, each pair of a sample's quantities, or two of a grid's at each of some values of a third one."""
+    for i, engine in enumerate(plan.engines):
+        one = data.isel(engine=i) if plan.several else data
+        of = [engine] if plan.several else []
+        if isinstance(plan.design, Sample):
+            for x, y in itertools.combinations(varied, 2):
+                yield _Panel(title=", ".join(of), x=x, y=y, data=one)
+        elif len(varied) == 2:
+            yield _Panel(title=", ".join(of), x=varied[0], y=varied[1], data=one.squeeze())
+        else:
+            # The quantity with the fewest values, since each needs a panel
+            third = min(varied, key=lambda axis: len(axis.values))
+            x, y = (axis for axis in varied if axis is not third)
+            # Evenly spaced, with the first and the last
+            n = data.sizes[third.name]
+            for j in np.unique(np.linspace(0, n - 1, min(n, MAX_PANELS // len(plan.engines) or 1)).round().astype(int)):
+                title = ", ".join([*of, f"{_label(third)} {_values(third, one)[j]:.4g}"])
+                yield _Panel(title=title, x=x, y=y, data=one.isel({third.name: int(j)}))
+
+
+def _map(plan: MapPlan, data: xr.Dataset, varied: list[Axis]) -> Figure:
+    """Draw the halting time over two or three quantities."""
+    panels = list(_panels(plan, data, varied))
+    columns = 1 if len(panels) == 1 else 2 if len(panels) in (2, 4) else 3
+    rows = math.ceil(len(panels) / columns)
+    figure = new_figure(7.6, 5.6, dpi=130) if columns == 1 else new_figure(3.9 * columns, 3.5 * rows, dpi=130)
+    grid = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    norm = _norm(data["halting_time"].values)
     handles: dict[int, Any] = {}
-    for axes, (i, j) in zip(grid, panels, strict=True):
-        one = _of_engine(plan, data, i)
-        title = [plan.engines[i]] if plan.several else []
-        if panel_axis is not None:
-            title.append(f"{_label(panel_axis)} {_values(panel_axis, one)[j]:.4g}")
-            one = one.isel({panel_axis.name: j})
-        one = one.squeeze([d for d in one.dims if d not in (x.name, y.name)]).transpose(y.name, x.name)
-        handles |= _heat(axes, x, y, one, norm)
-        _scales(axes, x, y)
-        axes.set_title(", ".join(title), fontsize="medium")
-    return _finish(figure, grid, norm, plan.title, handles)
+    for axes, panel in zip(grid, panels, strict=False):
+        handles |= (_scatter if isinstance(plan.design, Sample) else _heat)(axes, panel, norm)
+        _scales(axes, panel.x, panel.y)
+        axes.set_title(panel.title, fontsize="medium")
+    for axes in grid[len(panels) :]:
+        axes.set_axis_off()
+    bar = figure.colorbar(ScalarMappable(norm=norm, cmap=MAP), ax=grid, label="halting time [s]", shrink=0.9)
+    if isinstance(norm, LogNorm):
+        low, high = float(norm.vmin or 0), float(norm.vmax or 0)
+        # Matplotlib labels only the decades, of which a range of halting times may have none
+        ticks = [digit * 10.0**power for power in range(-6, 7) for digit in (1, 2, 3, 5)]
+        bar.set_ticks([tick for tick in ticks if low <= tick <= high], minor=False)
+        bar.ax.minorticks_off()
+        bar.ax.yaxis.set_major_formatter(FormatStrFormatter("%g"))
+    figure.suptitle(plan.title)
+    if handles:
+        shown = [handles[code] for code in sorted(handles)]
+        figure.legend(handles=shown, loc="outside lower center", ncols=min(2, len(handles)), frameon=False)
+    return figure
 
 
-def _heat(axes: Axes, x: Axis, y: Axis, one: xr.Dataset, norm: Normalize) -> dict[int, Patch]:
-    """Draw one heat map; return code -> what the legend shows of the endings of its runs that do not halt."""
+def _norm(halting: NDArray[np.float64]) -> Normalize:
+    """Return the colours' scale."""
+    halting = halting[np.isfinite(halting)]
+    # Without any halt the scale does not matter, but there must be one
+    low, high = (halting.min(), halting.max()) if len(halting) else (1.0, 2.0)
+    # Late halts are rare: on a linear scale most of a map would have one colour
+    return LogNorm(low, high) if high > 3 * low > 0 else Normalize(low, high)
+
+
+def _scatter(axes: Axes, panel: _Panel, norm: Normalize) -> dict[int, Any]:
+    """Draw runs of a sample; return code -> what the legend shows of the endings of those that do not halt."""
+    halt, end = panel.data["halting_time"].values, panel.data["end"].values
+    halts = np.isfinite(halt)
+    across, up = _values(panel.x, panel.data), _values(panel.y, panel.data)
+    handles = {}
+    for code in map(int, np.unique(end[~halts])):
+        here, marker = ~halts & (end == code), MARKERS[code % len(MARKERS)]
+        axes.plot(across[here], up[here], marker, ms=3, color="0.6", mew=0.6, zorder=1)
+        handles[code] = Line2D([], [], ls="", marker=marker, color="0.6", label=NO_HALT[ENDINGS[code]])
+    axes.scatter(across[halts], up[halts], c=halt[halts], s=5, cmap=MAP, norm=norm, linewidths=0, zorder=2)
+    return handles
+
+
+def _heat(axes: Axes, panel: _Panel, norm: Normalize) -> dict[int, Any]:
+    """Draw runs of a grid; return code -> what the legend shows of the endings of those that do not halt."""
+    one = panel.data.transpose(panel.y.name, panel.x.name)
     halt, end = one["halting_time"].values, one["end"].values
-    (across, right), (up, top) = (_edges(axis, _values(axis, one)) for axis in (x, y))
+    (across, right), (up, top) = (_edges(axis, _values(axis, one)) for axis in (panel.x, panel.y))
     axes.pcolormesh(right, top, np.ma.masked_invalid(halt), cmap=MAP, norm=norm)
     without = ~np.isfinite(halt)
     handles = {}
@@ -163,57 +225,3 @@ def _edges(axis: Axis, centres: NDArray[np.float64]) -> tuple[NDArray[np.float64
     edges = np.concatenate([[on[0] - (between[0] - on[0])], between, [on[-1] + (on[-1] - between[-1])]])
     edges = np.exp(edges) if axis.logarithmic else edges
     return np.concatenate([edges[:1], centres, edges[-1:]]), edges
-
-
-def _scatter_panels(plan: MapPlan, data: xr.Dataset) -> Figure:
-    """Draw a sample of two or three varied quantities, a panel for each pair of them."""
-    axes_of = plan.design.axes
-    pairs = [(a, b) for n, a in enumerate(axes_of) for b in axes_of[n + 1 :]]
-    panels = [(i, pair) for i in range(len(plan.engines)) for pair in pairs]
-    figure, grid, norm = _panels(len(panels), data)
-    handles: dict[int, Any] = {}
-    for axes, (i, (x, y)) in zip(grid, panels, strict=True):
-        one = _of_engine(plan, data, i)
-        halt, end = one["halting_time"].values, one["end"].values
-        halts = np.isfinite(halt)
-        across, up = _values(x, one), _values(y, one)
-        for code in map(int, np.unique(end[~halts])):
-            here, marker = ~halts & (end == code), MARKERS[code % len(MARKERS)]
-            axes.plot(across[here], up[here], marker, ms=3, color="0.6", mew=0.6, zorder=1)
-            handles[code] = Line2D([], [], ls="", marker=marker, color="0.6", label=NO_HALT[ENDINGS[code]])
-        axes.scatter(across[halts], up[halts], c=halt[halts], s=5, cmap=MAP, norm=norm, linewidths=0, zorder=2)
-        _scales(axes, x, y)
-        if plan.several:
-            axes.set_title(plan.engines[i], fontsize="medium")
-    return _finish(figure, grid, norm, plan.title, handles)
-
-
-def _panels(count: int, data: xr.Dataset) -> tuple[Figure, list[Axes], Normalize]:
-    columns = 1 if count == 1 else 2 if count in (2, 4) else 3
-    rows = -(-count // columns)
-    figure = new_figure(7.6, 5.6, dpi=130) if columns == 1 else new_figure(3.9 * columns, 3.5 * rows, dpi=130)
-    grid = list(figure.subplots(rows, columns, squeeze=False).ravel())
-    for axes in grid[count:]:
-        axes.set_axis_off()
-    halting = data["halting_time"].values
-    halting = halting[np.isfinite(halting)]
-    # Without any halt the scale does not matter, but there must be one
-    low, high = (halting.min(), halting.max()) if len(halting) else (1.0, 2.0)
-    # Late halts are rare: on a linear scale most of a map would have one colour.
-    return figure, grid[:count], LogNorm(low, high) if high > 3 * low > 0 else Normalize(low, high)
-
-
-def _finish(figure: Figure, grid: list[Axes], norm: Normalize, title: str, handles: dict[int, Any]) -> Figure:
-    bar = figure.colorbar(ScalarMappable(norm=norm, cmap=MAP), ax=grid, label="halting time [s]", shrink=0.9)
-    if isinstance(norm, LogNorm):
-        low, high = float(norm.vmin or 0), float(norm.vmax or 0)
-        # Matplotlib labels only the decades, of which a range of halting times may have none
-        ticks = [digit * 10.0**power for power in range(-6, 7) for digit in (1, 2, 3, 5)]
-        bar.set_ticks([tick for tick in ticks if low <= tick <= high], minor=False)
-        bar.ax.minorticks_off()
-        bar.ax.yaxis.set_major_formatter(FormatStrFormatter("%g"))
-    figure.suptitle(title)
-    if handles:
-        shown = [handles[code] for code in sorted(handles)]
-        figure.legend(handles=shown, loc="outside lower center", ncols=min(2, len(handles)), frameon=False)
-    return figure

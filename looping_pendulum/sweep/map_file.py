@@ -34,7 +34,7 @@ from looping_pendulum.scenarios.units import QuantityKind
 from looping_pendulum.sweep.axis_file import COUNT, MAX_AXES, MAX_RUNS, parameters_schema, read_axis
 from looping_pendulum.sweep.cells import engine_called
 from looping_pendulum.sweep.plan import REFERENCE, Axis, Grid, MapPlan, Sample
-from looping_pendulum.sweep.quantities import ALLOWED_OVERLAPS, Variable, variables
+from looping_pendulum.sweep.quantities import ALLOWED_OVERLAP, Variable, variables
 
 MAX_ENGINE_RUNS = 20_000
 """Largest number of runs of engines without --max-runs; their runs take seconds."""
@@ -76,7 +76,7 @@ class MapFile(Group):
     scenario: Text
     """Shipped scenario, or path of a file from this file's folder."""
     engine: Annotated[Any, BeforeValidator(_names), WithJsonSchema(_ENGINE_SCHEMA)] = [REFERENCE]
-    """reference, if not given, or a list of engines and variants, whose runs take seconds each."""
+    """reference, if not given, or engines and variants, whose runs take seconds each."""
     profile: Annotated[str, one_of(*(p.value for p in Profile))] = Profile.QUICK.value
     """Profile of the engines' settings; the reference has its tolerance."""
     parameters: Annotated[Any, WithJsonSchema(parameters_schema())]
@@ -134,7 +134,6 @@ def load_text(raw: bytes | str, *, file: str = "map.yaml", name: str = "map", fo
         description=checked.description,
         scenario=scenario,
         engines=_engines(doc, checked, scenario),
-        several=isinstance(doc.data.get("engine"), list),
         profile=Profile(checked.profile),
         design=Grid(axes=axes) if checked.sample is None else Sample(axes=axes, **checked.sample.model_dump()),
         tolerance=checked.tolerance,
@@ -208,18 +207,13 @@ def _engines(doc: Document, checked: MapFile, scenario: Scenario) -> tuple[str, 
             # The message is made for the command line; here the key of the file is named instead
             raise doc.error(("engine",), str(error).removeprefix("--engine: ")) from None
     # An engine may be named twice, by itself and by one of its variants
-    for one in dict.fromkeys(labels):
-        if one == REFERENCE:
-            continue
-        engine = engine_called(one, profile)
+    labels = list(dict.fromkeys(labels))
+    for engine in (engine_called(one, profile) for one in labels if one != REFERENCE):
         for package in missing_packages(engine):
-            raise doc.error(("engine",), f"found {one}, needed its package {package}; get it: {how_to_get(package)}")
-        why = engine.abilities.unsupported(scenario.parameters)
-        if why:
-            raise doc.error(("engine",), f"found {one}, needed an engine that can run {scenario.name}: {why}")
-    if len(dict.fromkeys(labels)) > 1 and not isinstance(doc.data.get("engine"), list):
-        raise doc.error(("engine",), f"found several variants ({', '.join(labels)}), needed one; name it, or write a list")
-    return tuple(dict.fromkeys(labels))
+            raise doc.error(("engine",), f"found {label(engine)}, needed its package {package}; get it: {how_to_get(package)}")
+        if why := engine.abilities.unsupported(scenario.parameters):
+            raise doc.error(("engine",), f"found {label(engine)}, needed an engine that can run {scenario.name}: {why}")
+    return tuple(labels)
 
 
 def _axes(doc: Document, checked: MapFile, scenario: Scenario) -> tuple[Axis, ...]:
@@ -228,21 +222,22 @@ def _axes(doc: Document, checked: MapFile, scenario: Scenario) -> tuple[Axis, ..
         number = f"{len(parameters)} quantities" if isinstance(parameters, dict) else quote(parameters)
         example = "release_angle: {from: 60 deg, to: 130 deg, count: 71}"
         raise doc.error(("parameters",), f"found {number}, needed one to {MAX_AXES}; write for example '{example}'")
-    axes, names = [], []
+    axes: list[Axis] = []
+    varied: list[Variable] = []
     for key, content in parameters.items():
         variable = _variable(doc, key)
+        _refuse_overlap(doc, key, variable, varied)
+        varied.append(variable)
         if variable.name == "release_angle" and scenario.parameters.release is Release.VERTICAL:
             message = "found an angle, but a vertical release hangs at 180 deg, needed another quantity; leave it out"
             raise doc.error(("parameters", key), message)
         try:
             axes.append(read_axis(variable, content, sampled=checked.sample is not None))
-            names.append(variable.name)
         except PydanticCustomError as error:
             # `input_error` notes the key inside the range, for its line
             below = error.context.get("key", "") if error.context else ""
             path = ("parameters", key, *((below,) if below else ()))
             raise doc.error(path, str(error)) from None
-    _refuse_overlaps(doc, names, list(parameters))
     return tuple(axes)
 
 
@@ -259,12 +254,10 @@ def _variable(doc: Document, key: str) -> Variable:
     raise doc.error(("parameters", key), message)
 
 
-def _refuse_overlaps(doc: Document, names: list[str], keys: list[str]) -> None:
-    """Refuse two quantities that set the same parameter."""
-    known = variables()
-    for i, second in enumerate(names):
-        for first in names[:i]:
-            both = sorted(set(known[first].sets) & set(known[second].sets))
-            if both and not {(first, second), (second, first)} & ALLOWED_OVERLAPS:
-                message = f"found beside {first}, which also sets {both[0]}, needed only one of them; leave one out"
-                raise doc.error(("parameters", keys[i]), message)
+def _refuse_overlap(doc: Document, key: str, variable: Variable, others: list[Variable]) -> None:
+    """Refuse a quantity that sets the same parameter as another."""
+    for other in others:
+        both = sorted(set(variable.sets) & set(other.sets))
+        if both and {variable.name, other.name} != ALLOWED_OVERLAP:
+            message = f"found beside {other.name}, which also sets {both[0]}, needed only one of them; leave one out"
+            raise doc.error(("parameters", key), message)

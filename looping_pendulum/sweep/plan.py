@@ -148,8 +148,6 @@ class MapPlan:
     scenario: Scenario
     engines: tuple[str, ...]
     """Labels, "mujoco:capstan"; `REFERENCE` for the exact model."""
-    several: bool
-    """Whether the file gave a list of engines: results then have a first dimension for them."""
     profile: Profile
     design: Grid | Sample
     tolerance: float
@@ -158,6 +156,11 @@ class MapPlan:
     """Limit on the simulated time of a run [s]."""
     chunk: int | None = None
     """Most runs in a chunk; None: by the size of the map."""
+
+    @property
+    def several(self) -> bool:
+        """Whether there are several engines: results then have a first dimension for them."""
+        return len(self.engines) > 1
 
     @property
     def dims(self) -> tuple[str, ...]:
@@ -235,7 +238,6 @@ class MapPlan:
             "parameters": self.scenario.parameters.as_dict(),
             "design": design,
             "engines": list(self.engines),
-            "several": self.several,
             "profile": self.profile.value,
             "tolerance": self.tolerance,
             "duration": self.duration,

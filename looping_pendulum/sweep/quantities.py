@@ -69,8 +69,8 @@ _RATIOS = (
 RATIOS = MappingProxyType({ratio.name: ratio for ratio in _RATIOS})
 """Ratio by name, in the order in which they are applied: each uses what those before it have set."""
 
-ALLOWED_OVERLAPS = frozenset({("mass_scale", "mass_ratio")})
-"""Pairs that set the same parameter and may still be varied together; the second one is applied last."""
+ALLOWED_OVERLAP = frozenset({"mass_scale", "mass_ratio"})
+"""Ratios that set the same parameter and may still be varied together; the ratio is applied last."""
 
 
 @functools.cache
