@@ -15,6 +15,7 @@ from looping_pendulum.measured.measurement import FIT_TOLERANCE
 from looping_pendulum.reference_ode.batch import sample_batch
 from looping_pendulum.reference_ode.solve import solve_at
 from looping_pendulum.scenarios import load
+from looping_pendulum.sweep import map_file
 
 TEN_TO_ONE = load("ten_to_one").parameters
 
@@ -46,20 +47,19 @@ def batches(repeats: int) -> None:
 
 
 def million(repeats: int, runs: int) -> None:
-    """The map of release angle and mass ratio, from a fresh start, on one process and on two, in turn."""
-    print(f"\n## {runs} runs of a map at 1e-12, from a fresh start (what heyoka has compiled before, it finds on disk)\n")
-    print("| processes | wall [s] | CPU [s] | CPU per run [us] | peak memory [MiB] |\n|---|---|---|---|---|")
+    """The runs of a map of release angle and mass ratio, from a fresh start, on one thread and on two, in turn."""
+    print(f"\n## {runs} runs of a map at {map_file.TOLERANCE:g}, from a fresh start\n")
+    print("| threads | wall [s] | CPU [s] | CPU per run [us] | peak memory [MiB] |\n|---|---|---|---|---|")
     walls: dict[int, list[float]] = {1: [], 2: []}
     for _ in range(repeats):
-        for processes, taken in walls.items():
-            done = subprocess.run(
-                [sys.executable, "-c", MAP.format(runs, processes)], check=True, capture_output=True, text=True
-            )
+        for threads, taken in walls.items():
+            program = MAP.format(runs, threads, map_file.TOLERANCE)
+            done = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)
             wall, cpu, memory = map(float, done.stdout.split())
             taken.append(wall)
-            print(f"| {processes} | {wall:.1f} | {cpu:.1f} | {1e6 * cpu / runs:.1f} | {memory:.0f} |", flush=True)
+            print(f"| {threads} | {wall:.1f} | {cpu:.1f} | {1e6 * cpu / runs:.1f} | {memory:.0f} |", flush=True)
     one, two = (statistics.median(taken) for taken in walls.values())
-    print(f"\nTwo processes: {two:.1f} s, {one / two:.2f} times as fast as one, the second one's start included.")
+    print(f"\nTwo threads: {two:.1f} s, {one / two:.2f} times as fast as one.")
 
 
 MAP = """
@@ -68,20 +68,18 @@ import numpy as np
 from looping_pendulum.reference_ode.batch import solve_batch
 from looping_pendulum.scenarios import load
 
-if __name__ == '__main__':
-    base = load("ten_to_one").parameters
-    # A low-discrepancy sample of 60 to 130 degrees, and of M2/M1 from 1 to 12 (Roberts' R2 sequence)
-    first, second = ((0.5 + np.arange(1, {0} + 1) / 1.324717957244746**k) % 1 for k in (1, 2))
-    columns = dict(release_angle=np.radians(60 + 70 * first), heavy_mass=base.light_mass * (1 + 11 * second))
-    started = time.perf_counter()
-    solve_batch(base, columns, processes={1})
-    print(time.perf_counter() - started)
-    uses = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    print(sum(use.ru_utime + use.ru_stime for use in uses))
-    own = open('/proc/self/status').read().split('VmHWM:')[1].split()[0]  # ru_maxrss begins with the parent's
-    print((float(own) + uses[1].ru_maxrss * ({1} - 1)) / 1024)
+base = load("ten_to_one").parameters
+# A low-discrepancy sample of 60 to 130 degrees, and of M2/M1 from 1 to 12 (Roberts' R2 sequence)
+first, second = ((0.5 + np.arange(1, {0} + 1) / 1.324717957244746**k) % 1 for k in (1, 2))
+columns = dict(release_angle=np.radians(60 + 70 * first), heavy_mass=base.light_mass * (1 + 11 * second))
+started = time.perf_counter()
+solve_batch(base, columns, threads={1}, tolerance={2})
+print(time.perf_counter() - started)
+use = resource.getrusage(resource.RUSAGE_SELF)
+print(use.ru_utime + use.ru_stime)
+print(float(open('/proc/self/status').read().split('VmHWM:')[1].split()[0]) / 1024)  # ru_maxrss begins with the parent's
 """
-"""Program that prints wall time [s], CPU time [s] and peak memory of its processes together [MiB]; {0} runs, {1} processes."""
+"""Program that prints wall time [s], CPU time [s] and peak memory [MiB]; {0} runs, {1} threads, tolerance {2}."""
 
 
 def command_line(repeats: int) -> None:

@@ -14,13 +14,9 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import Executor, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from itertools import islice
 from typing import IO, TypeVar
-
-from looping_pendulum.errors import EngineError
 
 POLL_INTERVAL = 0.05
 """Time between two looks at what goes on [s]; Ctrl-C is noticed in between."""
@@ -32,7 +28,6 @@ _SAFE_PATH = {"PYTHONSAFEPATH": "1"}
 """Environment of a Python that does not import from the working folder, as with its option -P."""
 ReportShare = Callable[[str, float], None]
 """Function that is called with what is being done, and the share of all of it that is done."""
-Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
@@ -273,28 +268,3 @@ def _safe_start() -> Iterator[None]:
                 signal.pthread_sigmask, signal.SIG_SETMASK, signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
             )
         yield
-
-
-def in_processes(items: Iterator[Item], function: Callable[[Item], Result], jobs: int) -> Iterator[Result]:
-    """Yield ``function`` of each item, in any order, from ``jobs`` processes; with one job, from this process itself.
-
-    Raises
-    ------
-    EngineError
-        If one of them dies.
-    """
-    if jobs <= 1:
-        yield from map(function, items)
-        return
-    try:
-        with process_pool(jobs) as pool:
-            # Two for each process, so that none waits for its next; not all of many, since each may hold much
-            running: set[Future[Result]] = {pool.submit(function, item) for item in islice(items, 2 * jobs)}
-            while running:
-                done, running = wait(running, return_when=FIRST_COMPLETED)
-                running |= {pool.submit(function, item) for item in islice(items, len(done))}
-                for future in done:
-                    yield future.result()
-    except BrokenProcessPool:
-        message = "a worker process died; was the machine out of memory? What is finished is kept: run the same command again"
-        raise EngineError(f"{message}, with fewer --jobs") from None

@@ -16,6 +16,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -42,7 +43,7 @@ from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import write_atomically
 from looping_pendulum.measured.study import Study
 from looping_pendulum.measured.study_io import load
-from looping_pendulum.processes import in_processes
+from looping_pendulum.processes import process_pool
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.effects.own import multiplied_coefficient
 from looping_pendulum.versions import MISSING, installed_version
@@ -134,12 +135,13 @@ def run(
     """
     known = {task.name: outcome for task in tasks if (outcome := _stored(folder, task)) is not None}
     by_name = {task.name: task for task in tasks}
-    waiting = iter([task for task in tasks if task.name not in known])
+    waiting = [task for task in tasks if task.name not in known]
     interrupted = False
-    with ProgressBars(time_left=True, line_every_fraction=0.1) as bars:
+    with ProgressBars(time_left=True, line_every_fraction=0.1) as bars, process_pool(jobs) as pool:
         bars.update(title, len(known) / max(len(tasks), 1))
         try:
-            for name, outcome in in_processes(waiting, solve, jobs):
+            for future in as_completed([pool.submit(solve, task) for task in waiting]):
+                name, outcome = future.result()
                 known[name] = outcome
                 record = {"task": _as_json(by_name[name]), "outcome": outcome}
                 write_atomically(folder / f"{name}.json", json.dumps(record, indent=1) + "\n")

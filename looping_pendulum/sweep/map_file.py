@@ -14,7 +14,7 @@ from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import how_to_get, label, missing_packages, select
 from looping_pendulum.errors import EngineError, ScenarioError
 from looping_pendulum.reference_ode.parameters import Release
-from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE
+from looping_pendulum.reference_ode.solve import DURATION
 from looping_pendulum.scenarios import document, loader
 from looping_pendulum.scenarios.document import Document, one_line, quote, shorten
 from looping_pendulum.scenarios.fields import (
@@ -38,6 +38,12 @@ from looping_pendulum.sweep.quantities import ALLOWED_OVERLAP, Variable, variabl
 
 MAX_ENGINE_RUNS = 20_000
 """Largest number of runs of engines without --max-runs; their runs take seconds."""
+TOLERANCE = 1e-9
+"""Relative tolerance of a step where the map file gives none.
+
+Halting times differ from those at 1e-12 by 4e-9 s at most, and no run ends otherwise, in 20 000 runs over release angle, mass
+ratio and rod radius; a map and its report show four to six digits.
+"""
 TITLE_LIMIT = 200
 """Largest number of characters of a title; a longer one is cut."""
 

@@ -69,16 +69,10 @@ def test_commands_import_nothing_from_the_working_folder(planted, begin, engine)
 
 HELPERS = """
 import sys
-import numpy as np
 from looping_pendulum.discrepancy.workers import Workers
-from looping_pendulum.reference_ode.batch import solve_batch
-from looping_pendulum.processes import in_processes
-from tests.apparatus import TEN_TO_ONE
 from tests.discrepancy.test_workers import place
 print("begun")
 sys.path.insert(0, "")  # as in a notebook
-assert list(in_processes(iter(range(2)), abs, 2)) != []
-solve_batch(TEN_TO_ONE, {"heavy_mass": np.array([-1.0, -1.0])}, processes=2)  # impossible, so that nothing is compiled
 with Workers(2) as pair:
     while len(set(pair.map(place, 0.1, range(2)))) < 2:
         pass
@@ -139,13 +133,6 @@ from tests.engines.test_processes import SCENARIO
 if __name__ == "__main__":
     run_all([FaultyEngine("hang_with_children"), FaultyEngine("hang")], SCENARIO, jobs=2)
 """,
-    "a batch": """
-import numpy as np
-from looping_pendulum.reference_ode.batch import solve_batch
-from tests.apparatus import SENSITIVE
-if __name__ == "__main__":
-    solve_batch(SENSITIVE, {"bearing_friction": np.full(10**6, 1e-3), "rod_mobility": np.full(10**6, 1.0)}, processes=2)
-""",
     "helpers of identify": """
 from looping_pendulum.discrepancy.workers import Workers
 from tests.discrepancy.test_workers import place
@@ -194,7 +181,6 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
         ("engines", signal.SIGTERM, 5),
         ("engines", signal.SIGINT, 5),
         ("engines", signal.SIGHUP, 5),
-        ("a batch", signal.SIGKILL, 2),
         ("helpers of identify", signal.SIGKILL, 2),
     ],
 )
