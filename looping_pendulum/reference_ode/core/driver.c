@@ -52,12 +52,13 @@ typedef struct {                       // addresses of what is read and written;
   int32_t times, starts;               // sample times of all runs, ascending in each; where each run's begin, runs + 1 of them
   int32_t samples, partials;           // NY entries of the state for each time; NY x n derivatives of them
   int32_t status;                      // for each run: `Status`
-  int32_t events, event_partials, end_partials, max_events; // rows of events for each run; n derivatives of the time of each;
-                                       // NY x n derivatives of the state at the end, whose time moves
+  // Rows of events, one run's after another's, and n derivatives of the time of each; for each run NY x n derivatives of the
+  // state at its end, whose time moves; number of rows for which there is room
+  int32_t events, event_partials, end_partials, max_events;
   // Columns of the derivatives, a multiple of 4: column c is the sum of weight x derivative by a parameter. The seeds are in
   // the order of the parameters; where each parameter's begin, `parameters` + 1 of them; their columns and weights
   int32_t n, seed_starts, seed_columns, seed_weights;
-  int32_t dense, max_dense;            // rows of the dense output of each run; 0: not wanted
+  int32_t dense, max_dense;            // rows of the dense output, one run's after another's, 0: not wanted; room as above
 } Job;
 typedef struct { int32_t failure, events, samples, dense; } Status; // what went wrong; counts, also of what had no room
 enum { FINE, TOO_MANY_STEPS, BROKE_DOWN, TOO_MANY_EVENTS };
@@ -99,6 +100,7 @@ static EventRow *rows;
 static DenseRow *dense_rows;
 static Status *status;
 static int run, started, n;            // n: columns of derivatives, a multiple of 4
+static int event_count, dense_count;   // of all runs so far
 static int nz, N;                      // variables of the mode; these and their derivatives, which begin at place `nz`, padded
 static int n0;
 static double signs[NS];
@@ -278,16 +280,13 @@ static void whole(const double *z, double *y, int width) {
 }
 
 static void record(double code) {
-  if (status->events < job->max_events) {
-    rows[status->events].code = code;
-    rows[status->events].after = now;
-  }
-  status->events++;
+  if (event_count < job->max_events) rows[event_count].code = code, rows[event_count].after = now;
+  event_count++, status->events++;
 }
 
 static void record_times(const double *dt) { // derivatives of the time of the event that `record` notes next
-  if (n && status->events < job->max_events) {
-    double *to = event_partials + (long)status->events * n;
+  if (n && event_count < job->max_events) {
+    double *to = event_partials + (long)event_count * n;
     if (dt) memcpy(to, dt, n * sizeof(double));
     else memset(to, 0, n * sizeof(double));
   }
@@ -331,6 +330,12 @@ static void in_series(const double series[3][NY], double time, double *y) {
   for (int i = 0; i < NY; i++) y[i] = series[0][i] + x * (series[1][i] + x * series[2][i]);
 }
 
+static DenseRow *next_dense_row(void) { // 0: not wanted, or there is no room
+  if (!job->dense) return 0;
+  status->dense++;
+  return dense_count++ < job->max_dense ? dense_rows + dense_count - 1 : 0;
+}
+
 static void end_by_time(void) {
   now.mode = ENDED;
   record_times(0);
@@ -341,15 +346,12 @@ static void end_by_time(void) {
 static void start(void) {
   static struct { Motion released, after; double by_series, series[3][NY]; } begun;
   const int *starts = AT(job->starts);
-  const long first = (long)run * job->max_events;
   p = (const double *)AT(job->p) + (long)run * table->parameters;
   duration = ((const double *)AT(job->durations))[run];
   times = (const double *)AT(job->times) + starts[run], sample_count = starts[run + 1] - starts[run];
   samples = (double *)AT(job->samples) + (long)starts[run] * NY;
   partials = (double *)AT(job->partials) + (long)starts[run] * NY * n;
-  rows = (EventRow *)AT(job->events) + first, event_partials = (double *)AT(job->event_partials) + first * n;
   end_partials = (double *)AT(job->end_partials) + (long)run * NY * n;
-  dense_rows = (DenseRow *)AT(job->dense) + (long)run * job->max_dense;
   status = (Status *)AT(job->status) + run;
   memset(status, 0, sizeof *status);
   sample = 0, late_events = 0, second = 0, started = 1, h = LEAVES_REST;
@@ -374,8 +376,8 @@ static void start(void) {
     in_series(begun.series, times[sample], samples + NY * sample);
     if (n) memcpy(partials + (long)sample * NY * n, S, NY * n * sizeof(double));
   }
-  if (by_series && job->dense && status->dense++ < job->max_dense) {
-    DenseRow *row = dense_rows;
+  DenseRow *row = by_series ? next_dense_row() : 0;
+  if (row) {
     memset(row, 0, sizeof *row);
     row->t = 0, row->h = LEAVES_REST, row->mode = now.mode;
     // As `at` takes them: Z + x (D0 + (1 - x) D1)
@@ -401,8 +403,8 @@ static void sample_until(double end) {
 }
 
 static void keep_dense(void) {
-  if (status->dense++ >= job->max_dense) return;
-  DenseRow *row = dense_rows + status->dense - 1;
+  DenseRow *row = next_dense_row();
+  if (!row) return;
   row->t = t, row->h = step, row->mode = now.mode;
   whole(Z, row->y[0], 1);
   for (int k = 0; k < 7; k++) whole(D[k], row->y[1 + k], 1);
@@ -542,7 +544,7 @@ static void take_step(void) {
     complete(t, step);
     const double end = over ? duration : t + step;
     sample_until(end);
-    if (job->dense) keep_dense();
+    keep_dense();
     if (over) {
       now.t = end, whole(ZN, now.y, 1);
       if (n) whole(ZN + n0, S, n);
@@ -552,7 +554,7 @@ static void take_step(void) {
     return;
   }
   sample_until(t + step);
-  if (job->dense) keep_dense();
+  keep_dense();
   first_step = 0;
   memcpy(G[0], G[CHECKS - 1], sizeof G[0]);
   t += step;
@@ -563,7 +565,8 @@ static void take_step(void) {
 EXPORT void begin(const Job *given) {
   job = given, model = AT(job->model), table = AT(model->table), jacobian = AT(model->jacobian);
   seed_start = AT(job->seed_starts), seed_column = AT(job->seed_columns), seed_weight = AT(job->seed_weights);
-  rtol = job->rtol, n = job->n, run = 0, started = 0;
+  rows = AT(job->events), event_partials = AT(job->event_partials), dense_rows = AT(job->dense);
+  rtol = job->rtol, n = job->n, run = 0, started = 0, event_count = 0, dense_count = 0;
 }
 
 // Work for at most so many steps; return whether all runs have ended

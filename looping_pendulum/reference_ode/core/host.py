@@ -38,7 +38,7 @@ STEPS_PER_CALL = 4000
 MAX_MODELS = 100
 """Number of models after which a thread's store is made anew, as a store gives nothing back [10^5 B each]."""
 FIRST_EVENTS, FIRST_DENSE = 40, 400
-"""Room for events and steps of a run at first; a run that needs more is made once more."""
+"""Room for events and steps at first, per run; if all runs together need more, they are made once more."""
 _JOB_COUNTS = (
     "model", "runs", "p", "durations", "times", "starts", "samples", "partials", "status", "events", "event_partials",
     "end_partials", "max_events", "n", "seed_starts", "seed_columns", "seed_weights", "dense", "max_dense",
@@ -190,19 +190,18 @@ class Core:
         IntegrationError
             If there is not enough memory.
         """
-        most_events, most_steps = FIRST_EVENTS, FIRST_DENSE if dense else 0
+        events, steps = FIRST_EVENTS * len(p), FIRST_DENSE * len(p) if dense else 0
         while True:
-            runs, events, steps = self._carried_out(model, p, durations, times, starts, rtol, seeds, most_events, most_steps)
-            if events <= most_events and steps <= most_steps:
+            runs, needed = self._carried_out(model, p, durations, times, starts, rtol, seeds, events, steps)
+            if needed[0] <= events and (needed[1] <= steps or not dense):
                 return runs
-            # Once more, with room for what had none
-            most_events, most_steps = max(events, most_events), max(steps, most_steps)
+            events, steps = max(needed[0], events), max(needed[1], steps) if dense else 0
 
     def _carried_out(
         self, model: TracedModel, p: Array, durations: Array, times: Array, starts: NDArray[np.int32], rtol: float,
         seeds: Array | None, most_events: int, most_steps: int,
-    ) -> tuple[Runs, int, int]:  # fmt: skip
-        """Return the runs, and the largest numbers of events and steps of a run, for which there may have been no room."""
+    ) -> tuple[Runs, tuple[int, int]]:  # fmt: skip
+        """Return the runs, and how many events and steps they have, for which there may have been no room."""
         loaded = self._loaded(model)  # before any room of this call, which is given back
         r, m, columns = len(p), len(times), 0 if seeds is None else seeds.shape[1]
         n = (columns + 3) & ~3
@@ -210,8 +209,8 @@ class Core:
         if seeds is not None:
             inputs |= _seed_arrays(seeds)
         outputs = {
-            "samples": (m, NY), "partials": (m, NY, n), "events": (r, most_events, EVENT_COLUMNS),
-            "event_partials": (r, most_events, n), "end_partials": (r, NY, n), "dense": (r, most_steps, DENSE_COLUMNS),
+            "samples": (m, NY), "partials": (m, NY, n), "events": (most_events, EVENT_COLUMNS),
+            "event_partials": (most_events, n), "end_partials": (r, NY, n), "dense": (most_steps, DENSE_COLUMNS),
             "status": (r, 2),
         }  # fmt: skip
         sizes = {name: array.nbytes for name, array in inputs.items()}
@@ -244,19 +243,19 @@ class Core:
 
             status = memory[at["status"] : at["status"] + sizes["status"]].view(np.int32).reshape(r, 4)
             failures, event_counts, counts, step_counts = status.T.copy()
-            is_event = np.arange(most_events) < event_counts[:, None]
+            events, steps = int(event_counts.sum()), int(step_counts.sum())
             found = Runs(
                 samples=result("samples").copy(),
                 counts=counts,
                 failures=failures,
                 event_counts=event_counts,
-                events=result("events")[is_event],
-                dense=result("dense")[np.arange(most_steps) < step_counts[:, None]],
+                events=result("events")[:events].copy(),
+                dense=result("dense")[:steps].copy(),
                 partials=result("partials")[:, :, :columns].copy(),
-                event_partials=result("event_partials")[is_event, :columns],
+                event_partials=result("event_partials")[:events, :columns].copy(),
                 end_partials=result("end_partials")[:, :, :columns].copy(),
             )
-            return found, int(event_counts.max()), int(step_counts.max()) if most_steps else 0
+            return found, (events, steps)
         finally:
             self._release_room(block)
 
