@@ -196,17 +196,13 @@ static double root(int k, double a, double b, double fa, double fb) {
   return newest;
 }
 
-static double bottom_of(double l, double q, double r) { // of the parabola through three checks
-  const double bend = l - 2 * q + r;
-  return bend > 0 ? q - (l - r) * (l - r) / (8 * bend) : q;
-}
-
 // Where event function k falls through zero between two checks, by a dip below zero: parabola through three of them, then
 // golden section. Returns whether it does; then [*a, *b] encloses the fall
 static int dips(int k, const double *g, double *a, double *b, double *fa, double *fb, int c) {
   const double l = g[0], q = g[MAX_EVENT_FUNCTIONS], r = g[2 * MAX_EVENT_FUNCTIONS], largest = l > r ? l : r;
   if (!(q < l && q <= r)) return 0;
-  if (bottom_of(l, q, r) > 0.05 * largest) return 0;
+  const double bend = l - 2 * q + r, bottom = bend > 0 ? q - (l - r) * (l - r) / (8 * bend) : q;
+  if (bottom > 0.05 * largest) return 0;
   const double golden = 0.3819660112501051;
   double low = (c - 1.0) / (CHECKS - 1), high = (c + 1.0) / (CHECKS - 1);
   *a = low, *fa = l;
@@ -221,25 +217,19 @@ static int dips(int k, const double *g, double *a, double *b, double *fa, double
 
 static double G[CHECKS][MAX_EVENT_FUNCTIONS];
 
-// Whether an event function may fall through zero in the step, by a cubic through both ends of it: most steps are far from any
-// event, and need no dense output, which costs a quarter of a step. `first_event` then decides by that
+// Whether an event function may fall through zero in the step: by the middle of a cubic through its ends, and a parabola through
+// the three values. Most steps are far from any event and need no dense output, which costs a quarter of a step
 static int may_end(void) {
-  double z[MAX_VARIABLES];
-  for (int c = 1; c < CHECKS; c++) {
-    const double x = (double)c / (CHECKS - 1), r = 1 - x;
-    for (int i = 0; i < nz; i++) {
-      const double change = ZN[i] - Z[i];
-      z[i] = Z[i] + x * (change + r * (step * K[0][i] - change + x * (2 * change - step * (K[12][i] + K[0][i]))));
-    }
-    CALL(mode->event_values)(t + x * step, c < CHECKS - 1 ? z : ZN, signs, p, G[c]);
-  }
+  double z[MAX_VARIABLES], middle[MAX_EVENT_FUNCTIONS];
+  for (int i = 0; i < nz; i++) z[i] = 0.5 * (Z[i] + ZN[i]) + 0.125 * step * (K[0][i] - K[12][i]);
+  CALL(mode->event_values)(t + 0.5 * step, z, signs, p, middle);
+  CALL(mode->event_values)(t + step, ZN, signs, p, G[CHECKS - 1]);
   for (int k = 0; k < mode->events; k++) {
-    for (int c = 1; c < CHECKS; c++)
-      if (G[c - 1][k] > 0 && G[c][k] <= 0) return 1;
-    for (int c = 1; c + 1 < CHECKS && !first_step && G[0][k] > 0; c++) {
-      const double l = G[c - 1][k], q = G[c][k], r = G[c + 1][k];
-      if (q < l && q <= r && bottom_of(l, q, r) <= 0.1 * (l > r ? l : r)) return 1;
-    }
+    const double l = G[0][k], q = middle[k], r = G[CHECKS - 1][k];
+    if ((l > 0 && q <= 0) || ((l > 0 || q > 0) && r <= 0)) return 1;
+    const double fall = 3 * l + r - 4 * q, bend = 2 * (l - 2 * q + r), x = fall / (2 * bend); // l - fall x + bend x^2
+    const double bottom = bend > 0 && x > 0 && x < 1 ? l - 0.5 * fall * x : q;
+    if (!first_step && l > 0 && bottom <= 0.2 * (l > r ? l : r)) return 1;
   }
   return 0;
 }
