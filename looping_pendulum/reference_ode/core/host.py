@@ -216,7 +216,8 @@ class Core:
         sizes = {name: array.nbytes for name, array in inputs.items()}
         sizes |= {name: 8 * int(np.prod(shape)) for name, shape in outputs.items()} | {"job": 8 + 4 * len(_JOB_COUNTS) + 4}
         places = dict(zip(sizes, np.cumsum([0, *((size + 15) & ~15 for size in sizes.values())]).tolist(), strict=False))
-        block = self._room(sum((size + 15) & ~15 for size in sizes.values()))
+        bytes_needed = sum((size + 15) & ~15 for size in sizes.values())
+        block = self._room(bytes_needed) if bytes_needed < 2**32 else 0  # a larger number would wrap around
         if not block:
             raise IntegrationError(
                 "runs: found no memory for their results; ask for fewer samples, derivatives or runs at once"

@@ -1,0 +1,101 @@
+"""What cannot be carried out ends in one sentence that says so, and leaves the driver fit for the next run."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from looping_pendulum.errors import IntegrationError
+from looping_pendulum.reference_ode.batch import ENDS, solve_batch
+from looping_pendulum.reference_ode.core.host import this_threads_core, traced
+from looping_pendulum.reference_ode.effects.own import OwnEffect
+from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.reference_ode.solve import solve_at
+from tests.apparatus import TEN_TO_ONE
+
+T = np.linspace(0.0, 1.0, 20)
+ENDLESS = "k * sin(1000000000 * time)"
+
+
+@pytest.fixture(autouse=True)
+def _the_driver_is_fit_afterwards():
+    before = solve_at(TEN_TO_ONE, T)
+    yield
+    assert np.array_equal(np.array(solve_at(TEN_TO_ONE, T).state), np.array(before.state))
+
+
+def pulled_by(formula: str) -> Parameters:
+    """Return an apparatus with a force on the light mass along its string."""
+    own = OwnEffect(name="k", unit="N", bounds=(-1.0, 1.0), force=(("light_along_string", formula),))
+    return Parameters(**{**TEN_TO_ONE.as_dict(), "own_effects": (own,)}).replace(k=0.01)
+
+
+@pytest.mark.parametrize(
+    ("formula", "fault"),
+    [
+        ("k / (time - 0.1)", "the integration broke down, at t = 0.1 s, "),  # it divides by zero during the run
+        ("k / (wrap_angle - 3)", r"the integration broke down, at t = 0\.\d+ s, .* wrap_angle 3, "),
+        ("k * exp(1000 * free_length)", "the integration broke down"),  # beyond the largest double
+        (ENDLESS, "more than 200000 steps in one mode, at t = "),
+    ],
+)
+def test_a_formula_that_cannot_be_integrated_says_where(formula, fault):
+    parameters = pulled_by(formula)
+    with pytest.raises(IntegrationError, match=fault) as error:
+        solve_at(parameters, T)
+    assert str(error.value).endswith("; check the parameters")
+    # Among other runs it alone fails
+    weak_and_absent = solve_batch(parameters, {"k": np.array([0.01, 0.0])}, duration=0.5)
+    assert [ENDS[end] == "failed" for end in weak_and_absent.end] == [True, False]
+
+
+@pytest.mark.parametrize("samples", [38_300_000, 60_000_000])
+def test_results_for_which_there_is_no_memory_are_refused(samples):
+    """A sample with its time takes 112 B, and memory ends at 4.295e9 B: the second length would wrap around."""
+    model = traced(TEN_TO_ONE.release, TEN_TO_ONE.effects, False)
+    p = np.array([[getattr(TEN_TO_ONE.values(), name) for name in model.names]])
+    times = np.broadcast_to(0.5, (samples,))  # without memory of its own
+    with pytest.raises(IntegrationError, match="found no memory for their results; ask for fewer samples"):
+        this_threads_core().carry_out(model, p, np.ones(1), times, np.array([0, samples], dtype=np.int32), rtol=1e-9)
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="this system has no timer that interrupts")
+def test_an_endless_run_is_interrupted_within_a_fifth_of_a_second():
+    heard_after = []
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    parameters, handler = pulled_by(ENDLESS), signal.signal(signal.SIGALRM, interrupt)
+    try:
+        for _ in range(3):  # the least of three, as other programs may hold this one up
+            due = time.perf_counter() + 0.1
+            signal.setitimer(signal.ITIMER_REAL, 0.1)
+            with pytest.raises(KeyboardInterrupt):
+                solve_batch(parameters, {"k": np.full(50, 0.01)})
+            heard_after.append(time.perf_counter() - due)
+    finally:
+        signal.signal(signal.SIGALRM, handler)
+    assert min(heard_after) < 0.2
+
+
+def test_a_system_without_a_wheel_of_wasmtime_is_told_so(tmp_path):
+    """Where there is no wheel pip takes the one for any system, whose import fails with such an error."""
+    (tmp_path / "wasmtime").mkdir()
+    (tmp_path / "wasmtime" / "__init__.py").write_text('raise RuntimeError("unsupported architecture for wasmtime: riscv64")\n')
+    ended = subprocess.run(
+        [sys.executable, "-m", "looping_pendulum", "check", "atwood"],
+        env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ended.returncode == 2
+    assert ended.stderr == (
+        "error: wasmtime does not run on this system (unsupported architecture for wasmtime: riscv64); "
+        "it has wheels for Linux, macOS and Windows with a 64-bit Python: see docs/install.md\n"
+    )
