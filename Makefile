@@ -20,7 +20,7 @@ demo: $(VENV)/main ## run all engines on the 10:1 trial, and open the demonstrat
 
 # Three at once on two cores: many tests wait for a browser or for another process.
 PYTEST = $(BIN)/python $(if $(BACKEND),-m tests.backends $(BACKEND)) -m pytest -n 3 --dist worksteal --durations=40
-test: $(VENV)/test ## run the quick tests (five minutes); BACKEND=scipy, old-processor, ...: as on another machine (`python -m tests.backends`)
+test: $(VENV)/test ## run the quick tests (five minutes); BACKEND=old-processor: as on such a machine (`python -m tests.backends`)
 	$(PYTEST) -m "not long and not accurate"
 
 long-tests: $(VENV)/test ## run the tests that are too long for `make test` (about a quarter of an hour)

@@ -15,22 +15,9 @@ BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-c
 LONGEST = "tests/test_tolerances.py"
 
 
-def pytest_configure(config):
-    config.addinivalue_line(
-        "markers", "fails_on(*backends, reason, raises): runs under these backends, to ensure that it does fail"
-    )
-
-
 def pytest_collection_modifyitems(items):
-    """Put the longest first, so that all processes end together, and expect failures that a backend is known for."""
+    """Put the longest first, so that all processes end together."""
     items.sort(key=lambda item: LONGEST not in item.nodeid)
-    for item in items:
-        for marker in item.iter_markers("fails_on"):
-            unknown = set(marker.args) - BACKENDS.keys()
-            if unknown or not marker.kwargs.get("reason"):
-                raise pytest.UsageError(f"{item.nodeid}: fails_on: found {marker}, needed names of backends and a reason")
-            if current() in marker.args:
-                item.add_marker(pytest.mark.xfail(strict=True, **marker.kwargs))
 
 
 def pytest_collection_finish():

@@ -9,7 +9,6 @@ import typer
 from typer.testing import CliRunner
 
 from looping_pendulum.cli.main import GROUPS, app
-from looping_pendulum.reference_ode.solve import available_integrators
 from looping_pendulum.teaching.example_folder import write_example
 from scripts.docs_math import on_page_markdown
 from tests.docs_commands import PROJECT, Command, commands
@@ -120,7 +119,6 @@ def test_the_quick_commands_run_as_they_stand(tmp_path, monkeypatch):
 
 
 @pytest.mark.long
-@pytest.mark.skipif("heyoka" not in available_integrators(), reason="with SciPy `identify` takes many minutes")
 def test_every_command_runs_as_it_stands(tmp_path, monkeypatch):
     with_slow = {c.page for c in commands() if slow(c) and not elsewhere(c)}
     run_in_example_folder([c for c in commands() if c.page in with_slow and not elsewhere(c)], tmp_path, monkeypatch)

@@ -8,8 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from looping_pendulum.reference_ode.solve import available_integrators
-
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
 RUN = """
 import sys, nbformat
@@ -78,7 +76,6 @@ def test_scenario_and_tolerance(tmp_path):
 
 @needs_jupyter
 @pytest.mark.accurate
-@pytest.mark.skipif("heyoka" not in available_integrators(), reason="with SciPy this fit takes many minutes")
 def test_from_marks_to_the_missing_effect(tmp_path):
     outputs = executed(NOTEBOOKS[2], tmp_path)
     verdict, repaired = pages(outputs)

@@ -13,7 +13,7 @@ from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.effects.own import COORDINATES, DIRECTIONS
-from looping_pendulum.reference_ode.solve import available_integrators, solve
+from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import load_text
 from tests import page_package
 from tests.blind import Effects
@@ -24,7 +24,6 @@ from tests.docs_commands import PROJECT
 from tests.scenarios.test_errors import GOOD
 
 PAGE = PROJECT / "docs" / "write-an-effect.md"
-fits = pytest.mark.skipif("heyoka" not in available_integrators(), reason="these fits would take many minutes with SciPy")
 
 
 def blocks(language):
@@ -38,7 +37,6 @@ def blind_study(folder, case, extra=""):
 
 
 @pytest.mark.long
-@fits
 @pytest.mark.parametrize(
     "library",
     [
@@ -155,7 +153,6 @@ print(json.dumps([effect.name, effect.value, effect.error, effect.companions, re
 """
 
 
-@fits
 @pytest.mark.accurate
 def test_the_package_is_identified(package, tmp_path):
     """Oracle: the thrust of the separate simulator. Two processes, of which each loads the package."""

@@ -196,7 +196,7 @@ def _identify(
     fits += [(b, a, 0, True) for b, a in zip(before.held_out.fits, after.held_out.fits, strict=True)]
     outliers, errors, noise = _outliers(fits), _errors(fits, (before, after)), _correlated_noise(after)
     visible = found.search.smallest_visible(after.explanation)
-    packages = ("numpy", "scipy", "heyoka", *sorted({e.package for e in EFFECTS.values() if e.package}))
+    packages = ("numpy", "scipy", "wasmtime", *sorted({e.package for e in EFFECTS.values() if e.package}))
     versions = {package: installed_version(package) for package in packages}
     return Identification(
         study=study.name,

@@ -32,13 +32,13 @@ from looping_pendulum.versions import installed_version
 TOLERANCES = {Profile.QUICK: 1e-9, Profile.ACCURATE: 1e-12}
 """Relative tolerance of an integration step, by profile."""
 
-PACKAGES = ("heyoka", "numpy", "scipy")
+PACKAGES = ("numpy", "wasmtime")
 """Packages that its results depend on."""
 
 SUPPLIES = Supplies(
     winding=Supply(by=Supplier.ENGINE, how="wrap angle is a coordinate"),
     friction_law=Supply(by=Supplier.ENGINE, how="capstan law, T2 = T1 exp(-sign(v2) mu theta)"),
-    stick_slip=Supply(by=Supplier.ENGINE, how="modes and events, located to the integrator's tolerance"),
+    stick_slip=Supply(by=Supplier.ENGINE, how="modes and events, located to rounding on the solution of a step"),
     drag=Supply(by=Supplier.ENGINE, how="the effects' forces in the equations of motion"),
 )
 
@@ -68,7 +68,7 @@ class ReferenceEngine:
             releases=frozenset(Release),
             effect_kinds=frozenset(EffectKind),
             supplies=SUPPLIES,
-            packages=(),
+            packages=("wasmtime",),
             summary="the exact hybrid model (stick, slip, slack)",
         )
 

@@ -43,7 +43,6 @@ WHERE_IT_INSTALLS = {
     "rapier3d": "Linux, Macs with an ARM processor, and Windows on x86-64",
     "exudyn": "all systems but Windows on ARM",
     "newton": "all systems but Macs with an Intel processor, and Linux on ARM with a glibc before 2.34",
-    "heyoka": "Linux only; SciPy replaces it everywhere else",
     "mujoco": "all systems but Macs with an Intel processor",
     "pybullet": "Linux on x86-64 with Python 3.11 only; elsewhere pip compiles it for many minutes, which needs a C++ compiler",
 }

@@ -1,4 +1,4 @@
-"""Run Python under a backend: `python -m tests.backends scipy -m pytest tests/compare`."""
+"""Run Python under a backend: `python -m tests.backends old-processor -m pytest tests/compare`."""
 
 import os
 import sys

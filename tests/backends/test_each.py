@@ -16,28 +16,18 @@ CHECKED = (
     "tests/engines/test_tension.py::test_a_string_that_does_not_slide_is_no_measurement",
     "tests/engines/test_tension.py::test_what_rounding_or_creep_moves_a_stuck_string_is_no_slide",
 )
-pytestmark = pytest.mark.skipif(current() != DEFAULT, reason="this run itself is under one backend")
-
-
-def run_checks(name, *options):
-    """Run `CHECKED` in one process: what a backend is can only be set before a process starts."""
-    without = [option for name in ("hypothesispytest", "zarr", "cacheprovider") for option in ("-p", f"no:{name}")]
-    command = [sys.executable, "-m", "pytest", "-q", *without, *options, *CHECKED]
-    inherited = {variable: value for variable, value in environment(name).items() if not variable.startswith("PYTEST_")}
-    done = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, timeout=1800, env=inherited)
-    assert done.returncode == 0, done.stdout + done.stderr
-    counts = {what: int(number) for number, what in re.findall(r"(\d+) (passed|skipped|xfailed)", done.stdout)}
-    assert "skipped" not in counts, done.stdout  # a check that is left out checks nothing
-    assert counts["passed"] >= 10
 
 
 @pytest.mark.long
+@pytest.mark.skipif(current() != DEFAULT, reason="this run itself is under one backend")
 @pytest.mark.parametrize("name", [name for name in BACKENDS if name != DEFAULT])
 def test_no_decision_depends_on(name):
-    run_checks(name)
-
-
-@pytest.mark.accurate
-@pytest.mark.parametrize("name", [name for name in BACKENDS if name != DEFAULT])
-def test_no_decision_depends_on_batches_included(name):
-    run_checks(name, "-m", "accurate or not accurate")
+    """Run `CHECKED` in one process: what a backend is can only be set before a process starts."""
+    without = [option for name in ("hypothesispytest", "zarr", "cacheprovider") for option in ("-p", f"no:{name}")]
+    command = [sys.executable, "-m", "pytest", "-q", *without, "-m", "long or not long", *CHECKED]
+    inherited = {variable: value for variable, value in environment(name).items() if not variable.startswith("PYTEST_")}
+    done = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, timeout=1800, env=inherited)
+    assert done.returncode == 0, done.stdout + done.stderr
+    counts = {what: int(number) for number, what in re.findall(r"(\d+) (passed|skipped)", done.stdout)}
+    assert "skipped" not in counts, done.stdout  # a check that is left out checks nothing
+    assert counts["passed"] >= 10

@@ -8,7 +8,6 @@ from looping_pendulum.discrepancy.evidence.prior import body_of
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.measured.study_io import load, load_text
-from looping_pendulum.reference_ode.solve import available_integrators
 from looping_pendulum.teaching.example_folder import write_example
 from scripts.make_example_trials import HIDDEN
 from tests.blind.cases import CASES
@@ -62,7 +61,6 @@ def test_what_the_camera_does_is_named_with_its_value(tmp_path, case, seed):
 
 
 @pytest.mark.accurate  # half a minute
-@pytest.mark.skipif("heyoka" not in available_integrators(), reason="these fits would take many minutes with SciPy")
 def test_a_force_that_the_fitted_parameters_hide_is_found_where_the_declared_model_passes(tmp_path):
     """Oracle: a thrust of 16 mm in the separate simulator; that nothing was missing had been the verdict.
 
@@ -80,7 +78,6 @@ BRAKE = BlindStudy(
 
 
 @pytest.mark.accurate  # half a minute
-@pytest.mark.skipif("heyoka" not in available_integrators(), reason="these fits would take many minutes with SciPy")
 def test_a_brake_at_a_height_is_no_drag_of_the_heavy_mass(tmp_path):
     """Oracle: the separate simulator; a linear drag of the heavy mass passed every test and was named alone."""
     result = identify(load(write_files(BRAKE, tmp_path)))
@@ -89,7 +86,6 @@ def test_a_brake_at_a_height_is_no_drag_of_the_heavy_mass(tmp_path):
 
 
 @pytest.mark.accurate  # half a minute
-@pytest.mark.skipif("heyoka" not in available_integrators(), reason="these fits would take many minutes with SciPy")
 def test_a_listed_effect_that_the_fitted_parameters_hide_is_named(tmp_path):
     """Oracle: a rod that yields, in one training trial of the separate simulator; only an unlisted force was named."""
     result = identify(load(write_files(draw("rates", "single", 35, 3)[34], tmp_path)))
@@ -97,7 +93,6 @@ def test_a_listed_effect_that_the_fitted_parameters_hide_is_named(tmp_path):
 
 
 @pytest.mark.accurate  # seconds
-@pytest.mark.skipif("heyoka" not in available_integrators(), reason="these fits would take many minutes with SciPy")
 @pytest.mark.parametrize(("seed", "index"), [(8, 14), (10, 231)], ids=["on a bound", "short of it"])
 def test_an_effect_that_saturates_is_named(tmp_path, seed, index):
     """Oracle: a rod that turns in the separate simulator; the first refit ends where larger mobilities do the same."""
@@ -106,7 +101,6 @@ def test_an_effect_that_saturates_is_named(tmp_path, seed, index):
 
 
 @pytest.mark.accurate  # half a minute
-@pytest.mark.skipif("heyoka" not in available_integrators(), reason="these fits would take many minutes with SciPy")
 def test_two_listed_effects_of_which_one_is_weak_are_named(tmp_path):
     """Oracle: the example's trials, whose string drag this study does not declare, either; only a force was named.
 
@@ -131,7 +125,6 @@ def test_two_listed_effects_of_which_one_is_weak_are_named(tmp_path):
 
 
 @pytest.mark.accurate  # half a minute each
-@pytest.mark.skipif("heyoka" not in available_integrators(), reason="these fits would take many minutes with SciPy")
 @pytest.mark.parametrize("index", [0, 1], ids=["magnet", "thrust"])
 def test_two_listed_effects_do_not_stand_for_an_unlisted_force(tmp_path, index):
     """Oracle: the magnet and the thrust of the separate simulator, which pairs of listed effects explain to their noise."""

@@ -25,7 +25,6 @@ from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.batch import compiled_alone, supports
 from looping_pendulum.reference_ode.effects import COEFFICIENTS
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-from looping_pendulum.reference_ode.solve import available_integrators
 from looping_pendulum.scenarios import loader
 from tests.apparatus import TEN_TO_ONE
 from tests.blind.cases import CASES
@@ -121,11 +120,6 @@ def test_only_what_a_table_covers_is_sampled_at_first():
 
 
 # ---- many predictions at once are those of single runs: of candidates, cameras, clocks, several trials, impossible values
-
-
-pytestmark = pytest.mark.skipif(
-    "heyoka" not in available_integrators(), reason="without heyoka every prediction is a single run"
-)
 
 
 @pytest.fixture(scope="module")

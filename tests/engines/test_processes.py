@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 SCENARIO = Scenario(name="s", title="", description="", parameters=TEN_TO_ONE, duration=0.05)
 COMMAND = str(Path(sys.executable).with_name("looping-pendulum"))
 PLANTED = (
-    "mujoco", "pymunk", "pickle", "numpy", "scipy", "heyoka", "json", "random", "socket", "tempfile", "threading", "typing",
+    "mujoco", "pymunk", "pickle", "numpy", "scipy", "wasmtime", "json", "random", "socket", "tempfile", "threading", "typing",
     "multiprocessing", "yaml", "typer", "matplotlib", "xarray", "zarr", "dataclasses", "signal", "looping_pendulum",
 )  # fmt: skip
 """Modules that one road or another imports: engines, libraries, the standard library, this package."""

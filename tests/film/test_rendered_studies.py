@@ -12,14 +12,10 @@ import pytest
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.measured.study_io import load
-from looping_pendulum.reference_ode.solve import available_integrators
 from tests.blind import Effects
 from tests.film.renderer import Scene, bent_by_a_lens, looping_motion, render, seen_from_above, seen_from_aside
 
-pytestmark = [
-    pytest.mark.accurate,
-    pytest.mark.skipif("heyoka" not in available_integrators(), reason="these fits would take hours with SciPy"),
-]
+pytestmark = pytest.mark.accurate
 PLAIN = Scene(before=0.1, duration=0.75)
 READOUT = 3.5e-3
 """From the first row to the last [s], as of a phone."""
