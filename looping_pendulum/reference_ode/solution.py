@@ -238,5 +238,5 @@ def samples_at(run: Run, rows: Array, t: Array, state: State, side: Literal["lef
     A sample at the very time of an event belongs to the motion before it (``side`` "left") or after it ("right").
     """
     # The mode after the last event, ENDED, has no equations
-    event = np.clip(np.searchsorted(rows[:, 2], t, side=side) - 1, 0, max(len(rows) - 2, 0))
+    event = np.maximum(np.minimum(np.searchsorted(rows[:, 2], t, side=side), len(rows) - 1) - 1, 0)
     return Samples(run=run, t=t, state=state, mode=rows[event, 1].astype(np.int8), signs=Signs(*rows[event, _FIRST_SIGN:].T))

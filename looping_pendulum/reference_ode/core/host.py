@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import atexit
 import ctypes
+import math
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib.resources import files
+from itertools import accumulate
 from types import ModuleType
 from typing import Any
 
@@ -214,17 +216,16 @@ class Core:
             "status": (r, 2),
         }  # fmt: skip
         sizes = {name: array.nbytes for name, array in inputs.items()}
-        sizes |= {name: 8 * int(np.prod(shape)) for name, shape in outputs.items()} | {"job": 8 + 4 * len(_JOB_COUNTS) + 4}
-        places = dict(zip(sizes, np.cumsum([0, *((size + 15) & ~15 for size in sizes.values())]).tolist(), strict=False))
-        bytes_needed = sum((size + 15) & ~15 for size in sizes.values())
-        block = self._room(bytes_needed) if bytes_needed < 2**32 else 0  # a larger number would wrap around
+        sizes |= {name: 8 * math.prod(shape) for name, shape in outputs.items()} | {"job": 8 + 4 * len(_JOB_COUNTS) + 4}
+        rooms = [(size + 15) & ~15 for size in sizes.values()]
+        needed = sum(rooms)
+        block = self._room(needed) & 0xFFFFFFFF if needed < 2**32 else 0  # a larger number would wrap around
         if not block:
             raise IntegrationError(
                 "runs: found no memory for their results; ask for fewer samples, derivatives or runs at once"
             )
-        block &= 0xFFFFFFFF
         try:
-            at = {name: block + place for name, place in places.items()}
+            at = dict(zip(sizes, accumulate(rooms, initial=block), strict=False))
             memory = self._view()
             for name, array in inputs.items():
                 memory[at[name] : at[name] + array.nbytes] = np.ascontiguousarray(array).view(np.uint8).ravel()
