@@ -1,16 +1,11 @@
 /** The driver and its models in WebAssembly: a twin of `reference_ode/core/host.py`, under which a run has the same bits. */
 
-/** Fields of `Job` in driver.c after the relative tolerance: counts, and addresses of what is read and written. */
-const JOB = [
-  "model", "runs", "p", "durations", "times", "starts", "samples", "partials", "status", "events", "event_partials", "end_partials",
-  "max_events", "n", "seed_starts", "seed_columns", "seed_weights", "dense", "max_dense",
-];
-const FUNCTIONS = ["exp", "log", "sin", "cos", "tanh"];
+import { IMPORTED, JOB_FIELDS } from "./model.js";
+
 /** Place of the number of doubles that a Jacobian needs in the table of a model. */
 const VALUES = 4;
 /** Steps of one call: all of a run's. */
 const ALL_STEPS = 2 ** 30;
-
 /** Numbers that fit where one function of a model reads and writes. */
 const SCRATCH = 512;
 
@@ -47,7 +42,7 @@ export class Core {
   async place({ functions, count }) {
     const { memory } = this.driver;
     const first = this.table.grow(count);
-    const imported = Object.fromEntries(FUNCTIONS.map((name) => [name, this.driver[`w_${name}`]]));
+    const imported = Object.fromEntries(IMPORTED.map((name) => [name, this.driver[`w_${name}`]]));
     await WebAssembly.instantiate(bytesOf(functions), { m: { ...imported, memory, table: this.table, first } });
     return first;
   }
@@ -61,7 +56,7 @@ export class Core {
 
   /** Address of so many bytes. @param {number} bytes */
   room(bytes) {
-    const address = this.driver.room(bytes);
+    const address = bytes < 2 ** 32 ? this.driver.room(bytes) >>> 0 : 0; // a larger number would wrap around
     if (!address) throw new Error("memory: found too little for a run, needed more; close other pages");
     return address;
   }
@@ -96,11 +91,11 @@ export class Core {
     return memory.subarray(out, out + count);
   }
 
-  /** Carry out a job. @param {number} rtol relative tolerance of a step @param {Record<string, number>} fields those of `JOB`
+  /** Carry out a job. @param {number} rtol relative tolerance of a step @param {Record<string, number>} fields those of `JOB_FIELDS`
    *   that are not 0 */
   carryOut(rtol, fields) {
-    const job = this.put(Float64Array, [rtol, ...JOB.map(() => 0)]);
-    new Int32Array(this.driver.memory.buffer, job + 8, JOB.length).set(JOB.map((name) => fields[name] ?? 0));
+    const job = this.put(Float64Array, [rtol, ...JOB_FIELDS.map(() => 0)]);
+    new Int32Array(this.driver.memory.buffer, job + 8, JOB_FIELDS.length).set(JOB_FIELDS.map((name) => fields[name] ?? 0));
     this.driver.begin(job);
     this.driver.advance(ALL_STEPS);
   }

@@ -25,10 +25,9 @@ from looping_pendulum.live.models import (
 )
 from looping_pendulum.measured.camera import CAMERA
 from looping_pendulum.reference_ode import solve
-from looping_pendulum.reference_ode.core import wasm
+from looping_pendulum.reference_ode.core import host, wasm
 from looping_pendulum.reference_ode.core.trace import EVENTS
 from looping_pendulum.reference_ode.parameters import NUMBERS, Parameters, Release, effect_tables
-from looping_pendulum.reference_ode.state import Signs, State
 from looping_pendulum.reference_ode.transitions import END_EVENTS, PHASE_EVENTS, Event, Mode
 from looping_pendulum.scenarios.quantities import QUANTITIES
 from looping_pendulum.scenarios.units import factor, pretty
@@ -46,6 +45,7 @@ def model_source() -> str:
     lines = [
         "// Written by `python -m looping_pendulum.live.generate` from reference_ode and scenarios.quantities: change them.",
         *_constants(),
+        *_layouts(),
         *_settings(),
         *_quantities(),
         *_models(),
@@ -61,15 +61,14 @@ def _exported(name: str, value: Any, meaning: str, kind: str = "") -> str:
 
 def _constants() -> Iterator[str]:
     yield _exported("TOLERANCE", solve.TOLERANCE, "Default relative tolerance of a step.")
+    yield _exported("LEAST_TOLERANCE", solve.LEAST_TOLERANCE, "Smallest relative tolerance of a step.")
     yield _exported("DURATION", solve.DURATION, "Default limit on the simulated time [s].")
-    yield _exported("STATE_SIZE", len(State._fields), "Entries of the state.")
-    yield _exported("SIGNS_SIZE", len(Signs._fields), "Piecewise constants that keep the equations analytic.")
     names = {mode.value: mode.name.lower() for mode in Mode}
     yield _exported("MODE_NAMES", names, "Number of a mode -> its name.", "Record<number, string>")
     yield _exported("EVENTS", EVENTS, "Events; the driver names one by its place.")
     yield _exported("STICKING", Mode.STICKING.value, "A mode.")
     yield _exported("HOLDING_MODES", HOLDING_MODES, "Modes in which the rod's friction holds the tensions apart.")
-    for event in (Event.TIME_UP, Event.LIGHT_REACHES_ROD, Event.STOP):
+    for event in (Event.LIGHT_REACHES_ROD, Event.STOP):
         yield _exported(event.name, event, "An event of the run.")
     for name, meaning, kind in (
         ("PHASE_EVENTS", "Events that change a sign or a phase, not the mode.", PHASE_EVENTS),
@@ -77,6 +76,19 @@ def _constants() -> Iterator[str]:
     ):
         members = json.dumps([event for event in Event if event in kind])
         yield f"/** {meaning} */\nexport const {name} = new Set({members});"
+
+
+def _layouts() -> Iterator[str]:
+    """Yield what hosts of the driver must know beside the models."""
+    yield _exported("STATE_SIZE", host.NY, "Entries of the state.")
+    yield _exported("SIGNS_SIZE", host.NS, "Piecewise constants that keep the equations analytic.")
+    meaning = "Numbers of a row of events: its code; mode, time, state and signs just after it."
+    yield _exported("EVENT_COLUMNS", host.EVENT_COLUMNS, meaning)
+    meaning = "Numbers of a row of steps: start, length and mode; the terms of the polynomial, each for the whole state."
+    yield _exported("STEP_COLUMNS", host.DENSE_COLUMNS, meaning)
+    yield _exported("JOB_FIELDS", host.JOB_FIELDS, "Fields of `Job` in driver.c after the relative tolerance.")
+    yield _exported("FAILURES", host.FAILURES, "What went wrong, by its number.", "Record<number, string>")
+    yield _exported("IMPORTED", wasm.IMPORTED, "Functions that a model takes from the driver.")
 
 
 def _settings() -> Iterator[str]:

@@ -1,12 +1,10 @@
 // Written by `python -m looping_pendulum.live.generate` from reference_ode and scenarios.quantities: change them.
 /** Default relative tolerance of a step. */
 export const TOLERANCE = 1e-12;
+/** Smallest relative tolerance of a step. */
+export const LEAST_TOLERANCE = 1e-13;
 /** Default limit on the simulated time [s]. */
 export const DURATION = 5.0;
-/** Entries of the state. */
-export const STATE_SIZE = 13;
-/** Piecewise constants that keep the equations analytic. */
-export const SIGNS_SIZE = 7;
 /** Number of a mode -> its name.
  * @type {Record<number, string>} */
 export const MODE_NAMES = {"0": "sticking", "1": "sliding_down", "2": "sliding_up", "3": "slack", "4": "clamped", "5": "clamped_slack", "6": "falling", "7": "ended", "8": "rolling"};
@@ -17,8 +15,6 @@ export const STICKING = 0;
 /** Modes in which the rod's friction holds the tensions apart. */
 export const HOLDING_MODES = [0, 1, 2, 8];
 /** An event of the run. */
-export const TIME_UP = "time_up";
-/** An event of the run. */
 export const LIGHT_REACHES_ROD = "light_reaches_rod";
 /** An event of the run. */
 export const STOP = "stop";
@@ -26,6 +22,21 @@ export const STOP = "stop";
 export const PHASE_EVENTS = new Set(["slows", "across_reverses", "closes", "heavy_reverses", "first_turn", "rod_changes", "rod_slows"]);
 /** Events that end the run. */
 export const END_EVENTS = new Set(["light_reaches_rod", "heavy_reaches_rod", "unwrapped", "time_up"]);
+/** Entries of the state. */
+export const STATE_SIZE = 13;
+/** Piecewise constants that keep the equations analytic. */
+export const SIGNS_SIZE = 7;
+/** Numbers of a row of events: its code; mode, time, state and signs just after it. */
+export const EVENT_COLUMNS = 23;
+/** Numbers of a row of steps: start, length and mode; the terms of the polynomial, each for the whole state. */
+export const STEP_COLUMNS = 107;
+/** Fields of `Job` in driver.c after the relative tolerance. */
+export const JOB_FIELDS = ["model", "runs", "p", "durations", "times", "starts", "samples", "partials", "status", "events", "event_partials", "end_partials", "max_events", "n", "seed_starts", "seed_columns", "seed_weights", "dense", "max_dense"];
+/** What went wrong, by its number.
+ * @type {Record<number, string>} */
+export const FAILURES = {"1": "more than 200000 steps in one mode", "2": "the integration broke down", "3": "more than 4000 events within a second"};
+/** Functions that a model takes from the driver. */
+export const IMPORTED = ["exp", "log", "sin", "cos", "tanh"];
 /** Values of the settings that need not be given [SI]; `static_friction` then equals `kinetic_friction`.
  * @type {Record<string, number>} */
 export const DEFAULTS = {"hanging_length": 0.03, "light_radius": 0.0, "gravity": 9.81, "kinetic_friction": 0.0, "static_friction": 0.0, "light_drag": 0.0, "heavy_drag": 0.0, "string_drag": 0.0, "light_linear_drag": 0.0, "heavy_linear_drag": 0.0, "wind_speed": 0.0, "side_force": 0.0, "push_across": 0.0, "push_along": 0.0};

@@ -7,7 +7,10 @@ import {
   DRIVER,
   DURATION,
   EVENTS,
+  EVENT_COLUMNS,
+  FAILURES,
   HOLDING_MODES,
+  LEAST_TOLERANCE,
   LIGHT_REACHES_ROD,
   MODELS,
   MODE_NAMES,
@@ -17,27 +20,23 @@ import {
   REQUIREMENTS,
   SIGNS_SIZE,
   STATE_SIZE,
+  STEP_COLUMNS,
   STICKING,
   STOP,
-  TIME_UP,
   TOLERANCE,
 } from "./model.js";
 
 /** @typedef {{time: number, event: string | null, modeBefore: string, modeAfter: string}} RunEvent */
 /** @typedef {{release: string, p: Record<string, number>}} Settings with all that was left open */
 
-/** Codes of rows that are no event of a model, and numbers of a row: its code; mode, time, state and signs just after it. */
-const [RELEASED, DURATION_OVER] = [-1, -2];
-const EVENT_SIZE = 3 + STATE_SIZE + SIGNS_SIZE;
-/** Numbers of a step: its start, its length and its mode; then the terms of its polynomial, each for the whole state. */
+/** Code of the row of the release; all others are places in `EVENTS`. */
+const RELEASED = -1;
+/** Numbers of a step's row before its polynomial, and terms of that. */
 const [STEP_HEAD, TERMS] = [3, 8];
-const STEP_SIZE = STEP_HEAD + TERMS * STATE_SIZE;
 /** Rows for which there is room at first. */
 const [EVENT_ROOM, STEP_ROOM] = [128, 1024];
 /** Numbers that `quantities` of models.py gives. */
 const QUANTITIES = 18;
-/** Why a run has no end, by the number in its status. */
-const FAILURES = ["", "too many steps without an event", "the integration breaks down", "endless events"];
 
 /** @typedef {{core: Core, models: import("./core.js").LoadedModel[], requirements: number}} Machine */
 /** @type {Machine | null} */
@@ -68,7 +67,7 @@ function running() {
 export function simulate(settings, { duration = DURATION, tolerance = TOLERANCE } = {}) {
   const given = complete(settings);
   if (!(duration > 0)) throw new RangeError(`duration: found ${duration}, needed a number above 0`);
-  return new Run(given, carriedOut(given, duration, tolerance, EVENT_ROOM, STEP_ROOM));
+  return new Run(given, carriedOut(given, duration, Math.max(tolerance, LEAST_TOLERANCE), EVENT_ROOM, STEP_ROOM));
 }
 
 /**
@@ -118,7 +117,7 @@ function carriedOut({ release, p }, duration, tolerance, max_events, max_dense) 
   const place = RELEASES[release];
   const [failure, events, dense, rows] = core.withRoom(() => {
     const status = core.put(Int32Array, [0, 0, 0, 0]);
-    const [eventRows, denseRows] = [core.room(8 * EVENT_SIZE * max_events), core.room(8 * STEP_SIZE * max_dense)];
+    const [eventRows, denseRows] = [core.room(8 * EVENT_COLUMNS * max_events), core.room(8 * STEP_COLUMNS * max_dense)];
     core.carryOut(tolerance, {
       model: models[place].address,
       runs: 1,
@@ -133,12 +132,12 @@ function carriedOut({ release, p }, duration, tolerance, max_events, max_dense) 
     });
     const [failed, eventCount, , stepCount] = core.integers(status, 4);
     const copied = {
-      events: core.doubles(eventRows, EVENT_SIZE * Math.min(eventCount, max_events)).slice(),
-      steps: core.doubles(denseRows, STEP_SIZE * Math.min(stepCount, max_dense)).slice(),
+      events: core.doubles(eventRows, EVENT_COLUMNS * Math.min(eventCount, max_events)).slice(),
+      steps: core.doubles(denseRows, STEP_COLUMNS * Math.min(stepCount, max_dense)).slice(),
     };
     return [failed, eventCount, stepCount, copied];
   });
-  if (failure) throw new Error(`${FAILURES[failure]} after t = ${rows.events[rows.events.length - EVENT_SIZE + 2]} s`);
+  if (failure) throw new Error(`${FAILURES[failure]}, after t = ${rows.events[rows.events.length - EVENT_COLUMNS + 2]} s`);
   if (events > max_events || dense > max_dense) return carriedOut({ release, p }, duration, tolerance, events, dense);
   return rows;
 }
@@ -171,13 +170,15 @@ export class Run {
     this.steps = steps;
     // One array for all samples: to make one takes longer than all else of a sample
     this.state = new Float64Array(STATE_SIZE);
-    const rows = Array.from({ length: events.length / EVENT_SIZE }, (_, i) => events.subarray(i * EVENT_SIZE, (i + 1) * EVENT_SIZE));
+    const rows = Array.from({ length: events.length / EVENT_COLUMNS }, (_, i) => events.subarray(i * EVENT_COLUMNS, (i + 1) * EVENT_COLUMNS));
     this.signs = rows.map((row) => row.slice(-SIGNS_SIZE));
     /** All events in order, the release (`event` null) first and the end last. @type {RunEvent[]} */
-    this.events = rows.map(([code, mode, time], i) => {
-      const event = code === RELEASED ? null : code === DURATION_OVER ? TIME_UP : EVENTS[code];
-      return { time, event, modeBefore: MODE_NAMES[rows[Math.max(i - 1, 0)][1]], modeAfter: MODE_NAMES[mode] };
-    });
+    this.events = rows.map(([code, mode, time], i) => ({
+      time,
+      event: code === RELEASED ? null : EVENTS[code],
+      modeBefore: MODE_NAMES[rows[Math.max(i - 1, 0)][1]],
+      modeAfter: MODE_NAMES[mode],
+    }));
     /** [J] @type {number} */
     this.energyAtRelease = 0;
     const { kinetic, potential } = this.sample(0).energies;
@@ -213,7 +214,7 @@ export class Run {
     if (!(t >= 0 && t <= this.endTime)) throw new RangeError(`t: found ${t}, needed from 0 to ${this.endTime} s`);
     const { core, models } = running();
     const { steps, events, model } = this;
-    const step = STEP_SIZE * lastStarted(steps.length / STEP_SIZE, (i) => steps[i * STEP_SIZE], t);
+    const step = STEP_COLUMNS * lastStarted(steps.length / STEP_COLUMNS, (i) => steps[i * STEP_COLUMNS], t);
     const mode = steps[step + 2];
     const event = lastStarted(events.length, (i) => events[i].time, steps[step]);
     const place = models[model].first + MODELS[model].quantities[mode];

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from looping_pendulum.errors import IntegrationError
-from looping_pendulum.reference_ode.core.host import Runs, failure_text, this_threads_core, traced
+from looping_pendulum.reference_ode.core.host import FAILURES, Runs, this_threads_core, traced
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import HasParameters, Parameters, parameters_of
 from looping_pendulum.reference_ode.solution import Run, Samples, Solution, events_of, samples_at
@@ -89,4 +89,4 @@ def refuse_failure(runs: Runs) -> None:
         _, mode, t, *y = runs.events[runs.event_counts[0] - 1].tolist()
         state = ", ".join(f"{name} {value:g}" for name, value in zip(State._fields, y, strict=False) if value)
         where = f"at t = {t:g} s, in mode {Mode(int(mode)).name.lower()}, with {state}"
-        raise IntegrationError(f"{failure_text(failure)}, {where}; check the parameters")
+        raise IntegrationError(f"{FAILURES[failure]}, {where}; check the parameters")

@@ -1,7 +1,6 @@
-"""Random apparatuses of the live page, and their runs by the reference and by the JavaScript."""
+"""Random apparatuses of the live page, and what its scripts are asked of them."""
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +8,6 @@ import numpy as np
 
 from looping_pendulum.live.write import live_settings
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-from looping_pendulum.reference_ode.solution import Solution
-from looping_pendulum.reference_ode.transitions import Event
 
 DURATION = 5.0
 FRACTIONS = np.linspace(0.0, 1.0, 101)
@@ -24,10 +21,6 @@ OF_FURTHER_EFFECTS = {
     "push_along": (-1.0, 1.0),
 }
 """Coefficient -> range; in every third apparatus each is there or not."""
-MAX_TIME_DIFFERENCE = 1e-8
-"""Of an event [s]; so much can heyoka itself be off where a speed returns to zero slowly (measured against 80-bit numbers)."""
-MAX_PATH_DIFFERENCE = 1e-7
-"""Of a position up to the end [m], as between heyoka and SciPy."""
 _RUN_CASE, _BITS_OF = (
     Path(__file__).with_name(name).read_text(encoding="utf-8").replace("export ", "")
     for name in ("run_case.mjs", "bits_of.mjs")
@@ -44,8 +37,6 @@ IN_PAGE = {
 """Module for Node -> the function of a page, in which the script is, that does the same."""
 RELEASES = (*Release, Release.LOOPING, Release.LOOPING)
 """Releases of successive threes; half of all are looping ones."""
-ROUNDING_SPEED = 1e-9
-"""Speed across the string below which a light mass hangs straight down [m/s]: measured at most 1e-13, and else above 1e-2."""
 
 
 def random_apparatus(rng: np.random.Generator, place: int) -> Parameters:
@@ -77,44 +68,3 @@ def random_apparatus(rng: np.random.Generator, place: int) -> Parameters:
 def case_of(p: Parameters, end_time: float) -> dict[str, Any]:
     """Return the case that the JavaScript is to run."""
     return {"settings": live_settings(p), "duration": DURATION, "times": (FRACTIONS * end_time).tolist()}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Comparison:
-    """How far a live run is from the reference."""
-
-    same_events: bool
-    time_difference: float
-    """Largest difference of an event's time [s]; infinite with other events."""
-    path_difference: float
-    """Largest distance between the positions of a mass at equal times [m]."""
-
-    @property
-    def agrees(self) -> bool:
-        """Whether the runs are the same within the bounds that the live page promises."""
-        return self.same_events and self.time_difference <= MAX_TIME_DIFFERENCE and self.path_difference <= MAX_PATH_DIFFERENCE
-
-
-def hangs_straight(reference: Solution) -> bool:
-    """Return whether the light mass moves only up and down; the sign of its speed across the string is then rounding."""
-    samples = reference.sample(FRACTIONS * reference.end_time)
-    return bool(np.max(np.abs(samples.state.across_speed)) < ROUNDING_SPEED)
-
-
-def compare(reference: Solution, live: dict[str, Any]) -> Comparison:
-    """Compare a live run with that of the reference; reversals of a mass that hangs straight down are left out."""
-    left_out = Event.ACROSS_REVERSES if hangs_straight(reference) else ""
-    expected = [(e.event, e.mode_after.name.lower(), e.time) for e in reference.events if e.event != left_out]
-    events = [(e["event"], e["modeAfter"], e["time"]) for e in live["events"] if e["event"] != left_out]
-    same = [e[:2] for e in expected] == [e[:2] for e in events]
-    times, live_times = (np.array([e[2] for e in several]) for several in (expected, events))
-    samples = reference.sample(FRACTIONS * reference.end_time)
-    gaps = [
-        np.hypot(*(np.array([s[name] for s in live["samples"]]) - position).T)
-        for name, position in (("light", samples.light_position), ("heavy", samples.heavy_position))
-    ]
-    return Comparison(
-        same_events=same,
-        time_difference=float(np.max(np.abs(times - live_times))) if same else math.inf,
-        path_difference=float(np.max(gaps)),
-    )

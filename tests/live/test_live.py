@@ -1,8 +1,7 @@
-"""The live model's runs, held to the reference: random apparatuses, the shipped scenarios, and runs just beside a graze."""
+"""The live model's runs have the bits of the reference's: random apparatuses of all kinds, and the shipped scenarios."""
 
 import base64
 import hashlib
-import math
 from functools import partial
 
 import numpy as np
@@ -13,99 +12,49 @@ from looping_pendulum.live.write import live_settings
 from looping_pendulum.reference_ode.cartesian import cartesian_force
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import solve
-from looping_pendulum.reference_ode.transitions import PHASE_EVENTS
 from looping_pendulum.scenarios import load, shipped
-from tests.apparatus import SENSITIVE, TEN_TO_ONE
-from tests.live.cases import DURATION, FRACTIONS, case_of, compare, hangs_straight, random_apparatus
+from tests.apparatus import TEN_TO_ONE, TWO_TO_ONE
+from tests.live.cases import DURATION, FRACTIONS, case_of, random_apparatus
 from tests.reference_ode.core import bits
 
 SEED = 20261201
-DAILY, ALL = 40, 500
-GRAZING_CHANGE = 1e-9
-"""Relative change of the free length within which a reference that grazes an event changes its own sequence."""
+RANDOM = 200
+"""Number of random apparatuses."""
 
 solved = partial(solve, duration=DURATION)
 
 
-def runs_of(engine, apparatuses):
-    """Return the runs of the reference and of the live model."""
-    references = [solved(p) for p in apparatuses]
-    return references, engine([case_of(p, r.end_time) for p, r in zip(apparatuses, references, strict=True)])
+def events_of(run):
+    """Return the events of a run of the reference, as the page has them."""
+    modes = [(e.mode_before.name.lower(), e.mode_after.name.lower()) for e in run.events]
+    return [
+        {"time": e.time, "event": e.event, "modeBefore": before, "modeAfter": after}
+        for e, (before, after) in zip(run.events, modes, strict=True)
+    ]
 
 
-def grazes(p):
-    """Return whether the reference's own sequence changes with the free length, within `GRAZING_CHANGE`."""
-    beside = [p.replace(free_length=p.free_length * factor) for factor in (1 - GRAZING_CHANGE, 1 + GRAZING_CHANGE)]
-    return len({solved(q).modes for q in (p, *beside)}) > 1
-
-
-def hold_to_reference(engine, count):
-    """Hold random apparatuses to the reference, but for those that graze; return how many graze and which modes there were."""
+def test_runs_have_the_bits_of_the_reference(node):
+    # The page's model has all its effects, the reference's those that act: the others must add exactly 0
     rng = np.random.default_rng(SEED)
-    apparatuses = [random_apparatus(rng, place) for place in range(count)]
-    references, live = runs_of(engine, apparatuses)
-    comparisons = [compare(*pair) for pair in zip(references, live, strict=True)]
-    differing = [i for i, comparison in enumerate(comparisons) if not comparison.agrees]
-    grazing = [i for i in differing if grazes(apparatuses[i])]
-    wrong = {i: (apparatuses[i].release, comparisons[i]) for i in differing if i not in grazing}
-    assert not wrong
-    return grazing, references, comparisons
-
-
-def test_random_apparatuses_run_as_the_reference_does(node):
-    grazing, references, _ = hold_to_reference(partial(node, "run_cases.mjs"), DAILY)
-    assert not grazing
+    apparatuses = [*(load(name).parameters for name in shipped()), *(random_apparatus(rng, i) for i in range(RANDOM))]
+    references = [solved(p) for p in apparatuses]
+    runs = node("run_cases.mjs", [case_of(p, r.end_time) for p, r in zip(apparatuses, references, strict=True)])
+    for reference, run in zip(references, runs, strict=True):
+        assert run["events"] == events_of(reference)
+        assert (run["haltingTime"], run["stops"]) == (reference.halting_time, list(reference.stops))
+        state = reference.sample(FRACTIONS * reference.end_time).state
+        assert [sample["wrapAngle"] for sample in run["samples"]] == state.wrap_angle.tolist()
+        assert [sample["heavyVelocity"][1] for sample in run["samples"]] == state.heavy_speed.tolist()
     modes = {mode.name for run in references for mode in run.modes}
-    assert {"SLIDING_DOWN", "SLIDING_UP", "STICKING", "SLACK", "CLAMPED", "FALLING"} <= modes
-
-
-@pytest.mark.accurate
-@pytest.mark.parametrize("engine", ["node", "browser"])
-def test_all_random_apparatuses_run_as_the_reference_does(engine, request):
-    run = request.getfixturevalue(engine)
-    grazing, references, comparisons = hold_to_reference(partial(run, "run_cases.mjs"), ALL)
-    straight = sum(map(hangs_straight, references))
-    print(
-        f"\n{engine}: {ALL} apparatuses, {len(grazing)} graze, {straight} hang straight down; largest differences:",
-        f"{max(c.time_difference for c in comparisons):.1e} s, {max(c.path_difference for c in comparisons):.1e} m",
-    )
-    assert len(grazing) <= 0.01 * ALL  # measured: none of 4500
-
-
-def test_shipped_scenarios_run_as_the_reference_does(node):
-    apparatuses = [load(name).parameters for name in shipped()]
-    references, live = runs_of(partial(node, "run_cases.mjs"), apparatuses)
-    for reference, run in zip(references, live, strict=True):
-        assert compare(reference, run).agrees
-        assert run["haltingTime"] == (None if reference.halt is None else pytest.approx(reference.halting_time, abs=1e-8))
-        assert run["stops"] == pytest.approx(reference.stops, abs=1e-8)
-
-
-def test_beside_a_graze_the_run_is_that_of_one_of_its_sides(node):
-    # Bisection between a run that slips back and one that does not, down to neighbouring doubles
-    low, high = SENSITIVE.replace(release_angle=math.radians(60)), SENSITIVE.replace(release_angle=math.radians(100))
-    below, above = solved(low).modes, solved(high).modes
-    assert below != above
-    for _ in range(45):
-        middle = low.replace(release_angle=0.5 * (low.release_angle + high.release_angle))
-        low, high = (middle, high) if solved(middle).modes == below else (low, middle)
-    beside = [low.replace(release_angle=low.release_angle * (1 + step * 1e-15)) for step in range(-3, 4)]
-    allowed = {tuple(mode.name.lower() for mode in solved(p).modes) for p in (low, high)}
-    assert len(allowed) == 2
-    assert any(map(grazes, beside))
-    for run in node("run_cases.mjs", [case_of(p, 0.0) for p in beside]):
-        modes = [e["modeAfter"] for e in run["events"] if e["event"] not in PHASE_EVENTS]
-        assert tuple(modes) in allowed
+    assert modes >= {"SLIDING_DOWN", "SLIDING_UP", "STICKING", "SLACK", "CLAMPED", "CLAMPED_SLACK", "FALLING"}
 
 
 def test_samples_are_those_of_the_reference(node):
     further = {"light_linear_drag": 2e-3, "wind_speed": 1.0, "side_force": 0.01, "static_friction": 0.4}
     p = TEN_TO_ONE.replace(**further)
     reference = solved(p)
-    # At the end the light mass turns at 1500 rad/s, so that 1e-9 s there are 4e-6 m/s
-    until = 0.9 * reference.end_time
-    (run,) = node("run_cases.mjs", [case_of(p, until)])
-    samples = reference.sample(FRACTIONS * until)
+    (run,) = node("run_cases.mjs", [case_of(p, reference.end_time)])
+    samples = reference.sample(FRACTIONS * reference.end_time)
 
     def live(*names):
         values = run["samples"]
@@ -114,8 +63,8 @@ def test_samples_are_those_of_the_reference(node):
         return np.array(values)
 
     def close(values, expected, what=""):
-        # The paths differ by some 1e-9 m at up to 100 rad/s; a formula that differs shows at once
-        np.testing.assert_allclose(values, expected, rtol=0, atol=1e-6 * np.max(np.abs(expected)) + 1e-12, err_msg=what)
+        # Sums are rounded in another order, and NumPy's sines and logarithms by themselves
+        np.testing.assert_allclose(values, expected, rtol=0, atol=1e-13 * np.max(np.abs(expected)) + 1e-15, err_msg=what)
 
     for name, values in (
         ("lightVelocity", samples.light_velocity),
@@ -189,11 +138,11 @@ def test_settings_left_open_are_those_of_parameters(node):
     reference = solved(p)
     settings = given | {"release": "vertical", "kinetic_friction": 0.3}
     case = case_of(p, reference.end_time) | {"settings": settings}
-    assert compare(reference, node("run_cases.mjs", [case])[0]).agrees
+    assert node("run_cases.mjs", [case])[0]["events"] == events_of(reference)
 
 
 def test_a_page_runs_the_script_as_node_runs_the_modules(node, browser):
-    cases = [case_of(p, 1.0) for p in (TEN_TO_ONE, SENSITIVE)]
+    cases = [case_of(p, 1.0) for p in (TEN_TO_ONE, TWO_TO_ONE)]
     assert browser("run_cases.mjs", cases) == node("run_cases.mjs", cases)
 
 

@@ -41,11 +41,12 @@ MAX_MODELS = 100
 """Number of models after which a thread's store is made anew, as a store gives nothing back [10^5 B each]."""
 FIRST_EVENTS, FIRST_DENSE = 40, 400
 """Room for events and steps at first, per run; if all runs together need more, they are made once more."""
-_JOB_COUNTS = (
+JOB_FIELDS = (
     "model", "runs", "p", "durations", "times", "starts", "samples", "partials", "status", "events", "event_partials",
     "end_partials", "max_events", "n", "seed_starts", "seed_columns", "seed_weights", "dense", "max_dense",
 )  # fmt: skip
-_FAILURES = {
+"""Fields of ``Job`` in `driver.c` after its relative tolerance: counts, and addresses of what is read and written."""
+FAILURES = {
     1: "more than 200000 steps in one mode",
     2: "the integration broke down",
     3: "more than 4000 events within a second",
@@ -68,7 +69,7 @@ class Runs:
     counts: NDArray[np.int32]
     """How many of each run's times lie within it, shape (r,)."""
     failures: NDArray[np.int32]
-    """0, or what went wrong (`failure_text`), shape (r,)."""
+    """0, or what went wrong (`FAILURES`), shape (r,)."""
     event_counts: NDArray[np.int32]
     """Number of events of each run, release and end included, shape (r,)."""
     events: Array
@@ -81,11 +82,6 @@ class Runs:
     """Derivatives of the times of the events, shape (events, n)."""
     end_partials: Array
     """Derivatives of the states at the runs' ends, whose times move, shape (r, 13, n)."""
-
-
-def failure_text(failure: int) -> str:
-    """Return what went wrong with a run, in words."""
-    return _FAILURES[failure]
 
 
 def this_threads_core() -> Core:
@@ -216,7 +212,7 @@ class Core:
             "status": (r, 2),
         }  # fmt: skip
         sizes = {name: array.nbytes for name, array in inputs.items()}
-        sizes |= {name: 8 * math.prod(shape) for name, shape in outputs.items()} | {"job": 8 + 4 * len(_JOB_COUNTS) + 4}
+        sizes |= {name: 8 * math.prod(shape) for name, shape in outputs.items()} | {"job": 8 + 4 * len(JOB_FIELDS) + 4}
         rooms = [(size + 15) & ~15 for size in sizes.values()]
         needed = sum(rooms)
         block = self._room(needed) & 0xFFFFFFFF if needed < 2**32 else 0  # a larger number would wrap around
@@ -234,7 +230,7 @@ class Core:
                 given["dense"] = 0
             job = memory[at["job"] :]
             job[:8].view(np.float64)[0] = rtol
-            job[8 : 8 + 4 * len(_JOB_COUNTS)].view(np.uint32)[:] = [given.get(name, 0) for name in _JOB_COUNTS]
+            job[8 : 8 + 4 * len(JOB_FIELDS)].view(np.uint32)[:] = [given.get(name, 0) for name in JOB_FIELDS]
             self._begin(at["job"])
             while not self._advance(STEPS_PER_CALL):
                 pass
