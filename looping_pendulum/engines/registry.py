@@ -43,7 +43,7 @@ WHERE_IT_INSTALLS = {
     "rapier3d": "Linux, Macs with an ARM processor, and Windows on x86-64",
     "exudyn": "all systems but Windows on ARM",
     "newton": "all systems but Macs with an Intel processor, and Linux on ARM with a glibc before 2.34",
-    "mujoco": "all systems but Macs with an Intel processor",
+    "mujoco": "all systems but Macs with an Intel processor and Windows on ARM",
     "pybullet": "Linux on x86-64 with Python 3.11 only; elsewhere pip compiles it for many minutes, which needs a C++ compiler",
 }
 """Package, as Python imports it -> the systems for which PyPI has it compiled, if they are not all (docs/install.md)."""
