@@ -61,22 +61,17 @@ class Field:
     """SI unit; '' for a plain number."""
     dtype: str
     meaning: str
-
-    @property
-    def fill(self) -> float:
-        """Value of runs that are not computed yet."""
-        if self.dtype == "float64":
-            return float("nan")
-        # An unsigned field has no -1
-        return 0 if self.dtype == "uint64" else -1
+    fill: float
+    """Value of runs that are not computed yet, and of what an engine does not report."""
 
 
 def _field(name: str, column: RunColumn) -> Field:
     kind = np.dtype(column.kind)
+    # An unsigned field has no -1
+    fill = {"f": float("nan"), "i": UNKNOWN_COUNT, "u": 0}[kind.kind]
     # A code has its words in the attributes of its field, and a number that is not known is NaN
-    unknown = {"i": UNKNOWN_COUNT, "u": 0}.get(kind.kind) if name != "end" else None
-    meaning = column.meaning if unknown is None else f"{column.meaning}; {unknown}: the engine does not tell"
-    return Field(name=name, unit=column.unit, dtype=kind.name, meaning=meaning)
+    unknown = "" if kind.kind == "f" or name == "end" else f"; {fill}: the engine does not tell"
+    return Field(name=name, unit=column.unit, dtype=kind.name, meaning=f"{column.meaning}{unknown}", fill=fill)
 
 
 FIELDS = tuple(_field(name, column) for name, column in COLUMNS.items())

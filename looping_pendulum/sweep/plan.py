@@ -7,7 +7,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -63,18 +62,6 @@ class Axis:
             return np.asarray(low * (high / low) ** share)
         return np.asarray(low + (high - low) * share)
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return what determines the values as plain data, the same on every processor.
-
-        Logarithmic values are powers, whose last bits depend on the processor; so only their ends and their number are given.
-        """
-        ends = [float(self.values[0]), float(self.values[-1]), len(self.values)]
-        return {
-            "name": self.name,
-            "logarithmic": self.logarithmic,
-            "values": ends if self.logarithmic else self.values.tolist(),
-        }
-
 
 @dataclass(frozen=True, kw_only=True)
 class Grid:
@@ -110,10 +97,6 @@ class Sample:
     seed: int
 
     dims = ("run",)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return how the runs are chosen as plain data."""
-        return {"method": self.method, "count": self.count, "seed": self.seed}
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -228,19 +211,3 @@ class MapPlan:
                 yield words, error
             else:
                 yield words, None
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return all that determines the results as plain data."""
-        design: dict[str, Any] = {"axes": [axis.as_dict() for axis in self.design.axes]}
-        if isinstance(self.design, Sample):
-            design |= self.design.as_dict()
-        return {
-            "parameters": self.scenario.parameters.as_dict(),
-            "design": design,
-            "engines": list(self.engines),
-            "profile": self.profile.value,
-            "tolerance": self.tolerance,
-            "duration": self.duration,
-            # It does not change values, but a store has chunks of one shape, so that a map cannot go on with another
-            "chunk": list(self.chunk_shape),
-        }

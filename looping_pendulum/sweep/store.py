@@ -126,9 +126,7 @@ def _refuse_other_files(folder: Path) -> None:
 
 def attributes(plan: MapPlan) -> dict[str, Any]:
     """Return the attributes of the store; they are the same for the same map, whenever and wherever it is made."""
-    packages: dict[str, str] = {}
-    for engine in plan.engines:
-        packages |= versions(engine, plan.profile)
+    packages = {package: version for engine in plan.engines for package, version in versions(engine, plan.profile).items()}
     metadata: dict[str, Any] = {
         "title": plan.title,
         "description": plan.description,
@@ -150,14 +148,36 @@ def attributes(plan: MapPlan) -> dict[str, Any]:
     if settings:
         # Through JSON, which turns what Zarr's attributes cannot hold into text
         metadata["engine_settings"] = json.loads(json.dumps(settings, default=str))
-    if isinstance(plan.design, Sample):
-        metadata["sample"] = plan.design.as_dict()
+    if sample := _sample(plan):
+        metadata["sample"] = sample
     return metadata
 
 
 def map_id(plan: MapPlan) -> str:
-    """Return the checksum of all that determines the results."""
-    return hashlib.sha256(json.dumps(plan.as_dict(), sort_keys=True).encode()).hexdigest()
+    """Return the checksum of all that determines the results, the same on every processor."""
+    axes = []
+    for axis in plan.design.axes:
+        # Logarithmic values are powers, whose last bits depend on the processor
+        values = axis.values[[0, -1]] if axis.logarithmic else axis.values
+        axes.append([axis.name, axis.logarithmic, len(axis.values), values.tolist()])
+    all_of_it = {
+        "parameters": plan.scenario.parameters.as_dict(),
+        "axes": axes,
+        "sample": _sample(plan),
+        "engines": plan.engines,
+        "profile": plan.profile.value,
+        "tolerance": plan.tolerance,
+        "duration": plan.duration,
+        # It does not change values, but a store has chunks of one shape, so that a map cannot go on with another
+        "chunk": plan.chunk_shape,
+    }
+    return hashlib.sha256(json.dumps(all_of_it, sort_keys=True).encode()).hexdigest()
+
+
+def _sample(plan: MapPlan) -> dict[str, Any] | None:
+    """Return how the runs of a sample are chosen; None for a grid."""
+    design = plan.design
+    return {"method": design.method, "count": design.count, "seed": design.seed} if isinstance(design, Sample) else None
 
 
 def _refuse_other(plan: MapPlan, folder: Path) -> None:
