@@ -54,9 +54,18 @@ FAILURES = {
 """What went wrong, by the number in ``Status`` of `driver.c`, whose limits these are."""
 
 
-@lru_cache(maxsize=256)
+_making = threading.RLock()
+"""Held while what all threads share is made: modules of two engines do not go together, and nothing is worth making twice."""
+
+
 def traced(release: Release, effects: Effects, derivatives: bool) -> TracedModel:
     """Return the model of a release with exactly these effects."""
+    with _making:
+        return _traced(release, effects, derivatives)
+
+
+@lru_cache(maxsize=256)
+def _traced(release: Release, effects: Effects, derivatives: bool) -> TracedModel:
     return trace(release, effects, derivatives=derivatives)
 
 
@@ -88,7 +97,8 @@ def this_threads_core() -> Core:
     """Return the driver of this thread."""
     core: Core | None = getattr(_of_thread, "core", None)
     if core is None or core.model_count >= MAX_MODELS:
-        core = _of_thread.core = Core()
+        with _making:
+            core = _of_thread.core = Core()
     return core
 
 
@@ -264,7 +274,9 @@ class Core:
             first = self._table.grow(self._store, len(model.functions), None)
             kind = wasmtime.GlobalType(wasmtime.ValType.i32(), False)
             place = wasmtime.Global(self._store, kind, wasmtime.Val.i32(first))
-            wasmtime.Instance(self._store, _compiled(model), [*self._maths, self._memory, self._table, place])
+            with _making:
+                module = _compiled(model)
+            wasmtime.Instance(self._store, module, [*self._maths, self._memory, self._table, place])
             jacobian, table = 16, 16 + 8 * int(model.table[4])
             address = self._room(table + model.table.nbytes) & 0xFFFFFFFF
             if not address:
