@@ -87,7 +87,7 @@ class HeyokaRun:
         p, effects = parameters.values(), parameters.effects
         # Functions of `math` would round to double precision
         xp = math if number_type is float else np
-        self.system = rules.HybridSystem(Equations(xp, p, effects), Equations(math, p, effects))
+        self.system = rules.HybridSystem(Equations(xp, p, effects))
         self.integrator = HeyokaIntegrator(p, effects, tolerance, number_type)
         y = State(*map(number_type, rules.state_at_release(parameters)))
         self.released = rules.release(self.system, parameters.release, y)

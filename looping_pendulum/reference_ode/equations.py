@@ -30,7 +30,7 @@ from looping_pendulum.reference_ode.transitions import Event, Mode
 # Without this offset, the phases (`state.Signs.phase`) and `state.TINY_SPEED`, 57 of 2000 random apparatus had a wrong sequence
 # of modes, the same 57 at every tolerance. Rounding loses 1e-18 beside an event function above 0.01 [N or m/s].
 EVENT_FUNCTION_OFFSET = 1e-18
-"""Added to the event function of phase 0: heyoka misses later roots of a function that is exactly zero where it starts."""
+"""Added to the event function of phase 0: one that is exactly zero where it starts is not seen to fall through it."""
 PASSING_SPEED_OFFSET = 1e-12
 """Added to the passing speed of a string that stretches, for the same reason; larger, as it is a difference of numbers about
 1 m/s, which rounding changes by more [m/s]."""
@@ -136,7 +136,7 @@ class Equations:
     Parameters
     ----------
     xp
-        Functions of the numbers: ``math``, ``numpy``, ``sympy``, ``heyoka``, series (`batch.compiled`), or `dual`.
+        Functions of the numbers: ``math``, ``numpy``, ``sympy``, or those of `core.expressions`.
     p
         Parameters and coefficients by name, numbers or expressions of the kind that ``xp`` takes, as from `Parameters.values`.
     effects

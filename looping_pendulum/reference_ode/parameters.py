@@ -299,8 +299,7 @@ class Parameters:
 
     def replace(self, **changes: object) -> Parameters:
         """Return a copy with fields or coefficients changed (``replace(light_mass=0.02, kinetic_friction=0.3)``)."""
-        # A subclass, as of dual numbers, may derive more from its fields, so it is built by its constructor
-        if type(self) is Parameters and all(n in NUMBERS or n in self.coefficients for n in changes):
+        if all(n in NUMBERS or n in self.coefficients for n in changes):
             return self._replace_numbers(changes)
         coefficients = self._copied_coefficients()
         changes = self.with_static_friction(changes)

@@ -1,8 +1,8 @@
 """Rules of transition: what the release and each event do to mode, state and signs; which mode follows.
 
 Each rule is a pure function from one `Motion` to the next and asks for the equations through `HybridSystem`. It decides by
-``system.where`` and ``system.choose``, so that numbers, arrays and expressions follow the same lines. Only what is the same for
-all runs of a model, such as the event, the mode in which it happens and the effects, is decided by ``if``.
+``system.where`` and ``system.choose``, so that numbers and expressions follow the same lines. Only what is the same for all
+runs of a model, such as the event, the mode in which it happens and the effects, is decided by ``if``.
 
 Comparisons with 0 are of three kinds. Coefficients are as given, and signs and the speeds of what rests (or `TINY_SPEED`) were
 assigned, so these comparisons are exact. Tensions and margins are computed and have tolerances (`RELATIVE_TENSION_TOLERANCE`,
@@ -34,20 +34,10 @@ RELATIVE_TENSION_TOLERANCE = 1e-14
 
 
 class HybridSystem:
-    """The equations of one run, as the rules ask them; `batch.system` and the live page's formulas answer in ways of their own.
+    """The equations of one run over numbers, as the rules ask them; `core.trace.SymbolicSystem` answers with expressions."""
 
-    Parameters
-    ----------
-    equations
-        The equations over the numbers of the run.
-    decisions
-        The same over floats, from which the next mode is decided; None: the run's numbers are floats.
-    """
-
-    def __init__(self, equations: Equations, decisions: Equations | None = None) -> None:
-        self.equations, self._decisions = equations, decisions or equations
-        self._convert = decisions is not None
-        self.p, self.effects = equations.p, equations.effects
+    def __init__(self, equations: Equations) -> None:
+        self.equations, self.p, self.effects = equations, equations.p, equations.effects
         self.rod_turns, self.string_stretches = equations.rod_turns, equations.string_stretches
         self.leaves_plane, self.heavy_mass_swings = equations.leaves_plane, equations.heavy_mass_swings
         self.pivot_holds = equations.pivot_holds
@@ -60,28 +50,21 @@ class HybridSystem:
         """Return the motion ``a`` where ``condition`` holds, else ``b``."""
         return a if condition else b
 
-    def any(self, condition: Any) -> bool:
-        """Return whether ``condition`` holds for at least one run."""
-        return bool(condition)
-
     def rates(self, m: Motion) -> State:
         """Return the derivatives of the state by time."""
         return self.equations.rates(*m)
 
     def tensions(self, m: Motion) -> tuple[Any, Any]:
-        """Return the tensions in the free string and above the heavy mass [N], as floats."""
-        return self._decisions.tensions(*self._floats(m))
+        """Return the tensions in the free string and above the heavy mass [N]."""
+        return self.equations.tensions(*m)
 
     def holding_margins(self, m: Motion) -> tuple[Any, Any]:
-        """Return by how much the tensions are inside the friction cone, (down, up) [N], as floats."""
-        return self._decisions.holding_margins(*self._floats(m))
+        """Return by how much the tensions are inside the friction cone, (down, up) [N]."""
+        return self.equations.holding_margins(*m)
 
     def impact(self, slide: float, m: Motion) -> Impact:
         """Return the result of an inelastic impulse along the string; arguments as of `Equations.impact`."""
         return self.equations.impact(slide, m.t, m.y, m.signs)
-
-    def _floats(self, m: Motion) -> Motion:
-        return Motion(m.mode, float(m.t), State(*map(float, m.y)), m.signs) if self._convert else m
 
 
 def system_of_floats(p: SimpleNamespace, effects: Effects) -> HybridSystem:
@@ -119,10 +102,7 @@ def release(system: HybridSystem, kind: Release, y: State) -> Motion:
     if held:
         taut = m._replace(mode=Mode.CLAMPED, y=y._replace(retreat_speed=system.where(push < 0, push, 0.0)))
     else:
-        taut = stick_or_slide(system, m)
-        # In a batch the impulses are compiled on first use, so they are computed only where a run needs them
-        if system.any(push > 0):
-            taut = system.choose(push > 0, slide_or_stick_after_impulse(system, m), taut)
+        taut = system.choose(push > 0, slide_or_stick_after_impulse(system, m), stick_or_slide(system, m))
     taut = begin_sliding(system, taut)
     # If the light mass does not move backwards the tension grows, so that a tension of zero, but for rounding, is the edge of a
     # taut string. Taken for slack it would never become taut, as its slack neither opens nor closes.
@@ -332,8 +312,8 @@ SLACK = tuple(mode for mode in Mode if mode.slack)
 
 
 def _is_one_of(mode: Any, modes: tuple[Mode, ...]) -> Any:
-    """Return whether ``mode``, or each of an array, is one of ``modes``."""
-    # By `==` and `|`, which serve one mode and an array of modes alike
+    """Return whether ``mode`` is one of ``modes``."""
+    # By `==` and `|`, as the mode may be a choice between several
     result: Any = mode == modes[0]
     for other in modes[1:]:
         result = result | (mode == other)
@@ -343,8 +323,6 @@ def _is_one_of(mode: Any, modes: tuple[Mode, ...]) -> Any:
 def begin_sliding(system: HybridSystem, m: Motion) -> Motion:
     """Return the motion with the sign and the phase with which a sliding mode begins."""
     sliding = _is_one_of(m.mode, SLIDING)
-    if not system.any(sliding):
-        return m
     # The stop of a string that stretches is watched for at once: its event function has no phases
     resting = False if system.string_stretches else abs(m.y.heavy_speed - m.y.rod_speed) <= TINY_SPEED
     slide = system.where(m.mode == Mode.SLIDING_UP, 1.0, -1.0)
@@ -363,10 +341,8 @@ def enter(system: HybridSystem, m: Motion) -> Motion:
         m = m._replace(signs=m.signs._replace(rod_phase=system.where(turns, 1.0, m.signs.rod_phase)))
     m = begin_sliding(system, m)
     slack = _is_one_of(m.mode, SLACK)
-    if not system.any(slack):
-        return m
     falls_from_rest = (m.mode == Mode.SLACK) & (m.y.heavy_speed == 0)
-    # Not 0: an event function that starts at exactly 0 would hide its next root from heyoka
+    # Not 0: an event function that starts at exactly 0 would not be seen to fall through it
     heavy_speed = system.where(falls_from_rest, -TINY_SPEED, m.y.heavy_speed)
     y = m.y._replace(heavy_speed=heavy_speed)
     if not system.string_stretches:

@@ -71,10 +71,10 @@ class Signs(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """A run at one instant: all that the equations need beside the parameters. Arrays stand for many runs at once."""
+    """A run at one instant: all that the equations need beside the parameters."""
 
     mode: Any
-    """`Mode`, or an array of modes."""
+    """`Mode`, or an expression that chooses between modes."""
     t: Any
     """Time since release [s]."""
     y: State

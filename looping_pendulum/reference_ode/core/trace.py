@@ -97,10 +97,6 @@ class SymbolicSystem(HybridSystem):
     def _each(self, condition: Any, a: tuple[Any, ...], b: tuple[Any, ...]) -> list[Any]:
         return [self.where(condition, x, y) for x, y in zip(a, b, strict=True)]
 
-    def any(self, condition: Any) -> bool:
-        """Return whether ``condition`` may hold."""
-        return condition is not False
-
     def rates(self, m: Motion) -> State:
         """Return the derivatives of the state by time."""
         return State(*self._in_each_mode(m, self.equations.rates))

@@ -1,8 +1,8 @@
 """Library of physical effects, each defined once for the reference, the fit and the engines, and the sums of their terms.
 
 An effect is a force on a mass, a law of the string on the rod, a property of string, rod or mass, or a motion at release.
-Its functions take a math namespace ``xp`` (``math``, ``numpy``, ``sympy`` or ``heyoka``), the :class:`Kinematics` of one
-instant and the parameters ``p`` (an object with a coefficient per attribute), so that numbers, arrays, symbols and compiled
+Its functions take a math namespace ``xp`` (``math``, ``numpy``, ``sympy``, or of `core.expressions`), the :class:`Kinematics`
+of one instant and the parameters ``p`` (an object with a coefficient per attribute), so that numbers, arrays, symbols and
 expressions run the same lines.
 
 Directions are the paper's: *along* the string from the light mass towards the rod (e1 = sin(theta) x - cos(theta) y) and

@@ -155,5 +155,5 @@ def _power(base: _Evaluate, exponent: int, xp: Any, values: Values) -> Any:
 
 def _call(function: str, argument: _Evaluate, xp: Any, values: Values) -> Any:
     x = argument(xp, values)
-    # heyoka's functions take no numbers, and some quantities are numbers in some modes
+    # Some quantities are numbers in some modes, and not the functions of every namespace take numbers
     return getattr(math if isinstance(x, int | float) else xp, function)(x)
