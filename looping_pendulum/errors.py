@@ -59,19 +59,11 @@ class EngineError(HarnessError, RuntimeError):
 
 
 class MissingPackageError(HarnessError, ImportError):
-    """An optional engine or integrator is not installed."""
+    """A package is not installed, or does not run on this system."""
 
 
 class IntegrationError(HarnessError, ArithmeticError):
     """The reference could not be integrated to its end."""
-
-
-class IntegratorGaveUpError(IntegrationError):
-    """One integrator could not continue; another one may be able to."""
-
-
-class IntegratorFallbackWarning(UserWarning):
-    """Runs of the reference were solved by another integrator, because the usual one could not continue."""
 
 
 class ResultError(HarnessError, ValueError):

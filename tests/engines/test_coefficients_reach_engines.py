@@ -80,7 +80,7 @@ def dropped(engine, parameters):
 
 
 def reference_dropped(parameters):
-    run = solve_at(parameters, np.array([0.0, DURATION]), duration=DURATION + 0.01, tolerance=1e-9, integrator="scipy")
+    run = solve_at(parameters, np.array([0.0, DURATION]), duration=DURATION + 0.01, tolerance=1e-9)
     return float(run.heavy_position[0, 1] - run.heavy_position[-1, 1])
 
 
@@ -162,7 +162,7 @@ def scenario(parameters):
 
 
 def reference(parameters, t):
-    return solve_at(parameters, t, duration=EFFECT_TIME + 0.01, tolerance=1e-9, integrator="scipy")
+    return solve_at(parameters, t, duration=EFFECT_TIME + 0.01, tolerance=1e-9)
 
 
 def places(run, i=-1):
