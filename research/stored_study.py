@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from looping_pendulum.compare.convergence.result import ConvergenceResult, RunSummary, VariantStudy
+from looping_pendulum.compare.json_text import plain
 from looping_pendulum.engines.trajectory import Supplier
 from research import DATA, rounded
 
@@ -95,7 +96,7 @@ def renewed(stored: EngineStudy, new: EngineStudy) -> EngineStudy:
     """
     old, other = stored.convergence, new.convergence
     for name in SAME_STUDY:
-        found, needed = (_comparable(getattr(result, name)) for result in (other, old))
+        found, needed = (_comparable(plain(getattr(result, name))) for result in (other, old))
         if found != needed:
             raise ValueError(f"{name}: found {found}, the stored study has {needed}; {AGAIN}")
     for name, value in old.reference_values.items():
