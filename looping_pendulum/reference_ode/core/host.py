@@ -39,6 +39,8 @@ STEPS_PER_CALL = 4000
 """Number of steps after which a call returns, so that Ctrl-C is heard within 0.1 s even with `MAX_COLUMNS` derivatives."""
 MAX_MODELS = 100
 """Number of models after which a thread's store is made anew, as a store gives nothing back [10^5 B each]."""
+MAX_KEPT_BYTES = 2**28
+"""Memory for the results of one call above which the same is done."""
 FIRST_EVENTS, FIRST_DENSE = 40, 400
 """Room for events and steps at first, per run; if all runs together need more, they are made once more."""
 JOB_FIELDS = (
@@ -266,6 +268,8 @@ class Core:
             return found, (events, steps)
         finally:
             self._release_room(block)
+            if needed > MAX_KEPT_BYTES:
+                _of_thread.core = None
 
     def _loaded(self, model: TracedModel) -> int:
         """Return the address of the driver's ``Model``; load the model on its first use."""
