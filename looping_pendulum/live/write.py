@@ -175,7 +175,7 @@ def absent_effects(parameters: Parameters) -> tuple[str, ...]:
 
 
 def live_settings(parameters: Parameters) -> dict[str, float | str]:
-    """Return the settings [SI] by name, for ``loopingPendulum.simulate``.
+    """Return the settings [SI] by name, for `simulate` of `run.js`.
 
     Raises
     ------
