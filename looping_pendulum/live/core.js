@@ -4,8 +4,8 @@ import { IMPORTED, JOB_FIELDS } from "./model.js";
 
 /** Place of the number of doubles that a Jacobian needs in the table of a model. */
 const VALUES = 4;
-/** Steps of one call: all of a run's. */
-const ALL_STEPS = 2 ** 30;
+/** Most steps of a job: a page cannot be stopped while it computes; those of a swing of an hour are fewer. */
+const MAX_STEPS = 200_000;
 /** Numbers that fit where one function of a model reads and writes. */
 const SCRATCH = 512;
 
@@ -92,12 +92,12 @@ export class Core {
   }
 
   /** Carry out a job. @param {number} rtol relative tolerance of a step @param {Record<string, number>} fields those of `JOB_FIELDS`
-   *   that are not 0 */
+   *   that are not 0 @throws {Error} if it takes too many steps */
   carryOut(rtol, fields) {
     const job = this.put(Float64Array, [rtol, ...JOB_FIELDS.map(() => 0)]);
     new Int32Array(this.driver.memory.buffer, job + 8, JOB_FIELDS.length).set(JOB_FIELDS.map((name) => fields[name] ?? 0));
     this.driver.begin(job);
-    this.driver.advance(ALL_STEPS);
+    if (!this.driver.advance(MAX_STEPS)) throw new Error(`duration: found more than ${MAX_STEPS} steps, needed a shorter run`);
   }
 
   /** What `work` returns; then all room that it took is free again. @template Result @param {() => Result} work */

@@ -49,6 +49,21 @@ def test_runs_have_the_bits_of_the_reference(node):
     assert modes >= {"SLIDING_DOWN", "SLIDING_UP", "STICKING", "SLACK", "CLAMPED", "CLAMPED_SLACK", "FALLING"}
 
 
+def test_a_long_run_gets_the_room_that_it_needs(node):
+    p = load("held").parameters
+    reference = solve(p, duration=150.0)
+    case = {"settings": live_settings(p), "duration": 150.0, "times": [149.0]}
+    (run,) = node("run_cases.mjs", [case])
+    assert len(run["events"]) > 128
+    assert run["events"] == events_of(reference)
+    assert run["samples"][0]["wrapAngle"] == reference.sample(np.array([149.0])).state.wrap_angle[0]
+
+
+def test_a_run_that_hardly_ends_is_given_up(node):
+    case = {"settings": live_settings(load("held").parameters), "duration": 1e6, "times": []}
+    assert node("run_cases.mjs", [case]) == [{"error": "duration: found more than 200000 steps, needed a shorter run"}]
+
+
 def test_samples_are_those_of_the_reference(node):
     further = {"light_linear_drag": 2e-3, "wind_speed": 1.0, "side_force": 0.01, "static_friction": 0.4}
     p = TEN_TO_ONE.replace(**further)
