@@ -96,10 +96,8 @@ def join(parameters: Parameters, tolerance: float, events: list[RunEvent], parts
     signs = np.concatenate(
         [np.repeat(np.array(part.signs)[:, None], n, axis=1) for part, n in zip(parts, counts, strict=True)], axis=1
     )
-    # The package's solver names its integrators here, as long as it has two
-    own = {"integrator": ""} if "integrator" in Run.__dataclass_fields__ else {}
     return Samples(
-        run=Run(parameters=parameters, tolerance=tolerance, events=tuple(events), **own),
+        run=Run(parameters=parameters, tolerance=tolerance, events=tuple(events)),
         t=np.concatenate([part.t for part in parts]),
         state=State(*np.concatenate([part.values for part in parts], axis=1)),
         mode=np.repeat([part.mode.value for part in parts], counts).astype(np.int8),

@@ -1,4 +1,4 @@
-"""Every closed form against Newton's laws solved anew, and against the SciPy integrator."""
+"""Every closed form against Newton's laws solved anew, and against runs."""
 
 import math
 
@@ -67,7 +67,7 @@ def test_the_spiral_is_the_place_of_a_light_mass_on_a_string_of_fixed_length():
 def test_what_winds_without_gravity_and_drag_keeps_its_speed():
     # With w = l theta' constant and l' = -R theta', l^2 falls as 2 R w t, to 0 at l0^2 / (2 R w).
     p = TEN_TO_ONE.replace(release="held", push_across=2.0, **WITHOUT_LOSSES | {"gravity": 0.0})
-    run = solve(p, duration=20, integrator="scipy")
+    run = solve(p, duration=20)
     t = np.linspace(0, run.end_time, 50)
     state = run.sample(t).state
     end = p.free_length**2 / (2 * p.rod_radius * 2.0)
@@ -88,7 +88,7 @@ def test_the_held_period_is_that_of_a_run(degrees, radius, length, gravity):
     # On the last, thick rod the string would be wound up before a full turn.
     p = TEN_TO_ONE.replace(release="held", rod_radius=radius, free_length=length, release_angle=math.radians(degrees))
     p = p.replace(**WITHOUT_LOSSES, gravity=gravity)
-    run = solve(p, duration=6, integrator="scipy", tolerance=1e-11)
+    run = solve(p, duration=6, tolerance=1e-11)
     turns = [e.time for e in run.events if e.event is Event.ACROSS_REVERSES]
     assert closed_forms.held_period(p) == pytest.approx(turns[1], abs=1e-8)
 
@@ -128,7 +128,7 @@ def test_release_acceleration_solves_newtons_laws(p, degrees):
 def test_release_acceleration_is_that_of_a_run():
     p = STICKY.replace(light_drag=1e-3)
     t = np.array([0.0, 1e-3])
-    samples = solve(p, duration=2e-3, integrator="scipy").sample(t)
+    samples = solve(p, duration=2e-3).sample(t)
     x, y = 2 * (samples.light_position[1] - samples.light_position[0]) / t[1] ** 2
     heavy = 2 * (samples.heavy_position[1, 1] - samples.heavy_position[0, 1]) / t[1] ** 2
     # the next term of the motion is of order (g / l) t^2, 2e-5 of the first

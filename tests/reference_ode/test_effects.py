@@ -1,4 +1,4 @@
-"""Effects beyond the paper's model: data, null values, closed forms, energy, two integrators, and the way to the engines."""
+"""Effects beyond the paper's model: data, null values, closed forms, energy, and the way to the engines."""
 
 import dataclasses
 import math
@@ -14,7 +14,7 @@ from looping_pendulum.reference_ode.closed_forms import mechanical_energy
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS, EffectKind, Kinematics
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solution import Samples
-from looping_pendulum.reference_ode.solve import DURATION, available_integrators, solve, solve_at
+from looping_pendulum.reference_ode.solve import solve, solve_at
 from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.scenarios import dump, load, load_text
 from tests.apparatus import TEN_TO_ONE, TWO_TO_ONE, WITHOUT_LOSSES
@@ -22,7 +22,6 @@ from tests.blind import Apparatus
 from tests.blind import Effects as BlindEffects
 from tests.blind.simulator import _light_force as separate_force
 
-HEYOKA = pytest.mark.skipif("heyoka" not in available_integrators(), reason="heyoka is not installed")
 SIX_TO_ONE = TEN_TO_ONE.replace(heavy_mass=0.060)
 FURTHER = {name: effect for name, effect in EFFECTS.items() if not effect.in_base_model}
 TYPICAL = {
@@ -132,8 +131,7 @@ def test_an_effect_compiled_in_at_its_null_value_changes_nothing(base, name):
     assert apart.max() < bound
     if base == TEN_TO_ONE:
         # DOP853 chooses other steps where there are more entries of the state, so it agrees to its tolerance only
-        exact = 1e-12 if available_integrators()[0] == "heyoka" else 1e-10
-        assert apart[t < 0.35].max() < (1e-9 if name == "heavy_swing" else exact)
+        assert apart[t < 0.35].max() < (1e-9 if name == "heavy_swing" else 1e-10)
 
 
 @pytest.mark.parametrize("name", [name for name, effect in FURTHER.items() if effect.switch])
@@ -144,36 +142,6 @@ def test_an_effect_with_a_switch_vanishes_with_it(name):
     plain, almost = solve_at(SIX_TO_ONE, t), solve_at(SIX_TO_ONE.replace(**near), t)
     # A rod of 1e6 kg moves by um under 1 N; a string of 1e5 N/m stretches by 10 um, and the path beyond a stop triples it
     assert np.abs(almost.light_position - plain.light_position).max() < 5e-5
-
-
-def both_bases(name):
-    """Return with what duration 10:1 and 6:1 are solved with an effect.
-
-    6:1 to the end on the rod; 10:1 to past its halt, at 0.39 s, and past the string's first two turns.
-    """
-    cases = [pytest.param(name, TEN_TO_ONE, 0.7, id=f"10:1-{name}")]
-    if name != "string_stretch":
-        return [*cases, pytest.param(name, SIX_TO_ONE, DURATION, id=f"6:1-{name}")]
-    # SciPy's steps follow the vibration of such a string: to the end they cost as much as half of all other effects. The last
-    # event before the end is at 0.81 s.
-    return [
-        *cases,
-        pytest.param(name, SIX_TO_ONE, 0.9, id=f"6:1-{name}"),
-        pytest.param(name, SIX_TO_ONE, DURATION, id=f"6:1-{name}-to_the_end"),
-    ]
-
-
-@HEYOKA
-@pytest.mark.accurate  # daily, the conformance suite runs every effect with SciPy beside the reference, which is heyoka's
-@pytest.mark.parametrize(("name", "base", "duration"), [each for name in FURTHER for each in both_bases(name)])
-def test_two_integrators_agree(name, base, duration):
-    p = suited(base, name).replace(**TYPICAL[name])
-    runs = [solve(p, duration=duration, integrator=integrator, tolerance=1e-11) for integrator in ("heyoka", "scipy")]
-    assert runs[0].modes == runs[1].modes
-    t = np.linspace(0, min(run.end_time for run in runs), 500)
-    apart = np.abs(runs[0].sample(t).light_position - runs[1].sample(t).light_position).max()
-    # a light mass that drifts with the wind has an almost sharp bend in |v - W|, and a vibrating string makes many events
-    assert apart < (2e-7 if name in ("wind", "string_stretch") else 1e-8)
 
 
 @pytest.mark.accurate  # daily, test_solve.py asks it of the paper's model

@@ -8,20 +8,18 @@ import pickle
 import numpy as np
 import pytest
 import sympy
-from looping_pendulum.reference_ode.batch.compiled import CompiledFunction, SeriesAlgebra
 
 from looping_pendulum.errors import ParameterError
-from looping_pendulum.reference_ode import dual
 from looping_pendulum.reference_ode.batch import solve_batch
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS, EffectKind, own
-from looping_pendulum.reference_ode.effects.formula import FUNCTIONS, MAX_LENGTH, FormulaError, parse
+from looping_pendulum.reference_ode.effects.formula import MAX_LENGTH, FormulaError, parse
 from looping_pendulum.reference_ode.effects.own import RESERVED, OwnEffect, effect_of, multiplied_coefficient
 from looping_pendulum.reference_ode.parameters import Parameters, parameters_from
 from looping_pendulum.reference_ode.sensitivity import solve_sensitivities
-from looping_pendulum.reference_ode.solve import available_integrators, solve, solve_at
+from looping_pendulum.reference_ode.solve import solve, solve_at
 from tests.apparatus import TEN_TO_ONE
-
-heyoka = pytest.mark.skipif("heyoka" not in available_integrators(), reason="heyoka is not installed")
+from tests.oracles import scipy_runs
+from tests.oracles.agreement import assert_same_run
 
 
 def effect(name="k", bounds=(-1.0, 1.0), unit="N", **force):
@@ -59,15 +57,6 @@ def test_a_formula_has_the_value_that_python_gives(text, value):
     assert formula(math, {"x": 0.5}) == pytest.approx(value, abs=1e-15)
     assert formula(np, {"x": np.full(2, 0.5)}) == pytest.approx(np.full(2, value), abs=1e-15)
     assert float(sympy.sympify(formula(sympy, {"x": sympy.Symbol("x")})).subs("x", 0.5)) == pytest.approx(value, abs=1e-15)
-
-
-@pytest.mark.parametrize("name", FUNCTIONS)
-def test_dual_numbers_have_every_function(name):
-    """Oracle: the derivative by computer algebra."""
-    x = sympy.Symbol("x")
-    expected = float(sympy.diff(getattr(sympy, name)(x), x).subs(x, 0.7))
-    made = parse(f"{name}(x)", ("x",))(dual, {"x": dual.Dual(0.7, np.array([1.0]))})
-    assert made.derivatives[0] == pytest.approx(expected, rel=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -152,7 +141,6 @@ ACROSS = effect(
 VELOCITY = effect("v", unit="kg/s", light_horizontal="-v * light_vx", light_vertical="-v * light_vy")
 
 
-@heyoka
 @pytest.mark.parametrize(
     ("made", "value", "listed", "bound"),
     [
@@ -174,31 +162,12 @@ def test_a_formula_moves_the_masses_as_the_effect_of_the_library_does(made, valu
         np.testing.assert_allclose(getattr(ours, name), getattr(theirs, name), rtol=0, atol=bound)
 
 
-@heyoka
-@pytest.mark.parametrize("name", FUNCTIONS)
-def test_taylor_series_have_every_function(name):
-    """Oracle: the derivatives by computer algebra."""
-    import heyoka as hy
-
-    algebra = SeriesAlgebra()
-    x = algebra.variable(hy.expression("x"), lambda: algebra.series(1.0))
-    series = parse(f"{name}(x)", ("x",))(algebra, {"x": x})
-    coefficients = CompiledFunction([series[n] for n in range(6)], [hy.expression("x")])(np.array([[0.7]]))[:, 0]
-    y = sympy.Symbol("y")
-    expected = [float(sympy.diff(getattr(sympy, name)(y), y, n).subs(y, 0.7)) / math.factorial(n) for n in range(6)]
-    np.testing.assert_allclose(coefficients, expected, rtol=1e-13)
-
-
-@heyoka
 def test_scipy_gives_the_same_motion():
     """Oracle: SciPy, which evaluates the formulas in floats."""
-    p, t = with_effect(EVERYTHING, 0.5), np.linspace(0.1, 0.6, 6)
-    by_heyoka, by_scipy = (solve_at(p, t, duration=1.0, integrator=name).state for name in ("heyoka", "scipy"))
-    np.testing.assert_allclose(by_heyoka.free_length, by_scipy.free_length, rtol=0, atol=1e-9)
+    p, t = with_effect(EVERYTHING, 0.5), np.linspace(0, 0.6, 61)
+    assert_same_run(*(solver(p, t, duration=1.0) for solver in (solve_at, scipy_runs.solve_at)))
 
 
-@heyoka
-@pytest.mark.accurate  # compiling a batch and the variational equations takes half a minute
 def test_batches_and_derivatives_give_the_same_motion():
     """Oracles: single runs, and their differences."""
     p, t = with_effect(EVERYTHING, 0.5), np.linspace(0.1, 0.6, 6)

@@ -1,15 +1,12 @@
-"""The small parts that every run is made of: what a state implies, how steps are stored, what may be asked for."""
+"""The small parts that every run is made of: what a state implies, what may be asked for."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import scipy.integrate
-from looping_pendulum.reference_ode.scipy_backend import CHECKS, DEGREE, ScipyIntegrator
 
 from looping_pendulum.reference_ode import parameters as parameter_module
-from looping_pendulum.reference_ode import rules, scipy_backend, solution, state
+from looping_pendulum.reference_ode import rules, solution, state
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS
 from looping_pendulum.reference_ode.effects.closure import (
     COORDINATES,
@@ -22,8 +19,6 @@ from looping_pendulum.reference_ode.effects.closure import (
 from looping_pendulum.reference_ode.effects.library import REST_SPEED
 from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.parameters import Parameters
-from looping_pendulum.reference_ode.solution import Segment, SegmentSamples, join_samples
-from looping_pendulum.reference_ode.solve import Driver, solve
 from looping_pendulum.reference_ode.state import (
     Signs,
     State,
@@ -36,6 +31,7 @@ from looping_pendulum.reference_ode.state import (
 )
 from looping_pendulum.reference_ode.transitions import END_EVENTS, PHASE_EVENTS, Event, Mode, next_mode
 from tests.apparatus import TEN_TO_ONE
+from tests.reference_ode.released import Released
 
 BASE = TEN_TO_ONE.effects
 UP = Signs(slide=1.0, across=-1.0, heavy=-1.0, phase=1.0)
@@ -161,100 +157,16 @@ def test_what_changes_its_law_at_a_full_turn_looks_for_it(values, watches):
 def test_at_the_first_turn_a_string_steps_out_and_the_light_mass_stays():
     """Oracle: continuity of the place of the light mass, of the string's length and of the direction of the string."""
     p = TEN_TO_ONE.replace(string_thickness=2e-3)
-    driver = Driver(p, 1.0, 1e-10, "scipy")
-    m = driver.motion._replace(mode=Mode.SLIDING_DOWN, y=State(0.3, 2 * math.pi, -0.2, 1.5, -0.2, 0.0))
+    begun = Released(p)
+    m = begun.motion._replace(mode=Mode.SLIDING_DOWN, y=State(0.3, 2 * math.pi, -0.2, 1.5, -0.2, 0.0))
     positions, paths = [], []
     for overlap in (0.0, 1.0, 0.0):
         assert m.signs.overlap == overlap
-        positions.append(solution.light_mass_position(math, m.y, overlap, driver.values, p.effects))
-        paths.append(state.string_path(math, m.y, overlap, driver.values, p.effects))
-        m = rules.apply_event(driver.system, Mode.SLIDING_DOWN, Event.FIRST_TURN, m)
+        positions.append(solution.light_mass_position(math, m.y, overlap, begun.values, p.effects))
+        paths.append(state.string_path(math, m.y, overlap, begun.values, p.effects))
+        m = rules.apply_event(begun.system, Mode.SLIDING_DOWN, Event.FIRST_TURN, m)
     np.testing.assert_allclose(positions, np.broadcast_to(positions[0], (3, 2)), rtol=0, atol=1e-15)
     np.testing.assert_allclose(paths, paths[0], rtol=1e-14)
-
-
-# Steps and samples
-
-
-def test_a_step_is_interpolated_at_chebyshev_nodes():
-    # Oracle: NumPy's Chebyshev nodes, moved from (-1, 1) to (0, 1); and a polynomial that must come back.
-    np.testing.assert_allclose(scipy_backend._NODES, 0.5 + 0.5 * np.polynomial.chebyshev.chebpts1(DEGREE + 1), atol=1e-15)
-    assert CHECKS[0] == 0
-    assert CHECKS[-1] == 1
-    assert np.all(np.diff(CHECKS) > 0)
-    integrator = ScipyIntegrator(TEN_TO_ONE.values(), BASE, 1e-10)
-    names = variables(Mode.SLIDING_UP, BASE)
-    powers = np.random.default_rng(5).normal(size=(len(names), DEGREE + 1))
-
-    def dense(t):
-        return powers @ np.vander((t - 0.3) / 0.2, DEGREE + 1, increasing=True).T
-
-    actual = integrator._polynomial(Mode.SLIDING_UP, names, dense, 0.3, 0.5)
-    rows = [State._fields.index(name) for name in names]
-    np.testing.assert_allclose(actual[rows], powers, rtol=0, atol=1e-10)  # the nodes' Vandermonde matrix magnifies by 1e5
-    np.testing.assert_allclose(actual[State._fields.index("heavy_speed")], actual[State._fields.index("retreat_speed")])
-
-
-def test_the_first_of_two_events_in_a_step_is_found():
-    # w = 1 - 4 x falls through zero at a quarter of the step, l at three quarters of it, on its way down
-    integrator = ScipyIntegrator(TEN_TO_ONE.values(), BASE, 1e-10)
-    polynomial = np.zeros((len(State._fields), DEGREE + 1))
-    for name, start, slope in (("free_length", TEN_TO_ONE.end_length + 0.3, -0.4), ("across_speed", 1.0, -4.0)):
-        polynomial[State._fields.index(name), :2] = start, slope
-    polynomial[State._fields.index("wrap_angle"), 0] = 0.5
-    signs = Signs(-1.0, 1.0, -1.0, 1.0)
-    for across, expected in ((1.0, (Event.ACROSS_REVERSES, 0.25)), (-1.0, (Event.LIGHT_REACHES_ROD, 0.75))):
-        actual = integrator._first_event(Mode.FALLING, (0.0, 1.0), polynomial, signs._replace(across=across), dips=True)
-        assert actual == (expected[0], pytest.approx(expected[1]))
-
-
-@pytest.mark.parametrize(("middle", "half"), [(0.5, 0.03), (0.55, 0.001), (0.03, 0.01), (0.99, 0.005)])
-def test_a_dip_within_a_step_is_seen(middle, half):
-    # w = (x - middle)^2 - half^2 is above zero at both ends of the step, and but for the first case at all that are checked
-    integrator = ScipyIntegrator(TEN_TO_ONE.values(), BASE, 1e-10)
-    polynomial = np.zeros((len(State._fields), DEGREE + 1))
-    polynomial[State._fields.index("free_length"), 0] = 0.5
-    polynomial[State._fields.index("across_speed"), :3] = middle**2 - half**2, -2 * middle, 1.0
-    actual = integrator._first_event(Mode.FALLING, (0.0, 1.0), polynomial, Signs(-1.0, 1.0, -1.0, 1.0), dips=True)
-    assert actual == (Event.ACROSS_REVERSES, pytest.approx(middle - half, abs=1e-12))
-
-
-def test_dop853_is_asked_for_the_tolerance_and_begins_with_a_short_step(monkeypatch):
-    """Values near 0 count as a tenth of a metre, radian or metre per second; a first step of 1 us fits any release."""
-    asked = []
-    monkeypatch.setattr(
-        scipy.integrate, "DOP853", lambda *a, **options: asked.append(options) or scipy.integrate._ivp.rk.DOP853(*a, **options)
-    )
-    run = solve(TEN_TO_ONE.replace(push_across=0.5), duration=0.05, integrator="scipy", tolerance=1e-9)
-    assert {o["rtol"] for o in asked} == {1e-9}
-    assert [o["atol"] for o in asked] == pytest.approx([1e-10] * len(asked), rel=1e-9)
-    assert np.diff(run.segments[0].times)[0] == pytest.approx(1e-6, rel=1e-9)
-
-
-def test_a_segment_is_sampled_at_its_edges_and_between():
-    # Two steps of different lengths, of t^2 each: powers of the fraction of a step
-    edges = np.array([1.0, 1.5, 3.5])
-    full = np.zeros((2, len(State._fields), 3))
-    for step, (start, length) in enumerate(zip(edges, np.diff(edges), strict=False)):
-        full[step, 0] = start**2, 2 * start * length, length**2
-    segment = Segment(mode=Mode.STICKING, signs=UP, times=edges, coefficients=full)
-    t = np.array([1.0, 1.2, 1.5, 2.0, 3.5])
-    np.testing.assert_allclose(segment.sample(t).values[0], t**2, rtol=1e-14)
-    assert segment.sample(t).values.shape == (len(State._fields), 5)
-
-
-def test_parts_are_joined_in_order():
-    parts = [
-        SegmentSamples(
-            mode=mode, signs=UP._replace(phase=phase), t=np.array(t), values=np.full((len(State._fields), len(t)), phase)
-        )
-        for mode, phase, t in ((Mode.SLIDING_DOWN, 0.0, [0.0, 0.1]), (Mode.STICKING, 1.0, [0.2]), (Mode.SLACK, 2.0, []))
-    ]
-    samples = join_samples(SimpleNamespace(), parts)
-    assert samples.t.tolist() == [0.0, 0.1, 0.2]
-    assert samples.mode.tolist() == [Mode.SLIDING_DOWN, Mode.SLIDING_DOWN, Mode.STICKING]
-    assert samples.signs.phase.tolist() == [0.0, 0.0, 1.0]
-    assert samples.state.free_length.tolist() == [0.0, 0.0, 1.0]
 
 
 def test_what_is_known_of_effects_is_found_once():

@@ -1,4 +1,4 @@
-"""The hybrid reference against closed forms, invariants, its own order of accuracy and a second integrator."""
+"""The reference against closed forms, invariants and its own runs at other tolerances."""
 
 import math
 
@@ -6,16 +6,13 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from looping_pendulum.errors import MissingPackageError, ParameterError
+from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode import closed_forms
 from looping_pendulum.reference_ode.closed_forms import mechanical_energy
 from looping_pendulum.reference_ode.parameters import Parameters
-from looping_pendulum.reference_ode.solve import available_integrators, solve, solve_at
-from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, TABLE, Event, Mode
+from looping_pendulum.reference_ode.solve import solve, solve_at
+from looping_pendulum.reference_ode.transitions import TABLE, Event, Mode
 from tests.apparatus import SENSITIVE, TEN_TO_ONE, TWO_TO_ONE, WITHOUT_LOSSES
-
-BOTH = pytest.mark.parametrize("integrator", available_integrators())
-HEYOKA = pytest.mark.skipif("heyoka" not in available_integrators(), reason="heyoka is not installed")
 
 
 def energy(samples):
@@ -28,27 +25,24 @@ def energy(samples):
     )
 
 
-@BOTH
-def test_vertical_release_is_an_atwood_machine_with_capstan_friction(integrator):
+def test_vertical_release_is_an_atwood_machine_with_capstan_friction():
     p = TEN_TO_ONE.replace(release="vertical", light_drag=0.0, heavy_drag=0.0, string_drag=0.0)
-    run = solve(p, integrator=integrator)
+    run = solve(p)
     t = np.linspace(0, run.end_time, 200)
     drop = run.heavy_drop(run.sample(t).state)
     assert np.abs(drop - 0.5 * closed_forms.atwood_acceleration(p) * t**2).max() < 1e-11
 
 
-@BOTH
-def test_a_vertical_string_that_the_rod_can_hold_does_not_move(integrator):
+def test_a_vertical_string_that_the_rod_can_hold_does_not_move():
     p = TEN_TO_ONE.replace(release="vertical", heavy_mass=0.012, light_drag=0.0)
     assert closed_forms.atwood_acceleration(p) == 0
-    run = solve(p, duration=0.5, integrator=integrator)
+    run = solve(p, duration=0.5)
     assert run.modes == (Mode.STICKING, Mode.ENDED)
 
 
-@BOTH
-def test_drop_is_free_fall_with_drag(integrator):
+def test_drop_is_free_fall_with_drag():
     p = TEN_TO_ONE.replace(release="drop", light_drag=2e-3)
-    run = solve(p, duration=0.6, integrator=integrator)
+    run = solve(p, duration=0.6)
     t = np.linspace(0, 0.6, 61)
     samples = run.sample(t)
     for position, mass, drag in ((samples.light_position, p.light_mass, 2e-3), (samples.heavy_position, p.heavy_mass, 1e-3)):
@@ -57,23 +51,21 @@ def test_drop_is_free_fall_with_drag(integrator):
     assert np.abs(samples.light_position[:, 0] - samples.light_position[0, 0]).max() < 1e-11
 
 
-@BOTH
 @pytest.mark.parametrize("radius", [0.001, 0.00625, 0.05])
-def test_held_pendulum_has_the_period_of_its_energy_integral(integrator, radius):
+def test_held_pendulum_has_the_period_of_its_energy_integral(radius):
     p = TEN_TO_ONE.replace(release="held", rod_radius=radius, **WITHOUT_LOSSES)
-    run = solve(p, duration=4, integrator=integrator)
+    run = solve(p, duration=4)
     turns = [e.time for e in run.events if e.event is Event.ACROSS_REVERSES]
     assert turns[1] == pytest.approx(closed_forms.held_period(p), abs=1e-8)
 
 
-@BOTH
-def test_a_held_string_released_at_a_right_angle_is_taut_though_its_tension_is_zero_but_for_rounding(integrator):
+def test_a_held_string_released_at_a_right_angle_is_taut_though_its_tension_is_zero_but_for_rounding():
     # cos(90 deg) is 6e-17 in floating point. Taken for slack, the string neither opened nor closed, and the light mass fell
     # straight down for ever. Oracle: a release 1 nrad lower, whose tension grows from 1e-9 of the weight. Bound: what 1 nrad
     # moves the light mass, a few times 1e-9 of its string's length.
     p = TEN_TO_ONE.replace(release="held", release_angle=math.pi / 2, **WITHOUT_LOSSES)
     t = np.linspace(0, 0.7, 71)
-    run, lower = (solve(q, duration=0.71, integrator=integrator) for q in (p, p.replace(release_angle=math.pi / 2 + 1e-9)))
+    run, lower = (solve(q, duration=0.71) for q in (p, p.replace(release_angle=math.pi / 2 + 1e-9)))
     assert run.modes[0] is Mode.CLAMPED
     assert np.abs(run.sample(t).light_position - lower.sample(t).light_position).max() < 1e-8
     held = energy(run.sample(t))
@@ -89,19 +81,16 @@ def test_held_period_tends_to_the_simple_pendulums_as_the_rod_thins():
     assert closed_forms.held_period(thin) == pytest.approx(simple, rel=2e-5)
 
 
-@BOTH
 @pytest.mark.parametrize("p", [TEN_TO_ONE, TWO_TO_ONE, TEN_TO_ONE.replace(rod_radius=0.03)])
-def test_energy_is_kept_without_friction_and_drag(integrator, p):
-    run = solve(p.replace(**WITHOUT_LOSSES), integrator=integrator)
+def test_energy_is_kept_without_friction_and_drag(p):
+    run = solve(p.replace(**WITHOUT_LOSSES))
     values = energy(run.sample(np.linspace(0, run.end_time, 3000)))
     scale = p.heavy_mass * 9.81 * p.free_length
-    # DOP853's samples and events come from its dense output, one order below its steps
-    assert np.ptp(values) / scale < {"heyoka": 1e-11, "scipy": 5e-11}[integrator]
+    assert np.ptp(values) / scale < 1e-11
 
 
-@BOTH
-def test_spiral_after_the_halt_has_the_papers_shape(integrator):
-    run = solve(TEN_TO_ONE, integrator=integrator)
+def test_spiral_after_the_halt_has_the_papers_shape():
+    run = solve(TEN_TO_ONE)
     samples = run.sample(np.linspace(run.halting_time, run.end_time, 500))
     rho, psi = closed_forms.spiral(
         samples.state.wrap_angle,
@@ -126,25 +115,9 @@ def test_the_papers_approximate_motion_after_the_halt_is_a_few_percent_off_witho
     assert 0.001 < error < 0.04
 
 
-@HEYOKA
-@pytest.mark.parametrize("p", [TEN_TO_ONE, TWO_TO_ONE, SENSITIVE, TEN_TO_ONE.replace(rod_radius=0.03)])
-def test_two_integrators_agree(p):
-    runs = {name: solve(p, integrator=name) for name in ("heyoka", "scipy")}
-    first, second = runs["heyoka"], runs["scipy"]
-    assert first.modes == second.modes
-    assert first.halting_time == pytest.approx(second.halting_time, abs=1e-9)
-    until_halt = np.linspace(0, first.halting_time, 500)
-    apart = first.sample(until_halt).light_position - second.sample(until_halt).light_position
-    assert np.abs(apart).max() < 1e-9
-    to_end = np.linspace(0, min(first.end_time, second.end_time), 2000)
-    apart = first.sample(to_end).light_position - second.sample(to_end).light_position
-    assert np.abs(apart).max() < 1e-7
-
-
-@BOTH
 @pytest.mark.parametrize("p", [TEN_TO_ONE, TWO_TO_ONE, SENSITIVE])
-def test_sequence_of_modes_does_not_depend_on_the_tolerance(integrator, p):
-    sequences = {solve(p, tolerance=tolerance, integrator=integrator).modes for tolerance in (1e-8, 1e-10, 1e-12)}
+def test_sequence_of_modes_does_not_depend_on_the_tolerance(p):
+    sequences = {solve(p, tolerance=tolerance).modes for tolerance in (1e-8, 1e-10, 1e-12)}
     assert len(sequences) == 1
 
 
@@ -169,25 +142,11 @@ def random_parameters(seed: int) -> Parameters:
     )
 
 
-@HEYOKA
 def test_sequences_of_random_apparatus_are_the_same_at_three_tolerances():
     for seed in range(150):
         p = random_parameters(seed)
         sequences = {solve(p, tolerance=tolerance).modes for tolerance in (1e-8, 1e-10, 1e-12)}
         assert len(sequences) == 1, f"seed {seed}"
-
-
-@pytest.mark.long
-@HEYOKA
-@pytest.mark.parametrize("seeds", [range(0, 60, 6), pytest.param(range(3, 60, 6), marks=pytest.mark.accurate)])
-def test_random_apparatus_has_the_same_events_with_either_integrator(seeds):
-    """The daily half holds the guarantee, together with `test_two_integrators_agree`."""
-    for seed in seeds:
-        p = random_parameters(seed)
-        first, second = (solve(p, integrator=name, tolerance=1e-11) for name in ("heyoka", "scipy"))
-        assert first.modes == second.modes, f"seed {seed}"
-        times = [[e.time for e in run.events if e.event not in PHASE_EVENTS] for run in (first, second)]
-        assert np.allclose(*times, atol=1e-6), f"seed {seed}"
 
 
 def test_mechanical_energy_never_grows():
@@ -285,13 +244,6 @@ def test_impossible_parameters_say_what_was_found_and_needed():
         TEN_TO_ONE.replace(light_radius=1.0)
     with pytest.raises(ParameterError, match="no effect has a coefficient 'wind'"):
         Parameters(light_mass=1, heavy_mass=1, rod_radius=1, free_length=1, release_angle=1, coefficients={"wind": 1})
-
-
-def test_a_missing_integrator_is_named(monkeypatch):
-    monkeypatch.setattr("looping_pendulum.reference_ode.solve.available_integrators", lambda: ("scipy",))
-    with pytest.raises(MissingPackageError, match=r"to get it: `.*heyoka.*` \(Linux only\), or use integrator='scipy'"):
-        solve(TEN_TO_ONE, integrator="heyoka")
-    assert solve(TEN_TO_ONE).integrator == "scipy"
 
 
 def test_a_string_that_would_be_pushed_at_release_is_slack():

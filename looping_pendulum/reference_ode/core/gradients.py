@@ -50,7 +50,8 @@ def gradient(output: Any, inputs: Sequence[Expression]) -> list[Any]:
             case "abs":
                 add(a, graph.where(a >= 0, slope, -slope))
             case "sqrt":
-                add(a, slope * 0.5 / node)
+                # At 0 it is the size of a velocity at rest, which only multiplies components of 0
+                add(a, graph.where(a > 0, slope * 0.5 / node, 0.0))
             case "exp":
                 add(a, slope * node)
             case "log":
