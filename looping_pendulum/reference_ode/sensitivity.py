@@ -79,7 +79,9 @@ class Sensitivities:
         for name, column in zip(self.wrt, np.eye(len(self.wrt)), strict=True):
             if not (name == "release_angle" and given.release is Release.VERTICAL):  # which keeps its angle
                 numbers[name] = numbers[name] + 1j * COMPLEX_STEP * column[:, None]
-        parts = place(np, state, samples.signs.overlap, SimpleNamespace(**numbers), given.effects)
+        # An effect that is absent may move a mass, too
+        acting = given.effects_with(frozenset(self.wrt) & given.coefficients.keys())
+        parts = place(np, state, samples.signs.overlap, SimpleNamespace(**numbers), acting)
         shape = (len(self.wrt), len(samples.t))
         return np.stack([np.broadcast_to(np.imag(x) / COMPLEX_STEP, shape) for x in parts]).transpose(2, 0, 1)
 

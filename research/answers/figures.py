@@ -81,7 +81,7 @@ def precision() -> Figure:
     """Draw the deviation of the halting time from the 128-bit run over the tolerance."""
     angles = read("four_angles")["scenario"]
     figure, (axis,) = _panels(COLUMN_WIDTH, 2.6)
-    for k, (solver, marker) in enumerate((("heyoka", "o"), ("scipy", "s"))):
+    for k, (solver, marker) in enumerate((("heyoka", "o"), ("reference", "s"))):
         for j, angle_summary in enumerate(angles.values()):
             pairs = [
                 (float(label.split()[1]), abs(value))
@@ -89,7 +89,7 @@ def precision() -> Figure:
                 if label.startswith(solver) and "bit" not in label
             ]
             x, y = np.array(sorted(pairs)).T
-            label = {"heyoka": "Taylor (heyoka)", "scipy": "DOP853 (SciPy)"}[solver] if j == 0 else None
+            label = {"heyoka": "Taylor (heyoka)", "reference": "DOP853 (reference)"}[solver] if j == 0 else None
             axis.loglog(x, np.maximum(y, 1e-17), marker=marker, ms=3, lw=0.6, color=COLOURS[k], label=label)
     axis.axhspan(1e-17, 2.3e-16, color="0.92", lw=0)
     axis.text(1.3e-15, 2.5e-17, "rounding of the result", fontsize=6, color="0.3")

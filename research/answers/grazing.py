@@ -16,13 +16,13 @@ from looping_pendulum.reference_ode.batch import solve_batch
 from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
-from looping_pendulum.reference_ode.solution import RunEvent, Segment, Solution
+from looping_pendulum.reference_ode.solution import RunEvent, Solution
 from looping_pendulum.reference_ode.solve import TOLERANCE, solve
-from looping_pendulum.reference_ode.state import State
+from looping_pendulum.reference_ode.state import Signs
 from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, Event, Mode
 
-SAMPLES_PER_SEGMENT = 400
-"""Number of times per segment at which the least value of an event function is looked for, before it is refined."""
+SAMPLES_PER_INTERVAL = 400
+"""Number of times between two events at which the least value of an event function is looked for, before it is refined."""
 END_SHARE = 1e-3
 """Distance from the end of an interval, as a share of it, within which a least value counts as at the end."""
 MIN_EVENT_SEPARATION = 1e-4
@@ -194,8 +194,8 @@ def _ending_modes(run: Solution) -> list[RunEvent]:
 def _margins(run: Solution, event: RunEvent) -> tuple[float, float]:
     """Return by how much the rod holds the string against sliding down and up, at an event that stops it [N]."""
     equations = Equations(math, run.parameters.values(), run.parameters.effects)
-    signs = next(s.signs for s in reversed(run.segments) if s.times[0] < event.time)
-    down, up = equations.holding_margins(Mode.STICKING, event.time, event.state, signs)
+    begin = max(e.time for e in run.events if e.time < event.time)
+    down, up = equations.holding_margins(Mode.STICKING, event.time, event.state, _mode_and_signs(run, begin, event.time)[1])
     return float(down), float(up)
 
 
@@ -208,14 +208,19 @@ def least_value(run: Solution, event: Event, start: float, end: float) -> tuple[
 
     best = (math.inf, end)
     from_zero = event in (Event.STOP, Event.TAUT)
-    for segment in (s for s in run.segments if s.times[-1] > start and s.times[0] < end):
-        t = np.linspace(max(start, segment.times[0]), min(end, segment.times[-1]), SAMPLES_PER_SEGMENT)
-        values = _event_function(run, segment, event, t)
-        first_counts = not (from_zero and t[0] == start)  # exact: a segment begins at the very time of the event before it
+    for before, after in zip(run.events, run.events[1:], strict=False):
+        low, high = max(start, before.time), min(end, after.time)
+        if low >= high:
+            continue
+        # Just before an event, as at its very time the motion after it begins
+        t = np.linspace(low, np.nextafter(high, low), SAMPLES_PER_INTERVAL)
+        mode, signs = _mode_and_signs(run, before.time, after.time)
+        values = _event_function(run, mode, signs, event, t)
+        first_counts = not (from_zero and t[0] == start)  # exact: an interval begins at the very time of an event
         candidates = [(float(values[i]), float(t[i])) for i in ((0, -1) if first_counts else (-1,))]
         for i in 1 + np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])):
             refined = minimize_scalar(
-                lambda x, s=segment: float(_event_function(run, s, event, np.array([x]))[0]),
+                lambda x, mode=mode, signs=signs: float(_event_function(run, mode, signs, event, np.array([x]))[0]),
                 bounds=(t[i - 1], t[i + 1]),
                 method="bounded",
                 # SciPy's default, 1e-5 s, would leave the least value too large near a change, where it goes to zero
@@ -226,18 +231,23 @@ def least_value(run: Solution, event: Event, start: float, end: float) -> tuple[
     return best[0], best[1], (best[1] - start) / (end - start)
 
 
-def _event_function(run: Solution, segment: Segment, event: Event, t: Array) -> Array:
-    """Evaluate the function of ``event`` in a segment, without the condition that a stop or a pull has to arm first."""
-    y = State(*segment.sample(t).values)
+def _mode_and_signs(run: Solution, begin: float, end: float) -> tuple[Mode, Signs]:
+    """Return the mode and the signs between two events that follow one another, at these times [s]."""
+    middle = run.sample(np.array([0.5 * (begin + end)]))
+    return Mode(middle.mode[0]), Signs(*(float(sign[0]) for sign in middle.signs))
+
+
+def _event_function(run: Solution, mode: Mode, signs: Signs, event: Event, t: Array) -> Array:
+    """Evaluate the function of ``event`` in ``mode``, without the condition that a stop or a pull has to arm first."""
     equations = Equations(np, run.parameters.values(), run.parameters.effects)
     # In phase 1 the events themselves are watched for, not what has to come before them
-    functions = equations.event_functions(segment.mode, t, y, segment.signs._replace(phase=1.0))
+    functions = equations.event_functions(mode, t, run.sample(t).state, signs._replace(phase=1.0))
     return np.broadcast_to(functions[event], t.shape)
 
 
 def gap(a: Solution, b: Solution) -> float:
     """Return the largest distance between the positions of a mass at equal times [m], while both runs last."""
-    t = np.linspace(0.0, min(a.end_time, b.end_time), 10 * SAMPLES_PER_SEGMENT)[:-1]
+    t = np.linspace(0.0, min(a.end_time, b.end_time), 10 * SAMPLES_PER_INTERVAL)[:-1]
     first, second = a.sample(t), b.sample(t)
     light, heavy = first.light_position - second.light_position, first.heavy_position - second.heavy_position
     return float(max(np.hypot(*light.T).max(), np.hypot(*heavy.T).max()))

@@ -196,14 +196,18 @@ static double root(int k, double a, double b, double fa, double fb) {
   return newest;
 }
 
-// Where event function k falls through zero between two checks, by a dip below zero: parabola through three of them, then
-// golden section. Returns whether it does; then [*a, *b] encloses the fall
+// Whether a function may fall below a share of its values within a step of which l, q and r are three values at equal distances,
+// by the parabola through them; its minimum may lie a little beyond them, as near an end no value on the other side tells of it
+static int may_dip(double l, double q, double r, double share) {
+  const double bend = l - 2 * q + r, largest = l > r ? l : r;
+  return bend > 0 && fabs(l - r) <= 2.6 * bend && q - (l - r) * (l - r) / (8 * bend) <= share * largest;
+}
+
+// Where event function k falls through zero near check c, by a dip below zero: golden section. Returns whether it does; then
+// [*a, *b] encloses the fall
 static int dips(int k, const double *g, double *a, double *b, double *fa, double *fb, int c) {
-  const double l = g[0], q = g[MAX_EVENT_FUNCTIONS], r = g[2 * MAX_EVENT_FUNCTIONS], largest = l > r ? l : r;
-  if (!(q < l && q <= r)) return 0;
-  const double bend = l - 2 * q + r, bottom = bend > 0 ? q - (l - r) * (l - r) / (8 * bend) : q;
-  if (bottom > 0.05 * largest) return 0;
-  const double golden = 0.3819660112501051;
+  const double l = g[0], r = g[2 * MAX_EVENT_FUNCTIONS], golden = 0.3819660112501051;
+  if (!may_dip(l, g[MAX_EVENT_FUNCTIONS], r, 0.05)) return 0;
   double low = (c - 1.0) / (CHECKS - 1), high = (c + 1.0) / (CHECKS - 1);
   *a = low, *fa = l;
   double x1 = low + golden * (high - low), x2 = high - golden * (high - low), f1 = event_at(k, x1), f2 = event_at(k, x2);
@@ -212,7 +216,7 @@ static int dips(int k, const double *g, double *a, double *b, double *fa, double
     else low = x1, x1 = x2, f1 = f2, x2 = high - golden * (high - low), f2 = event_at(k, x2);
   }
   *b = 0.5 * (low + high), *fb = event_at(k, *b);
-  return *fb <= -1e-6 * largest; // rounding moves a function that rises from zero by less
+  return *fb <= -1e-12 * (l > r ? l : r);
 }
 
 static double G[CHECKS][MAX_EVENT_FUNCTIONS];
@@ -227,9 +231,7 @@ static int may_end(void) {
   for (int k = 0; k < mode->events; k++) {
     const double l = G[0][k], q = middle[k], r = G[CHECKS - 1][k];
     if ((l > 0 && q <= 0) || ((l > 0 || q > 0) && r <= 0)) return 1;
-    const double fall = 3 * l + r - 4 * q, bend = 2 * (l - 2 * q + r), x = fall / (2 * bend); // l - fall x + bend x^2
-    const double bottom = bend > 0 && x > 0 && x < 1 ? l - 0.5 * fall * x : q;
-    if (!first_step && l > 0 && bottom <= 0.2 * (l > r ? l : r)) return 1;
+    if (!first_step && l > 0 && may_dip(l, q, r, 0.2)) return 1;
   }
   return 0;
 }
@@ -249,7 +251,7 @@ static double first_event(int *which) {
     int found = 0;
     // In the first step of a mode functions rise from zero, where a parabola may lead below it
     if (!first_step && G[0][k] > 0)
-      for (int c = 1; c + 1 < CHECKS && c < fall && !found; c++) found = dips(k, &G[c - 1][k], &a, &b, &fa, &fb, c);
+      for (int c = 1; c + 1 < CHECKS && c + 1 < fall && !found; c++) found = dips(k, &G[c - 1][k], &a, &b, &fa, &fb, c);
     if (!found && fall < CHECKS) {
       found = 1, a = (fall - 1.0) / (CHECKS - 1), b = (double)fall / (CHECKS - 1);
       fa = G[fall - 1][k], fb = G[fall][k];
@@ -476,7 +478,9 @@ static void apply_event(int k, double end) {
 // The length of the next step, of which this one's error tells; predictive, as the string's winding shortens steps steadily
 static double next_step(double error, int rejected) {
   double factor = error == 0 ? 10 : 0.9 / sqrt(sqrt(sqrt(error)));
-  if (factor > 10) factor = 10;
+  // Now and then the estimate of the error cancels: from a step four times as long a run had 1000 times the error asked for
+  const double most = mode_steps < 10 ? 10 : 1.5;
+  if (factor > most) factor = most;
   if (h_before > 0 && error > 0) {
     const double again = factor * (h / h_before) * sqrt(sqrt(sqrt(error_before / error)));
     if (again < factor) factor = again;
