@@ -178,7 +178,7 @@ def provenance(options: argparse.Namespace, name: str) -> dict[str, Any]:
     """Return the command, the day and the versions of a measurement."""
     counts = [f" --{kind} {getattr(options, kind)}" for kind in KINDS if getattr(options, kind) != DEFAULT_COUNTS[kind]]
     seed = f" --seed {options.seed}" if options.seed else ""
-    versions = {p: installed_version(p) for p in ("looping-pendulum", "numpy", "scipy", "heyoka", "lmfit", "scikit-learn")}
+    versions = {p: installed_version(p) for p in ("looping-pendulum", "numpy", "scipy", "wasmtime", "lmfit", "scikit-learn")}
     return {
         "command": f"python -m research.{name} --set {options.set}{seed} --share {options.share:g}" + "".join(counts),
         "seed": options.seed,

@@ -40,6 +40,7 @@ except ModuleNotFoundError:
     ) from None
 
 hy.set_logger_level_critical()  # what it would warn of is returned as an outcome, too
+hy.llvm_state.set_diskcache_enabled(False)  # it would grow in the home folder by hundreds of megabytes
 
 TOLERANCES = {"double": 1e-15, "80-bit": 1e-18, "128-bit": 1e-24}
 """Precision -> default relative tolerance of a step. The series of the step that leaves rest has an error of about 1e-18."""

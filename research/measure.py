@@ -2,7 +2,7 @@
 
 Each measurement is a function of this file that returns plain numbers in SI. It is stored as
 `research/data/measured/NAME.json` with the command, the day and the versions. Without a name, the script lists the
-measurements; `--all` makes all except the timings, which need an otherwise idle machine (`--timings`).
+measurements; `--all` makes all.
 """
 
 import argparse
@@ -11,7 +11,6 @@ import json
 import math
 import platform
 import re
-import statistics
 import sys
 import tempfile
 import time
@@ -43,7 +42,7 @@ from research import DATA, DOCS
 
 FOLDER = DATA / "measured"
 PACKAGES = (
-    "looping-pendulum", "numpy", "scipy", "heyoka", "mujoco", "pymunk", "pybullet", "drake", "pyb2d3", "rapier3d", "exudyn",
+    "looping-pendulum", "numpy", "scipy", "wasmtime", "mujoco", "pymunk", "pybullet", "drake", "pyb2d3", "rapier3d", "exudyn",
     "newton", "warp-lang",
 )  # fmt: skip
 END_TIMES = {"0.35s": 0.35, "0.7s": 0.7, "1.0s": 1.0}
@@ -62,12 +61,9 @@ def main() -> None:
     """Make the requested measurements."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(MEASUREMENTS))
-    for group in ("all", "timings"):
-        parser.add_argument(f"--{group}", action="store_true")
+    parser.add_argument("--all", action="store_true")
     options = parser.parse_args()
-    names = list(options.names)
-    for wanted, group in ((options.all, QUICK), (options.timings, TIMINGS)):
-        names += [measurement.__name__ for measurement in group] if wanted else []
+    names = list(MEASUREMENTS) if options.all else options.names
     for name in names:
         if name not in MEASUREMENTS:
             parser.error(f"NAME: found {name!r}, needed one of {', '.join(MEASUREMENTS)}")
@@ -332,35 +328,14 @@ def example_study() -> dict[str, Any]:
         return identification_summary(identify(load_study(example / "study.yaml")))
 
 
-def reference_speed() -> dict[str, Any]:
-    """Measure the CPU time [s] of one run of ten_to_one, with both masses' positions sampled at 1 kHz, for each integrator.
-
-    The values are medians; one run of each integrator before them compiles the equations and is not counted.
-    """
-    parameters, t = load("ten_to_one").parameters, np.arange(0.0, 1.2, 1e-3)
-
-    def cpu_time(integrator: str, tolerance: float, repeats: int) -> float:
-        started = time.process_time()
-        for _ in range(repeats):
-            samples = solve_at(parameters, t, tolerance=tolerance, integrator=integrator)
-            _ = samples.light_position, samples.heavy_position
-        return (time.process_time() - started) / repeats
-
-    tasks = {"heyoka": (1e-12, 50), "scipy": (1e-9, 1)}
-    for name, (tolerance, _) in tasks.items():
-        cpu_time(name, tolerance, 1)
-    taken = {name: [cpu_time(name, tolerance, n) for _ in range(15)] for name, (tolerance, n) in tasks.items()}
-    return {name: statistics.median(times) for name, times in taken.items()}
-
-
-QUICK: tuple[Callable[[], dict[str, Any]], ...] = (
-    friction_by_one_percent, paper_columns, constant_friction, beads_creep, pymunk_public_calls,
-    pybullet_cylinder, spring, newton_tendon, falling_balls, example_study,
-)  # fmt: skip
-"""Measurements that take a few minutes at most, on any machine."""
-TIMINGS: tuple[Callable[[], dict[str, Any]], ...] = (reference_speed,)
-"""Measurements of run times, to be made on an otherwise idle machine."""
-MEASUREMENTS = {measurement.__name__: measurement for measurement in (*QUICK, *TIMINGS)}
+MEASUREMENTS: dict[str, Callable[[], dict[str, Any]]] = {
+    measurement.__name__: measurement
+    for measurement in (
+        friction_by_one_percent, paper_columns, constant_friction, beads_creep, pymunk_public_calls,
+        pybullet_cylinder, spring, newton_tendon, falling_balls, example_study,
+    )
+}  # fmt: skip
+"""Measurements, which take a few minutes at most."""
 
 if __name__ == "__main__":
     main()
