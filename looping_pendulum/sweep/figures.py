@@ -5,9 +5,8 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -109,10 +108,7 @@ def _lines(plan: MapPlan, data: xr.Dataset, axis: Axis) -> Figure:
     return figure
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Panel:
-    """A panel of a map: two quantities, and the runs over them."""
-
+class _Panel(NamedTuple):
     title: str
     x: Axis
     y: Axis
@@ -126,9 +122,9 @@ def _panels(plan: MapPlan, data: xr.Dataset, varied: list[Axis]) -> Iterator[_Pa
         of = [engine] if plan.several else []
         if isinstance(plan.design, Sample):
             for x, y in itertools.combinations(varied, 2):
-                yield _Panel(title=", ".join(of), x=x, y=y, data=one)
+                yield _Panel(", ".join(of), x, y, one)
         elif len(varied) == 2:
-            yield _Panel(title=", ".join(of), x=varied[0], y=varied[1], data=one.squeeze())
+            yield _Panel(", ".join(of), varied[0], varied[1], one.squeeze())
         else:
             # The quantity with the fewest values, since each needs a panel
             third = min(varied, key=lambda axis: len(axis.values))
@@ -137,7 +133,7 @@ def _panels(plan: MapPlan, data: xr.Dataset, varied: list[Axis]) -> Iterator[_Pa
             n = data.sizes[third.name]
             for j in np.unique(np.linspace(0, n - 1, min(n, MAX_PANELS // len(plan.engines) or 1)).round().astype(int)):
                 title = ", ".join([*of, f"{_label(third)} {_values(third, one)[j]:.4g}"])
-                yield _Panel(title=title, x=x, y=y, data=one.isel({third.name: int(j)}))
+                yield _Panel(title, x, y, one.isel({third.name: int(j)}))
 
 
 def _map(plan: MapPlan, data: xr.Dataset, varied: list[Axis]) -> Figure:

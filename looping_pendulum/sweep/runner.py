@@ -15,6 +15,7 @@ from pathlib import Path
 from looping_pendulum.engines.isolation import MEMORY_LIMIT, TIME_LIMIT
 from looping_pendulum.errors import EngineError, HarnessError
 from looping_pendulum.processes import POLL_INTERVAL, core_count
+from looping_pendulum.reference_ode.batch import Progress
 from looping_pendulum.scenarios.document import one_line
 from looping_pendulum.sweep import cells, report
 from looping_pendulum.sweep.cells import ChunkResult, differing_versions, versions
@@ -25,8 +26,6 @@ from looping_pendulum.sweep.store import MapStore, claimed
 
 MAX_ON_CLUSTER = 256
 """Chunks that a cluster holds at a time: results that are ready sooner than they can be written fill the memory."""
-Progress = Callable[[int, int], None]
-"""Callback that is given the number of runs that are done and the number of all runs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +80,7 @@ def run_map(
     time_limit, memory_limit
         Limits of each run of an engine [s], [bytes].
     progress
-        Callback after each chunk.
+        Called after each chunk with the number of runs that are done and the number of all runs.
     solve
         Function that computes a chunk; tests replace it.
 
@@ -138,8 +137,9 @@ def _ended(
 
 @contextmanager
 def _threads(count: int, cancelled: threading.Event) -> Iterator[Executor]:
-    """Return a context with an executor of threads, which end soon after it: the core computes without the interpreter's lock,
-    and engines in processes of their own.
+    """Return a context with an executor of threads, which end with it: what they have not done is cancelled.
+
+    Threads do: the core computes without the interpreter's lock, and engines run in processes of their own.
     """
     executor = ThreadPoolExecutor(count)
     try:
