@@ -8,6 +8,7 @@ import functools
 import math
 import os
 from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +44,12 @@ SUFFIXES = (".yaml", ".yml")
 
 def shipped() -> list[str]:
     """Return the names of the scenarios that come with the package."""
-    return sorted(Path(entry.name).stem for entry in _folder().iterdir() if entry.name.endswith(".yaml"))
+    return names_in(_folder())
+
+
+def names_in(folder: Traversable) -> list[str]:
+    """Return the names of the YAML files in a folder."""
+    return sorted(Path(entry.name).stem for entry in folder.iterdir() if entry.name.endswith(".yaml"))
 
 
 def load(name_or_path: str | Path) -> Scenario:
@@ -54,7 +60,7 @@ def load(name_or_path: str | Path) -> Scenario:
     ScenarioError
         If there is no such scenario, or if its file has an error.
     """
-    raw, file, name = _read(name_or_path)
+    raw, file, name = read_source(name_or_path, _folder())
     return _scenario(_parse(raw, file), name)
 
 
@@ -71,21 +77,27 @@ def source_text(name_or_path: str | Path) -> str:
         As `load`.
     """
     load(name_or_path)
-    return _read(name_or_path)[0].decode("utf-8-sig")
+    return read_source(name_or_path, _folder())[0].decode("utf-8-sig")
 
 
-def _read(name_or_path: str | Path) -> tuple[bytes, str, str]:
-    """Return a scenario's file as bytes, the name of the file in errors, and the scenario's name."""
-    if isinstance(name_or_path, str) and name_or_path in shipped():
+def read_source(name_or_path: str | Path, folder: Traversable, kind: str = "scenario") -> tuple[bytes, str, str]:
+    """Return a file by its path or, in the folder of shipped ones, its name: its bytes, its name in errors, and without suffix.
+
+    Raises
+    ------
+    ScenarioError
+        If there is no such file, or if it cannot be read.
+    """
+    if isinstance(name_or_path, str) and name_or_path in names_in(folder):
         file = f"{name_or_path}.yaml"
-        return (_folder() / file).read_bytes(), file, name_or_path
+        return (folder / file).read_bytes(), file, name_or_path
     path, shown = Path(name_or_path), os.fspath(name_or_path)
     try:
         is_file = path.is_file()
     except (OSError, ValueError):  # too long for the file system, or with a null character
         is_file = False
     if not is_file:
-        raise ScenarioError(one_line(_not_found(path, shown)))
+        raise ScenarioError(one_line(_not_found(path, shown, names_in(folder), kind)))
     try:
         with path.open("rb") as stream:
             # One byte more than is allowed: enough to refuse a larger file, without reading all of it
@@ -108,19 +120,18 @@ def load_text(text: str, name: str) -> Scenario:
     return _scenario(document.parse(text.encode("utf-8", "surrogatepass"), name), stem)
 
 
-def _folder() -> Any:
+def _folder() -> Traversable:
     """Return the folder of the shipped scenarios."""
     return resources.files("looping_pendulum.scenarios")
 
 
-def _not_found(path: Path, shown: str) -> str:
-    """Return the message that there is no such scenario, with the nearest name."""
-    names = shipped()
+def _not_found(path: Path, shown: str, names: list[str], kind: str) -> str:
+    """Return the message that there is no such file, with the nearest name."""
     name = path.stem if path.suffix in SUFFIXES else shown
     near = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
     hint = f"did you mean '{near[0]}'? " if near else ""
     shown = shown or "''"
-    problem = "found neither a file nor a shipped scenario of this name"
+    problem = f"found neither a file nor a shipped {kind} of this name"
     return f"{document.shorten(shown)}: {problem}; {hint}shipped: {', '.join(names)}"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -103,7 +104,7 @@ def json_schema() -> dict[str, Any]:
 
 def shipped() -> list[str]:
     """Return the names of the maps that come with the package."""
-    return sorted(Path(entry.name).stem for entry in _folder().iterdir() if entry.name.endswith(".yaml"))
+    return loader.names_in(_folder())
 
 
 def load(name_or_path: str | Path) -> MapPlan:
@@ -116,8 +117,8 @@ def load(name_or_path: str | Path) -> MapPlan:
     EngineError, MissingPackageError
         If it names an engine that is not known or not installed.
     """
-    raw, file, name, folder = _read(name_or_path)
-    return load_text(raw, file=file, name=name, folder=folder)
+    raw, file, name = loader.read_source(name_or_path, _folder(), "map")
+    return load_text(raw, file=file, name=name, folder=None if name_or_path in shipped() else Path(name_or_path).parent)
 
 
 def load_text(raw: bytes | str, *, file: str = "map.yaml", name: str = "map", folder: Path | None = None) -> MapPlan:
@@ -172,26 +173,7 @@ def refuse_unintended_size(plan: MapPlan, most: int | None = None) -> None:
         raise ScenarioError(one_line(f"{message}; lower a 'count', or if you mean it give --max-runs {plan.runs}"))
 
 
-def _read(name_or_path: str | Path) -> tuple[bytes, str, str, Path | None]:
-    """Return the raw text, the name of the file for errors, the map's name, and the folder of its file."""
-    if isinstance(name_or_path, str) and name_or_path in shipped():
-        file = f"{name_or_path}.yaml"
-        return (_folder() / file).read_bytes(), file, name_or_path, None
-    path = Path(name_or_path)
-    try:
-        with path.open("rb") as stream:
-            # One byte more than is allowed tells the parser that a file is too large, however large it is
-            return stream.read(document.MAX_FILE_SIZE + 1), str(path), path.stem, path.parent
-    except FileNotFoundError:
-        near = suggest(path.stem, shipped())
-        message = f"{shorten(str(path))}: found neither a file nor a shipped map of this name{near}; shipped: "
-        raise ScenarioError(one_line(message + ", ".join(shipped()))) from None
-    except (OSError, ValueError) as error:
-        why = error.strerror if isinstance(error, OSError) else error
-        raise ScenarioError(one_line(f"{shorten(str(path))}: cannot be read: {why}; needed a map file")) from None
-
-
-def _folder() -> Any:
+def _folder() -> Traversable:
     return resources.files("looping_pendulum.sweep") / "maps"
 
 
