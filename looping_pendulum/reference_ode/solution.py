@@ -1,4 +1,4 @@
-"""A run of the reference: its events, and its state at any time to the integrator's accuracy."""
+"""A run of the reference: its events, and its state at any time to the accuracy of its steps."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ def test_free_fall_with_drag_is_its_differential_equation_integrated(mass, drag)
     t = np.linspace(0, 3, 31)
     exact = solve_ivp(lambda _, y: [y[1], 9.81 - drag / mass * y[1] ** 2], (0, 3), [0, 0], "DOP853", t, rtol=1e-12, atol=1e-12)
     fallen = closed_forms.free_fall(t, mass=mass, drag=drag, gravity=9.81)
-    np.testing.assert_allclose(fallen, exact.y[0], rtol=0, atol=1e-9)  # a thousand times the integrator's tolerance
+    np.testing.assert_allclose(fallen, exact.y[0], rtol=0, atol=1e-9)  # a thousand times the tolerance of a step
 
 
 def test_free_fall_of_almost_no_drag_is_the_one_without():

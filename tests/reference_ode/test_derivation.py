@@ -1,4 +1,4 @@
-"""Newton's second law, by computer algebra, against the lines that the integrators run."""
+"""Newton's second law, by computer algebra, against the lines that are solved."""
 
 from types import SimpleNamespace
 
@@ -61,7 +61,7 @@ def in_speeds(expression: sp.Expr) -> sp.Expr:
 def is_zero(expression: sp.Expr) -> bool:
     """Whether an expression vanishes at exact rational points, to 30 digits; simplification takes a hundred times as long.
 
-    All are positive, so that |w| and sqrt(w^2) are +w: the sign that the integrators carry.
+    All are positive, so that |w| and sqrt(w^2) are +w: the sign that a mode carries.
     """
     names = sorted(expression.free_symbols, key=str)
     for seed in range(3):

@@ -1,4 +1,4 @@
-"""Newton's second law for effects that change the geometry, by computer algebra, against the lines that the integrators run."""
+"""Newton's second law for effects that change the geometry, by computer algebra, against the lines that are solved."""
 
 from types import SimpleNamespace
 

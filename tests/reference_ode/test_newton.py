@@ -1,4 +1,4 @@
-"""Newton's second law at random states of every mode and effect, in x, y and z, against the lines that the integrators run.
+"""Newton's second law at random states of every mode and effect, in x, y and z, against the lines that are solved.
 
 The accelerations are differences of the velocities along the rates that the equations give; the forces are written anew, as
 vectors, in `instants`. Bounds: central differences over 1e-6 s err by 1e-12 of the third derivative and by rounding over

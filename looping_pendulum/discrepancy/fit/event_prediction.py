@@ -1,6 +1,6 @@
 """Predict the rows of an event table: stops, slip onsets, the halt and extrema of a run, as the camera would have timed them.
 
-Stops, slip onsets, the halt and the end are events of the run, exact to the integrator's tolerance. Extrema are those of the
+Stops, slip onsets, the halt and the end are events of the run, exact to the tolerance of a step. Extrema are those of the
 light mass's position in the picture: zeros of the velocity, by cubic Hermite interpolation of samples a millisecond apart,
 which is good to 0.1 us and smooth in the parameters. The file's clock shows (t - clock_offset) / clock_ratio at the time t, and
 a length is measured as scale times itself.

@@ -29,7 +29,7 @@ class Kinematics(NamedTuple):
     across_speed: Any
     """Speed of the light mass across the string, w = l theta' [m/s]."""
     across_speed_size: Any
-    """|w| [m/s]; given by itself because an absolute value is not analytic and the integrators carry its sign."""
+    """|w| [m/s]; given by itself because an absolute value is not analytic and a mode carries its sign."""
     light_mass_speed: Any
     """Speed of the light mass, hypot(u, w) [m/s]."""
     heavy_speed: Any
