@@ -223,9 +223,8 @@ def _axes(doc: Document, checked: MapFile, scenario: Scenario) -> tuple[Axis, ..
             axes.append(read_axis(variable, content, sampled=checked.sample is not None))
         except PydanticCustomError as error:
             # `input_error` notes the key inside the range, for its line
-            below = error.context.get("key", "") if error.context else ""
-            path = ("parameters", key, *((below,) if below else ()))
-            raise doc.error(path, str(error)) from None
+            below = (error.context or {}).get("key")
+            raise doc.error(("parameters", key, below) if below else ("parameters", key), str(error)) from None
     return tuple(axes)
 
 

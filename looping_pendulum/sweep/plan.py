@@ -18,7 +18,7 @@ from looping_pendulum.sweep.quantities import columns
 
 REFERENCE = "reference"
 """Name of the exact model among the engines of a map."""
-MIN_CHUNK_RUNS, MAX_CHUNK_RUNS, CHUNKS_PER_MAP = 1024, 65536, 32
+MIN_CHUNK_RUNS, MAX_CHUNK_RUNS, CHUNKS_PER_MAP = 1024, 65536, 64
 """Bounds on the runs per chunk, and chunks per map, where the map file does not give the size of a chunk.
 
 Writing a chunk takes as long as a few hundred runs.
