@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode.core.host import EVENT_COLUMNS, MAX_COLUMNS, Runs, this_threads_core, traced
 from looping_pendulum.reference_ode.core.trace import EVENTS, TracedModel
+from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import (
     NUMBERS,
@@ -43,6 +44,8 @@ ENDS: tuple[str, ...] = (
 )
 """Values of `BatchResult.end`, by index: the event that ended a run, or "failed"."""
 FAILED = ENDS.index("failed")
+SWITCH_COEFFICIENTS = frozenset(e.switch for e in EFFECTS.values() if e.switch)
+"""Coefficients at whose null value an effect sets in, so that no derivative exists there."""
 MOST_RUNS = 500
 """Number of runs that are carried out at once by one thread: some 50 ms."""
 MOST_NUMBERS = 4 * 10**6
@@ -205,7 +208,7 @@ class BatchSamples:
     """How many of each run's times lie within it, shape (n,)."""
     derivatives: Array
     """Derivatives of the entries at fixed time by each of ``wrt``, shape (len(State), m, len(wrt)); past a run's end those of
-    the end. They are nan after an event that is only grazed, where none exist."""
+    the end. They are nan where none exist: after an event that is only grazed, and by what `changes_kind` of the motion."""
 
     def part(self, run: int) -> slice:
         """Return where the samples of a run are."""
@@ -257,8 +260,8 @@ def solve_batch(
     batch = _Batch(parameters_of(base), columns, duration, tolerance)
     result = BatchResult.empty(batch.n)
     ended = batch.n - len(batch.valid)
-    for part, runs in batch.carried_out(np.zeros(0), np.zeros(batch.n + 1, dtype=np.int64), (), threads):
-        table = EventTable(runs, batch.values_of(part), batch.effects)
+    for part, effects, runs in batch.carried_out(np.zeros(0), np.zeros(batch.n + 1, dtype=np.int64), threads):
+        table = EventTable(runs, batch.values_of(part), effects)
         for name, column in COLUMNS.items():
             values = column.of_runs(table)
             getattr(result, name)[part[table.ended]] = values[table.ended]
@@ -299,14 +302,27 @@ def sample_batch(
     t = np.concatenate([np.zeros(0), *times])
     state, derivatives = np.full((len(t), len(State._fields)), np.nan), np.full((len(t), len(State._fields), len(wrt)), np.nan)
     count = np.zeros(batch.n, dtype=np.int64)
-    for part, runs in batch.carried_out(t, start, wrt, threads=1):
+    for part, _, runs in batch.carried_out(t, start, threads=1):
         ended = runs.failures == 0
         rows = _places(start, part)
         keep = np.repeat(ended, (start[1:] - start[:-1])[part])
         state[rows[keep]] = runs.samples[keep]
         derivatives[rows[keep]] = runs.partials[keep]
         count[part[ended]] = runs.counts[ended]
+    for column, name in enumerate(wrt):
+        derivatives[np.repeat(batch.changes_kind(name), start[1:] - start[:-1]), :, column] = np.nan
     return BatchSamples(t=t, start=start, state=state.T, count=count, derivatives=derivatives.swapaxes(0, 1))
+
+
+def changes_kind(name: str, values: Mapping[str, Any], release: Release) -> Any:
+    """Return whether the motion changes its kind at the value of a parameter, so that it has no derivative by that.
+
+    There its effect sets in, a light mass is a point, or a taut string goes slack.
+    """
+    if name in SWITCH_COEFFICIENTS:
+        return values[name] == COEFFICIENTS[name].null
+    is_kink = name == "light_radius" or (name == "push_along" and release is not Release.DROP)
+    return (values[name] == 0) & is_kink
 
 
 def seeds_of(model: TracedModel, base: Parameters, wrt: Sequence[str], held: Iterable[str] = ()) -> Array:
@@ -342,36 +358,54 @@ class _Batch:
         self._values = parameter_values(base, self._columns)
         self.valid = np.flatnonzero(valid_runs(base, self._values, self.n))
         """Runs whose values `Parameters` accepts."""
-        self.effects = base.effects_with([name for name in (*columns, *wrt) if name in base.coefficients])
+        self._wrt = wrt
+        if len(wrt) > MAX_COLUMNS:
+            raise ParameterError(f"wrt: found {len(wrt)} names, needed at most {MAX_COLUMNS}")
 
     def values_of(self, runs: NDArray[np.int64]) -> dict[str, Any]:
         """Return the parameters of some runs, by name: one value, or one per run."""
         return {name: value[runs] if np.ndim(value) else value for name, value in self._values.items()}
 
-    def carried_out(
-        self, t: Array, start: NDArray[np.int64], wrt: Sequence[str], threads: int
-    ) -> Iterator[tuple[NDArray[np.int64], Runs]]:
-        """Yield the valid runs in parts, each with its results; sample times as in `BatchSamples`."""
-        model = traced(self._base.release, self.effects, bool(wrt))
-        if len(wrt) > MAX_COLUMNS:
-            raise ParameterError(f"wrt: found {len(wrt)} names, needed at most {MAX_COLUMNS}")
-        seeds = seeds_of(model, self._base, wrt, self._columns) if wrt else None
-        p = np.stack([np.broadcast_to(self._values[name], self.n) for name in model.names], axis=1)
-        sizes = ((start[1:] - start[:-1]) * (1 + len(wrt)) + 40 * EVENT_COLUMNS)[self.valid]
-        parts = _parts(self.valid, sizes)
+    def changes_kind(self, name: str) -> NDArray[np.bool_]:
+        """Return at which runs `changes_kind` of a parameter is true, shape (n,)."""
+        return np.broadcast_to(changes_kind(name, self._values, self._base.release), self.n)
 
-        def carry_out(part: NDArray[np.int64]) -> Runs:
-            lengths = (start[1:] - start[:-1])[part]
-            own_start = np.append(0, np.cumsum(lengths)).astype(np.int32)
-            return this_threads_core().carry_out(
-                model, p[part], self._durations[part], t[_places(start, part)], own_start, rtol=self._rtol, seeds=seeds
+    def _by_effects(self) -> Iterator[tuple[Effects, NDArray[np.int64]]]:
+        """Yield effects and the valid runs in which they act: only an effect that sets in is left out at its null value."""
+        names = [name for name in (*self._columns, *self._wrt) if name in self._base.coefficients]
+        switches = sorted(SWITCH_COEFFICIENTS.intersection(names))
+        is_off = np.zeros(self.n, dtype=np.int64)
+        for bit, name in enumerate(switches):
+            is_off |= self.changes_kind(name) << np.int64(bit)
+        for pattern in np.unique(is_off[self.valid]).tolist():
+            off = {name: COEFFICIENTS[name].null for bit, name in enumerate(switches) if pattern >> bit & 1}
+            base = self._base.replace(**off) if off else self._base
+            yield base.effects_with([name for name in names if name not in off]), self.valid[is_off[self.valid] == pattern]
+
+    def carried_out(
+        self, t: Array, start: NDArray[np.int64], threads: int
+    ) -> Iterator[tuple[NDArray[np.int64], Effects, Runs]]:
+        """Yield the valid runs in parts, with their effects and results; sample times as in `BatchSamples`."""
+        lengths, wrt = start[1:] - start[:-1], self._wrt
+        sizes = lengths * (1 + len(wrt)) + 40 * EVENT_COLUMNS
+        parts = [(part, effects) for effects, runs in self._by_effects() for part in _parts(runs, sizes[runs])]
+
+        def carry_out(part: NDArray[np.int64], effects: Effects) -> tuple[NDArray[np.int64], Effects, Runs]:
+            model = traced(self._base.release, effects, bool(wrt))
+            seeds = seeds_of(model, self._base, wrt, self._columns) if wrt else None
+            values = self.values_of(part)
+            p = np.stack([np.broadcast_to(values[name], len(part)) for name in model.names], axis=1)
+            own_start = np.append(0, np.cumsum(lengths[part])).astype(np.int32)
+            runs = this_threads_core().carry_out(
+                model, p, self._durations[part], t[_places(start, part)], own_start, rtol=self._rtol, seeds=seeds
             )
+            return part, effects, runs
 
         if threads == 1 or len(parts) < 2:
-            yield from ((part, carry_out(part)) for part in parts)
+            yield from (carry_out(*part) for part in parts)
             return
         with ThreadPoolExecutor(threads) as pool:
-            yield from zip(parts, pool.map(carry_out, parts), strict=True)
+            yield from pool.map(carry_out, *zip(*parts, strict=True))
 
 
 def _parts(runs: NDArray[np.int64], sizes: NDArray[np.int64]) -> list[NDArray[np.int64]]:

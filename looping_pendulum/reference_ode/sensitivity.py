@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.errors import IntegrationError, ParameterError
-from looping_pendulum.reference_ode import effects
-from looping_pendulum.reference_ode.batch import seeds_of
+from looping_pendulum.reference_ode.batch import changes_kind, seeds_of
 from looping_pendulum.reference_ode.core.host import this_threads_core, traced
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import HasParameters, Parameters, Release, parameters_of
@@ -28,8 +27,6 @@ from looping_pendulum.reference_ode.solution import (
 from looping_pendulum.reference_ode.solve import DURATION, LEAST_TOLERANCE, TOLERANCE, refuse_failure
 from looping_pendulum.reference_ode.state import State
 
-SWITCH_COEFFICIENTS = frozenset(e.switch for e in effects.EFFECTS.values() if e.switch)
-"""Coefficients at whose null value an effect sets in, so that no derivative exists there."""
 COMPLEX_STEP = 1e-30
 """Imaginary step by which positions are differentiated: without a difference, nothing is lost to rounding."""
 
@@ -149,9 +146,7 @@ def _check_wrt(parameters: Parameters, wrt: tuple[str, ...]) -> None:
             raise ParameterError(f"wrt: found {name!r}, needed one of {', '.join(sorted(known))}")
         if wrt.count(name) > 1:
             raise ParameterError(f"wrt: found {name!r} more than once, needed it once")
-        if name in SWITCH_COEFFICIENTS and parameters.coefficients[name] == effects.COEFFICIENTS[name].null:
-            raise SensitivityError(f"wrt {name}: no derivative where its effect sets in; give it a value off its null value")
-    if "light_radius" in wrt and parameters.light_radius == 0:
-        raise SensitivityError("wrt light_radius: no derivative at 0, which stands for a point; give it another value")
-    if "push_along" in wrt and parameters.coefficients["push_along"] == 0 and parameters.release is not Release.DROP:
-        raise SensitivityError("wrt push_along: no derivative at 0, where a taut string goes slack; give it another value")
+        if changes_kind(name, vars(parameters.values()), parameters.release):
+            raise SensitivityError(
+                f"wrt {name}: no derivative at its value, where the motion changes its kind; give it another"
+            )
