@@ -22,9 +22,8 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.discrepancy.candidates import Candidate
-from looping_pendulum.discrepancy.evidence.explanation import addition_steps
+from looping_pendulum.discrepancy.evidence.explanation import fit_addition
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate, minimise
-from looping_pendulum.discrepancy.fit.problem import alone
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.errors import HarnessError
@@ -137,7 +136,7 @@ def _refitted(base: Fit, added: Sequence[Candidate]) -> Fit:
     """Return a fit with candidates whose values nobody knows, added one after another."""
     for candidate in added:
         found = best_additions(base, [candidate])
-        base = (alone(addition_steps(found[0])) if found else None) or base
+        base = (fit_addition(found[0]) if found else None) or base
     return base
 
 

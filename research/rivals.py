@@ -23,13 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.candidates import Candidate
-from looping_pendulum.discrepancy.evidence.explanation import Addition, Parts, addition_steps, bounded, explained, raw
+from looping_pendulum.discrepancy.evidence.explanation import Addition, Parts, bounded, explained, fit_addition, raw
 from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid
 from looping_pendulum.discrepancy.evidence.templates import columns, templates
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate
 from looping_pendulum.discrepancy.fit.data import TrialData
 from looping_pendulum.discrepancy.fit.held_out import check_held_out
-from looping_pendulum.discrepancy.fit.problem import Problem, alone
+from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
 from looping_pendulum.discrepancy.inputs import Inputs, read_inputs
 from looping_pendulum.errors import HarnessError
@@ -53,7 +53,7 @@ SMALL_STEP = 1e-6
 MAX_FORWARD_EFFECTS = 3
 """Largest number of effects that forward selection adds, as many as `prior.MAX_EFFECTS`."""
 MAX_FORWARD_REFITS = 4
-"""Candidates that may explain most, which it refits before each addition: each refit costs a compilation."""
+"""Candidates that may explain most, which it refits before each addition."""
 MAX_GAUSSIAN_PROCESS_POINTS = 400
 """Points of one coordinate, all trials together; a Gaussian process takes time in proportion to their cube."""
 
@@ -276,7 +276,7 @@ def forward_bic(inputs: Inputs) -> Rival:
     fit, added = _declared_fit(inputs), []
     for _ in range(MAX_FORWARD_EFFECTS):
         chosen = [a for a in best_additions(fit, [c for c in inputs.library if c.name not in added]) if a.decrease]
-        refits = [(f, a.templates[0].candidate.name) for a in chosen[:MAX_FORWARD_REFITS] if (f := alone(addition_steps(a)))]
+        refits = [(f, a.templates[0].candidate.name) for a in chosen[:MAX_FORWARD_REFITS] if (f := fit_addition(a))]
         best, name = max(refits, key=lambda r: delta_bic(fit, r[0]), default=(fit, ""))
         if delta_bic(fit, best) <= 0:
             break

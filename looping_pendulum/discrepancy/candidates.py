@@ -66,8 +66,6 @@ class Candidate:
     """Coefficient of the model that it is proportional to; '': none."""
     even: bool = False
     """Whether the opposite value does the same, so that a fit takes values above the null one only."""
-    needs_compilation: bool = False
-    """Whether it adds terms to the equations of motion, which then have to be compiled."""
     companions: tuple[Coefficient, ...] = ()
     """Coefficients that shape the effect which this one switches on, and are fitted with it."""
 
@@ -214,6 +212,5 @@ def _effect_candidate(
         trials=trials,
         multiplies="" if effect.in_base_model else multiplied_coefficient(effect, nulls),
         even=c.even,
-        needs_compilation=not effect.in_base_model,
         companions=() if effect.in_base_model else effect.coefficients[1:],
     )

@@ -29,10 +29,10 @@ from looping_pendulum.discrepancy.evidence.motions import (
     motions,
     point_parameters,
 )
-from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, minimise_steps
+from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, minimise
 from looping_pendulum.discrepancy.fit.data import TrialData
 from looping_pendulum.discrepancy.fit.held_out import HeldOutTest, check_held_out
-from looping_pendulum.discrepancy.fit.problem import Problem, Steps, map_steps
+from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
 from looping_pendulum.discrepancy.result import ForceProfile, Formula, FormulaParameter, Unlisted, value_unit
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
@@ -243,7 +243,7 @@ def refit(
     Of those within `BIC_MARGIN` of the best, the first that is accepted on held-out data goes to the front.
     """
     predictions = predict_formulas(force, np.concatenate([d.sigma for d in base.problem.data]))[:MAX_REFITS]
-    results = map_steps(workers, _refit, (base,), [(prediction,) for prediction in predictions])
+    results = workers.map_in_shares(_refit, (base,), [(prediction,) for prediction in predictions])
     formulas = sorted((f for f in results if f), key=lambda f: -f.delta_bic)
     for i, formula in enumerate(formulas):
         if formula.delta_bic < formulas[0].delta_bic - BIC_MARGIN:
@@ -268,7 +268,7 @@ def _delta_bic_of_profile(base: Fit, force: RecoveredForce) -> float:
     return base.cost - (force.fit.cost - float(of_prior @ of_prior)) - effective * math.log(base.problem.count)
 
 
-def _refit(base: Fit, prediction: PredictedFormula) -> Steps[FittedFormula | None]:
+def _refit(base: Fit, prediction: PredictedFormula) -> FittedFormula | None:
     """Refit one formula to the trajectories from its predicted values; None if the model cannot run."""
     problem = _problem(base, prediction)
     names = base.problem.names
@@ -277,7 +277,7 @@ def _refit(base: Fit, prediction: PredictedFormula) -> Steps[FittedFormula | Non
     of_force = prediction.force.fit
     start = np.concatenate([of_force.x[[of_force.problem.names.index(n) for n in names]], np.zeros(n_added)])
     try:
-        fit = yield from minimise_steps(problem, start)
+        fit = minimise(problem, start)
     except FitError:
         return None
     delta_bic = base.cost - fit.cost - n_added * math.log(base.problem.count)

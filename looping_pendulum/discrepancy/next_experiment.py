@@ -12,7 +12,7 @@ import numpy as np
 
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.data import TrialData
-from looping_pendulum.discrepancy.fit.problem import Problem, free_parameters_of, jacobian_at
+from looping_pendulum.discrepancy.fit.problem import Problem, free_parameters_of
 from looping_pendulum.discrepancy.result import MIN_SEPARATION, Experiment
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.errors import HarnessError
@@ -156,7 +156,7 @@ def _predict(study: Study, trial: Trial, fit: Fit) -> _Prediction:
     values = problem.predict(x, 0) / data.sigma
     if not np.all(np.isfinite(values)):
         raise DataError("the predictions are not finite")
-    return _Prediction(values, jacobian_at(problem, x)[: len(values)], covariance)
+    return _Prediction(values, problem.jacobian(x)[: len(values)], covariance)
 
 
 def _distance(first: _Prediction, second: _Prediction) -> float:

@@ -26,7 +26,7 @@ MAX_PROCESSES = 2
 """Largest number of processes, this one included, that is used without being asked for: each needs some 300 MiB."""
 IMPORTED_EARLY = "looping_pendulum.discrepancy.evidence.explain"
 """Module that a worker imports while it waits; by name, since it stands above this one and starts workers itself."""
-WAITED_FOR, BEGUN, WARM_UP, IMPORTS, END = 0, 1, 2, 3, -1
+WAITED_FOR, BEGUN, IMPORTS, END = 0, 1, 2, -1
 """Priorities of items, the smallest first."""
 
 Function = Callable[[Any, Any], Any]
@@ -100,10 +100,6 @@ class Workers:
         for thread in self._threads:
             thread.join()
 
-    def prepare(self, function: Function, shared: Any, items: Sequence[Any]) -> None:
-        """Let idle worker processes call ``function(shared, item)`` for each item, so that its equations are compiled."""
-        self._offer(WARM_UP, function, shared, items)
-
     def import_when_idle(self, modules: Sequence[str]) -> None:
         """Let idle worker processes import what will be needed at the end, as matplotlib for the report."""
         self._offer(IMPORTS, _import, None, modules)
@@ -130,14 +126,16 @@ class Workers:
         """
         return self.finish(self._offer(WAITED_FOR, function, shared, items))
 
-    def map_together(self, function: Callable[[Any, Sequence[Any]], list[Any]], shared: Any, items: Sequence[Any]) -> list[Any]:
-        """Return what ``function(shared, items)`` returns for each item, of which every process takes an equal share at once.
+    def map_in_shares(
+        self, function: Callable[..., Any], shared: tuple[Any, ...], items: Sequence[tuple[Any, ...]]
+    ) -> list[Any]:
+        """Return ``function(*shared, *item)`` for every item, of which each process takes an equal share at once.
 
-        The result for an item may not depend on the others of its share.
+        What items have in common is sent to a process once then.
         """
         count = max(1, min(self._count, len(items)))
         found: list[Any] = [None] * len(items)
-        for i, results in enumerate(self.map(function, shared, [items[i::count] for i in range(count)])):
+        for i, results in enumerate(self.map(_do_share, (function, shared), [items[i::count] for i in range(count)])):
             found[i::count] = results
         return found
 
@@ -165,6 +163,11 @@ class Workers:
 
 SERIAL = Workers()
 """Pool without worker processes."""
+
+
+def _do_share(call: tuple[Callable[..., Any], tuple[Any, ...]], items: Sequence[tuple[Any, ...]]) -> list[Any]:
+    function, shared = call
+    return [function(*shared, *item) for item in items]
 
 
 def _start_worker() -> None:

@@ -20,8 +20,9 @@ from looping_pendulum.reference_ode.geometry import Array, xy_pairs
 from looping_pendulum.reference_ode.solution import Samples, heavy_mass_position, light_mass_position, string_overlap
 from looping_pendulum.reference_ode.state import Effects, State
 
-# Runs of ten_to_one and two_to_one agree with those of `solve.TOLERANCE` within 1e-11 m. Batches and single runs of the same
-# trials with every candidate agree within 1e-10 m; at 1e-7 that were 6e-9 m
+# Of ten_to_one, two_to_one and static_friction: positions to their ends within 4e-9 m of those at 1e-13, derivatives by masses,
+# lengths, angle, friction and drag within 3e-7 of the largest. At 1e-8 that were 3e-8 m and 4e-6, of runs a quarter shorter,
+# and differences of runs, which fits take where no derivative exists, would be noisier
 FIT_TOLERANCE = 1e-9
 """Relative tolerance of a step of the runs that are compared with tracked points, which are known to tenths of a millimetre."""
 
@@ -69,9 +70,7 @@ def predict(sample: SampleFunction, camera: Camera, channels: Sequence[Channel],
     return values
 
 
-def predict_many(
-    samples: SampledRuns, run: NDArray[np.intp], camera: Camera, channels: Sequence[Channel], times: SampleTimes, dropped: str
-) -> Array:
+def predict_many(samples: SampledRuns, camera: Camera, channels: Sequence[Channel], times: SampleTimes, dropped: str) -> Array:
     """Predict the same for many cameras by one clock, as one vector: shape (m, n), the channels end to end.
 
     Where `predict` would raise, a row is nan.
@@ -79,20 +78,17 @@ def predict_many(
     Parameters
     ----------
     samples
-        Runs at ``times``; past a run's end its end.
-    run
-        Run that each camera films, shape (m,).
+        Run that each camera films, at ``times``; past a run's end its end.
     camera
         Many cameras, as `Camera.of_many` makes them.
     """
-    shown = samples.take(run)
-    series = _series(shown, camera, dropped, set(times.index))
+    series = _series(samples, camera, dropped, set(times.index))
     parts = []
     for channel in channels:
         index = times.index[channel.name]
-        values = np.broadcast_to(series[channel.name], (len(run), len(times.times))).take(index, axis=1)
+        values = np.broadcast_to(series[channel.name], (len(samples.known), len(times.times))).take(index, axis=1)
         if len(index):
-            values[shown.known <= index.min()] = np.nan  # no point during the run
+            values[samples.known <= index.min()] = np.nan  # no point during the run
         if channel.name == "angle_rate":
             values[:, : times.before_release[channel.name]] = camera.rate_offset
         parts.append(values)
@@ -100,7 +96,7 @@ def predict_many(
 
 
 class SampledRuns:
-    """Runs of a batch at the same times: what `Samples` is of one run, for n of them."""
+    """Many runs at the same times: what `Samples` is of one run, for n of them."""
 
     def __init__(self, state: Array, known: NDArray[np.int64], parameters: SimpleNamespace, effects: Effects = ()) -> None:
         """Keep the samples.
@@ -108,7 +104,7 @@ class SampledRuns:
         Parameters
         ----------
         state
-            Entries of the batch's state, shape (entries, n, times).
+            Entries of the state, shape (entries, n, times).
         known
             How many of the times lie within each run, shape (n,).
         parameters
@@ -116,13 +112,7 @@ class SampledRuns:
         effects
             Effects that say where the masses are.
         """
-        self._values, self.known, self._p, self._effects = state, known, parameters, effects
-        self.state = State(*state)
-
-    def take(self, run: NDArray[np.intp]) -> SampledRuns:
-        """Return some runs, each as often as it is named."""
-        values = {name: v[run] if np.ndim(v) else v for name, v in vars(self._p).items()}
-        return SampledRuns(self._values[:, run], self.known[run], SimpleNamespace(**values), self._effects)
+        self.state, self.known, self._p, self._effects = State(*state), known, parameters, effects
 
     @cached_property
     def light_position(self) -> Array:

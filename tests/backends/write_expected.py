@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from looping_pendulum.discrepancy.evidence.explanation import Explanation, Parts, addition_steps, explained
+from looping_pendulum.discrepancy.evidence.explanation import Explanation, Parts, explained, fit_addition
 from looping_pendulum.discrepancy.evidence.marginal import NoiseGrid
 from looping_pendulum.discrepancy.fit.calibration import Fit, minimise
-from looping_pendulum.discrepancy.fit.problem import Problem, alone
+from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.measured.study_io import load
@@ -78,7 +78,7 @@ def data_loop() -> Loop:
     problem = Problem(inputs.study, inputs.training, inputs.free_parameters)
     declared = refit_with_estimated_noise(minimise(problem, problem.prior_mean))
     additions = best_additions(declared, [c for c in inputs.library if c.name in CANDIDATES])
-    fits = [(declared, Parts()), *((fit, a.parts) for a in additions if (fit := alone(addition_steps(a))))]
+    fits = [(declared, Parts()), *((fit, a.parts) for a in additions if (fit := fit_addition(a)))]
     grid = NoiseGrid(declared.problem.data)
     explanations = [explained(grid, fit, parts, len(CANDIDATES)) for fit, parts in fits]
     explanations.sort(key=lambda e: -e.log_posterior)

@@ -23,7 +23,7 @@ WHOLE_LIBRARY = None
 
 @contextmanager
 def only_candidates(names: Sequence[str] | None) -> Iterator[None]:
-    """Let an identification search these candidates alone: every other one costs a compilation and some ten model runs.
+    """Let an identification search these candidates alone: every other one costs a model of its own and some ten runs.
 
     The search goes through the same steps with few candidates as with all. Which of all candidates wins is for accurate tests.
     """

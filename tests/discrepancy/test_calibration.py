@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from looping_pendulum.discrepancy.fit.calibration import calibrate, minimise
-from looping_pendulum.discrepancy.fit.problem import Problem, jacobian_at
+from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.measured.study_io import load
@@ -57,7 +57,7 @@ def test_a_fit_ends_at_the_minimum(fit):
     sigmas = np.array([fit.errors[name] for name in fit.problem.names]) / [n.scale for n in fit.problem.free_parameters]
     signs = np.random.default_rng(3).choice([-1.0, 1.0], len(sigmas))
     found = minimise(fit.problem, np.clip(fit.x + 0.5 * signs * sigmas, fit.problem.low, fit.problem.high))
-    jacobian = jacobian_at(fit.problem, found.x)
+    jacobian = fit.problem.jacobian(found.x)
     free = [i for i, name in enumerate(fit.problem.names) if name not in found.at_bounds]
     step = np.linalg.lstsq(jacobian[:, free], found.residuals, rcond=None)[0]
     assert np.abs(step / sigmas[free]).max() < 0.02

@@ -17,7 +17,7 @@ from looping_pendulum.discrepancy.evidence.prior import VISIBLE
 from looping_pendulum.discrepancy.evidence.search import Search, posterior
 from looping_pendulum.discrepancy.evidence.templates import _chosen, _next_try, columns, finer, smallest_visible, templates
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise
-from looping_pendulum.discrepancy.fit.problem import Problem, jacobian_at
+from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.workers import Workers, one_blas_thread
@@ -111,7 +111,7 @@ def test_the_evidence_of_a_law_is_that_of_its_weights(base):
         problem, weights = with_law(base.problem, law)
         root = covariance_root(law.length, len(TARGETS[target]))
         at_null = np.append(base.x, np.zeros(len(weights)))
-        jacobian = jacobian_at(problem, at_null)
+        jacobian = problem.jacobian(at_null)
         jacobian[:n] *= np.concatenate([d.sigma for d in base.problem.data])[:, None]
         fitted = np.column_stack([np.append(raw(base)[:, 0], np.zeros(len(weights))), jacobian])
         np.testing.assert_allclose(fitted[n:, 1:], block_diag(base.problem.prior_weights, np.linalg.inv(root)), atol=1e-9)

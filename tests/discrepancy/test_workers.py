@@ -141,7 +141,7 @@ def test_a_pool_ends_while_its_worker_process_is_busy(shared):
     for pause in (0.0, 0.003, 0.01):
         with Workers(2) as workers:
             wait_for_a_worker_process(workers)
-            workers.prepare(square, 2, [shared] * 50)
+            workers.begin(square, 2, [shared] * 50)
             time.sleep(pause)
 
 

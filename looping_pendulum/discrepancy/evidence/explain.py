@@ -14,19 +14,17 @@ from looping_pendulum.discrepancy.evidence.explanation import (
     Explanation,
     Key,
     explained,
+    fit_to_data,
+    fit_without,
     law_name,
-    to_data_steps,
-    without_steps,
 )
 from looping_pendulum.discrepancy.evidence.marginal import NoiseGrid
 from looping_pendulum.discrepancy.evidence.motions import Closure, motions
 from looping_pendulum.discrepancy.evidence.prior import CREDIBLE, LAW_PREDICTS
 from looping_pendulum.discrepancy.evidence.search import Search, in_words, posterior
-from looping_pendulum.discrepancy.evidence.templates import compile_for, steps_together
-from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate_steps
+from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate
 from looping_pendulum.discrepancy.fit.data import TrialData
 from looping_pendulum.discrepancy.fit.held_out import HeldOutTest, check_held_out
-from looping_pendulum.discrepancy.fit.problem import alone, together
 from looping_pendulum.discrepancy.fit.residual import ResidualTests
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import Inputs
@@ -155,7 +153,7 @@ class Explanations:
         if self._inputs.held_out or e.parts.law:
             noises = self.search.grid.noises(self.best.setting)
             data = [d.with_noises(noises) for d in self._training(e)]
-            refitted = alone(to_data_steps(self._fit_to_training(e) or e.fit, data))
+            refitted = fit_to_data(self._fit_to_training(e) or e.fit, data)
             if refitted is None:
                 raise FitError(f"the model with {in_words(e.key)} cannot run the training trials alone; leave one of them out")
             training = refitted
@@ -168,12 +166,12 @@ class Explanations:
         law = e.parts.law
         assert law is not None
         rest = self._fitted.get(e.key - {law_name(law)})
-        without = rest.fit if rest else alone(without_steps(e, law_name(law))) or self.nothing.fit
+        without = rest.fit if rest else fit_without(e, law_name(law)) or self.nothing.fit
         data = judged.training.problem.data
         if law.point is not None:
             x, y = (judged.training.values[name] for name in law.point_coefficients)
             law = dataclasses.replace(law, point=(x, y))
-        return alone(to_data_steps(without, data)) or without, RecoveredForce(
+        return fit_to_data(without, data) or without, RecoveredForce(
             closure=law,
             fit=judged.training,
             log_bayes_factor=e.log_z - (rest or self.nothing).log_z,
@@ -198,7 +196,7 @@ class Explanations:
         """Return the fit to the training trials with white noise, the parameters of a law last; None: it cannot run."""
         if e.key not in self._of_training:
             law = e.parts.law.names if e.parts.law else ()
-            self._of_training[e.key] = alone(to_data_steps(e.fit, self._training(e), last=law))
+            self._of_training[e.key] = fit_to_data(e.fit, self._training(e), last=law)
         return self._of_training[e.key]
 
     def _training(self, e: Explanation) -> list[TrialData]:
@@ -239,13 +237,9 @@ def explain(
     """
     report("calibrating")
     problem = inputs.problem()
-    compiled = sorted((c for c in inputs.library if c.needs_compilation), key=lambda c: -len(c.companion_grid()))
-    of_batch = [c for c in compiled if steps_together(problem, c)]
-    # Compiling the reference for some effects takes seconds, so an idle process begins with it now
-    workers.prepare(compile_for, problem, [*of_batch[:1], *(c for c in compiled if c not in of_batch)])
     second = problem.prior_mean + np.random.default_rng(seed).standard_normal(len(problem.free_parameters))
     starts = [problem.prior_mean, np.clip(second, problem.low, problem.high)]
-    fits = together([calibrate_steps(problem, start) for start in starts])
+    fits = [calibrate(problem, start) for start in starts]
     base = refit_with_estimated_noise(min(fits, key=lambda f: f.cost))
     search = Search(base, inputs.library, workers, report, is_time_over)
     try:

@@ -18,9 +18,9 @@ from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid, 
 from looping_pendulum.discrepancy.evidence.motions import Closure
 from looping_pendulum.discrepancy.evidence.prior import log_occam, log_prior
 from looping_pendulum.discrepancy.evidence.templates import Template
-from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate_steps, minimise_steps
+from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate, minimise
 from looping_pendulum.discrepancy.fit.data import TrialData
-from looping_pendulum.discrepancy.fit.problem import Problem, Steps
+from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -175,7 +175,7 @@ class Addition:
         return self.parent.log_z + self.gain + self.log_prior
 
 
-def addition_steps(a: Addition, needless_below: float = -math.inf) -> Steps[Fit | None]:
+def fit_addition(a: Addition, needless_below: float = -math.inf) -> Fit | None:
     """Fit an explanation with what is added to it, from where the linear model leads; None: it cannot run.
 
     Parameters
@@ -198,20 +198,20 @@ def addition_steps(a: Addition, needless_below: float = -math.inf) -> Steps[Fit 
     at = parent.x
     for t in a.templates:
         at = t.candidate.where_it_acts(parent.problem.free_parameters, at)
-    starts: list[tuple[Callable[..., Steps[Fit]], Array, Array]] = [
-        (minimise_steps, at + np.clip(a.step, -3, 3), added),
-        (minimise_steps, at, added),
-        (calibrate_steps, parent.problem.prior_mean, added),
+    starts: list[tuple[Callable[..., Fit], Array, Array]] = [
+        (minimise, at + np.clip(a.step, -3, 3), added),
+        (minimise, at, added),
+        (calibrate, parent.problem.prior_mean, added),
     ]
     if p.is_swing:  # the amplitude alone, before the other parameters follow it, would put a long swing out of phase
-        starts = [(minimise_steps, at, np.zeros(len(added))), starts[0]]
+        starts = [(minimise, at, np.zeros(len(added))), starts[0]]
     fits: list[Fit] = []
     # The cost of a fit, with white noise, that gives this log posterior
     needless_above = parent.cost - a.decrease + 2 * (a.log_posterior - needless_below)
     for fit_from, start, beside in starts:
         with contextlib.suppress(FitError):
             x = np.concatenate([start, beside])
-            fits.append((yield from fit_from(problem, x, cost_tolerance=enough_cost(parent), needless_above=needless_above)))
+            fits.append(fit_from(problem, x, cost_tolerance=enough_cost(parent), needless_above=needless_above))
         if fits and parent.cost - min(f.cost for f in fits) > 0.9 * a.decrease:
             break
     if not fits:
@@ -219,20 +219,18 @@ def addition_steps(a: Addition, needless_below: float = -math.inf) -> Steps[Fit 
     fit = min(fits, key=lambda f: f.cost)
     if fit.cost > parent.cost:
         with contextlib.suppress(FitError):
-            again = yield from minimise_steps(
-                problem, np.concatenate([parent.x, np.zeros(len(added))]), cost_tolerance=enough_cost(parent)
-            )
+            again = minimise(problem, np.concatenate([parent.x, np.zeros(len(added))]), cost_tolerance=enough_cost(parent))
             fit = min(fit, again, key=lambda f: f.cost)
     return fit
 
 
-def again_steps(e: Explanation) -> Steps[Fit | None]:
+def fit_again(e: Explanation) -> Fit | None:
     """Fit an explanation again from where its other parameters are as likely as can be before the data are seen."""
     p = e.fit.problem
     added = {name for part in e.key for name in e.parts.parameters_of(part)}
     start = np.where([name in added for name in p.names], e.fit.x, p.prior_mean)
     try:
-        return (yield from calibrate_steps(p, start, cost_tolerance=enough_cost(e.fit)))
+        return calibrate(p, start, cost_tolerance=enough_cost(e.fit))
     except FitError:
         return None
 
@@ -245,25 +243,25 @@ def enough_cost(fit: Fit) -> float:
     return COST_ERROR / max(min(fit.cost, fit.problem.count), 1.0)
 
 
-def without_steps(e: Explanation, part: str) -> Steps[Fit | None]:
+def fit_without(e: Explanation, part: str) -> Fit | None:
     """Fit an explanation again without one of its parts; None: it cannot run."""
     p, dropped = e.fit.problem, e.parts.parameters_of(part)
     kept = [i for i, n in enumerate(p.names) if n not in dropped]
-    return refit_steps(e.fit, kept, p.data)
+    return _refit(e.fit, kept, p.data)
 
 
-def refit_steps(fit: Fit, kept: Sequence[int], data: Sequence[TrialData]) -> Steps[Fit | None]:
+def _refit(fit: Fit, kept: Sequence[int], data: Sequence[TrialData]) -> Fit | None:
     """Fit some of a fit's parameters to other data, from where they were; None: the model cannot run."""
     p = fit.problem
     prior = p.prior_mean[kept], p.prior_weights[np.ix_(kept, kept)]
     try:
         problem = Problem(p.study, data, [p.free_parameters[i] for i in kept], prior)
-        return (yield from minimise_steps(problem, fit.x[kept], cost_tolerance=enough_cost(fit)))
+        return minimise(problem, fit.x[kept], cost_tolerance=enough_cost(fit))
     except FitError:
         return None
 
 
-def to_data_steps(fit: Fit, data: Sequence[TrialData], last: Collection[str] = ()) -> Steps[Fit | None]:
+def fit_to_data(fit: Fit, data: Sequence[TrialData], last: Collection[str] = ()) -> Fit | None:
     """Fit a model to other data of the same trials, or of some of them, from where it was.
 
     Parameters
@@ -273,4 +271,4 @@ def to_data_steps(fit: Fit, data: Sequence[TrialData], last: Collection[str] = (
     """
     trials = {d.trial.name for d in data}
     kept = [i for i, n in enumerate(fit.problem.free_parameters) if trials & set(n.trials)]
-    return refit_steps(fit, sorted(kept, key=lambda i: fit.problem.names[i] in last), data)
+    return _refit(fit, sorted(kept, key=lambda i: fit.problem.names[i] in last), data)

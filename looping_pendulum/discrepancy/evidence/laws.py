@@ -96,7 +96,7 @@ class Laws:
         self._log_weights = log_z - np.logaddexp.reduce(log_z)
         problem, sides = fit.problem, ("across",) if runs.clamped else PULSED_SIDES
         items = [(side, i) for side in sides for i in range(0, N_PULSES, N_BASIS_FUNCTIONS)]
-        found = workers.map_together(respond, (problem, fit.x, runs.pulse_spacing), items)
+        found = workers.map_in_shares(respond, (problem, fit.x, runs.pulse_spacing), items)
         n = problem.measured_rows
         responses = np.hstack(found) * sigma_of(problem.data)[:, None]
         at = set(fit.at_bounds)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.fit.calibration import Fit
-from looping_pendulum.discrepancy.fit.problem import Problem, predict_requests
+from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.result import STRING_ON_ROD
 from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.measured.study import Estimate, Study
@@ -299,36 +299,31 @@ def motions(fit: Fit) -> Motions:
     )
 
 
-def respond(shared: tuple[Problem, Array, float], batches: Sequence[tuple[str, int]]) -> list[Array]:
-    """Return the changes of the standardised prediction per unit of each pulse, of batches of pulses by side and first one.
+def respond(problem: Problem, x: Array, spacing: float, side: str, first: int) -> Array:
+    """Return the changes of the standardised prediction per unit of each of some pulses on a side, shape (n, pulses).
 
-    Those of each batch have the shape (n, pulses).
+    Parameters
+    ----------
+    spacing
+        Distance of the pulses [s].
+    first
+        Number of the first of them.
     """
-    problem, x, spacing = shared
-    requests = []
-    for side, first in batches:
-        closure = Closure(coordinate="time", factor="constant", target="", first_centre=first * spacing, spacing=spacing)
-        trials = tuple(t.name for t in problem.study.trials)
-        names = [weight_name(side, i) for i in range(N_BASIS_FUNCTIONS)]
-        added = [FreeParameter(name=n, parameter=n, trials=trials, init_value=0.0, scale=PULSE_SIZE, prior=1.0) for n in names]
-        parameters = (*problem.free_parameters, *added)
-        pulsed = Problem(
-            closure.added_to(problem.study), problem.data, parameters, (np.zeros(len(parameters)), np.eye(len(parameters)))
-        )
-        # The first without a pulse, the others with one each, in units of the weight's scale
-        at = np.tile(np.append(x, np.zeros(len(added))), (1 + len(added), 1))
-        at[1:, len(x) :] = np.eye(len(added))
-        requests.append((pulsed, at))
-    found = []
-    measured = problem.measured_rows
-    for (pulsed, at), predicted in zip(requests, predict_requests(requests), strict=True):
-        residuals = pulsed.residuals_of(at[0], predicted[0])
-        assert residuals is not None
-        columns = np.zeros((measured, len(at) - 1))
-        for column, x_pulsed, row in zip(columns.T, at[1:], predicted[1:], strict=True):
-            changed = pulsed.residuals_of(x_pulsed, row)
-            # the sign: a residual is measured less predicted
-            if changed is not None:
-                column[:] = ((residuals - changed) / PULSE_SIZE)[:measured]
-        found.append(columns)
+    closure = Closure(coordinate="time", factor="constant", target="", first_centre=first * spacing, spacing=spacing)
+    trials = tuple(t.name for t in problem.study.trials)
+    names = [weight_name(side, i) for i in range(N_BASIS_FUNCTIONS)]
+    added = [FreeParameter(name=n, parameter=n, trials=trials, init_value=0.0, scale=PULSE_SIZE, prior=1.0) for n in names]
+    parameters = (*problem.free_parameters, *added)
+    prior = np.zeros(len(parameters)), np.eye(len(parameters))
+    pulsed = Problem(closure.added_to(problem.study), problem.data, parameters, prior)
+    # The first without a pulse, the others with one each, in units of the weight's scale
+    at = np.tile(np.append(x, np.zeros(len(added))), (1 + len(added), 1))
+    at[1:, len(x) :] = np.eye(len(added))
+    residuals, *changed = (pulsed.residuals_of(*row) for row in zip(at, pulsed.predict_linearised(at), strict=True))
+    assert residuals is not None
+    found = np.zeros((problem.measured_rows, len(added)))
+    for column, one in zip(found.T, changed, strict=True):
+        # the sign: a residual is measured less predicted
+        if one is not None:
+            column[:] = ((residuals - one) / PULSE_SIZE)[: problem.measured_rows]
     return found

@@ -1,4 +1,4 @@
-"""Search among explanations: a linear model says which are fitted next, all in step, and their exact evidence decides."""
+"""Search among explanations: a linear model says which are fitted next, and their exact evidence decides."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from looping_pendulum.discrepancy.evidence.explanation import (
     Explanation,
     Key,
     Parts,
-    addition_steps,
-    again_steps,
     bounded,
     explained,
+    fit_addition,
+    fit_again,
+    fit_to_data,
+    fit_without,
     raw,
-    to_data_steps,
-    without_steps,
 )
 from looping_pendulum.discrepancy.evidence.laws import Law, Laws, laws_beside
 from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid
@@ -47,11 +47,9 @@ from looping_pendulum.discrepancy.evidence.templates import (
     Template,
     columns,
     smallest_visible,
-    steps_together,
     templates,
 )
 from looping_pendulum.discrepancy.fit.calibration import Fit
-from looping_pendulum.discrepancy.fit.problem import alone, map_steps
 from looping_pendulum.discrepancy.fit.residual import ResidualTests, check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import data_with_noise_of_residuals
 from looping_pendulum.discrepancy.result import SmallestVisible
@@ -109,7 +107,7 @@ class Search:
         if e.key not in self._tested:
             fit, noises = e.fit, self.grid.noises(e.setting)
             if noises:
-                fit = alone(to_data_steps(fit, [d.with_noises(noises) for d in fit.problem.data])) or fit
+                fit = fit_to_data(fit, [d.with_noises(noises) for d in fit.problem.data]) or fit
             self._tested[e.key] = fit, check_residuals(fit)
         return self._tested[e.key]
 
@@ -140,7 +138,7 @@ class Search:
         if not self.passes(self.best):
             # Once more, from other starts: where none is right, a fit may have gone astray
             chosen = sorted((e for e in self.fitted.values() if e.key), key=lambda e: -e.log_posterior)[:MAX_TOGETHER]
-            for e, fit in zip(chosen, map_steps(self.workers, again_steps, (), [(e,) for e in chosen]), strict=True):
+            for e, fit in zip(chosen, self.workers.map_in_shares(fit_again, (), [(e,) for e in chosen]), strict=True):
                 if fit is not None:
                     self._add(fit, e.parts)
             if not self._go_on():
@@ -172,7 +170,7 @@ class Search:
                 del self.possible[a.key]
             # With noise that lasts longer than a frame a misfit is no measure of the evidence
             needless = self.best.log_posterior - NEEDLESS * MARGIN if not self.best.setting else -math.inf
-            fits = map_steps(self.workers, addition_steps, (), [(a, needless) for a in chosen])
+            fits = self.workers.map_in_shares(fit_addition, (), [(a, needless) for a in chosen])
             for a, fit in zip(chosen, fits, strict=True):
                 if fit is not None:
                     start, log_posterior = expected[a.key]
@@ -214,7 +212,7 @@ class Search:
             for part in sorted(e.key):
                 if e.key - {part} not in self.fitted:
                     todo.setdefault(e.key - {part}, (e, part))
-        fits = map_steps(self.workers, without_steps, (), list(todo.values()))
+        fits = self.workers.map_in_shares(fit_without, (), list(todo.values()))
         for (e, part), fit in zip(todo.values(), fits, strict=True):
             if fit is not None:
                 self._add(fit, e.parts.without(part))
@@ -225,7 +223,7 @@ class Search:
         limit = best.log_posterior - 2 * MARGIN
         kept = [e for e in self.fitted.values() if e.log_posterior > limit and not self._is_needless(e)]
         kept += [e for e in self.fitted.values() if e.key == NOTHING and e not in kept]
-        fits = map_steps(self.workers, to_data_steps, (), [(e.fit, data) for e in kept])
+        fits = self.workers.map_in_shares(fit_to_data, (), [(e.fit, data) for e in kept])
         before = set(self.fitted)
         self.grid = NoiseGrid(data)
         self.fitted.clear()
@@ -266,9 +264,8 @@ class Search:
         """Return the templates of the effects that may be added: those beside nothing, unless much was added since."""
         if e.key not in self._templates:
             others = [c for c in self.library if c not in e.parts.effects]
-            anew = others if e.key == NOTHING else []
-            if e.log_z - self.fitted[NOTHING].log_z > LARGE_MISFIT:
-                anew = [c for c in others if steps_together(e.fit.problem, c)]  # single runs take too long for it
+            is_far = e.log_z - self.fitted[NOTHING].log_z > LARGE_MISFIT
+            anew = others if e.key == NOTHING or is_far else []
             kept = [t for t in self._templates.get(NOTHING, []) if t.candidate in others and t.candidate not in anew]
             self._templates[e.key] = kept + templates(e.fit, anew, self.workers)
         return self._templates[e.key]

@@ -14,7 +14,7 @@ from looping_pendulum.discrepancy.candidates import Candidate
 from looping_pendulum.discrepancy.evidence.marginal import sigma_of
 from looping_pendulum.discrepancy.evidence.prior import VISIBLE
 from looping_pendulum.discrepancy.fit.calibration import Fit
-from looping_pendulum.discrepancy.fit.problem import Problem, Steps, jacobian_at, map_steps, predict_requests
+from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.result import SmallestVisible
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
@@ -41,8 +41,8 @@ LINEAR_SIZE, FINITE_SIZES = 0.3, (3.0, 12.0)
 """Sizes of the changes of the prediction that are tried [RMS, in units of noise]: one that is still linear, and finite ones."""
 FINER = 0.1
 """Share of a linear change that shows whether it is one."""
-FIRST_FACTORS = (1.0, 40.0)
-"""Factors on the smallest change of the value that is tried at once: about that of the sizes."""
+FIRST_FACTOR = 40.0
+"""Factor on the smallest change of the value: their product is tried first, as small ones of a stiff string take long."""
 MAX_TRIES, MAX_FAILURES = 10, 2
 """Largest number of steps in which changes of given sizes are looked for, and how many values may be impossible."""
 
@@ -117,14 +117,14 @@ def templates(fit: Fit, chosen: Sequence[Candidate], workers: Workers = SERIAL) 
     basis = np.linalg.qr(fit.jacobian)[0]
     derivatives = {c.name: d for c in chosen if (d := _derivative_by_fitted(fit, c)) is not None}
     cases = [(c, tuple(values)) for c in chosen for values in c.companion_grid()]
-    found = map_steps(workers, _templates, (fit, basis, derivatives), cases)
+    found = workers.map_in_shares(_templates, (fit, basis, derivatives), cases)
     own = {c.name: c for c in chosen}  # a worker process returns copies
     return [dataclasses.replace(t, candidate=own[t.candidate.name]) for of_case in found for t in of_case]
 
 
 def _templates(
     fit: Fit, basis: Array, derivatives: dict[str, Array], candidate: Candidate, companion_values: Sequence[float]
-) -> Steps[list[Template]]:
+) -> list[Template]:
     companions = candidate.companion_parameters(companion_values)
     problem = fit.problem.with_parameters(candidate.free_parameter(1.0), *companions)
     at = candidate.where_it_acts(fit.problem.free_parameters, fit.x)
@@ -134,13 +134,11 @@ def _templates(
     reaches = [reach for reach, side in zip(reaches, (1.0, -1.0), strict=True) if side * reach > 0]
     # What a finite change does to the phase of a long swing, the fitted parameters nearly undo: its curvature would be left
     sizes = (LINEAR_SIZE,) if problem.is_swing else (LINEAR_SIZE, *FINITE_SIZES)
-    where = yield from changes.find(reaches, sizes, first_change(candidate))
+    where = changes.find(reaches, sizes, first_change(candidate))
     if changes.cannot_run:
         return []
     linear = [delta for (_, size), delta in where.items() if size == LINEAR_SIZE and delta is not None]
-    yield from changes.compute(
-        [share * delta for delta in linear for share in ((-1.0, FINER, -FINER) if both_sides else (FINER,))]
-    )
+    changes.compute([share * delta for delta in linear for share in ((-1.0, FINER, -FINER) if both_sides else (FINER,))])
     found: list[Template] = []
     sigma = sigma_of(problem.data)
 
@@ -233,15 +231,14 @@ class Changes:
         self.cannot_run = False
         """Whether the model cannot run without the candidate."""
 
-    def compute(self, deltas: Iterable[float]) -> Steps[None]:
+    def compute(self, deltas: Iterable[float]) -> None:
         """Compute what these changes of the value do [SI], all at once."""
         new = [delta for delta in dict.fromkeys(deltas) if delta not in self.known]
         if not new or self.cannot_run:
             return
         at = np.tile(self._null, (len(new) + (self._here is None), 1))
         at[-len(new) :, self._place] = new
-        predicted = yield self._problem, at
-        residuals = [self._problem.residuals_of(x, row) for x, row in zip(at, predicted, strict=True)]
+        residuals = [self._problem.residuals_of(x, row) for x, row in zip(at, self._problem.predict_many(at), strict=True)]
         if self._here is None:
             self._here = residuals[0]
             if self._here is None:
@@ -255,22 +252,20 @@ class Changes:
                 change[: self._problem.measured_rows] = (self._here - moved)[: self._problem.measured_rows]
             self.known[delta] = change
 
-    def find(
-        self, reaches: Sequence[float], sizes: Sequence[float], first: float
-    ) -> Steps[dict[tuple[float, float], float | None]]:
+    def find(self, reaches: Sequence[float], sizes: Sequence[float], first: float) -> dict[tuple[float, float], float | None]:
         """Find changes of the value up to each reach [SI] that change the prediction by about these sizes.
 
-        A change of ``first`` [SI] is tried first; where it cannot run, no smaller one is. To a second side, the changes that
-        were found to the first one are.
+        Where a change of ``first`` [SI] cannot run, no smaller one is tried. To a second side, the changes that were found to
+        the first one are.
 
         Returns (reach, size) -> change of the value; None if the reach comes first and hardly anything changes.
         """
         found: dict[tuple[float, float], float | None] = {}
-        tries = first_tries = [first * factor for factor in FIRST_FACTORS]
+        tries = first_tries = [FIRST_FACTOR * first]
         for reach in reaches:
             side = math.copysign(1.0, reach)
             for _ in range(MAX_TRIES):
-                yield from self.compute([side * min(delta, abs(reach)) for delta in tries])
+                self.compute([side * min(delta, abs(reach)) for delta in tries])
                 guesses = [_next_try(self._tried(side), abs(reach), size, first) for size in sizes]
                 tries = [guess for guess in guesses if guess is not None]
                 if not tries or self.cannot_run:
@@ -344,25 +339,5 @@ def rms(v: Array) -> float:
 
 
 def first_change(candidate: Candidate) -> float:
-    """Return the change that is tried first [SI]."""
+    """Return the smallest change that may matter [SI]."""
     return 1e-3 * abs(candidate.null) or 1e-6
-
-
-def steps_together(problem: Problem, candidate: Candidate) -> bool:
-    """Return whether runs with a candidate are made in a batch, whose one compiled model serves all such candidates."""
-    return not problem.is_swing
-
-
-def compile_for(problem: Problem, candidate: Candidate | None) -> None:
-    """Run every trial with a little of a candidate, so that its equations are compiled.
-
-    None: compute derivatives of the model without a candidate.
-    """
-    if candidate is None:
-        jacobian_at(problem, problem.prior_mean)
-        return
-    companions = candidate.companion_parameters(candidate.companion_grid()[0])
-    delta = math.copysign(first_change(candidate), candidate.bounds[1] - candidate.null or -1.0)
-    x = np.concatenate([problem.prior_mean, [delta], np.zeros(len(companions))])
-    extended = problem.with_parameters(candidate.free_parameter(1.0), *companions)
-    predict_requests([(extended, x[None])])

@@ -17,7 +17,7 @@ from types import MappingProxyType
 import numpy as np
 
 from looping_pendulum.discrepancy.fit.data import TrialData, trial_data
-from looping_pendulum.discrepancy.fit.problem import Problem, free_parameters_of, predict_requests
+from looping_pendulum.discrepancy.fit.problem import Problem, free_parameters_of
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured import observations as measured
 from looping_pendulum.measured.camera import Camera
@@ -544,10 +544,7 @@ def _fit_windows(problem: Problem, data: TrialData, parameters: Parameters, good
             return np.concatenate([soft, x / prior_sigma])
 
         def residuals(x: Array, here: Problem = here) -> Array:
-            try:
-                values = robust(x, here.predict(x, 0))
-            except CANNOT_RUN:
-                values = robust(x, np.full(here.measured_rows, np.nan))
+            values = robust(x, here.predict(x, 0))
             misfit = float(np.linalg.norm(values)) / math.sqrt(here.measured_rows)
             if misfit <= good_enough:
                 raise _GoodEnough(misfit, x)
@@ -555,7 +552,7 @@ def _fit_windows(problem: Problem, data: TrialData, parameters: Parameters, good
 
         def jacobian(x: Array, here: Problem = here) -> Array:
             rows = here.rows_of_jacobian(x)
-            values = np.array([robust(*one) for one in zip(rows, predict_requests([(here, rows)])[0], strict=True)])
+            values = np.array([robust(*one) for one in zip(rows, here.predict_linearised(rows), strict=True)])
             steps = (rows[1::2] - rows[2::2]).sum(axis=1)
             return np.asarray(((values[1::2] - values[2::2]) / steps[:, None]).T)
 

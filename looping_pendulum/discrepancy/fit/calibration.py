@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from looping_pendulum.discrepancy.fit.problem import Problem, Steps, alone, jacobian_at
+from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -68,7 +68,7 @@ class Fit:
     @cached_property
     def jacobian(self) -> Array:
         """Return the Jacobian at the minimum, shape (n + p, p): `final_jacobian`, or one that is computed now."""
-        return jacobian_at(self.problem, self.x) if self.final_jacobian is None else self.final_jacobian
+        return self.problem.jacobian(self.x) if self.final_jacobian is None else self.final_jacobian
 
     @cached_property
     def covariance(self) -> Array:
@@ -114,13 +114,6 @@ class FitError(HarnessError, RuntimeError):
 
 
 def minimise(
-    problem: Problem, x: Array, *, cost_tolerance: float = COST_TOLERANCE, max_iterations: int = MAX_ITERATIONS
-) -> Fit:
-    """Minimise the cost within the bounds; arguments, result and errors as of `minimise_steps`."""
-    return alone(minimise_steps(problem, x, cost_tolerance=cost_tolerance, max_iterations=max_iterations))
-
-
-def minimise_steps(
     problem: Problem,
     x: Array,
     *,
@@ -128,10 +121,8 @@ def minimise_steps(
     max_iterations: int = MAX_ITERATIONS,
     initial_jacobian: Array | None = None,
     needless_above: float = math.inf,
-) -> Steps[Fit]:
-    """Minimise the cost within the bounds by the Levenberg-Marquardt method, in steps that ask for predictions.
-
-    Each step asks for the residuals and the Jacobian at the next point at once, as a batch of runs costs little more than one.
+) -> Fit:
+    """Minimise the cost within the bounds by the Levenberg-Marquardt method.
 
     Parameters
     ----------
@@ -154,10 +145,9 @@ def minimise_steps(
     """
     x = np.clip(x, problem.low, problem.high)
     if initial_jacobian is None:
-        r, jacobian = yield from _residuals_and_jacobian(problem, x)
+        r, jacobian = problem.residuals_and_jacobian(x)
     else:
-        (predicted,) = yield problem, x[None]
-        r, jacobian = problem.residuals_of(x, predicted), initial_jacobian
+        r, jacobian = problem.residuals(x), initial_jacobian
     if r is None:
         raise FitError("the model cannot run at the start of the fit; check the study's values")
     cost, damping, iterations = float(r @ r), FIRST_DAMPING, int(initial_jacobian is None)
@@ -171,8 +161,8 @@ def minimise_steps(
         # Negative where a component was clipped, which says nothing
         if 0 <= model.decrease(there) < cost_tolerance * cost:
             break
-        new, new_jacobian = yield from _residuals_and_jacobian(problem, there, cost)
-        iterations += len(new_jacobian) > 0
+        new, new_jacobian = problem.residuals_and_jacobian(there)
+        iterations += 1
         if new is not None and float(new @ new) < cost:
             damping = max(damping / 10, MIN_DAMPING)
             agrees = cost - float(new @ new) > MIN_AGREEMENT * model.decrease(there) > 0
@@ -183,16 +173,15 @@ def minimise_steps(
             dampings = [*(damping * 10.0**i for i in range(1, MAX_DAMPINGS + 1)), *(damping for _ in SHORTER_STEPS)]
             longest = [*(None for _ in range(MAX_DAMPINGS)), *SHORTER_STEPS]
             points = np.array([model.point(*each) for each in zip(dampings, longest, strict=True)])
-            predicted = yield problem, points
-            tried = [problem.residuals_of(point, row) for point, row in zip(points, predicted, strict=True)]
+            tried = [problem.residuals_of(point, row) for point, row in zip(points, problem.predict_many(points), strict=True)]
             costs = [math.inf if each is None else float(each @ each) for each in tried]
             best = int(np.argmin(costs))
             if costs[best] >= cost:
                 break
             there, damping = points[best], dampings[best]
-            new, new_jacobian = yield from _residuals_and_jacobian(problem, there)
+            new, new_jacobian = problem.residuals_and_jacobian(there)
             iterations += 1
-            if new is None or float(new @ new) >= cost:  # single runs and those of a batch differ in their last digits
+            if new is None or float(new @ new) >= cost:  # a run with its derivatives may differ in the last digits
                 break
         decrease = cost - float(new @ new)
         x, r, jacobian, cost = there, new, new_jacobian, float(new @ new)
@@ -257,18 +246,6 @@ class _LinearModel:
         return step
 
 
-def _residuals_and_jacobian(problem: Problem, x: Array, cost: float = math.inf) -> Steps[tuple[Array | None, Array]]:
-    if problem.runs_singly and math.isfinite(cost):
-        # Those of a Jacobian are made only where the cost has decreased
-        (predicted,) = yield problem, x[None]
-        r = problem.residuals_of(x, predicted)
-        if r is None or float(r @ r) >= cost:
-            return r, np.zeros((0, 0))
-    rows = problem.rows_of_jacobian(x)
-    predicted = yield problem, rows
-    return problem.residuals_of(x, predicted[0]), problem.jacobian_of(x, rows, predicted)
-
-
 def _window_shares(problem: Problem) -> tuple[float, ...]:
     """Return the parts of the longest trial that are fitted before the whole.
 
@@ -285,17 +262,11 @@ def _window_shares(problem: Problem) -> tuple[float, ...]:
     return (*early, *WINDOW_SHARES[:-1])
 
 
-def calibrate(problem: Problem, start: Array | None = None) -> Fit:
-    """Fit in growing windows of time, by default from the prior's mean."""
-    return alone(calibrate_steps(problem, start))
-
-
-def calibrate_steps(
+def calibrate(
     problem: Problem, start: Array | None = None, *, cost_tolerance: float = COST_TOLERANCE, needless_above: float = math.inf
-) -> Steps[Fit]:
-    """Do the same as `calibrate` in steps that ask for predictions; the options are those of `minimise_steps` for the whole."""
+) -> Fit:
+    """Fit in growing windows of time, by default from the prior's mean; the options are those of `minimise` for the whole."""
     x = problem.prior_mean.copy() if start is None else start
     for share in _window_shares(problem):
-        fit = yield from minimise_steps(problem.until(share), x, cost_tolerance=WINDOW_COST_TOLERANCE)
-        x = fit.x
-    return (yield from minimise_steps(problem, x, cost_tolerance=cost_tolerance, needless_above=needless_above))
+        x = minimise(problem.until(share), x, cost_tolerance=WINDOW_COST_TOLERANCE).x
+    return minimise(problem, x, cost_tolerance=cost_tolerance, needless_above=needless_above)

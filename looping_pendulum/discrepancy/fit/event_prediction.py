@@ -73,14 +73,13 @@ def run_for_events(parameters: Parameters, until: float = DURATION) -> Samples:
 
 
 class EventRun:
-    """A run for the rows of an event table, sampled only as far as they need, with a cache of its last prediction."""
+    """A run for the rows of an event table, sampled only as far as they need."""
 
     def __init__(self, parameters: Parameters, rows: Sequence[EventObservation]) -> None:
         self.parameters = parameters
         self._rows = rows
         self._until = min(SAMPLING_MARGIN * event_times(rows, 0.0).max(initial=0.0), DURATION)
         self._samples = run_for_events(parameters, self._until)
-        self._last_prediction: tuple[Camera, Array] | None = None
 
     @property
     def samples(self) -> Samples:
@@ -91,14 +90,12 @@ class EventRun:
 
     def predict(self, camera: Camera) -> Array:
         """Predict the rows as `predict_events` does."""
-        if self._last_prediction is None or self._last_prediction[0] != camera:
-            values = predict_events(self._samples, camera, self._rows)
-            # More samples do not change an extremum that was found; one that was not may come later.
-            missing = [row for row, value in zip(self._rows, values, strict=True) if math.isnan(value)]
-            if any(row.quantity in SAMPLED_QUANTITIES for row in missing):
-                values = predict_events(self.samples, camera, self._rows)
-            self._last_prediction = camera, values
-        return self._last_prediction[1]
+        values = predict_events(self._samples, camera, self._rows)
+        # More samples do not change an extremum that was found; one that was not may come later.
+        missing = [row for row, value in zip(self._rows, values, strict=True) if math.isnan(value)]
+        if any(row.quantity in SAMPLED_QUANTITIES for row in missing):
+            values = predict_events(self.samples, camera, self._rows)
+        return values
 
 
 def landmarks(samples: Samples, camera: Camera) -> Landmarks:

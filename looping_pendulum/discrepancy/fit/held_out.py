@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise_steps
+from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise
 from looping_pendulum.discrepancy.fit.data import TrialData, noises_of
-from looping_pendulum.discrepancy.fit.problem import Problem, Steps, map_steps
+from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual import CHI2_SCATTER_SIGMAS, MIN_P_VALUE, ModelTest
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
@@ -128,7 +128,7 @@ def _fit_held_out_trial(fit: Fit, data: TrialData, own: Sequence[FreeParameter])
 
 def _check_held_out_blocks(fit: Fit, workers: Workers) -> HeldOutTest:
     """Leave out two of `BLOCK_COUNT` blocks of time at once, refit, and test their prediction by its covariance."""
-    results = map_steps(workers, _check_two_blocks, (fit,), [(first,) for first in range(BLOCK_COUNT // 2)])
+    results = workers.map_in_shares(_check_two_blocks, (fit,), [(first,) for first in range(BLOCK_COUNT // 2)])
     chi2, counts, rms_of_blocks = zip(*(block for block in results if block), strict=True)
     known = [size for size in rms_of_blocks if size is not None]
     return HeldOutTest(
@@ -147,7 +147,7 @@ Their chi2 per value, number of values, and root mean square residual [SI], None
 """
 
 
-def _check_two_blocks(fit: Fit, first: int) -> Steps[_Blocks | None]:
+def _check_two_blocks(fit: Fit, first: int) -> _Blocks | None:
     """Fit without two blocks that lie half the time apart, which halves the number of fits; None: they hold nothing.
 
     Parameters
@@ -164,12 +164,10 @@ def _check_two_blocks(fit: Fit, first: int) -> Steps[_Blocks | None]:
         return None
     # An infinite standard error leaves values out without changing the shape of the problem
     masked = [dataclasses.replace(d, sigma=np.where(o, np.inf, d.sigma)) for d, o in zip(problem.data, out, strict=True)]
-    partial = yield from minimise_steps(
+    partial = minimise(
         problem.with_data(masked), fit.x, max_iterations=MAX_ITERATIONS, initial_jacobian=_without_rows(fit, rows)
     )
-    at = problem.rows_of_jacobian(partial.x)
-    predicted = yield problem, at
-    jacobian, r = problem.jacobian_of(partial.x, at, predicted), problem.residuals_of(partial.x, predicted[0])
+    r, jacobian = problem.residuals_and_jacobian(partial.x)
     assert r is not None
     # Noise of the values, and uncertainty of the fitted parameters
     square = _square_of_prediction(r[: len(rows)][rows], jacobian[: len(rows)][rows], partial.covariance)
@@ -177,7 +175,7 @@ def _check_two_blocks(fit: Fit, first: int) -> Steps[_Blocks | None]:
     is_point = np.concatenate([np.arange(len(d.t)) < d.event_slice.start for d in problem.data])[rows]
     # What is left out of fits, as an outlier, is no part of their error
     is_point &= np.isfinite(np.concatenate([d.sigma for d in problem.data])[rows])
-    off = (np.concatenate([d.value for d in problem.data]) - predicted[0])[rows]
+    off = (np.concatenate([d.value for d in problem.data]) - problem.predict_many(partial.x[None])[0])[rows]
     # Twice the mean square of a coordinate is that of a distance in the plane
     size = math.sqrt(2 * float(np.mean(off[is_point] ** 2))) if is_point.any() else None
     return square / count, count, size

@@ -1,41 +1,38 @@
-"""The least-squares problem of a fit: free parameters, data, priors; residuals, their derivatives, and many predictions.
+"""The least-squares problem of a fit: free parameters, data, priors; residuals and their derivatives.
 
-A parameter has the value init_value + scale x, with x of order one. Its prior is a further row of the residuals. What is
-measured is predicted at many parameters of many problems at once, their runs in a batch, and fits take their steps together.
+A parameter has the value init_value + scale x, with x of order one. Its prior is a further row of the residuals.
 """
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Callable, Generator, Mapping, Sequence
-from functools import cached_property
+from collections.abc import Sequence
 from types import SimpleNamespace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.fit.data import TrialData
 from looping_pendulum.discrepancy.fit.event_prediction import EventRun, with_missed_events
-from looping_pendulum.discrepancy.workers import Workers
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured.camera import CAMERA, Camera
 from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
-from looping_pendulum.measured.measurement import FIT_TOLERANCE, SampledRuns, predict, predict_many, sample_times
+from looping_pendulum.measured.measurement import FIT_TOLERANCE, SampledRuns, SampleTimes, predict_many, sample_times
 from looping_pendulum.measured.study import Study, Trial
 from looping_pendulum.reference_ode.batch import sample_batch
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.reference_ode.parameters import NUMBERS, Parameters, Release
+from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solution import Samples
 from looping_pendulum.reference_ode.solve import solve_at
-from looping_pendulum.reference_ode.state import Effects
 
 DIFFERENCE_STEP = 1e-3
-"""Step of finite differences, in units of the scale.
-
-Derivatives are good to about 2e-4 as long as the sequence of events stays the same.
-"""
+"""Step of differences, in units of the scale: of runs, where no derivative exists, and of what cameras measure of one run."""
+LINEAR_SHARE = 1e-3
+"""Share of a step by which a motion that is taken as linear is moved: a whole one may be 0.1 rad in the last turn."""
 _TIMES, _CAMERA = ParameterRole.TIMES, ParameterRole.CAMERA  # for an inner loop
+
 PLACES = ("rod_radius", "free_length", "release_angle", "hanging_length", "heavy_swing", "string_thickness")
 """Parameters that say, beside the state, where the masses are."""
 
@@ -94,11 +91,9 @@ class Problem:
         # Made once, and only changed for each run: making and checking all parameters takes longer
         self.base = [study.parameters({}, d.trial) for d in self.data]
         self._camera = [{n: e.value for n, e in d.trial.camera.items()} for d in self.data]
-        self._cached_run: list[tuple[Parameters, Array, Samples] | None] = [None] * len(self.data)
-        self._cached_event_run: list[EventRun | None] = [None] * len(self.data)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle without the cached runs."""
+        """Pickle what it is made of."""
         return Problem, (self.study, self.data, self.free_parameters, (self.prior_mean, self.prior_weights))
 
     def until(self, share: float) -> Problem:
@@ -119,11 +114,6 @@ class Problem:
     def is_swing(self) -> bool:
         """Return whether all trials are held pendulums, whose runs take as long as their records have turning points."""
         return all(d.trial.release is Release.HELD for d in self.data)
-
-    @cached_property
-    def runs_singly(self) -> bool:
-        """Return whether every run is made by itself: of swings, of effects that a batch does not take, without heyoka."""
-        return self.is_swing
 
     @property
     def count(self) -> int:
@@ -174,66 +164,84 @@ class Problem:
 
     def run(self, x: Array, k: int) -> Samples:
         """Return the run of trial ``k`` at the true times of its points, or every millisecond if it has only events."""
-        if not self.data[k].channels:
-            return self._run_for_events(self.parameters_and_camera(x, k)[0], k).samples
-        self.predict(x, k)
-        last = self._cached_run[k]
-        assert last is not None
-        return last[2]
-
-    def _run_for_events(self, parameters: Parameters, k: int) -> EventRun:
-        last = self._cached_event_run[k]
-        if last is None or last.parameters != parameters:
-            self._cached_event_run[k] = last = EventRun(parameters, self.data[k].events)
-        return last
+        parameters, camera = self.parameters_and_camera(x, k)
+        d = self.data[k]
+        if not d.channels:
+            return EventRun(parameters, d.events).samples
+        t = sample_times(camera.clock_offset, camera.clock_ratio, camera.readout, d.channels).times
+        return solve_at(parameters, t, duration=_duration(t), tolerance=FIT_TOLERANCE)
 
     def predict_events(self, x: Array, k: int) -> Array:
         """Predict the events of trial ``k`` [SI], shape (events,); NaN: the event does not happen."""
         parameters, camera = self.parameters_and_camera(x, k)
-        return self._run_for_events(parameters, k).predict(camera)
-
-    def predict(self, x: Array, k: int) -> Array:
-        """Predict all values of trial ``k`` [SI], shape (n,); after a run's end everything is at rest where it ended.
-
-        An event that does not happen counts as missed by `event_prediction.MISSED_EVENT_ERRORS` standard errors.
-        """
-        parameters, camera = self.parameters_and_camera(x, k)
-
-        def sample(t: Array) -> Samples:
-            last = self._cached_run[k]
-            # By identity, which costs nothing: `measurement` keeps the array of a clock and returns it again
-            if last is None or last[1] is not t or last[0] != parameters:
-                # A millisecond longer, so that the run does not end just before the last point
-                run = solve_at(
-                    parameters,
-                    t,
-                    duration=float(t[-1]) + 1e-3,
-                    tolerance=FIT_TOLERANCE,
-                )
-                self._cached_run[k] = last = parameters, t, run
-            return last[2]
-
-        d = self.data[k]
-        parts = []
-        if d.channels:
-            values = predict(sample, camera, d.channels, dropped=d.trial.dropped)
-            parts = [values[c.name] for c in d.channels]
-        if d.events:
-            parts.append(with_missed_events(self._run_for_events(parameters, k).predict(camera), d.events))
-        return np.concatenate(parts or [np.zeros(0)])
+        return EventRun(parameters, self.data[k].events).predict(camera)
 
     def events_that_happen(self, x: Array) -> NDArray[np.bool_]:
         """Return which measured events happen in the model's runs, all trials end to end, shape (events,)."""
         parts = [np.isfinite(self.predict_events(x, k)) for k, d in enumerate(self.data) if d.events]
         return np.concatenate([np.zeros(0, dtype=bool), *parts])
 
+    def predict(self, x: Array, k: int) -> Array:
+        """Predict all values of trial ``k`` [SI], shape (n,), as `predict_many` does."""
+        (values,) = self._predict_trial(x[None], k, linear=False)
+        return np.asarray(values)
+
+    def predict_many(self, x: Array) -> Array:
+        """Predict all values of all trials [SI] at many parameters of shape (m, p), shape (m, n); nan: the model cannot run.
+
+        After a run's end everything is at rest where it ended. An event that does not happen counts as missed by
+        `event_prediction.MISSED_EVENT_ERRORS` standard errors.
+        """
+        return np.concatenate([self._predict_trial(x, k, linear=False) for k in range(len(self.data))], axis=1)
+
+    def predict_linearised(self, x: Array) -> Array:
+        """Predict the same, the motion as a linear function of its parameters about the first row of ``x``.
+
+        Each trial is run once, with its derivatives. Events, another clock, and what has no derivative there, as beyond an
+        event that is only grazed, are of runs of their own.
+        """
+        return np.concatenate([self._predict_trial(x, k, linear=True) for k in range(len(self.data))], axis=1)
+
+    def _predict_trial(self, x: Array, k: int, *, linear: bool) -> Array:
+        """Predict trial ``k`` at many parameters of shape (m, p), shape (m, n)."""
+        d = self.data[k]
+        found = np.full((len(x), len(d.value)), np.nan)
+        points, left = found[:, : d.event_slice.start], np.arange(len(x))
+        if d.channels and linear:
+            near, is_linear = _Rows(self, x[0] + LINEAR_SHARE * (x - x[0]), k).linearised_points()
+            points[is_linear] = near[0] + (near[is_linear] - near[0]) / LINEAR_SHARE
+            left = np.flatnonzero(~is_linear)
+        if d.channels and len(left):
+            points[left] = _Rows(self, x[left], k).points()
+        if d.events:
+            found[:, d.event_slice] = self._events_of_many(x, k)
+        return found
+
+    def _events_of_many(self, x: Array, k: int) -> Array:
+        """Predict the events of trial ``k`` at many parameters, shape (m, events); nan where the model cannot run."""
+        rows, last = self.data[k].events, None
+        found = np.full((len(x), len(rows)), np.nan)
+        for values, row in zip(found, x, strict=True):
+            with contextlib.suppress(HarnessError, ValueError, ArithmeticError):
+                parameters, camera = self.parameters_and_camera(row, k)
+                if last is None or last.parameters != parameters:  # rows that differ by the camera alone show the same run
+                    last = EventRun(parameters, rows)
+                values[:] = with_missed_events(last.predict(camera), rows)
+        return found
+
     def residuals(self, x: Array) -> Array | None:
         """Return standardised residuals, then those of the prior, shape (n + p,); None if the model cannot run."""
-        try:
-            predicted = np.concatenate([self.predict(x, k) for k in range(len(self.data))])
-        except (HarnessError, ValueError, ArithmeticError):
-            return None
-        return self.residuals_of(x, predicted)
+        return self.residuals_of(x, self.predict_many(x[None])[0])
+
+    def residuals_and_jacobian(self, x: Array) -> tuple[Array | None, Array]:
+        """Return the residuals at ``x``, and minus their derivative, shape (n + p, p)."""
+        rows = self.rows_of_jacobian(x)
+        predicted = self.predict_linearised(rows)
+        return self.residuals_of(x, predicted[0]), self._jacobian_of(x, rows, predicted)
+
+    def jacobian(self, x: Array) -> Array:
+        """Return minus the derivative of the residuals at ``x``, shape (n + p, p)."""
+        return self.residuals_and_jacobian(x)[1]
 
     def residuals_of(self, x: Array, predicted: Array) -> Array | None:
         """Return the residuals at ``x`` from what is predicted there of all trials, shape (n,)."""
@@ -243,18 +251,14 @@ class Problem:
         return r if np.all(np.isfinite(r)) else None
 
     def rows_of_jacobian(self, x: Array) -> Array:
-        """Return parameters at which predictions make the Jacobian: ``x``, then two for each parameter.
-
-        Where runs are made singly, one of the two is ``x`` again.
-        """
+        """Return parameters at which predictions make the Jacobian: ``x``, then two for each parameter."""
         # Beyond a bound the value would be cut off, and the difference zero
         down = x - DIFFERENCE_STEP >= self.low
         up = (x + DIFFERENCE_STEP <= self.high) | ~down
-        down &= ~up | (not self.runs_singly)
         steps = DIFFERENCE_STEP * np.stack([np.diag(up * 1.0), np.diag(down * -1.0)], axis=1)
         return x + np.vstack([np.zeros(len(x)), steps.reshape(-1, len(x))])
 
-    def jacobian_of(self, x: Array, rows: Array, predicted: Array) -> Array:
+    def _jacobian_of(self, x: Array, rows: Array, predicted: Array) -> Array:
         """Return minus the derivative of `residuals`, shape (n + p, p), from what is predicted at `rows_of_jacobian`.
 
         Where the model of a trial cannot run at one of a parameter's two places, the difference is that to ``x``; where it
@@ -283,195 +287,96 @@ def _between(value: Any, low: Any, high: Any) -> Any:
     return min(max(value, low), high) if isinstance(value, float) else np.clip(value, low, high)
 
 
-T = TypeVar("T")
-Request = tuple[Problem, Array]
-"""A problem and parameters of it, shape (m, p)."""
-Steps = Generator[Request, Array, T]
-"""Asks for predictions, is sent each, shape (m, n), and returns a result at last."""
+def _duration(t: Array) -> float:
+    """Return the time limit of a run that is sampled at ascending times: a millisecond more, lest it end before the last."""
+    return float(t[-1]) + 1e-3
 
 
-def predict_requests(requests: Sequence[Request]) -> list[Array]:
-    """Return what is predicted of all trials of each problem at its parameters, shape (m, n); nan: a trial's model cannot run.
+class _Rows:
+    """The tracked points of trial ``k`` at many parameters ``x``, shape (m, p)."""
 
-    Single runs are made for swings of a held pendulum, which heyoka alone passes through turning points at once, for tables of
-    events, which a batch does not keep, for a rod that turns, for a string that stretches, and where few runs have an effect
-    with a model of its own. All others are one batch for the declared model's effects, one for further ones, and one for each
-    effect that has a model of its own.
-    """
-    found = [np.full((len(x), problem.measured_rows), np.nan) for problem, x in requests]
-    groups: dict[tuple[Any, ...], list[_Part]] = {}
-    for into, (problem, x) in zip(found, requests, strict=True):
-        end = 0
-        for k, d in enumerate(problem.data):
-            begin, end = end, end + len(d.value)
-            part = _Part(problem, x, k, into[:, begin:end])
-            groups.setdefault(part.model, []).append(part)
-    for model, parts in groups.items():
-        if model:
-            _predict_together(parts)
-        else:
-            for part in parts:
-                _predict_singly(part)
-    return found
-
-
-def jacobian_at(problem: Problem, x: Array) -> Array:
-    """Return minus the derivative of the residuals at ``x``, shape (n + p, p), by central differences."""
-    rows = problem.rows_of_jacobian(x)
-    return problem.jacobian_of(x, rows, predict_requests([(problem, rows)])[0])
-
-
-def together(steps: Sequence[Steps[T]]) -> list[T]:
-    """Take the steps of many fits in step, each step of all one call of `predict_requests`; return their results.
-
-    Raises
-    ------
-    HarnessError
-        That of the first fit, in their order, that has one.
-    """
-    found = _run(steps)
-    for error in (r for r in found if isinstance(r, HarnessError)):
-        raise error
-    return [r for r in found if not isinstance(r, HarnessError)]
-
-
-def map_steps(
-    workers: Workers, steps: Callable[..., Steps[T]], shared: tuple[Any, ...], items: Sequence[tuple[Any, ...]]
-) -> list[T]:
-    """Return what ``steps(*shared, *item)`` leads to for each item: every process takes an equal share of them, in step."""
-    return workers.map_together(_take_steps, (steps, shared), items)
-
-
-def _take_steps(call: tuple[Callable[..., Steps[T]], tuple[Any, ...]], items: Sequence[tuple[Any, ...]]) -> list[T]:
-    steps, shared = call
-    return together([steps(*shared, *item) for item in items])
-
-
-def alone(steps: Steps[T]) -> T:
-    """Take the steps of one fit; return its result, or raise its error."""
-    (result,) = _run([steps])
-    if isinstance(result, HarnessError):
-        raise result
-    return result
-
-
-def _run(steps: Sequence[Steps[T]]) -> list[T | HarnessError]:
-    results: dict[int, T | HarnessError] = {}
-    waiting = list(enumerate(steps))
-    answers: list[Any] = [None] * len(waiting)
-    while waiting:
-        asking, requests = [], []
-        for (i, one), answer in zip(waiting, answers, strict=True):
-            try:
-                requests.append(one.send(answer))
-                asking.append((i, one))
-            except StopIteration as end:
-                results[i] = end.value
-            except HarnessError as error:
-                results[i] = error
-        waiting, answers = asking, predict_requests(requests)
-    return [results[i] for i in range(len(steps))]
-
-
-class _Part:
-    """A trial at many parameters ``x``, shape (m, p), and where its predictions are wanted, ``into`` of shape (m, n)."""
-
-    def __init__(self, problem: Problem, x: Array, k: int, into: Array) -> None:
-        self.problem, self.x, self.k, self.into = problem, x, k, into
-        self.base = problem.base[k]
-        """Parameters that do not differ between the rows."""
+    def __init__(self, problem: Problem, x: Array, k: int) -> None:
+        self._data, self._base, self._count = problem.data[k], problem.base[k], len(x)
         changes, camera = problem.changes(list(x.T), k)
-        self.columns = {
-            name: np.broadcast_to(values, len(x)) for name, values in self.base.with_static_friction(changes).items()
+        self._columns = {
+            name: np.broadcast_to(np.asarray(values, dtype=float), len(x))
+            for name, values in self._base.with_static_friction(changes).items()
         }
-        """Parameters of the model that differ between the rows, shape (m,) each."""
-        self.camera, self.valid = Camera.of_many(camera, len(x))
+        """Parameters of the model that are changed, shape (m,) each."""
+        self._camera, self._valid = Camera.of_many(camera, len(x))
         """Camera of all rows, and which rows have possible cameras, shape (m,)."""
-        clock = [np.ravel(v) for v in (self.camera.clock_offset, self.camera.clock_ratio, self.camera.readout) if np.ndim(v)]
-        # Rows that differ by the camera alone show the same run
-        keys = np.column_stack([*self.columns.values(), *clock, np.zeros(len(x))])
-        seen: dict[bytes, int] = {}
-        self.run = np.array([seen.setdefault(row.tobytes(), len(seen)) for row in keys], dtype=np.intp)
-        """Run of each row, an index into ``first``."""
-        self.first = np.unique(self.run, return_index=True)[1]
-        """A row of each run that is made."""
-
-    @property
-    def model(self) -> tuple[Any, ...]:
-        """What the runs of one batch have in common; empty: these runs are made one by one."""
-        d = self.problem.data[self.k]
-        if d.events or not d.channels:
-            return ()
-        return self.base.release, self.base.own_effects, self.effects
-
-    @cached_property
-    def effects(self) -> Effects:
-        """Effects that act in any of the runs."""
-        return self.base.effects_with([name for name in self.columns if name in self.base.coefficients])
-
-    def value(self, name: str) -> Array:
-        """Return a parameter of all runs, shape (runs,)."""
-        if name in self.columns:
-            return self.columns[name][self.first]
-        given = self.base.coefficients[name] if name in self.base.coefficients else getattr(self.base, name)
-        return np.full(len(self.first), given)
-
-    def clocks(self) -> dict[tuple[float, float, float], NDArray[np.intp]]:
-        """Return (offset, ratio, readout) of a clock -> the runs that are sampled by it."""
-        found: dict[tuple[float, float, float], list[int]] = {}
-        camera = self.camera
-        offset, ratio, readout = (
-            np.broadcast_to(np.ravel(v), len(self.run))[self.first]
-            for v in (camera.clock_offset, camera.clock_ratio, camera.readout)
+        c = self._camera
+        self._clock = np.column_stack(
+            [np.broadcast_to(np.ravel(v), len(x)) for v in (c.clock_offset, c.clock_ratio, c.readout)]
         )
-        for i, clock in enumerate(zip(offset.tolist(), ratio.tolist(), readout.tolist(), strict=True)):
-            found.setdefault(clock, []).append(i)
-        return {clock: np.array(runs, dtype=np.intp) for clock, runs in found.items()}
+        self._effects = self._base.effects_with([name for name in self._columns if name in self._base.coefficients])
 
-    def times(self, clocks: Mapping[tuple[float, float, float], NDArray[np.intp]]) -> list[Array]:
-        """Return the times at which each run is sampled [s]."""
-        found = [np.zeros(0)] * len(self.first)
-        for clock, runs in clocks.items():
-            wanted = sample_times(*clock, self.problem.data[self.k].channels).times
-            for run in runs:
-                found[run] = wanted
+    def points(self) -> Array:
+        """Predict the tracked points by a run of each row, shape (m, points); nan where the model cannot run."""
+        # Rows that differ by the camera alone show the same run
+        keys = np.column_stack([self._clock, *self._columns.values()])
+        _, first, run = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+        times = [self._times(i).times for i in first]
+        samples = sample_batch(
+            self._base,
+            self._columns_of(first),
+            times,
+            duration=np.array([_duration(t) for t in times]),
+            tolerance=FIT_TOLERANCE,
+        )
+        found = np.full((self._count, sum(map(len, self._data.channels))), np.nan)
+        for clock in np.unique(self._clock, axis=0):
+            rows = np.flatnonzero(np.all(self._clock == clock, axis=1))
+            runs = run[rows]
+            at = samples.start[runs][:, None] + np.arange(len(times[runs[0]]))
+            found[rows] = self._measured(rows, samples.state[:, at], samples.count[runs])
         return found
 
+    def linearised_points(self) -> tuple[Array, NDArray[np.bool_]]:
+        """Predict the same by the first row's run and its derivatives, and return of which rows that is possible, shape (m,).
 
-def _predict_together(parts: Sequence[_Part]) -> None:
-    """Make the runs of all parts as one batch, and fill in what they predict."""
-    base = parts[0].base
-    bases = {id(part.base): vars(part.base.values()) for part in parts}.values()
-    differing = {name for part in parts for name in part.columns} | {"gravity"}  # at least one column
-    differing |= {n for n in (*NUMBERS, *base.coefficients) if any(values[n] != vars(base.values())[n] for values in bases)}
-    columns = {name: np.concatenate([part.value(name) for part in parts]) for name in sorted(differing)}
-    clocks = [part.clocks() for part in parts]
-    times = [t for part, by_clock in zip(parts, clocks, strict=True) for t in part.times(by_clock)]
-    # A millisecond longer, so that a run does not end just before the last point
-    duration = np.array([t[-1] + 1e-3 for t in times])
-    samples = sample_batch(base, columns, times, duration=duration, tolerance=FIT_TOLERANCE)
-    begin = 0
-    for part, by_clock in zip(parts, clocks, strict=True):
-        d = part.problem.data[part.k]
-        for clock, runs in by_clock.items():
-            wanted = sample_times(*clock, d.channels)
-            index = begin + runs
-            at = samples.start[index][:, None] + np.arange(len(wanted.times))
-            places = SimpleNamespace(**{n: part.value(n)[runs][:, None] for n in PLACES})
-            sampled = SampledRuns(samples.state[:, at], samples.count[index], places, part.effects)
-            place = np.full(len(part.first), -1, dtype=np.intp)
-            place[runs] = np.arange(len(runs))
-            rows = np.flatnonzero(place[part.run] >= 0)
-            values = predict_many(sampled, place[part.run[rows]], part.camera.take(rows), d.channels, wanted, d.trial.dropped)
-            values[~part.valid[rows]] = np.nan
-            part.into[rows] = values
-        begin += len(part.first)
+        They have the first row's clock, and differ from it in parameters by which its run has a derivative.
+        """
+        changes = {name: values - values[0] for name, values in self._columns.items()}
+        wrt = [name for name, change in changes.items() if change.any()]
+        t = self._times(0).times
+        base, first = self._base, np.zeros(1, dtype=np.intp)
+        run = sample_batch(base, self._columns_of(first), [t], duration=_duration(t), tolerance=FIT_TOLERANCE, wrt=wrt)
+        change = np.array([changes[name] for name in wrt]).reshape(len(wrt), self._count).T
+        exists = np.isfinite(run.derivatives).all(axis=(0, 1))
+        possible = np.all(self._clock == self._clock[0], axis=1) & ~change[:, ~exists].any(axis=1)
+        rows = np.flatnonzero(possible)
+        state = run.state[:, None] + change[rows][:, exists] @ run.derivatives[:, :, exists].transpose(0, 2, 1)
+        found = np.full((self._count, sum(map(len, self._data.channels))), np.nan)
+        found[rows] = self._measured(rows, state, np.repeat(run.count, len(rows)))
+        return found, possible
 
+    def _measured(self, rows: NDArray[np.intp], state: Array, known: NDArray[np.int64]) -> Array:
+        """Return what the cameras of rows with one clock measure of their motions, shape (rows, points).
 
-def _predict_singly(part: _Part) -> None:
-    """Fill in what a trial's runs predict, made one by one; a problem keeps the last run for rows that show the same."""
-    for row in np.argsort(part.run, kind="stable"):
-        try:
-            part.into[row] = part.problem.predict(part.x[row], part.k)
-        except (HarnessError, ValueError, ArithmeticError):
-            part.into[row] = np.nan
+        Parameters
+        ----------
+        state
+            Motion of each row, shape (entries, rows, times).
+        known
+            How many of the times lie within it, shape (rows,).
+        """
+        places = SimpleNamespace(**{name: self._value(name)[rows, None] for name in PLACES})
+        runs, d = SampledRuns(state, known, places, self._effects), self._data
+        found = predict_many(runs, self._camera.take(rows), d.channels, self._times(rows[0]), d.trial.dropped)
+        found[~self._valid[rows]] = np.nan
+        return found
+
+    def _times(self, row: int | np.intp) -> SampleTimes:
+        return sample_times(*self._clock[row].tolist(), self._data.channels)
+
+    def _columns_of(self, rows: NDArray[np.intp]) -> dict[str, Array]:
+        """Return the parameters in which runs of these rows differ, and gravity: a batch needs at least one."""
+        return {name: self._value(name)[rows] for name in (*self._columns, "gravity")}
+
+    def _value(self, name: str) -> Array:
+        """Return a parameter of all rows, shape (m,)."""
+        if name in self._columns:
+            return self._columns[name]
+        base = self._base
+        return np.full(self._count, base.coefficients[name] if name in base.coefficients else getattr(base, name))

@@ -22,9 +22,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise_steps
+from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise
 from looping_pendulum.discrepancy.fit.data import TrialData
-from looping_pendulum.discrepancy.fit.problem import alone
 from looping_pendulum.measured.noise import GAUSSIAN_MAD, weighted_line
 from looping_pendulum.measured.observations import BODIES
 from looping_pendulum.reference_ode.geometry import Array
@@ -67,7 +66,7 @@ def with_noise_of_residuals(fit: Fit) -> Fit:
     with the points' own differences of fourth order, which need no model, twice as much.
     """
     data = [data_with_noise_of_residuals(fit, k) for k in range(len(fit.problem.data))]
-    return alone(minimise_steps(fit.problem.with_data(data), fit.x, initial_jacobian=_rescaled_jacobian(fit, data)))
+    return minimise(fit.problem.with_data(data), fit.x, initial_jacobian=_rescaled_jacobian(fit, data))
 
 
 def refit_with_estimated_noise(fit: Fit) -> Fit:
