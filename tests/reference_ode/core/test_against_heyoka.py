@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from looping_pendulum.reference_ode import closed_forms
-from looping_pendulum.reference_ode.solve import TOLERANCE, solve_at
+from looping_pendulum.reference_ode.solve import TOLERANCE, solve, solve_at
 from looping_pendulum.reference_ode.transitions import Event
+from looping_pendulum.scenarios.loader import load
+from research.answers.grazing import ParameterLine, find_changes
 from tests.apparatus import SENSITIVE, TEN_TO_ONE, TWO_TO_ONE, WITHOUT_LOSSES
 from tests.oracles.agreement import assert_same_run
 from tests.oracles.random_apparatus import FURTHER, of_any_kind, of_papers_model
@@ -33,7 +35,9 @@ def test_the_papers_trials(p):
     assert_agree(p)
 
 
-@pytest.mark.parametrize("seeds", [range(60), pytest.param(range(60, 2000), marks=pytest.mark.long)])
+# 1962: the estimate of a step's error cancelled, so that a step four times as long as the last was taken, and the end came 5 ns
+# late
+@pytest.mark.parametrize("seeds", [(*range(60), 1962), pytest.param(range(60, 2000), marks=pytest.mark.long)])
 def test_random_apparatus_of_the_papers_model(seeds):
     for seed in seeds:
         try:
@@ -61,6 +65,33 @@ def bounds_of(p):
 def test_random_apparatus_of_every_release_with_random_effects(seed):
     p = of_any_kind(seed)
     assert_agree(p, duration=3.0, **bounds_of(p))
+
+
+BESIDE = 1e-8
+"""Angle from a change of the sequence of events at which two integrators agree on it [rad]; small differences grow by 1000."""
+
+
+@pytest.mark.parametrize(
+    ("degrees", "changes"),
+    [
+        ((60, 70), {}),
+        pytest.param((60, 110), {"static_friction": 1.16 * 0.3}, marks=pytest.mark.long),
+        pytest.param((60, 110), {"heavy_drag": 0.3, "light_drag": 3e-3}, marks=pytest.mark.long),
+    ],
+)
+def test_events_that_only_just_happen_are_found_and_no_others(degrees, changes):
+    """Dips of event functions at every place within a step.
+
+    Near the ends of a step they were not seen, so that a break-away was missed up to 4e-7 of a parameter from where it begins.
+    """
+    base = load("two_and_a_half_to_one").parameters.replace(**changes)
+    line = ParameterLine(base=base, name="release_angle", duration=8.0)
+    angles = np.radians(np.linspace(*degrees, 10 * (degrees[1] - degrees[0]) + 1))
+    found = find_changes(line, angles, width=1e-10)
+    assert sum(change.kind == "graze" for change in found) >= 4
+    for angle in (a for change in found for a in (change.low - BESIDE, change.high + BESIDE)):
+        runs = [solver(base.replace(release_angle=angle), duration=8.0) for solver in (solve, heyoka_runs.solve)]
+        assert len({tuple(e.event for e in run.events) for run in runs}) == 1, angle
 
 
 DAILY = ("turning_rod", "string_stretch", "string_thickness", "out_of_plane", "heavy_swing")
