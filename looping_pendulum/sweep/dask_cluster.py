@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
@@ -58,6 +59,8 @@ def cluster_executor(address: str) -> Iterator[Executor]:
     except ImportError:
         message = f"--cluster: Dask is not installed; to get it: `{install_command('dask')}`"
         raise MissingPackageError(message) from None
+    # A scheduler that goes away is our error of one line, not a traceback in Dask's log
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     try:
         # Not the default client, which a caller's own program may have set
         client = distributed.Client(address, timeout=CONNECT_TIME, set_as_default=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -157,8 +157,10 @@ def _checked_result(future: Future[ChunkResult], plan: MapPlan, region: Region, 
         # Our own errors are one line already, and the fault is not the cluster's
         if cluster is None or isinstance(error, HarnessError):
             raise
-        why = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        message = f"--cluster: {cluster}: a chunk failed ({why}); what is finished is kept"
+        # Dask cancels what it computes when it loses its scheduler
+        lost, why = isinstance(error, CancelledError), f"{type(error).__name__}: {' '.join(str(error).split())}"
+        what = "its scheduler no longer answers" if lost else f"a chunk failed ({why})"
+        message = f"--cluster: {cluster}: {what}; what is finished is kept"
         raise EngineError(one_line(f"{message}: repair the cluster and run the same command again")) from None
     for package, there, here in differing_versions(result.versions, versions(plan.engine(region), plan.profile)):
         message = f"--cluster: found {package} {there} on a worker, needed {here} as on this machine"

@@ -117,23 +117,23 @@ def started(stack, *arguments, **also):
 
 @pytest.fixture
 def cluster(tmp_path):
-    """Address of a scheduler with two workers, and these two processes; they run the fake solver slowly."""
+    """Address of a scheduler with two workers, and these three processes; they run the fake solver slowly."""
     with ExitStack() as stack:
         file = tmp_path / "scheduler.json"
         loopback = ("--host", "127.0.0.1", "--no-dashboard")
-        started(stack, "distributed.cli.dask_scheduler", *loopback, "--port", 0, "--scheduler-file", file)
+        scheduler = started(stack, "distributed.cli.dask_scheduler", *loopback, "--port", 0, "--scheduler-file", file)
         deadline = time.monotonic() + 60
         while not (file.exists() and file.read_text().endswith("}")) and time.monotonic() < deadline:
             time.sleep(0.02)
         address = json.loads(file.read_text())["address"]
         alone = (*loopback, "--nthreads", 1, "--no-nanny", "--local-directory", tmp_path / "dask")
         workers = [started(stack, "distributed.cli.dask_worker", address, *alone, FAKE_SLEEP="0.1") for _ in range(2)]
-        yield address, workers
+        yield address, scheduler, workers
 
 
 @pytest.mark.accurate  # daily, test_runner.py kills processes of a map at any moment
 def test_a_worker_killed_in_the_middle_loses_nothing(cluster, tmp_path):
-    address, workers = cluster
+    address, _, workers = cluster
     plan, left = map_file.load_text(LONG), []
 
     def kill(done, runs):
@@ -147,6 +147,24 @@ def test_a_worker_killed_in_the_middle_loses_nothing(cluster, tmp_path):
     assert workers[1].poll() is None
     run_silently(plan, tmp_path / "here")
     assert contents(tmp_path / "out") == contents(tmp_path / "here")
+
+
+@pytest.mark.accurate
+def test_a_scheduler_that_goes_away_is_one_line_and_loses_nothing(cluster, tmp_path, capfd):
+    """Dask's log had two tracebacks of it."""
+    address, scheduler, _ = cluster
+    plan = map_file.load_text(LONG)
+
+    def kill(done, runs):
+        if done >= 4 * 12:
+            scheduler.kill()
+
+    with pytest.raises(EngineError, match=f"--cluster: {address}: its scheduler no longer answers; what is finished is kept"):
+        run_silently(plan, tmp_path / "out", cluster=address, progress=kill)
+    assert "Traceback" not in capfd.readouterr().err
+    outcome = run_silently(plan, tmp_path / "out")
+    assert outcome.complete
+    assert outcome.runs_before >= 4 * 12
 
 
 @pytest.mark.long
