@@ -15,12 +15,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import zarr
-import zarr.storage
-from zarr.codecs import ZstdCodec
 
 from looping_pendulum.files import LockedError, locked, write_atomically
 from looping_pendulum.scenarios import dump
@@ -85,8 +82,7 @@ class MapStore:
         # Written again each time, which restores what was lost or damaged. The group's own comes first: with it the map exists
         for key, content in sorted(_files_without_results(plan).items(), key=lambda item: item[0] != METADATA):
             write_atomically(self.path / key, content)
-        group = zarr.open_group(self.path, mode="r+", use_consolidated=False)
-        self._arrays: dict[str, Any] = dict(group.arrays())
+        self._arrays: dict[str, Any] = dict(_open_group(self.path, "r+").arrays())
 
     def missing(self) -> list[Region]:
         """Return the chunks that are not computed yet, or damaged; remove temporary files that a killed process left."""
@@ -113,6 +109,13 @@ class MapStore:
         for name in sorted(values, key="end".__eq__):
             array = self._arrays[name]
             array[region] = values[name].reshape([where.stop - where.start for where in region])
+
+
+def _open_group(path: Path, mode: Literal["r", "r+"]) -> Any:
+    import zarr  # not at the top: reading a map file takes a third of a second less
+
+    # By the arrays' own descriptions, not by the copies of them that the group's has
+    return zarr.open_group(path, mode=mode, use_consolidated=False)
 
 
 def _refuse_other_files(folder: Path) -> None:
@@ -184,7 +187,7 @@ def _refuse_other(plan: MapPlan, folder: Path) -> None:
     """Refuse a store of another map, or one begun with other versions of packages: the results would be mixed."""
     way_out = "choose another folder with --out, or delete this one"
     try:
-        stored: dict[str, Any] = dict(zarr.open_group(folder / STORE, mode="r", use_consolidated=False).attrs)
+        stored: dict[str, Any] = dict(_open_group(folder / STORE, "r").attrs)
     except Exception:
         message = f"{folder / STORE}: found something that is no map, needed a map of this file; {way_out}"
         raise MapError(one_line(message)) from None
@@ -200,6 +203,10 @@ def _refuse_other(plan: MapPlan, folder: Path) -> None:
 
 def _files_without_results(plan: MapPlan) -> dict[str, bytes]:
     """Return name -> content of the files of a store that holds no results yet: the same whenever and wherever it is made."""
+    import zarr
+    import zarr.storage
+    from zarr.codecs import ZstdCodec
+
     files: dict[str, Any] = {}
     store = zarr.storage.MemoryStore(files)
     group = zarr.create_group(store, attributes=attributes(plan))
