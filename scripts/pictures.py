@@ -12,10 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from looping_pendulum.discrepancy.evidence.explanation import NOTHING, addition_steps, explained
+from looping_pendulum.discrepancy.evidence.explanation import NOTHING, explained, fit_addition
 from looping_pendulum.discrepancy.evidence.search import Search
 from looping_pendulum.discrepancy.fit.calibration import calibrate
-from looping_pendulum.discrepancy.fit.problem import alone
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report.markdown import probability_in_words
@@ -62,7 +61,7 @@ def draw_evidence(study: Path, picture: Path) -> None:
         search.run()
         best = search.best
         more = max((a for a in search.possible.values() if a.parent is best), key=lambda a: a.decrease)
-        pair = explained(search.grid, alone(addition_steps(more)), more.parts, len(inputs.library))
+        pair = explained(search.grid, fit_addition(more), more.parts, len(inputs.library))
     law = max((e for e in search.fitted.values() if e.parts.law), key=lambda e: e.log_posterior)
     shown = [search.fitted[NOTHING], best, pair, law]
     names = [" + ".join(sorted(e.key)).replace("_", " ").replace(" by ", "\nby ") or "nothing" for e in shown]

@@ -32,6 +32,7 @@ from looping_pendulum.scenarios.fields import QuantityField
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.scenarios.units import QUANTITY_NOUNS, QuantityKind, show, to_si
 from looping_pendulum.sweep import map_file
+from looping_pendulum.sweep.plan import run_count
 from looping_pendulum.teaching import tracker
 from looping_pendulum.teaching.new_file import radius_of
 from tests.fuzz import command_lines
@@ -181,10 +182,10 @@ def run_map(data: bytes) -> None:
     Path("any.yaml").write_bytes(data)
     plan = map_file.load("any.yaml")
     map_file.refuse_unintended_size(plan)
-    unit = plan.unit(0)
-    assert 0 < unit.runs <= plan.runs
-    if unit.runs < 100_000:
-        assert all(np.isfinite(column).all() for column in plan.columns(unit).values())
+    region = next(plan.regions())
+    assert 0 < run_count(region) <= plan.runs
+    if run_count(region) < 100_000:
+        assert all(np.isfinite(column).all() for column in plan.columns(region).values())
 
 
 EVENT_TABLES = (
