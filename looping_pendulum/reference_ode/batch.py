@@ -393,8 +393,10 @@ class _Batch:
         def carry_out(part: NDArray[np.int64], effects: Effects) -> tuple[NDArray[np.int64], Effects, Runs]:
             model = traced(self._base.release, effects, bool(wrt))
             seeds = seeds_of(model, self._base, wrt, self._columns) if wrt else None
-            values = self.values_of(part)
-            p = np.stack([np.broadcast_to(values[name], len(part)) for name in model.names], axis=1)
+            p = np.empty((len(part), len(model.names)))
+            for column, name in zip(p.T, model.names, strict=True):
+                value = self._values[name]
+                column[:] = value[part] if isinstance(value, np.ndarray) else value
             own_start = np.append(0, np.cumsum(lengths[part])).astype(np.int32)
             runs = this_threads_core().carry_out(
                 model, p, self._durations[part], t[_places(start, part)], own_start, rtol=self._rtol, seeds=seeds
@@ -439,7 +441,9 @@ def parameter_values(base: Parameters, columns: Columns) -> dict[str, Any]:
 def valid_runs(base: Parameters, values: Mapping[str, Any], n: int) -> NDArray[np.bool_]:
     """Return which of ``n`` runs have values that `Parameters` accepts."""
     valid = np.ones(n, dtype=bool)
-    for requirement in effect_tables(base.own_effects).requirements(base.coefficients):
+    # All other coefficients are those of `base`, which was checked
+    given = [name for name in base.coefficients if isinstance(values[name], np.ndarray)]
+    for requirement in effect_tables(base.own_effects).requirements(given):
         valid &= requirement.is_met(values)
     return valid
 
