@@ -108,18 +108,19 @@ class ExpressionGraph:
 
     def symbol(self, name: str) -> Expression:
         """Return the symbol ``name``."""
-        return self._same_or_new("symbol", (name,))
+        return self._same_or_new(("symbol", name), (name,))
 
     def node(self, operation: str, *operands: Any) -> Expression:
         """Return ``operation`` on expressions and numbers."""
-        return self._same_or_new(operation, tuple(x if isinstance(x, Expression) else _number(x) for x in operands))
-
-    def _same_or_new(self, operation: str, operands: tuple[Any, ...]) -> Expression:
         # Expressions are told apart by number, as `==` between them is an expression, too; the sign tells -0.0 from 0.0
-        key = (operation, *(("node", x.number) if isinstance(x, Expression) else repr(x) for x in operands))
-        if key not in self.nodes:
-            self.nodes[key] = Expression(self, operation, operands)
-        return self.nodes[key]
+        key = (operation, *[x.number if isinstance(x, Expression) else repr(_number(x)) for x in operands])
+        return self._same_or_new(key, operands)
+
+    def _same_or_new(self, key: tuple[Any, ...], operands: tuple[Any, ...]) -> Expression:
+        found = self.nodes.get(key)
+        if found is None:
+            found = self.nodes[key] = Expression(self, key[0], operands)
+        return found
 
     # Terms of absent effects have a coefficient of exactly 0, so that these rules leave nothing of them
     def add(self, a: Any, b: Any) -> Any:
@@ -211,4 +212,4 @@ def _number(x: Any) -> Any:
 
 
 def _is(x: Any, value: int) -> bool:
-    return not isinstance(x, Expression) and bool(x == value)
+    return x.__class__ is not Expression and bool(x == value)
