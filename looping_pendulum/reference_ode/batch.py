@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.errors import ParameterError
-from looping_pendulum.reference_ode.core.host import EVENT_COLUMNS, MAX_COLUMNS, Runs, this_threads_core, traced
-from looping_pendulum.reference_ode.core.trace import EVENTS, TracedModel
+from looping_pendulum.reference_ode.core.host import EVENT_COLUMNS, MAX_COLUMNS, Model, Runs, this_threads_core, traced
+from looping_pendulum.reference_ode.core.trace import EVENTS
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import (
@@ -325,7 +325,7 @@ def changes_kind(name: str, values: Mapping[str, Any], release: Release) -> Any:
     return (values[name] == 0) & is_kink
 
 
-def seeds_of(model: TracedModel, base: Parameters, wrt: Sequence[str], held: Iterable[str] = ()) -> Array:
+def seeds_of(model: Model, base: Parameters, wrt: Sequence[str], held: Iterable[str] = ()) -> Array:
     """Return the derivatives of a model's parameters by those named ``wrt``, shape (parameters, len(wrt)).
 
     Parameters

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from looping_pendulum.errors import IntegrationError, MissingPackageError
 from looping_pendulum.reference_ode.core import wasm
-from looping_pendulum.reference_ode.core.trace import TracedModel, trace
+from looping_pendulum.reference_ode.core.trace import trace
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.state import Effects, Signs, State
@@ -60,15 +60,31 @@ _making = threading.RLock()
 """Held while what all threads share is made: modules of two engines do not go together, and nothing is worth making twice."""
 
 
-def traced(release: Release, effects: Effects, derivatives: bool) -> TracedModel:
+# Compared and hashed by identity
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Model:
+    """A traced model as WebAssembly; its graphs, a hundred times as large, are not kept."""
+
+    names: tuple[str, ...]
+    """Names of the parameters that it reads, in their order."""
+    code: bytes
+    """Module of its functions."""
+    count: int
+    """Number of its functions."""
+    table: NDArray[np.int32]
+    """`trace.TracedModel.table`."""
+
+
+def traced(release: Release, effects: Effects, derivatives: bool) -> Model:
     """Return the model of a release with exactly these effects."""
     with _making:
         return _traced(release, effects, derivatives)
 
 
 @lru_cache(maxsize=256)
-def _traced(release: Release, effects: Effects, derivatives: bool) -> TracedModel:
-    return trace(release, effects, derivatives=derivatives)
+def _traced(release: Release, effects: Effects, derivatives: bool) -> Model:
+    found = trace(release, effects, derivatives=derivatives)
+    return Model(names=found.names, code=wasm.module(found.functions), count=len(found.functions), table=found.table)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,8 +155,8 @@ def _compiled_driver() -> Any:
 
 
 @lru_cache(maxsize=256)
-def _compiled(model: TracedModel) -> Any:
-    return _wasmtime().Module(_engine(), wasm.module(model.functions))
+def _compiled(model: Model) -> Any:
+    return _wasmtime().Module(_engine(), model.code)
 
 
 class Core:
@@ -156,7 +172,7 @@ class Core:
         self._room, self._release_room, self._begin, self._advance = (
             _fast_call(self._store, exports[name]) for name in ("room", "release_room", "begin", "advance")
         )
-        self._models: dict[TracedModel, int] = {}
+        self._models: dict[Model, int] = {}
 
     @property
     def model_count(self) -> int:
@@ -165,7 +181,7 @@ class Core:
 
     def carry_out(
         self,
-        model: TracedModel,
+        model: Model,
         p: Array,
         durations: Array,
         times: Array,
@@ -182,7 +198,7 @@ class Core:
         model
             From `traced`; with derivatives, if there are ``seeds``.
         p
-            Values of `TracedModel.names`, shape (r, names).
+            Values of `Model.names`, shape (r, names).
         durations
             Limits on the simulated time [s], shape (r,).
         times, starts
@@ -208,7 +224,7 @@ class Core:
             events, steps = max(needed[0], events), max(needed[1], steps) if dense else 0
 
     def _carried_out(
-        self, model: TracedModel, p: Array, durations: Array, times: Array, starts: NDArray[np.int32], rtol: float,
+        self, model: Model, p: Array, durations: Array, times: Array, starts: NDArray[np.int32], rtol: float,
         seeds: Array | None, most_events: int, most_steps: int,
     ) -> tuple[Runs, tuple[int, int]]:  # fmt: skip
         """Return the runs, and how many events and steps they have, for which there may have been no room."""
@@ -271,11 +287,11 @@ class Core:
             if needed > MAX_KEPT_BYTES:
                 _of_thread.core = None
 
-    def _loaded(self, model: TracedModel) -> int:
+    def _loaded(self, model: Model) -> int:
         """Return the address of the driver's ``Model``; load the model on its first use."""
         if model not in self._models:
             wasmtime = _wasmtime()
-            first = self._table.grow(self._store, len(model.functions), None)
+            first = self._table.grow(self._store, model.count, None)
             kind = wasmtime.GlobalType(wasmtime.ValType.i32(), False)
             place = wasmtime.Global(self._store, kind, wasmtime.Val.i32(first))
             with _making:

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from looping_pendulum.reference_ode.core import wasm
 from looping_pendulum.reference_ode.core.host import this_threads_core, traced
 from looping_pendulum.reference_ode.parameters import Parameters, parameters_from
 
@@ -27,8 +26,8 @@ def job(parameters):
     model, values = traced(parameters.release, parameters.effects, True), vars(parameters.values())
     starts = np.minimum(np.arange(len(model.names) + 1), COLUMNS)  # the first parameters, one each
     return {
-        "functions": base64.b64encode(wasm.module(model.functions)).decode(),
-        "count": len(model.functions),
+        "functions": base64.b64encode(model.code).decode(),
+        "count": model.count,
         "table": model.table.tolist(),
         "p": [values[name] for name in model.names],
         "duration": DURATION,
