@@ -164,7 +164,6 @@ def test_the_order_of_the_candidates_does_not_matter(search, base, library):
 
 
 @pytest.mark.accurate  # daily, test_workers.py shares work between processes
-@pytest.mark.usefixtures("optimised")
 def test_two_processes_find_the_same_bytes(inputs, library):
     with Workers(2) as workers:
         found = [Search(declared(inputs), library), Search(declared(inputs), library, workers)]

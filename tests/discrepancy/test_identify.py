@@ -139,7 +139,6 @@ def test_what_was_hidden_is_named_from_two_trials(tmp_path):
 
 
 @pytest.mark.accurate  # daily, test_workers.py shares work between processes
-@pytest.mark.usefixtures("optimised")
 def test_one_process_finds_the_same_bytes_as_two(tmp_path):
     study = load(write_study(tmp_path, CASES["linear_drag"], 1, trials=TWO_RATIOS))
     alone, shared = (identify(study, workers=count) for count in (1, 2))
