@@ -31,7 +31,10 @@ def module(functions: Iterable[Sequence[Any]]) -> bytes:
     Inputs are symbols ``t``, ``y0``, ``y1`` ..., ``s0`` ... and ``p0`` .... The module puts its functions into the table that
     it imports, from the place that it imports as ``first`` on.
     """
-    bodies = [_function(outputs) for outputs in functions]
+    written = [_function(outputs) for outputs in functions]
+    # What ends a run, and much else, is the same in several modes
+    bodies = list(dict.fromkeys(written))
+    places = {body: len(IMPORTED) + i for i, body in enumerate(bodies)}
     types = [
         b"\x60" + _vector([bytes([kind]) for kind in (_F64, _I32, _I32, _I32, _I32)]) + _vector([]),
         b"\x60" + _vector([bytes([_F64])]) + _vector([bytes([_F64])]),
@@ -40,7 +43,7 @@ def module(functions: Iterable[Sequence[Any]]) -> bytes:
     imports += [_name("m") + _name("memory") + b"\x02\x00" + _unsigned(1)]
     imports += [_name("m") + _name("table") + b"\x01\x70\x00" + _unsigned(1)]
     imports += [_name("m") + _name("first") + b"\x03" + bytes([_I32]) + b"\x00"]
-    elements = _vector([_unsigned(len(IMPORTED) + i) for i in range(len(bodies))])
+    elements = _vector([_unsigned(places[body]) for body in written])
     placed = b"\x00\x23" + _unsigned(0) + bytes([_END]) + elements  # at the value of the global `first`
     sections = {1: _vector(types), 2: _vector(imports), 3: _vector([_unsigned(0)] * len(bodies)), 9: _vector([placed])}
     sections |= {10: _vector([_unsigned(len(body)) + body for body in bodies])}
