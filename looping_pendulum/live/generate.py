@@ -61,7 +61,7 @@ def _exported(name: str, value: Any, meaning: str, kind: str = "") -> str:
 
 def _constants() -> Iterator[str]:
     yield _exported("TOLERANCE", solve.TOLERANCE, "Default relative tolerance of a step.")
-    yield _exported("LEAST_TOLERANCE", solve.LEAST_TOLERANCE, "Smallest relative tolerance of a step.")
+    yield _exported("LEAST_TOLERANCE", host.LEAST_TOLERANCE, "Smallest relative tolerance of a step.")
     yield _exported("DURATION", solve.DURATION, "Default limit on the simulated time [s].")
     names = {mode.value: mode.name.lower() for mode in Mode}
     yield _exported("MODE_NAMES", names, "Number of a mode -> its name.", "Record<number, string>")

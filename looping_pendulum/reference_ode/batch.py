@@ -27,7 +27,7 @@ from looping_pendulum.reference_ode.parameters import (
     parameters_of,
 )
 from looping_pendulum.reference_ode.solution import MAX_RESTING_ROD_SPEED, string_overlap
-from looping_pendulum.reference_ode.solve import DURATION, LEAST_TOLERANCE, TOLERANCE
+from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE
 from looping_pendulum.reference_ode.state import Effects, State, heavy_drop
 from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, Event, Mode
 
@@ -351,10 +351,7 @@ class _Batch:
     ) -> None:
         self.n = _checked_length(base, columns)
         self._base, self._columns = base, {name: np.asarray(values, dtype=float) for name, values in columns.items()}
-        self._durations, self._rtol = (
-            np.broadcast_to(np.asarray(duration, dtype=float), self.n),
-            max(tolerance, LEAST_TOLERANCE),
-        )
+        self._durations, self._tolerance = np.broadcast_to(np.asarray(duration, dtype=float), self.n), tolerance
         self._values = parameter_values(base, self._columns)
         self.valid = np.flatnonzero(valid_runs(base, self._values, self.n))
         """Runs whose values `Parameters` accepts."""
@@ -399,7 +396,7 @@ class _Batch:
                 column[:] = value[part] if isinstance(value, np.ndarray) else value
             own_start = np.append(0, np.cumsum(lengths[part])).astype(np.int32)
             runs = this_threads_core().carry_out(
-                model, p, self._durations[part], t[_places(start, part)], own_start, rtol=self._rtol, seeds=seeds
+                model, p, self._durations[part], t[_places(start, part)], own_start, tolerance=self._tolerance, seeds=seeds
             )
             return part, effects, runs
 

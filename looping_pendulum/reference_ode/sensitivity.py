@@ -13,7 +13,6 @@ import numpy as np
 
 from looping_pendulum.errors import IntegrationError, ParameterError
 from looping_pendulum.reference_ode.batch import changes_kind, seeds_of
-from looping_pendulum.reference_ode.core.host import this_threads_core, traced
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import HasParameters, Parameters, Release, parameters_of
 from looping_pendulum.reference_ode.solution import (
@@ -24,7 +23,7 @@ from looping_pendulum.reference_ode.solution import (
     light_mass_position,
     samples_at,
 )
-from looping_pendulum.reference_ode.solve import DURATION, LEAST_TOLERANCE, TOLERANCE, refuse_failure
+from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, carried_out
 from looping_pendulum.reference_ode.state import State
 
 COMPLEX_STEP = 1e-30
@@ -110,18 +109,8 @@ def solve_sensitivities(
     """
     parameters, times, wrt = parameters_of(parameters), np.asarray(t, dtype=float), tuple(wrt)
     _check_wrt(parameters, wrt)
-    model = traced(parameters.release, parameters.effects_with(frozenset(wrt) & parameters.coefficients.keys()), True)
-    values = vars(parameters.values())
-    runs = this_threads_core().carry_out(
-        model,
-        np.array([[values[name] for name in model.names]]),
-        np.array([duration], dtype=float),
-        times,
-        np.array([0, len(times)], dtype=np.int32),
-        rtol=max(tolerance, LEAST_TOLERANCE),
-        seeds=seeds_of(model, parameters, wrt),
-    )
-    refuse_failure(runs)
+    effects = parameters.effects_with(frozenset(wrt) & parameters.coefficients.keys())
+    runs = carried_out(parameters, effects, times, duration, tolerance, seeds=lambda model: seeds_of(model, parameters, wrt))
     run, count = Run(parameters=parameters, tolerance=tolerance, events=events_of(runs.events)), int(runs.counts[0])
     for event, slopes in zip(run.events, runs.event_partials, strict=True):
         if not np.isfinite(slopes).all():

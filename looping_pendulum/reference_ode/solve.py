@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from looping_pendulum.errors import IntegrationError
-from looping_pendulum.reference_ode.core.host import FAILURES, Runs, this_threads_core, traced
+from looping_pendulum.errors import IntegrationError, ParameterError
+from looping_pendulum.reference_ode.core.host import FAILURES, Model, Runs, this_threads_core, traced
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import HasParameters, Parameters, parameters_of
 from looping_pendulum.reference_ode.solution import Run, Samples, Solution, events_of, samples_at
-from looping_pendulum.reference_ode.state import State
+from looping_pendulum.reference_ode.state import Effects, State
 from looping_pendulum.reference_ode.transitions import Mode
 
 # Runs then agree with Taylor series of order 20 in 80-bit numbers within 1e-10 m (tests/reference_ode/core)
 TOLERANCE = 1e-12
 """Default relative tolerance of a step."""
-LEAST_TOLERANCE = 1e-13
-"""Smallest relative tolerance of a step: below it errors are rounding."""
 DURATION = 5.0
 """Default limit on the simulated time [s]; most runs end long before, when the light mass reaches the rod."""
 
@@ -35,13 +35,15 @@ def solve(parameters: Parameters | HasParameters, *, duration: float = DURATION,
 
     Raises
     ------
+    ParameterError
+        If the duration or the tolerance is no positive number.
     IntegrationError
         If the integration breaks down or the events do not end.
     MissingPackageError
         If wasmtime, which carries out runs, does not start on this system.
     """
     parameters = parameters_of(parameters)
-    runs = _carried_out(parameters, np.zeros(0), duration, tolerance, dense=True)
+    runs = carried_out(parameters, parameters.effects, np.zeros(0), duration, tolerance, dense=True)
     return Solution(
         parameters=parameters, tolerance=tolerance, events=events_of(runs.events), rows=runs.events, steps=runs.dense
     )
@@ -53,37 +55,65 @@ def solve_at(
     """Integrate as `solve` does, but keep only samples at times ``t`` [s], ascending; this is faster for many runs.
 
     Times after the run's end are left out, so the samples may be fewer than the times.
+
+    Raises
+    ------
+    ParameterError
+        If the times descend.
+    IntegrationError, MissingPackageError
+        As `solve` does.
     """
     parameters, times = parameters_of(parameters), np.asarray(t, dtype=float)
-    runs = _carried_out(parameters, times, duration, tolerance)
+    runs = carried_out(parameters, parameters.effects, times, duration, tolerance)
     run = Run(parameters=parameters, tolerance=tolerance, events=events_of(runs.events))
     count = int(runs.counts[0])
     return samples_at(run, runs.events, times[:count], State(*runs.samples[:count].T))
 
 
-def _carried_out(parameters: Parameters, times: Array, duration: float, tolerance: float, *, dense: bool = False) -> Runs:
+def carried_out(
+    parameters: Parameters,
+    effects: Effects,
+    times: Array,
+    duration: float,
+    tolerance: float,
+    *,
+    seeds: Callable[[Model], Array] | None = None,
+    dense: bool = False,
+) -> Runs:
     """Carry out one run.
+
+    Parameters
+    ----------
+    effects
+        Effects that act, whether their coefficients are null or not.
+    seeds
+        Returns `Core.carry_out`'s seeds for the model; None: no derivatives are wanted.
 
     Raises
     ------
+    ParameterError
+        If the times descend, or a limit is no number.
     IntegrationError
-        If it fails.
+        If the run fails.
     """
-    model, values = traced(parameters.release, parameters.effects, False), vars(parameters.values())
+    if not np.all(times[1:] >= times[:-1]):
+        raise ParameterError("t: found times that descend, needed ascending ones; sort them first")
+    model, values = traced(parameters.release, effects, seeds is not None), vars(parameters.values())
     runs = this_threads_core().carry_out(
         model,
         np.array([[values[name] for name in model.names]]),
         np.array([duration], dtype=float),
         times,
         np.array([0, len(times)], dtype=np.int32),
-        rtol=max(tolerance, LEAST_TOLERANCE),
+        tolerance=tolerance,
+        seeds=None if seeds is None else seeds(model),
         dense=dense,
     )
-    refuse_failure(runs)
+    _refuse_failure(runs)
     return runs
 
 
-def refuse_failure(runs: Runs) -> None:
+def _refuse_failure(runs: Runs) -> None:
     """Raise `IntegrationError` if the first of ``runs`` failed."""
     if failure := int(runs.failures[0]):
         _, mode, t, *y = runs.events[runs.event_counts[0] - 1].tolist()

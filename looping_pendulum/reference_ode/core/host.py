@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.errors import IntegrationError, MissingPackageError
+from looping_pendulum.errors import IntegrationError, MissingPackageError, ParameterError
 from looping_pendulum.reference_ode.core import wasm
 from looping_pendulum.reference_ode.core.trace import trace
 from looping_pendulum.reference_ode.geometry import Array
@@ -37,6 +37,8 @@ MAX_COLUMNS = 128
 """Largest number of derivatives that the driver takes at once."""
 STEPS_PER_CALL = 4000
 """Number of steps after which a call returns, so that Ctrl-C is heard within 0.1 s even with `MAX_COLUMNS` derivatives."""
+LEAST_TOLERANCE = 1e-13
+"""Smallest relative tolerance of a step: below it errors are rounding."""
 MAX_MODELS = 100
 """Number of models after which a thread's store is made anew, as a store gives nothing back [10^5 B each]."""
 MAX_KEPT_BYTES = 2**28
@@ -187,7 +189,7 @@ class Core:
         times: Array,
         starts: NDArray[np.int32],
         *,
-        rtol: float,
+        tolerance: float,
         seeds: Array | None = None,
         dense: bool = False,
     ) -> Runs:
@@ -203,8 +205,8 @@ class Core:
             Limits on the simulated time [s], shape (r,).
         times, starts
             Sample times of all runs [s], ascending in each, shape (m,), and where each run's begin, shape (r + 1,).
-        rtol
-            Relative tolerance of a step; 0.1 of it is the absolute one.
+        tolerance
+            Relative tolerance of a step, `LEAST_TOLERANCE` at least; 0.1 of it is the absolute one.
         seeds
             Derivatives of the parameters by the n numbers by which derivatives are wanted, shape (names, n); n is at most
             `MAX_COLUMNS`.
@@ -213,9 +215,16 @@ class Core:
 
         Raises
         ------
+        ParameterError
+            If a limit is no number, or below 0.
         IntegrationError
             If there is not enough memory.
         """
+        if not np.all(durations >= 0):
+            raise ParameterError(f"duration: found {float(np.min(durations)):g} s, needed 0 or more")
+        if not tolerance > 0:
+            raise ParameterError(f"tolerance: found {tolerance:g}, needed a number above 0, such as 1e-9")
+        rtol = max(tolerance, LEAST_TOLERANCE)
         events, steps = FIRST_EVENTS * len(p), FIRST_DENSE * len(p) if dense else 0
         while True:
             runs, needed = self._carried_out(model, p, durations, times, starts, rtol, seeds, events, steps)

@@ -49,7 +49,7 @@ def carried_out(parameters):
         np.array([DURATION]),
         TIMES,
         np.array([0, len(TIMES)], dtype=np.int32),
-        rtol=RTOL,
+        tolerance=RTOL,
         seeds=np.eye(len(model.names), COLUMNS),
     )
 

@@ -1,20 +1,22 @@
 """What cannot be carried out ends in one sentence that says so, and leaves the driver fit for the next run."""
 
+import math
 import os
 import signal
 import subprocess
 import sys
 import time
+from functools import partial
 
 import numpy as np
 import pytest
 
-from looping_pendulum.errors import IntegrationError
+from looping_pendulum.errors import IntegrationError, ParameterError
 from looping_pendulum.reference_ode.batch import ENDS, solve_batch
 from looping_pendulum.reference_ode.core.host import this_threads_core, traced
 from looping_pendulum.reference_ode.effects.own import OwnEffect
 from looping_pendulum.reference_ode.parameters import Parameters
-from looping_pendulum.reference_ode.solve import solve_at
+from looping_pendulum.reference_ode.solve import solve, solve_at
 from tests.apparatus import TEN_TO_ONE
 
 T = np.linspace(0.0, 1.0, 20)
@@ -53,6 +55,34 @@ def test_a_formula_that_cannot_be_integrated_says_where(formula, fault):
     assert [ENDS[end] == "failed" for end in weak_and_absent.end] == [True, False]
 
 
+@pytest.mark.parametrize(
+    ("given", "fault"),
+    [
+        ({"duration": math.nan}, "duration: found nan s, needed 0 or more"),
+        ({"duration": -1.0}, "duration: found -1 s, needed 0 or more"),
+        ({"tolerance": math.nan}, "tolerance: found nan, needed a number above 0, such as 1e-9"),
+        ({"tolerance": 0.0}, "tolerance: found 0, needed a number above 0, such as 1e-9"),
+    ],
+)
+def test_limits_that_are_no_numbers_are_refused(given, fault):
+    for call in (solve, partial(solve_at, t=T), partial(solve_batch, columns={"light_mass": np.full(2, 0.02)})):
+        with pytest.raises(ParameterError) as error:
+            call(TEN_TO_ONE, **given)
+        assert str(error.value) == fault
+
+
+def test_a_parameter_that_is_no_number_is_refused_and_fails_alone_among_others():
+    with pytest.raises(ParameterError, match="^kinetic_friction: found nan"):
+        TEN_TO_ONE.replace(kinetic_friction=math.nan)
+    ends = solve_batch(TEN_TO_ONE, {"light_mass": np.array([math.nan, 0.01])}, duration=0.2).end
+    assert [ENDS[end] == "failed" for end in ends] == [True, False]
+
+
+def test_times_that_descend_are_refused():
+    with pytest.raises(ParameterError, match="found times that descend, needed ascending ones"):
+        solve_at(TEN_TO_ONE, T[::-1])
+
+
 @pytest.mark.parametrize("samples", [38_300_000, 60_000_000])
 def test_results_for_which_there_is_no_memory_are_refused(samples):
     """A sample with its time takes 112 B, and memory ends at 4.295e9 B: the second length would wrap around."""
@@ -60,7 +90,7 @@ def test_results_for_which_there_is_no_memory_are_refused(samples):
     p = np.array([[getattr(TEN_TO_ONE.values(), name) for name in model.names]])
     times = np.broadcast_to(0.5, (samples,))  # without memory of its own
     with pytest.raises(IntegrationError, match="found no memory for their results; ask for fewer samples"):
-        this_threads_core().carry_out(model, p, np.ones(1), times, np.array([0, samples], dtype=np.int32), rtol=1e-9)
+        this_threads_core().carry_out(model, p, np.ones(1), times, np.array([0, samples], dtype=np.int32), tolerance=1e-9)
 
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="this system has no timer that interrupts")
