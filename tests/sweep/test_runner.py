@@ -16,7 +16,7 @@ import zarr.storage
 
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.batch import solve_batch
-from looping_pendulum.sweep import map_file, open_map, run_map
+from looping_pendulum.sweep import cells, map_file, open_map, run_map
 from looping_pendulum.sweep.cells import ENDINGS, FIELDS
 from looping_pendulum.sweep.plan import MapError
 from tests.sweep import fake
@@ -360,11 +360,16 @@ def test_ctrl_c_ends_the_threads_in_the_middle_of_their_chunks(tmp_path):
         raise KeyboardInterrupt
 
     plan = read(LONG.replace("1e-6", "1e-12").replace("count: 12", "count: 400000").replace("chunk: 12", "chunk: 400000"))
+
+    def solve(*given, **limits):
+        signal.setitimer(signal.ITIMER_REAL, 0.5)  # not before a chunk has begun, as until then nothing waits for Ctrl-C
+        return cells.solve_chunk(*given, **limits)
+
     before = signal.signal(signal.SIGALRM, interrupt)
-    signal.setitimer(signal.ITIMER_REAL, 1.0)
     try:
-        outcome = run_map(plan, tmp_path, jobs=2)
+        outcome = run_map(plan, tmp_path, jobs=2, solve=solve)
     finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
     assert outcome.interrupted
     assert outcome.seconds < 6  # one chunk takes 10 s or more
