@@ -121,7 +121,7 @@ class SymbolicSystem(HybridSystem):
 
 
 class Symbols:
-    """Symbols of one function of a model, and the equations over them.
+    """Symbols of a model, and the equations over them.
 
     Parameters
     ----------
@@ -181,6 +181,8 @@ class _Tracer:
         self._names = parameter_names(effects)
         # A push at release is in no equation
         self._effects = tuple(e for e in effects if e.kind is not EffectKind.RELEASE)
+        # One graph for all functions, as making the symbols takes as long as most functions
+        self._symbols = Symbols(self._names, self._effects)
         self._functions: list[tuple[Any, ...]] = []
         self._header = dict.fromkeys(_HEADER, 0) | {"parameters": len(self._names)}
         self._modes = np.zeros((len(Mode), _MODE_SIZE), dtype=np.int32)
@@ -193,8 +195,7 @@ class _Tracer:
 
     def release(self) -> None:
         """Trace the release, and the series by which a run leaves rest."""
-        symbols = Symbols(self._names, self._effects)
-        system = symbols.system
+        symbols, system = self._symbols, self._symbols.system
         y = rules.state_at_release(symbols.parameters(self._release))
         released = rules.release(system, self._release, y)
         after, series, by_series = rules.leave_rest(system, rules.enter(system, released))
@@ -211,7 +212,7 @@ class _Tracer:
         _fill(row, "variables", [len(names)])
         _fill(row, "places", [State._fields.index(name) for name in names])
         _fill(row, "heavy_follows", [mode.string_moves and "heavy_speed" not in names])
-        symbols, y = self._integrated_state(mode, names)
+        symbols, y = self._symbols, self._integrated_state(mode, names)
         rates = symbols.system.equations.rates(mode, symbols.t, y, symbols.signs)
         outputs = [getattr(rates, name) for name in names]
         inputs = [*symbols.y[: len(names)], *symbols.inputs]
@@ -220,13 +221,11 @@ class _Tracer:
             placed = self._put_jacobian(outputs, [gradient(x, inputs) for x in outputs], len(names))
             _fill(row, "jacobian", placed[:1])
             _fill(row, "jacobian_structure", placed[1:])
-        symbols, y = self._integrated_state(mode, names)
         functions = symbols.system.equations.event_functions(mode, symbols.t, y, symbols.signs)
         _fill(row, "events", [len(functions)])
         _fill(row, "event_values", [self._put(list(functions.values()))])
         _fill(row, "each", [self._put([x]) for x in functions.values()])
         if self._derivatives:
-            inputs = [*symbols.y[: len(names)], *symbols.inputs]
             placed_all = [
                 self._put_jacobian(gradient(x, [symbols.t]), [gradient(x, inputs)], len(names)) for x in functions.values()
             ]
@@ -234,10 +233,9 @@ class _Tracer:
             _fill(row, "gradient_structure", [structure for _, structure in placed_all])
         self._events(mode, list(functions))
 
-    def _integrated_state(self, mode: Mode, names: Sequence[str]) -> tuple[Symbols, State]:
-        """Return symbols, and the whole state from the entries that ``mode`` integrates, which are y0, y1 ...."""
-        symbols = Symbols(self._names, self._effects)
-        return symbols, full_state(mode, **dict(zip(names, symbols.y, strict=False)))
+    def _integrated_state(self, mode: Mode, names: Sequence[str]) -> State:
+        """Return the whole state from the entries that ``mode`` integrates, which are y0, y1 ...."""
+        return full_state(mode, **dict(zip(names, self._symbols.y, strict=False)))
 
     def _events(self, mode: Mode, functions: Sequence[Event]) -> None:
         row = self._modes[mode]
@@ -254,7 +252,7 @@ class _Tracer:
 
     def _apply(self, mode: Mode, event: Event) -> tuple[int, int, int]:
         """Trace what ``event`` does; return the places of the function, its Jacobian and the structure of that."""
-        symbols = Symbols(self._names, self._effects)
+        symbols = self._symbols
         after = rules.apply_event(symbols.system, mode, event, Motion(mode, symbols.t, symbols.y, symbols.signs))
         function = self._put(_flat(after))
         if not self._derivatives or event in END_EVENTS:
