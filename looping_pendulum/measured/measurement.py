@@ -25,6 +25,9 @@ from looping_pendulum.reference_ode.state import Effects, State
 # and differences of runs, which fits take where no derivative exists, would be noisier
 FIT_TOLERANCE = 1e-9
 """Relative tolerance of a step of the runs that are compared with tracked points, which are known to tenths of a millimetre."""
+FIT_STEPS = 5_000
+"""Number of steps in one mode after which a run of a fit fails: fits ask for ever stiffer strings, which take 200 000 steps and
+differ from one that does not stretch by less than any film shows."""
 
 SampleFunction = Callable[[Array], Samples]
 """Function of ascending times since release [s], none negative, that returns the run at those times.

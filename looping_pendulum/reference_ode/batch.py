@@ -279,6 +279,7 @@ def sample_batch(
     duration: float | Array = DURATION,
     tolerance: float = TOLERANCE,
     wrt: Sequence[str] = (),
+    max_steps: int = 0,
 ) -> BatchSamples:
     """Return samples of the runs of `solve_batch`, each at ascending times of its own [s], and derivatives by ``wrt``.
 
@@ -289,13 +290,15 @@ def sample_batch(
     wrt
         Names of fields or coefficients by which derivatives are wanted. They change as in `Parameters.replace`: the static
         friction follows the kinetic one where it is equal to it in ``base`` and not among the columns.
+    max_steps
+        Number of steps in one mode after which a run fails; 0: the driver's own limit.
 
     Raises
     ------
     ParameterError
         As `solve_batch` does, or if there are not as many times as runs.
     """
-    batch = _Batch(base, columns, duration, tolerance, wrt)
+    batch = _Batch(base, columns, duration, tolerance, wrt, max_steps)
     if len(times) != batch.n:
         raise ParameterError(f"times: found those of {len(times)} runs, needed {batch.n}")
     start = np.cumsum([0, *map(len, times)])
@@ -347,15 +350,16 @@ class _Batch:
     """Runs that share ``base`` but for ``columns``, checked."""
 
     def __init__(
-        self, base: Parameters, columns: Columns, duration: float | Array, tolerance: float, wrt: Sequence[str] = ()
-    ) -> None:
+        self, base: Parameters, columns: Columns, duration: float | Array, tolerance: float, wrt: Sequence[str] = (),
+        max_steps: int = 0,
+    ) -> None:  # fmt: skip
         self.n = _checked_length(base, columns)
         self._base, self._columns = base, {name: np.asarray(values, dtype=float) for name, values in columns.items()}
         self._durations, self._tolerance = np.broadcast_to(np.asarray(duration, dtype=float), self.n), tolerance
         self._values = parameter_values(base, self._columns)
         self.valid = np.flatnonzero(valid_runs(base, self._values, self.n))
         """Runs whose values `Parameters` accepts."""
-        self._wrt = wrt
+        self._wrt, self._max_steps = wrt, max_steps
         if len(wrt) > MAX_COLUMNS:
             raise ParameterError(f"wrt: found {len(wrt)} names, needed at most {MAX_COLUMNS}")
 
@@ -396,7 +400,14 @@ class _Batch:
                 column[:] = value[part] if isinstance(value, np.ndarray) else value
             own_start = np.append(0, np.cumsum(lengths[part])).astype(np.int32)
             runs = this_threads_core().carry_out(
-                model, p, self._durations[part], t[_places(start, part)], own_start, tolerance=self._tolerance, seeds=seeds
+                model,
+                p,
+                self._durations[part],
+                t[_places(start, part)],
+                own_start,
+                tolerance=self._tolerance,
+                max_steps=self._max_steps,
+                seeds=seeds,
             )
             return part, effects, runs
 

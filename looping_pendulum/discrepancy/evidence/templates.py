@@ -41,8 +41,8 @@ LINEAR_SIZE, FINITE_SIZES = 0.3, (3.0, 12.0)
 """Sizes of the changes of the prediction that are tried [RMS, in units of noise]: one that is still linear, and finite ones."""
 FINER = 0.1
 """Share of a linear change that shows whether it is one."""
-FIRST_FACTOR = 40.0
-"""Factor on the smallest change of the value: their product is tried first, as small ones of a stiff string take long."""
+FIRST_FACTORS = (1.0, 40.0)
+"""Factors on the smallest change of the value that is tried at once: about that of the sizes."""
 MAX_TRIES, MAX_FAILURES = 10, 2
 """Largest number of steps in which changes of given sizes are looked for, and how many values may be impossible."""
 
@@ -255,13 +255,13 @@ class Changes:
     def find(self, reaches: Sequence[float], sizes: Sequence[float], first: float) -> dict[tuple[float, float], float | None]:
         """Find changes of the value up to each reach [SI] that change the prediction by about these sizes.
 
-        Where a change of ``first`` [SI] cannot run, no smaller one is tried. To a second side, the changes that were found to
-        the first one are.
+        A change of ``first`` [SI] is tried first; where it cannot run, no smaller one is. To a second side, the changes that
+        were found to the first one are.
 
         Returns (reach, size) -> change of the value; None if the reach comes first and hardly anything changes.
         """
         found: dict[tuple[float, float], float | None] = {}
-        tries = first_tries = [FIRST_FACTOR * first]
+        tries = first_tries = [first * factor for factor in FIRST_FACTORS]
         for reach in reaches:
             side = math.copysign(1.0, reach)
             for _ in range(MAX_TRIES):
@@ -339,5 +339,5 @@ def rms(v: Array) -> float:
 
 
 def first_change(candidate: Candidate) -> float:
-    """Return the smallest change that may matter [SI]."""
+    """Return the change that is tried first [SI]."""
     return 1e-3 * abs(candidate.null) or 1e-6

@@ -19,7 +19,7 @@ from looping_pendulum.discrepancy.fit.event_prediction import EventRun, with_mis
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured.camera import CAMERA, Camera
 from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
-from looping_pendulum.measured.measurement import FIT_TOLERANCE, SampledRuns, SampleTimes, predict_many, sample_times
+from looping_pendulum.measured.measurement import FIT_STEPS, FIT_TOLERANCE, SampledRuns, SampleTimes, predict_many, sample_times
 from looping_pendulum.measured.study import Study, Trial
 from looping_pendulum.reference_ode.batch import sample_batch
 from looping_pendulum.reference_ode.geometry import Array
@@ -323,6 +323,7 @@ class _Rows:
             times,
             duration=np.array([_duration(t) for t in times]),
             tolerance=FIT_TOLERANCE,
+            max_steps=FIT_STEPS,
         )
         found = np.full((self._count, sum(map(len, self._data.channels))), np.nan)
         for clock in np.unique(self._clock, axis=0):
@@ -341,7 +342,10 @@ class _Rows:
         wrt = [name for name, change in changes.items() if change.any()]
         t = self._times(0).times
         base, first = self._base, np.zeros(1, dtype=np.intp)
-        run = sample_batch(base, self._columns_of(first), [t], duration=_duration(t), tolerance=FIT_TOLERANCE, wrt=wrt)
+        run = sample_batch(
+            base, self._columns_of(first), [t],
+            duration=_duration(t), tolerance=FIT_TOLERANCE, max_steps=FIT_STEPS, wrt=wrt,
+        )  # fmt: skip
         change = np.array([changes[name] for name in wrt]).reshape(len(wrt), self._count).T
         exists = np.isfinite(run.derivatives).all(axis=(0, 1))
         possible = np.all(self._clock == self._clock[0], axis=1) & ~change[:, ~exists].any(axis=1)

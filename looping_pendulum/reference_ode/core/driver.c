@@ -20,7 +20,7 @@
 #define MAX_COLUMNS 128                // of derivatives; hosts take more in several goes
 #define MAX_EVENT_FUNCTIONS 12
 #define CHECKS 5                       // points of a step at which event functions are evaluated, its ends among them
-#define MAX_STEPS 200000               // in one mode
+#define MAX_STEPS 200000               // in one mode, unless the job says otherwise
 #define MAX_EVENTS 4000                // within a second: more are taken for endless
 #define LEAVES_REST 1e-6               // `rules.REST_SERIES_DURATION`, and the first step after a release [s]
 #define GRAZING_STEP 1e-6              // an event is grazed if the slope of its function was twice as large by so much earlier [s]
@@ -58,6 +58,7 @@ typedef struct {                       // addresses of what is read and written;
   // Columns of the derivatives, a multiple of 4: column c is the sum of weight x derivative by a parameter. The seeds are in
   // the order of the parameters; where each parameter's begin, `parameters` + 1 of them; their columns and weights
   int32_t n, seed_starts, seed_columns, seed_weights;
+  int32_t max_steps;                   // in one mode; 0: MAX_STEPS
   int32_t dense, max_dense;            // rows of the dense output, one run's after another's, 0: not wanted; room as above
 } Job;
 typedef struct { int32_t failure, events, samples, dense; } Status; // what went wrong; counts, also of what had no room
@@ -513,7 +514,7 @@ static void come_closer(int k) {
 
 // Take one step, shortened to the first event in it or to the limit of the time
 static void take_step(void) {
-  if (++mode_steps > MAX_STEPS) {
+  if (++mode_steps > (job->max_steps ? job->max_steps : MAX_STEPS)) {
     fail(TOO_MANY_STEPS);
     return;
   }

@@ -10,7 +10,7 @@ import atexit
 import ctypes
 import math
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib.resources import files
@@ -47,7 +47,7 @@ FIRST_EVENTS, FIRST_DENSE = 40, 400
 """Room for events and steps at first, per run; if all runs together need more, they are made once more."""
 JOB_FIELDS = (
     "model", "runs", "p", "durations", "times", "starts", "samples", "partials", "status", "events", "event_partials",
-    "end_partials", "max_events", "n", "seed_starts", "seed_columns", "seed_weights", "dense", "max_dense",
+    "end_partials", "max_events", "n", "seed_starts", "seed_columns", "seed_weights", "max_steps", "dense", "max_dense",
 )  # fmt: skip
 """Fields of ``Job`` in `driver.c` after its relative tolerance: counts, and addresses of what is read and written."""
 FAILURES = {
@@ -190,6 +190,7 @@ class Core:
         starts: NDArray[np.int32],
         *,
         tolerance: float,
+        max_steps: int = 0,
         seeds: Array | None = None,
         dense: bool = False,
     ) -> Runs:
@@ -207,6 +208,8 @@ class Core:
             Sample times of all runs [s], ascending in each, shape (m,), and where each run's begin, shape (r + 1,).
         tolerance
             Relative tolerance of a step, `LEAST_TOLERANCE` at least; 0.1 of it is the absolute one.
+        max_steps
+            Number of steps in one mode after which a run fails; 0: the driver's own limit.
         seeds
             Derivatives of the parameters by the n numbers by which derivatives are wanted, shape (names, n); n is at most
             `MAX_COLUMNS`.
@@ -224,28 +227,27 @@ class Core:
             raise ParameterError(f"duration: found {float(np.min(durations)):g} s, needed 0 or more")
         if not tolerance > 0:
             raise ParameterError(f"tolerance: found {tolerance:g}, needed a number above 0, such as 1e-9")
-        rtol = max(tolerance, LEAST_TOLERANCE)
+        rtol, columns = max(tolerance, LEAST_TOLERANCE), 0 if seeds is None else seeds.shape[1]
+        inputs: dict[str, NDArray[Any]] = {"p": p, "durations": durations, "times": times, "starts": starts}
+        if seeds is not None:
+            inputs |= _seed_arrays(seeds)
         events, steps = FIRST_EVENTS * len(p), FIRST_DENSE * len(p) if dense else 0
         while True:
-            runs, needed = self._carried_out(model, p, durations, times, starts, rtol, seeds, events, steps)
+            runs, needed = self._carried_out(model, inputs, columns, rtol, max_steps, events, steps)
             if needed[0] <= events and (needed[1] <= steps or not dense):
                 return runs
             events, steps = max(needed[0], events), max(needed[1], steps) if dense else 0
 
     def _carried_out(
-        self, model: Model, p: Array, durations: Array, times: Array, starts: NDArray[np.int32], rtol: float,
-        seeds: Array | None, most_events: int, most_steps: int,
+        self, model: Model, inputs: Mapping[str, NDArray[Any]], columns: int, rtol: float, max_steps: int,
+        most_events: int, most_dense: int,
     ) -> tuple[Runs, tuple[int, int]]:  # fmt: skip
         """Return the runs, and how many events and steps they have, for which there may have been no room."""
         loaded = self._loaded(model)  # before any room of this call, which is given back
-        r, m, columns = len(p), len(times), 0 if seeds is None else seeds.shape[1]
-        n = (columns + 3) & ~3
-        inputs: dict[str, NDArray[Any]] = {"p": p, "durations": durations, "times": times, "starts": starts}
-        if seeds is not None:
-            inputs |= _seed_arrays(seeds)
+        r, m, n = len(inputs["p"]), len(inputs["times"]), (columns + 3) & ~3
         outputs = {
             "samples": (m, NY), "partials": (m, NY, n), "events": (most_events, EVENT_COLUMNS),
-            "event_partials": (most_events, n), "end_partials": (r, NY, n), "dense": (most_steps, DENSE_COLUMNS),
+            "event_partials": (most_events, n), "end_partials": (r, NY, n), "dense": (most_dense, DENSE_COLUMNS),
             "status": (r, 2),
         }  # fmt: skip
         sizes = {name: array.nbytes for name, array in inputs.items()}
@@ -262,9 +264,8 @@ class Core:
             memory = self._view()
             for name, array in inputs.items():
                 memory[at[name] : at[name] + array.nbytes] = np.ascontiguousarray(array).view(np.uint8).ravel()
-            given = at | {"model": loaded, "runs": r, "n": n, "max_events": most_events, "max_dense": most_steps}
-            if not most_steps:
-                given["dense"] = 0
+            given = at | {"model": loaded, "runs": r, "n": n, "max_steps": max_steps, "max_events": most_events}
+            given |= {"max_dense": most_dense} if most_dense else {"dense": 0}
             job = memory[at["job"] :]
             job[:8].view(np.float64)[0] = rtol
             job[8 : 8 + 4 * len(JOB_FIELDS)].view(np.uint32)[:] = [given.get(name, 0) for name in JOB_FIELDS]
