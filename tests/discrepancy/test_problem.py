@@ -163,7 +163,7 @@ def test_where_no_derivative_exists_runs_make_the_difference(inputs, problem, na
     The run at 0 is without the effect, whose equations divide by its coefficient.
     """
     c = next(c for c in inputs.library if c.name == name)
-    extended, x = with_candidate(problem, c, c.companion_grid()[0])
+    extended, x = with_candidate(problem, c, c.companion_grid()[-1])
     x[len(problem.names)] = 0.0
     found, others = extended.jacobian(x), problem.jacobian(x[: len(problem.names)])
     assert np.isfinite(found).all()
