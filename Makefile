@@ -33,7 +33,9 @@ accurate: $(VENV)/test ## run the long accuracy tests: accurate profiles, the bl
 	$(BIN)/python -m pytest -m accurate -n 2
 
 # Quick tests of what calculates, in one process: the whole suite, which spends most of its time in other processes, would take longer still.
-COVERED = tests/scenarios $(addprefix tests/reference_ode/test_,closed_forms.py impact.py newton.py parameters_and_geometry.py parts.py solution.py solve.py) \
+COVERED = tests/scenarios tests/reference_ode/core/test_bits.py \
+	$(addprefix tests/reference_ode/test_,batch.py closed_forms.py impact.py newton.py parameters_and_geometry.py parts.py \
+		sensitivity.py solution.py solve.py) \
 	$(addprefix tests/compare/test_,baseline.py landmarks.py metrics.py metrics_by_hand.py report_cells.py \
 		result.py signs_and_units.py stories.py tables.py) \
 	$(addprefix tests/engines/test_,string_motion.py) \
