@@ -19,6 +19,13 @@ from looping_pendulum.reference_ode.transitions import Event, Mode
 
 MAX_EVENTS = 4000
 """Number of events after which a run is given up as endless."""
+_RETREAT_SPEED, _HEAVY_SPEED = State._fields.index("retreat_speed"), State._fields.index("heavy_speed")
+
+
+def fill_in_heavy_speed(mode: Mode, names: tuple[str, ...], full: Array) -> None:
+    """Set the heavy speed to u in an array of states, shape (len(State), n), where it is not integrated itself."""
+    if mode.string_moves and "heavy_speed" not in names:
+        full[_HEAVY_SPEED] = full[_RETREAT_SPEED]
 
 
 class ModeIntegrator(Protocol):

@@ -25,12 +25,11 @@ from looping_pendulum.reference_ode.state import (
     Signs,
     State,
     event_in_phase,
-    fill_in_heavy_speed,
     full_state,
     variables,
 )
 from looping_pendulum.reference_ode.transitions import Event, Mode
-from research.driver import Part, drive, join
+from research.driver import Part, drive, fill_in_heavy_speed, join
 
 try:
     import heyoka as hy

@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from types import SimpleNamespace
 from typing import Any
 
@@ -75,7 +76,7 @@ class EventTable:
         """Return how many of these rows each run has."""
         return np.bincount(self.run[rows], minlength=self.n)
 
-    @property
+    @cached_property
     def halt(self) -> NDArray[np.int64]:
         """Row of the event that began the sticking that lasted until the light mass reached the rod, or -1, shape (n,)."""
         before = np.append(-1, np.maximum.accumulate(np.where(self.is_mode_change, np.arange(len(self.run)), -1)))[self.last]
@@ -328,21 +329,30 @@ def changes_kind(name: str, values: Mapping[str, Any], release: Release) -> Any:
     return (values[name] == 0) & is_kink
 
 
-def seeds_of(model: Model, base: Parameters, wrt: Sequence[str], held: Iterable[str] = ()) -> Array:
-    """Return the derivatives of a model's parameters by those named ``wrt``, shape (parameters, len(wrt)).
+def moves_with(base: Parameters, name: str, held: Iterable[str] = ()) -> tuple[str, ...]:
+    """Return the parameters that change with the one called ``name``, as in `Parameters.replace`.
 
     Parameters
     ----------
     held
         Parameters that do not follow others.
     """
+    if name == "release_angle" and base.release is Release.VERTICAL:  # which keeps its angle
+        return ()
+    follows = name == "kinetic_friction" and base.static_equals_kinetic and "static_friction" not in held
+    return (name, "static_friction") if follows else (name,)
+
+
+def seeds_of(model: Model, base: Parameters, wrt: Sequence[str], held: Iterable[str] = ()) -> Array:
+    """Return the derivatives of a model's parameters by those named ``wrt``, shape (parameters, len(wrt)).
+
+    ``held`` is that of `moves_with`.
+    """
     seeds = np.zeros((len(model.names), len(wrt)))
     for column, name in enumerate(wrt):
-        follows = name == "kinetic_friction" and base.static_equals_kinetic and "static_friction" not in held
-        for other in (name, "static_friction") if follows else (name,):
-            # A vertical release keeps its angle
-            if other in model.names and not (other == "release_angle" and base.release is Release.VERTICAL):
-                seeds[model.names.index(other), column] = 1.0
+        for moved in moves_with(base, name, held):
+            if moved in model.names:
+                seeds[model.names.index(moved), column] = 1.0
     return seeds
 
 

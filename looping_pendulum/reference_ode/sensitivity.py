@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.errors import IntegrationError, ParameterError
-from looping_pendulum.reference_ode.batch import changes_kind, seeds_of
+from looping_pendulum.reference_ode.batch import changes_kind, moves_with, seeds_of
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.reference_ode.parameters import HasParameters, Parameters, Release, parameters_of
+from looping_pendulum.reference_ode.parameters import HasParameters, Parameters, parameters_of
 from looping_pendulum.reference_ode.solution import (
     Run,
     Samples,
@@ -73,8 +73,8 @@ class Sensitivities:
         state = State(*(v + 1j * COMPLEX_STEP * d for v, d in zip(samples.state, self.state, strict=True)))
         numbers = dict(vars(given.values()))
         for name, column in zip(self.wrt, np.eye(len(self.wrt)), strict=True):
-            if not (name == "release_angle" and given.release is Release.VERTICAL):  # which keeps its angle
-                numbers[name] = numbers[name] + 1j * COMPLEX_STEP * column[:, None]
+            for moved in moves_with(given, name):
+                numbers[moved] = numbers[moved] + 1j * COMPLEX_STEP * column[:, None]
         # An effect that is absent may move a mass, too
         acting = given.effects_with(frozenset(self.wrt) & given.coefficients.keys())
         parts = place(np, state, samples.signs.overlap, SimpleNamespace(**numbers), acting)

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 from looping_pendulum.reference_ode.effects.library import REST_SPEED
 from looping_pendulum.reference_ode.effects.types import TURN, Effect, Kinematics
-from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.transitions import PHASE_ZERO, Event, Mode
 
 Effects = tuple[Effect, ...]
@@ -93,7 +92,6 @@ def event_in_phase(event: Event, signs: Signs) -> Event:
     return PHASE_ZERO.get(event, event) if signs.phase == 0 else event
 
 
-_RETREAT_SPEED, _HEAVY_SPEED = State._fields.index("retreat_speed"), State._fields.index("heavy_speed")
 # Entries of the state that change while the string is slack, while a taut string rests, and while it moves
 _BASE = State._fields[: State._fields.index("slack") + 1]
 _RESTING: tuple[str, ...] = ("free_length", "wrap_angle", "across_speed")
@@ -124,12 +122,6 @@ def full_state(mode: Mode, **values: Any) -> State:
     values.setdefault("heavy_speed", values["retreat_speed"] if mode.string_moves else 0.0)
     values.setdefault("slack", 0.0)
     return State(**values)
-
-
-def fill_in_heavy_speed(mode: Mode, names: tuple[str, ...], full: Array) -> None:
-    """Set the heavy speed to u in an array of states, shape (..., len(State), any), where it is not integrated itself."""
-    if mode.string_moves and "heavy_speed" not in names:
-        full[..., _HEAVY_SPEED, :] = full[..., _RETREAT_SPEED, :]
 
 
 class Winding(NamedTuple):

@@ -10,9 +10,9 @@ from looping_pendulum.errors import IntegrationError
 from looping_pendulum.reference_ode import rules
 from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.solve import DURATION
-from looping_pendulum.reference_ode.state import State, event_in_phase, fill_in_heavy_speed, full_state, variables
+from looping_pendulum.reference_ode.state import State, event_in_phase, full_state, variables
 from looping_pendulum.reference_ode.transitions import Event
-from research.driver import drive, join
+from research.driver import drive, fill_in_heavy_speed, join
 
 MAX_STEPS = 200_000
 """Number of steps in one mode after which a run is given up."""

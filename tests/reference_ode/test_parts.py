@@ -24,12 +24,12 @@ from looping_pendulum.reference_ode.state import (
     State,
     event_in_phase,
     extra_variables,
-    fill_in_heavy_speed,
     full_state,
     kinematics,
     variables,
 )
 from looping_pendulum.reference_ode.transitions import END_EVENTS, PHASE_EVENTS, Event, Mode, next_mode
+from research.driver import fill_in_heavy_speed
 from tests.apparatus import TEN_TO_ONE
 from tests.reference_ode.released import Released
 

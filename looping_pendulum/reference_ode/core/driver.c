@@ -102,8 +102,7 @@ static DenseRow *dense_rows;
 static Status *status;
 static int run, started, n;            // n: columns of derivatives, a multiple of 4
 static int event_count, dense_count;   // of all runs so far
-static int nz, N;                      // variables of the mode; these and their derivatives, which begin at place `nz`, padded
-static int n0;
+static int nz, n0, N;                  // variables of the mode; place where their derivatives begin; numbers of both
 static double signs[NS];
 static Motion now;                     // just after the last event
 static int mode_steps, sample, sample_count, late_events;
