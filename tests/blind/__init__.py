@@ -41,6 +41,8 @@ class Effects:
     """Relative growth of friction with the speed of the string on the rod [s/m]."""
     friction_per_wrap: float = 0.0
     """Relative growth of friction with wrap angle [1/rad]."""
+    friction_per_turn: float = 0.0
+    """Relative growth of friction per turn of wrap, from half a turn on [1]."""
     string_on_string: float = 0.0
     """Friction added to that of the rod for wrap beyond the first full turn [1]."""
     string_density: float = 0.0
@@ -73,6 +75,10 @@ class Effects:
     """Largest force of a magnet on the light mass, F = k exp(-d^2 / 2 s^2) towards it (negative: away) [N]."""
     magnet_place: tuple[float, float] = (-0.3, -0.35)
     magnet_range: float = 0.08
+    pull: float = 0.0
+    """Pull on the light mass towards a point, F = k d / (d^2 + s^2)^(3/2) [N m^2]."""
+    pull_place: tuple[float, float] = (-0.20, -0.30)
+    pull_softening: float = 0.03
     thrust: float = 0.0
     """Largest force of a pulse along the light mass's velocity, F = k exp(-(t - t0)^2 / 2 s^2) [N]."""
     thrust_time: float = 0.3

@@ -176,6 +176,14 @@ UNLISTED = (
     _single("thrust", 0.02, listed=False),
     _single("brake", 0.06, listed=False),
     _single("rough_patch", 0.06, listed=False),
+    Case(
+        name="late_patch",
+        effects=(("rough_patch", 0.04),),
+        fixed=(("patch_from", 3.6), ("patch_to", 4.4)),
+        listed=False,
+    ),
+    _single("friction_per_turn", 0.15, listed=False),
+    _single("pull", 5e-5, listed=False),
 )
 
 CASES = {c.name: c for c in (CLEAN, CLEAN_VARIED, *SINGLE, *SMALL, *PAIRS, *MEASUREMENT, *VIEWS, *UNLISTED)}

@@ -249,6 +249,7 @@ def _equations(a: Apparatus, e: Effects, paths: tuple[float, float], numerics: N
     # What follows runs some 10^5 times a run: names of its own are found twice as fast as attributes.
     friction, heavy_drag, thickness, density = a.friction, a.heavy_drag, e.string_thickness, e.string_density
     per_speed, per_wrap, on_string = e.friction_per_speed, e.friction_per_wrap, e.string_on_string
+    per_turn = e.friction_per_turn
     static_excess, compliance, mobility, bearing = e.static_excess, e.compliance, e.rod_mobility, e.bearing_friction
     turn, static = 2 * pi, e.static_excess > 0
     brake, patch = e.brake, e.rough_patch
@@ -268,6 +269,8 @@ def _equations(a: Apparatus, e: Effects, paths: tuple[float, float], numerics: N
         value = friction * wrap * (1 + per_speed * speed + per_wrap * wrap)
         if patch:
             value += friction * wrap * patch * _between(wrap, e.patch_from, e.patch_to, e.patch_edge)
+        if per_turn and wrap > pi:
+            value += friction * wrap * per_turn * (wrap - pi) / turn
         if wrap > turn:
             value += on_string * (wrap - turn)
         return min(value, 80.0)
@@ -380,7 +383,7 @@ def _light_force(a: Apparatus, e: Effects) -> Callable[..., Any]:
     gravity, drag, string_drag = a.light_mass * a.gravity, a.light_drag, a.string_drag if a.release != "drop" else 0.0
     half_string = e.string_density * a.gravity / 2
     near = -0.5 / e.magnet_range**2
-    extra = any((e.side_force, e.side_stiffness, e.magnet, e.thrust))
+    extra = any((e.side_force, e.side_stiffness, e.magnet, e.pull, e.thrust))
     wind, linear_drag, attitude_drag = e.wind, e.linear_drag, e.attitude_drag
 
     def force(
@@ -401,6 +404,10 @@ def _light_force(a: Apparatus, e: Effects) -> Callable[..., Any]:
             distance = hypot(dx, dy)
             if e.magnet and distance > 0:
                 pull = e.magnet * exp(near * distance * distance) / distance
+                fx, fy = fx + pull * dx, fy + pull * dy
+            if e.pull:
+                dx, dy = e.pull_place[0] - x, e.pull_place[1] - y
+                pull = e.pull / (dx * dx + dy * dy + e.pull_softening**2) ** 1.5
                 fx, fy = fx + pull * dx, fy + pull * dy
             velocity = hypot(vx, vy)
             if e.thrust and velocity > 0:

@@ -26,7 +26,7 @@ def digest() -> str:
 
 
 def archive_name(kind: str, case: str, seed: int, trials: Iterable[str] = ()) -> str:
-    """Return the name of the archive that holds the files of one ``kind`` ("tracks" or "tables") of a case."""
+    """Return the name of the archive of a case; its ``kind`` is "tracks", "tables" or "three_masses"."""
     return "-".join([kind, case, str(seed), *trials])
 
 
@@ -56,6 +56,7 @@ def main() -> None:
     import tempfile
 
     from tests.blind.cases import CASES, simulate_case
+    from tests.blind.three_masses import simulate_three_masses
     from tests.discrepancy.event_study import simulate_tables
 
     for name, seed in TRACKS:
@@ -66,6 +67,10 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder:
             simulate_tables(Path(folder), CASES[name], seed, trials)
             store(archive_name("tables", name, seed, trials), Path(folder))
+    for name, seed in THREE_MASSES:
+        with tempfile.TemporaryDirectory() as folder:
+            simulate_three_masses(Path(folder), name, seed)
+            store(archive_name("three_masses", name, seed), Path(folder))
 
 
 TRACKS = (
@@ -88,6 +93,12 @@ TABLES = (
     ("clean", 3, ("ten_a", "eight")),
 )
 """Case, seed and trials of every table of events that a daily test reads."""
+THREE_MASSES = tuple(
+    (kind, seed)
+    for kind in ("friction_per_turn", "friction_speed", "magnet", "rough_patch", "side_pull_and_patch")
+    for seed in (100, 101)
+)
+"""Kind and seed of every study of three light masses that a test reads."""
 
 if __name__ == "__main__":
     main()

@@ -35,7 +35,8 @@ from tests.blind.cases import (
 )
 from tests.blind.rigid import RigidMotion, simulate_rigid
 from tests.blind.simulator import Motion, Numerics, simulate
-from tests.blind.stored import DATA, DIGEST, TABLES, TRACKS, archive_name, digest, stored_or_written
+from tests.blind.stored import DATA, DIGEST, TABLES, THREE_MASSES, TRACKS, archive_name, digest, stored_or_written
+from tests.blind.three_masses import simulate_three_masses
 from tests.discrepancy.event_study import simulate_tables
 
 TEN = Apparatus()
@@ -223,6 +224,7 @@ NEARLY_NULL = {
     "attitude_drag": 1e-7,
     "friction_per_speed": 1e-8,
     "friction_per_wrap": 1e-8,
+    "friction_per_turn": 1e-8,
     "string_on_string": 1e-8,
     "string_density": 1e-10,
     "compliance": 1e-11,
@@ -234,6 +236,7 @@ NEARLY_NULL = {
     "side_stiffness": 1e-9,
     "push": 1e-9,
     "magnet": 1e-9,
+    "pull": 1e-11,
     "thrust": 1e-9,
 }
 """Values of about 1e-6 or less of those in `cases`: the code of the effect runs, but the effect is too small to see."""
@@ -385,7 +388,8 @@ NUMBER = re.compile(r"-?\d+\.?\d*(?:e[+-]?\d+)?")
 
 
 def names():
-    return {archive_name("tracks", *film) for film in TRACKS} | {archive_name("tables", *table) for table in TABLES}
+    kinds = {"tracks": TRACKS, "tables": TABLES, "three_masses": THREE_MASSES}
+    return {archive_name(kind, *case) for kind, cases in kinds.items() for case in cases}
 
 
 def test_all_archives_are_there_and_of_the_present_sources():
@@ -436,4 +440,12 @@ def test_stored_tables_equal_simulated_ones(tmp_path, name, seed, trials):
 def test_stored_films_equal_simulated_ones(tmp_path, name, seed):
     assert_stored_equals_simulated(
         archive_name("tracks", name, seed), tmp_path, lambda to: simulate_case(to, CASES[name], seed)
+    )
+
+
+@pytest.mark.accurate
+@pytest.mark.parametrize(("kind", "seed"), THREE_MASSES)
+def test_stored_studies_of_three_masses_equal_simulated_ones(tmp_path, kind, seed):
+    assert_stored_equals_simulated(
+        archive_name("three_masses", kind, seed), tmp_path, lambda to: simulate_three_masses(to, kind, seed)
     )

@@ -1,7 +1,9 @@
-"""Expected result for each blind case: the candidate's name and its planted value."""
+"""Expected result for each blind case: the candidate's name and its planted value, or its law."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
+from looping_pendulum.discrepancy.evidence.prior import body_of
+from looping_pendulum.discrepancy.result import RankedExplanation
 from tests.blind.cases import CASES, Case
 
 DECISIVE = 10.0
@@ -70,5 +72,25 @@ PLANTED_LAWS = {
     "magnet": ("light mass, away from a point", "distance"),
     "brake": ("heavy mass", "hanging_length"),
     "rough_patch": ("string on rod", "wrap_angle"),
+    "late_patch": ("string on rod", "wrap_angle"),
+    "friction_per_turn": ("string on rod", "wrap_angle"),
+    "pull": ("light mass, away from a point", "distance"),
 }
 """Case that no library lists -> what its law acts on, and the coordinate that it is a function of."""
+
+Explained = tuple[frozenset[str], tuple[str, str] | None]
+"""An explanation: its listed effects, and the body and coordinate of its law; None: it has no law."""
+NOTHING: Explained = frozenset(), None
+
+
+def truth(hidden: Iterable[str]) -> Explained:
+    """Return what is hidden in a study, given as the names of blind cases, as an explanation."""
+    names = tuple(hidden)
+    laws = [PLANTED_LAWS[name] for name in names if name in PLANTED_LAWS]
+    effects = frozenset(CANDIDATES[name] for name in names if name in CANDIDATES)
+    return effects, (body_of(laws[0][0]), laws[0][1]) if laws else None
+
+
+def parts_of(e: RankedExplanation) -> Explained:
+    """Return the effects of an explanation, and the body and coordinate of its law, whatever its direction and factor."""
+    return frozenset(effect.name for effect in e.effects), (body_of(e.law.acts_on), e.law.depends_on) if e.law else None

@@ -18,7 +18,7 @@ from tests.discrepancy.blind_sample import draw, planted_values, scaled
 STORED = json.loads(calibration.RESULT.read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize("name", ["magnet", "thrust"])
+@pytest.mark.parametrize("name", ["magnet", "pull", "thrust"])
 def test_a_law_that_a_fit_is_given_is_that_of_the_simulator(name):
     """Oracle: the separate simulator's force, in its own Cartesian coordinates."""
     length, angle, along, across, time = 0.31, 2.2, 0.4, -1.7, 0.33
