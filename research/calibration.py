@@ -342,9 +342,7 @@ def statistics_of_tests(study: Study) -> dict[str, float]:
     return {
         "chi2_per_dof": tests.chi2_per_dof,
         "chi2_over_limit": tests.chi2_per_dof / tests.limit,
-        "lag1_z": max(g.lag1 for g in groups),
-        "ljung_box_p": min(g.ljung_box for g in groups),
-        "runs_z": min(g.runs for g in groups),
+        "lasting_z": max(g.lasting for g in groups),
         "held_out_chi2": declared.held_out.worst,
         "log10_odds": max(odds, default=-MARGIN) / math.log(10),
         "values": float(tests.count),

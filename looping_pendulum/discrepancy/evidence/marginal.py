@@ -13,8 +13,8 @@ from functools import cached_property
 
 import numpy as np
 
-from looping_pendulum.discrepancy.evidence.prior import AMPLITUDES, FRAMES, P_LASTING
-from looping_pendulum.discrepancy.fit.data import CorrelatedNoise, TrialData, Whitening
+from looping_pendulum.discrepancy.evidence.prior import AMPLITUDES, P_LASTING
+from looping_pendulum.discrepancy.fit.data import FRAMES, CorrelatedNoise, TrialData, Whitening
 from looping_pendulum.measured.observations import BODIES
 from looping_pendulum.reference_ode.geometry import Array
 

@@ -33,8 +33,8 @@ LENGTHS = (0.0, 1.5, 4.0)
 """Correlation lengths of a law's weights [basis functions], all alike: how smooth it is, beside their own width."""
 POINT_SIGMA = 0.3
 """Prior standard deviation of either coordinate of the point from which a law's distance is measured [m]."""
-AMPLITUDES, FRAMES = (0.2, 0.5, 1.5, 4.0, 12.0), (4.0, 10.0, 24.0)
-"""Amplitudes [white sigma] and correlation times [frames] of errors that last longer than a frame.
+AMPLITUDES = (0.2, 0.5, 1.5, 4.0, 12.0)
+"""Amplitudes [white sigma] of errors that last longer than a frame, for each of the `fit.data.FRAMES` that they may last.
 
 The least can still treble the variance of what a fit averages over frames: 1 + 2 x 0.2^2 x 24.
 """

@@ -29,6 +29,8 @@ from looping_pendulum.measured.observations import BODIES, Channel, EventObserva
 from looping_pendulum.measured.study import Trial
 from looping_pendulum.reference_ode.geometry import Array
 
+FRAMES = (4.0, 10.0, 24.0)
+"""Correlation times of errors that last longer than a frame, by which they are looked for [frames]."""
 MIN_WHITE_SHARE = 0.2
 """Smallest white part of the noise, as a part of what differences of neighbours show."""
 MIN_STEP = 1e-9

@@ -4,7 +4,6 @@
  * one of them.
  */
 
-import { seeded } from "../random.js";
 import { range, sumOfSquares } from "./statistics.js";
 
 /**
@@ -16,17 +15,8 @@ import { range, sumOfSquares } from "./statistics.js";
 
 /** Largest mean square that passes, with many values; excess of fewer ones, in units of 1/sqrt(n). */
 const [MAX_CHI2_PER_DOF, CHI2_SCATTER_SIGMAS] = [1.07, 3.5];
-/** Largest z of the correlation of neighbours; smallest z of the number of runs of one sign. */
-const [MAX_LAG1_Z, MIN_RUNS_Z] = [3.2, -3.4];
-/** Lags of the Ljung-Box statistic, and the smallest share of noise that has a larger one. */
-const [LAGS, MIN_LJUNG_BOX_P] = [10, 5e-4];
-/** Statistic that many values of noise exceed in that share, by the chi-square distribution. */
-const MAX_LJUNG_BOX = 31.42;
-/**
- * Statistics between which (1 % and 1e-12 by that distribution) shuffled residuals tell of at most so many values, which
- * exceed it more often.
- */
-const [SHUFFLED_FROM, SHUFFLED_TO, SHUFFLES, MAX_SHUFFLED] = [23.21, 77.8, 10000, 500];
+/** Largest z of the score of errors that last so many frames. */
+const [MAX_LASTING_Z, FRAMES] = [3.4, [4, 10, 24]];
 const MIN_GROUP_SIZE = 20;
 const SLIDING = ["sliding_up", "sliding_down"];
 
@@ -67,49 +57,27 @@ function groupsOf(channels) {
 
 /** @param {number[]} z */
 function hasPattern(z) {
-  const lag1 = correlation(z, 1, sumOfSquares(z));
-  return lag1 * Math.sqrt(z.length) > MAX_LAG1_Z || runsZ(z) < MIN_RUNS_Z || hasSlowPattern(z);
+  return FRAMES.some((frames) => lastingZ(z, frames) > MAX_LASTING_Z);
 }
 
-/** @param {number[]} z @param {number} lag @param {number} square */
-function correlation(z, lag, square) {
-  let sum = 0;
-  for (let i = lag; i < z.length; i++) sum += z[i] * z[i - lag];
-  return sum / square;
-}
-
-/** @param {number[]} z @param {number} square */
-function ljungBox(z, square) {
+/**
+ * Standard score of errors whose correlation falls as exp(-k / frames), against white noise: the sum of the products of all
+ * pairs of residuals, so weighted, by its exact variance and skewness, and Wilson's and Hilferty's cube root.
+ * @param {number[]} z @param {number} frames
+ */
+function lastingZ(z, frames) {
   const n = z.length;
-  let sum = 0;
-  for (let lag = 1; lag <= LAGS; lag++) sum += (n * (n + 2) * correlation(z, lag, square) ** 2) / (n - lag);
-  return sum;
-}
-
-/** Whether residuals over some frames err alike. @param {number[]} z */
-function hasSlowPattern(z) {
-  const square = sumOfSquares(z);
-  const statistic = ljungBox(z, square);
-  if (z.length > MAX_SHUFFLED || statistic < SHUFFLED_FROM || statistic > SHUFFLED_TO) return statistic > MAX_LJUNG_BOX;
-  const random = seeded(0); // the same residuals have the same result
-  const shuffled = [...z];
-  let larger = 1;
-  for (let shuffle = 0; shuffle < SHUFFLES && larger < MIN_LJUNG_BOX_P * (SHUFFLES + 1); shuffle++) {
-    for (let i = shuffled.length - 1; i > 0; i--) {
-      const j = Math.floor(random() * (i + 1));
-      [shuffled[i], shuffled[j]] = [shuffled[j], shuffled[i]];
-    }
-    if (ljungBox(shuffled, square) >= statistic) larger += 1;
+  const decay = Math.exp(-1 / frames);
+  let [earlier, score, square, cube] = [0, 0, 0, 0];
+  for (let i = 1; i < n; i++) {
+    earlier = decay * (earlier + z[i - 1]);
+    score += z[i] * earlier;
+    const pairs = (n - i) * decay ** (2 * i); // of values that are i apart
+    square += pairs;
+    cube += 6 * (i - 1) * pairs;
   }
-  return larger < MIN_LJUNG_BOX_P * (SHUFFLES + 1);
-}
-
-/** Standard score of the number of runs of one sign (Wald and Wolfowitz). @param {number[]} z */
-function runsZ(z) {
-  const n = z.length;
-  const up = z.filter((value) => value > 0).length;
-  if (up === 0 || up === n) return -Math.sqrt(n);
-  const runs = 1 + z.slice(1).filter((value, i) => value > 0 !== z[i] > 0).length;
-  const mean = (2 * up * (n - up)) / n + 1;
-  return (runs - mean) / Math.sqrt(Math.max(((mean - 1) * (mean - 2)) / (n - 1), 1e-9));
+  const variance = square / (n * (n + 2));
+  const skewness = cube / (n * (n + 2) * (n + 4)) / variance ** 1.5;
+  const root = Math.cbrt(Math.max(1 + (score / sumOfSquares(z) / Math.sqrt(variance)) * (skewness / 2), 0));
+  return ((root - 1 + skewness ** 2 / 36) * 6) / skewness;
 }
