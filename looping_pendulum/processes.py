@@ -1,4 +1,4 @@
-"""Processes of this package: many jobs at a time, pools of processes, and the start and end of a process for one function.
+"""Processes of this package: many jobs at a time, and the start and end of a process for one function.
 
 A child process finds the installed packages first, and what lies in the working folder or beside the script last: a student's
 ``mujoco.py`` or ``pickle.py`` there does not shadow the real one, and an engine's module there is found nevertheless.
@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import contextlib
 import os
-import signal
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from typing import IO, TypeVar
 
@@ -24,8 +23,6 @@ END_TIMEOUT = 10.0
 """Longest time to wait for processes that were killed [s]; normally they end within milliseconds."""
 MARK = "LOOPING_PENDULUM_PROCESS"
 """Environment variable by which a process of `start_python`, and all that it starts, are found, wherever they belong."""
-_SAFE_PATH = {"PYTHONSAFEPATH": "1"}
-"""Environment of a Python that does not import from the working folder, as with its option -P."""
 ReportShare = Callable[[str, float], None]
 """Function that is called with what is being done, and the share of all of it that is done."""
 Result = TypeVar("Result")
@@ -199,72 +196,3 @@ def memory_in_use(pid: int) -> int | None:
         return int(psutil.Process(pid).memory_info().rss)
     except psutil.Error:
         return None
-
-
-# ---- pools of processes
-
-
-@contextlib.contextmanager
-def process_pool(count: int, initializer: Callable[[], object] = int) -> Iterator[Executor]:
-    """Return a context with an executor of ``count`` processes; they end with the context or this process, even when busy.
-
-    They leave Ctrl-C to this process. They do not import the running script, which needs no ``if __name__ == "__main__"``.
-
-    Parameters
-    ----------
-    initializer
-        Function that each process calls first.
-    """
-    from loky import ProcessPoolExecutor
-
-    # No process ends for want of work: what it has compiled would be lost
-    pool = ProcessPoolExecutor(
-        count, timeout=None, initializer=_start_in_pool, initargs=(os.getpid(), import_path(), initializer), env=_SAFE_PATH
-    )
-    try:
-        with _safe_start():
-            pool.submit(int)  # this starts all of them
-        yield pool
-    finally:
-        pool.shutdown(kill_workers=True)
-
-
-def _start_in_pool(parent: int, path: list[str], initializer: Callable[[], object]) -> None:
-    """Let this process of a pool ignore Ctrl-C, and end when its parent has ended; then call the initializer."""
-    import psutil
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    sys.path = path
-
-    def exit_after_parent() -> None:
-        # A parent that nobody has waited for has a process id still, but no children; Windows knows no such state
-        while psutil.pid_exists(parent) and (os.name == "nt" or os.getppid() == parent):
-            time.sleep(POLL_INTERVAL)
-        os._exit(1)
-
-    threading.Thread(target=exit_after_parent, daemon=True).start()
-    initializer()
-
-
-_start_lock = threading.RLock()
-
-
-@contextlib.contextmanager
-def _safe_start() -> Iterator[None]:
-    """Start processes of a pool, and those that keep account of its locks, with a safe `import_path` and without Ctrl-C.
-
-    Environment and path belong to the whole process, so one thread at a time may change them.
-    """
-    with _start_lock, contextlib.ExitStack() as at_end:
-        saved = os.environ.get("PYTHONSAFEPATH")
-        at_end.callback(lambda: os.environ.update({} if saved is None else {"PYTHONSAFEPATH": saved}))
-        at_end.callback(os.environ.pop, "PYTHONSAFEPATH", None)
-        os.environ.update(_SAFE_PATH)
-        at_end.callback(setattr, sys, "path", sys.path)
-        sys.path = import_path()
-        if hasattr(signal, "pthread_sigmask"):
-            # They inherit it; Ctrl-C would interrupt them before they can ignore it
-            at_end.callback(
-                signal.pthread_sigmask, signal.SIG_SETMASK, signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-            )
-        yield

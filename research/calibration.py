@@ -16,8 +16,9 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import as_completed
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Protocol
 from unittest import mock
@@ -25,6 +26,7 @@ from unittest import mock
 import numpy as np
 
 from looping_pendulum.cli.terminal import ProgressBars
+from looping_pendulum.discrepancy.blas import one_blas_thread
 from looping_pendulum.discrepancy.candidates import MIN_SHARE_OF_MULTIPLIED
 from looping_pendulum.discrepancy.evidence.explain import explain
 from looping_pendulum.discrepancy.evidence.prior import MARGIN, VISIBLE, body_of
@@ -38,12 +40,10 @@ from looping_pendulum.discrepancy.result import (
     RankedExplanation,
     Verdict,
 )
-from looping_pendulum.discrepancy.workers import one_blas_thread
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import write_atomically
 from looping_pendulum.measured.study import Study
 from looping_pendulum.measured.study_io import load
-from looping_pendulum.processes import process_pool
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.effects.own import multiplied_coefficient
 from looping_pendulum.versions import MISSING, installed_version
@@ -137,7 +137,7 @@ def run(
     by_name = {task.name: task for task in tasks}
     waiting = [task for task in tasks if task.name not in known]
     interrupted = False
-    with ProgressBars(time_left=True, line_every_fraction=0.1) as bars, process_pool(jobs) as pool:
+    with ProgressBars(time_left=True, line_every_fraction=0.1) as bars, ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
         bars.update(title, len(known) / max(len(tasks), 1))
         try:
             for future in as_completed([pool.submit(solve, task) for task in waiting]):
@@ -148,6 +148,8 @@ def run(
                 bars.update(f"{title}: {name}", len(known) / len(tasks))
         except KeyboardInterrupt:
             interrupted = True
+            # The processes were interrupted, too, and end what they do
+            pool.shutdown(wait=False, cancel_futures=True)
             print(f"interrupted; {len(known)} of {len(tasks)} are kept in {folder}", file=sys.stderr)
     return {task.name: known[task.name] for task in tasks if task.name in known}, interrupted
 
@@ -208,7 +210,7 @@ def solve(study: BlindStudy) -> tuple[str, Outcome]:
             return study.name, {"unreachable": "the reader sets a clock that begins elsewhere while the masses rest"}
         started = time.process_time()
         try:
-            result = identify(loaded, workers=1)
+            result = identify(loaded)
         except HarnessError as error:
             return study.name, {"failed": str(error), "cpu_seconds": time.process_time() - started}
         if result.verdict is Verdict.INTERRUPTED:

@@ -12,13 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
+from looping_pendulum.discrepancy.blas import one_blas_thread
 from looping_pendulum.discrepancy.evidence.explanation import NOTHING, explained, fit_addition
 from looping_pendulum.discrepancy.evidence.search import Search
 from looping_pendulum.discrepancy.fit.calibration import calibrate
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report.markdown import probability_in_words
-from looping_pendulum.discrepancy.workers import one_blas_thread
 from looping_pendulum.files import write_atomically
 from looping_pendulum.measured.study_io import load
 from looping_pendulum.pages.drawing import new_figure, png

@@ -1,4 +1,4 @@
-"""What the whole suite needs: the longest tests first, no processes beside those of the tests, and the backend."""
+"""What the whole suite needs: the longest tests first, and the backend."""
 
 import gc
 import shutil
@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from looping_pendulum.discrepancy import workers
 from tests.backends import BACKENDS, current
 
 BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -24,15 +23,6 @@ def pytest_collection_finish():
     """Take what collection made out of the garbage collector's reach: it would go through all of it again and again."""
     gc.collect()
     gc.freeze()
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _fits_without_helpers():
-    """Two tests at once keep two cores busy: a fit's helper would only start, import and compile once more.
-
-    That the result is the same with helpers is for tests/discrepancy/test_identify.py, which asks for two.
-    """
-    workers.MAX_PROCESSES = 1
 
 
 @pytest.fixture(scope="session")

@@ -147,7 +147,7 @@ from looping_pendulum.measured.study_io import load
 from looping_pendulum.discrepancy.identify import identify
 from tests.discrepancy.blind_study import only_candidates
 with only_candidates(("pulse", "wind_speed")):
-    result = identify(load(Path(sys.argv[1])), workers=2)
+    result = identify(load(Path(sys.argv[1])))
 (effect,) = result.effects
 print(json.dumps([effect.name, effect.value, effect.error, effect.companions, result.provenance]))
 """
@@ -155,7 +155,7 @@ print(json.dumps([effect.name, effect.value, effect.error, effect.companions, re
 
 @pytest.mark.accurate
 def test_the_package_is_identified(package, tmp_path):
-    """Oracle: the thrust of the separate simulator. Two processes, of which each loads the package."""
+    """Oracle: the thrust of the separate simulator."""
     done = python(package, "-c", IDENTIFY, str(blind_study(tmp_path, "thrust")))
     assert done.returncode == 0, done.stderr
     name, value, error, companions, provenance = json.loads(done.stdout)

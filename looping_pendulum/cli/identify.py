@@ -15,7 +15,6 @@ from looping_pendulum.errors import HarnessError
 
 if TYPE_CHECKING:
     from looping_pendulum.discrepancy.first_look.check import DeclarationCheck
-    from looping_pendulum.discrepancy.workers import Workers
     from looping_pendulum.measured.observations import Observations
 
 
@@ -163,15 +162,6 @@ def identify(
 
     looping-pendulum identify trials/study.yaml --out report/trials
     """
-    from looping_pendulum.discrepancy.workers import Workers, default_process_count
-
-    with Workers(default_process_count()) as workers:  # first: a worker process starts and imports while this one does
-        workers.import_when_idle(("matplotlib.figure", "matplotlib.backends.backend_agg"))
-        _identify(study, out, seed, time_limit, anyway=anyway, workers=workers)
-
-
-def _identify(study: Path, out: Path | None, seed: int, time_limit: float | None, *, anyway: bool, workers: Workers) -> None:
-    """Do what `identify` does, with a pool of processes."""
     from looping_pendulum.discrepancy.identify import identify as find
     from looping_pendulum.discrepancy.report import writing
     from looping_pendulum.discrepancy.result import Verdict
@@ -184,7 +174,7 @@ def _identify(study: Path, out: Path | None, seed: int, time_limit: float | None
         folder, files=writing.FILES, folders=writing.FOLDERS
     )  # refuse an unusable folder before the work, not after it
     with stop_at_mistakes(folder), ProgressBars() as bars:
-        result = find(loaded, seed=seed, progress=bars.update, time_limit=time_limit, anyway=anyway, workers=workers)
+        result = find(loaded, seed=seed, progress=bars.update, time_limit=time_limit, anyway=anyway)
     interrupted = result.verdict is Verdict.INTERRUPTED
     with without_interrupts():
         folder = report_folder(
@@ -193,7 +183,7 @@ def _identify(study: Path, out: Path | None, seed: int, time_limit: float | None
             interrupted=interrupted,
             was_interrupted=lambda verdict: verdict["verdict"] == Verdict.INTERRUPTED,
         )
-        written = writing.write(result, folder, workers)
+        written = writing.write(result, folder)
     say(f"{result.verdict.value}: {result.sentence}")
     for note in result.notes:
         say(note)

@@ -35,7 +35,6 @@ from looping_pendulum.discrepancy.fit.held_out import HeldOutTest, check_held_ou
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
 from looping_pendulum.discrepancy.result import ForceProfile, Formula, FormulaParameter, Unlisted, value_unit
-from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.measured.study import Study, Trial
 from looping_pendulum.pages.numbers import number
@@ -236,14 +235,13 @@ def refit(
     base: Fit,
     force: RecoveredForce,
     held_out: Sequence[tuple[TrialData, Sequence[FreeParameter]]],
-    workers: Workers = SERIAL,
 ) -> list[FittedFormula]:
     """Refit a force's formulas of lowest predicted BIC to the trajectories; return them, largest delta BIC first.
 
     Of those within `BIC_MARGIN` of the best, the first that is accepted on held-out data goes to the front.
     """
     predictions = predict_formulas(force, np.concatenate([d.sigma for d in base.problem.data]))[:MAX_REFITS]
-    results = workers.map_in_shares(_refit, (base,), [(prediction,) for prediction in predictions])
+    results = [_refit(base, prediction) for prediction in predictions]
     formulas = sorted((f for f in results if f), key=lambda f: -f.delta_bic)
     for i, formula in enumerate(formulas):
         if formula.delta_bic < formulas[0].delta_bic - BIC_MARGIN:

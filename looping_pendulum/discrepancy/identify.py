@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from looping_pendulum import __version__
+from looping_pendulum.discrepancy.blas import one_blas_thread
 from looping_pendulum.discrepancy.evidence.explain import Explanations, Judged, explain
 from looping_pendulum.discrepancy.evidence.explanation import Explanation
 from looping_pendulum.discrepancy.evidence.prior import least_distance
@@ -40,7 +41,6 @@ from looping_pendulum.discrepancy.result import (
     Verdict,
 )
 from looping_pendulum.discrepancy.verdict_sentence import effect_in_words, verdict_notes, verdict_sentence
-from looping_pendulum.discrepancy.workers import Workers, default_process_count, one_blas_thread
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured.observations import BODIES
 from looping_pendulum.measured.study import Study
@@ -72,7 +72,6 @@ def identify(
     *,
     seed: int = 0,
     progress: ReportShare = lambda what, share: None,
-    workers: int | Workers | None = None,
     time_limit: float | None = None,
     anyway: bool = False,
 ) -> Identification:
@@ -84,9 +83,6 @@ def identify(
         Seed of the random second start of the calibration; nothing else is random.
     progress
         Called with a description of each step and the share of all work that is done.
-    workers
-        Number of processes that share the work, this one included; the result does not depend on it. None: two, if there are as
-        many processors. Or a pool of them, which is left open.
     time_limit
         Time [s] after which the search ends at its next step, as after Ctrl-C, and the verdict says so; None: no limit.
     anyway
@@ -123,25 +119,19 @@ def identify(
         refuse_if_time_is_over()
         progress(what, read)
 
-    pool: contextlib.AbstractContextManager[Workers]
-    if isinstance(workers, Workers):
-        pool = contextlib.nullcontext(workers)
-    else:
-        pool = Workers(default_process_count() if workers is None else workers)
     progress("reading", 0.0)
-    # First, so that the worker processes start and import meanwhile
-    with one_blas_thread(), pool as team:
+    with one_blas_thread():
         first_look = take_first_look(study, reading)
         if not anyway:
             first_look.refuse_mistakes()
         inputs = read_inputs(study, first_look.observations)
         refuse_if_time_is_over()
-        result = _identify(inputs, seed, progress, is_time_over, team, done=read)
+        result = _identify(inputs, seed, progress, is_time_over, done=read)
     return dataclasses.replace(result, notes=(*first_look.notes, *result.notes), first_look=first_look)
 
 
 def _identify(
-    inputs: Inputs, seed: int, progress: ReportShare, is_time_over: Callable[[], bool], workers: Workers, done: float
+    inputs: Inputs, seed: int, progress: ReportShare, is_time_over: Callable[[], bool], done: float
 ) -> Identification:
     """Identify; an interrupt after the calibration ends the search, an earlier one is raised."""
 
@@ -160,7 +150,7 @@ def _identify(
             return found.judged(e)
 
     study = inputs.study
-    found, start_costs = explain(inputs, seed, workers, report, is_time_over)
+    found, start_costs = explain(inputs, seed, report, is_time_over)
     progress("reporting", REPORT_SHARE)
     before = judged(found.nothing)
     has_repair = found.verdict not in (Verdict.NO_MISSING_EFFECT, Verdict.UNEXPLAINED) and found.best is not found.nothing
@@ -174,7 +164,7 @@ def _identify(
         formulas: list[FittedFormula] = []
         try:
             if not found.interrupted:
-                formulas = refit(without, recovered, inputs.held_out, workers)
+                formulas = refit(without, recovered, inputs.held_out)
         except KeyboardInterrupt:
             found.interrupted = True
         unlisted = describe_unlisted_force(recovered, formulas, before.held_out.worst)
@@ -187,7 +177,7 @@ def _identify(
         # An interrupt now costs the advice on the next trial, but not the verdict
         with contextlib.suppress(KeyboardInterrupt):
             names = [tuple(sorted(e.key)) or ("nothing",) for e in ties]
-            experiments = best_experiments(study, [found.fit(e) for e in ties], names, workers)
+            experiments = best_experiments(study, [found.fit(e) for e in ties], names)
 
     explanations = _explanations(found)
     effects = next((e.effects for e in explanations), ()) if has_repair else ()

@@ -14,7 +14,6 @@ from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.data import TrialData
 from looping_pendulum.discrepancy.fit.problem import Problem, free_parameters_of
 from looping_pendulum.discrepancy.result import MIN_SEPARATION, Experiment
-from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.measured.observations import Channel, DataError, Observations
@@ -45,9 +44,7 @@ TRIAL_NAME = "next"
 """Name of a proposed trial in the problems that are built of it."""
 
 
-def best_experiments(
-    study: Study, fits: Sequence[Fit], names: Sequence[tuple[str, ...]], workers: Workers = SERIAL
-) -> tuple[Experiment, ...]:
+def best_experiments(study: Study, fits: Sequence[Fit], names: Sequence[tuple[str, ...]]) -> tuple[Experiment, ...]:
     """Rank possible trials by how many pairs of explanations they separate, then by how well, after a refit of all else.
 
     Parameters
@@ -57,13 +54,12 @@ def best_experiments(
     names
         Names of the effects that each explanation adds to the declared model.
     """
-    rated = [e for e in workers.map(_rate, (study, fits, names), list(_trials(study))) if e]
+    rated = [e for e in (_rate(study, fits, names, trial) for trial in _trials(study)) if e]
     return tuple(sorted(rated, key=lambda e: (-e.separated_pairs, -e.distance))[:MAX_EXPERIMENTS])
 
 
-def _rate(shared: tuple[Study, Sequence[Fit], Sequence[tuple[str, ...]]], trial: Trial) -> Experiment | None:
+def _rate(study: Study, fits: Sequence[Fit], names: Sequence[tuple[str, ...]], trial: Trial) -> Experiment | None:
     """Return a possible trial with what it separates; None: one of the explanations cannot run it."""
-    study, fits, names = shared
     try:
         predictions = [_predict(study, trial, fit) for fit in fits]
         pairs = [(_distance(a, b), (i, j)) for (i, a), (j, b) in itertools.combinations(enumerate(predictions), 2)]

@@ -138,7 +138,7 @@ def drag_by_attitude(folder):
     study = draw("rates", "single", 8, seed=5)[7]
     assert study.hidden == ("attitude_drag",)
     with only_candidates(["light_inertia", "side_force", "attitude_drag"]):
-        return identify(load(write_files(study, folder)), workers=1)
+        return identify(load(write_files(study, folder)))
 
 
 @pytest.mark.accurate  # a minute

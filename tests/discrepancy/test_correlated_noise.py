@@ -55,7 +55,7 @@ def test_a_tracker_that_wanders_too_little_to_be_noticed_is_no_effect(tmp_path):
     """By white noise alone a foreshortening decreased the Bayesian information criterion by 15, though nothing was hidden."""
     study = draw("rates", "clean", 65, seed=5)[64]
     assert (study.noise_kind, study.trials) == ("wander", 1)
-    result = identify(load(write_files(study, tmp_path)), workers=1)
+    result = identify(load(write_files(study, tmp_path)))
     assert any(not e.names for e in result.credible)
 
 
@@ -65,7 +65,7 @@ def test_a_right_effect_of_little_evidence_stays(tmp_path):
     study = draw("rates", "single", 6, seed=5)[5]
     assert (study.hidden, study.noise_kind) == (("scale",), "white")
     with only_candidates(["scale"]):
-        result = identify(load(write_files(study, tmp_path)), workers=1)
+        result = identify(load(write_files(study, tmp_path)))
     assert result.names == ("scale",)
 
 

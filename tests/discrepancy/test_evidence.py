@@ -8,6 +8,7 @@ import pytest
 from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal
 
+from looping_pendulum.discrepancy.blas import one_blas_thread
 from looping_pendulum.discrepancy.evidence import prior
 from looping_pendulum.discrepancy.evidence.explanation import NOTHING, Parts, explained, raw
 from looping_pendulum.discrepancy.evidence.laws import covariance_root, laws_beside, with_law
@@ -20,7 +21,6 @@ from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimis
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.discrepancy.workers import Workers, one_blas_thread
 from looping_pendulum.measured.study_io import load
 from tests.blind.cases import CASES
 from tests.discrepancy.blind_sample import draw, write_files
@@ -161,16 +161,6 @@ def test_the_order_of_the_candidates_does_not_matter(search, base, library):
     ranked, reverse = posterior(search.fitted), posterior(again.fitted)
     assert [key for key, _ in ranked] == [key for key, _ in reverse]
     np.testing.assert_allclose([p for _, p in ranked], [p for _, p in reverse], atol=1e-9)
-
-
-@pytest.mark.accurate  # daily, test_workers.py shares work between processes
-def test_two_processes_find_the_same_bytes(inputs, library):
-    with Workers(2) as workers:
-        found = [Search(declared(inputs), library), Search(declared(inputs), library, workers)]
-        for one in found:
-            one.run()
-    alone, shared = ({key: e.log_posterior for key, e in one.fitted.items()} for one in found)
-    assert alone == shared
 
 
 def test_the_unit_of_a_value_does_not_matter(search):

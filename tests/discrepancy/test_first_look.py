@@ -558,9 +558,9 @@ def test_a_search_that_goes_on_anyway_reports_what_looks_wrong(example, tmp_path
 
     study = study_io.load(mistaken(example, tmp_path, MISTAKES["diameter"], trials=1))
     with pytest.raises(DeclarationError, match="needed 'rod: {radius: 6.25 mm}'"):
-        identify(study, workers=1)
+        identify(study)
     with only_candidates(["scale", "tilt"]):
-        result = identify(study, workers=1, anyway=True, progress=interrupt)
+        result = identify(study, anyway=True, progress=interrupt)
     assert result.verdict is Verdict.INTERRUPTED
     assert "needed 'rod: {radius: 6.25 mm}'" in result.notes[0]
     report = write(result, tmp_path / "out").read_text(encoding="utf-8")

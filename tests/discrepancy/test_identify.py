@@ -13,7 +13,7 @@ from looping_pendulum.discrepancy.fit.held_out import check_held_out
 from looping_pendulum.discrepancy.identify import OutOfTimeError, identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report.writing import write
-from looping_pendulum.discrepancy.result import SCHEMA_ID, SCHEMA_VERSION, Identification, Verdict, dump
+from looping_pendulum.discrepancy.result import SCHEMA_ID, SCHEMA_VERSION, Identification, Verdict
 from looping_pendulum.measured.study_io import load
 from looping_pendulum.scenarios import loader
 from tests.blind.cases import CASES, CLEAN, CLEAN_VARIED, with_signature
@@ -138,14 +138,6 @@ def test_what_was_hidden_is_named_from_two_trials(tmp_path):
     assert_named_with_its_value(identified(tmp_path, "linear_drag", 1, trials=TWO_RATIOS), "linear_drag")
 
 
-@pytest.mark.accurate  # daily, test_workers.py shares work between processes
-def test_one_process_finds_the_same_bytes_as_two(tmp_path):
-    study = load(write_study(tmp_path, CASES["linear_drag"], 1, trials=TWO_RATIOS))
-    alone, shared = (identify(study, workers=count) for count in (1, 2))
-    assert dump(alone) == dump(shared)
-    assert alone.scenario == shared.scenario
-
-
 @pytest.mark.long
 def test_interrupted_it_leaves_what_it_has(tmp_path):
     def interrupt(what, share):
@@ -196,7 +188,7 @@ def test_a_search_ends_with_its_time_limit(tmp_path):
     """Before anything is fitted there is nothing to report."""
     study = load(write_study(tmp_path, CLEAN, 5, trials=["ten_a"]))
     with pytest.raises(OutOfTimeError, match=r"^--time-limit: found no fit of the declared model within 1e-09 s; check"):
-        identify(study, workers=1, time_limit=1e-9)
+        identify(study, time_limit=1e-9)
 
 
 @pytest.mark.usefixtures("quick_figures")

@@ -134,7 +134,7 @@ def test_of_static_friction_that_holds_the_interval_has_the_planted_value(tmp_pa
     assert study.hidden == ("static_excess",)
     (planted,) = planted_values(study).values()
     with only_candidates(["static_friction"]):
-        (effect,) = identify(load(write_files(study, tmp_path)), workers=1).effects
+        (effect,) = identify(load(write_files(study, tmp_path))).effects
     low, high = effect.interval
     assert not 0.01 < effect.error / effect.value < 1
     assert low < planted

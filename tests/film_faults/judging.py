@@ -364,7 +364,7 @@ def _identified(study: CleanStudy, path: Path, result: dict[str, Any]) -> dict[s
 def _verdict(path: Path) -> tuple[str, str]:
     """Return verdict and names of the credible explanations; an empty one and the reason if the study is refused."""
     try:
-        found = identify(study_io.load(path), workers=1, time_limit=IDENTIFY_LIMIT)
+        found = identify(study_io.load(path), time_limit=IDENTIFY_LIMIT)
     except HarnessError as error:
         return "", f"refused: {error}"
     return str(found.verdict), " or ".join("+".join(e.names) or "nothing" for e in found.credible)

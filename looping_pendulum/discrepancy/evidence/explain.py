@@ -29,7 +29,6 @@ from looping_pendulum.discrepancy.fit.residual import ResidualTests
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import Inputs
 from looping_pendulum.discrepancy.result import Verdict
-from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.reference_ode.effects.closure import N_BASIS_FUNCTIONS
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -93,8 +92,8 @@ class Explanations:
         Whether the search was ended before others were looked at.
     """
 
-    def __init__(self, search: Search, inputs: Inputs, workers: Workers, interrupted: bool) -> None:
-        self.search, self._inputs, self._workers = search, inputs, workers
+    def __init__(self, search: Search, inputs: Inputs, interrupted: bool) -> None:
+        self.search, self._inputs = search, inputs
         self._of_training: dict[Key, Fit | None] = {}
         self.interrupted = interrupted
         self._fitted = dict(search.fitted)
@@ -157,7 +156,7 @@ class Explanations:
             if refitted is None:
                 raise FitError(f"the model with {in_words(e.key)} cannot run the training trials alone; leave one of them out")
             training = refitted
-        held_out = check_held_out(training, self._inputs.held_out, workers=self._workers)
+        held_out = check_held_out(training, self._inputs.held_out)
         return Judged(explanation=e, fit=fit, tests=tests, training=training, held_out=held_out)
 
     def force(self, judged: Judged) -> tuple[Fit, RecoveredForce]:
@@ -206,7 +205,6 @@ class Explanations:
 def explain(
     inputs: Inputs,
     seed: int = 0,
-    workers: Workers = SERIAL,
     report: Callable[[str], None] = lambda what: None,
     is_time_over: Callable[[], bool] = lambda: False,
 ) -> tuple[Explanations, tuple[float, ...]]:
@@ -241,9 +239,9 @@ def explain(
     starts = [problem.prior_mean, np.clip(second, problem.low, problem.high)]
     fits = [calibrate(problem, start) for start in starts]
     base = refit_with_estimated_noise(min(fits, key=lambda f: f.cost))
-    search = Search(base, inputs.library, workers, report, is_time_over)
+    search = Search(base, inputs.library, report, is_time_over)
     try:
         interrupted = not search.run()
     except KeyboardInterrupt:
         interrupted = True
-    return Explanations(search, inputs, workers, interrupted), tuple(f.cost for f in fits)
+    return Explanations(search, inputs, interrupted), tuple(f.cost for f in fits)

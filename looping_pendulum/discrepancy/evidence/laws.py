@@ -36,7 +36,6 @@ from looping_pendulum.discrepancy.evidence.motions import (
 from looping_pendulum.discrepancy.evidence.prior import LENGTHS, POINT_SIGMA, RIDGES, log_occam, log_share
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.problem import Problem
-from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.reference_ode.effects.closure import N_BASIS_FUNCTIONS
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -90,13 +89,12 @@ class Laws:
 
     def __init__(
         self, fit: Fit, runs: Motions, grid: NoiseGrid, settings: Sequence[int], log_z: Array, fitted: Array, templates: Array,
-        workers: Workers = SERIAL,
     ) -> None:  # fmt: skip
         self.fit, self.runs = fit, runs
         self._log_weights = log_z - np.logaddexp.reduce(log_z)
         problem, sides = fit.problem, ("across",) if runs.clamped else PULSED_SIDES
         items = [(side, i) for side in sides for i in range(0, N_PULSES, N_BASIS_FUNCTIONS)]
-        found = workers.map_in_shares(respond, (problem, fit.x, runs.pulse_spacing), items)
+        found = [respond(problem, fit.x, runs.pulse_spacing, side, first) for side, first in items]
         n = problem.measured_rows
         responses = np.hstack(found) * sigma_of(problem.data)[:, None]
         at = set(fit.at_bounds)
@@ -281,13 +279,13 @@ class _Beside:
 
 
 def laws_beside(
-    fit: Fit, grid: NoiseGrid, settings: Sequence[int], log_z: Array, fitted: Array, templates: Array, workers: Workers = SERIAL
+    fit: Fit, grid: NoiseGrid, settings: Sequence[int], log_z: Array, fitted: Array, templates: Array
 ) -> Laws | None:
     """Return all laws beside a fit; None: the records are too long for pulses to show where in a swing a force acts."""
     if not any(d.channels for d in fit.problem.data):  # a few events do not determine a law as a function
         return None
     runs = motions(fit)
-    return None if runs.is_too_long else Laws(fit, runs, grid, settings, log_z, fitted, templates, workers)
+    return None if runs.is_too_long else Laws(fit, runs, grid, settings, log_z, fitted, templates)
 
 
 def with_law(p: Problem, law: Law) -> tuple[Problem, Array]:

@@ -53,7 +53,6 @@ from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.residual import ResidualTests, check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import data_with_noise_of_residuals
 from looping_pendulum.discrepancy.result import SmallestVisible
-from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.reference_ode.geometry import Array
 
 
@@ -76,11 +75,10 @@ class Search:
         self,
         base: Fit,
         library: Sequence[Candidate],
-        workers: Workers = SERIAL,
         report: Callable[[str], None] = lambda what: None,
         is_time_over: Callable[[], bool] = lambda: False,
     ) -> None:
-        self.library, self.workers, self.report, self._is_time_over = tuple(library), workers, report, is_time_over
+        self.library, self.report, self._is_time_over = tuple(library), report, is_time_over
         self.grid = NoiseGrid(base.problem.data)
         self.fitted: dict[Key, Explanation] = {}
         """What an explanation adds -> the explanation, of all that were fitted exactly."""
@@ -136,7 +134,7 @@ class Search:
         if not self.passes(self.best):
             # Once more, from other starts: where none is right, a fit may have gone astray
             chosen = sorted((e for e in self.fitted.values() if e.key), key=lambda e: -e.log_posterior)[:MAX_TOGETHER]
-            for e, fit in zip(chosen, self.workers.map_in_shares(fit_again, (), [(e,) for e in chosen]), strict=True):
+            for e, fit in zip(chosen, [fit_again(e) for e in chosen], strict=True):
                 if fit is not None:
                     self._add(fit, e.parts)
             if not self._go_on():
@@ -168,7 +166,7 @@ class Search:
                 del self.possible[a.key]
             # With noise that lasts longer than a frame a misfit is no measure of the evidence
             needless = self.best.log_posterior - NEEDLESS * MARGIN if not self.best.setting else -math.inf
-            fits = self.workers.map_in_shares(fit_addition, (), [(a, needless) for a in chosen])
+            fits = [fit_addition(a, needless) for a in chosen]
             for a, fit in zip(chosen, fits, strict=True):
                 if fit is not None:
                     start, log_posterior = expected[a.key]
@@ -210,7 +208,7 @@ class Search:
             for part in sorted(e.key):
                 if e.key - {part} not in self.fitted:
                     todo.setdefault(e.key - {part}, (e, part))
-        fits = self.workers.map_in_shares(fit_without, (), list(todo.values()))
+        fits = [fit_without(e, part) for e, part in todo.values()]
         for (e, part), fit in zip(todo.values(), fits, strict=True):
             if fit is not None:
                 self._add(fit, e.parts.without(part))
@@ -221,7 +219,7 @@ class Search:
         limit = best.log_posterior - 2 * MARGIN
         kept = [e for e in self.fitted.values() if e.log_posterior > limit and not self._is_needless(e)]
         kept += [e for e in self.fitted.values() if e.key == NOTHING and e not in kept]
-        fits = self.workers.map_in_shares(fit_to_data, (), [(e.fit, data) for e in kept])
+        fits = [fit_to_data(e.fit, data) for e in kept]
         before = set(self.fitted)
         self.grid = NoiseGrid(data)
         self.fitted.clear()
@@ -254,7 +252,7 @@ class Search:
         if e.parts.law or count > 1 or (e.key != NOTHING and self.settled):
             return
         settings = settings[:MAX_SETTINGS_OF_LAWS]
-        laws = laws_beside(e.fit, self.grid, settings, m.log_z_of_settings[: len(settings)], fitted, changes, self.workers)
+        laws = laws_beside(e.fit, self.grid, settings, m.log_z_of_settings[: len(settings)], fitted, changes)
         if laws is not None:
             self._offer_laws(e, laws, found if not count else [])
 
@@ -265,7 +263,7 @@ class Search:
             is_far = e.log_z - self.fitted[NOTHING].log_z > LARGE_MISFIT
             anew = others if e.key == NOTHING or is_far else []
             kept = [t for t in self._templates.get(NOTHING, []) if t.candidate in others and t.candidate not in anew]
-            self._templates[e.key] = kept + templates(e.fit, anew, self.workers)
+            self._templates[e.key] = kept + templates(e.fit, anew)
         return self._templates[e.key]
 
     def _offer_laws(self, e: Explanation, laws: Laws, found: Sequence[Template]) -> None:

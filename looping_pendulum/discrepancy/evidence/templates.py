@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +15,6 @@ from looping_pendulum.discrepancy.evidence.prior import VISIBLE
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.result import SmallestVisible
-from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -112,14 +110,12 @@ def smallest_visible(fit: Fit, found: Sequence[Template], complement: Array) -> 
     return sorted(rows, key=lambda v: (-v.motion, v.name))
 
 
-def templates(fit: Fit, chosen: Sequence[Candidate], workers: Workers = SERIAL) -> list[Template]:
+def templates(fit: Fit, chosen: Sequence[Candidate]) -> list[Template]:
     """Return the templates of candidates beside a fit."""
     basis = np.linalg.qr(fit.jacobian)[0]
     derivatives = {c.name: d for c in chosen if (d := _derivative_by_fitted(fit, c)) is not None}
     cases = [(c, tuple(values)) for c in chosen for values in c.companion_grid()]
-    found = workers.map_in_shares(_templates, (fit, basis, derivatives), cases)
-    own = {c.name: c for c in chosen}  # a worker process returns copies
-    return [dataclasses.replace(t, candidate=own[t.candidate.name]) for of_case in found for t in of_case]
+    return [t for c, values in cases for t in _templates(fit, basis, derivatives, c, values)]
 
 
 def _templates(

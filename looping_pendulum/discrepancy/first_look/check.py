@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from looping_pendulum.discrepancy.blas import one_blas_thread
 from looping_pendulum.discrepancy.first_look.misfit import (
     DeclaredTrial,
     Distance,
@@ -41,7 +42,6 @@ from looping_pendulum.discrepancy.first_look.row_times import (
     wrong_times,
 )
 from looping_pendulum.discrepancy.fit.event_prediction import check_event_rows
-from looping_pendulum.discrepancy.workers import one_blas_thread
 from looping_pendulum.measured.displaced_rows import (
     MIN_CHANGE,
     WrongTimes,

@@ -16,7 +16,6 @@ from looping_pendulum.discrepancy.fit.data import TrialData, noises_of
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual import CHI2_SCATTER_SIGMAS, MIN_P_VALUE, ModelTest
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
-from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -73,7 +72,6 @@ class HeldOutTest:
 def check_held_out(
     fit: Fit,
     held_out: Sequence[tuple[TrialData, Sequence[FreeParameter]]],
-    workers: Workers = SERIAL,
 ) -> HeldOutTest:
     """Test a fit on held-out trials or, if there are none, on blocks of time of the training trials.
 
@@ -83,7 +81,7 @@ def check_held_out(
         Data of each held-out trial, with the free parameters of that trial.
     """
     if not held_out:
-        return _check_held_out_blocks(fit, workers)
+        return _check_held_out_blocks(fit)
     fits = [_fit_held_out_trial(fit, data, parameters) for data, parameters in held_out]
     return HeldOutTest(
         subjects=tuple(f"trial {d.trial.name}" for d, _ in held_out),
@@ -126,9 +124,9 @@ def _fit_held_out_trial(fit: Fit, data: TrialData, own: Sequence[FreeParameter])
     return with_noise_of_residuals(calibrate(Problem(p.study, [data], parameters, (mean, weights))))
 
 
-def _check_held_out_blocks(fit: Fit, workers: Workers) -> HeldOutTest:
+def _check_held_out_blocks(fit: Fit) -> HeldOutTest:
     """Leave out two of `BLOCK_COUNT` blocks of time at once, refit, and test their prediction by its covariance."""
-    results = workers.map_in_shares(_check_two_blocks, (fit,), [(first,) for first in range(BLOCK_COUNT // 2)])
+    results = [_check_two_blocks(fit, first) for first in range(BLOCK_COUNT // 2)]
     chi2, counts, rms_of_blocks = zip(*(block for block in results if block), strict=True)
     known = [size for size in rms_of_blocks if size is not None]
     return HeldOutTest(

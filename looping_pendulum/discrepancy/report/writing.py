@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
 from looping_pendulum.discrepancy.report import figures, markdown
 from looping_pendulum.discrepancy.result import Identification, dump
-from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.files import optional_output, write_atomically
 from looping_pendulum.pages import drawing
 from looping_pendulum.pages import report as pages
@@ -20,38 +18,25 @@ FILES, FOLDERS = ("verdict.json", "repaired.yaml", "report.md", "report.html"), 
 """Files and folders that `write` makes."""
 
 
-def write(result: Identification, folder: Path, workers: Workers = SERIAL) -> Path:
+def write(result: Identification, folder: Path) -> Path:
     """Write verdict.json, repaired.yaml, report.md with figures, and report.html; return the path of report.md.
 
     The verdict is written first, so that it is there whatever else fails; a figure or a page that cannot be made is left out
-    with a warning. An idle one of the ``workers`` draws meanwhile.
+    with a warning.
     """
     write_atomically(folder / "verdict.json", dump(result))
     write_atomically(folder / "repaired.yaml", result.scenario)
     charts = figures.charts(result)
-    drawings = workers.begin(_draw, None, [charts])
     with optional_output("report.html"):
         write_atomically(folder / "report.html", identification_page(result, charts))
-    [(drawn, skipped)] = workers.finish(drawings)
-    for warning in skipped:
-        warnings.warn(warning, stacklevel=2)
-    for file, image in drawn.items():
-        write_atomically(folder / file, image)
-    captions = {file: chart.caption for chart in charts if (file := f"figures/{chart.id}.png") in drawn}
+    captions = {}
+    for chart in charts:
+        file = f"figures/{chart.id}.png"
+        with optional_output(file):
+            write_atomically(folder / file, drawing.png(drawing.draw(chart)))
+            captions[file] = chart.caption
     write_atomically(folder / "report.md", markdown.identification_markdown(result, captions))
     return folder / "report.md"
-
-
-def _draw(_: None, charts: Sequence[Chart]) -> tuple[dict[str, bytes], list[Warning | str]]:
-    """Return the files of all figures, and the warnings about those that are left out."""
-    drawn = {}
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        for chart in charts:
-            file = f"figures/{chart.id}.png"
-            with optional_output(file):
-                drawn[file] = drawing.png(drawing.draw(chart))
-    return drawn, [w.message for w in caught]
 
 
 def identification_page(result: Identification, charts: Sequence[Chart]) -> str:
