@@ -21,7 +21,7 @@ An angular velocity is measured per second of the file's clock, plus rate_offset
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 from typing import Any
@@ -164,6 +164,10 @@ class Camera:
         many.__dict__.update(values)
         return many
 
+    def stepped(self, names: Sequence[str], steps: NDArray[Any]) -> Camera:
+        """Return many cameras, the value of each name changed by its ``steps``, shape (names, cameras, 1), maybe complex."""
+        return self._unchecked(self.__dict__ | {n: getattr(self, n) + s for n, s in zip(names, steps, strict=True)})
+
     def take(self, cameras: NDArray[np.intp]) -> Camera:
         """Return some of many cameras."""
         return self._unchecked({name: v[cameras] if np.ndim(v) else v for name, v in self.__dict__.items()})
@@ -183,9 +187,7 @@ class Camera:
             If a position lies behind the only camera.
         """
         turned = self._scaled_and_turned(self._image(position))
-        turned[..., 0] += self.origin_x
-        turned[..., 1] += self.origin_y
-        return turned
+        return xy_pairs(turned[..., 0] + self.origin_x, turned[..., 1] + self.origin_y)
 
     def true_position(self, measured: Array) -> Array:
         """Return the true positions [m] that `project` maps to measured ones [m], shape (n, 2)."""
@@ -220,8 +222,8 @@ class Camera:
     @property
     def _looks_straight(self) -> bool:
         """Return whether lengths are in proportion all over the picture, as mostly in a fit."""
-        bent = (self.shear, self.perspective_x, self.perspective_y, self.distortion)
-        return bool(np.all(self.foreshortening == 1.0)) and not any(np.any(value) for value in bent)
+        values = self.__dict__
+        return not any(np.ndim(values[name]) or values[name] != CAMERA[name].null for name in _BENDING)
 
     def _stretched(self, v: Array) -> Array:
         """Return what a camera far away makes of positions or displacements, shape (..., 2)."""
@@ -271,6 +273,7 @@ class Camera:
 
 CAMERA = MappingProxyType({f.name: CameraCoefficient(name=f.name, **f.metadata) for f in fields(Camera)})
 """Coefficients of the camera model, by name; the null values are those of a perfect camera."""
+_BENDING = ("foreshortening", "shear", "perspective_x", "perspective_y", "distortion")
 _BOUNDS = tuple((c.name, c.bounds) for c in CAMERA.values())
 
 

@@ -10,14 +10,27 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.measured.camera import Camera
 from looping_pendulum.measured.observations import Channel, DataError
+from looping_pendulum.reference_ode.core.host import Runs
 from looping_pendulum.reference_ode.geometry import Array, xy_pairs
-from looping_pendulum.reference_ode.solution import Samples, heavy_mass_position, light_mass_position, string_overlap
+from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.reference_ode.sensitivity import COMPLEX_STEP, moves_with, run_with_derivatives
+from looping_pendulum.reference_ode.solution import (
+    Run,
+    Samples,
+    events_of,
+    heavy_mass_position,
+    height_at_release,
+    light_mass_position,
+    samples_at,
+    string_overlap,
+)
 from looping_pendulum.reference_ode.state import Effects, State
 
 # Of ten_to_one, two_to_one and static_friction: positions to their ends within 4e-9 m of those at 1e-13, derivatives by masses,
@@ -28,6 +41,13 @@ FIT_TOLERANCE = 1e-9
 FIT_STEPS = 5_000
 """Number of steps in one mode after which a run of a fit fails: fits ask for ever stiffer strings, which take 200 000 steps and
 differ from one that does not stretch by less than any film shows."""
+
+PLACES = ("rod_radius", "free_length", "release_angle", "hanging_length", "heavy_swing", "string_thickness")
+"""Parameters that say, beside the state, where the masses are."""
+PLACING_ENTRIES = {"free_length", "wrap_angle", "slack", "heavy_tilt", "sideways"}
+"""Entries of the state that say where the masses are."""
+CLOCK = ("clock_offset", "clock_ratio", "readout")
+"""Values of the camera that say when each point was measured."""
 
 SampleFunction = Callable[[Array], Samples]
 """Function of ascending times since release [s], none negative, that returns the run at those times.
@@ -98,16 +118,89 @@ def predict_many(samples: SampledRuns, camera: Camera, channels: Sequence[Channe
     return np.concatenate(parts, axis=1)
 
 
+def predict_with_derivatives(
+    parameters: Parameters,
+    camera: Camera,
+    channels: tuple[Channel, ...],
+    dropped: str,
+    wrt: Sequence[str],
+    camera_wrt: Sequence[str],
+) -> tuple[Array, Array]:
+    """Predict the same of one run, with derivatives by parameters of the model and by values of the camera.
+
+    Returns
+    -------
+    The values, shape (n,), and their derivatives by ``wrt`` and then by ``camera_wrt``, shape (n, m); nan where none exists
+    (`run_with_derivatives`).
+    """
+    times = sample_times(camera.clock_offset, camera.clock_ratio, camera.readout, channels)
+    runs = run_with_derivatives(
+        parameters, times.times, wrt, duration=duration_of(times.times), tolerance=FIT_TOLERANCE, max_steps=FIT_STEPS
+    )
+    # What is measured depends on few numbers beside the state, and a complex step in each of all these is exact
+    shown = {"across_speed", *PLACING_ENTRIES} if "angle_rate" in times.index else PLACING_ENTRIES
+    entries = [
+        i for i, name in enumerate(State._fields)
+        if name in shown and (runs.samples[:, i].any() or runs.partials[:, i].any())
+    ]  # fmt: skip
+    values = vars(parameters.values())
+    places = [name for name in PLACES if name in wrt and moves_with(parameters, name, wrt)]
+    count = len(entries) + len(places) + len(camera_wrt)
+    steps = 1j * COMPLEX_STEP * np.eye(count)[:, :, None]
+    state = list(runs.samples.T)
+    for i, step in zip(entries, steps, strict=False):
+        state[i] = state[i] + step
+    by_place = {name: values[name] + step for name, step in zip(places, steps[len(entries) :], strict=False)}
+    found = predict_many(
+        SampledRuns(
+            State(*state),
+            runs.counts.repeat(count),
+            SimpleNamespace(**{name: values[name] for name in PLACES} | by_place),
+            parameters.effects_with([name for name in wrt if name in parameters.coefficients]),
+        ),
+        camera.stepped(camera_wrt, steps[len(entries) + len(places) :]),
+        channels,
+        times,
+        dropped,
+    )
+    slopes = found.imag / COMPLEX_STEP
+
+    rows = times.rows(channels)
+    derivatives = np.zeros((len(rows), len(wrt) + len(camera_wrt)))
+    for i, slope in zip(entries, slopes, strict=False):
+        derivatives[:, : len(wrt)] += slope[:, None] * runs.partials[rows, i]
+    for name, slope in zip(places, slopes[len(entries) :], strict=False):
+        derivatives[:, wrt.index(name)] += slope
+    derivatives[:, len(wrt) :] = slopes[len(entries) + len(places) :].T
+    if delays := [name for name in CLOCK if name in camera_wrt]:
+        rates = _rates(runs, parameters, times.times)
+        by_time = np.sum([slope * rates[i][rows] for i, slope in zip(entries, slopes, strict=False)], axis=0)
+        for name in delays:
+            derivatives[:, len(wrt) + camera_wrt.index(name)] += by_time * times.delays(name, channels)
+    return found[0].real, derivatives
+
+
+def _rates(runs: Runs, parameters: Parameters, t: Array) -> Array:
+    """Return the derivatives by time of the states of a run's samples, shape (entries, n); 0 past its end."""
+    run = Run(parameters=parameters, tolerance=FIT_TOLERANCE, events=events_of(runs.events))
+    samples = samples_at(run, runs.events, t, State(*runs.samples.T))
+    rates = np.array(samples.rates)
+    rates[:, runs.counts[0] :] = 0.0
+    return rates
+
+
 class SampledRuns:
     """Many runs at the same times: what `Samples` is of one run, for n of them."""
 
-    def __init__(self, state: Array, known: NDArray[np.int64], parameters: SimpleNamespace, effects: Effects = ()) -> None:
+    def __init__(
+        self, state: State, known: NDArray[np.integer[Any]], parameters: SimpleNamespace, effects: Effects = ()
+    ) -> None:
         """Keep the samples.
 
         Parameters
         ----------
         state
-            Entries of the state, shape (entries, n, times).
+            Entries of the state, shape (n, times), or (times,) where they are the same in all runs; they may be complex.
         known
             How many of the times lie within each run, shape (n,).
         parameters
@@ -115,7 +208,7 @@ class SampledRuns:
         effects
             Effects that say where the masses are.
         """
-        self.state, self.known, self._p, self._effects = State(*state), known, parameters, effects
+        self.state, self.known, self._p, self._effects = state, known, parameters, effects
 
     @cached_property
     def light_position(self) -> Array:
@@ -129,6 +222,10 @@ class SampledRuns:
         overlap = string_overlap(self.state, self._effects)
         return xy_pairs(*heavy_mass_position(np, self.state, overlap, self._p, self._effects))
 
+    def height_at_release(self, mass: str) -> Any:
+        """Return the height of a mass at release, "light" or "heavy" [m], a number or shape (n, 1)."""
+        return height_at_release(self._p, self._effects, mass)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SampleTimes:
@@ -140,6 +237,17 @@ class SampleTimes:
     """Channel -> indices into `times` of its points, shape (n,)."""
     before_release: Mapping[str, int]
     """Channel -> number of its points before the release."""
+
+    def rows(self, channels: Sequence[Channel]) -> NDArray[np.intp]:
+        """Return indices into `times` of the points of all channels, end to end, shape (n,)."""
+        return np.concatenate([self.index[c.name] for c in channels])
+
+    def delays(self, name: str, channels: tuple[Channel, ...]) -> Array:
+        """Return the derivatives of the sample times of all points by a value of `CLOCK`, shape (n,); 0 up to the release."""
+        by_channel = {
+            c.name: 1.0 if name == "clock_offset" else c.t if name == "clock_ratio" else -_height(c, channels) for c in channels
+        }
+        return np.concatenate([np.where(self.index[c.name] > 0, by_channel[c.name], 0.0) for c in channels])
 
 
 # A fit predicts the same channels thousands of times, mostly by the same clock
@@ -158,6 +266,11 @@ def sample_times(clock_offset: float, clock_ratio: float, readout: float, channe
         index={name: np.searchsorted(times, np.maximum(t, 0.0)) for name, t in channel_times.items()},
         before_release={name: int(np.sum(t < 0)) for name, t in channel_times.items()},
     )
+
+
+def duration_of(t: Array) -> float:
+    """Return the time limit of a run that is sampled at ascending times: a millisecond more, lest it end before the last."""
+    return float(t[-1]) + 1e-3
 
 
 def _height(channel: Channel, channels: tuple[Channel, ...]) -> Array | float:
@@ -184,5 +297,5 @@ def _series(samples: Samples | SampledRuns, camera: Camera, dropped: str, names:
         series["angle_rate"] = angle_rate * camera.clock_ratio + camera.rate_offset
     if "height" in names:
         path = samples.heavy_position if dropped == "heavy" else samples.light_position
-        series["height"] = camera.scale * (path[..., 1] - path[..., :1, 1]) + camera.origin_y
+        series["height"] = camera.scale * (path[..., 1] - samples.height_at_release(dropped)) + camera.origin_y
     return series

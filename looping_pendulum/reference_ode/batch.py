@@ -1,4 +1,4 @@
-"""Solve many runs that differ in some parameters, and return their results, samples and derivatives as arrays."""
+"""Solve many runs that differ in some parameters, and return their results and samples as arrays."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.errors import ParameterError
-from looping_pendulum.reference_ode.core.host import EVENT_COLUMNS, MAX_COLUMNS, Model, Runs, this_threads_core, traced
+from looping_pendulum.reference_ode.core.host import EVENT_COLUMNS, Runs, this_threads_core, traced
 from looping_pendulum.reference_ode.core.trace import EVENTS
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS
 from looping_pendulum.reference_ode.geometry import Array
@@ -50,7 +50,7 @@ SWITCH_COEFFICIENTS = frozenset(e.switch for e in EFFECTS.values() if e.switch)
 MOST_RUNS = 500
 """Number of runs that are carried out at once by one thread: some 50 ms."""
 MOST_NUMBERS = 4 * 10**6
-"""Number of samples and derivatives that the runs carried out at once may have: 32 MB."""
+"""Number of samples that the runs carried out at once may have: 32 MB."""
 
 # Offset basis and prime of the 64-bit FNV-1a hash
 _HASH_START, _HASH_FACTOR = np.uint64(0xCBF29CE484222325), np.uint64(0x100000001B3)
@@ -207,9 +207,6 @@ class BatchSamples:
     """Entries of the state, shape (len(State), m); past a run's end those of its end; nan for a run that failed."""
     count: NDArray[np.int64]
     """How many of each run's times lie within it, shape (n,)."""
-    derivatives: Array
-    """Derivatives of the entries at fixed time by each of ``wrt``, shape (len(State), m, len(wrt)); past a run's end those of
-    the end. They are nan where none exist: after an event that is only grazed, and by what `changes_kind` of the motion."""
 
     def part(self, run: int) -> slice:
         """Return where the samples of a run are."""
@@ -279,18 +276,14 @@ def sample_batch(
     *,
     duration: float | Array = DURATION,
     tolerance: float = TOLERANCE,
-    wrt: Sequence[str] = (),
     max_steps: int = 0,
 ) -> BatchSamples:
-    """Return samples of the runs of `solve_batch`, each at ascending times of its own [s], and derivatives by ``wrt``.
+    """Return samples of the runs of `solve_batch`, each at ascending times of its own [s].
 
     Parameters
     ----------
     duration
         Limit on the simulated time [s], for all runs or for each, shape (n,).
-    wrt
-        Names of fields or coefficients by which derivatives are wanted. They change as in `Parameters.replace`: the static
-        friction follows the kinetic one where it is equal to it in ``base`` and not among the columns.
     max_steps
         Number of steps in one mode after which a run fails; 0: the driver's own limit.
 
@@ -299,95 +292,47 @@ def sample_batch(
     ParameterError
         As `solve_batch` does, or if there are not as many times as runs.
     """
-    batch = _Batch(base, columns, duration, tolerance, wrt, max_steps)
+    batch = _Batch(base, columns, duration, tolerance, max_steps)
     if len(times) != batch.n:
         raise ParameterError(f"times: found those of {len(times)} runs, needed {batch.n}")
     start = np.cumsum([0, *map(len, times)])
     t = np.concatenate([np.zeros(0), *times])
-    state, derivatives = np.full((len(t), len(State._fields)), np.nan), np.full((len(t), len(State._fields), len(wrt)), np.nan)
+    state = np.full((len(t), len(State._fields)), np.nan)
     count = np.zeros(batch.n, dtype=np.int64)
     for part, _, runs in batch.carried_out(t, start, threads=1):
         ended = runs.failures == 0
         rows = _places(start, part)
         keep = np.repeat(ended, (start[1:] - start[:-1])[part])
         state[rows[keep]] = runs.samples[keep]
-        derivatives[rows[keep]] = runs.partials[keep]
         count[part[ended]] = runs.counts[ended]
-    for column, name in enumerate(wrt):
-        derivatives[np.repeat(batch.changes_kind(name), start[1:] - start[:-1]), :, column] = np.nan
-    return BatchSamples(t=t, start=start, state=state.T, count=count, derivatives=derivatives.swapaxes(0, 1))
-
-
-def changes_kind(name: str, values: Mapping[str, Any], release: Release) -> Any:
-    """Return whether the motion changes its kind at the value of a parameter, so that it has no derivative by that.
-
-    There its effect sets in, a light mass is a point, or a taut string goes slack.
-    """
-    if name in SWITCH_COEFFICIENTS:
-        return values[name] == COEFFICIENTS[name].null
-    is_kink = name == "light_radius" or (name == "push_along" and release is not Release.DROP)
-    return (values[name] == 0) & is_kink
-
-
-def moves_with(base: Parameters, name: str, held: Iterable[str] = ()) -> tuple[str, ...]:
-    """Return the parameters that change with the one called ``name``, as in `Parameters.replace`.
-
-    Parameters
-    ----------
-    held
-        Parameters that do not follow others.
-    """
-    if name == "release_angle" and base.release is Release.VERTICAL:  # which keeps its angle
-        return ()
-    follows = name == "kinetic_friction" and base.static_equals_kinetic and "static_friction" not in held
-    return (name, "static_friction") if follows else (name,)
-
-
-def seeds_of(model: Model, base: Parameters, wrt: Sequence[str], held: Iterable[str] = ()) -> Array:
-    """Return the derivatives of a model's parameters by those named ``wrt``, shape (parameters, len(wrt)).
-
-    ``held`` is that of `moves_with`.
-    """
-    seeds = np.zeros((len(model.names), len(wrt)))
-    for column, name in enumerate(wrt):
-        for moved in moves_with(base, name, held):
-            if moved in model.names:
-                seeds[model.names.index(moved), column] = 1.0
-    return seeds
+    return BatchSamples(t=t, start=start, state=state.T, count=count)
 
 
 class _Batch:
     """Runs that share ``base`` but for ``columns``, checked."""
 
     def __init__(
-        self, base: Parameters, columns: Columns, duration: float | Array, tolerance: float, wrt: Sequence[str] = (),
-        max_steps: int = 0,
-    ) -> None:  # fmt: skip
+        self, base: Parameters, columns: Columns, duration: float | Array, tolerance: float, max_steps: int = 0
+    ) -> None:
         self.n = _checked_length(base, columns)
         self._base, self._columns = base, {name: np.asarray(values, dtype=float) for name, values in columns.items()}
         self._durations, self._tolerance = np.broadcast_to(np.asarray(duration, dtype=float), self.n), tolerance
         self._values = parameter_values(base, self._columns)
         self.valid = np.flatnonzero(valid_runs(base, self._values, self.n))
         """Runs whose values `Parameters` accepts."""
-        self._wrt, self._max_steps = wrt, max_steps
-        if len(wrt) > MAX_COLUMNS:
-            raise ParameterError(f"wrt: found {len(wrt)} names, needed at most {MAX_COLUMNS}")
+        self._max_steps = max_steps
 
     def values_of(self, runs: NDArray[np.int64]) -> dict[str, Any]:
         """Return the parameters of some runs, by name: one value, or one per run."""
         return {name: value[runs] if np.ndim(value) else value for name, value in self._values.items()}
 
-    def changes_kind(self, name: str) -> NDArray[np.bool_]:
-        """Return at which runs `changes_kind` of a parameter is true, shape (n,)."""
-        return np.broadcast_to(changes_kind(name, self._values, self._base.release), self.n)
-
     def _by_effects(self) -> Iterator[tuple[Effects, NDArray[np.int64]]]:
         """Yield effects and the valid runs in which they act: only an effect that sets in is left out at its null value."""
-        names = [name for name in (*self._columns, *self._wrt) if name in self._base.coefficients]
+        names = [name for name in self._columns if name in self._base.coefficients]
         switches = sorted(SWITCH_COEFFICIENTS.intersection(names))
         is_off = np.zeros(self.n, dtype=np.int64)
         for bit, name in enumerate(switches):
-            is_off |= self.changes_kind(name) << np.int64(bit)
+            is_off |= (self._values[name] == COEFFICIENTS[name].null) << np.int64(bit)
         for pattern in np.unique(is_off[self.valid]).tolist():
             off = {name: COEFFICIENTS[name].null for bit, name in enumerate(switches) if pattern >> bit & 1}
             base = self._base.replace(**off) if off else self._base
@@ -397,13 +342,12 @@ class _Batch:
         self, t: Array, start: NDArray[np.int64], threads: int
     ) -> Iterator[tuple[NDArray[np.int64], Effects, Runs]]:
         """Yield the valid runs in parts, with their effects and results; sample times as in `BatchSamples`."""
-        lengths, wrt = start[1:] - start[:-1], self._wrt
-        sizes = lengths * (1 + len(wrt)) + 40 * EVENT_COLUMNS
+        lengths = start[1:] - start[:-1]
+        sizes = lengths + 40 * EVENT_COLUMNS
         parts = [(part, effects) for effects, runs in self._by_effects() for part in _parts(runs, sizes[runs])]
 
         def carry_out(part: NDArray[np.int64], effects: Effects) -> tuple[NDArray[np.int64], Effects, Runs]:
-            model = traced(self._base.release, effects, bool(wrt))
-            seeds = seeds_of(model, self._base, wrt, self._columns) if wrt else None
+            model = traced(self._base.release, effects, derivatives=False)
             p = np.empty((len(part), len(model.names)))
             for column, name in zip(p.T, model.names, strict=True):
                 value = self._values[name]
@@ -417,7 +361,6 @@ class _Batch:
                 own_start,
                 tolerance=self._tolerance,
                 max_steps=self._max_steps,
-                seeds=seeds,
             )
             return part, effects, runs
 

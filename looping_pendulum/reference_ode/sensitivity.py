@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import SimpleNamespace
@@ -12,9 +12,11 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.errors import IntegrationError, ParameterError
-from looping_pendulum.reference_ode.batch import changes_kind, moves_with, seeds_of
+from looping_pendulum.reference_ode.batch import SWITCH_COEFFICIENTS
+from looping_pendulum.reference_ode.core.host import MAX_COLUMNS, Model, Runs
+from looping_pendulum.reference_ode.effects import COEFFICIENTS
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.reference_ode.parameters import HasParameters, Parameters, parameters_of
+from looping_pendulum.reference_ode.parameters import HasParameters, Parameters, Release, parameters_of
 from looping_pendulum.reference_ode.solution import (
     Run,
     Samples,
@@ -73,7 +75,7 @@ class Sensitivities:
         state = State(*(v + 1j * COMPLEX_STEP * d for v, d in zip(samples.state, self.state, strict=True)))
         numbers = dict(vars(given.values()))
         for name, column in zip(self.wrt, np.eye(len(self.wrt)), strict=True):
-            for moved in moves_with(given, name):
+            for moved in moves_with(given, name, self.wrt):
                 numbers[moved] = numbers[moved] + 1j * COMPLEX_STEP * column[:, None]
         # An effect that is absent may move a mass, too
         acting = given.effects_with(frozenset(self.wrt) & given.coefficients.keys())
@@ -92,8 +94,9 @@ def solve_sensitivities(
 ) -> Sensitivities:
     """Solve as `solve_at` does, and return the derivatives by the parameters ``wrt`` at the times ``t`` [s], ascending.
 
-    A parameter changes as in `Parameters.replace`: the kinetic friction takes the static one along where they are equal. The
-    coefficient of an effect that is absent, at its null value, is allowed, too. The sequence of events is taken as fixed.
+    A parameter changes as in `Parameters.replace`: the kinetic friction takes the static one along where they are equal, unless
+    ``wrt`` has both. The coefficient of an effect that is absent, at its null value, is allowed, too. The sequence of events is
+    taken as fixed.
 
     Parameters
     ----------
@@ -109,8 +112,7 @@ def solve_sensitivities(
     """
     parameters, times, wrt = parameters_of(parameters), np.asarray(t, dtype=float), tuple(wrt)
     _check_wrt(parameters, wrt)
-    effects = parameters.effects_with(frozenset(wrt) & parameters.coefficients.keys())
-    runs = carried_out(parameters, effects, times, duration, tolerance, seeds=lambda model: seeds_of(model, parameters, wrt))
+    runs = run_with_derivatives(parameters, times, wrt, duration=duration, tolerance=tolerance)
     run, count = Run(parameters=parameters, tolerance=tolerance, events=events_of(runs.events)), int(runs.counts[0])
     for event, slopes in zip(run.events, runs.event_partials, strict=True):
         if not np.isfinite(slopes).all():
@@ -123,6 +125,33 @@ def solve_sensitivities(
         event_times=runs.event_partials,
         end_state=State(*runs.end_partials[0]),
     )
+
+
+def run_with_derivatives(
+    parameters: Parameters, t: Array, wrt: Sequence[str], *, duration: float, tolerance: float, max_steps: int = 0
+) -> Runs:
+    """Carry out a run with its derivatives by the parameters ``wrt``, as `solve_sensitivities` does.
+
+    Where none exist they are nan: after an event that is only grazed, and by what `changes_kind` of the motion.
+
+    Parameters
+    ----------
+    max_steps
+        Number of steps in one mode after which the run fails; 0: the driver's own limit.
+    """
+    if len(wrt) > MAX_COLUMNS:
+        raise ParameterError(f"wrt: found {len(wrt)} names, needed at most {MAX_COLUMNS}")
+    values = vars(parameters.values())
+    missing = np.array([changes_kind(name, values, parameters.release) for name in wrt], dtype=bool)
+    # The equations of an effect that sets in may divide by its coefficient
+    acting = {name for name, is_missing in zip(wrt, missing, strict=True) if name in parameters.coefficients and not is_missing}
+    runs = carried_out(
+        parameters, parameters.effects_with(acting), t, duration, tolerance,
+        max_steps=max_steps, seeds=lambda model: _seeds_of(model, parameters, wrt),
+    )  # fmt: skip
+    for derivatives in (runs.partials, runs.event_partials, runs.end_partials):
+        derivatives[..., missing] = np.nan
+    return runs
 
 
 def _check_wrt(parameters: Parameters, wrt: tuple[str, ...]) -> None:
@@ -139,3 +168,32 @@ def _check_wrt(parameters: Parameters, wrt: tuple[str, ...]) -> None:
             raise SensitivityError(
                 f"wrt {name}: no derivative at its value, where the motion changes its kind; give it another"
             )
+
+
+def changes_kind(name: str, values: Mapping[str, Any], release: Release) -> Any:
+    """Return whether the motion changes its kind at the value of a parameter, so that it has no derivative by that.
+
+    There its effect sets in, a light mass is a point, or a taut string goes slack.
+    """
+    if name in SWITCH_COEFFICIENTS:
+        return values[name] == COEFFICIENTS[name].null
+    is_kink = name == "light_radius" or (name == "push_along" and release is not Release.DROP)
+    return (values[name] == 0) & is_kink
+
+
+def moves_with(base: Parameters, name: str, wrt: Sequence[str]) -> tuple[str, ...]:
+    """Return the parameters that change with ``name``, one of ``wrt``, as in `Parameters.replace`."""
+    if name == "release_angle" and base.release is Release.VERTICAL:  # which keeps its angle
+        return ()
+    follows = name == "kinetic_friction" and base.static_equals_kinetic and "static_friction" not in wrt
+    return (name, "static_friction") if follows else (name,)
+
+
+def _seeds_of(model: Model, base: Parameters, wrt: Sequence[str]) -> Array:
+    """Return the derivatives of a model's parameters by those named ``wrt``, shape (parameters, len(wrt))."""
+    seeds = np.zeros((len(model.names), len(wrt)))
+    for column, name in enumerate(wrt):
+        for moved in moves_with(base, name, wrt):
+            if moved in model.names:
+                seeds[model.names.index(moved), column] = 1.0
+    return seeds

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from types import SimpleNamespace
@@ -22,6 +23,7 @@ from looping_pendulum.reference_ode.state import (
     extra_variables,
     heavy_drop,
     string_has_thickness,
+    variables,
     winding,
 )
 from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, Event, Mode
@@ -159,6 +161,11 @@ class Samples:
         across, cosine, sine = self.state.heavy_across_speed, np.cos(self.state.heavy_tilt), np.sin(self.state.heavy_tilt)
         return xy_pairs(across * cosine - speed * sine, across * sine + speed * cosine)
 
+    def height_at_release(self, mass: str) -> Any:
+        """Return the height of a mass, "light" or "heavy", at release [m]."""
+        _, p, effects = self._model
+        return height_at_release(p, effects, mass)
+
     @cached_property
     def _model(self) -> tuple[Any, SimpleNamespace, Effects]:
         p = self.run.parameters
@@ -167,14 +174,30 @@ class Samples:
     @cached_property
     def tensions(self) -> tuple[Array, Array]:
         """Tensions in the free string and above the heavy mass, arrays of shape (n,) [N]."""
-        equations = Equations(np, self.run.parameters.values(), self.run.parameters.effects)
         light, heavy = np.zeros(len(self.t)), np.zeros(len(self.t))
-        # Each mode has equations of its own
+        for mode, here, state, signs in self._by_mode():
+            light[here], heavy[here] = self._equations.tensions(mode, self.t[here], state, signs)
+        return light, heavy
+
+    @cached_property
+    def rates(self) -> State:
+        """Derivatives of the state by time, arrays of shape (n,)."""
+        rates = State(*np.zeros((len(State._fields), len(self.t))))
+        for mode, here, state, signs in self._by_mode():
+            moving = self._equations.rates(mode, self.t[here], state, signs)._asdict()
+            for name in variables(mode, self._equations.effects):
+                getattr(rates, name)[here] = moving[name]
+        return rates
+
+    @cached_property
+    def _equations(self) -> Equations:
+        return Equations(np, self.run.parameters.values(), self.run.parameters.effects)
+
+    def _by_mode(self) -> Iterator[tuple[Mode, NDArray[np.bool_], State, Signs]]:
+        """Yield each mode, which has equations of its own, with its samples, their states and signs."""
         for mode in map(Mode, np.unique(self.mode)):
             here = self.mode == mode
-            state, signs = State(*(v[here] for v in self.state)), Signs(*(v[here] for v in self.signs))
-            light[here], heavy[here] = equations.tensions(mode, self.t[here], state, signs)
-        return light, heavy
+            yield mode, here, State(*(v[here] for v in self.state)), Signs(*(v[here] for v in self.signs))
 
 
 def string_overlap(state: State, effects: Effects) -> Any:
@@ -198,6 +221,13 @@ def heavy_mass_position(xp: Any, s: State, overlap: Any, p: SimpleNamespace, eff
     length = p.rod_radius * (s.heavy_tilt - p.heavy_swing) - height
     cosine, sine = xp.cos(s.heavy_tilt), xp.sin(s.heavy_tilt)
     return p.rod_radius * cosine + length * sine, p.rod_radius * sine - length * cosine
+
+
+def height_at_release(p: SimpleNamespace, effects: Effects, mass: str) -> Any:
+    """Return the height of a mass, "light" or "heavy", at release [m]."""
+    at_release = State(p.free_length, p.release_angle, 0.0, 0.0, 0.0, 0.0, heavy_tilt=p.heavy_swing)
+    place = heavy_mass_position if mass == "heavy" else light_mass_position
+    return place(np, at_release, 0.0, p, effects)[1]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -77,6 +77,7 @@ def carried_out(
     duration: float,
     tolerance: float,
     *,
+    max_steps: int = 0,
     seeds: Callable[[Model], Array] | None = None,
     dense: bool = False,
 ) -> Runs:
@@ -86,6 +87,8 @@ def carried_out(
     ----------
     effects
         Effects that act, whether their coefficients are null or not.
+    max_steps
+        Number of steps in one mode after which a run fails; 0: the driver's own limit.
     seeds
         Returns `Core.carry_out`'s seeds for the model; None: no derivatives are wanted.
 
@@ -106,6 +109,7 @@ def carried_out(
         times,
         np.array([0, len(times)], dtype=np.int32),
         tolerance=tolerance,
+        max_steps=max_steps,
         seeds=None if seeds is None else seeds(model),
         dense=dense,
     )

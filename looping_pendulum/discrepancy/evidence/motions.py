@@ -316,14 +316,5 @@ def respond(problem: Problem, x: Array, spacing: float, side: str, first: int) -
     parameters = (*problem.free_parameters, *added)
     prior = np.zeros(len(parameters)), np.eye(len(parameters))
     pulsed = Problem(closure.added_to(problem.study), problem.data, parameters, prior)
-    # The first without a pulse, the others with one each, in units of the weight's scale
-    at = np.tile(np.append(x, np.zeros(len(added))), (1 + len(added), 1))
-    at[1:, len(x) :] = np.eye(len(added))
-    residuals, *changed = (pulsed.residuals_of(*row) for row in zip(at, pulsed.predict_linearised(at), strict=True))
-    assert residuals is not None
-    found = np.zeros((problem.measured_rows, len(added)))
-    for column, one in zip(found.T, changed, strict=True):
-        # the sign: a residual is measured less predicted
-        if one is not None:
-            column[:] = ((residuals - one) / PULSE_SIZE)[: problem.measured_rows]
-    return found
+    jacobian = pulsed.jacobian(np.append(x, np.zeros(len(added))))
+    return np.asarray(jacobian[: problem.measured_rows, len(x) :] / PULSE_SIZE)

@@ -535,26 +535,23 @@ def _fit_windows(problem: Problem, data: TrialData, parameters: Parameters, good
         unit = np.concatenate([*units, np.ones(len(part.events))])
         sigma = np.hypot(part.sigma * unit, MODEL_ERROR * length)
 
-        def robust(x: Array, predicted: Array, part: TrialData = part, unit: Array = unit, sigma: Array = sigma) -> Array:
+        def standardised(predicted: Array, part: TrialData = part, unit: Array = unit, sigma: Array = sigma) -> Array:
             points = (part.value - predicted) * unit / sigma
             points[np.isnan(predicted)] = 1e3
-            # Robust for points alone: what was measured of the apparatus may not be given up for a better fit
-            # Squares of large ones grow with their size, not with its square (SciPy's loss "soft_l1")
-            soft = np.sign(points) * np.sqrt(2 * (np.sqrt(1 + points**2) - 1))
-            return np.concatenate([soft, x / prior_sigma])
+            return np.asarray(points)
 
+        # Robust for points alone: what was measured of the apparatus may not be given up for a better fit
         def residuals(x: Array, here: Problem = here) -> Array:
-            values = robust(x, here.predict(x, 0))
+            values = np.concatenate([_soft(standardised(here.predict(x, 0))), x / prior_sigma])
             misfit = float(np.linalg.norm(values)) / math.sqrt(here.measured_rows)
             if misfit <= good_enough:
                 raise _GoodEnough(misfit, x)
             return values
 
-        def jacobian(x: Array, here: Problem = here) -> Array:
-            rows = here.rows_of_jacobian(x)
-            values = np.array([robust(*one) for one in zip(rows, here.predict_linearised(rows), strict=True)])
-            steps = (rows[1::2] - rows[2::2]).sum(axis=1)
-            return np.asarray(((values[1::2] - values[2::2]) / steps[:, None]).T)
+        def jacobian(x: Array, here: Problem = here, unit: Array = unit, sigma: Array = sigma) -> Array:
+            predicted, derivatives = here.predict_with_derivatives(x, 0)
+            slopes = _slope_of_soft(standardised(predicted)) * unit / sigma
+            return np.concatenate([-slopes[:, None] * derivatives, np.diag(1 / prior_sigma)])
 
         try:
             fit = optimize.least_squares(residuals, x, jacobian, bounds=(low, high), max_nfev=15, xtol=1e-3, ftol=3e-3)
@@ -568,3 +565,14 @@ def _fit_windows(problem: Problem, data: TrialData, parameters: Parameters, good
     if not misfits:
         misfits = [FAILED]
     return FittedMisfit(misfits=tuple(misfits), problem=problem, x=x)
+
+
+def _soft(z: Array) -> Array:
+    """Return residuals whose squares grow with the size of large ``z``, not with its square (SciPy's loss "soft_l1")."""
+    return np.asarray(np.sign(z) * np.sqrt(2 * (np.sqrt(1 + z**2) - 1)))
+
+
+def _slope_of_soft(z: Array) -> Array:
+    """Return the derivative of `_soft`."""
+    root = np.sqrt(1 + z**2)
+    return np.asarray(np.sqrt((1 + root) / 2) / root)

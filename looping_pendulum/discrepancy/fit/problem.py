@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -19,22 +20,29 @@ from looping_pendulum.discrepancy.fit.event_prediction import EventRun, with_mis
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured.camera import CAMERA, Camera
 from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
-from looping_pendulum.measured.measurement import FIT_STEPS, FIT_TOLERANCE, SampledRuns, SampleTimes, predict_many, sample_times
+from looping_pendulum.measured.measurement import (
+    FIT_STEPS,
+    FIT_TOLERANCE,
+    PLACES,
+    SampledRuns,
+    SampleTimes,
+    duration_of,
+    predict_many,
+    predict_with_derivatives,
+    sample_times,
+)
 from looping_pendulum.measured.study import Study, Trial
 from looping_pendulum.reference_ode.batch import sample_batch
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.reference_ode.sensitivity import COMPLEX_STEP, changes_kind
 from looping_pendulum.reference_ode.solution import Samples
 from looping_pendulum.reference_ode.solve import solve_at
+from looping_pendulum.reference_ode.state import State
 
 DIFFERENCE_STEP = 1e-3
 """Step of differences, in units of the scale: of runs, where no derivative exists, and of what cameras measure of one run."""
-LINEAR_SHARE = 1e-3
-"""Share of a step by which a motion that is taken as linear is moved: a whole one may be 0.1 rad in the last turn."""
 _TIMES, _CAMERA = ParameterRole.TIMES, ParameterRole.CAMERA  # for an inner loop
-
-PLACES = ("rod_radius", "free_length", "release_angle", "hanging_length", "heavy_swing", "string_thickness")
-"""Parameters that say, beside the state, where the masses are."""
 
 
 def free_parameters_of(study: Study, trials: Sequence[tuple[Trial, Any]]) -> tuple[FreeParameter, ...]:
@@ -87,6 +95,8 @@ class Problem:
         self.prior_mean: Array = prior[0] if prior else np.zeros(len(free_parameters))
         self.prior_weights: Array = prior[1] if prior else weights
         self.low, self.high = np.array([n.limits for n in self.free_parameters]).reshape(-1, 2).T
+        numbers = np.array([(n.init_value, n.scale, *n.bounds) for n in self.free_parameters])
+        self._init_values, self._scales, self._smallest, self._largest = numbers.reshape(-1, 4).T
         self._acting_in_trial = [[i for i, n in enumerate(self.free_parameters) if d.trial.name in n.trials] for d in self.data]
         # Made once, and only changed for each run: making and checking all parameters takes longer
         self.base = [study.parameters({}, d.trial) for d in self.data]
@@ -127,21 +137,21 @@ class Problem:
 
     def parameters_and_camera(self, x: Array, k: int) -> tuple[Parameters, Camera]:
         """Return the model's parameters and the camera of trial ``k``."""
-        changes, camera = self.changes(x.tolist(), k)  # arithmetic of Python's floats is faster than that of NumPy's
+        changes, camera = self.changes(x, k)
         return self.base[k].replace(**changes), Camera(**camera)
 
-    def changes(self, x: Sequence[Any], k: int) -> tuple[dict[str, Any], dict[str, Any]]:
+    def changes(self, x: Array, k: int) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the parameters of the model that ``x`` changes in trial ``k``, and the values of its camera.
 
-        Both are numbers if ``x`` has p numbers, and have the shape (m,) if it has p arrays of that shape.
+        Both are numbers if ``x`` has the shape (p,), and have the shape (m,) if it has the shape (p, m); it may be complex.
         """
         changes: dict[str, Any] = {}
         camera: dict[str, Any] = dict(self._camera[k])
         factors = []
-        base = self.base[k]
+        base, values = self.base[k], self._values_at(x)
         for i in self._acting_in_trial[k]:
             n = self.free_parameters[i]
-            value = _between(n.init_value + n.scale * x[i], *n.bounds)
+            value = values[i]
             if n.role is _CAMERA:
                 # A parameter of all cameras alike is an error beside what each trial states of its own
                 stated = self._camera[k].get(n.parameter) if n.shared else None
@@ -159,8 +169,21 @@ class Problem:
             changes.setdefault("static_friction", base.coefficients["static_friction"])
         if "static_friction" in changes:
             # Both may be free, and a step of the fit may take the kinetic one above it
-            changes["static_friction"] = _between(changes["static_friction"], kinetic, math.inf)
+            changes["static_friction"] = _larger(kinetic, changes["static_friction"])
         return dict(self.study.changes_of_model(changes)), camera
+
+    def _values_at(self, x: Array) -> Sequence[Any]:
+        """Return the values of the free parameters [SI] at ``x``, cut off at their bounds, numbers or arrays of shape (m,).
+
+        An imaginary step from a bound is one to its inner side.
+        """
+        columns = (self._init_values, self._scales, self._smallest, self._largest)
+        init_values, scales, smallest, largest = columns if x.ndim == 1 else (column[:, None] for column in columns)
+        values = init_values + scales * x
+        within = np.clip(values.real, smallest, largest)
+        if np.iscomplexobj(values):
+            within = within + 1j * values.imag
+        return list(within) if x.ndim > 1 else within.tolist()  # arithmetic of Python's floats is faster than that of NumPy's
 
     def run(self, x: Array, k: int) -> Samples:
         """Return the run of trial ``k`` at the true times of its points, or every millisecond if it has only events."""
@@ -169,7 +192,7 @@ class Problem:
         if not d.channels:
             return EventRun(parameters, d.events).samples
         t = sample_times(camera.clock_offset, camera.clock_ratio, camera.readout, d.channels).times
-        return solve_at(parameters, t, duration=_duration(t), tolerance=FIT_TOLERANCE)
+        return solve_at(parameters, t, duration=duration_of(t), tolerance=FIT_TOLERANCE)
 
     def predict_events(self, x: Array, k: int) -> Array:
         """Predict the events of trial ``k`` [SI], shape (events,); NaN: the event does not happen."""
@@ -183,7 +206,7 @@ class Problem:
 
     def predict(self, x: Array, k: int) -> Array:
         """Predict all values of trial ``k`` [SI], shape (n,), as `predict_many` does."""
-        (values,) = self._predict_trial(x[None], k, linear=False)
+        (values,) = self._predict_trial(x[None], k)
         return np.asarray(values)
 
     def predict_many(self, x: Array) -> Array:
@@ -192,30 +215,73 @@ class Problem:
         After a run's end everything is at rest where it ended. An event that does not happen counts as missed by
         `event_prediction.MISSED_EVENT_ERRORS` standard errors.
         """
-        return np.concatenate([self._predict_trial(x, k, linear=False) for k in range(len(self.data))], axis=1)
+        return np.concatenate([self._predict_trial(x, k) for k in range(len(self.data))], axis=1)
 
-    def predict_linearised(self, x: Array) -> Array:
-        """Predict the same, the motion as a linear function of its parameters about the first row of ``x``.
-
-        Each trial is run once, with its derivatives. Events, another clock, and what has no derivative there, as beyond an
-        event that is only grazed, are of runs of their own.
-        """
-        return np.concatenate([self._predict_trial(x, k, linear=True) for k in range(len(self.data))], axis=1)
-
-    def _predict_trial(self, x: Array, k: int, *, linear: bool) -> Array:
+    def _predict_trial(self, x: Array, k: int) -> Array:
         """Predict trial ``k`` at many parameters of shape (m, p), shape (m, n)."""
         d = self.data[k]
         found = np.full((len(x), len(d.value)), np.nan)
-        points, left = found[:, : d.event_slice.start], np.arange(len(x))
-        if d.channels and linear:
-            near, is_linear = _Rows(self, x[0] + LINEAR_SHARE * (x - x[0]), k).linearised_points()
-            points[is_linear] = near[0] + (near[is_linear] - near[0]) / LINEAR_SHARE
-            left = np.flatnonzero(~is_linear)
-        if d.channels and len(left):
-            points[left] = _Rows(self, x[left], k).points()
+        if d.channels:
+            found[:, : d.event_slice.start] = _Rows(self, x, k).points()
         if d.events:
             found[:, d.event_slice] = self._events_of_many(x, k)
         return found
+
+    def predict_with_derivatives(self, x: Array, k: int) -> tuple[Array, Array]:
+        """Predict all values of trial ``k`` [SI], shape (n,), as `predict` does, and their derivatives by ``x``, shape (n, p).
+
+        Derivatives are 0 where none exist: after an event that is only grazed, and by what `without_derivative` names.
+        """
+        d = self.data[k]
+        values, derivatives = np.full(len(d.value), np.nan), np.zeros((len(d.value), len(x)))
+        points, acting = slice(0, d.event_slice.start), self._acting_in_trial[k]
+        with contextlib.suppress(HarnessError, ArithmeticError):
+            at = self._linearised_changes(x, k)
+            if d.channels:
+                values[points], partials = predict_with_derivatives(
+                    at.parameters, at.camera, d.channels, d.trial.dropped, at.wrt, at.camera_wrt
+                )
+                derivatives[points, acting] = np.nan_to_num(partials, copy=False, nan=0.0) @ at.slopes
+            if d.events:
+                values[d.event_slice], derivatives[d.event_slice, acting] = self._events_and_differences(x, k)
+        return values, derivatives
+
+    def without_derivative(self, x: Array) -> frozenset[str]:
+        """Return the free parameters by which no derivative exists at ``x`` in some trial: the motion `changes_kind` there.
+
+        Raises
+        ------
+        HarnessError
+            If the model cannot run there.
+        """
+        names = set()
+        for k, acting in enumerate(self._acting_in_trial):
+            at = self._linearised_changes(x, k)
+            values = vars(at.parameters.values())
+            missing = [changes_kind(name, values, at.parameters.release) for name in at.wrt]
+            _, moving = np.nonzero(at.slopes[: len(at.wrt)][missing])
+            names |= {self.names[acting[i]] for i in moving}
+        return frozenset(names)
+
+    def _linearised_changes(self, x: Array, k: int) -> _LinearisedChanges:
+        """Return the model's parameters and the camera of trial ``k``, and how they move with ``x``."""
+        acting = self._acting_in_trial[k]
+        at = np.tile(x[:, None].astype(complex), len(acting))
+        at[acting, np.arange(len(acting))] += 1j * COMPLEX_STEP
+        values: list[dict[str, float]] = []
+        moving: list[dict[str, Array]] = []
+        for changed in self.changes(at, k):
+            arrays = {name: value for name, value in changed.items() if isinstance(value, np.ndarray)}
+            values.append(changed | {name: float(value[0].real) for name, value in arrays.items()})
+            slopes = {name: value.imag / COMPLEX_STEP for name, value in arrays.items()}
+            moving.append({name: slope for name, slope in slopes.items() if slope.any()})
+        return _LinearisedChanges(
+            parameters=self.base[k].replace(**values[0]),
+            camera=Camera(**values[1]),
+            wrt=list(moving[0]),
+            camera_wrt=list(moving[1]),
+            slopes=np.array([*moving[0].values(), *moving[1].values()]).reshape(-1, len(acting)),
+        )
 
     def _events_of_many(self, x: Array, k: int) -> Array:
         """Predict the events of trial ``k`` at many parameters, shape (m, events); nan where the model cannot run."""
@@ -235,9 +301,15 @@ class Problem:
 
     def residuals_and_jacobian(self, x: Array) -> tuple[Array | None, Array]:
         """Return the residuals at ``x``, and minus their derivative, shape (n + p, p)."""
-        rows = self.rows_of_jacobian(x)
-        predicted = self.predict_linearised(rows)
-        return self.residuals_of(x, predicted[0]), self._jacobian_of(x, rows, predicted)
+        n = self.measured_rows
+        predicted, jacobian = np.empty(n), np.zeros((n + len(x), len(x)))
+        jacobian[n:] = self.prior_weights
+        end = 0
+        for k, d in enumerate(self.data):
+            part = slice(end, end := end + len(d.value))
+            predicted[part], derivatives = self.predict_with_derivatives(x, k)
+            jacobian[part] = d.standardise(derivatives)
+        return self.residuals_of(x, predicted), jacobian
 
     def jacobian(self, x: Array) -> Array:
         """Return minus the derivative of the residuals at ``x``, shape (n + p, p)."""
@@ -250,46 +322,33 @@ class Problem:
         r = np.concatenate([*parts, -self.prior_weights @ (x - self.prior_mean)])
         return r if np.all(np.isfinite(r)) else None
 
-    def rows_of_jacobian(self, x: Array) -> Array:
-        """Return parameters at which predictions make the Jacobian: ``x``, then two for each parameter."""
-        # Beyond a bound the value would be cut off, and the difference zero
-        down = x - DIFFERENCE_STEP >= self.low
-        up = (x + DIFFERENCE_STEP <= self.high) | ~down
-        steps = DIFFERENCE_STEP * np.stack([np.diag(up * 1.0), np.diag(down * -1.0)], axis=1)
-        return x + np.vstack([np.zeros(len(x)), steps.reshape(-1, len(x))])
-
-    def _jacobian_of(self, x: Array, rows: Array, predicted: Array) -> Array:
-        """Return minus the derivative of `residuals`, shape (n + p, p), from what is predicted at `rows_of_jacobian`.
-
-        Where the model of a trial cannot run at one of a parameter's two places, the difference is that to ``x``; where it
-        cannot at either, it is 0.
-        """
-        ends = np.cumsum([0] + [len(d.value) for d in self.data])
-        jacobian = np.zeros((ends[-1] + len(x), len(x)))
-        jacobian[ends[-1] :] = self.prior_weights
-        i = np.arange(len(x))
-        step = (rows[1:] - x)[np.arange(2 * len(i)), np.repeat(i, 2)]
-        failed = np.isnan(predicted[1:])
-        change = np.where(failed, 0.0, predicted[1:] - predicted[0])
-        steps = np.where(failed, 0.0, step[:, None])
-        with np.errstate(invalid="ignore"):
-            derivatives = ((change[::2] - change[1::2]) / (steps[::2] - steps[1::2])).T
-        # A value that no derivative is known for must not spoil those after it, which a correlation ties to it
-        derivatives = np.nan_to_num(derivatives, nan=0.0, posinf=0.0, neginf=0.0)
-        for k, d in enumerate(self.data):
-            part = slice(ends[k], ends[k + 1])
-            jacobian[part] = d.standardise(derivatives[part])
-        return jacobian
+    def _events_and_differences(self, x: Array, k: int) -> tuple[Array, Array]:
+        """Return the events of trial ``k`` and their derivatives by the parameters that act there, by differences."""
+        acting = self._acting_in_trial[k]
+        step = DIFFERENCE_STEP * np.eye(len(x))[acting]
+        rows = np.clip(np.vstack([x[None], x + step, x - step]), self.low, self.high)
+        values = self._events_of_many(rows, k)
+        width = (rows[1 : 1 + len(acting)] - rows[1 + len(acting) :])[np.arange(len(acting)), acting]
+        return values[0], np.nan_to_num((values[1 : 1 + len(acting)] - values[1 + len(acting) :]) / width[:, None]).T
 
 
-def _between(value: Any, low: Any, high: Any) -> Any:
-    """Return a number, or an array, cut off at bounds."""
-    return min(max(value, low), high) if isinstance(value, float) else np.clip(value, low, high)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _LinearisedChanges:
+    """What a trial's free parameters change, and the derivatives of that."""
+
+    parameters: Parameters
+    camera: Camera
+    wrt: list[str]
+    """Parameters of the model that change."""
+    camera_wrt: list[str]
+    """Values of the camera that change."""
+    slopes: Array
+    """Derivatives of ``wrt`` and then of ``camera_wrt`` by the q free parameters that act in the trial, shape (names, q)."""
 
 
-def _duration(t: Array) -> float:
-    """Return the time limit of a run that is sampled at ascending times: a millisecond more, lest it end before the last."""
-    return float(t[-1]) + 1e-3
+def _larger(a: Any, b: Any) -> Any:
+    """Return the larger of two numbers, or of arrays by their real parts; ``b`` where they are equal."""
+    return max(a, b) if isinstance(a, float) and isinstance(b, float) else np.where(np.real(a) > np.real(b), a, b)
 
 
 class _Rows:
@@ -297,7 +356,7 @@ class _Rows:
 
     def __init__(self, problem: Problem, x: Array, k: int) -> None:
         self._data, self._base, self._count = problem.data[k], problem.base[k], len(x)
-        changes, camera = problem.changes(list(x.T), k)
+        changes, camera = problem.changes(x.T, k)
         self._columns = {
             name: np.broadcast_to(np.asarray(values, dtype=float), len(x))
             for name, values in self._base.with_static_friction(changes).items()
@@ -321,7 +380,7 @@ class _Rows:
             self._base,
             self._columns_of(first),
             times,
-            duration=np.array([_duration(t) for t in times]),
+            duration=np.array([duration_of(t) for t in times]),
             tolerance=FIT_TOLERANCE,
             max_steps=FIT_STEPS,
         )
@@ -332,28 +391,6 @@ class _Rows:
             at = samples.start[runs][:, None] + np.arange(len(times[runs[0]]))
             found[rows] = self._measured(rows, samples.state[:, at], samples.count[runs])
         return found
-
-    def linearised_points(self) -> tuple[Array, NDArray[np.bool_]]:
-        """Predict the same by the first row's run and its derivatives, and return of which rows that is possible, shape (m,).
-
-        They have the first row's clock, and differ from it in parameters by which its run has a derivative.
-        """
-        changes = {name: values - values[0] for name, values in self._columns.items()}
-        wrt = [name for name, change in changes.items() if change.any()]
-        t = self._times(0).times
-        base, first = self._base, np.zeros(1, dtype=np.intp)
-        run = sample_batch(
-            base, self._columns_of(first), [t],
-            duration=_duration(t), tolerance=FIT_TOLERANCE, max_steps=FIT_STEPS, wrt=wrt,
-        )  # fmt: skip
-        change = np.array([changes[name] for name in wrt]).reshape(len(wrt), self._count).T
-        exists = np.isfinite(run.derivatives).all(axis=(0, 1))
-        possible = np.all(self._clock == self._clock[0], axis=1) & ~change[:, ~exists].any(axis=1)
-        rows = np.flatnonzero(possible)
-        state = run.state[:, None] + change[rows][:, exists] @ run.derivatives[:, :, exists].transpose(0, 2, 1)
-        found = np.full((self._count, sum(map(len, self._data.channels))), np.nan)
-        found[rows] = self._measured(rows, state, np.repeat(run.count, len(rows)))
-        return found, possible
 
     def _measured(self, rows: NDArray[np.intp], state: Array, known: NDArray[np.int64]) -> Array:
         """Return what the cameras of rows with one clock measure of their motions, shape (rows, points).
@@ -366,7 +403,7 @@ class _Rows:
             How many of the times lie within it, shape (rows,).
         """
         places = SimpleNamespace(**{name: self._value(name)[rows, None] for name in PLACES})
-        runs, d = SampledRuns(state, known, places, self._effects), self._data
+        runs, d = SampledRuns(State(*state), known, places, self._effects), self._data
         found = predict_many(runs, self._camera.take(rows), d.channels, self._times(rows[0]), d.trial.dropped)
         found[~self._valid[rows]] = np.nan
         return found
