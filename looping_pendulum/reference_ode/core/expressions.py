@@ -108,18 +108,18 @@ class ExpressionGraph:
 
     def symbol(self, name: str) -> Expression:
         """Return the symbol ``name``."""
-        return self._same_or_new(("symbol", name), (name,))
+        key = ("symbol", name)
+        if key not in self.nodes:
+            self.nodes[key] = Expression(self, "symbol", (name,))
+        return self.nodes[key]
 
     def node(self, operation: str, *operands: Any) -> Expression:
         """Return ``operation`` on expressions and numbers."""
         # Expressions are told apart by number, as `==` between them is an expression, too; the sign tells -0.0 from 0.0
-        key = (operation, *[x.number if isinstance(x, Expression) else repr(_number(x)) for x in operands])
-        return self._same_or_new(key, operands)
-
-    def _same_or_new(self, key: tuple[Any, ...], operands: tuple[Any, ...]) -> Expression:
+        key = (operation, *[x.number if x.__class__ is Expression else repr(_number(x)) for x in operands])
         found = self.nodes.get(key)
         if found is None:
-            found = self.nodes[key] = Expression(self, key[0], operands)
+            found = self.nodes[key] = Expression(self, operation, operands)
         return found
 
     # Terms of absent effects have a coefficient of exactly 0, so that these rules leave nothing of them

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 from looping_pendulum.reference_ode.core.expressions import Expression, ExpressionMath
 
 
-def gradient(output: Any, inputs: Sequence[Expression]) -> list[Any]:
-    """Return the derivatives of one output by all ``inputs``, numbers or expressions of the same graph."""
-    if not isinstance(output, Expression):
-        return [0.0] * len(inputs)
+def slopes_of(output: Expression) -> dict[int, Any]:
+    """Return the derivatives of an output by every node that it depends on, numbers or expressions of the same graph.
+
+    They are by the node's number; of a node that is missing the output does not depend.
+    """
     graph, xp = output.graph, ExpressionMath(output.graph)
     slopes: dict[int, Any] = {output.number: 1.0}
-    """Number of a node -> derivative of the output by it."""
 
     def add(x: Any, slope: Any) -> None:
         if isinstance(x, Expression) and (isinstance(slope, Expression) or slope != 0):
@@ -64,7 +63,7 @@ def gradient(output: Any, inputs: Sequence[Expression]) -> list[Any]:
                 add(a, slope * (1.0 - node * node))
             case _:
                 raise TypeError(f"{node.operation} has no derivative")
-    return [slopes.get(x.number, 0.0) for x in inputs]
+    return slopes
 
 
 def _nodes_below(output: Expression) -> list[Expression]:

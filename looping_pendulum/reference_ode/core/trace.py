@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from looping_pendulum.reference_ode import rules
 from looping_pendulum.reference_ode.core.expressions import Expression, ExpressionGraph, ExpressionMath, possible_values
-from looping_pendulum.reference_ode.core.gradients import gradient
+from looping_pendulum.reference_ode.core.gradients import slopes_of
 from looping_pendulum.reference_ode.effects import EFFECTS, EffectKind
 from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.parameters import NUMBERS, Parameters, Release, derived_values
@@ -187,6 +187,8 @@ class _Tracer:
         self._header = dict.fromkeys(_HEADER, 0) | {"parameters": len(self._names)}
         self._modes = np.zeros((len(Mode), _MODE_SIZE), dtype=np.int32)
         self._structures: list[int] = []
+        self._slopes: dict[int, dict[int, Any]] = {}
+        """Number of an output -> `slopes_of` it: what happens at an event is the same in several modes."""
 
     def traced(self) -> TracedModel:
         """Return what was traced."""
@@ -202,7 +204,7 @@ class _Tracer:
         outputs = [*_flat(released), *_flat(after), system.where(by_series, 1.0, 0.0), *(x for term in series for x in term)]
         self._header["release"] = self._put(outputs)
         if self._derivatives:
-            rows = [gradient(x, symbols.inputs) for x in (*released.y, *after.y)]
+            rows = [self._gradient(x, symbols.inputs) for x in (*released.y, *after.y)]
             self._header["release_jacobian"], self._header["release_structure"] = self._put_jacobian([], rows, 0)
 
     def mode(self, mode: Mode) -> None:
@@ -218,7 +220,7 @@ class _Tracer:
         inputs = [*symbols.y[: len(names)], *symbols.inputs]
         _fill(row, "rates", [self._put(outputs)])
         if self._derivatives:
-            placed = self._put_jacobian(outputs, [gradient(x, inputs) for x in outputs], len(names))
+            placed = self._put_jacobian(outputs, [self._gradient(x, inputs) for x in outputs], len(names))
             _fill(row, "jacobian", placed[:1])
             _fill(row, "jacobian_structure", placed[1:])
         functions = symbols.system.equations.event_functions(mode, symbols.t, y, symbols.signs)
@@ -227,7 +229,8 @@ class _Tracer:
         _fill(row, "each", [self._put([x]) for x in functions.values()])
         if self._derivatives:
             placed_all = [
-                self._put_jacobian(gradient(x, [symbols.t]), [gradient(x, inputs)], len(names)) for x in functions.values()
+                self._put_jacobian(self._gradient(x, [symbols.t]), [self._gradient(x, inputs)], len(names))
+                for x in functions.values()
             ]
             _fill(row, "gradient", [place for place, _ in placed_all])
             _fill(row, "gradient_structure", [structure for _, structure in placed_all])
@@ -258,7 +261,16 @@ class _Tracer:
         if not self._derivatives or event in END_EVENTS:
             return function, 0, NO_STRUCTURE
         inputs = [*symbols.y, *symbols.inputs]
-        return function, *self._put_jacobian([], [gradient(x, inputs) for x in after.y], len(State._fields))
+        return function, *self._put_jacobian([], [self._gradient(x, inputs) for x in after.y], len(State._fields))
+
+    def _gradient(self, output: Any, inputs: Sequence[Expression]) -> list[Any]:
+        """Return the derivatives of a number or an expression by ``inputs``."""
+        if not isinstance(output, Expression):
+            return [0.0] * len(inputs)
+        if output.number not in self._slopes:
+            self._slopes[output.number] = slopes_of(output)
+        slopes = self._slopes[output.number]
+        return [slopes.get(x.number, 0.0) for x in inputs]
 
     def _put(self, outputs: Sequence[Any]) -> int:
         self._functions.append(tuple(outputs))
@@ -271,9 +283,13 @@ class _Tracer:
         of the structure, ``Structure`` in `driver.c`: numbers of rows, entries by state and entries by parameters; where each
         row's entries by state begin, and their columns; rows and columns of the entries by parameters.
         """
-        by_state = [(i, j, x) for i, row in enumerate(rows) for j, x in enumerate(row[:states]) if not _is_zero(x)]
-        by_parameter = [(i, j, x) for i, row in enumerate(rows) for j, x in enumerate(row[states:]) if not _is_zero(x)]
-        starts = [sum(entry[0] < i for entry in by_state) for i in range(len(rows) + 1)]
+        by_state = [
+            (i, j, x) for i, row in enumerate(rows) for j, x in enumerate(row[:states]) if isinstance(x, Expression) or x != 0
+        ]
+        by_parameter = [
+            (i, j, x) for i, row in enumerate(rows) for j, x in enumerate(row[states:]) if isinstance(x, Expression) or x != 0
+        ]
+        starts = np.searchsorted([i for i, *_ in by_state], range(len(rows) + 1)).tolist()
         place = len(_HEADER) + self._modes.size + len(self._structures)
         self._structures += [len(rows), len(by_state), len(by_parameter), *starts, *(j for _, j, _ in by_state)]
         self._structures += [*(i for i, _, _ in by_parameter), *(j for _, j, _ in by_parameter)]
@@ -293,7 +309,3 @@ def _fill(row: NDArray[np.int32], field: str, values: Sequence[Any]) -> None:
 def _flat(m: Motion) -> list[Any]:
     """Return the numbers of a motion, in the order of ``Motion`` in `driver.c`."""
     return [m.mode, m.t, *m.y, *m.signs]
-
-
-def _is_zero(x: Any) -> bool:
-    return not isinstance(x, Expression) and x == 0
