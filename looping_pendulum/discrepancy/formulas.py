@@ -33,6 +33,7 @@ from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, minimise
 from looping_pendulum.discrepancy.fit.data import TrialData
 from looping_pendulum.discrepancy.fit.held_out import HeldOutTest, check_held_out
 from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.discrepancy.fit.residual import check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
 from looping_pendulum.discrepancy.result import ForceProfile, Formula, FormulaParameter, Unlisted, value_unit
 from looping_pendulum.measured.free_parameter import FreeParameter
@@ -223,8 +224,10 @@ class FittedFormula:
 
     @property
     def accepted(self) -> bool:
-        """Whether its delta BIC is larger than its basis functions', and it explains held-out data as well as they do."""
+        """Whether its delta BIC is larger than its basis functions', it leaves noise, and predicts as well as they do."""
         if self.delta_bic <= self.delta_bic_of_profile or self.held_out is None or not self.held_out.passes:
+            return False
+        if not check_residuals(self.fit).passes:
             return False
         scatter = [math.sqrt(2 / n) for n in self.held_out.counts]  # standard deviation of chi2 per value of n values
         rows = zip(self.held_out.chi2, self.force.held_out.chi2, scatter, strict=True)

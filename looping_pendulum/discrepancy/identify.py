@@ -7,20 +7,20 @@ import dataclasses
 import math
 import platform
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from looping_pendulum import __version__
 from looping_pendulum.discrepancy.blas import one_blas_thread
 from looping_pendulum.discrepancy.evidence.explain import Explanations, Judged, explain
-from looping_pendulum.discrepancy.evidence.explanation import Explanation
+from looping_pendulum.discrepancy.evidence.explanation import Explanation, Key
 from looping_pendulum.discrepancy.evidence.prior import least_distance
 from looping_pendulum.discrepancy.first_look.check import take_first_look
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.data import TrialData, noises_of
 from looping_pendulum.discrepancy.fit.likelihood import stated_interval
-from looping_pendulum.discrepancy.fit.residual import ModelTest, check_residuals, event_rms_by_unit, failures_in_words
+from looping_pendulum.discrepancy.fit.residual import check_residuals, event_rms_by_unit, failures_in_words
 from looping_pendulum.discrepancy.formulas import FittedFormula, describe_unlisted_force, refit
 from looping_pendulum.discrepancy.inputs import Inputs, read_inputs
 from looping_pendulum.discrepancy.next_experiment import best_experiments
@@ -40,6 +40,7 @@ from looping_pendulum.discrepancy.result import (
     UnlistedLaw,
     Verdict,
 )
+from looping_pendulum.discrepancy.verdict import ModelTests, decide, tests_of
 from looping_pendulum.discrepancy.verdict_sentence import effect_in_words, verdict_notes, verdict_sentence
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured.observations import BODIES
@@ -58,9 +59,9 @@ STEP_SHARE = 0.2
 REPORT_SHARE = 0.97
 """Share of the work from which on only the result is put together, which the time limit does not end."""
 MAX_EXPLANATIONS = 12
-"""Explanations in the result beside that nothing is missing, if not more of them are credible."""
+"""Explanations in the result beside the best of each kind and that nothing is missing, if not more of them are credible."""
 _FitsOfTrial = tuple[Fit, Fit, int, bool]
-"""Fit of the declared model, of the repaired one, index of the trial in them, and whether it is held out."""
+"""Fit of the declared model, of the most probable one, index of the trial in them, and whether it is held out."""
 
 
 class OutOfTimeError(HarnessError, TimeoutError):
@@ -153,14 +154,15 @@ def _identify(
     found, start_costs = explain(inputs, seed, report, is_time_over)
     progress("reporting", REPORT_SHARE)
     before = judged(found.nothing)
-    has_repair = found.verdict not in (Verdict.NO_MISSING_EFFECT, Verdict.UNEXPLAINED) and found.best is not found.nothing
-    after = judged(found.best) if has_repair else before
+    after = before if found.best is found.nothing else judged(found.best)
     unlisted = None
     credible = [e for e in found.ranked if e.key in found.credible]
     law = next((e for e in credible if e.parts.law), None)
-    if law and has_repair:
+    of_law = None
+    if law and after is not before and decide(found.verdict, tests_of(after, before)) is not Verdict.UNEXPLAINED:
         is_best = law is found.best
-        without, recovered = found.force(after if is_best else judged(law))
+        of_law = after if is_best else judged(law)
+        without, recovered = found.force(of_law)
         formulas: list[FittedFormula] = []
         try:
             if not found.interrupted:
@@ -171,17 +173,22 @@ def _identify(
         if unlisted.formula and formulas[0].held_out and is_best:
             fit = formulas[0].fit
             after = dataclasses.replace(after, fit=fit, training=fit, held_out=formulas[0].held_out, tests=check_residuals(fit))
+    tests = tests_of(after, before)
+    verdict = decide(found.verdict, tests)
+    if verdict is Verdict.UNEXPLAINED:
+        unlisted = None
     ties = [e for e in credible if not e.parts.law]
     experiments: tuple[Experiment, ...] = ()
-    if found.verdict is Verdict.AMBIGUOUS and len(ties) > 1:
+    if verdict is Verdict.AMBIGUOUS and len(ties) > 1:
         # An interrupt now costs the advice on the next trial, but not the verdict
         with contextlib.suppress(KeyboardInterrupt):
             names = [tuple(sorted(e.key)) or ("nothing",) for e in ties]
             experiments = best_experiments(study, [found.fit(e) for e in ties], names)
 
-    explanations = _explanations(found)
-    effects = next((e.effects for e in explanations), ()) if has_repair else ()
-    # Of every trial: fits of the declared and of the repaired model, the trial's index in them, and whether it is held out
+    known = {m.explanation.key: math.sqrt(m.held_out.worst) for m in (of_law, before, after) if m}
+    explanations = _explanations(found, known)
+    effects = () if verdict is Verdict.UNEXPLAINED else explanations[0].effects
+    # Of every trial: fits of the declared and of the most probable model, the trial's index in them, and whether it is held out
     fits = [(before.training, after.training, k, False) for k in range(len(before.training.problem.data))]
     fits += [(b, a, 0, True) for b, a in zip(before.held_out.fits, after.held_out.fits, strict=True)]
     outliers, errors, noise = _outliers(fits), _errors(fits, (before, after)), _correlated_noise(after)
@@ -192,18 +199,18 @@ def _identify(
         study=study.name,
         title=study.title,
         seed=seed,
-        verdict=found.verdict,
+        verdict=verdict,
         sentence=verdict_sentence(
-            found.verdict,
-            effects,
-            [e for e in explanations if e.credible],
+            verdict,
+            explanations,
             unlisted,
             errors,
-            failures=failures_in_words(_tests(before)),
+            tests=tests,
+            declared=tests_of(before, before),
             own_effects=bool(before.fit.problem.study.own_effects),
         ),
         notes=verdict_notes(
-            found.verdict,
+            verdict,
             explanations,
             [(c.name, c.bounds_reason) for c in found.search.ruled_out],
             noise,
@@ -212,6 +219,7 @@ def _identify(
         ),
         effects=effects,
         explanations=explanations,
+        explanations_fitted=len(found.search.fitted),
         unlisted=unlisted,
         correlated_noise=noise,
         smallest_visible=tuple(v for v in visible if not v.can_hide),
@@ -221,22 +229,32 @@ def _identify(
         events=_events(fits),
         outliers=outliers,
         record_starts=_record_starts(fits),
-        before=_fit_report(before, start_costs),
-        after=_fit_report(after, start_costs if after is before else ()),
+        before=_fit_report(before, tests_of(before, before), start_costs),
+        after=_fit_report(after, tests, start_costs if after is before else ()),
         judged_on="held-out trials" if before.held_out.fits else "held-out blocks of time",
         data=tuple(o.summary() for _, o in inputs.observed),
         provenance={"looping-pendulum": __version__, "python": platform.python_version()}
         | {package: version for package, version in versions.items() if version != MISSING},
-        scenario=_scenario(study, after, effects),
+        scenario=_scenario(study, before if verdict is Verdict.UNEXPLAINED else after, effects),
         trial_figures=tuple(_trial_figure(*pair) for pair in fits if pair[0].problem.data[pair[2]].channels),
     )
 
 
-def _explanations(found: Explanations) -> tuple[RankedExplanation, ...]:
+def _explanations(found: Explanations, held_out: Mapping[Key, float]) -> tuple[RankedExplanation, ...]:
+    """Return the most probable explanations, the best of each number of effects with and without a law, and nothing.
+
+    Parameters
+    ----------
+    held_out
+        What an explanation adds -> its error of the worst held-out trial [noise], where it was judged.
+    """
     declared, least = found.nothing.log_posterior, least_distance(len(found.search.library))
     rows = []
     count = max(MAX_EXPLANATIONS, len(found.credible))
-    for e in (e for i, e in enumerate(found.ranked) if i < count or e is found.nothing):
+    best_of_kind: dict[tuple[int, bool], Explanation] = {}
+    for e in found.ranked:
+        best_of_kind.setdefault((len(e.parts.effects), e.parts.law is not None), e)
+    for e in (e for i, e in enumerate(found.ranked) if i < count or e in best_of_kind.values()):
         fit, is_credible, law = found.fit(e), e.key in found.credible, e.parts.law
         values, errors = fit.values, fit.errors
         effects = tuple(
@@ -269,6 +287,8 @@ def _explanations(found: Explanations) -> tuple[RankedExplanation, ...]:
                 probability=found.probabilities.get(e.key),
                 log10_odds=(e.log_posterior - declared) / math.log(10),
                 credible=is_credible,
+                checked=getattr(e, "checked", False),
+                held_out_error=held_out.get(e.key),
             )
         )
     return tuple(rows)
@@ -439,9 +459,9 @@ def _events(fits: Sequence[_FitsOfTrial]) -> tuple[EventResidual, ...]:
     return tuple(rows)
 
 
-def _fit_report(model: Judged, start_costs: tuple[float, ...]) -> FitReport:
+def _fit_report(model: Judged, tests: ModelTests, start_costs: tuple[float, ...]) -> FitReport:
     fit = model.fit
-    values, errors, at_bounds, tests = fit.values, fit.errors, set(fit.at_bounds), _tests(model)
+    values, errors, at_bounds = fit.values, fit.errors, set(fit.at_bounds)
     return FitReport(
         parameters=tuple(
             FittedParameter(
@@ -458,14 +478,10 @@ def _fit_report(model: Judged, start_costs: tuple[float, ...]) -> FitReport:
         condition_number=fit.condition,
         chi2_per_dof=model.tests.chi2_per_dof,
         held_out_chi2=model.held_out.worst,
-        failed_tests=failures_in_words(tests),
+        failed_tests=failures_in_words(tests.all),
         start_costs=start_costs,
-        tests=tests,
+        tests=tests.all,
     )
-
-
-def _tests(model: Judged) -> tuple[ModelTest, ...]:
-    return (*model.tests.results, *model.held_out.results)
 
 
 def _scenario(study: Study, model: Judged, effects: Sequence[IdentifiedEffect]) -> str:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from looping_pendulum.discrepancy.first_look.check import DeclarationCheck
 
 SCHEMA_ID = "looping-pendulum/identification"
-SCHEMA_VERSION = 9
+SCHEMA_VERSION = 10
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,7 +154,8 @@ class Verdict(StrEnum):
     UNLISTED = "unlisted"
     """Only with an unknown force as a function of one coordinate is a model probable."""
     UNEXPLAINED = "unexplained"
-    """The residuals of the most probable explanation do not look like noise."""
+    """The most probable explanation fails a test: its fit has not converged, its residuals do not look like noise, or held-out
+    data are predicted neither to their noise nor better than by the declared model."""
     INTERRUPTED = "interrupted"
     """The search was ended by Ctrl-C or by its time limit."""
 
@@ -237,7 +238,11 @@ class RankedExplanation:
     log10_odds: float
     """Decimal logarithm of how much more probable it is than that nothing is missing."""
     credible: bool
-    """Whether it is in the smallest set of explanations that has 95 % of the probability."""
+    """Whether it is in the smallest set of explanations that has 95 % of the probability, or tied with one that is."""
+    checked: bool = False
+    """Whether its probability is by importance sampling, and not by a Gaussian about the best fit."""
+    held_out_error: float | None = None
+    """Its RMS error in the worst held-out trial, or in all blocks of time [noise]; None: it was not fitted without these."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -444,15 +449,17 @@ class Identification:
     sentence: str
     """The verdict in one sentence."""
     notes: tuple[str, ...] = ()
-    """Further sentences: what was ruled out, what came nearest, errors of the tracked points, outliers."""
+    """Further sentences: what was ruled out, what nearly shows, errors of the tracked points, outliers."""
     effects: tuple[IdentifiedEffect, ...]
-    """Effects that were added to the model; if ambiguous, those of the most probable explanation."""
+    """Effects that were added to the model: those of the most probable explanation; none if it is not said to explain."""
     explanations: tuple[RankedExplanation, ...]
-    """The most probable of all that were fitted, in their order, and that nothing is missing."""
+    """The most probable of all that were fitted, in their order, the best of each kind, and that nothing is missing."""
+    explanations_fitted: int
+    """Number of explanations that were fitted."""
     unlisted: Unlisted | None
     """The unknown force of the most probable explanation that has one, if that is credible."""
     correlated_noise: tuple[CorrelatedError, ...]
-    """Errors of the tracked points that last longer than a frame, under the repaired model; empty: they are white noise."""
+    """Errors of the tracked points that last longer than a frame, under the model of `after`; empty: they are white noise."""
     smallest_visible: tuple[SmallestVisible, ...]
     """For each candidate that was not added, the smallest size that these data would show beside the repaired model."""
     can_hide: tuple[str, ...] = ()
@@ -470,7 +477,7 @@ class Identification:
     before: FitReport
     """Fit of the declared model."""
     after: FitReport
-    """Fit of the repaired model."""
+    """Fit of the most probable model: the repaired one or, if the verdict is `unexplained`, the nearest."""
     judged_on: str
     """Kind of held-out data: "held-out trials" or "held-out blocks of time"."""
     data: tuple[str, ...]
@@ -485,9 +492,14 @@ class Identification:
     """Comparison of the points with the declaration before any fit; what looked wrong there is among the notes."""
 
     @property
-    def has_repair(self) -> bool:
-        """Whether the repaired model differs from the declared one."""
-        return self.verdict is not Verdict.NO_MISSING_EFFECT and bool(self.effects or self.unlisted)
+    def has_other_model(self) -> bool:
+        """Whether the model of `after` differs from the declared one."""
+        return bool(self.explanations[0].names)
+
+    @property
+    def other_model(self) -> str:
+        """What that model is called."""
+        return "nearest model" if self.verdict is Verdict.UNEXPLAINED else "repaired model"
 
     @property
     def names(self) -> tuple[str, ...]:

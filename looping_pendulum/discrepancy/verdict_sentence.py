@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from looping_pendulum.discrepancy.fit.residual import failures_in_words
 from looping_pendulum.discrepancy.result import (
     CorrelatedError,
     IdentifiedEffect,
@@ -13,6 +14,7 @@ from looping_pendulum.discrepancy.result import (
     Unlisted,
     Verdict,
 )
+from looping_pendulum.discrepancy.verdict import ModelTests
 from looping_pendulum.pages.numbers import amount, quantity, uncertain
 
 BODY_IN_WORDS = {
@@ -63,72 +65,114 @@ def limits_in_words(low: float | None, high: float | None, write: Callable[[floa
 
 def verdict_sentence(
     verdict: Verdict,
-    effects: Sequence[IdentifiedEffect],
-    credible: Sequence[RankedExplanation],
+    explanations: Sequence[RankedExplanation],
     unlisted: Unlisted | None,
     errors: Sequence[TrialError],
     *,
-    failures: Sequence[str],
+    tests: ModelTests,
+    declared: ModelTests,
     own_effects: bool,
 ) -> str:
-    """Return the verdict in one sentence.
+    """Return the verdict in one sentence, of which every clause is what a test says.
 
     Parameters
     ----------
-    credible
-        The explanations that the data do not exclude, the most probable first.
-    failures
-        What the tests mean that the declared model fails.
+    explanations
+        The most probable first: ``errors`` and ``tests`` are of this one, and of the declared model.
     own_effects
         Whether the study has effects of its own beside those of the library.
     """
-    worst = worst_trial(errors)
+    worst, first = worst_trial(errors), explanations[0]
     after = distance(worst, after=True)
     where = f"the data of {trial_in_words(worst)}"
     if verdict is Verdict.NO_MISSING_EFFECT:
         return f"The declared model is enough: it comes to within {after} of {where}, as near as their errors allow."
     if verdict is Verdict.INTERRUPTED:
-        return f"The search was interrupted before its end: so far, the best model comes to within {after} of {where}."
+        return f"The search was interrupted before its end: so far, the most probable model is {after} from {where}."
+    candidates = "the library or of the study" if own_effects else "the library"
+    if verdict is Verdict.UNEXPLAINED:
+        return _unexplained(first, worst, tests, declared, candidates)
     if verdict is Verdict.IDENTIFIED:
-        added = " and ".join(effect_in_words(e) for e in effects)
-        verb, them = ("explain", "them") if len(effects) > 1 else ("explains", "it")
-        return f"{added} {verb} what the declared model misses: with {them}, {_nearer(worst)}."
+        added = " and ".join(effect_in_words(e) for e in first.effects)
+        verb, them = ("explain", "them") if len(first.effects) > 1 else ("explains", "it")
+        return f"{added} {verb} what the declared model misses: with {them}, {_how_well(worst, tests)}."
     if verdict is Verdict.AMBIGUOUS:
+        credible = [e for e in explanations if e.credible]
         named = [e for e in credible if e.names]
         with_values = len(named) <= MAX_TIES_WITH_VALUES
-        explanations = [explanation_in_words(e, with_values=with_values) for e in named]
-        if len(explanations) > MAX_TIES:
-            explanations[MAX_TIES - 1 :] = [f"one of {len(explanations) - MAX_TIES + 1} others"]
+        ties = [explanation_in_words(e, with_values=with_values) for e in named]
+        if len(ties) > MAX_TIES:
+            ties[MAX_TIES - 1 :] = [f"one of {len(ties) - MAX_TIES + 1} others"]
         if len(named) < len(credible):
             return (
-                f"These data hardly show whether anything is missing: nothing may be; or {'; or '.join(explanations)}; "
-                f"with the most probable, {_nearer(worst)}."
+                f"These data hardly show whether anything is missing: nothing may be; or {'; or '.join(ties)}; "
+                f"with the most probable, {_how_well(worst, tests)}."
             )
         return (
             f"Something is missing, and these data cannot say which of {len(named)} explanations is right: "
-            f"{'; or '.join(explanations)}; "
-            f"with the first, {_nearer(worst)}."
+            f"{'; or '.join(ties)}; with the first, {_how_well(worst, tests)}."
         )
-    candidates = "the library or of the study" if own_effects else "the library"
-    if unlisted is not None:
-        beside = f", beside {' and '.join(effect_in_words(e) for e in effects)}," if effects else ""
-        size = ""
-        if unlisted.multiplied_by == "constant":
-            size = f", of up to {quantity(max(abs(p.largest) for p in unlisted.profiles), unlisted.value_unit)},"
-        return (
-            f"No effect of {candidates} explains what the declared model misses, but{beside} a {unlisted.in_words}{size} does: "
-            f"with it, {_nearer(worst)}."
-        )
-    if worst.standardised_rms_after <= 1 + MIN_VISIBLE_SHARE:
-        return (
-            f"The declared model comes to within {after} of {where}, as near as their errors allow, "
-            f"but {' and '.join(failures)}, and no effect of {candidates} explains it."
-        )
-    errors_of_data = f", {amount(worst.standardised_rms_after)} times their error" if worst.rms_after is not None else ""
+    assert unlisted is not None
+    beside = f", beside {' and '.join(effect_in_words(e) for e in first.effects)}," if first.effects else ""
+    size = ""
+    if unlisted.multiplied_by == "constant":
+        size = f", of up to {quantity(max(abs(p.largest) for p in unlisted.profiles), unlisted.value_unit)},"
     return (
-        f"Something is missing that no effect of {candidates} explains: the declared model comes no nearer than {after} to "
-        f"{where}{errors_of_data}."
+        f"No effect of {candidates} explains what the declared model misses, but{beside} a {unlisted.in_words}{size} does: "
+        f"with it, {_how_well(worst, tests)}."
     )
+
+
+def _how_well(error: TrialError, tests: ModelTests) -> str:
+    """Return how near a model that explains the data comes to held-out ones, and what it leaves, by its tests."""
+    if not tests.predicts:  # but it predicts them better, or it would not explain
+        return f"{_how_near(error)}, nearer by their errors than without, but not as near as these allow"
+    left = "looks like noise" if tests.seeks_patterns else "is no larger than the errors of the points, which last"
+    return f"{_how_near(error)}, and what is left {left}"
+
+
+def _how_near(error: TrialError) -> str:
+    """Return how far a model is from a trial, and how far the declared one."""
+    before, after = distance(error, after=False).removesuffix(" (RMS)"), distance(error, after=True)
+    where = f"the data of {trial_in_words(error)}"
+    size_before, size_after = error.rms_before, error.rms_after
+    if size_before is None or size_after is None or not error.unit:
+        size_before, size_after = error.standardised_rms_before, error.standardised_rms_after
+    if size_after > (1 - MIN_VISIBLE_SHARE) * size_before:
+        return f"the model is {after} from {where} ({before} without)"
+    return f"the model comes to within {after} of {where}, instead of {before}"
+
+
+def _unexplained(
+    nearest: RankedExplanation, error: TrialError, tests: ModelTests, declared: ModelTests, candidates: str
+) -> str:
+    """Return what comes nearest, how near it is, and which of its tests fail."""
+    failures = " and ".join(failures_in_words(tests.all))
+    after, where = distance(error, after=True), f"the data of {trial_in_words(error)}"
+    if not nearest.names:
+        if tests.predicts:
+            return (
+                f"The declared model comes to within {after} of {where}, as near as their errors allow, but {failures}, and no "
+                f"effect of {candidates} explains it."
+            )
+        return (
+            f"Something is missing that no effect of {candidates} explains: the declared model is the most probable one, "
+            f"{after} from {where}{_in_errors(error)}, and {failures}."
+        )
+    missing = "These data do not say whether anything is missing"
+    if any(not t.passes for t in declared.all):
+        missing = "Something is missing that nothing explains of all that was tried"
+    added = explanation_in_words(nearest, with_values=True)
+    before = distance(error, after=False).removesuffix(" (RMS)")
+    return (
+        f"{missing}: the most probable model, with {added}, is {after} from {where}{_in_errors(error)} ({before} without), but "
+        f"{failures}."
+    )
+
+
+def _in_errors(error: TrialError) -> str:
+    """Return the size of a distance that is given as a length in standard errors, too."""
+    return "" if error.rms_after is None or not error.unit else f", {amount(error.standardised_rms_after)} times their error"
 
 
 def verdict_notes(
@@ -160,10 +204,6 @@ def verdict_notes(
     if nearest and verdict is Verdict.NO_MISSING_EFFECT:
         added, odds = explanation_in_words(nearest, with_values=False), 10 ** min(-nearest.log10_odds, 300.0)
         notes.append(f"The model comes nearest with {added}; {amount(odds)} to 1 that it is chance.")
-    # Only of what is most probable the residuals were tested
-    if nearest and nearest.credible and verdict is Verdict.UNEXPLAINED:
-        added = explanation_in_words(nearest, with_values=False)
-        notes.append(f"The model comes nearest with {added}, but what is left does not look like noise.")
     if trials == 1 and any(e.credible and e.effects for e in explanations):
         notes.append(
             "All this comes from one trial: the intervals presume that what was declared has the right form and that nothing "
@@ -208,15 +248,3 @@ def distance(error: TrialError, *, after: bool) -> str:
     if rms is None or not error.unit:
         return f"{amount(standardised)} standard errors (RMS)"
     return f"{quantity(rms, error.unit, digits=3)} (RMS)"
-
-
-def _nearer(error: TrialError) -> str:
-    """Return how much nearer the repaired model comes to a trial than the declared one."""
-    before, after = distance(error, after=False).removesuffix(" (RMS)"), distance(error, after=True)
-    where = f"the data of {trial_in_words(error)}"
-    size_before, size_after = error.rms_before, error.rms_after
-    if size_before is None or size_after is None or not error.unit:
-        size_before, size_after = error.standardised_rms_before, error.standardised_rms_after
-    if size_after > (1 - MIN_VISIBLE_SHARE) * size_before:
-        return f"the model is {after} from {where} ({before} without), and what is left looks like noise"
-    return f"the model comes to within {after} of {where}, instead of {before}"

@@ -79,6 +79,7 @@ def identification(name: str) -> Identification:
         sentence=name,
         effects=(effect,),
         explanations=explanations,
+        explanations_fitted=31,
         unlisted=force,
         correlated_noise=(),
         record_starts=(),

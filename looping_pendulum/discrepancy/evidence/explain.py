@@ -119,11 +119,9 @@ class Explanations:
 
     @property
     def verdict(self) -> Verdict:
-        """Return what the data say about the declared model."""
+        """Return what the evidence says about the declared model; `verdict.decide` tests it."""
         if self.interrupted:
             return Verdict.INTERRUPTED
-        if not self.search.passes(self.best):  # its residuals do not look like its own noise
-            return Verdict.UNEXPLAINED
         if self.credible == (NOTHING,):
             return Verdict.NO_MISSING_EFFECT
         if all(self._fitted[key].parts.law for key in self.credible):

@@ -1,8 +1,8 @@
 """The figures of a report as data: report.md and report.html draw the same.
 
-The first is how far one trial is from the declared and from the repaired model. Where a mass's position was tracked, it is the
-motion with the residual of every point as a line, magnified; otherwise it is the residual against time. The trial is the one
-that the verdict's sentence speaks of.
+The first is how far one trial is from the declared and from the most probable model. Where a mass's position was tracked, it
+is the motion with the residual of every point as a line, magnified; otherwise it is the residual against time. The trial is the
+one that the verdict's sentence speaks of.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ from looping_pendulum.pages.chart import (
 from looping_pendulum.pages.palette import COLOURS, GREY
 from looping_pendulum.reference_ode.geometry import Array
 
-MODELS = (("before", "declared model"), ("after", "repaired model"))
-"""Field of a figure's arrays and label of each model."""
+BOTH_MODELS = ("before", "after")
+"""Field of a figure's arrays of each model."""
 MODEL_COLOURS = {"before": COLOURS[1], "after": COLOURS[0]}
 """Field of the model -> its colour."""
 VECTOR_SHARE = 0.1
@@ -90,8 +90,8 @@ def charts(result: Identification) -> list[Chart]:
 
 
 def _models(result: Identification) -> tuple[tuple[str, str], ...]:
-    """Return those of `MODELS` that differ."""
-    return MODELS if result.has_repair else MODELS[:1]
+    """Return field and label of each model that differs."""
+    return (("before", "declared model"), *([("after", result.other_model)] if result.has_other_model else []))
 
 
 def in_lines(name: str) -> str:
@@ -128,7 +128,7 @@ def residual_vectors(picture: TrialFigure, body: str) -> tuple[dict[str, tuple[A
         return np.column_stack([values[x][ix], values[y][iy]])
 
     measured = both(picture.measured)
-    paths = {side: both(getattr(picture, side)) for side, _ in MODELS}
+    paths = {side: both(getattr(picture, side)) for side in BOTH_MODELS}
     size = float(np.max(np.ptp(measured, axis=0), initial=0.0))
     rms = float(np.sqrt(np.mean(np.sum((measured - paths["before"]) ** 2, axis=1)))) if len(measured) else 0.0
     factor = 1.0
@@ -147,7 +147,7 @@ def motion_chart(result: Identification) -> Chart:
     body = next((b for b, names in BODIES.items() if len(names) == 2 and set(names) <= set(picture.channels)), None)
     role = "held-out trial" if picture.held_out else "trial"
     if body is None:
-        several = "the declared and the repaired model" if result.has_repair else "the declared model"
+        several = f"the declared and the {result.other_model}" if result.has_other_model else "the declared model"
         return Chart(
             id=MOTION,
             caption=f"Measured less predicted by {several}, in the {role} {picture.trial}. A right model leaves only scatter "
@@ -162,7 +162,7 @@ def motion_chart(result: Identification) -> Chart:
     # The same limits for all, so that they can be compared
     shown = [part for side, _ in models for part in vectors[side]]
     x, y = with_room(*(reach([part[:, k] for part in shown]) for k in (0, 1)))
-    beside = ", of the declared and of the repaired model" if result.has_repair else ""
+    beside = f", of the declared and of the {result.other_model}" if result.has_other_model else ""
     longer = f", drawn {factor:g} times as long as it is" if factor > 1 else ""
     panels = []
     for side, label in models:
@@ -191,7 +191,7 @@ def motion_chart(result: Identification) -> Chart:
 def _residual_panel(picture: TrialFigure, channel: str, models: Sequence[tuple[str, str]]) -> Panel:
     residuals = {
         side: np.where(picture.outliers[channel], np.nan, picture.measured[channel] - getattr(picture, side)[channel])
-        for side, _ in MODELS
+        for side in BOTH_MODELS
     }
     size = float(np.sqrt(np.nanmean(residuals["before"] ** 2)))
     unit, per_si = SHOWN_UNITS[UNITS[channel]][size > LARGE]

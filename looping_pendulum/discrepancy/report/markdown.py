@@ -32,7 +32,7 @@ HEADLINES = {
     Verdict.IDENTIFIED: "A missing effect was found",
     Verdict.AMBIGUOUS: "Something is missing, and these data allow several explanations",
     Verdict.UNLISTED: "A force that no library lists was found",
-    Verdict.UNEXPLAINED: "Something is missing that no listed effect explains",
+    Verdict.UNEXPLAINED: "No explanation that was tried passes its tests",
     Verdict.INTERRUPTED: "Interrupted",
 }
 PERHAPS_NOTHING = "Something may be missing, and these data allow several explanations"
@@ -103,7 +103,7 @@ def after_figures(result: Identification) -> list[str]:
         smallest_visible(result),
         _tests(result),
         "## Declared model, calibrated\n\n" + _fit(result.before),
-        "## Repaired model\n\n" + _fit(result.after) if result.effects or result.unlisted else "",
+        f"## {result.other_model.capitalize()}\n\n{_fit(result.after)}" if result.has_other_model else "",
         "## Data\n\n" + "".join(f"- {line}\n" for line in result.data),
         "## Provenance\n\n" + origin,
     ]
@@ -198,7 +198,7 @@ def _errors(result: Identification) -> str:
     note = (
         "RMS of the distance from the light mass's tracked points to the model, as a length, an angle or an angular velocity, "
         "and in units of the noise, of which 1 is the best possible. *Before*: the declared model, calibrated; *after*: the "
-        f"repaired model. Fits that have not seen the {result.judged_on} predict these here."
+        f"{result.other_model}. Fits that have not seen the {result.judged_on} predict these here."
     )
     return _section("Error before and after", note, head, rows, left=2)
 
@@ -256,7 +256,7 @@ def _interval(first: float, last: float) -> str:
 
 def _events(result: Identification) -> str:
     """Return the section on events; empty if none was measured."""
-    head = ["trial", "held out?", "event", "unit", "measured", "+/-", "declared model", "off by", "repaired model", "off by"]
+    head = ["trial", "held out?", "event", "unit", "measured", "+/-", "declared model", "off by", result.other_model, "off by"]
     rows = [
         [e.trial, "yes" if e.held_out else "no", quantity_label(e.quantity, e.index), e.unit or GAP,
          number(e.measured, digits=4), number(e.sigma, digits=2), number(e.before, digits=4), off_by(e, e.before),
@@ -275,7 +275,7 @@ def _events(result: Identification) -> str:
         for unit in sorted({*e.events_before, *e.events_after})
         if unit in DISPLAY_UNITS
     ]  # fmt: skip
-    head = ["trial", "held out?", "unit", "RMS of its events, declared model", "repaired model"]
+    head = ["trial", "held out?", "unit", "RMS of its events, declared model", result.other_model]
     return f"{text}\n{table(head, rows, left=3) if rows else ''}" if text else ""
 
 
@@ -290,7 +290,7 @@ def _ties(result: Identification) -> str:
     if len(credible) < 2 or result.verdict is Verdict.INTERRUPTED:
         return ""
     text = (
-        "## Explanations that these data cannot tell apart\n\nTogether they have 95 % of the probability.\n\n"
+        "## Explanations that these data cannot tell apart\n\nTogether they have at least 95 % of the probability.\n\n"
         + _explanations_table(credible)
     )
     # No trial is simulated with an unlisted law, of which nothing is known where it did not act; nothing missing can be
@@ -324,7 +324,7 @@ def _explanations_table(explanations: Sequence[RankedExplanation]) -> str:
             for e in one.effects
         ]  # fmt: skip
         of_one += [[f"a {one.law.in_words}", *[GAP] * 5]] if one.law else []
-        first = [str(i), probability_in_words(one.probability)]
+        first = [str(i), _probability(one)]
         for row in of_one or [["nothing", *[GAP] * 5]]:
             rows.append([*first, *row])
             first = ["", ""]
@@ -338,16 +338,23 @@ def probability_in_words(p: float | None) -> str:
     return "over 99.9 %" if p > 0.999 else "below 0.1 %" if p < 1e-3 else f"{100 * p:.1f} %"
 
 
+def _probability(one: RankedExplanation) -> str:
+    return probability_in_words(one.probability) + (" (sampled)" if one.checked else "")
+
+
 def _explanations(result: Identification) -> str:
     note = (
-        "How probable each explanation is, given all data and what is known of it beforehand, the most probable first; all "
-        "that were fitted have 100 % together. The odds compare it with the declared model, to which nothing is added. An "
-        "explanation that is less probable than a part of it is counted with that part: what it adds does not show."
+        f"{result.explanations_fitted} explanations were fitted. How probable each is, given all data and what is known of it "
+        "beforehand, the most probable first; all that were fitted have 100 % together. The table goes on after those that "
+        "cannot be excluded, with the best of each kind. The odds compare an explanation with the declared model, to which "
+        "nothing is added. An explanation that is less probable than a part of it is counted with that part: what it adds does "
+        "not show. *Sampled*: the probability is by importance sampling, not by a Gaussian about the best fit. The held-out "
+        "error is that of the worst trial, in units of noise, where it was looked at."
     )
-    head = ["added to the declared model", "probability", "odds (log10)", "values"]
+    head = ["added to the declared model", "probability", "odds (log10)", "held-out error", "values"]
     rows = [
-        [" + ".join(one.names) or "nothing", probability_in_words(one.probability), signed(one.log10_odds, digits=3),
-         "; ".join(uncertain(e.value, e.error, e.unit) for e in one.effects) or GAP]
+        [" + ".join(one.names) or "nothing", _probability(one), signed(one.log10_odds, digits=3),
+         number(one.held_out_error), "; ".join(uncertain(e.value, e.error, e.unit) for e in one.effects) or GAP]
         for one in result.explanations
     ]  # fmt: skip
     return _section("Explanations that were compared", note, head, rows, left=1)
@@ -374,10 +381,10 @@ def smallest_visible(result: Identification) -> str:
 
 
 def _tests(result: Identification) -> str:
-    """Return the section on the numbers behind the verdict: every test of the declared and of the repaired model."""
+    """Return the section on the numbers behind the verdict: every test of the declared and of the most probable model."""
     models = {"declared model": result.before.tests}
-    if result.has_repair:
-        models["repaired model"] = result.after.tests
+    if result.has_other_model:
+        models[result.other_model] = result.after.tests
     head = ["tested", "number", "limit", *(f"{word}{name}" for name in models for word in ("", "passes, "))]
     by_test: dict[tuple[str, ...], dict[str, ModelTest]] = {}
     for name, tests in models.items():
@@ -390,9 +397,9 @@ def _tests(result: Identification) -> str:
         cells = [(GAP, GAP) if t is None else (number(t.value), "yes" if t.passes else "no") for t in of_models]
         rows.append([*test, *(cell for pair in cells for cell in pair)])
     note = (
-        "Whether the residuals look like noise, in size and in every part of the motion, and whether a fit of the training "
-        "trials predicts the held-out data. The verdict rests on the probabilities above; a model whose residuals fail is said "
-        "to leave something unexplained.\n\n"
+        "Whether the fit has converged, whether the residuals look like noise, in size and in every part of the motion, and "
+        "whether a fit of the training trials predicts the held-out data. The verdict rests on the probabilities above; but a "
+        "model that fails a test of its fit, or predicts held-out data no better than the declared one, explains nothing.\n\n"
     )
     text = "## Tests\n\n" + note + table(head, rows, left=3)
     return text if result.unlisted is None else f"{text}\n{_tests_of_force(result.unlisted)}"

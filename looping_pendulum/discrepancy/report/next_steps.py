@@ -151,23 +151,23 @@ def _after_unexplained(result: Identification) -> list[str]:
 
 
 def misfits(result: Identification) -> list[str]:
-    """Return where the declared model is farthest off: trial, quantity, time and size."""
+    """Return where the nearest model is farthest off: trial, quantity, time and size."""
     found = []
     for p in result.trial_figures:
         for channel in p.channels:
-            size = np.abs(np.nan_to_num(p.residual_before[channel]))
+            size = np.abs(np.nan_to_num(p.residual_after[channel]))
             i = int(np.argmax(size))
-            off = float(p.measured[channel][i] - p.before[channel][i])
+            off = float(p.measured[channel][i] - p.after[channel][i])
             text = (
                 f"trial {p.trial} at {number(float(p.t[channel][i]))} s ({channel} off by {quantity(abs(off), UNITS[channel])})"
             )
             found.append((float(size[i]), text))
     for e in result.events:
         label = f"trial {e.trial}, {quantity_label(e.quantity, e.index)}"
-        if e.before is None:
+        if e.after is None:
             found.append((math.inf, f"{label} (does not happen in the model)"))
         else:
-            off = abs(e.measured - e.before)
+            off = abs(e.measured - e.after)
             found.append((off / e.sigma, f"{label} (off by {quantity(off, e.unit)})"))
     largest = sorted((f for f in found if f[0] > MIN_MISFIT), key=lambda f: -f[0])
     return [text for _, text in largest[:WORST_MISFITS]]
