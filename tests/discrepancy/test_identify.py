@@ -147,7 +147,8 @@ def test_interrupted_it_leaves_what_it_has(tmp_path):
     with only_candidates(["scale", "tilt"]):  # what is interrupted is the first fit of one of them
         result = identify(load(write_study(tmp_path, CASES["scale"], 1, trials=["ten_a"])), progress=interrupt)
     assert result.verdict is Verdict.INTERRUPTED
-    assert result.before.failed_tests
+    assert result.before.tests
+    assert result.correlated_noise  # stands for what is missing, as nothing else was fitted
     assert write(result, tmp_path / "out").exists()
 
 

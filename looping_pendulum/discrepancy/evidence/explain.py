@@ -147,7 +147,7 @@ class Explanations:
         """Judge an explanation by held-out data, with the noise of the best explanation: one noise compares them."""
         fit, tests = self.search.tested(e)
         training = fit
-        if self._inputs.held_out or e.parts.law:
+        if self._inputs.held_out or e.parts.law or e.setting != self.best.setting:
             noises = self.search.grid.noises(self.best.setting)
             data = [d.with_noises(noises) for d in self._training(e)]
             refitted = fit_to_data(self._fit_to_training(e) or e.fit, data)
