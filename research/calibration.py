@@ -1,188 +1,106 @@
-"""Measure how reliable `identify` is, on blind studies of the separate simulator: `python -m research.calibration`.
+"""Measure how reliable `identify` is, on blind studies of the separate simulator: `python -m research.calibration --work DIR`.
 
-Every finished study is kept as a file of its own in the work folder; the same command goes on from there. A changed program
-needs a new folder. `--outliers` shows that leaving outliers out does not hide effects: the same studies with one hidden
-effect are judged four times, with and without points on another object, and with and without the search for such points.
+Each study is judged by `identify`, which reads only its files, and fitted with exactly what was hidden, which tells what its
+data show. Every finished study is kept as a file of its own in the work folder; the same command goes on from there. A changed
+program needs a new folder.
 """
 
 import argparse
-import contextlib
 import dataclasses
 import datetime
 import json
-import math
 import platform
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Protocol
-from unittest import mock
+from typing import Any
 
-import numpy as np
-
+import looping_pendulum as lp
 from looping_pendulum.cli.terminal import ProgressBars
-from looping_pendulum.discrepancy.blas import one_blas_thread
-from looping_pendulum.discrepancy.candidates import MIN_SHARE_OF_MULTIPLIED
-from looping_pendulum.discrepancy.evidence.explain import explain
-from looping_pendulum.discrepancy.evidence.prior import MARGIN, VISIBLE, body_of
-from looping_pendulum.discrepancy.fit import residual_noise
-from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.discrepancy.result import (
-    NORMAL_95,
-    Identification,
-    IdentifiedEffect,
-    RankedExplanation,
-    Verdict,
-)
-from looping_pendulum.errors import HarnessError
+from looping_pendulum.discrepancy.result import Identification, IdentifiedEffect, RankedExplanation, Verdict
 from looping_pendulum.files import write_atomically
-from looping_pendulum.measured.study import Study
-from looping_pendulum.measured.study_io import load
-from looping_pendulum.reference_ode.effects import EFFECTS
-from looping_pendulum.reference_ode.effects.own import multiplied_coefficient
 from looping_pendulum.versions import MISSING, installed_version
 from research import DATA, rates_page, rounded
-from research.calibration_summary import NAMED, Outcome, proportion, summary
-from tests.discrepancy.blind_sample import DEFAULT_COUNTS, KINDS, BlindStudy, draw, planted_values, write_files
-from tests.discrepancy.expected import PLANTED_LAWS
+from research.calibration_summary import NAMED, summary
+from research.known_answer import LAW, Outcome, known_answer, log_odds, shown_parts
+from tests.discrepancy.blind_sample import COUNTS, BlindStudy, draw, planted_values, write_files
+from tests.discrepancy.expected import NOTHING, Explained, parts_of, truth
 
-Explained = tuple[frozenset[str], tuple[str, str] | None]
-"""An explanation: its listed effects, and the body and coordinate of its law; None: it has no law."""
-NOTHING: Explained = frozenset(), None
-CAN_HIDE = frozenset({"rod_mobility"})
-"""Effects that can hide at any size (`Identification.can_hide`), whatever the data."""
 CLOCK_SET = "was taken as 0"
 """What the reader says of a clock that it has set."""
-MIN_ARM_SIZE = 0.008
-"""Smallest size of what is hidden where outliers are studied [m]: of smaller effects too few are named."""
-ARM_NOISE_KINDS = ("white", "outliers")
 RESULT = DATA / "calibration.json"
-
-
-class Task(Protocol):
-    """A frozen dataclass that says all that its outcome depends on."""
-
-    @property
-    def name(self) -> str:
-        """Name of its file, without ending."""
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options that say which blind studies are made, and where finished ones are kept."""
-    for kind in KINDS:
-        parser.add_argument(f"--{kind}", type=int, default=DEFAULT_COUNTS[kind], help=f"{kind} studies (%(default)s)")
-    parser.add_argument("--share", type=float, default=1.0, help="share of these numbers, such as 0.1")
-    parser.add_argument("--set", choices=("thresholds", "rates"), default="rates", help="which seeds")
-    parser.add_argument("--seed", type=int, default=0, help="further seed")
-    parser.add_argument("--work", type=Path, help="folder in which finished studies are kept")
-    parser.add_argument("--jobs", type=int, default=1, help="processes")
 
 
 def drawn_studies(options: argparse.Namespace) -> list[BlindStudy]:
     """Return the studies that the options ask for."""
-    counts = {kind: round(getattr(options, kind) * options.share) for kind in KINDS}
-    return [study for kind, count in counts.items() for study in draw(options.set, kind, count, options.seed)]
-
-
-def work_folder(options: argparse.Namespace) -> Path:
-    """Return the folder in which finished studies are kept; ends the program with a line if there is none."""
-    if options.work is None:
-        sys.exit("--work: found no folder, needed one that keeps finished studies; write for example --work calibration_runs")
-    if not 0 < options.share or options.jobs < 1:
-        sys.exit("--share, --jobs: found a number that is not positive, needed for example --share 0.1 --jobs 2")
-    return Path(options.work)
+    counts = {kind: round(count * options.share) for kind, count in COUNTS.items()}
+    return [study for kind, count in counts.items() for study in draw(kind, count, options.seed)]
 
 
 def benchmark(options: argparse.Namespace) -> None:
-    """Run the studies, print the summary and store it under the set's name in `RESULT`."""
-    studies, folder = drawn_studies(options), work_folder(options)
-    outcomes, interrupted = run(studies, solve, folder, jobs=options.jobs, title=f"calibration, {options.set}")
-    result = summary([(study, outcomes[study.name]) for study in studies if study.name in outcomes])
-    block = provenance(options, "calibration") | {"summary": result}
-    if result["studies"]:
-        print(rates_page.block(block))
+    """Judge the studies, print the page of their rates, and store what it is written from in `RESULT`."""
+    studies = drawn_studies(options)
+    outcomes, interrupted = run(studies, options.work, jobs=options.jobs)
+    result = provenance(options) | summary([(study, outcomes[study.name]) for study in studies if study.name in outcomes])
+    print(rates_page.page(result))
     if interrupted:
         sys.exit(130)
-    store(RESULT, options.set, block)
+    write_atomically(options.result, json.dumps(rounded(result), indent=1) + "\n")
+    print(f"wrote {options.result}")
 
 
-def run(
-    tasks: Sequence[Task],
-    solve: Callable[[Any], tuple[str, Outcome]],
-    folder: Path,
-    *,
-    jobs: int = 1,
-    title: str = "",
-) -> tuple[dict[str, Outcome], bool]:
-    """Solve tasks; those that ``folder`` has are not solved again.
-
-    Parameters
-    ----------
-    solve
-        Function of a module that returns a task's name and outcome (plain data).
-    jobs
-        Number of processes.
+def run(studies: Sequence[BlindStudy], folder: Path, *, jobs: int = 1) -> tuple[dict[str, Outcome], bool]:
+    """Judge studies in ``jobs`` processes; those that ``folder`` has are not judged again.
 
     Returns
     -------
-    Name -> outcome of all tasks that are finished, in the order of the tasks, and whether Ctrl-C ended the run.
+    Name -> outcome of all studies that are finished, in their order, and whether Ctrl-C ended the run.
     """
-    known = {task.name: outcome for task in tasks if (outcome := _stored(folder, task)) is not None}
-    by_name = {task.name: task for task in tasks}
-    waiting = [task for task in tasks if task.name not in known]
+    known = {study.name: outcome for study in studies if (outcome := _stored(folder, study)) is not None}
+    by_name = {study.name: study for study in studies}
     interrupted = False
     with ProgressBars(time_left=True, line_every_fraction=0.1) as bars, ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
-        bars.update(title, len(known) / max(len(tasks), 1))
+        bars.update("blind studies", len(known) / max(len(studies), 1))
         try:
-            for future in as_completed([pool.submit(solve, task) for task in waiting]):
+            for future in as_completed([pool.submit(solve, study) for name, study in by_name.items() if name not in known]):
                 name, outcome = future.result()
                 known[name] = outcome
-                record = {"task": _as_json(by_name[name]), "outcome": outcome}
+                record = {"study": _as_json(by_name[name]), "outcome": outcome}
                 write_atomically(folder / f"{name}.json", json.dumps(record, indent=1) + "\n")
-                bars.update(f"{title}: {name}", len(known) / len(tasks))
+                bars.update(f"blind studies: {name}", len(known) / len(studies))
         except KeyboardInterrupt:
             interrupted = True
             # The processes were interrupted, too, and end what they do
             pool.shutdown(wait=False, cancel_futures=True)
-            print(f"interrupted; {len(known)} of {len(tasks)} are kept in {folder}", file=sys.stderr)
-    return {task.name: known[task.name] for task in tasks if task.name in known}, interrupted
+            print(f"interrupted; {len(known)} of {len(studies)} are kept in {folder}", file=sys.stderr)
+    return {name: known[name] for name in by_name if name in known}, interrupted
 
 
-def _stored(folder: Path, task: Any) -> Outcome | None:
-    """Return the stored outcome of a task; None: there is none, or it is that of another task of this name."""
-    file = folder / f"{task.name}.json"
+def _stored(folder: Path, study: BlindStudy) -> Outcome | None:
+    """Return the stored outcome of a study; None: there is none, or it is that of another study of this name."""
+    file = folder / f"{study.name}.json"
     if not file.exists():
         return None
     record = json.loads(file.read_text(encoding="utf-8"))
-    return record["outcome"] if record["task"] == _as_json(task) else None
+    return record["outcome"] if record["study"] == _as_json(study) else None
 
 
-def _as_json(task: Any) -> Any:
-    """Return a task as JSON has it, where a tuple is a list."""
-    return json.loads(json.dumps(dataclasses.asdict(task)))
+def _as_json(study: BlindStudy) -> Any:
+    """Return a study as JSON has it, where a tuple is a list."""
+    return json.loads(json.dumps(dataclasses.asdict(study)))
 
 
-def store(file: Path, key: str, block: dict[str, Any]) -> None:
-    """Store a block of results, beside those that the file has under other keys."""
-    tree = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
-    tree[key] = block
-    write_atomically(file, json.dumps(rounded(dict(sorted(tree.items()))), indent=1) + "\n")
-    print(f"wrote {file}")
-
-
-def provenance(options: argparse.Namespace, name: str) -> dict[str, Any]:
+def provenance(options: argparse.Namespace) -> dict[str, Any]:
     """Return the command, the day and the versions of a measurement."""
-    counts = [f" --{kind} {getattr(options, kind)}" for kind in KINDS if getattr(options, kind) != DEFAULT_COUNTS[kind]]
-    seed = f" --seed {options.seed}" if options.seed else ""
-    versions = {p: installed_version(p) for p in ("looping-pendulum", "numpy", "scipy", "wasmtime", "lmfit", "scikit-learn")}
+    versions = {p: installed_version(p) for p in ("looping-pendulum", "numpy", "scipy", "wasmtime")}
+    share = "" if options.share == 1 else f" --share {options.share:g}"
     return {
-        "command": f"python -m research.{name} --set {options.set}{seed} --share {options.share:g}" + "".join(counts),
+        "command": f"python -m research.calibration --seed {options.seed}{share}",
         "seed": options.seed,
         "measured_on": datetime.date.today().isoformat(),
         "machine": platform.machine(),
@@ -191,7 +109,7 @@ def provenance(options: argparse.Namespace, name: str) -> dict[str, Any]:
 
 
 def solve(study: BlindStudy) -> tuple[str, Outcome]:
-    """Make a study, identify what is missing, and return its name and the outcome.
+    """Make a study, judge it and fit it with what was hidden, and return its name and the outcome.
 
     Raises
     ------
@@ -203,57 +121,57 @@ def solve(study: BlindStudy) -> tuple[str, Outcome]:
             path = write_files(study, Path(folder))
         except ValueError as error:  # no value of the hidden number gives the size
             return study.name, {"unreachable": str(error)}
-        loaded = load(path)
+        loaded = lp.load_study(path)
         if "clock_offset" in study.hidden and any(
             CLOCK_SET in said for _, o in read_inputs(loaded).observed for said in o.assumptions
         ):
             return study.name, {"unreachable": "the reader sets a clock that begins elsewhere while the masses rest"}
         started = time.process_time()
         try:
-            result = identify(loaded)
-        except HarnessError as error:
-            return study.name, {"failed": str(error), "cpu_seconds": time.process_time() - started}
+            result = lp.identify(loaded)
+        except Exception as error:  # whatever it is: a rate that leaves such studies out says so
+            return study.name, {"failed": repr(error), "cpu_seconds": time.process_time() - started}
         if result.verdict is Verdict.INTERRUPTED:
             raise KeyboardInterrupt
-        outcome = outcome_of(result, planted_values(study), truth(study))
-        outcome["cpu_seconds"] = time.process_time() - started
-        # No rate needs them, and they take as long as the search
-        if study.set == "thresholds" and study.kind == "clean" and study.noise_kind != "wander":
-            outcome["statistics"] = statistics_of_tests(loaded)
-    return study.name, outcome
+        seconds = time.process_time() - started
+        known = known_answer(study, path) if study.hidden else None
+    return study.name, outcome_of(result, study, known) | {"cpu_seconds": seconds}
 
 
-def truth(study: BlindStudy) -> Explained:
-    """Return what is hidden in a study, as an explanation."""
-    laws = [PLANTED_LAWS[name] for name in study.hidden if name in PLANTED_LAWS]
-    return frozenset(planted_values(study)), (body_of(laws[0][0]), laws[0][1]) if laws else None
+def outcome_of(result: Identification, study: BlindStudy, known: Outcome | None) -> Outcome:
+    """Return what an identification says, beside what was hidden and what the data show of it.
 
-
-def outcome_of(result: Identification, planted: dict[str, float], right: Explained) -> Outcome:
-    """Return what an identification says, beside what was planted.
-
-    Each of the "probabilities" has effects, a law, the stated probability, and whether this is what was hidden.
+    Each of the "probabilities" has effects, a law, the stated probability, and whether it is what the data show of what was
+    hidden: of all of it, or of the most probable part by the fits with the known answer.
     """
+    right = truth(study.hidden)
     named = [parts_of(e) for e in _named(result)]
     judged = judgement(named, right)
     effects = next((e.effects for e in _named(result) if parts_of(e) == right), ()) if judged in NAMED else ()
+    rights = {right, _shown(known, right) if known else NOTHING}
     probabilities: dict[Explained, float] = {}
     for e in result.explanations:
         probabilities[parts_of(e)] = probabilities.get(parts_of(e), 0.0) + (e.probability or 0.0)
+    planted = planted_values(study)
     return {
         "verdict": result.verdict.value,
-        "names": list(result.names),
         "explanations": [_plain(e) for e in dict.fromkeys(named)],
-        "law": next((list(law) for _, law in named if law), None),
         "judgement": judged,
-        "probabilities": [[*_plain(e), p, e == right] for e, p in probabilities.items() if p],
-        "credible_holds_truth": right in map(parts_of, result.credible),
-        "planted": planted,
+        "log_odds": log_odds(known) if known else None,
+        "known_answer": known,
+        "probabilities": [[*_plain(e), p, e in rights] for e, p in probabilities.items() if p],
         "estimates": [_estimate(effect, planted[effect.name]) for effect in effects],
-        "visibility": visibility(result, planted),
-        "held_out_error": max(e.standardised_rms_after for e in result.errors if e.held_out),
-        "correlated_noise": bool(result.correlated_noise),
+        "held_out_error": max((e.standardised_rms_after for e in result.errors if e.held_out), default=None),
     }
+
+
+def _shown(known: Outcome, right: Explained) -> Explained:
+    """Return what the data show of what was hidden: the most probable part of it, or all of it where that is not known."""
+    shown = shown_parts(known)
+    if shown is None:
+        return right
+    law = right[1] if any(name.startswith(LAW) for name in shown) else None
+    return frozenset(name for name in shown if not name.startswith(LAW)), law
 
 
 def _named(result: Identification) -> tuple[RankedExplanation, ...]:
@@ -261,45 +179,9 @@ def _named(result: Identification) -> tuple[RankedExplanation, ...]:
     return () if result.verdict is Verdict.UNEXPLAINED else result.credible
 
 
-def parts_of(e: RankedExplanation) -> Explained:
-    """Return the effects of an explanation, and the body and coordinate of its law."""
-    return frozenset(effect.name for effect in e.effects), (body_of(e.law.acts_on), e.law.depends_on) if e.law else None
-
-
 def _plain(e: Explained) -> list[Any]:
     effects, law = e
     return [sorted(effects), list(law) if law else None]
-
-
-def visibility(result: Identification, planted: dict[str, float]) -> float | None:
-    """Return the planted change over the smallest one that the data could show, by the report; of two effects the smaller.
-
-    None: nothing that the library lists was planted, or the report says nothing of it.
-    """
-    # Once it is named, its error is known, but not that of one that stays hidden: to count only the first would be unfair
-    if not planted.keys().isdisjoint(CAN_HIDE) or _multiplies_zero(result, planted):
-        return None
-    smallest = {v.name: (v.value, v.null_value) for v in result.smallest_visible}
-    effects = [effect for e in reversed(_named(result)) for effect in e.effects]
-    smallest |= {e.name: (VISIBLE * _error_towards_null(e), e.null_value) for e in effects}
-    if not planted or not planted.keys() <= smallest.keys():
-        return None
-    return min(abs(value - smallest[name][1]) / smallest[name][0] for name, value in planted.items())
-
-
-def _error_towards_null(effect: IdentifiedEffect) -> float:
-    """Return the standard error that the end of the 95 % interval on the side of the null value corresponds to [SI]."""
-    low, high = effect.interval_95
-    end = low if effect.value > effect.null_value else high
-    return effect.error if end is None else abs(effect.value - end) / NORMAL_95
-
-
-def _multiplies_zero(result: Identification, planted: Iterable[str]) -> bool:
-    """Return whether a planted effect multiplies a coefficient that the declared model's fit has put to zero."""
-    zero = {p.name for p in result.before.parameters if p.value < MIN_SHARE_OF_MULTIPLIED * p.measured}
-    nulls = {c.name: c.null for effect in EFFECTS.values() for c in effect.coefficients}
-    effects = [e for e in EFFECTS.values() if not e.in_base_model and any(c.name in planted for c in e.coefficients)]
-    return any(multiplied_coefficient(e, nulls) in zero for e in effects)
 
 
 def judgement(named: Sequence[Explained], right: Explained) -> str:
@@ -331,106 +213,18 @@ def _estimate(effect: IdentifiedEffect, planted: float) -> dict[str, Any]:
     }
 
 
-def statistics_of_tests(study: Study) -> dict[str, float]:
-    """Return the statistics of the declared model's tests, each as far from noise as any group has it.
-
-    The odds are those of the most probable explanation that adds something; if none comes near, those from which on it would.
-    """
-    with one_blas_thread():
-        found, _ = explain(read_inputs(study))
-        declared = found.judged(found.nothing)
-    tests, groups = declared.tests, declared.tests.groups
-    odds = [e.log_posterior - found.nothing.log_posterior for e in found.ranked if e.key]
-    return {
-        "chi2_per_dof": tests.chi2_per_dof,
-        "chi2_over_limit": tests.chi2_per_dof / tests.limit,
-        "lasting_z": max(g.lasting for g in groups),
-        "held_out_chi2": declared.held_out.worst,
-        "log10_odds": max(odds, default=-MARGIN) / math.log(10),
-        "values": float(tests.count),
-    }
-
-
-@dataclass(frozen=True, kw_only=True)
-class Arm:
-    """One of the ways in which a study is judged."""
-
-    study: BlindStudy
-    finds_outliers: bool
-    """Whether outliers are searched for and left out."""
-
-    @property
-    def name(self) -> str:
-        """Name of its file in the work folder, without ending."""
-        search = "search" if self.finds_outliers else "no-search"
-        return f"{self.study.name}-{self.study.noise_kind}-{search}"
-
-
-def outliers(options: argparse.Namespace) -> None:
-    """Judge every study in every way, print the table, and store it beside the rates."""
-    studies = [s for s in drawn_studies(options) if s.kind == "single" and s.size and s.size >= MIN_ARM_SIZE]
-    arms = [
-        Arm(study=dataclasses.replace(s, noise_kind=kind), finds_outliers=finds)
-        for s in studies
-        for kind in ARM_NOISE_KINDS
-        for finds in (True, False)
-    ]
-    outcomes, interrupted = run(arms, solve_arm, work_folder(options), jobs=options.jobs, title="outliers")
-    rows = outlier_rows([(arm, outcomes[arm.name]) for arm in arms if arm.name in outcomes])
-    block = provenance(options, "calibration --outliers") | {"rows": rows}
-    print(rates_page.outliers_block(block))
-    if interrupted:
-        sys.exit(130)
-    store(RESULT, "outliers", block)
-
-
-def solve_arm(arm: Arm) -> tuple[str, Outcome]:
-    """Judge one study in one way."""
-    with contextlib.nullcontext() if arm.finds_outliers else no_search():
-        _, outcome = solve(arm.study)
-    return arm.name, outcome
-
-
-@contextlib.contextmanager
-def no_search() -> Iterator[None]:
-    """Take every point for one of the mass."""
-    with mock.patch.object(residual_noise, "find_outliers", lambda residual, *_: np.zeros(len(residual), dtype=bool)):
-        yield
-
-
-def outlier_rows(pairs: Sequence[tuple[Arm, Outcome]]) -> list[dict[str, Any]]:
-    """Return a row for each way: how often the hidden effect is named, and the errors of values relative to the first way's."""
-    judged = {(a.study.index, a.study.noise_kind, a.finds_outliers): o for a, o in pairs if "judgement" in o}
-    ways = [(kind, finds) for kind in ARM_NOISE_KINDS for finds in (True, False)]
-    complete = sorted({i for i, *_ in judged if all((i, *way) in judged for way in ways)})
-    rows = []
-    for way in ways:
-        outcomes = [judged[(i, *way)] for i in complete]
-        ratios = [
-            o["estimates"][0]["error"] / first["estimates"][0]["error"]
-            for o, first in zip(outcomes, (judged[(i, *ways[0])] for i in complete), strict=True)
-            if o["estimates"] and first["estimates"]
-        ]
-        rows.append(
-            {
-                "points": way[0],
-                "finds_outliers": way[1],
-                "named_or_tied": proportion(sum(o["judgement"] in NAMED for o in outcomes), len(outcomes)),
-                "wrong": proportion(sum(o["judgement"] == "wrong" for o in outcomes), len(outcomes)),
-                "unexplained": proportion(sum(o["verdict"] == "unexplained" for o in outcomes), len(outcomes)),
-                "standard_error_ratio": float(np.median(ratios)) if ratios else None,
-            }
-        )
-    return rows
-
-
 def main() -> None:
     """Judge the studies that the options ask for."""
     parser = argparse.ArgumentParser(description=__doc__)
-    add_options(parser)
-    parser.add_argument("--outliers", action="store_true", help="judge each study four times, with and without outliers")
+    parser.add_argument("--work", type=Path, required=True, help="folder in which finished studies are kept")
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument("--share", type=float, default=1.0, help=f"share of {sum(COUNTS.values())} studies, such as 0.05")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the studies")
+    parser.add_argument("--result", type=Path, default=RESULT, help="file of the results (%(default)s)")
     options = parser.parse_args()
-    (outliers if options.outliers else benchmark)(options)
+    if options.share <= 0 or options.jobs < 1:
+        parser.error("--share, --jobs: found a number that is not positive, needed for example --share 0.1 --jobs 2")
+    benchmark(options)
 
 
 if __name__ == "__main__":

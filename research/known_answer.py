@@ -1,96 +1,70 @@
-"""Fit the blind studies with exactly what was hidden: `python -m research.known_answer`.
+"""Fit a blind study with exactly what was hidden, begun at its true value: what its data show.
 
-What a fit that is given the answer, and begins at its true value, cannot tell from the declared model by a delta BIC of
-`DECISIVE`, no search can name, however large the effect is: the fitted parameters make up for it. The same holds of a law
-that no library lists if a listed effect explains the data as well. The outcomes of `identify` come from the calibration, whose
-work folder this one shares.
+What such a fit cannot tell from the declared model no search can name, however large the effect is: the fitted parameters make
+up for it. A law that no library lists is known by its true formula, as an effect of another package; since the package that is
+tested must not know it, that fit has a process of its own: `python -m research.known_answer STUDY.yaml PLANTED`.
 """
 
-import argparse
 import contextlib
+import dataclasses
 import itertools
 import json
+import math
 import os
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from looping_pendulum.discrepancy.blas import one_blas_thread
 from looping_pendulum.discrepancy.candidates import Candidate
-from looping_pendulum.discrepancy.evidence.explanation import fit_addition
+from looping_pendulum.discrepancy.evidence.explanation import WIDE, Parts, explained
+from looping_pendulum.discrepancy.evidence.marginal import NoiseGrid
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate, minimise
+from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.effects.own import ENTRY_POINTS
-from research import calibration, rates_page
-from research.calibration_summary import LARGE, NAMED, Outcome, proportion
-from research.rivals import best_additions, delta_bic
-from tests.discrepancy.blind_sample import BlindStudy, planted_values, scaled, write_files
-from tests.discrepancy.expected import DECISIVE, hidden_number
+from tests.blind.cases import CASES
+from tests.discrepancy.blind_sample import BlindStudy, hidden_numbers, planted_values
+from tests.discrepancy.expected import PLANTED_LAWS
 
 LAWS = "research.hidden_laws"
 """Module with the laws that no library lists."""
+LAW = "known_"
+"""Begin of the name of such a law as an effect; the name of its blind case follows."""
+SHOWN = math.log(10.0)
+"""Least log of the factor by which the right explanation must be more probable than any that lacks a part of it.
+
+Of the data of a study in which it is, they *show* what is hidden.
+"""
+
+Outcome = dict[str, Any]
+Planted = Mapping[str, Sequence[float]]
+"""Blind case -> planted value of its candidate or law, then of the companions [SI]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class KnownAnswer:
-    """One blind study, and what `identify` said of it."""
-
-    study: BlindStudy
-    explanations: tuple[tuple[str, ...], ...]
-    """Listed effects of each explanation that it named."""
-
-    @property
-    def name(self) -> str:
-        """Name of its file in the work folder, without ending."""
-        return f"{self.study.name}-known-answer"
-
-
-def benchmark(options: argparse.Namespace) -> None:
-    """Fit every study in which something large is hidden, print the summary, and store it beside the rates."""
-    # Small effects hide, and nobody doubts it; beside a law, what explains a part of the data would count as a rival
-    studies = [s for s in calibration.drawn_studies(options) if s.size and s.size >= LARGE and s.kind != "mixed"]
-    folder = calibration.work_folder(options)
-
-    outcomes, interrupted = calibration.run(studies, calibration.solve, folder, title="identify", jobs=options.jobs)
-    judged = [(s, outcomes[s.name]) for s in studies if "judgement" in outcomes.get(s.name, {})]
-    tasks = [KnownAnswer(study=s, explanations=_explanations(o)) for s, o in judged]
-    known: dict[str, Outcome] = {}
-    if not interrupted:
-        known, interrupted = calibration.run(tasks, solve, folder, title="known answer", jobs=options.jobs)
-    result = summary([(s, o["judgement"], known[t.name]) for (s, o), t in zip(judged, tasks, strict=True) if t.name in known])
-    block = calibration.provenance(options, "known_answer") | {"summary": result}
-    print(rates_page.known_answer_block(block))
-    if interrupted:
-        sys.exit(130)
-    calibration.store(calibration.RESULT, f"known_answer_{options.set}", block)
-
-
-def _explanations(outcome: Outcome) -> tuple[tuple[str, ...], ...]:
-    """Return the listed effects of each explanation that was named and has no law."""
-    return tuple(tuple(names) for names, law in outcome["explanations"] if names and not law)
-
-
-def solve(task: KnownAnswer) -> tuple[str, Outcome]:
-    """Make a study again and fit it with what was hidden, a law that no library lists in a process that knows it."""
-    if task.study.kind != "unlisted":
-        return task.name, gains(task.study, planted_values(task.study), ())
+def known_answer(study: BlindStudy, path: Path) -> Outcome:
+    """Return the log posterior of every part of what is hidden in a study, whose file is at ``path``; see `log_posteriors`."""
+    numbers = hidden_numbers(study)
+    values = {**planted_values(study), **{LAW + name: value for name, value in numbers.items() if name in PLANTED_LAWS}}
+    companions = {k: v for name in numbers for k, v in CASES[name].fixed if not isinstance(v, tuple)}
+    if not any(name.startswith(LAW) for name in values):
+        return _outcome(path, values, companions)
     with _installed_laws() as folder:
-        known = json.dumps([task.study.__dict__, task.explanations])
-        path = os.pathsep.join([folder, *filter(None, [os.environ.get("PYTHONPATH")])])
-        command = [sys.executable, "-m", "research.known_answer", "--one", known]
-        done = subprocess.run(command, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True)
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join([folder, *filter(None, [os.environ.get("PYTHONPATH")])])}
+        command = [sys.executable, "-m", "research.known_answer", str(path), json.dumps([values, companions])]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     if done.returncode:
-        return task.name, {"failed": done.stderr[-500:]}
+        return {"failed": done.stderr[-500:]}
     outcome: Outcome = json.loads(done.stdout.splitlines()[-1])
-    return task.name, outcome
+    return outcome
 
 
 @contextlib.contextmanager
@@ -104,109 +78,86 @@ def _installed_laws() -> Iterator[str]:
         yield folder
 
 
-def gains(study: BlindStudy, planted: Mapping[str, float], explanations: Sequence[Sequence[str]]) -> Outcome:
-    """Return the delta BIC of each planted effect beside the others, and of each explanation beside the declared model.
+def _outcome(path: Path, values: Mapping[str, float], companions: Mapping[str, float]) -> Outcome:
+    try:
+        with one_blas_thread():
+            return {"log_posteriors": log_posteriors(path, values, companions)}
+    except (HarnessError, ArithmeticError, ValueError) as error:
+        return {"failed": repr(error)}
+
+
+def log_posteriors(path: Path, values: Mapping[str, float], companions: Mapping[str, float]) -> list[tuple[list[str], float]]:
+    """Return (names, log posterior) of every subset of what is hidden, each fitted to all trials.
 
     Parameters
     ----------
-    planted
+    values
         Name of a candidate -> its planted value [SI].
+    companions
+        Name of a companion coefficient -> its planted value [SI].
+
+    Raises
+    ------
+    FitError
+        If one of these models cannot run.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        inputs = read_inputs(load(write_files(study, Path(folder))))
-    library = {c.name: c for c in inputs.library}
-    right = {library[name]: value for name, value in planted.items()}
-    declared = refit_with_estimated_noise(calibrate(inputs.problem()))  # of all trials, as the search has them
-    try:
-        # The noise is that of the right model: the declared one's would count what it lacks as noise
-        best = with_noise_of_residuals(_best_fit(declared, right))
-        known = declared.problem.with_data(best.problem.data)
-        base = minimise(known, declared.x)
-        without = {name: _best_fit(base, {c: v for c, v in right.items() if c.name != name}) for name in planted}
-        others = [_refitted(base, [library[n] for n in names]) for names in explanations]
-    except (FitError, HarnessError) as error:
-        return {"failed": str(error)}
-    return {
-        "delta_bic": {name: delta_bic(fit, best) for name, fit in without.items()},
-        "delta_bic_of_explanations": [delta_bic(base, fit) for fit in others],
-    }
+    inputs = read_inputs(load(path))
+    right = [c for c in inputs.library if c.name in values]
+    listed = sum(not c.name.startswith(LAW) or c.name in values for c in inputs.library)
+    declared = refit_with_estimated_noise(calibrate(inputs.problem()))
+    # The noise is that of the right model: the declared one's would count what it lacks as noise
+    best = with_noise_of_residuals(_fitted(declared, declared, right, values, companions))
+    grid = NoiseGrid(best.problem.data)
+    found = []
+    for count in range(len(right) + 1):
+        for chosen in itertools.combinations(right, count):
+            fit = _fitted(declared, best, chosen, values, companions)
+            explanation = explained(grid, fit, Parts(effects=chosen), listed)
+            found.append(([c.name for c in chosen], explanation.log_posterior))
+    return found
 
 
-def _refitted(base: Fit, added: Sequence[Candidate]) -> Fit:
-    """Return a fit with candidates whose values nobody knows, added one after another."""
-    for candidate in added:
-        found = best_additions(base, [candidate])
-        base = (fit_addition(found[0]) if found else None) or base
-    return base
+def _fitted(
+    declared: Fit, best: Fit, chosen: Sequence[Candidate], values: Mapping[str, float], companions: Mapping[str, float]
+) -> Fit:
+    """Return the best fit of the declared model with some candidates to the data of ``best``.
 
-
-def _best_fit(base: Fit, added: Mapping[Candidate, float]) -> Fit:
-    """Return the best fit with the candidates that ``added`` names, begun at their true values and at none."""
-    if not added:
-        return base
-    scales = [abs(v - c.null) for c, v in added.items()]
-    main = [c.free_parameter(s) for c, s in zip(added, scales, strict=True)]
-    at_truth = [(v - c.null) / s for (c, v), s in zip(added.items(), scales, strict=True)]
+    It begins with their true values, and the other parameters as the declared model's fit has them, as ``best`` has them, and
+    from nothing but what is stated.
+    """
+    more, start = [], []
+    for c in chosen:
+        scale = abs(values[c.name] - c.null)
+        beside = c.companion_parameters([companions[k.name] for k in c.companions])
+        more += [dataclasses.replace(c.free_parameter(scale), prior=WIDE), *beside]
+        start += [(values[c.name] - c.null) / scale, *(0.0 for _ in c.companions)]
+    problem = Problem(declared.problem.study, best.problem.data, (*declared.problem.free_parameters, *more))
+    others = len(declared.x)
     fits = []
-    for values in itertools.product(*(c.companion_grid() for c in added)):
-        companions = [p for c, v in zip(added, values, strict=True) for p in c.companion_parameters(v)]
-        problem = base.problem.with_parameters(*main, *companions)
-        for start in (at_truth, [0.0] * len(main)):
-            x = np.concatenate([base.x, start, np.zeros(len(companions))])
-            with contextlib.suppress(FitError):
-                fits.append(minimise(problem, x))
+    for fit_from, x in ((minimise, declared.x), (minimise, best.x[:others]), (calibrate, declared.problem.prior_mean)):
         with contextlib.suppress(FitError):
-            fits.append(calibrate(problem, np.concatenate([base.x, at_truth, np.zeros(len(companions))])))
+            fits.append(fit_from(problem, np.concatenate([x, start])))
     if not fits:
-        raise FitError("the model with what was hidden cannot run")
+        raise FitError(f"the model with {', '.join(c.name for c in chosen) or 'nothing added'} cannot run")
     return min(fits, key=lambda f: f.cost)
 
 
-def is_shown(outcome: Outcome) -> bool:
-    """Return whether the data show each hidden effect, and make it more likely than what was named instead."""
-    return bool(min(outcome["delta_bic"].values()) >= max([0.0, *outcome["delta_bic_of_explanations"]]) + DECISIVE)
+def shown_parts(outcome: Outcome) -> frozenset[str] | None:
+    """Return those parts of what is hidden that the data show: the most probable subset; None: a fit failed."""
+    if "log_posteriors" not in outcome:
+        return None
+    names, _ = max(outcome["log_posteriors"], key=lambda one: one[1])
+    return frozenset(names)
 
 
-def summary(rows: Sequence[tuple[BlindStudy, str, Outcome]]) -> dict[str, Any]:
-    """Return for each kind and size how many studies show what was hidden, and how many of these were named or tied."""
-    fitted = [row for row in rows if "delta_bic" in row[2]]
-    result: dict[str, Any] = {"failed": len(rows) - len(fitted)}
-    for kind in dict.fromkeys(s.kind for s, _, _ in fitted):
-        of_kind = [row for row in fitted if row[0].kind == kind]
-        groups = {
-            f"{size:g}": [r for r in of_kind if r[0].size == size] for size in sorted({s.size or 0.0 for s, _, _ in of_kind})
-        }
-        groups["all"] = of_kind
-        result[kind] = {name: _shares(group) for name, group in groups.items()}
-    return result
-
-
-def _shares(rows: Sequence[tuple[BlindStudy, str, Outcome]]) -> dict[str, Any]:
-    shown = [judgement for _, judgement, outcome in rows if is_shown(outcome)]
-    hidden = [judgement for _, judgement, outcome in rows if not is_shown(outcome)]
-    return {
-        "shown": proportion(len(shown), len(rows)),
-        "shown_and_named": proportion(sum(j in NAMED for j in shown), len(shown)),
-        "not_shown_but_named": proportion(sum(j in NAMED for j in hidden), len(hidden)),
-    }
-
-
-def main() -> None:
-    """Fit the studies that the options ask for, or the one of `solve`'s own process."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    calibration.add_options(parser)
-    parser.add_argument("--one", help=argparse.SUPPRESS)
-    options = parser.parse_args()
-    if options.one is None:
-        benchmark(options)
-        return
-    fields, named = json.loads(options.one)
-    study = BlindStudy(**{**fields, "hidden": tuple(fields["hidden"])})
-    (hidden,) = study.hidden
-    assert study.size is not None
-    value = hidden_number(scaled(hidden, study.size))
-    print(json.dumps(gains(study, {f"known_{hidden}": value}, named)))
+def log_odds(outcome: Outcome) -> float | None:
+    """Return the log odds of all that is hidden to the best explanation that lacks a part of it; None: a fit failed."""
+    if "log_posteriors" not in outcome:
+        return None
+    *parts, (_, whole) = sorted(outcome["log_posteriors"], key=lambda one: len(one[0]))
+    return float(whole - max(log_posterior for _, log_posterior in parts))
 
 
 if __name__ == "__main__":
-    main()
+    study_file, planted = sys.argv[1:]
+    print(json.dumps(_outcome(Path(study_file), *json.loads(planted))))

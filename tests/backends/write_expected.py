@@ -4,13 +4,14 @@ Events are from arithmetic of 80 bits, whose rounding is 2000 times smaller. The
 masses with noise, as text, so that every backend reads the same bytes.
 """
 
+import dataclasses
 import json
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from looping_pendulum.discrepancy.evidence.explanation import Explanation, Parts, explained, fit_addition
+from looping_pendulum.discrepancy.evidence.explanation import WIDE, Explanation, Parts, explained
 from looping_pendulum.discrepancy.evidence.marginal import NoiseGrid
 from looping_pendulum.discrepancy.fit.calibration import Fit, minimise
 from looping_pendulum.discrepancy.fit.problem import Problem
@@ -19,7 +20,6 @@ from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.solve import solve_at
 from research import heyoka_runs
-from research.rivals import best_additions
 from tests.apparatus import SENSITIVE, TEN_TO_ONE, TWO_TO_ONE
 
 DATA = Path(__file__).with_name("data")
@@ -51,8 +51,8 @@ def tracked() -> str:
     return "\n".join(["t [s],light_x [mm],light_y [mm],heavy_y [mm]", *rows]) + "\n"
 
 
-CANDIDATES = ("push_across", "wind_speed", "clock_offset", "scale")
-"""Candidates of the small study that need little compiling."""
+CANDIDATES = {"push_across": 0.1, "wind_speed": 1.0, "clock_offset": 0.01, "scale": 0.05}
+"""Candidate of the small study that needs little compiling -> about the size that it may have [SI]."""
 
 
 class Loop(NamedTuple):
@@ -77,8 +77,12 @@ def data_loop() -> Loop:
     inputs = read_inputs(load(DATA / "study.yaml"))
     problem = Problem(inputs.study, inputs.training, inputs.free_parameters)
     declared = refit_with_estimated_noise(minimise(problem, problem.prior_mean))
-    additions = best_additions(declared, [c for c in inputs.library if c.name in CANDIDATES])
-    fits = [(declared, Parts()), *((fit, a.parts) for a in additions if (fit := fit_addition(a)))]
+    fits = [(declared, Parts())]
+    for c in inputs.library:
+        if c.name in CANDIDATES:
+            added = dataclasses.replace(c.free_parameter(CANDIDATES[c.name]), prior=WIDE)
+            fit = minimise(declared.problem.with_parameters(added), np.append(declared.x, 0.0))
+            fits.append((fit, Parts(effects=(c,))))
     grid = NoiseGrid(declared.problem.data)
     explanations = [explained(grid, fit, parts, len(CANDIDATES)) for fit, parts in fits]
     explanations.sort(key=lambda e: -e.log_posterior)

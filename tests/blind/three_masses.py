@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from tests.blind import Apparatus, Effects
 from tests.blind.camera import Camera, film
 from tests.blind.cases import ANGLE_UNCERTAINTY, CASES, LENGTH_UNCERTAINTY, MASS_UNCERTAINTY, RADIUS_UNCERTAINTY
-from tests.blind.simulator import simulate
+from tests.blind.simulator import Motion, simulate
 from tests.blind.stored import archive_name, stored_or_written
 
 Array = NDArray[np.float64]
@@ -34,7 +34,9 @@ NOISE = (2e-3, 1e-3)
 MISSING = 0.03
 """Probability that a point of the light mass is missing."""
 FILMED = 2.5
-"""[s]; a trial ends earlier where the light mass is wound up."""
+"""[s]; a trial ends earlier where the light mass is wound up, or the string leaves the rod."""
+NEAR_ROD, LEAST_WRAP = 0.02, 0.1
+"""Distance of the light mass from the rod's centre [m], and wrap angle [rad], below which a film ends."""
 HIDDEN: Mapping[str, Mapping[str, float]] = MappingProxyType(
     {
         "friction_per_turn": {"friction_per_turn": 0.35},
@@ -71,7 +73,8 @@ def simulate_three_masses(folder: Path, kind: str, seed: int) -> None:
     trials = []
     for name, (light_mass, angle) in TRIALS.items():
         true = dataclasses.replace(common, light_mass=light_mass, release_angle=math.radians(angle))
-        clip = film(simulate(true, hidden(kind), duration=FILMED), PERFECT, rng, duration=FILMED)
+        motion = simulate(true, hidden(kind), duration=FILMED)
+        clip = film(motion, PERFECT, rng, duration=_duration(motion))
         light, heavy = (place + NOISE[i] * rng.standard_normal(place.shape) for i, place in enumerate((clip.light, clip.heavy)))
         light[rng.random(len(light)) < MISSING] = np.nan
         (folder / f"{name}.csv").write_text(_table(clip.t, light, heavy), encoding="utf-8")
@@ -89,6 +92,12 @@ def simulate_three_masses(folder: Path, kind: str, seed: int) -> None:
         },
     }
     (folder / "study.yaml").write_text(yaml.safe_dump(study, sort_keys=False), encoding="utf-8")
+
+
+def _duration(motion: Motion) -> float:
+    """Return when a film of a motion ends [s]."""
+    over = (np.linalg.norm(motion.light, axis=1) < NEAR_ROD) | (motion.wrap_angle < LEAST_WRAP)
+    return float(motion.t[np.argmax(over)]) if over.any() else FILMED
 
 
 def _trial(name: str, true: Apparatus, rng: np.random.Generator) -> dict[str, Any]:

@@ -18,20 +18,24 @@ import numpy as np
 from looping_pendulum.files import write_atomically
 from tests.blind.camera import Camera
 from tests.blind.cases import CASES, CLEAN_VARIED, UNLISTED, Case, with_signature
+from tests.blind.three_masses import HIDDEN, write_three_masses
 from tests.discrepancy.blind_study import let_the_tracker_wander, put_on_another_object, write_study
-from tests.discrepancy.expected import EXPECTED, hidden_number, planted
+from tests.discrepancy.expected import CANDIDATES, CONVERSIONS, EXPECTED, hidden_number
 
-SETS = ("thresholds", "rates")
-"""Studies that thresholds are chosen by, and studies that rates are measured on: their seeds differ."""
-KINDS = ("clean", "single", "two", "unlisted", "mixed")
-"""Nothing, one listed effect, two, a law that no library lists, or a listed effect beside such a law."""
-DEFAULT_COUNTS = {"clean": 300, "single": 300, "two": 100, "unlisted": 100, "mixed": 0}
+COUNTS = {"clean": 120, "single": 96, "two": 48, "law": 48, "mixed": 48, "three_masses": 40}
+"""Kind -> number of studies, 400 together.
+
+What is hidden is nothing, one listed effect, two, a law that no library lists, or a listed effect beside such a law; of studies
+of three light masses it is what `three_masses.HIDDEN` has.
+"""
 NOISES = (0.5e-3, 1e-3, 2e-3)
 """Standard deviations of a tracked point of a mass at rest, each axis [m]."""
 SIZES = (1e-3, 3e-3, 8e-3, 16e-3, 50e-3)
 """How far a single effect moves the light mass [m], RMS over a trial, before any refit."""
 SIZES_OF_TWO = SIZES[1:]
 """The same of each of two effects at once, or of an effect and a law."""
+THREE_MASSES_NOISE = 2e-3
+"""That of the light mass in studies of three light masses [m]."""
 TRIALS = {1: ("ten_a",), 2: ("ten_a", "eight"), 3: ("ten_a", "six", "eight"), 4: ("ten_a", "ten_b", "six", "eight")}
 """Number of trials -> their names; "eight" is held out, and of one trial alone blocks of time."""
 NOISE_KINDS = ("white", "wander", "outliers")
@@ -49,37 +53,35 @@ FACTORS = Path(__file__).with_name("blind_factors.json")
 class BlindStudy:
     """One blind study: all that its files depend on."""
 
-    set: str
-    """One of `SETS`."""
-    kind: str
-    """One of `KINDS`."""
-    index: int
-    """Number within its set and kind."""
     hidden: tuple[str, ...]
     """Names of the blind cases that are hidden at once; empty: the study is clean."""
     size: float | None
-    """How far each of them moves the light mass [m]; None: clean."""
+    """How far each of them moves the light mass [m]; None: the study is clean, or of three light masses."""
     noise: float
     """Standard deviation of a tracked point of a mass at rest, each axis [m]."""
-    noise_kind: str
+    noise_kind: str = "white"
     """One of `NOISE_KINDS`: what the points have beside white noise."""
     trials: int
-    """Number of trials, a key of `TRIALS`."""
+    """Number of trials, a key of `TRIALS` but for three light masses."""
     seed: int
     """Seed of the simulator and its camera."""
+    kind: str = ""
+    """A key of `COUNTS`; empty: the study was not drawn."""
+    index: int = 0
+    """Number within its kind."""
 
     @property
     def name(self) -> str:
         """Name of its file in the work folder, without ending."""
-        return f"{self.set}-{self.kind}-{self.index:04d}"
+        return f"{self.kind}-{self.index:04d}"
 
 
-def draw(set_name: str, kind: str, count: int, seed: int) -> list[BlindStudy]:
+def draw(kind: str, count: int, seed: int) -> list[BlindStudy]:
     """Draw ``count`` studies; a smaller count gives the first of them.
 
     Pairs of effect and size are shuffled as a whole, so that each occurs about as often as any other.
     """
-    label = zlib.crc32(f"{set_name} {kind}".encode())
+    label = zlib.crc32(kind.encode())
     hidden = _shuffled_hidden(kind, np.random.default_rng([seed, label]))
     studies = []
     for index in range(count):
@@ -87,14 +89,13 @@ def draw(set_name: str, kind: str, count: int, seed: int) -> list[BlindStudy]:
         names, size = hidden[index % len(hidden)]
         studies.append(
             BlindStudy(
-                set=set_name,
                 kind=kind,
                 index=index,
                 hidden=names,
                 size=size,
-                noise=float(rng.choice(NOISES)),
+                noise=THREE_MASSES_NOISE if kind == "three_masses" else float(rng.choice(NOISES)),
                 noise_kind=NOISE_KINDS[index % 3] if kind == "clean" else "white",
-                trials=int(rng.choice(list(TRIALS))),
+                trials=3 if kind == "three_masses" else int(rng.choice(list(TRIALS))),
                 seed=int(rng.integers(1_000, 2**31)),  # the stored films and the tests have seeds below a thousand
             )
         )
@@ -105,6 +106,8 @@ def _shuffled_hidden(kind: str, rng: np.random.Generator) -> list[tuple[tuple[st
     """Return every choice of what is hidden and of its size, in random order."""
     if kind == "clean":
         return [((), None)]
+    if kind == "three_masses":
+        return [(tuple(numbers), None) for numbers in HIDDEN.values()]
     if kind == "single":
         groups = [(name,) for name in EXPECTED]
     elif kind == "two":
@@ -185,15 +188,27 @@ def case_of(study: BlindStudy) -> Case:
     )
 
 
+def hidden_numbers(study: BlindStudy) -> dict[str, float]:
+    """Return blind case -> hidden number."""
+    if study.kind == "three_masses":
+        return dict(HIDDEN[_kind_of_three_masses(study)])
+    return {name: hidden_number(scaled(name, study.size)) for name in study.hidden if study.size is not None}
+
+
+def _kind_of_three_masses(study: BlindStudy) -> str:
+    return next(kind for kind, numbers in HIDDEN.items() if tuple(numbers) == study.hidden)
+
+
 def planted_values(study: BlindStudy) -> dict[str, float]:
-    """Return candidate -> planted value in the candidate's unit; empty where no candidate is right."""
-    if study.kind == "unlisted" or study.size is None:
-        return {}
-    return dict(planted(scaled(name, study.size)) for name in study.hidden if name in EXPECTED)
+    """Return candidate -> planted value in the candidate's unit; laws, of which there is no candidate, are left out."""
+    numbers = hidden_numbers(study).items()
+    return {CANDIDATES[name]: CONVERSIONS.get(name, float)(value) for name, value in numbers if name in CANDIDATES}
 
 
 def write_files(study: BlindStudy, folder: Path) -> Path:
     """Write the files of a study as an experimenter would have them; return the study file."""
+    if study.kind == "three_masses":
+        return write_three_masses(folder, _kind_of_three_masses(study), study.seed)
     path = write_study(
         folder, case_of(study), study.seed, trials=TRIALS[study.trials], anywhere="wrong_gravity" in study.hidden
     )

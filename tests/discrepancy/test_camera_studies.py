@@ -11,7 +11,7 @@ from looping_pendulum.measured.study_io import load, load_text
 from looping_pendulum.teaching.example_folder import write_example
 from scripts.make_example_trials import HIDDEN
 from tests.blind.cases import CASES
-from tests.discrepancy.blind_sample import BlindStudy, draw, write_files
+from tests.discrepancy.blind_sample import BlindStudy, write_files
 from tests.discrepancy.blind_study import TWO_RATIOS, only_candidates, write_study
 from tests.discrepancy.expected import PLANTED_LAWS
 
@@ -66,14 +66,14 @@ def test_a_force_that_the_fitted_parameters_hide_is_found_where_the_declared_mod
 
     It acts across the string.
     """
-    result = identify(load(write_files(draw("rates", "unlisted", 48, 8)[47], tmp_path)))
+    result = identify(
+        load(write_files(BlindStudy(hidden=("thrust",), size=0.016, noise=2e-3, trials=3, seed=2079870536), tmp_path))
+    )
     assert result.verdict is Verdict.UNLISTED
     assert body_of(result.unlisted.acts_on) == "light mass"
 
 
-BRAKE = BlindStudy(
-    set="rates", kind="unlisted", index=0, hidden=("brake",), size=0.05, noise=1e-3, noise_kind="white", trials=3, seed=90001
-)
+BRAKE = BlindStudy(hidden=("brake",), size=0.05, noise=1e-3, trials=3, seed=90001)
 """A brake on the heavy mass between two heights, in three trials."""
 
 
@@ -88,15 +88,18 @@ def test_a_brake_at_a_height_is_no_drag_of_the_heavy_mass(tmp_path):
 @pytest.mark.accurate  # half a minute
 def test_a_listed_effect_that_the_fitted_parameters_hide_is_named(tmp_path):
     """Oracle: a rod that yields, in one training trial of the separate simulator; only an unlisted force was named."""
-    result = identify(load(write_files(draw("rates", "single", 35, 3)[34], tmp_path)))
+    result = identify(
+        load(write_files(BlindStudy(hidden=("rod_mobility",), size=0.05, noise=1e-3, trials=2, seed=342806566), tmp_path))
+    )
     assert (result.verdict, result.names) == (Verdict.IDENTIFIED, ("rod_mobility",))
 
 
 @pytest.mark.accurate  # seconds
-@pytest.mark.parametrize(("seed", "index"), [(8, 14), (10, 231)], ids=["on a bound", "short of it"])
-def test_an_effect_that_saturates_is_named(tmp_path, seed, index):
+@pytest.mark.parametrize(("trials", "seed"), [(1, 1154620852), (3, 327061356)], ids=["on a bound", "short of it"])
+def test_an_effect_that_saturates_is_named(tmp_path, trials, seed):
     """Oracle: a rod that turns in the separate simulator; the first refit ends where larger mobilities do the same."""
-    result = identify(load(write_files(draw("rates", "single", index + 1, seed)[index], tmp_path)))
+    study = BlindStudy(hidden=("rod_mobility",), size=0.05, noise=5e-4, trials=trials, seed=seed)
+    result = identify(load(write_files(study, tmp_path)))
     assert (result.verdict, result.names) == (Verdict.IDENTIFIED, ("rod_mobility",))
 
 
@@ -125,18 +128,22 @@ def test_two_listed_effects_of_which_one_is_weak_are_named(tmp_path):
 
 
 @pytest.mark.accurate  # half a minute each
-@pytest.mark.parametrize("index", [0, 1], ids=["magnet", "thrust"])
-def test_two_listed_effects_do_not_stand_for_an_unlisted_force(tmp_path, index):
+@pytest.mark.parametrize(
+    ("law", "noise", "trials", "seed"),
+    [("magnet", 1e-3, 4, 367897189), ("thrust", 5e-4, 2, 1803460975)],
+    ids=["magnet", "thrust"],
+)
+def test_two_listed_effects_do_not_stand_for_an_unlisted_force(tmp_path, law, noise, trials, seed):
     """Oracle: the magnet and the thrust of the separate simulator, which pairs of listed effects explain to their noise."""
-    result = identify(load(write_files(draw("rates", "unlisted", index + 1, 2)[index], tmp_path)))
+    study = BlindStudy(hidden=(law,), size=0.016, noise=noise, trials=trials, seed=seed)
+    result = identify(load(write_files(study, tmp_path)))
     assert result.verdict is Verdict.UNLISTED
     assert result.unlisted.acts_on.startswith("light mass")
 
 
 def drag_by_attitude(folder):
     """A study in which the fit puts the quadratic drag to zero, which the drag that is missing multiplies."""
-    study = draw("rates", "single", 8, seed=5)[7]
-    assert study.hidden == ("attitude_drag",)
+    study = BlindStudy(hidden=("attitude_drag",), size=0.05, noise=1e-3, trials=2, seed=566015163)
     with only_candidates(["light_inertia", "side_force", "attitude_drag"]):
         return identify(load(write_files(study, folder)))
 

@@ -9,7 +9,7 @@ from looping_pendulum.discrepancy.report.markdown import identification_markdown
 from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.measured.study_io import load
 from tests.blind.cases import CASES, CLEAN
-from tests.discrepancy.blind_sample import draw, write_files
+from tests.discrepancy.blind_sample import BlindStudy, write_files
 from tests.discrepancy.blind_study import TWO_RATIOS, WHOLE_LIBRARY, let_the_tracker_wander, only_candidates, write_study
 
 AMPLITUDE, FRAMES = 5e-4, 10
@@ -53,8 +53,7 @@ def test_differences_of_neighbours_keep_their_size():
 @pytest.mark.long
 def test_a_tracker_that_wanders_too_little_to_be_noticed_is_no_effect(tmp_path):
     """By white noise alone a foreshortening decreased the Bayesian information criterion by 15, though nothing was hidden."""
-    study = draw("rates", "clean", 65, seed=5)[64]
-    assert (study.noise_kind, study.trials) == ("wander", 1)
+    study = BlindStudy(hidden=(), size=None, noise=2e-3, noise_kind="wander", trials=1, seed=476403104)
     result = identify(load(write_files(study, tmp_path)))
     assert any(not e.names for e in result.credible)
 
@@ -62,8 +61,7 @@ def test_a_tracker_that_wanders_too_little_to_be_noticed_is_no_effect(tmp_path):
 @pytest.mark.long
 def test_a_right_effect_of_little_evidence_stays(tmp_path):
     """A wrong scale that moves the light mass by a millimetre, hardly less probable beside a tracker that may wander."""
-    study = draw("rates", "single", 6, seed=5)[5]
-    assert (study.hidden, study.noise_kind) == (("scale",), "white")
+    study = BlindStudy(hidden=("scale",), size=1e-3, noise=5e-4, trials=2, seed=1596938784)
     with only_candidates(["scale"]):
         result = identify(load(write_files(study, tmp_path)))
     assert result.names == ("scale",)

@@ -23,7 +23,7 @@ from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.measured.study_io import load
 from tests.blind.cases import CASES
-from tests.discrepancy.blind_sample import draw, write_files
+from tests.discrepancy.blind_sample import BlindStudy, write_files
 from tests.discrepancy.blind_study import write_study
 
 DRAG = "light_linear_drag"
@@ -287,7 +287,8 @@ def test_a_wrong_mass_beside_a_fitted_one_is_judged_by_what_is_linear(tmp_path):
 
     That nothing was missing had been the verdict, though by the report an error of a twentieth would have shown.
     """
-    inputs = read_inputs(load(write_files(draw("rates", "single", 161, 14)[160], tmp_path)))
+    study = BlindStudy(hidden=("wrong_mass",), size=0.05, noise=1e-3, trials=3, seed=115974613)
+    inputs = read_inputs(load(write_files(study, tmp_path)))
     fit = calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters))
     size = visible(fit, [c for c in inputs.library if c.name == "wrong_light_mass"])["wrong_light_mass"].value
     i = fit.problem.names.index("light_mass")

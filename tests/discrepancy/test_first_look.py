@@ -570,7 +570,7 @@ def test_a_search_that_goes_on_anyway_reports_what_looks_wrong(example, tmp_path
 
 
 @pytest.mark.accurate
-@pytest.mark.parametrize("blind", draw("rates", "clean", 10, 3), ids=lambda blind: blind.name)
+@pytest.mark.parametrize("blind", draw("clean", 10, 3), ids=lambda blind: blind.name)
 def test_ten_mistakes_are_named_in_ten_blind_studies(tmp_path, blind):
     path = write_files(blind, tmp_path)
     for name, mistake in MISTAKES.items():
@@ -587,9 +587,7 @@ def test_no_false_warning(tmp_path, case, seed):
     assert not check.warnings
 
 
-LARGE = [
-    s for kind in ("single", "unlisted") for s in draw("rates", kind, 200 if kind == "single" else 100, 3) if s.size == 50e-3
-]
+LARGE = [s for kind in ("single", "law") for s in draw(kind, 200 if kind == "single" else 100, 3) if s.size == 50e-3]
 """Blind studies whose hidden effect moves the light mass by 50 mm."""
 
 
