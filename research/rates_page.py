@@ -1,6 +1,6 @@
-"""Write the measured rates, research/rates.md, from `calibration.json`, and draw docs/img/power.png.
+"""Write the measured rates, research/rates.md and in short docs/identify.md, and draw docs/img/power.png.
 
-`python -m research.calibration` measures and prints them; `python -m research.rates_page` writes the text and the figure.
+`python -m research.calibration` measures and prints them; `python -m research.rates_page` writes texts and figure.
 """
 
 import json
@@ -18,7 +18,9 @@ from research import DATA, FOLDER, IMAGES
 from research.calibration_summary import HIDDEN, JUDGEMENTS, NAMED, TARGETS, Target
 from tests.discrepancy.blind_sample import COUNTS
 
-PAGE = FOLDER / "rates.md"
+PAGE, IN_SHORT = FOLDER / "rates.md", FOLDER.parent / "docs" / "identify.md"
+HEADING, NEXT = "## How reliable it is\n", "On real tracked points:\n"
+"""Between these lines the second one has the page in short."""
 WORDS_OF_NOISE = {"white": "white noise", "wander": "a tracker that wanders", "outliers": "outliers"}
 LOOKS = {
     "right": ("named", "o", COLOURS[2]),
@@ -36,41 +38,28 @@ JITTER = 0.25
 
 def page(rates: dict[str, Any]) -> str:
     """Return the text of the page."""
-    planned, judged = sum(COUNTS.values()), rates["studies"]
-    few = "" if judged + rates["unreachable"] + rates["failed"] >= planned else f" of {planned} that are planned"
-    cpu = rates["cpu_seconds"]
-    seconds = f"{amount(cpu['0.5'])} s of processor time in the median, {amount(cpu['largest'])} s at most" if cpu else "-"
     held_out = rates["held_out_error"]
     errors = f"{amount(held_out['0.5'])} in the median, {amount(held_out['largest'])} at most" if held_out else "-"
     clean = "\n".join(_clean_row(kind, rates["clean"][kind]) for kind in WORDS_OF_NOISE)
     return f"""# How reliable `identify` is
 
 `python -m research.rates_page` writes this page from `research/data/calibration.json`; docs/identify.md has it in short.
-A separate simulator in Cartesian coordinates (`tests/blind`) made {judged} studies{few}, filmed by a simulated camera
-with 1 to 4 trials and three kinds of noise; `identify` read only their files (`{rates["command"]}`, {rates["measured_on"]}).
-In {rates["unreachable"]} more no value gives the size that was drawn, or the reader of the files corrects what was hidden;
-{rates["failed"]} ended with an error. An identification took {seconds}. Intervals are of 95 %, by Clopper and Pearson.
 
-Much of what an effect does, the fitted parameters can do as well: the wrong mass of a single trial is a friction. So every
-study was also fitted with exactly what was hidden, begun at its true value, a law by its true formula. Its data *show* what is
-hidden if that explanation, prior included, is at least 10 times as probable as every one that lacks a part of it.
-({rates["failed_known_answers"]} of these fits failed; their studies count as not showing it.)
+{_studies(rates)}
+In others no value gives the size that was drawn, or the reader of the files corrects what was hidden
+({rates["unreachable"]}), or the search ended with an error ({rates["failed"]}). Where a fit with what was hidden did so
+({rates["failed_known_answers"]}), the study counts as not showing it.
 
 ## What was asked of it
 
-{table(["what", "asked", "measured", ""], [_target_row(t, rates) for t in TARGETS], left=4)}
-
-An explanation counts as right if it is what was hidden, or the part of it that the data show by these fits. "Named" is the only
-explanation with 95 % of the probability, "tied" one of several. Of a law, what it acts on and what it depends on must be right.
+{_targets(rates)}
 
 ## What is hidden, and what is said
 
 {table(HIDDEN_HEAD, _hidden_rows(rates))}
-
 ![What `identify` says of each hidden effect, against the odds by which the data show it](../docs/img/power.png)
 
 {table(["hidden", "the light mass moves by (RMS)", "the data show it", "of these named, or tied"], _size_rows(rates), left=2)}
-
 | nothing hidden | something is added | `unexplained` |
 |---|---|---|
 {clean}
@@ -82,8 +71,39 @@ The held-out error where what is hidden is named or tied is {errors}, in units o
 
 Of all explanations that something is missing:
 
-{table(["stated probability", "mean", "right", "right, where two things are hidden"], _probability_rows(rates))}
+{table(["stated probability", "mean", "right", "right, where two things are hidden"], _probability_rows(rates))}"""
+
+
+def in_short(rates: dict[str, Any]) -> str:
+    """Return what docs/identify.md says of the rates."""
+    return f"""
+{_studies(rates)}
+
+{_targets(rates)}
+
+![What `identify` says of each hidden effect, against the odds by which the data show it](img/power.png)
+
 """
+
+
+def _studies(rates: dict[str, Any]) -> str:
+    planned, judged = sum(COUNTS.values()), rates["studies"]
+    few = "" if judged + rates["unreachable"] + rates["failed"] >= planned else f" of {planned} that are planned"
+    cpu = rates["cpu_seconds"]
+    seconds = f"{amount(cpu['0.5'])} s of processor time in the median, {amount(cpu['largest'])} s at most" if cpu else "-"
+    return f"""A separate simulator in Cartesian coordinates (`tests/blind`) made {judged} studies{few}, filmed by a
+simulated camera with 1 to 4 trials and three kinds of noise; `identify` read only their files
+(`{rates["command"]}`, {rates["measured_on"]}). An identification took {seconds}. Intervals are of 95 %."""
+
+
+def _targets(rates: dict[str, Any]) -> str:
+    return f"""{table(["what", "asked", "measured", ""], [_target_row(t, rates) for t in TARGETS], left=4)}
+Much of what an effect does, the fitted parameters can do as well: the wrong mass of a single trial is a friction. So every
+study was also fitted with exactly what was hidden, begun at its true value, a law by its true formula. Its data *show* what is
+hidden if that explanation, prior included, is at least 10 times as probable as every one that lacks a part of it.
+"Named" is the only explanation with 95 % of the probability, "tied" one of several; of a law, what it acts on and what it
+depends on must be right. A stated probability counts as right if its explanation is what was hidden, or the part of it that
+the data show."""
 
 
 def _target_row(target: Target, rates: dict[str, Any]) -> list[str]:
@@ -164,9 +184,12 @@ def figure(studies: list[dict[str, Any]]) -> Figure:
 
 
 def main() -> None:
-    """Write the page and its figure."""
+    """Write the page, what docs/identify.md has of it, and the figure."""
     rates = json.loads((DATA / "calibration.json").read_text(encoding="utf-8"))
     PAGE.write_text(page(rates), encoding="utf-8")
+    before, _, rest = IN_SHORT.read_text(encoding="utf-8").partition(HEADING)
+    _, after, rest = rest.partition(NEXT)
+    IN_SHORT.write_text(before + HEADING + in_short(rates) + after + rest, encoding="utf-8")
     write_atomically(IMAGES / "power.png", png(figure(rates["each"])))
 
 
