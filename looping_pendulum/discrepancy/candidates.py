@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -66,6 +67,8 @@ class Candidate:
     """Coefficient of the model that it is proportional to; '': none."""
     even: bool = False
     """Whether the opposite value does the same, so that a fit takes values above the null one only."""
+    stated_error: float = math.nan
+    """Standard error of the value of which it is a factor, in units of that value; nan: it is no factor on a stated value."""
     companions: tuple[Coefficient, ...] = ()
     """Coefficients that shape the effect which this one switches on, and are fitted with it."""
 
@@ -135,7 +138,7 @@ def candidates(study: Study, fitted: Iterable[FreeParameter], camera: Iterable[s
     if releases - {Release.DROP}:
         # The ratio of the masses and the rod change only a motion in which both masses take part
         has_both = bool(releases & {Release.LOOPING, Release.VERTICAL})
-        measured = {p for p in APPARATUS for t in study.trials if study.estimate(p, t) is not None}
+        known = {p: [e for t in study.trials if (e := study.estimate(p, t)) is not None] for p in APPARATUS}
         listed += [
             Candidate(
                 name=f"wrong_{parameter}",
@@ -150,9 +153,10 @@ def candidates(study: Study, fitted: Iterable[FreeParameter], camera: Iterable[s
                 formula=f"{parameter} -> factor * {parameter}",
                 source=source,
                 trials=trials,
+                stated_error=max((e.sigma / abs(e.value) for e in known[parameter] if e.sigma), default=math.nan),
             )
             for parameter, source in APPARATUS.items()
-            if parameter in measured and (parameter == "free_length" or has_both)
+            if known[parameter] and (parameter == "free_length" or has_both)
         ]
     listed += [
         Candidate(

@@ -13,10 +13,10 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from looping_pendulum.discrepancy.candidates import Candidate
-from looping_pendulum.discrepancy.evidence.laws import Law, with_law
+from looping_pendulum.discrepancy.evidence.laws import Law, Prior, Weighing, best_prior, prior_root, weighed, with_law
 from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid, sigma_of
 from looping_pendulum.discrepancy.evidence.motions import Closure
-from looping_pendulum.discrepancy.evidence.prior import log_occam, log_prior
+from looping_pendulum.discrepancy.evidence.prior import LENGTHS, RIDGES, log_occam, log_prior
 from looping_pendulum.discrepancy.evidence.templates import Template
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate, minimise
 from looping_pendulum.discrepancy.fit.data import TrialData
@@ -31,6 +31,8 @@ WIDE = 1e3
 """Prior standard deviation of an added effect [scales]: the fit is by the data alone, and the prior of its size by `prior`."""
 COST_ERROR = 0.1
 """Decrease of the cost below which a fit has converged."""
+MAX_PRIORS = 3
+"""Largest number of priors by which a law is fitted, one after another."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,8 +41,8 @@ class Parts:
 
     effects: tuple[Candidate, ...] = ()
     law: Closure | None = None
-    mixed: float = 0.0
-    """Log evidence by all priors of the law's weights less that by the prior of the fit; 0 without a law."""
+    prior: Prior = (1.0, 0.0)
+    """That of the law's weights in the fit."""
 
     @cached_property
     def key(self) -> Key:
@@ -72,6 +74,8 @@ class Explanation:
     setting: int
     """Most probable setting of the noise."""
     log_prior: float
+    checked: bool = False
+    """Whether its evidence is by sampling, too, not by Laplace's method alone."""
 
     @property
     def key(self) -> Key:
@@ -102,33 +106,51 @@ def bounded(fit: Fit) -> list[int]:
     return [fit.problem.names.index(n) for n in fit.at_bounds]
 
 
-def explained(grid: NoiseGrid, fit: Fit, parts: Parts, library: int) -> Explanation:
+def explained(grid: NoiseGrid, fit: Fit, parts: Parts, library: int, settings: Sequence[int] | None = None) -> Explanation:
     """Return a fit as an explanation, with its evidence by Laplace's method.
 
-    The wide Gaussian prior of each effect's value is replaced by one that is uniform in its logarithm.
+    The wide Gaussian prior of each effect's value is replaced by that of `prior`, and that of a law's weights by all of them.
 
     Parameters
     ----------
     library
         Number of listed effects that there are.
+    settings
+        Settings of the noise that are looked at; None: all.
     """
-    m = Marginal(grid, raw(fit), at_bounds=bounded(fit))
-    log_z = m.log_z_of_settings + parts.mixed
+    m = Marginal(grid, raw(fit), at_bounds=bounded(fit), settings=settings)
+    log_z = m.log_z_of_settings.copy()
+    if parts.law is not None:
+        log_z += _all_priors(fit, parts, m, int(np.argmax(log_z)))
     step, variance = m.shift()
     for c in parts.effects:
         i = fit.problem.names.index(c.name)
         x, sigma = fit.x[i] + np.clip(step[:, i], -3, 3), np.sqrt(variance[:, i])
+        error = sigma * fit.problem.free_parameters[i].scale / c.stated_error
         # Without the Gaussian prior of the fit, the posterior's width is sigma; what the prior makes of it is `log_occam`
         log_z += (
-            0.5 * (x / WIDE) ** 2 + math.log(WIDE) - np.log(sigma) + log_occam(x / sigma) + (math.log(2) if c.even else 0.0)
+            0.5 * (x / WIDE) ** 2 + math.log(WIDE) - np.log(sigma) + log_occam(x / sigma, error) + (math.log(2) if c.even else 0.0)
         )
     return Explanation(
         parts=parts,
         fit=fit,
         log_z=float(np.logaddexp.reduce(log_z)),
-        setting=int(np.argmax(log_z)),
+        setting=int(m.settings[np.argmax(log_z)]),
         log_prior=log_prior(len(parts.effects), library, parts.law),
     )
+
+
+def _weighed(fit: Fit, law: Closure, prior: Prior, gram: Array) -> Weighing:
+    free = [i for i, name in enumerate(fit.problem.names) if name not in fit.at_bounds]
+    return weighed(law, prior, fit.problem, fit.x, gram, free)
+
+
+def _all_priors(fit: Fit, parts: Parts, m: Marginal, setting: int) -> float:
+    """Return the log evidence of a fitted law by all priors of its weights, less that by the prior of its fit."""
+    assert parts.law is not None
+    log_bf = _weighed(fit, parts.law, parts.prior, m.gram[setting]).log_bayes_factors
+    at_fit = log_bf[LENGTHS.index(parts.prior[1]), int(np.argmin(np.abs(RIDGES - parts.prior[0])))]
+    return float(np.logaddexp.reduce(log_bf, axis=None) - math.log(log_bf.size) - at_fit)
 
 
 def free_parameters(t: Template, value: float) -> tuple[FreeParameter, ...]:
@@ -167,7 +189,7 @@ class Addition:
         effects = before.effects + tuple(t.candidate for t in self.templates)
         if self.law is None:
             return dataclasses.replace(before, effects=effects)
-        return Parts(effects=effects, law=self.law.closure, mixed=self.law.mixed)
+        return Parts(effects=effects, law=self.law.closure, prior=self.law.prior)
 
     @property
     def log_posterior(self) -> float:
@@ -175,7 +197,7 @@ class Addition:
         return self.parent.log_z + self.gain + self.log_prior
 
 
-def fit_addition(a: Addition, needless_below: float = -math.inf) -> Fit | None:
+def fit_addition(a: Addition, needless_below: float = -math.inf) -> tuple[Fit, Parts] | None:
     """Fit an explanation with what is added to it, from where the linear model leads; None: it cannot run.
 
     Parameters
@@ -186,7 +208,8 @@ def fit_addition(a: Addition, needless_below: float = -math.inf) -> Fit | None:
     parent = a.parent.fit
     p, weights = parent.problem, np.zeros(0)
     if a.law:
-        p, weights = with_law(p, a.law)
+        p = with_law(p, a.law.closure, a.law.prior)
+        weights = np.append(np.zeros(len(a.law.closure.point_coefficients)), a.law.weights / a.law.prior[0])
     values = [t.value(amount) or t.delta for t, amount in zip(a.templates, a.amounts, strict=True)]
     groups = [free_parameters(t, v) for t, v in zip(a.templates, values, strict=True)]
     more = [n for group in groups for n in group]
@@ -208,11 +231,12 @@ def fit_addition(a: Addition, needless_below: float = -math.inf) -> Fit | None:
     fits: list[Fit] = []
     # The cost of a fit, with white noise, that gives this log posterior
     needless_above = parent.cost - a.decrease + 2 * (a.log_posterior - needless_below)
-    for fit_from, start, beside in starts:
+    for i, (fit_from, start, beside) in enumerate(starts):
         with contextlib.suppress(FitError):
             x = np.concatenate([start, beside])
             fits.append(fit_from(problem, x, cost_tolerance=enough_cost(parent), needless_above=needless_above))
-        if fits and parent.cost - min(f.cost for f in fits) > 0.9 * a.decrease:
+        decrease = parent.cost - min((f.cost for f in fits), default=math.inf)
+        if decrease > 0.9 * a.decrease or (i and decrease > 0):
             break
     if not fits:
         return None
@@ -221,7 +245,34 @@ def fit_addition(a: Addition, needless_below: float = -math.inf) -> Fit | None:
         with contextlib.suppress(FitError):
             again = minimise(problem, np.concatenate([parent.x, np.zeros(len(added))]), cost_tolerance=enough_cost(parent))
             fit = min(fit, again, key=lambda f: f.cost)
-    return fit
+    return (fit, a.parts) if a.law is None else _with_best_prior(fit, a.parts)
+
+
+def _with_best_prior(fit: Fit, parts: Parts) -> tuple[Fit, Parts]:
+    """Return the fit of a law by the prior of its weights that is most probable beside the fit itself.
+
+    The one that it began with is that of a linear model, which may be far off.
+    """
+    assert parts.law is not None
+    for _ in range(MAX_PRIORS):
+        rows = np.column_stack([fit.residuals, fit.jacobian])
+        log_bf = _weighed(fit, parts.law, parts.prior, rows.T @ rows).log_bayes_factors
+        prior = best_prior(log_bf)
+        at_fit = log_bf[LENGTHS.index(parts.prior[1]), int(np.argmin(np.abs(RIDGES - parts.prior[0])))]
+        if log_bf.max() - at_fit < COST_ERROR:
+            break
+        p, names = fit.problem, parts.law.names
+        parameters = [dataclasses.replace(n, scale=prior[0]) if n.name in names else n for n in p.free_parameters]
+        is_weight = [n in names for n in p.names]
+        root = p.prior_weights.copy()
+        root[np.ix_(is_weight, is_weight)] = prior_root(parts.law, prior)
+        problem = Problem(p.study, p.data, parameters, (p.prior_mean, root))
+        x = np.where(is_weight, fit.x * parts.prior[0] / prior[0], fit.x)
+        try:
+            fit, parts = minimise(problem, x, cost_tolerance=enough_cost(fit)), dataclasses.replace(parts, prior=prior)
+        except FitError:
+            break
+    return fit, parts
 
 
 def fit_again(e: Explanation) -> Fit | None:

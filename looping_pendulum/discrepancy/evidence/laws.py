@@ -3,17 +3,18 @@
 The response of the data to a small push at one time is computed for each place where a law may act and for pulses at all times.
 A law that is a function of the state pushes, to first order, as that function of the undisturbed motion: the response to it is
 a sum of those to pulses, and no law costs a run of its own. All sums are made once as Gram matrices of each trial.
+
+This says where the exact fit of a law begins. Beside that fit, its weights are linear parameters again, and all priors of them
+are compared once more.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -33,11 +34,14 @@ from looping_pendulum.discrepancy.evidence.motions import (
     respond,
     weight_parameters,
 )
-from looping_pendulum.discrepancy.evidence.prior import LENGTHS, POINT_SIGMA, RIDGES, log_occam, log_share
+from looping_pendulum.discrepancy.evidence.prior import LENGTHS, POINT_SIGMA, RIDGES
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.reference_ode.effects.closure import N_BASIS_FUNCTIONS
 from looping_pendulum.reference_ode.geometry import Array
+
+Prior = tuple[float, float]
+"""Prior of a law's weights: their standard deviation [N, or 1 for friction], of `RIDGES`, and correlation length, of `LENGTHS`."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,23 +51,14 @@ class Law:
     closure: Closure
     log_bayes_factor: float
     """With all priors of its weights."""
-    ridge: float
-    """Standard deviation of the weights that is most probable [N, or 1 for friction]."""
-    length: float
-    """Correlation length of the weights that is most probable [basis functions]."""
-    mixed: float
-    """Log Bayes factor with all priors less that with this one."""
+    prior: Prior
+    """The one that is most probable."""
     weights: Array
     """Most probable weights by this prior [N, or 1 for friction], shape (sides * N_BASIS_FUNCTIONS,)."""
     step: Array
     """Change of the fitted parameters with these weights, shape (p,)."""
     decrease: float
     """Decrease of the cost, prior of the weights included."""
-
-    @property
-    def log_odds(self) -> float:
-        """Log Bayes factor and share of the prior."""
-        return self.log_bayes_factor + log_share(self.closure)
 
 
 @lru_cache
@@ -74,44 +69,84 @@ def covariance_root(length: float, sides: int) -> Array:
     return np.asarray(block_diag(*[np.linalg.cholesky(k + 1e-6 * np.eye(N_BASIS_FUNCTIONS))] * sides))
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Weighing:
+    """Evidence of a law over the model without it, for all priors of its weights, where the data are linear in these."""
+
+    spectra: tuple[tuple[Array, Array, Array], ...]
+    """Of each of `LENGTHS`: eigenvalues of the Gram matrix of the weights, projections of the residuals without the law, shape
+    (k,) each, and the weights [N, or 1 for friction] that they belong to, shape (weights, k)."""
+
+    @classmethod
+    def of(cls, gram: Array, along: Array) -> Weighing:
+        """Return it from the weights' Gram matrix, shape (w, w), and their products with the residuals, shape (w,).
+
+        Both beyond what the fitted parameters can do, per weight [N, or 1 for friction].
+        """
+        spectra = []
+        for length in LENGTHS:
+            root = covariance_root(length, len(gram) // N_BASIS_FUNCTIONS)
+            values, vectors = np.linalg.eigh(root.T @ gram @ root)
+            kept = values > 1e-10 * max(float(values[-1]), 1e-300)
+            weights = root @ vectors[:, kept]
+            spectra.append((values[kept], weights.T @ along, weights))
+        return cls(spectra=tuple(spectra))
+
+    @property
+    def log_bayes_factors(self) -> Array:
+        """Log Bayes factors, shape (LENGTHS, RIDGES)."""
+        square = RIDGES[:, None] ** 2
+        return np.array(
+            [0.5 * np.sum(square * q**2 / (1 + square * e) - np.log1p(square * e), axis=1) for e, q, _ in self.spectra]
+        )
+
+    def weights(self, prior: Prior) -> Array:
+        """Return the most probable weights by a prior [N, or 1 for friction]."""
+        values, along, weights = self.spectra[LENGTHS.index(prior[1])]
+        return np.asarray(weights @ (prior[0] ** 2 / (1 + prior[0] ** 2 * values) * along))
+
+    def decrease(self, prior: Prior) -> float:
+        """Return the decrease of the cost by those weights, their prior included."""
+        values, along, _ = self.spectra[LENGTHS.index(prior[1])]
+        return float(np.sum(along**2 * prior[0] ** 2 / (1 + prior[0] ** 2 * values)))
+
+
+def best_prior(log_bayes_factors: Array) -> Prior:
+    """Return the most probable prior, from an array of shape (LENGTHS, RIDGES)."""
+    length, ridge = np.unravel_index(int(np.argmax(log_bayes_factors)), log_bayes_factors.shape)
+    return float(RIDGES[ridge]), LENGTHS[length]
+
+
 class Laws:
     """All laws beside a fit.
 
     Parameters
     ----------
     grid, settings, log_z
-        Settings of the noise that are looked at, and the log evidence of the fit with each of them, shape (settings,).
+        Settings of the noise that are looked at, white first, and the log evidence of the fit with each, shape (settings,).
     fitted
         `explanation.raw` of the fit.
-    templates
-        Changes of the prediction in the units of the data, shape (n, m), beside which laws are looked at, too.
     """
 
     def __init__(
-        self, fit: Fit, runs: Motions, grid: NoiseGrid, settings: Sequence[int], log_z: Array, fitted: Array, templates: Array,
-    ) -> None:  # fmt: skip
+        self, fit: Fit, runs: Motions, grid: NoiseGrid, settings: Sequence[int], log_z: Array, fitted: Array
+    ) -> None:
         self.fit, self.runs = fit, runs
         self._log_weights = log_z - np.logaddexp.reduce(log_z)
         problem, sides = fit.problem, ("across",) if runs.clamped else PULSED_SIDES
-        items = [(side, i) for side in sides for i in range(0, N_PULSES, N_BASIS_FUNCTIONS)]
-        found = [respond(problem, fit.x, runs.pulse_spacing, side, first) for side, first in items]
         n = problem.measured_rows
-        responses = np.hstack(found) * sigma_of(problem.data)[:, None]
+        responses = respond(problem, fit.x, runs.pulse_spacing, sides).reshape(n, -1) * sigma_of(problem.data)[:, None]
         at = set(fit.at_bounds)
         self._free = [i for i, name in enumerate(problem.names) if name not in at]
-        self._p = len(self._free)
-        # Residuals, derivatives by the free parameters, templates
-        kept = [0, *(1 + i for i in self._free)]
-        others = np.hstack([np.nan_to_num(fitted[:n, kept]), templates])
-        prior = np.hstack([fitted[n:, kept], np.zeros((len(fitted) - n, templates.shape[1]))])
+        # Residuals and derivatives by the free parameters
+        fitted = np.nan_to_num(fitted[:, [0, *(1 + i for i in self._free)]])
         self._sides = {side: slice(i * N_PULSES, (i + 1) * N_PULSES) for i, side in enumerate(sides)}
         edges = np.cumsum([0] + [len(d.t) for d in problem.data]).tolist()
-        self._beside = [_Beside(grid, s, edges, responses, others, prior, self._p) for s in settings]
-        self._last: tuple[Closure, list[tuple[Array, Array]]] | None = None
+        self._beside = [_Beside(grid, s, edges, responses, fitted) for s in settings]
         self._projections = [runs.pulses_of(k) for k in range(len(problem.data))]
 
     def all(self) -> list[Law]:
-        """Return all laws, the most probable first."""
+        """Return all laws."""
         found = []
         for target, names in COORDINATES_OF.items():
             if self.runs.clamped and TARGETS[target] != ("across",):
@@ -123,114 +158,37 @@ class Laws:
                     else [self.runs.closure(target, name, factor) for factor in factors_of(target)]
                 )
                 found += [self.law(c) for c in closures if c]
-        return sorted(found, key=lambda law: -law.log_odds)
+        return found
 
     def law(self, closure: Closure) -> Law:
         """Return the evidence of a law."""
-        spectra = self._spectra(closure)
-        log_bf = np.array([[_log_bayes_factors(s) for s in of_setting] for of_setting in spectra])
+        used, of_trials = self._of_pulses(closure)
+        weighings, to_fitted = [], []
+        for beside in self._beside:
+            gram = sum(m.T @ g[np.ix_(used, used)] @ m for m, g in zip(of_trials, beside.grams, strict=True))
+            cross = np.asarray(sum(m.T @ c[used] for m, c in zip(of_trials, beside.crosses, strict=True)))
+            fitted = cross[:, 1:]
+            weighings.append(
+                Weighing.of(gram - fitted @ beside.inverse @ fitted.T, cross[:, 0] - fitted @ beside.inverse @ beside.cross)
+            )
+            to_fitted.append(fitted)
+        log_bf = np.array([w.log_bayes_factors for w in weighings])
         weighted = log_bf + self._log_weights[:, None, None]
-        best = np.unravel_index(int(np.argmax(weighted)), log_bf.shape)
-        mixed = float(np.logaddexp.reduce(weighted, axis=None) - math.log(log_bf[0].size))
-        return self._law(closure, spectra, best, log_bf, mixed)
-
-    def with_effects(self, law: Law, allowed: Sequence[bool]) -> list[tuple[Law, int, float]]:
-        """Return a law beside each template: the law, the template's index, and its amount.
-
-        The law has the weights that are most probable beside the template, and the Bayes factor of both over the fit without.
-
-        Parameters
-        ----------
-        allowed
-            Which amounts may be negative, shape (m,).
-        """
-        spectra = self._spectra(law.closure)
-        logs, amounts = [], []
-        for beside, of_setting in zip(self._beside, spectra, strict=True):
-            square_of_templates, along_of_templates = np.diag(beside.others)[1:], beside.others[0, 1:]
-            for eigenvalues, projected, _ in of_setting:
-                power = RIDGES[:, None] ** 2 / (1 + RIDGES[:, None] ** 2 * eigenvalues)
-                square = np.maximum(square_of_templates - power @ projected[:, 1:] ** 2, 1e-9 * square_of_templates + 1e-12)
-                along = along_of_templates - power @ (projected[:, :1] * projected[:, 1:])
-                z = along / np.sqrt(square)
-                logs.append(_log_bayes_factors((eigenvalues, projected, None))[:, None] + 0.5 * z**2 + log_occam(z))
-                amounts.append(along / square)
-        shape = (len(self._beside), len(LENGTHS), len(RIDGES), len(allowed))
-        log_bf, amount = np.reshape(logs, shape), np.reshape(amounts, shape)
-        weighted = log_bf + self._log_weights[:, None, None, None]
-        mixed = np.logaddexp.reduce(weighted, axis=(0, 1, 2)) - math.log(len(LENGTHS) * len(RIDGES))
-        found = []
-        for t in range(len(allowed)):
-            best = np.unravel_index(int(np.argmax(weighted[..., t])), shape[:3])
-            a = float(amount[(*best, t)])
-            if a > 0 or allowed[t]:
-                beside_it = self._law(law.closure, spectra, best, log_bf[..., t], float(mixed[t]), t, a)
-                found.append((dataclasses.replace(beside_it, mixed=law.mixed), t, a))
-        return found
-
-    def _law(
-        self, closure: Closure, spectra: Sequence[Sequence[_Spectrum]], best: tuple[np.intp, ...], log_bf: Array, mixed: float,
-        template: int | None = None, amount: float = 0.0,
-    ) -> Law:  # fmt: skip
-        setting, i, j = (int(v) for v in best)
-        eigenvalues, projected, vectors = spectra[setting][i]
-        beside, ridge = self._beside[setting], float(RIDGES[j])
-        q, known = projected[:, 0], beside.cross[:, 0]
-        if template is not None:
-            q, known = q - amount * projected[:, 1 + template], known - amount * beside.cross[:, 1 + template]
-        weights = vectors @ (ridge**2 / (1 + ridge**2 * eigenvalues) * q)
-        decrease = self._decrease(spectra[0][i], ridge, template, amount)
+        setting = int(np.argmax(weighted.max(axis=(1, 2))))
+        prior = best_prior(weighted[setting])
+        weights, beside = weighings[setting].weights(prior), self._beside[setting]
         step = np.zeros(len(self.fit.x))
-        b = self._to_others(closure)[setting][1]
-        step[self._free] = beside.inverse @ (known - b[:, 1 : 1 + self._p].T @ weights)
-        at_best = float(np.logaddexp.reduce(log_bf[:, i, j] + self._log_weights))
+        step[self._free] = beside.inverse @ (beside.cross - to_fitted[setting].T @ weights)
         # A point is two fitted numbers, which cost what the Bayesian information criterion takes for them
         cost_of_point = 0.5 * len(closure.point_coefficients) * math.log(self.fit.problem.count)
         return Law(
-            closure=closure, log_bayes_factor=mixed - cost_of_point, ridge=ridge, length=LENGTHS[i],
-            mixed=mixed - at_best, weights=weights, step=step, decrease=decrease,
-        )  # fmt: skip
-
-    def _decrease(self, spectrum: _Spectrum, ridge: float, template: int | None, amount: float) -> float:
-        """Return the decrease of the cost with white noise, prior of the weights included, by a law and a template."""
-        eigenvalues, projected, _ = spectrum
-        q, by_template = projected[:, 0], 0.0
-        if template is not None:
-            others = self._beside[0].others
-            q = q - amount * projected[:, 1 + template]
-            by_template = 2 * amount * others[0, 1 + template] - amount**2 * others[1 + template, 1 + template]
-        return float(by_template + np.sum(q**2 * ridge**2 / (1 + ridge**2 * eigenvalues)))
-
-    def _spectra(self, closure: Closure) -> list[list[_Spectrum]]:
-        """Return for each setting and correlation length: eigenvalues, projections of residuals and templates, and weights."""
-        found = []
-        for beside, (a, b) in zip(self._beside, self._to_others(closure), strict=True):
-            fitted = b[:, 1 : 1 + self._p]
-            inner = a - fitted @ beside.inverse @ fitted.T
-            others = b[:, [0, *range(1 + self._p, b.shape[1])]] - fitted @ beside.inverse @ beside.cross
-            of_setting = []
-            for length in LENGTHS:
-                root = covariance_root(length, len(TARGETS[closure.target]))
-                eigenvalues, vectors = np.linalg.eigh(root.T @ inner @ root)
-                kept = eigenvalues > 1e-10 * max(float(eigenvalues[-1]), 1e-300)
-                vectors = root @ vectors[:, kept]
-                of_setting.append((eigenvalues[kept], vectors.T @ others, vectors))
-            found.append(of_setting)
-        return found
-
-    def _to_others(self, closure: Closure) -> list[tuple[Array, Array]]:
-        """Return for each setting the Gram matrix of the responses to a law's weights, and that with residuals, derivatives and
-        templates.
-        """
-        if self._last is None or self._last[0] is not closure:
-            used, of_trials = self._of_pulses(closure)
-            found = []
-            for beside in self._beside:
-                a = sum(m.T @ g[np.ix_(used, used)] @ m for m, g in zip(of_trials, beside.grams, strict=True))
-                b = sum(m.T @ c[used] for m, c in zip(of_trials, beside.crosses, strict=True))
-                found.append((a, b))
-            self._last = closure, found
-        return self._last[1]
+            closure=closure,
+            log_bayes_factor=float(np.logaddexp.reduce(weighted, axis=None)) - math.log(log_bf[0].size) - cost_of_point,
+            prior=prior,
+            weights=weights,
+            step=step,
+            decrease=weighings[0].decrease(prior),
+        )
 
     def _of_pulses(self, closure: Closure) -> tuple[Array, list[Array]]:
         """Return the pulses that a law needs, and how large each of them is by each weight, for every trial."""
@@ -246,55 +204,66 @@ class Laws:
         return used, found
 
 
-_Spectrum = tuple[Array, Array, Any]
-
-
-def _log_bayes_factors(spectrum: _Spectrum) -> Array:
-    """Return the log Bayes factor of a law by each ridge, shape (ridges,)."""
-    power = RIDGES[:, None] ** 2 * spectrum[0]
-    gain = RIDGES[:, None] ** 2 * spectrum[1][:, 0] ** 2 / (1 + power)
-    return np.asarray(0.5 * np.sum(gain - np.log1p(power), axis=1))
-
-
 class _Beside:
-    """Gram matrices of responses to pulses, residuals, derivatives and templates, by one setting of the noise."""
+    """Gram matrices of responses to pulses, residuals and derivatives, by one setting of the noise."""
 
-    def __init__(
-        self, grid: NoiseGrid, setting: int, edges: Sequence[int], responses: Array, others: Array, prior: Array, p: int
-    ) -> None:
+    def __init__(self, grid: NoiseGrid, setting: int, edges: Sequence[int], responses: Array, fitted: Array) -> None:
+        prior = fitted[edges[-1] :]
         self.grams, self.crosses, whole = [], [], prior.T @ prior
         noises = grid.noises(setting)
         for data, (begin, end) in zip(grid.data, itertools.pairwise(edges), strict=True):
-            standardised = data.with_noises(noises).standardise(np.hstack([responses[begin:end], others[begin:end]]))
+            standardised = data.with_noises(noises).standardise(np.hstack([responses[begin:end], fitted[begin:end]]))
             pulses, rest = standardised[:, : responses.shape[1]], standardised[:, responses.shape[1] :]
             self.grams.append(pulses.T @ pulses)
             self.crosses.append(pulses.T @ rest)
             whole = whole + rest.T @ rest
-        fitted, free = slice(1, 1 + p), [0, *range(1 + p, len(whole))]
-        self.inverse = np.linalg.pinv(whole[fitted, fitted], hermitian=True)
-        self.cross = whole[fitted][:, free]
-        """Derivatives with residuals and templates, shape (p, 1 + m)."""
-        self.others = whole[np.ix_(free, free)] - self.cross.T @ self.inverse @ self.cross
-        """Complement of the residuals and templates, shape (1 + m, 1 + m)."""
+        self.inverse = np.linalg.pinv(whole[1:, 1:], hermitian=True)
+        self.cross = whole[1:, 0]
+        """Products of the derivatives with the residuals, shape (p,)."""
 
 
-def laws_beside(
-    fit: Fit, grid: NoiseGrid, settings: Sequence[int], log_z: Array, fitted: Array, templates: Array
-) -> Laws | None:
+def laws_beside(fit: Fit, grid: NoiseGrid, settings: Sequence[int], log_z: Array, fitted: Array) -> Laws | None:
     """Return all laws beside a fit; None: the records are too long for pulses to show where in a swing a force acts."""
     if not any(d.channels for d in fit.problem.data):  # a few events do not determine a law as a function
         return None
     runs = motions(fit)
-    return None if runs.is_too_long else Laws(fit, runs, grid, settings, log_z, fitted, templates)
+    return None if runs.is_too_long else Laws(fit, runs, grid, settings, log_z, fitted)
 
 
-def with_law(p: Problem, law: Law) -> tuple[Problem, Array]:
-    """Return a problem with a law's point and weights as further parameters, and their values by the linear model."""
-    closure, trials = law.closure, tuple(t.name for t in p.study.trials)
-    prior = POINT_SIGMA / POINT_SCALE
-    points, weights = point_parameters(closure, trials, prior), weight_parameters(closure, trials, law.ridge)
-    root_of_weights = np.linalg.inv(covariance_root(law.length, len(TARGETS[closure.target])))
-    root = block_diag(p.prior_weights, np.eye(len(points)) / prior, root_of_weights)
+def with_law(p: Problem, closure: Closure, prior: Prior) -> Problem:
+    """Return a problem with a law's point and weights as further parameters, the weights in units of the prior's ridge."""
+    trials = tuple(t.name for t in p.study.trials)
+    of_point = POINT_SIGMA / POINT_SCALE
+    points, weights = point_parameters(closure, trials, of_point), weight_parameters(closure, trials, prior[0])
+    root = block_diag(p.prior_weights, np.eye(len(points)) / of_point, prior_root(closure, prior))
     mean = np.append(p.prior_mean, np.zeros(len(points) + len(weights)))
-    problem = Problem(closure.added_to(p.study), p.data, (*p.free_parameters, *points, *weights), (mean, root))
-    return problem, np.concatenate([np.zeros(len(points)), law.weights / law.ridge])
+    return Problem(closure.added_to(p.study), p.data, (*p.free_parameters, *points, *weights), (mean, root))
+
+
+def prior_root(closure: Closure, prior: Prior) -> Array:
+    """Return a root of the inverse prior covariance of a law's weights, in units of the ridge."""
+    return np.asarray(np.linalg.inv(covariance_root(prior[1], len(TARGETS[closure.target]))))
+
+
+def weighed(closure: Closure, prior: Prior, p: Problem, x: Array, gram: Array, free: Sequence[int]) -> Weighing:
+    """Return the evidence of a fitted law by all priors.
+
+    Parameters
+    ----------
+    p, x
+        The fit's problem, in which the weights have ``prior``, and its parameters.
+    gram
+        Gram matrix of the fit's residuals and derivatives, prior included, shape (1 + p, 1 + p).
+    free
+        Parameters that are on no bound, by their index.
+    """
+    of_law = [p.names.index(n) for n in closure.names]
+    others = [i for i in free if i not in of_law]
+    normal, along = gram[1:, 1:], gram[1:, 0]
+    inverse = np.linalg.pinv(normal[np.ix_(others, others)], hermitian=True)
+    cross = normal[np.ix_(of_law, others)]
+    root = prior_root(closure, prior)
+    # Without the prior of the weights, which have it in units of the ridge
+    complement = normal[np.ix_(of_law, of_law)] - root.T @ root - cross @ inverse @ cross.T
+    rest = along[of_law] + root.T @ root @ x[of_law] - cross @ inverse @ along[others]
+    return Weighing.of(complement / prior[0] ** 2, (rest + complement @ x[of_law]) / prior[0])

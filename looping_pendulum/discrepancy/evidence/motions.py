@@ -73,7 +73,7 @@ END_MARGIN = 0.5
 MIN_SPACING = 1e-4
 """Spacing of basis functions [SI] below which a coordinate counts as constant, and is not tried."""
 PULSE_SIZE = 1e-3
-"""Height of a pulse [N, or 1 for friction] of the difference quotients."""
+"""Height of a pulse that counts as one [N, or 1 for friction]: its change of the prediction is of order one."""
 N_PULSES = 60
 """Pulses along the longest trial, a width apart."""
 MAX_PULSE_SPACING = 0.1
@@ -299,22 +299,25 @@ def motions(fit: Fit) -> Motions:
     )
 
 
-def respond(problem: Problem, x: Array, spacing: float, side: str, first: int) -> Array:
-    """Return the changes of the standardised prediction per unit of each of some pulses on a side, shape (n, pulses).
+def respond(problem: Problem, x: Array, spacing: float, sides: Sequence[str]) -> Array:
+    """Return the changes of the standardised prediction per unit of each pulse, shape (n, sides, N_PULSES).
 
     Parameters
     ----------
     spacing
         Distance of the pulses [s].
-    first
-        Number of the first of them.
+    sides
+        Where they act, of `PULSED_SIDES`.
     """
-    closure = Closure(coordinate="time", factor="constant", target="", first_centre=first * spacing, spacing=spacing)
     trials = tuple(t.name for t in problem.study.trials)
-    names = [weight_name(side, i) for i in range(N_BASIS_FUNCTIONS)]
+    names = [weight_name(side, i) for side in sides for i in range(N_BASIS_FUNCTIONS)]
     added = [FreeParameter(name=n, parameter=n, trials=trials, init_value=0.0, scale=PULSE_SIZE, prior=1.0) for n in names]
     parameters = (*problem.free_parameters, *added)
     prior = np.zeros(len(parameters)), np.eye(len(parameters))
-    pulsed = Problem(closure.added_to(problem.study), problem.data, parameters, prior)
-    jacobian = pulsed.jacobian(np.append(x, np.zeros(len(added))))
-    return np.asarray(jacobian[: problem.measured_rows, len(x) :] / PULSE_SIZE)
+    found = []
+    for first in range(0, N_PULSES, N_BASIS_FUNCTIONS):
+        closure = Closure(coordinate="time", factor="constant", target="", first_centre=first * spacing, spacing=spacing)
+        pulsed = Problem(closure.added_to(problem.study), problem.data, parameters, prior)
+        jacobian = pulsed.jacobian(np.append(x, np.zeros(len(added))))
+        found.append(jacobian[: problem.measured_rows, len(x) :].reshape(-1, len(sides), N_BASIS_FUNCTIONS) / PULSE_SIZE)
+    return np.concatenate(found, axis=2)

@@ -1,4 +1,4 @@
-"""Search among explanations: a linear model says which are fitted next, and their exact evidence decides."""
+"""Search among explanations: a linear model says where exact fits begin, and their evidence decides."""
 
 from __future__ import annotations
 
@@ -24,40 +24,34 @@ from looping_pendulum.discrepancy.evidence.explanation import (
     fit_without,
     raw,
 )
-from looping_pendulum.discrepancy.evidence.laws import Law, Laws, laws_beside
+from looping_pendulum.discrepancy.evidence.laws import Law, laws_beside
 from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid
 from looping_pendulum.discrepancy.evidence.prior import (
-    LARGE_MISFIT,
-    LEAST_TRIED,
+    BEAM,
     LINEAR_ERROR,
     MARGIN,
     MAX_EFFECTS,
-    MAX_ROUNDS,
-    MAX_SETTINGS,
-    MAX_SETTINGS_OF_LAWS,
-    MAX_TOGETHER,
-    MIN_KNOWN_ERRORS,
-    NEEDLESS,
     VISIBLE,
-    body_of,
     log_occam,
     log_prior,
 )
-from looping_pendulum.discrepancy.evidence.templates import (
-    Template,
-    columns,
-    smallest_visible,
-    templates,
-)
+from looping_pendulum.discrepancy.evidence.templates import Template, columns, smallest_visible, templates
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.residual import ResidualTests, check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import data_with_noise_of_residuals
 from looping_pendulum.discrepancy.result import SmallestVisible
 from looping_pendulum.reference_ode.geometry import Array
 
+MAX_SETTINGS = 5
+"""Settings of the noise by which explanations are compared at first: white, and the most probable ones of the best so far."""
+
+
+class OutOfTime(Exception):
+    """Raised within the search where its time is over."""
+
 
 class Search:
-    """Explanations of a study that were fitted exactly, and what a linear model says of others.
+    """Explanations of a study that were fitted exactly.
 
     Parameters
     ----------
@@ -68,7 +62,7 @@ class Search:
     report
         Called with a description of each step that begins.
     is_time_over
-        Asked before each step whether to end.
+        Asked before each fit whether to end.
     """
 
     def __init__(
@@ -82,17 +76,15 @@ class Search:
         self.grid = NoiseGrid(base.problem.data)
         self.fitted: dict[Key, Explanation] = {}
         """What an explanation adds -> the explanation, of all that were fitted exactly."""
-        self.possible: dict[Key, Addition] = {}
-        """The same of those that were not: the best addition by which it is made."""
-        self._linear: dict[tuple[Key, Key], Addition] = {}
-        """(Parent, what is made) -> addition, of all that were looked at."""
-        self._errors: dict[tuple[Key, bool], list[float]] = {}
-        """(Parent, whether a law was added) -> evidence of exact fits less what the linear model had said."""
-        self._expanded: set[Key] = set()
         self.ruled_out: list[Candidate] = []
         """Listed effects that would explain much with a value that is known to be impossible."""
+        self._expanded: set[Key] = set()
+        self._at_most: dict[Key, tuple[float, float]] = {}
+        """What is made -> the log evidence of the best parent by whose linear model it was looked at, and its log posterior at
+        most."""
         self._templates: dict[Key, list[Template]] = {}
         self._tested: dict[Key, tuple[Fit, ResidualTests]] = {}
+        self._settings: Sequence[int] | None = None
         self._add(base, Parts())
 
     @property
@@ -111,7 +103,9 @@ class Search:
 
     def passes(self, e: Explanation) -> bool:
         """Return whether the residuals of an explanation look like its own noise: the one absolute test."""
-        return self.tested(e)[1].passes
+        _, tests = self.tested(e)
+        # Errors of real marks are seldom as simple as such a process, so that a pattern stays beside the right effect, too
+        return tests.passes if not e.setting else tests.chi2_per_dof <= tests.limit
 
     def smallest_visible(self, e: Explanation) -> list[SmallestVisible]:
         """Return the smallest size of every listed effect that the data would show beside an explanation."""
@@ -129,58 +123,48 @@ class Search:
 
     def run(self) -> bool:
         """Fit explanations until no other comes near the best; return whether none does, or False: time was over before."""
-        if not self._go_on():
+        try:
+            self._go_on()
+            if not self.passes(self.best):
+                # Once more, from other starts: where none is right, a fit may have gone astray
+                for e in sorted((e for e in self.fitted.values() if e.key), key=lambda e: -e.log_posterior)[:BEAM]:
+                    self._refuse_if_time_is_over()
+                    fit = fit_again(e)
+                    if fit is not None:
+                        self._add(fit, e.parts)
+                self._go_on()
+            if self.best.key != NOTHING:  # whose noise is known
+                self._with_noise_of(self.best)
+                self._go_on()
+        except OutOfTime:
             return False
-        if not self.passes(self.best):
-            # Once more, from other starts: where none is right, a fit may have gone astray
-            chosen = sorted((e for e in self.fitted.values() if e.key), key=lambda e: -e.log_posterior)[:MAX_TOGETHER]
-            for e, fit in zip(chosen, [fit_again(e) for e in chosen], strict=True):
-                if fit is not None:
-                    self._add(fit, e.parts)
-            if not self._go_on():
-                return False
-        if self.best.key != NOTHING:  # whose noise is known
-            self._with_noise_of(self.best)
-            return self._go_on()
         return True
 
-    def _go_on(self) -> bool:
-        """Look at what may be added to explanations near the best, and fit what may come near, in rounds.
+    def _refuse_if_time_is_over(self) -> None:
+        if self._is_time_over():
+            raise OutOfTime
 
-        Return False if time was over before.
-        """
-        for _ in range(MAX_ROUNDS):
+    def _go_on(self) -> None:
+        """Add to what is near the best whatever may come near it, until nothing new is."""
+        while True:
             self._fit_without_parts()
-            for e in self._near():
-                if self._is_time_over():
-                    return False
-                self._expand(e)
-            chosen = self._promising()
-            if not chosen:
-                return True
-            if self._is_time_over():
-                return False
-            self.report(f"fitting {', '.join(in_words(a.key) for a in chosen)}")
-            expected = {a.key: (self._start_of(a).key, self._expected(a, 0.0)[0]) for a in chosen}
-            for a in chosen:
-                del self.possible[a.key]
-            # With noise that lasts longer than a frame a misfit is no measure of the evidence
-            needless = self.best.log_posterior - NEEDLESS * MARGIN if not self.best.setting else -math.inf
-            fits = [fit_addition(a, needless) for a in chosen]
-            for a, fit in zip(chosen, fits, strict=True):
-                if fit is not None:
-                    start, log_posterior = expected[a.key]
-                    found = self._add(fit, a.parts)
-                    self._errors.setdefault((start, a.law is not None), []).append(found.log_posterior - log_posterior)
-        return True
+            new = [e for e in self._near() if e.key not in self._expanded]
+            if not new:
+                return
+            self._expand(max(new, key=lambda e: e.log_posterior))
 
     def _add(self, fit: Fit, parts: Parts) -> Explanation:
         """Keep an explanation unless a better fit of it is known; return it."""
-        e = explained(self.grid, fit, parts, len(self.library))
+        e = explained(self.grid, fit, parts, len(self.library), self._settings)
+        if self._settings is not None and e.log_posterior > self.best.log_posterior - 2 * MARGIN:
+            e = explained(self.grid, fit, parts, len(self.library))
         known = self.fitted.get(e.key)
         if known is None or e.log_posterior > known.log_posterior:
             self.fitted[e.key] = e
             self._tested.pop(e.key, None)
+        if e is self.best:
+            log_z = Marginal(self.grid, raw(fit), at_bounds=bounded(fit)).log_z_of_settings
+            self._settings = [0, *(int(i) for i in np.argsort(-log_z) if i)][:MAX_SETTINGS]
         return e
 
     def _is_needless(self, e: Explanation) -> bool:
@@ -192,189 +176,109 @@ class Search:
         return [e for e in self.fitted.values() if e.log_posterior > limit and not self._is_needless(e)]
 
     def _near(self) -> list[Explanation]:
-        """Return the explanations whose neighbours are looked at next: those near the best, and what it adds something to.
+        """Return the explanations to which more is added: those near the best and, while it leaves a misfit, of each kind.
 
-        What it adds something to, with another part in its place, may be better still.
+        Kinds are the numbers of effects, without and with a law.
         """
-        best, near = self.best, self._near_best()
+        near = self._near_best()
         if not self.settled:
-            near += [self.fitted[best.key - {part}] for part in sorted(best.key) if best.key - {part} in self.fitted]
-        return [e for e in dict.fromkeys(near) if e.key not in self._expanded]
+            kinds: dict[tuple[int, bool], list[Explanation]] = {}
+            for e in sorted(self.fitted.values(), key=lambda e: -e.log_posterior):
+                if not self._is_needless(e):
+                    kinds.setdefault((len(e.parts.effects), e.parts.law is not None), []).append(e)
+            near += [e for of_kind in kinds.values() for e in of_kind[:BEAM]]
+        return near
 
     def _fit_without_parts(self) -> None:
         """Fit what the explanations near the best leave if one of their parts is dropped."""
-        todo: dict[Key, tuple[Explanation, str]] = {}
         for e in self._near_best():
             for part in sorted(e.key):
                 if e.key - {part} not in self.fitted:
-                    todo.setdefault(e.key - {part}, (e, part))
-        fits = [fit_without(e, part) for e, part in todo.values()]
-        for (e, part), fit in zip(todo.values(), fits, strict=True):
-            if fit is not None:
-                self._add(fit, e.parts.without(part))
+                    self._refuse_if_time_is_over()
+                    fit = fit_without(e, part)
+                    if fit is not None:
+                        self._add(fit, e.parts.without(part))
 
     def _with_noise_of(self, best: Explanation) -> None:
         """Estimate the noise and the outliers beside the best explanation, and fit all that are near it again with these."""
         data = [data_with_noise_of_residuals(best.fit, k) for k in range(len(best.fit.problem.data))]
         limit = best.log_posterior - 2 * MARGIN
         kept = [e for e in self.fitted.values() if e.log_posterior > limit and not self._is_needless(e)]
-        kept += [e for e in self.fitted.values() if e.key == NOTHING and e not in kept]
-        fits = [fit_to_data(e.fit, data) for e in kept]
-        before = set(self.fitted)
-        self.grid = NoiseGrid(data)
+        kept += [e for e in self.fitted.values() if (e.key == NOTHING or len(e.key) == 1) and e not in kept]
+        self.grid, self._settings = NoiseGrid(data), None
         self.fitted.clear()
         self._tested.clear()
-        self._expanded &= {NOTHING}
-        for e, fit in zip(kept, fits, strict=True):
+        self._expanded.clear()
+        self._at_most.clear()
+        for e in kept:
+            fit = fit_to_data(e.fit, data)
             if fit is not None:
                 self._add(fit, e.parts)
-        # What was far off, is with anything more
-        far = before - set(self.fitted)
-        possible = [a for a in self.possible.values() if a.parent.key in self.fitted and not any(key < a.key for key in far)]
-        self.possible = {a.key: dataclasses.replace(a, parent=self.fitted[a.parent.key]) for a in possible}
 
     def _expand(self, e: Explanation) -> None:
-        """Look at what one more effect, a pair of them, a law or both would add to an explanation, by a linear model."""
+        """Add to an explanation each effect, each law, and each pair of effects beside nothing, and fit what may matter."""
         self.report(f"looking beside {in_words(e.key)}")
         self._expanded.add(e.key)
+        self._refuse_if_time_is_over()
         count = len(e.parts.effects)
         found = self._templates_beside(e) if count < (1 if e.parts.law else MAX_EFFECTS) else []
-        changes, fitted = columns(found, self.grid.count), raw(e.fit)
-        log_z = Marginal(self.grid, fitted, at_bounds=bounded(e.fit)).log_z_of_settings
-        settings = [0, *(int(i) for i in np.argsort(-log_z) if i)][:MAX_SETTINGS]
-        m = Marginal(self.grid, fitted, changes, bounded(e.fit), settings)
+        fitted = raw(e.fit)
+        m = Marginal(self.grid, fitted, columns(found, self.grid.count), bounded(e.fit), self._settings)
         if e.key == NOTHING:
             self.ruled_out = _impossible(m, found)
-        for chosen, gain, amounts in _additions(m, found, pairs=count + 2 <= MAX_EFFECTS and not e.parts.law):
+        added: list[Addition] = []
+        for chosen, gain, amounts in _additions(m, found, pairs=e.key == NOTHING):
             step, _ = m.solution(chosen)
-            self._offer(e, tuple(found[i] for i in chosen), amounts, step=step, gain=gain, decrease=m.decrease(chosen))
-        # A second law is not looked for, nor one beside what is settled
-        if e.parts.law or count > 1 or (e.key != NOTHING and self.settled):
-            return
-        settings = settings[:MAX_SETTINGS_OF_LAWS]
-        laws = laws_beside(e.fit, self.grid, settings, m.log_z_of_settings[: len(settings)], fitted, changes)
-        if laws is not None:
-            self._offer_laws(e, laws, found if not count else [])
+            of = tuple(found[i] for i in chosen)
+            added.append(self._addition(e, of, amounts, step=step, gain=gain, decrease=m.decrease(chosen)))
+        # A second law is not looked for, nor one beside two effects
+        if e.parts.law is None and count <= 1:
+            laws = laws_beside(e.fit, self.grid, m.settings.tolist(), m.log_z_of_settings, fitted)
+            for law in laws.all() if laws else ():
+                gain = law.log_bayes_factor
+                added.append(self._addition(e, (), (), law, step=law.step, gain=gain, decrease=law.decrease))
+        # The best first: the fit of one that cannot come near it ends early
+        for a in sorted(added, key=lambda a: (-(len(a.key) == 1 and not a.law), -a.log_posterior)):
+            if a.key not in self.fitted and self._may_matter(a):
+                self._refuse_if_time_is_over()
+                # With noise that lasts longer than a frame a misfit is no measure of the evidence
+                needless = self.best.log_posterior - 3 * MARGIN if not self.best.setting else -math.inf
+                fit = fit_addition(a, needless)
+                if fit is not None:
+                    self._add(*fit)
 
-    def _templates_beside(self, e: Explanation) -> list[Template]:
-        """Return the templates of the effects that may be added: those beside nothing, unless much was added since."""
-        if e.key not in self._templates:
-            others = [c for c in self.library if c not in e.parts.effects]
-            is_far = e.log_z - self.fitted[NOTHING].log_z > LARGE_MISFIT
-            anew = others if e.key == NOTHING or is_far else []
-            kept = [t for t in self._templates.get(NOTHING, []) if t.candidate in others and t.candidate not in anew]
-            self._templates[e.key] = kept + templates(e.fit, anew)
-        return self._templates[e.key]
-
-    def _offer_laws(self, e: Explanation, laws: Laws, found: Sequence[Template]) -> None:
-        """Look at what a law would add, alone and with one of the templates ``found``: the best of each body and coordinate."""
-        seen: set[tuple[str, str]] = set()
-        for law in laws.all():
-            if (which := (body_of(law.closure.target), law.closure.coordinate)) in seen:
-                continue
-            seen.add(which)
-            cases: list[tuple[Law, tuple[Template, ...], tuple[float, ...]]] = [(law, (), ())]
-            for beside_it, t, amount in laws.with_effects(law, [t.linear for t in found]) if found else ():
-                if found[t].value(amount) is not None:
-                    cases.append((beside_it, (found[t],), (amount,)))
-            for one, beside, amounts in cases:
-                self._offer(e, beside, amounts, one, step=one.step, gain=one.log_bayes_factor, decrease=one.decrease)
-
-    def _offer(
+    def _addition(
         self, parent: Explanation, added: tuple[Template, ...], amounts: tuple[float, ...], law: Law | None = None,
         *, step: Array, gain: float, decrease: float,
-    ) -> None:  # fmt: skip
-        """Keep an addition if it makes an explanation that was not fitted, and none of a better parent makes it."""
-
-        def rank(one: Addition) -> tuple[float, float]:
-            return one.parent.log_z, one.log_posterior
-
+    ) -> Addition:  # fmt: skip
         count, closure = len(parent.parts.effects) + len(added), law.closure if law else parent.parts.law
-        a = Addition(
+        return Addition(
             parent=parent, templates=added, amounts=amounts, law=law, step=step, gain=gain, decrease=decrease,
             log_prior=log_prior(count, len(self.library), closure),
         )  # fmt: skip
-        before = self._linear.get((parent.key, a.key))
-        if before is None or a.gain > before.gain or before.parent is not parent:
-            self._linear[parent.key, a.key] = a
-        known = self.possible.get(a.key)
+
+    def _may_matter(self, a: Addition) -> bool:
+        """Return whether an addition is fitted exactly: a single effect always, others if they may come near the best.
+
+        The linear model may be wrong by a share of what there is to be explained. What is then no better than a part of it, is
+        needless.
+        """
+        if len(a.key) == 1 and a.law is None:
+            return True
+        missing = max(self.best.log_z - a.parent.log_z, a.gain, 0.0)
         # The more its parent explains, the less is left to the linear model
-        if a.key not in self.fitted and (known is None or rank(a) > rank(known)):
-            self.possible[a.key] = a
+        said = max(self._at_most.get(a.key, (-math.inf, 0.0)), (a.parent.log_z, a.log_posterior + LINEAR_ERROR * missing))
+        self._at_most[a.key] = said
+        parts = [frozenset(part) for size in range(len(a.key)) for part in combinations(a.key, size)]
+        best_part = max((self.fitted[part].log_posterior for part in parts if part in self.fitted), default=-math.inf)
+        return said[1] > max(self.best.log_posterior - MARGIN, best_part)
 
-    def _promising(self) -> list[Addition]:
-        """Return what is fitted next: what may come near the best, the most probable first."""
-        limit = self.best.log_posterior - MARGIN
-        least = min(self.best.fit.problem.count, *(e.fit.cost for e in self.fitted.values()))
-        found = []
-        for a in self.possible.values():
-            # Beside what is settled only the linear model there counts
-            is_said_nearer = a.parent.key < self.best.key < a.key and self.settled
-            if self._is_usable(a.parent) and not is_said_nearer:
-                log_posterior, slack = self._expected(a, least)
-                if log_posterior + slack > limit and log_posterior + slack > self._best_part(a.key):
-                    found.append((log_posterior, a))
-        found += [(math.inf, a) for a in self._untried()]
-        chosen: dict[Key, Addition] = {}
-        for _, a in sorted(found, key=lambda one: -one[0]):
-            # First a part of it: more parts may only make up for what the linear model does not show of one
-            first, smaller = a, [a.key - {part} for part in a.key]
-            if not any(key in self.fitted for key in smaller):
-                parts = (self.possible[key] for key in smaller if key in self.possible)
-                first = max(parts, key=lambda b: b.log_posterior, default=a)
-            if len(chosen) < MAX_TOGETHER and not any(key < first.key for key in chosen):
-                chosen.setdefault(first.key, first)
-        return list(chosen.values())
-
-    def _best_part(self, key: Key) -> float:
-        """Return the log posterior of the best part of an explanation: what adds nothing to it is no explanation of its own."""
-        parts = [frozenset(part) for size in range(len(key)) for part in combinations(key, size)]
-        known = (of[part].log_posterior for of in (self.fitted, self.possible) for part in parts if part in of)
-        return max(known, default=-math.inf)
-
-    def _untried(self) -> list[Addition]:
-        """Return the listed effects that are fitted whatever the linear model says: it shows too little of some.
-
-        One, so that nothing is said without a runner-up; more before a law is named, since no library may list that.
-        """
-        tried = sum(len(e.key) == 1 and not e.parts.law for e in self.fitted.values())
-        singles = [a for a in self.possible.values() if len(a.key) == 1 and not a.law]
-        left = LEAST_TRIED[self.best.parts.law is not None] - tried
-        return sorted(singles, key=lambda a: -a.log_posterior)[: max(left, 0)]
-
-    def _is_usable(self, parent: Explanation) -> bool:
-        """Return whether a linear model beside an explanation says enough of what is near the best.
-
-        Beside a parent that leaves much more unexplained than the best does, it does so only for a part in another one's place.
-        """
-        best = self.best
-        return best.log_z - parent.log_z < 4 * LARGE_MISFIT or (parent.key < best.key and len(parent.key) == len(best.key) - 1)
-
-    def _start_of(self, a: Addition) -> Explanation:
-        """Return the most probable explanation between an addition's parent and what it makes that was fitted exactly."""
-        between = [e for key, e in self.fitted.items() if key < a.key and (a.parent.key, key) in self._linear]
-        return max([a.parent, *between], key=lambda e: e.log_z)
-
-    def _expected(self, a: Addition, least: float) -> tuple[float, float]:
-        """Return the log posterior that an addition leads to, and by how much more it may be.
-
-        Where a part of what is added was fitted exactly, it starts there. The linear model may be wrong by a share of what
-        there is to be explained, or by as much as it was where exact fits have shown it; but no fit is expected to leave less
-        than noise does, or than the best fit: a cost of ``least``.
-        """
-        start = self._start_of(a)
-        log_z, cost, gain = a.parent.log_z, a.parent.fit.cost - a.decrease, a.gain
-        if start is not a.parent:
-            known = self._linear[a.parent.key, start.key]
-            log_z, gain = start.log_z, a.gain - known.gain
-            cost = start.fit.cost - (a.decrease - known.decrease)
-        missing = max(self.best.log_z - log_z, gain, 0.0)
-        slack = min(LINEAR_ERROR * missing**2 / (missing + LARGE_MISFIT), 1.0 + max(0.5 * (cost - least), 0.0))
-        errors = self._errors.get((start.key, a.law is not None), [])
-        if len(errors) >= MIN_KNOWN_ERRORS:
-            least_wrong = max(errors)
-            slack = min(slack, 1.0 + least_wrong * (1 + math.copysign(LINEAR_ERROR, least_wrong)))
-        return log_z + gain + a.log_prior, slack
+    def _templates_beside(self, e: Explanation) -> list[Template]:
+        """Return the templates of the effects that may be added; finite changes are those beside nothing."""
+        if e.key not in self._templates:
+            others = [c for c in self.library if c not in e.parts.effects]
+            self._templates[e.key] = templates(e.fit, others, self._templates.get(NOTHING, ()))
+        return self._templates[e.key]
 
 
 def posterior(fitted: Mapping[Key, Explanation]) -> list[tuple[Key, float]]:

@@ -20,8 +20,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_banded
-from scipy.linalg.lapack import dpttrf
+from scipy.linalg.lapack import dpttrf, dtbtrs
 
 from looping_pendulum.discrepancy.fit.event_prediction import event_times
 from looping_pendulum.measured.noise import estimate_noise, speed_at
@@ -205,7 +204,7 @@ class Whitening:
         self._deviation = np.sqrt(spread)
         # The prediction of the next point is memory (1 - gain) times the last prediction, and memory gain times the last point
         self._from_point = memory * gain[:-1]
-        self._band = np.zeros((2, len(t)))
+        self._band = np.zeros((2, len(t)), order="F")
         self._band[0] = 1.0
         self._band[1, :-1] = -memory * (1.0 - gain[:-1])
         used = np.isfinite(sigma)
@@ -216,6 +215,6 @@ class Whitening:
         """Return the standardised differences, shape (n,) or (n, m) as given."""
         source = np.zeros_like(difference)
         source[1:] = (self._from_point if difference.ndim == 1 else self._from_point[:, None]) * difference[:-1]
-        predicted = solve_banded((1, 0), self._band, source, overwrite_b=True, check_finite=False)
+        predicted, _ = dtbtrs(self._band, source, uplo="L", diag="U")
         deviation = self._deviation if difference.ndim == 1 else self._deviation[:, None]
         return np.asarray((difference - predicted) / deviation)
