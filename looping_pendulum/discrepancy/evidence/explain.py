@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,7 +21,8 @@ from looping_pendulum.discrepancy.evidence.explanation import (
 )
 from looping_pendulum.discrepancy.evidence.marginal import NoiseGrid
 from looping_pendulum.discrepancy.evidence.motions import Closure, motions
-from looping_pendulum.discrepancy.evidence.prior import CREDIBLE, LAW_PREDICTS
+from looping_pendulum.discrepancy.evidence.prior import CHECKED, CREDIBLE, LAW_PREDICTS, TIE
+from looping_pendulum.discrepancy.evidence.sampling import checked
 from looping_pendulum.discrepancy.evidence.search import Search, in_words, posterior
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate
 from looping_pendulum.discrepancy.fit.data import TrialData
@@ -94,28 +96,62 @@ class Explanations:
 
     def __init__(self, search: Search, inputs: Inputs, interrupted: bool) -> None:
         self.search, self._inputs = search, inputs
+        self._predicted: dict[Key, float] = {}
         self._of_training: dict[Key, Fit | None] = {}
         self.interrupted = interrupted
         self._fitted = dict(search.fitted)
-        while True:
+        self._judge_probabilities()
+        try:
+            while not self.interrupted and (wrong := self._without_prediction()):
+                for e in wrong:
+                    del self._fitted[e.key]
+                self._judge_probabilities()
+        except KeyboardInterrupt:
+            self.interrupted = True
+
+    def _judge_probabilities(self) -> None:
+        """Find the probabilities, by sampling where Laplace's method alone would decide, and what is credible."""
+        probabilities = posterior(self._fitted)
+        rivals = [key for key, p in probabilities if p > probabilities[0][1] * math.exp(-CHECKED)]
+        if len(rivals) > 1:
+            for key in rivals:
+                e = self._fitted[key]
+                if not e.checked:
+                    self._fitted[key] = checked(e, self.search.tested(e)[0])
             probabilities = posterior(self._fitted)
-            self.best = self._fitted[probabilities[0][0]]
-            before = np.cumsum([0.0, *(p for _, p in probabilities)])
-            self.credible = tuple(key for (key, _), p in zip(probabilities, before, strict=False) if p < CREDIBLE)
-            laws = [] if self.interrupted else [self._fitted[key] for key in self.credible if self._fitted[key].parts.law]
-            try:
-                unconfirmed = [e for e in laws if not self._predicts(e)]
-            except KeyboardInterrupt:
-                self.interrupted, unconfirmed = True, []
-            if not unconfirmed:
-                break
-            for e in unconfirmed:
-                del self._fitted[e.key]
+        self.best = self._fitted[probabilities[0][0]]
+        others = 1.0 - np.cumsum([0.0, *(p for _, p in probabilities)])
+        # That something is missing, is said where it is no tie with other explanations
+        enough = (1 - CREDIBLE) / (TIE if self.best.key != NOTHING else 1.0)
+        self.credible = tuple(key for (key, _), p in zip(probabilities, others, strict=False) if p > enough)
         self.probabilities = dict(probabilities)
         """What an explanation adds -> its probability; an empty set: nothing is missing.
 
         Of one that adds nothing that shows to a part of it, and so is counted with that, there is none.
         """
+
+    def _without_prediction(self) -> list[Explanation]:
+        """Return the credible explanations of which a part makes the held-out trials less probable, or a law hardly more."""
+        if not self._inputs.held_out:
+            return []
+        found = []
+        for e in (self._fitted[key] for key in self.credible):
+            for part in sorted(e.key):
+                rest = self.search.fitted.get(e.key - {part})
+                least = LAW_PREDICTS if e.parts.law and part == law_name(e.parts.law) else 0.0
+                if rest is not None and self._log_prediction(e) - self._log_prediction(rest) < least:
+                    found.append(e)
+                    break
+        return found
+
+    def _log_prediction(self, e: Explanation) -> float:
+        """Return the log density with which an explanation, by the training trials, predicts the held-out ones."""
+        if e.key not in self._predicted:
+            e = self.search.fitted[e.key]  # by Laplace's method, as that of the training trials is
+            fit = self._fit_to_training(e)
+            training = fit and explained(NoiseGrid(fit.problem.data), fit, e.parts, len(self.search.library))
+            self._predicted[e.key] = e.log_z - training.log_z if training else -math.inf
+        return self._predicted[e.key]
 
     @property
     def verdict(self) -> Verdict:
@@ -175,19 +211,6 @@ class Explanations:
             coordinates=motions(judged.training).where_it_acts(law),
             held_out=judged.held_out,
         )
-
-    def _predicts(self, e: Explanation) -> bool:
-        """Return whether a law, by the training trials, makes the held-out ones more probable; so if there are none."""
-        if not self._inputs.held_out:
-            return True
-        gains = []
-        for one in (e, self.search.fitted[NOTHING]):
-            fit = self._fit_to_training(one)
-            if fit is None:
-                return False
-            training = explained(NoiseGrid(fit.problem.data), fit, one.parts, len(self.search.library))
-            gains.append(one.log_z - training.log_z)
-        return gains[0] - gains[1] >= LAW_PREDICTS
 
     def _fit_to_training(self, e: Explanation) -> Fit | None:
         """Return the fit to the training trials with white noise, the parameters of a law last; None: it cannot run."""

@@ -18,7 +18,7 @@ from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid, 
 from looping_pendulum.discrepancy.evidence.motions import Closure
 from looping_pendulum.discrepancy.evidence.prior import LENGTHS, RIDGES, log_occam, log_prior
 from looping_pendulum.discrepancy.evidence.templates import Template
-from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate, minimise
+from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, NeedlessFit, calibrate, minimise
 from looping_pendulum.discrepancy.fit.data import TrialData
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.measured.free_parameter import FreeParameter
@@ -128,9 +128,8 @@ def explained(grid: NoiseGrid, fit: Fit, parts: Parts, library: int, settings: S
         x, sigma = fit.x[i] + np.clip(step[:, i], -3, 3), np.sqrt(variance[:, i])
         error = sigma * fit.problem.free_parameters[i].scale / c.stated_error
         # Without the Gaussian prior of the fit, the posterior's width is sigma; what the prior makes of it is `log_occam`
-        log_z += (
-            0.5 * (x / WIDE) ** 2 + math.log(WIDE) - np.log(sigma) + log_occam(x / sigma, error) + (math.log(2) if c.even else 0.0)
-        )
+        of_prior = log_occam(x / sigma, error) + (math.log(2) if c.even else 0.0)
+        log_z += 0.5 * (x / WIDE) ** 2 + math.log(WIDE) - np.log(sigma) + of_prior
     return Explanation(
         parts=parts,
         fit=fit,
@@ -198,7 +197,7 @@ class Addition:
 
 
 def fit_addition(a: Addition, needless_below: float = -math.inf) -> tuple[Fit, Parts] | None:
-    """Fit an explanation with what is added to it, from where the linear model leads; None: it cannot run.
+    """Fit an explanation with what is added to it, from where the linear model leads; None: it cannot run, or is needless.
 
     Parameters
     ----------
@@ -232,9 +231,13 @@ def fit_addition(a: Addition, needless_below: float = -math.inf) -> tuple[Fit, P
     # The cost of a fit, with white noise, that gives this log posterior
     needless_above = parent.cost - a.decrease + 2 * (a.log_posterior - needless_below)
     for i, (fit_from, start, beside) in enumerate(starts):
-        with contextlib.suppress(FitError):
+        try:
             x = np.concatenate([start, beside])
             fits.append(fit_from(problem, x, cost_tolerance=enough_cost(parent), needless_above=needless_above))
+        except NeedlessFit:
+            return None
+        except FitError:
+            continue
         decrease = parent.cost - min((f.cost for f in fits), default=math.inf)
         if decrease > 0.9 * a.decrease or (i and decrease > 0):
             break

@@ -41,7 +41,7 @@ from looping_pendulum.reference_ode.effects.closure import N_BASIS_FUNCTIONS
 from looping_pendulum.reference_ode.geometry import Array
 
 Prior = tuple[float, float]
-"""Prior of a law's weights: their standard deviation [N, or 1 for friction], of `RIDGES`, and correlation length, of `LENGTHS`."""
+"""Prior of a law's weights: standard deviation [N, or 1 for friction], of `RIDGES`, and correlation length, of `LENGTHS`."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,9 +128,7 @@ class Laws:
         `explanation.raw` of the fit.
     """
 
-    def __init__(
-        self, fit: Fit, runs: Motions, grid: NoiseGrid, settings: Sequence[int], log_z: Array, fitted: Array
-    ) -> None:
+    def __init__(self, fit: Fit, runs: Motions, grid: NoiseGrid, settings: Sequence[int], log_z: Array, fitted: Array) -> None:
         self.fit, self.runs = fit, runs
         self._log_weights = log_z - np.logaddexp.reduce(log_z)
         problem, sides = fit.problem, ("across",) if runs.clamped else PULSED_SIDES

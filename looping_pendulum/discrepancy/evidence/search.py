@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from itertools import combinations
@@ -163,9 +162,13 @@ class Search:
             self.fitted[e.key] = e
             self._tested.pop(e.key, None)
         if e is self.best:
-            log_z = Marginal(self.grid, raw(fit), at_bounds=bounded(fit)).log_z_of_settings
-            self._settings = [0, *(int(i) for i in np.argsort(-log_z) if i)][:MAX_SETTINGS]
+            self._settings = self._likely_settings(fit)
         return e
+
+    def _likely_settings(self, fit: Fit) -> list[int]:
+        """Return white noise and the most probable settings beside a fit."""
+        log_z = Marginal(self.grid, raw(fit), at_bounds=bounded(fit)).log_z_of_settings
+        return [0, *(int(i) for i in np.argsort(-log_z) if i)][:MAX_SETTINGS]
 
     def _is_needless(self, e: Explanation) -> bool:
         """Return whether a part of an explanation is as probable as the whole."""
@@ -176,16 +179,13 @@ class Search:
         return [e for e in self.fitted.values() if e.log_posterior > limit and not self._is_needless(e)]
 
     def _near(self) -> list[Explanation]:
-        """Return the explanations to which more is added: those near the best and, while it leaves a misfit, of each kind.
-
-        Kinds are the numbers of effects, without and with a law.
-        """
+        """Return the explanations to which more is added: those near the best and, while it leaves a misfit, of each kind."""
         near = self._near_best()
         if not self.settled:
             kinds: dict[tuple[int, bool], list[Explanation]] = {}
             for e in sorted(self.fitted.values(), key=lambda e: -e.log_posterior):
                 if not self._is_needless(e):
-                    kinds.setdefault((len(e.parts.effects), e.parts.law is not None), []).append(e)
+                    kinds.setdefault(kind(e.parts), []).append(e)
             near += [e for of_kind in kinds.values() for e in of_kind[:BEAM]]
         return near
 
@@ -223,7 +223,8 @@ class Search:
         count = len(e.parts.effects)
         found = self._templates_beside(e) if count < (1 if e.parts.law else MAX_EFFECTS) else []
         fitted = raw(e.fit)
-        m = Marginal(self.grid, fitted, columns(found, self.grid.count), bounded(e.fit), self._settings)
+        settings = dict.fromkeys([*self._likely_settings(e.fit), *(self._settings or ())])
+        m = Marginal(self.grid, fitted, columns(found, self.grid.count), bounded(e.fit), list(settings))
         if e.key == NOTHING:
             self.ruled_out = _impossible(m, found)
         added: list[Addition] = []
@@ -241,11 +242,17 @@ class Search:
         for a in sorted(added, key=lambda a: (-(len(a.key) == 1 and not a.law), -a.log_posterior)):
             if a.key not in self.fitted and self._may_matter(a):
                 self._refuse_if_time_is_over()
-                # With noise that lasts longer than a frame a misfit is no measure of the evidence
-                needless = self.best.log_posterior - 3 * MARGIN if not self.best.setting else -math.inf
-                fit = fit_addition(a, needless)
+                fit = fit_addition(a, self._needless_below(a))
                 if fit is not None:
                     self._add(*fit)
+
+    def _needless_below(self, a: Addition) -> float:
+        """Return the log posterior with which neither a verdict needs an addition, nor is anything added to it."""
+        # With noise that lasts longer than a frame a misfit is no measure of the evidence
+        if self.best.setting:
+            return -math.inf
+        of_kind = sorted((e.log_posterior for e in self.fitted.values() if kind(e.parts) == kind(a.parts)), reverse=True)
+        return min(self.best.log_posterior - 2 * MARGIN, of_kind[BEAM - 1] if len(of_kind) >= BEAM else -math.inf)
 
     def _addition(
         self, parent: Explanation, added: tuple[Template, ...], amounts: tuple[float, ...], law: Law | None = None,
@@ -296,6 +303,11 @@ def posterior(fitted: Mapping[Key, Explanation]) -> list[tuple[Key, float]]:
             p[max(within, key=lambda k: p[k])] += p.pop(key)
     total = sum(p.values())
     return sorted(((key, v / total) for key, v in p.items()), key=lambda one: -one[1])
+
+
+def kind(parts: Parts) -> tuple[int, bool]:
+    """Return how many effects an explanation adds, and whether it adds a law."""
+    return len(parts.effects), parts.law is not None
 
 
 def in_words(key: Key) -> str:

@@ -194,8 +194,9 @@ def _value_of_size(
         near = [v for v, made in sizes if 0.5 < made / size < 2]
         if near:
             return near[0]
-        low, high = max((s for s in sizes if s[1] < size), default=(0.0, 0.0)), min(
-            (s for s in sizes if s[1] > size), default=(math.inf, math.inf)
+        low, high = (
+            max((s for s in sizes if s[1] < size), default=(0.0, 0.0)),
+            min((s for s in sizes if s[1] > size), default=(math.inf, math.inf)),
         )
         if low[0] >= reach or sum(math.isinf(made) for _, made in sizes) > MAX_FAILURES or math.isinf(sizes[0][1]):
             break
