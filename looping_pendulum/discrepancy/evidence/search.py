@@ -162,7 +162,9 @@ class Search:
             self.fitted[e.key] = e
             self._tested.pop(e.key, None)
         if e is self.best:
-            self._settings = self._likely_settings(fit)
+            self._settings = list(
+                dict.fromkeys(i for one in (fit, self.fitted[NOTHING].fit) for i in self._likely_settings(one))
+            )
         return e
 
     def _likely_settings(self, fit: Fit) -> list[int]:
@@ -204,13 +206,13 @@ class Search:
         data = [data_with_noise_of_residuals(best.fit, k) for k in range(len(best.fit.problem.data))]
         limit = best.log_posterior - 2 * MARGIN
         kept = [e for e in self.fitted.values() if e.log_posterior > limit and not self._is_needless(e)]
-        kept += [e for e in self.fitted.values() if (e.key == NOTHING or len(e.key) == 1) and e not in kept]
+        kept += [e for e in self.fitted.values() if len(e.key) <= 1 and e not in kept]
+        self._expanded -= {e.key for e in self._near_best()}
         self.grid, self._settings = NoiseGrid(data), None
         self.fitted.clear()
         self._tested.clear()
-        self._expanded.clear()
         self._at_most.clear()
-        for e in kept:
+        for e in sorted(kept, key=lambda e: len(e.key)):  # nothing first
             fit = fit_to_data(e.fit, data)
             if fit is not None:
                 self._add(fit, e.parts)
@@ -223,8 +225,7 @@ class Search:
         count = len(e.parts.effects)
         found = self._templates_beside(e) if count < (1 if e.parts.law else MAX_EFFECTS) else []
         fitted = raw(e.fit)
-        settings = dict.fromkeys([*self._likely_settings(e.fit), *(self._settings or ())])
-        m = Marginal(self.grid, fitted, columns(found, self.grid.count), bounded(e.fit), list(settings))
+        m = Marginal(self.grid, fitted, columns(found, self.grid.count), bounded(e.fit), self._likely_settings(e.fit))
         if e.key == NOTHING:
             self.ruled_out = _impossible(m, found)
         added: list[Addition] = []

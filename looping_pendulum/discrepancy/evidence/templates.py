@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -145,9 +146,11 @@ def _finite_changes(fit: Fit, c: Candidate, companion_values: Sequence[float]) -
         return []
     happen = problem.events_that_happen(at(0.0))
 
-    def change(delta: float) -> Array | None:
-        moved = problem.residuals(at(delta))
-        if moved is None or (len(happen) and np.any(happen & ~problem.events_that_happen(at(delta)))):
+    def change_to(side: int, size: float) -> Array | None:
+        """Return the change of the standardised prediction; None: the model cannot run, or an event is lost."""
+        x_there = at(side * size)
+        moved = problem.residuals(x_there)
+        if moved is None or (len(happen) and np.any(happen & ~problem.events_that_happen(x_there))):
             return None
         return (here - moved)[: problem.measured_rows]
 
@@ -157,7 +160,7 @@ def _finite_changes(fit: Fit, c: Candidate, companion_values: Sequence[float]) -
     for side, reach in sides[: 1 if c.even else 2]:
         tried: dict[float, Array | None] = {}
         for size in sizes if reach > 0 else ():
-            delta = _value_of_size(lambda d, side=side: change(side * d), reach, size, first_change(c), tried)
+            delta = _value_of_size(partial(change_to, side), reach, size, first_change(c), tried)
             if delta is not None:
                 by_value = tried[delta]
                 assert by_value is not None

@@ -113,6 +113,10 @@ class FitError(HarnessError, RuntimeError):
     """Raised if no fit can be made."""
 
 
+class NeedlessFit(FitError):
+    """Raised where a fit will end with a cost that nobody wants."""
+
+
 def minimise(
     problem: Problem,
     x: Array,
@@ -135,13 +139,14 @@ def minimise(
     initial_jacobian
         Jacobian at ``x``, or as near to it as two iterations are when a fit ends; None: not known.
     needless_above
-        Cost above which nobody wants the fit: it ends where the linear model, and by how much that has changed in one
-        iteration, say that it will stay there.
+        Cost above which nobody wants the fit.
 
     Raises
     ------
     FitError
         If the model cannot run at ``x``.
+    NeedlessFit
+        If the linear model, and by how much that has changed in one iteration, say that the cost will stay needlessly large.
     """
     x = np.clip(x, problem.low, problem.high)
     if initial_jacobian is None:
@@ -156,7 +161,7 @@ def minimise(
         model = _LinearModel(problem, x, r, jacobian, longest_step)
         least_before, least = least, cost - model.largest_decrease
         if least - max(least_before - least, 0.0) > needless_above:
-            break
+            raise NeedlessFit(f"the cost will stay above {needless_above:g}")
         there = model.point(damping)
         # Negative where a component was clipped, which says nothing
         if 0 <= model.decrease(there) < cost_tolerance * cost:
