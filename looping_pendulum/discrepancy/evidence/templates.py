@@ -21,10 +21,11 @@ SCALE_SIZE = 10.0
 """Change of the prediction by one scale of a candidate [RMS, in units of noise]."""
 MIN_INDEPENDENT_SHARE = 1e-3
 """Smallest part of a change that the fitted parameters cannot make; below it, errors of the runs decide."""
-FINITE_SIZES, SIZE_IN_SWING = (3.0, 12.0), 0.3
+FINITE_SIZES, SMALL_SIZE = (3.0, 12.0), 0.3
 """Changes of the prediction that are tried of a candidate without a derivative [RMS, in units of noise].
 
-What a larger change does to the phase of a long swing, the fitted parameters nearly undo: its curvature would be left.
+Only the small one counts of an effect that grows with the square of its value, and in a long swing: what a larger change does
+to its phase, the fitted parameters nearly undo, so that the curvature would be left.
 """
 LEAST_SIZE = 0.03
 """Size of the largest possible change below which a candidate changes nothing."""
@@ -155,7 +156,7 @@ def _finite_changes(fit: Fit, c: Candidate, companion_values: Sequence[float]) -
         return (here - moved)[: problem.measured_rows]
 
     sides = [(side, (c.bounds[side > 0] - c.null) * side) for side in (1, -1)]
-    sizes = (SIZE_IN_SWING,) if problem.is_swing else FINITE_SIZES[:1] if c.even else FINITE_SIZES
+    sizes = (SMALL_SIZE,) if problem.is_swing or c.even else FINITE_SIZES
     found = []
     for side, reach in sides[: 1 if c.even else 2]:
         tried: dict[float, Array | None] = {}
