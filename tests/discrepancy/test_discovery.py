@@ -10,7 +10,7 @@ from looping_pendulum.discrepancy.evidence.explanation import raw
 from looping_pendulum.discrepancy.evidence.laws import laws_beside
 from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid
 from looping_pendulum.discrepancy.evidence.motions import Closure
-from looping_pendulum.discrepancy.evidence.prior import body_of
+from looping_pendulum.discrepancy.evidence.prior import body_of, log_share
 from looping_pendulum.discrepancy.fit.calibration import calibrate
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.formulas import PREFIX, forms
@@ -107,18 +107,19 @@ def thrust_study(tmp_path_factory):
 
 
 def laws_of(path):
-    """Return all laws beside the fit of the declared model to all trials of a study, the most probable first."""
+    """Return (log odds but for the prior of all laws, law) beside the declared model's fit, the most probable first."""
     inputs = read_inputs(load(path))
     base = refit_with_estimated_noise(calibrate(inputs.problem()))
     grid = NoiseGrid(base.problem.data)
     log_z = Marginal(grid, raw(base), settings=[0]).log_z_of_settings
-    return laws_beside(base, grid, [0], log_z, raw(base), np.zeros((grid.count, 0))).all()
+    found = laws_beside(base, grid, [0], log_z, raw(base)).all()
+    return sorted(((law.log_bayes_factor + log_share(law.closure), law) for law in found), key=lambda one: -one[0])
 
 
 @pytest.mark.long
 def test_no_law_is_more_probable_than_none_on_clean_data(tmp_path):
     """Oracle: data in which nothing is hidden."""
-    assert laws_of(write_study(tmp_path, CLEAN, 5, trials=["ten_a"]))[0].log_odds < 0
+    assert laws_of(write_study(tmp_path, CLEAN, 5, trials=["ten_a"]))[0][0] < 0
 
 
 @pytest.mark.parametrize(
@@ -129,10 +130,10 @@ def test_the_linear_model_names_what_a_law_acts_on_and_depends_on(tmp_path, thru
 
     Without a fit to the trajectories.
     """
-    best = laws_of(thrust_study if name == "thrust" else write_study(tmp_path, CASES[name], 1))[0]
+    log_odds, best = laws_of(thrust_study if name == "thrust" else write_study(tmp_path, CASES[name], 1))[0]
     target, coordinate = PLANTED_LAWS[name]
     assert (body_of(best.closure.target), best.closure.coordinate) == (body_of(target), coordinate)
-    assert best.log_odds > 5 * DECISIVE
+    assert log_odds > 5 * DECISIVE
     if best.closure.point is not None:
         assert math.dist(best.closure.point, Effects.magnet_place) < Effects.magnet_range
 
