@@ -334,7 +334,7 @@ def _closure_coefficients(prediction: PredictedFormula, parameters: Sequence[flo
     values, form, force = np.asarray(parameters), prediction.form, prediction.force
     closure = form.placed(force.closure, values, *force.coordinate_range)
     sides = zip(TARGETS[closure.target], form.weights(values, closure), strict=True)
-    weights = {weight_name(side, i): float(v) for side, of_side in sides for i, v in enumerate(of_side)}
+    weights = {weight_name(side, i): v for side, of_side in sides for i, v in enumerate(of_side.tolist())}
     return weights | closure.coefficients
 
 
@@ -454,7 +454,7 @@ class FormulaFamily:
         """Return the force of every side with these values of the terms at coordinates ``s``, shape (sides, n)."""
         z = (s - values[0]) / values[1] if self.has_place else s
         amounts = iter(values[2:] if self.has_place else values)
-        force = np.zeros((len(self.sides), len(s)))
+        force = np.zeros((len(self.sides), len(s)), dtype=np.result_type(z, values))
         for i in range(len(self.sides)):
             for part in self._parts_of(i):
                 force[i] += next(amounts) * KINDS[self.kind].parts[part][2](s, z)
@@ -471,8 +471,10 @@ class FormulaFamily:
     def placed(self, closure: Closure, values: Array, low: float, high: float) -> Closure:
         """Return a closure whose basis functions stand for the formula with these values, at coordinates from low to high."""
         if KINDS[self.kind].is_pulse:
-            spacing = PULSE_SPACING * abs(float(values[1]))
-            first_centre = float(values[0]) - 0.5 * (N_BASIS_FUNCTIONS - 1) * spacing
+            place, width = values[:2].tolist()
+            # An absolute value has no complex step
+            spacing = PULSE_SPACING * (width if width.real > 0 else -width)
+            first_centre = place - 0.5 * (N_BASIS_FUNCTIONS - 1) * spacing
         else:
             spacing = (high - low) / (N_BASIS_FUNCTIONS - 1 - 2 * POLYNOMIAL_MARGIN)
             first_centre = low - POLYNOMIAL_MARGIN * spacing

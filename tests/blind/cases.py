@@ -178,7 +178,7 @@ UNLISTED = (
     _single("rough_patch", 0.06, listed=False),
     Case(
         name="late_patch",
-        effects=(("rough_patch", 0.04),),
+        effects=(("rough_patch", 0.1),),
         fixed=(("patch_from", 3.6), ("patch_to", 4.4)),
         listed=False,
     ),
