@@ -14,7 +14,6 @@ from pydantic import (
     ValidationError,
     ValidationInfo,
     WithJsonSchema,
-    create_model,
 )
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, ErrorDetails, PydanticCustomError, core_schema
@@ -39,6 +38,7 @@ from looping_pendulum.scenarios.fields import (
     first_error,
     input_error,
     keys_below,
+    made_group,
     model_schema,
     one_of,
     suggest,
@@ -266,7 +266,7 @@ def _measured(q: Quantity, description: str = "") -> Any:
 def _group(name: str, meaning: str = "", base: type[Group] = Group, **further: Any) -> Any:
     """Return the model of a group of measured quantities, by its name in the file."""
     keys = {q.last_key: _measured(q) for q in group_of(name) if q.name in (*APPARATUS, *RELEASE)} | further
-    return create_model(f"Study{name.capitalize()}Group", __base__=base, __doc__=meaning or base.__doc__, **keys)
+    return made_group(f"Study{name.capitalize()}Group", meaning or base.__doc__, base, **keys)
 
 
 StudyLightGroup = _group("light", "The light mass, which whips round the rod.")

@@ -8,7 +8,15 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Annotated, Any, get_origin
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationError
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    ValidationError,
+    create_model,
+)
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import CoreSchema, ErrorDetails, PydanticCustomError, core_schema
 
@@ -151,7 +159,20 @@ def suggest(text: str, known: Iterable[str]) -> str:
 class Group(BaseModel):
     """A group of keys; one that is not declared is an error."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    # Validators are built on first use: a command reads one kind of file
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, defer_build=True)
+
+
+def made_group(name: str, meaning: str | None, base: type[Group] = Group, **keys: Any) -> Any:
+    """Return a group with further keys, as `pydantic.create_model` takes them.
+
+    Parameters
+    ----------
+    meaning
+        Docstring, which becomes the description in the JSON Schema; None: it has none.
+    """
+    # It has no source, which pydantic would look for, for longer than for all else, to find docstrings of its keys
+    return create_model(name, __base__=base, __doc__=meaning, __cls_kwargs__={"use_attribute_docstrings": False}, **keys)
 
 
 class _FileSchema(GenerateJsonSchema):

@@ -19,7 +19,6 @@ from pydantic import (
     Field,
     Tag,
     ValidationInfo,
-    create_model,
     model_validator,
 )
 
@@ -27,7 +26,7 @@ from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode import parameters
 from looping_pendulum.reference_ode.effects import Coefficient
 from looping_pendulum.scenarios.document import quote
-from looping_pendulum.scenarios.fields import Group, QuantityField, Text, input_error, model_schema, one_of, suggest
+from looping_pendulum.scenarios.fields import Group, QuantityField, Text, input_error, made_group, model_schema, one_of, suggest
 from looping_pendulum.scenarios.metrics import METRICS
 from looping_pendulum.scenarios.own_effects import OwnEffects
 from looping_pendulum.scenarios.quantities import FILE_KEYS, QUANTITIES, Quantity, file_key, group_of, quantity_kind
@@ -95,7 +94,7 @@ def _key_of(q: Quantity) -> Any:
 def _group(name: str, meaning: str = "", base: type[Group] = Group) -> Any:
     """Return the model of a group of quantities, by its name in the file."""
     keys: dict[str, Any] = {q.last_key: _key_of(q) for q in group_of(name)}
-    return create_model(f"{name.capitalize()}Group", __base__=base, __doc__=meaning or base.__doc__, **keys)
+    return made_group(f"{name.capitalize()}Group", meaning or base.__doc__, base, **keys)
 
 
 class _Release(Group):
@@ -169,7 +168,7 @@ def _limit_of(unit: str) -> type[Limit]:
     example = {"m": "0.6 mm", "s": "8 ms", "rad": "0.01 rad", "": "0.003"}.get(unit, "")
     quantity = QuantityField(QuantityKind(unit=unit, low=0.0, example=example))
     limit: Any = (Annotated[float, quantity], Field(description=Limit.model_fields["limit"].description))
-    return create_model(f"Limit of {unit or 'a number'}", __base__=Limit, limit=limit)
+    return made_group(f"Limit of {unit or 'a number'}", None, Limit, limit=limit)
 
 
 _LIMITS = {unit: _limit_of(unit) for unit in dict.fromkeys(metric.unit for metric in METRICS.values())}
@@ -179,7 +178,7 @@ _METRIC_FIELDS: dict[str, Any] = {
     f"metric_{i}": (_LIMITS[metric.unit] | None, Field(None, alias=metric.name, description=metric.description))
     for i, metric in enumerate(METRICS.values())
 }
-Limits: type[BaseModel] = create_model("Limits", __base__=Group, **_METRIC_FIELDS)
+Limits: type[BaseModel] = made_group("Limits", None, **_METRIC_FIELDS)
 
 
 class ProfilesGroup(Group):
@@ -234,8 +233,8 @@ def _file_model(others: tuple[Coefficient, ...]) -> type[ScenarioFile]:
     fields: dict[str, Any] = {
         c.name: (Annotated[float, QuantityField(quantity_kind(c))] | None, Field(None, description=c.meaning)) for c in others
     }
-    effects = create_model("EffectsGroup", __base__=Group, __doc__="Coefficients of further effects.", **fields)
-    return create_model("ScenarioFile", __base__=ScenarioFile, __doc__=ScenarioFile.__doc__, effects=(effects, effects()))
+    effects = made_group("EffectsGroup", "Coefficients of further effects.", **fields)
+    return made_group("ScenarioFile", ScenarioFile.__doc__, ScenarioFile, effects=(effects, effects()))
 
 
 def json_schema() -> dict[str, Any]:
