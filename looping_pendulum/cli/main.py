@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import io
 import os
 import sys
@@ -35,6 +36,8 @@ USAGE_ERROR: Any = typer.BadParameter.__base__
 MAX_MESSAGE_LENGTH = 1000
 """Largest length of an error message [characters]; what the user typed, which it quotes, may be a hundred times longer."""
 
+MADE_BEFORE_COLLECTION = 20_000
+"""Number of objects that are made before the garbage collector looks at them; Python's own 700 costs `identify` 0.3 s."""
 GROUPS: dict[str, dict[str, str]] = {
     "See": {
         "live": "the exact model in a page: sliders, a lesson, films, fits",
@@ -321,6 +324,8 @@ def main() -> None:
         os.environ.setdefault(
             variable, "1"
         )  # before numpy is imported: with matrices this small a second thread only waits for a core
+    # A command imports and makes much that stays to its end, which the collector would look through again and again
+    gc.set_threshold(MADE_BEFORE_COLLECTION)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a character that the terminal cannot show must not end a command

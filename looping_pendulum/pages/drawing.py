@@ -146,11 +146,15 @@ def legend_below(figure: Figure, columns: int = 3) -> None:
         )
 
 
-def png(figure: Figure, dpi: float | Literal["figure"] = "figure") -> bytes:
-    """Return the figure as a PNG file; ``dpi``: pixels per inch, "figure": its own."""
+def png(figure: Figure) -> bytes:
+    """Return the figure as a PNG file."""
     out = io.BytesIO()
+    # Once, and without the drawing that `savefig` would do only for the sake of the layout
+    if (layout := figure.get_layout_engine()) is not None:
+        layout.execute(figure)
+        figure.set_layout_engine("none")
     # No version, so that the same figure has the same bytes
-    figure.savefig(out, format="png", metadata={"Software": None}, dpi=dpi)
+    figure.savefig(out, format="png", metadata={"Software": None}, dpi="figure")
     return out.getvalue()
 
 

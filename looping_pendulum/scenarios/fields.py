@@ -6,7 +6,7 @@ import difflib
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Annotated, Any, get_origin
+from typing import Annotated, Any, TypeVar, get_origin
 
 from pydantic import (
     BaseModel,
@@ -163,7 +163,10 @@ class Group(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, defer_build=True)
 
 
-def made_group(name: str, meaning: str | None, base: type[Group] = Group, **keys: Any) -> Any:
+AnyGroup = TypeVar("AnyGroup", bound=Group)
+
+
+def made_group(name: str, meaning: str | None, base: type[AnyGroup], **keys: Any) -> type[AnyGroup]:
     """Return a group with further keys, as `pydantic.create_model` takes them.
 
     Parameters

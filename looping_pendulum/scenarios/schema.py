@@ -178,7 +178,7 @@ _METRIC_FIELDS: dict[str, Any] = {
     f"metric_{i}": (_LIMITS[metric.unit] | None, Field(None, alias=metric.name, description=metric.description))
     for i, metric in enumerate(METRICS.values())
 }
-Limits: type[BaseModel] = made_group("Limits", None, **_METRIC_FIELDS)
+Limits: type[BaseModel] = made_group("Limits", None, Group, **_METRIC_FIELDS)
 
 
 class ProfilesGroup(Group):
@@ -233,7 +233,7 @@ def _file_model(others: tuple[Coefficient, ...]) -> type[ScenarioFile]:
     fields: dict[str, Any] = {
         c.name: (Annotated[float, QuantityField(quantity_kind(c))] | None, Field(None, description=c.meaning)) for c in others
     }
-    effects = made_group("EffectsGroup", "Coefficients of further effects.", **fields)
+    effects = made_group("EffectsGroup", "Coefficients of further effects.", Group, **fields)
     return made_group("ScenarioFile", ScenarioFile.__doc__, ScenarioFile, effects=(effects, effects()))
 
 
