@@ -6,7 +6,7 @@ The noise is sigma = a + b |v|, because a moving mass is blurred along its path.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from types import SimpleNamespace
@@ -17,18 +17,14 @@ from numpy.typing import NDArray
 
 from looping_pendulum.measured.camera import Camera
 from looping_pendulum.measured.observations import Channel, DataError
-from looping_pendulum.reference_ode.core.host import Runs
 from looping_pendulum.reference_ode.geometry import Array, xy_pairs
 from looping_pendulum.reference_ode.parameters import Parameters
-from looping_pendulum.reference_ode.sensitivity import COMPLEX_STEP, moves_with, run_with_derivatives
+from looping_pendulum.reference_ode.sensitivity import COMPLEX_STEP, DifferentiatedRun, moves_with, run_with_derivatives
 from looping_pendulum.reference_ode.solution import (
-    Run,
     Samples,
-    events_of,
     heavy_mass_position,
     height_at_release,
     light_mass_position,
-    samples_at,
     string_overlap,
 )
 from looping_pendulum.reference_ode.state import Effects, State
@@ -134,59 +130,89 @@ def predict_with_derivatives(
     (`run_with_derivatives`).
     """
     times = sample_times(camera.clock_offset, camera.clock_ratio, camera.readout, channels)
-    runs = run_with_derivatives(
+    run = run_with_derivatives(
         parameters, times.times, wrt, duration=duration_of(times.times), tolerance=FIT_TOLERANCE, max_steps=FIT_STEPS
     )
-    # What is measured depends on few numbers beside the state, and a complex step in each of all these is exact
-    shown = {"across_speed", *PLACING_ENTRIES} if "angle_rate" in times.index else PLACING_ENTRIES
-    entries = [
+
+    def measured(state: State, places: SimpleNamespace, camera: Camera) -> NDArray[Any]:
+        count = np.broadcast_shapes(*map(np.shape, state))[0]
+        samples = SampledRuns(state, run.runs.counts.repeat(count), places, run.effects)
+        return predict_many(samples, camera, channels, times, dropped)
+
+    rows = np.concatenate([times.index[c.name] for c in channels])
+    entries = {"across_speed", *PLACING_ENTRIES} if "angle_rate" in times.index else PLACING_ENTRIES
+    found = differentiate(measured, run, rows, entries, camera, camera_wrt)
+    for name in CLOCK:
+        if name in camera_wrt:
+            found.derivatives[:, len(wrt) + camera_wrt.index(name)] += found.by_time * times.delays(name, channels)
+    return found.values, found.derivatives
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Differentiated:
+    """What is measured in n samples of a run, and its derivatives."""
+
+    run: DifferentiatedRun
+    rows: NDArray[np.intp]
+    """Samples, shape (n,)."""
+    values: Array
+    """Shape (n,)."""
+    derivatives: Array
+    """By the run's parameters ``wrt`` and then by values of the camera, at fixed time, shape (n, m)."""
+    by_entry: Mapping[int, Array]
+    """By entries of the state, shape (n,) each; by all others they are 0."""
+
+    @property
+    def by_time(self) -> Array:
+        """By time, shape (n,)."""
+        return np.asarray(sum(slope * self.run.rates[i][self.rows] for i, slope in self.by_entry.items()))
+
+
+def differentiate(
+    function: Callable[[State, SimpleNamespace, Camera], NDArray[Any]],
+    run: DifferentiatedRun,
+    rows: NDArray[np.intp],
+    entries: Collection[str],
+    camera: Camera,
+    camera_wrt: Sequence[str],
+) -> Differentiated:
+    """Return what a function has for n samples of a run, and its derivatives, by complex steps in all that it depends on.
+
+    Parameters
+    ----------
+    function
+        Of the state, whose entries have the shape (m, all samples), or (all samples,) where it is real; of `PLACES`, numbers or
+        of shape (m, 1); and of many cameras. It returns the values at ``rows``, shape (m, n).
+    entries
+        Entries of the state on which it depends.
+    camera_wrt
+        Values of the camera by which derivatives are wanted.
+    """
+    runs, wrt, values = run.runs, run.wrt, vars(run.parameters.values())
+    moving = [
         i for i, name in enumerate(State._fields)
-        if name in shown and (runs.samples[:, i].any() or runs.partials[:, i].any())
+        if name in entries and (runs.samples[:, i].any() or runs.partials[:, i].any())
     ]  # fmt: skip
-    values = vars(parameters.values())
-    places = [name for name in PLACES if name in wrt and moves_with(parameters, name, wrt)]
-    count = len(entries) + len(places) + len(camera_wrt)
+    places = [name for name in PLACES if name in wrt and moves_with(run.parameters, name, wrt)]
+    count = len(moving) + len(places) + len(camera_wrt)
     steps = 1j * COMPLEX_STEP * np.eye(count)[:, :, None]
+    of_state, of_places, of_camera = np.split(steps, np.cumsum([len(moving), len(places)]))
     state = list(runs.samples.T)
-    for i, step in zip(entries, steps, strict=False):
+    for i, step in zip(moving, of_state, strict=True):
         state[i] = state[i] + step
-    by_place = {name: values[name] + step for name, step in zip(places, steps[len(entries) :], strict=False)}
-    found = predict_many(
-        SampledRuns(
-            State(*state),
-            runs.counts.repeat(count),
-            SimpleNamespace(**{name: values[name] for name in PLACES} | by_place),
-            parameters.effects_with([name for name in wrt if name in parameters.coefficients]),
-        ),
-        camera.stepped(camera_wrt, steps[len(entries) + len(places) :]),
-        channels,
-        times,
-        dropped,
-    )
+    moved = {name: values[name] + step for name, step in zip(places, of_places, strict=True)}
+    at = SimpleNamespace(**{name: values[name] for name in PLACES} | moved)
+    found = function(State(*state), at, camera.stepped(camera_wrt, of_camera))
     slopes = found.imag / COMPLEX_STEP
-
-    rows = times.rows(channels)
     derivatives = np.zeros((len(rows), len(wrt) + len(camera_wrt)))
-    for i, slope in zip(entries, slopes, strict=False):
+    for i, slope in zip(moving, slopes, strict=False):
         derivatives[:, : len(wrt)] += slope[:, None] * runs.partials[rows, i]
-    for name, slope in zip(places, slopes[len(entries) :], strict=False):
+    for name, slope in zip(places, slopes[len(moving) :], strict=False):
         derivatives[:, wrt.index(name)] += slope
-    derivatives[:, len(wrt) :] = slopes[len(entries) + len(places) :].T
-    if delays := [name for name in CLOCK if name in camera_wrt]:
-        rates = _rates(runs, parameters, times.times)
-        by_time = np.sum([slope * rates[i][rows] for i, slope in zip(entries, slopes, strict=False)], axis=0)
-        for name in delays:
-            derivatives[:, len(wrt) + camera_wrt.index(name)] += by_time * times.delays(name, channels)
-    return found[0].real, derivatives
-
-
-def _rates(runs: Runs, parameters: Parameters, t: Array) -> Array:
-    """Return the derivatives by time of the states of a run's samples, shape (entries, n); 0 past its end."""
-    run = Run(parameters=parameters, tolerance=FIT_TOLERANCE, events=events_of(runs.events))
-    samples = samples_at(run, runs.events, t, State(*runs.samples.T))
-    rates = np.array(samples.rates)
-    rates[:, runs.counts[0] :] = 0.0
-    return rates
+    derivatives[:, len(wrt) :] = slopes[len(moving) + len(places) :].T
+    return Differentiated(
+        run=run, rows=rows, values=found[0].real, derivatives=derivatives, by_entry=dict(zip(moving, slopes, strict=False))
+    )
 
 
 class SampledRuns:
@@ -237,10 +263,6 @@ class SampleTimes:
     """Channel -> indices into `times` of its points, shape (n,)."""
     before_release: Mapping[str, int]
     """Channel -> number of its points before the release."""
-
-    def rows(self, channels: Sequence[Channel]) -> NDArray[np.intp]:
-        """Return indices into `times` of the points of all channels, end to end, shape (n,)."""
-        return np.concatenate([self.index[c.name] for c in channels])
 
     def delays(self, name: str, channels: tuple[Channel, ...]) -> Array:
         """Return the derivatives of the sample times of all points by a value of `CLOCK`, shape (n,); 0 up to the release."""

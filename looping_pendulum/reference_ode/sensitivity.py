@@ -26,7 +26,7 @@ from looping_pendulum.reference_ode.solution import (
     samples_at,
 )
 from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, carried_out
-from looping_pendulum.reference_ode.state import State
+from looping_pendulum.reference_ode.state import Effects, State
 
 COMPLEX_STEP = 1e-30
 """Imaginary step by which positions are differentiated: without a difference, nothing is lost to rounding."""
@@ -112,7 +112,7 @@ def solve_sensitivities(
     """
     parameters, times, wrt = parameters_of(parameters), np.asarray(t, dtype=float), tuple(wrt)
     _check_wrt(parameters, wrt)
-    runs = run_with_derivatives(parameters, times, wrt, duration=duration, tolerance=tolerance)
+    runs = run_with_derivatives(parameters, times, wrt, duration=duration, tolerance=tolerance).runs
     run, count = Run(parameters=parameters, tolerance=tolerance, events=events_of(runs.events)), int(runs.counts[0])
     for event, slopes in zip(run.events, runs.event_partials, strict=True):
         if not np.isfinite(slopes).all():
@@ -127,9 +127,35 @@ def solve_sensitivities(
     )
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DifferentiatedRun:
+    """A run at n given times, with its derivatives by m parameters; past its end they are those of its end."""
+
+    parameters: Parameters
+    wrt: tuple[str, ...]
+    """Names of the m parameters."""
+    t: Array
+    """Times [s], shape (n,)."""
+    runs: Runs
+    """What the driver returned; its derivatives are nan where none exist."""
+
+    @property
+    def effects(self) -> Effects:
+        """Effects that act, those included whose coefficients are among ``wrt`` and null."""
+        return self.parameters.effects_with(self.parameters.coefficients.keys() & set(self.wrt))
+
+    @cached_property
+    def rates(self) -> Array:
+        """Derivatives of the state's entries by time, shape (entries, n); 0 past the run's end."""
+        run = Run(parameters=self.parameters, tolerance=TOLERANCE, events=events_of(self.runs.events))
+        rates = np.array(samples_at(run, self.runs.events, self.t, State(*self.runs.samples.T)).rates)
+        rates[:, self.runs.counts[0] :] = 0.0
+        return rates
+
+
 def run_with_derivatives(
     parameters: Parameters, t: Array, wrt: Sequence[str], *, duration: float, tolerance: float, max_steps: int = 0
-) -> Runs:
+) -> DifferentiatedRun:
     """Carry out a run with its derivatives by the parameters ``wrt``, as `solve_sensitivities` does.
 
     Where none exist they are nan: after an event that is only grazed, and by what `changes_kind` of the motion.
@@ -151,7 +177,7 @@ def run_with_derivatives(
     )  # fmt: skip
     for derivatives in (runs.partials, runs.event_partials, runs.end_partials):
         derivatives[..., missing] = np.nan
-    return runs
+    return DifferentiatedRun(parameters=parameters, wrt=tuple(wrt), t=t, runs=runs)
 
 
 def _check_wrt(parameters: Parameters, wrt: tuple[str, ...]) -> None:

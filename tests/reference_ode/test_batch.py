@@ -186,7 +186,7 @@ def test_samples_and_derivatives_are_those_of_single_runs_at_each_runs_own_times
         assert samples.count[i] == len(alone.t)
         place = np.minimum(np.arange(len(t)), len(alone.t))
         np.testing.assert_array_equal(samples.state[:, samples.part(i)], np.array(alone.and_end().state)[:, place])
-        runs = run_with_derivatives(p, t, wrt, duration=3.0, tolerance=TOLERANCE)
+        runs = run_with_derivatives(p, t, wrt, duration=3.0, tolerance=TOLERANCE).runs
         np.testing.assert_array_equal(runs.samples.T, samples.state[:, samples.part(i)])
         try:
             exact = solve_sensitivities(p, t, wrt, duration=3.0).and_end()

@@ -11,20 +11,25 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from looping_pendulum.compare.landmarks import EVENT_QUANTITIES, event_value, reference_event_times
+from looping_pendulum.compare.landmarks import EVENT_QUANTITIES, EventQuantity, event_value, reference_event_times
 from looping_pendulum.engines.landmarks import EXTREMUM_BAND, Extremum, Landmarks, Stop
 from looping_pendulum.engines.reference import event_names
 from looping_pendulum.engines.string_motion import turning_points
 from looping_pendulum.measured.camera import Camera
-from looping_pendulum.measured.measurement import FIT_TOLERANCE
+from looping_pendulum.measured.measurement import FIT_TOLERANCE, PLACING_ENTRIES, differentiate
 from looping_pendulum.measured.observations import DataError, EventObservation, Observations
-from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.geometry import Array, light_velocity, xy_pairs
 from looping_pendulum.reference_ode.parameters import Parameters
-from looping_pendulum.reference_ode.solution import Samples
+from looping_pendulum.reference_ode.sensitivity import COMPLEX_STEP, DifferentiatedRun, run_with_derivatives
+from looping_pendulum.reference_ode.solution import Samples, light_mass_position, string_overlap
 from looping_pendulum.reference_ode.solve import DURATION, solve_at
+from looping_pendulum.reference_ode.state import State, heavy_drop
 from looping_pendulum.scenarios.document import quote
 
 SAMPLE_STEP = 1e-3
@@ -88,14 +93,60 @@ class EventRun:
             self._until, self._samples = DURATION, run_for_events(self.parameters)
         return self._samples
 
+    def landmarks(self, camera: Camera) -> Landmarks:
+        """Return the landmarks of the run, as far as the rows need them."""
+        found = landmarks(self._samples, camera)
+        # More samples do not change an extremum that was found; one that was not may come later.
+        sampled = [row for row in self._rows if row.quantity in SAMPLED_QUANTITIES]
+        if any(event_value(found, row.quantity, row.index) is None for row in sampled):
+            found = landmarks(self.samples, camera)
+        return found
+
     def predict(self, camera: Camera) -> Array:
         """Predict the rows as `predict_events` does."""
-        values = predict_events(self._samples, camera, self._rows)
-        # More samples do not change an extremum that was found; one that was not may come later.
-        missing = [row for row, value in zip(self._rows, values, strict=True) if math.isnan(value)]
-        if any(row.quantity in SAMPLED_QUANTITIES for row in missing):
-            values = predict_events(self.samples, camera, self._rows)
-        return values
+        return _measured_values(self.landmarks(camera), camera, self._rows)
+
+    def predict_with_derivatives(self, camera: Camera, wrt: Sequence[str], camera_wrt: Sequence[str]) -> tuple[Array, Array]:
+        """Predict the rows, shape (n,), and their derivatives, shape (n, m).
+
+        Derivatives are by parameters of the model and then by values of the camera: 0 of an event that does not happen, nan
+        where none exist (`run_with_derivatives`). What is measured at an event changes at fixed time, and as the event moves.
+        """
+        found = self.landmarks(camera)
+        values = _measured_values(found, camera, self._rows)
+        derivatives = np.zeros((len(values), len(wrt) + len(camera_wrt)))
+        happens = [i for i, value in enumerate(values) if math.isfinite(value)]
+        if not happens:
+            return values, derivatives
+        quantities = [EVENT_QUANTITIES[self._rows[i].quantity] for i in happens]
+        times = np.array(
+            [event_value(found, q.measured_at, self._rows[i].index) for q, i in zip(quantities, happens, strict=True)]
+        )
+        t, place = np.unique(times, return_inverse=True)
+        run = run_with_derivatives(self.parameters, t, wrt, duration=DURATION, tolerance=FIT_TOLERANCE)
+        time_slopes = _slopes_of_times(run, place, quantities, camera, camera_wrt)
+
+        def true_values(state: State, p: SimpleNamespace, camera: Camera) -> NDArray[Any]:
+            drop = heavy_drop(np, state, string_overlap(state, run.effects), p, run.effects)
+            by_kind = {
+                "time": 0.0 * drop, "height": -drop, "drop": drop, "length": state.free_length, "angle": state.wrap_angle,
+            }  # fmt: skip
+            shape = np.broadcast_shapes(*map(np.shape, by_kind.values()))
+            return np.stack(
+                [np.broadcast_to(by_kind[q.kind], shape)[:, i] for q, i in zip(quantities, place, strict=True)], axis=1
+            )
+
+        true = differentiate(true_values, run, place, PLACING_ENTRIES, camera, camera_wrt)
+        is_time = np.array([q.kind == "time" for q in quantities])
+        slopes = true.derivatives + np.where(is_time, 1.0, true.by_time)[:, None] * time_slopes
+        steps = 1j * COMPLEX_STEP * np.eye(1 + len(camera_wrt))[:, :, None]
+        stepped = camera.stepped(camera_wrt, steps[1:])
+        for i, q, time, value, slope in zip(happens, quantities, times, true.values, slopes, strict=True):
+            measured = _as_measured((time if q.kind == "time" else value) + steps[0], q.kind, stepped)
+            by_value, *by_camera = np.broadcast_to(np.imag(measured)[:, 0] / COMPLEX_STEP, len(steps))
+            derivatives[i] = by_value * slope
+            derivatives[i, len(wrt) :] += by_camera
+        return values, derivatives
 
 
 def landmarks(samples: Samples, camera: Camera) -> Landmarks:
@@ -126,9 +177,48 @@ def landmarks(samples: Samples, camera: Camera) -> Landmarks:
 
 def predict_events(samples: Samples, camera: Camera, rows: Sequence[EventObservation]) -> Array:
     """Predict the measured values of ``rows`` [SI], shape (n,); NaN: the event does not happen in this run."""
-    run_landmarks = landmarks(samples, camera)
-    values = [event_value(run_landmarks, row.quantity, row.index) for row in rows]
-    return np.array([_as_measured(v, row.quantity, camera) for v, row in zip(values, rows, strict=True)], dtype=float)
+    return _measured_values(landmarks(samples, camera), camera, rows)
+
+
+def _measured_values(found: Landmarks, camera: Camera, rows: Sequence[EventObservation]) -> Array:
+    """Return the measured values of rows [SI], shape (n,); NaN: the event does not happen."""
+    values = [event_value(found, row.quantity, row.index) for row in rows]
+    kinds = [EVENT_QUANTITIES[row.quantity].kind for row in rows]
+    measured = [math.nan if v is None else _as_measured(v, kind, camera) for v, kind in zip(values, kinds, strict=True)]
+    return np.array(measured, dtype=float)
+
+
+def _slopes_of_times(
+    run: DifferentiatedRun,
+    place: NDArray[np.intp],
+    quantities: Sequence[EventQuantity],
+    camera: Camera,
+    camera_wrt: Sequence[str],
+) -> Array:
+    """Return the derivatives of the times of events, shape (n, m), as `EventRun.predict_with_derivatives` has them.
+
+    Parameters
+    ----------
+    place
+        Samples at the events, shape (n,).
+    """
+    # The extrema are zeros of a velocity in the picture
+    axis = np.array([q.measured_at == "y1_extremum" for q in quantities], dtype=np.intp)
+
+    def velocity(state: State, p: SimpleNamespace, camera: Camera) -> NDArray[Any]:
+        position = xy_pairs(*light_mass_position(np, state, string_overlap(state, run.effects), p, run.effects))
+        true = xy_pairs(*light_velocity(np, state.wrap_angle, state.retreat_speed, state.across_speed))
+        return camera.project_displacement(position, true)[:, place, axis]
+
+    shown = differentiate(
+        velocity, run, place, {"free_length", "wrap_angle", "retreat_speed", "across_speed"}, camera, camera_wrt
+    )
+    own = np.abs(run.runs.events[:, 2] - run.t[place][:, None]).argmin(axis=1)
+    slopes = np.zeros_like(shown.derivatives)
+    slopes[:, : len(run.wrt)] = run.runs.event_partials[own]
+    is_extremum = np.array([q.measured_at in SAMPLED_QUANTITIES for q in quantities])
+    slopes[is_extremum] = -shown.derivatives[is_extremum] / shown.by_time[is_extremum, None]
+    return slopes
 
 
 def with_missed_events(predicted: Array, rows: Sequence[EventObservation]) -> Array:
@@ -147,18 +237,15 @@ def event_times(rows: Sequence[EventObservation], otherwise: float) -> Array:
     return np.array([times.get((EVENT_QUANTITIES[row.quantity].measured_at, row.index), last) for row in rows], dtype=float)
 
 
-def _as_measured(value: float | None, quantity: str, camera: Camera) -> float:
-    """Return the value that the file would have for a true ``value`` [SI]; NaN for None."""
-    if value is None:
-        return math.nan
-    kind = EVENT_QUANTITIES[quantity].kind
+def _as_measured(value: Any, kind: str, camera: Camera) -> Any:
+    """Return the value that the file would have for a true one [SI] of a kind, of `EventQuantity.kind`."""
     if kind == "time":
         return (value - camera.clock_offset) / camera.clock_ratio
     if kind == "angle":
         return value + camera.tilt
     # A height is read along the picture's vertical, where a tilted camera shows only its cosine; quarter turns are undone
-    tilt = math.remainder(camera.tilt, math.pi / 2)
-    return value * camera.scale * (math.cos(tilt) if kind in ("height", "drop") else 1.0)
+    quarters = np.round(np.real(camera.tilt) / (0.5 * math.pi))
+    return value * camera.scale * (np.cos(camera.tilt - 0.5 * math.pi * quarters) if kind in ("height", "drop") else 1.0)
 
 
 def _extrema_of_coordinate(t: Array, position: Array, velocity: Array) -> tuple[Extremum, ...]:

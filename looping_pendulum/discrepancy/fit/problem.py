@@ -40,8 +40,6 @@ from looping_pendulum.reference_ode.solution import Samples
 from looping_pendulum.reference_ode.solve import solve_at
 from looping_pendulum.reference_ode.state import State
 
-DIFFERENCE_STEP = 1e-3
-"""Step of differences, in units of the scale: of runs, where no derivative exists, and of what cameras measure of one run."""
 _TIMES, _CAMERA = ParameterRole.TIMES, ParameterRole.CAMERA  # for an inner loop
 
 
@@ -175,14 +173,15 @@ class Problem:
     def _values_at(self, x: Array) -> Sequence[Any]:
         """Return the values of the free parameters [SI] at ``x``, cut off at their bounds, numbers or arrays of shape (m,).
 
-        An imaginary step from a bound is one to its inner side.
+        An imaginary step from a bound is one to its inner side, and beyond it changes nothing.
         """
         columns = (self._init_values, self._scales, self._smallest, self._largest)
         init_values, scales, smallest, largest = columns if x.ndim == 1 else (column[:, None] for column in columns)
         values = init_values + scales * x
-        within = np.clip(values.real, smallest, largest)
+        within: NDArray[Any] = np.clip(values.real, smallest, largest)
         if np.iscomplexobj(values):
-            within = within + 1j * values.imag
+            inside = (x.real >= self.low[:, None]) & (x.real <= self.high[:, None])
+            within = within + 1j * np.where(inside, values.imag, 0.0)
         return list(within) if x.ndim > 1 else within.tolist()  # arithmetic of Python's floats is faster than that of NumPy's
 
     def run(self, x: Array, k: int) -> Samples:
@@ -243,7 +242,10 @@ class Problem:
                 )
                 derivatives[points, acting] = np.nan_to_num(partials, copy=False, nan=0.0) @ at.slopes
             if d.events:
-                values[d.event_slice], derivatives[d.event_slice, acting] = self._events_and_differences(x, k)
+                run = EventRun(at.parameters, d.events)
+                happened, partials = run.predict_with_derivatives(at.camera, at.wrt, at.camera_wrt)
+                values[d.event_slice] = with_missed_events(happened, d.events)
+                derivatives[d.event_slice, acting] = np.nan_to_num(partials, copy=False, nan=0.0) @ at.slopes
         return values, derivatives
 
     def without_derivative(self, x: Array) -> frozenset[str]:
@@ -321,15 +323,6 @@ class Problem:
         parts = [d.standardise(d.value - part) for d, part in zip(self.data, np.split(predicted, ends), strict=True)]
         r = np.concatenate([*parts, -self.prior_weights @ (x - self.prior_mean)])
         return r if np.all(np.isfinite(r)) else None
-
-    def _events_and_differences(self, x: Array, k: int) -> tuple[Array, Array]:
-        """Return the events of trial ``k`` and their derivatives by the parameters that act there, by differences."""
-        acting = self._acting_in_trial[k]
-        step = DIFFERENCE_STEP * np.eye(len(x))[acting]
-        rows = np.clip(np.vstack([x[None], x + step, x - step]), self.low, self.high)
-        values = self._events_of_many(rows, k)
-        width = (rows[1 : 1 + len(acting)] - rows[1 + len(acting) :])[np.arange(len(acting)), acting]
-        return values[0], np.nan_to_num((values[1 : 1 + len(acting)] - values[1 + len(acting) :]) / width[:, None]).T
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
