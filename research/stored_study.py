@@ -136,11 +136,6 @@ def runs_of(v: VariantStudy) -> list[RunSummary]:
     ]
 
 
-def own_costs(study: EngineStudy) -> dict[str, float]:
-    """Return the CPU seconds per simulated second of each timed variant at its own settings: the one cost that pages state."""
-    return {p.variant: p.cpu for p in study.pareto if not p.where}
-
-
 def supplied_by_engine(v: VariantStudy) -> bool:
     """Return whether the engine itself supplies winding and friction law."""
     supplies = v.provenance.supplies

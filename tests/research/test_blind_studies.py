@@ -9,9 +9,10 @@ from looping_pendulum.reference_ode.effects import EFFECTS, Kinematics
 from research import calibration, hidden_laws, known_answer, rates_page
 from research.calibration_summary import summary
 from tests.blind import Apparatus, Effects
-from tests.blind.cases import signature
+from tests.blind.cases import CASES, signature
 from tests.blind.simulator import _light_force
 from tests.discrepancy.blind_sample import BlindStudy, planted_values, scaled, write_files
+from tests.discrepancy.blind_study import TWO_RATIOS, write_study
 
 
 @pytest.mark.parametrize("name", ["magnet", "pull", "thrust"])
@@ -35,6 +36,16 @@ def test_a_law_that_a_fit_is_given_is_that_of_the_simulator(name):
         [sum(f * e for f, e in zip(planted, unit, strict=True)) for unit in (towards, normal)], rel=1e-6
     )
     assert f"known_{name}" not in EFFECTS, "the library that is tested must not know it"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("name", "seed"), [("side_force", 0), ("magnet", 3)])
+def test_a_fit_that_begins_at_the_planted_value_shows_it(tmp_path, name, seed):
+    """Oracle: the separate simulator; a law is known in a process of its own."""
+    study = BlindStudy(hidden=(name,), size=16e-3, noise=1e-3, trials=3, seed=seed)
+    path = write_study(tmp_path, CASES[name], seed, trials=TWO_RATIOS)
+    known = known_answer.known_answer(study, path)
+    assert known_answer.log_odds(known) > 50
 
 
 @pytest.mark.accurate
