@@ -161,7 +161,7 @@ def _unexplained(
         )
     missing = "These data do not say whether anything is missing"
     if any(not t.passes for t in declared.all):
-        missing = "Something is missing that nothing explains of all that was tried"
+        missing = "Something is missing that nothing that was tried explains"
     added = explanation_in_words(nearest, with_values=True)
     before = distance(error, after=False).removesuffix(" (RMS)")
     return (

@@ -281,7 +281,7 @@ def test_what_comes_nearest_is_said_with_its_figures_and_with_what_fails():
     )
     tests = model_tests(predicts=False, loss=9e3)
     assert said(Verdict.UNEXPLAINED, (explanation(law=PULSE), NOTHING), (error,), tests=tests) == (
-        "Something is missing that nothing explains of all that was tried: the most probable model, with a force on the light "
+        "Something is missing that nothing that was tried explains: the most probable model, with a force on the light "
         "mass as a function of the time, which is not listed, is 146 mm (RMS) from the data of the held-out trial swing, 70 "
         "times their error (14.7 mm without), but the model does not predict the held-out trial swing and it predicts the "
         "held-out trial swing no better than the declared model does."
