@@ -287,7 +287,7 @@ def _explanations(found: Explanations, held_out: Mapping[Key, float]) -> tuple[R
                 probability=found.probabilities.get(e.key),
                 log10_odds=(e.log_posterior - declared) / math.log(10),
                 credible=is_credible,
-                checked=getattr(e, "checked", False),
+                checked=e.checked,
                 held_out_error=held_out.get(e.key),
             )
         )
