@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.fit.calibration import calibrate, minimise
+from looping_pendulum.discrepancy.fit.calibration import COST_TOLERANCE, calibrate, minimise
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
@@ -13,6 +13,11 @@ from looping_pendulum.measured.study_io import load
 from tests.blind import Apparatus
 from tests.blind.cases import CLEAN, TRIALS
 from tests.discrepancy.blind_study import write_study
+from tests.discrepancy.real_data import ROOT
+
+FINE = 1e-13
+"""Relative decrease of the cost below which a fit has converged whose gradient must vanish: the square of 1e-6, and less."""
+STORED = ("friction_per_turn-s0", "friction_speed-s1", "magnet-s1", "rough_patch-s0", "side_pull_and_patch-s1")
 
 
 @pytest.fixture(scope="module")
@@ -42,36 +47,55 @@ def test_planted_values_come_back(fit):
     assert ratio == pytest.approx(10, rel=5e-3)  # only the ratio is seen; each mass is known to 0.5 %
 
 
-@pytest.mark.long
-def test_wrong_initial_values_end_at_the_same_minimum(problem, fit):
-    rng = np.random.default_rng(1)
-    for _ in range(4):
-        start = np.clip(2 * rng.standard_normal(len(problem.free_parameters)), problem.low, problem.high)
+def random_starts(problem, seed, count):
+    """Starts within the prior of what was measured, and two scales about where a fit begins for what was not."""
+    rng = np.random.default_rng(seed)
+    return [np.clip(2 * rng.standard_normal(len(problem.names)), problem.low, problem.high) for _ in range(count)]
+
+
+def test_random_starts_end_at_the_same_minimum(fit):
+    """Of 10 starts in each of some blind studies (see docs/verification.md) nine at least; here all do."""
+    for start in random_starts(fit.problem, 1, 4):
         refitted = calibrate(fit.problem, start)
-        # the last iterations gain less than a millionth; where a window's event sequence changes, the cost has small steps
-        assert refitted.cost == pytest.approx(fit.cost, abs=0.2)
+        assert refitted.converged
+        # the decrease that a converged fit still expects, and that of the run that it is compared with
+        assert refitted.cost == pytest.approx(fit.cost, abs=2 * COST_TOLERANCE * fit.cost)
 
 
-def test_a_fit_ends_at_the_minimum(fit):
-    """Oracle: the Gauss-Newton step by central differences there, which is zero at a minimum."""
-    sigmas = np.array([fit.errors[name] for name in fit.problem.names]) / [n.scale for n in fit.problem.free_parameters]
-    signs = np.random.default_rng(3).choice([-1.0, 1.0], len(sigmas))
-    found = minimise(fit.problem, np.clip(fit.x + 0.5 * signs * sigmas, fit.problem.low, fit.problem.high))
-    jacobian = fit.problem.jacobian(found.x)
+def test_the_gradient_vanishes_at_the_minimum(fit):
+    """|J^T r| of each parameter that is not on a bound, relative to the column's norm times that of the residuals."""
+    signs = np.random.default_rng(3).choice([-1.0, 1.0], len(fit.x))
+    start = np.clip(fit.x + 0.5 * signs, fit.problem.low, fit.problem.high)
+    found = minimise(fit.problem, start, cost_tolerance=FINE)
+    r, jacobian = fit.problem.residuals_and_jacobian(found.x)
     free = [i for i, name in enumerate(fit.problem.names) if name not in found.at_bounds]
-    step = np.linalg.lstsq(jacobian[:, free], found.residuals, rcond=None)[0]
-    assert np.abs(step / sigmas[free]).max() < 0.02
+    cosines = jacobian[:, free].T @ r / np.linalg.norm(jacobian[:, free], axis=0) / np.linalg.norm(r)
+    assert found.converged
+    assert abs(cosines).max() < 1e-6
+    assert found.relative_gradient == pytest.approx(abs(cosines).max(), rel=1e-6)
 
 
-def test_derivatives_agree_with_coarser_central_differences(fit):
-    p = fit.problem
-    fine = fit.jacobian[: p.count]
-    for i, name in enumerate(p.names):
-        if name == "heavy_drag":  # on its bound, where only one side exists
-            continue
-        moved = [p.residuals(fit.x + s * 5e-3 * np.eye(len(fit.x))[i]) for s in (1, -1)]
-        coarse = (moved[1] - moved[0])[: p.count] / 1e-2
-        assert np.linalg.norm(coarse - fine[:, i]) < 1e-2 * np.linalg.norm(fine[:, i]), name
+def test_a_fit_that_was_cut_short_has_not_converged(fit):
+    start = fit.x + np.where(np.array(fit.problem.names) == "kinetic_friction", 1.0, 0.0)
+    cut = minimise(fit.problem, start, max_iterations=2)
+    assert not cut.converged
+    assert cut.predicted_decrease > COST_TOLERANCE * cut.cost
+
+
+@pytest.mark.parametrize("name", STORED)
+def test_stored_studies_converge_from_random_starts(name):
+    """Studies that other parts of `identify` once judged wrongly; none is described by the declared model."""
+    path = ROOT / ".." / "shared" / "data" / "studies" / name / "study.yaml"
+    if not path.is_file():
+        pytest.skip(f"{name} is not here: no folder shared/data beside the repository")
+    fit = refit_with_estimated_noise(calibrate(read_inputs(load(path)).problem()))
+    fine = minimise(fit.problem, fit.x, cost_tolerance=FINE)
+    assert fine.converged
+    assert fine.relative_gradient < 1e-6
+    for start in random_starts(fit.problem, 5, 3):
+        refitted = calibrate(fit.problem, start)
+        assert refitted.converged
+        assert refitted.cost == pytest.approx(fine.cost, abs=2 * COST_TOLERANCE * fine.cost)
 
 
 def test_correlations_name_what_the_data_cannot_tell_apart(fit):

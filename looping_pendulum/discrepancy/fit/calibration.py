@@ -58,7 +58,9 @@ class Fit:
     residuals: Array
     """Standardised residuals there, then those of the prior, shape (n + p,)."""
     final_jacobian: Array | None = None
-    """Jacobian there, or where it began if it did not move; None: not known."""
+    """Jacobian there; None: not known."""
+    cost_tolerance: float = COST_TOLERANCE
+    """Relative decrease of the cost below which the fit counts as converged."""
 
     @property
     def cost(self) -> float:
@@ -69,6 +71,26 @@ class Fit:
     def jacobian(self) -> Array:
         """Return the Jacobian at the minimum, shape (n + p, p): `final_jacobian`, or one that is computed now."""
         return self.problem.jacobian(self.x) if self.final_jacobian is None else self.final_jacobian
+
+    @cached_property
+    def predicted_decrease(self) -> float:
+        """Decrease of the cost that the linear model still predicts by a whole step to its minimum, within the bounds."""
+        return _LinearModel(self.problem, self.x, self.residuals, self.jacobian).largest_decrease
+
+    @property
+    def converged(self) -> bool:
+        """Return whether the fit ended at a minimum, and not because its iterations ran out or no step decreased the cost."""
+        return self.predicted_decrease < self.cost_tolerance * self.cost
+
+    @property
+    def relative_gradient(self) -> float:
+        """Return the largest part of the residuals along a column of the Jacobian, as a cosine; 0 at a minimum.
+
+        Parameters that press against a bound are left out.
+        """
+        model = _LinearModel(self.problem, self.x, self.residuals, self.jacobian)
+        sizes = np.linalg.norm(self.jacobian, axis=0) * np.linalg.norm(self.residuals)
+        return float(np.max(np.abs(model.gradient / np.maximum(sizes, 1e-300)), where=model.free, initial=0.0))
 
     @cached_property
     def covariance(self) -> Array:
@@ -123,7 +145,6 @@ def minimise(
     *,
     cost_tolerance: float = COST_TOLERANCE,
     max_iterations: int = MAX_ITERATIONS,
-    initial_jacobian: Array | None = None,
     needless_above: float = math.inf,
 ) -> Fit:
     """Minimise the cost within the bounds by the Levenberg-Marquardt method.
@@ -136,8 +157,6 @@ def minimise(
         Relative decrease of the cost below which the fit has converged.
     max_iterations
         Largest number of Jacobians that are computed.
-    initial_jacobian
-        Jacobian at ``x``, or as near to it as two iterations are when a fit ends; None: not known.
     needless_above
         Cost above which nobody wants the fit.
 
@@ -149,23 +168,19 @@ def minimise(
         If the linear model, and by how much that has changed in one iteration, say that the cost will stay needlessly large.
     """
     x = np.clip(x, problem.low, problem.high)
-    if initial_jacobian is None:
-        r, jacobian = problem.residuals_and_jacobian(x)
-    else:
-        r, jacobian = problem.residuals(x), initial_jacobian
+    r, jacobian = problem.residuals_and_jacobian(x)
     if r is None:
         raise FitError("the model cannot run at the start of the fit; check the study's values")
-    cost, damping, iterations = float(r @ r), FIRST_DAMPING, int(initial_jacobian is None)
+    cost, damping, iterations = float(r @ r), FIRST_DAMPING, 1
     longest_step, least = MAX_STEP, math.inf
     while iterations < max_iterations:
         model = _LinearModel(problem, x, r, jacobian, longest_step)
         least_before, least = least, cost - model.largest_decrease
         if least - max(least_before - least, 0.0) > needless_above:
             raise NeedlessFit(f"the cost will stay above {needless_above:g}")
-        there = model.point(damping)
-        # Negative where a component was clipped, which says nothing
-        if 0 <= model.decrease(there) < cost_tolerance * cost:
+        if model.largest_decrease < cost_tolerance * cost:
             break
+        there = model.point(damping)
         new, new_jacobian = problem.residuals_and_jacobian(there)
         iterations += 1
         if new is not None and float(new @ new) < cost:
@@ -187,11 +202,8 @@ def minimise(
             new, new_jacobian = problem.residuals_and_jacobian(there)
             iterations += 1
             assert new is not None  # what is tried has the same bits
-        decrease = cost - float(new @ new)
         x, r, jacobian, cost = there, new, new_jacobian, float(new @ new)
-        if decrease < cost_tolerance * cost:
-            break
-    return Fit(problem=problem, x=x, residuals=r, final_jacobian=jacobian)
+    return Fit(problem=problem, x=x, residuals=r, final_jacobian=jacobian, cost_tolerance=cost_tolerance)
 
 
 class _LinearModel:
@@ -200,10 +212,10 @@ class _LinearModel:
     def __init__(self, problem: Problem, x: Array, residuals: Array, jacobian: Array, longest: float = MAX_STEP) -> None:
         self._longest = longest
         # The Jacobian is that of the prediction, minus that of the residuals, so the cost falls along +J^T r
-        self._x, self._gradient, self._normal = x, jacobian.T @ residuals, jacobian.T @ jacobian
+        self._x, self.gradient, self._normal = x, jacobian.T @ residuals, jacobian.T @ jacobian
         self._low, self._high = problem.low, problem.high
-        pressed = ((x <= problem.low) & (self._gradient < 0)) | ((x >= problem.high) & (self._gradient > 0))
-        self._free = ~pressed
+        pressed = ((x <= problem.low) & (self.gradient < 0)) | ((x >= problem.high) & (self.gradient > 0))
+        self.free = ~pressed
 
     def point(self, damping: float, longest: float | None = None) -> Array:
         """Return where a damped step leads.
@@ -219,13 +231,13 @@ class _LinearModel:
     def decrease(self, there: Array) -> float:
         """Return the decrease of the cost that the model predicts at a point."""
         step = there - self._x
-        return float(2 * step @ self._gradient - step @ self._normal @ step)
+        return float(2 * step @ self.gradient - step @ self._normal @ step)
 
-    @property
+    @cached_property
     def largest_decrease(self) -> float:
         """Decrease of the cost that the model predicts by the whole step to its minimum."""
         step = self._step(MIN_DAMPING, math.inf)
-        return float(2 * step @ self._gradient - step @ self._normal @ step)
+        return float(2 * step @ self.gradient - step @ self._normal @ step)
 
     def _step(self, damping: float, longest: float) -> Array:
         """Return the damped step, each component clipped; parameters that press against a bound stay.
@@ -234,11 +246,11 @@ class _LinearModel:
         what it does not do.
         """
         step = np.zeros(len(self._x))
-        moving = self._free.copy()
+        moving = self.free.copy()
         below, above = self._low - self._x, self._high - self._x
         while moving.any():
             part = self._normal[np.ix_(moving, moving)]
-            remaining = self._gradient[moving] - self._normal[np.ix_(moving, ~moving)] @ step[~moving]
+            remaining = self.gradient[moving] - self._normal[np.ix_(moving, ~moving)] @ step[~moving]
             # The tiny summand keeps the matrix regular where a parameter changes nothing
             step[moving] = np.linalg.solve(part + damping * np.diag(np.diag(part) + 1e-12), remaining)
             step = np.clip(step, -longest, longest)

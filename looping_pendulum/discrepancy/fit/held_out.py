@@ -162,9 +162,7 @@ def _check_two_blocks(fit: Fit, first: int) -> _Blocks | None:
         return None
     # An infinite standard error leaves values out without changing the shape of the problem
     masked = [dataclasses.replace(d, sigma=np.where(o, np.inf, d.sigma)) for d, o in zip(problem.data, out, strict=True)]
-    partial = minimise(
-        problem.with_data(masked), fit.x, max_iterations=MAX_ITERATIONS, initial_jacobian=_without_rows(fit, rows)
-    )
+    partial = minimise(problem.with_data(masked), fit.x, max_iterations=MAX_ITERATIONS)
     r, jacobian = problem.residuals_and_jacobian(partial.x)
     assert r is not None
     # Noise of the values, and uncertainty of the fitted parameters
@@ -189,15 +187,6 @@ def _square_of_prediction(residuals: Array, jacobian: Array, covariance: Array) 
     along = spread.T @ residuals
     inner = np.eye(len(values)) + spread.T @ spread
     return float(residuals @ residuals - along @ np.linalg.solve(inner, along))
-
-
-def _without_rows(fit: Fit, rows: NDArray[np.bool_]) -> Array | None:
-    """Return the Jacobian of a long swing's fit with zeros for the values ``rows``; None: not known, or as quick to compute."""
-    if fit.final_jacobian is None or not fit.problem.is_swing or noises_of(fit.problem.data):
-        return None
-    jacobian = fit.final_jacobian.copy()
-    jacobian[: len(rows)][rows] = 0.0
-    return jacobian
 
 
 def _block_number(d: TrialData) -> NDArray[np.int_]:

@@ -66,7 +66,7 @@ def with_noise_of_residuals(fit: Fit) -> Fit:
     with the points' own differences of fourth order, which need no model, twice as much.
     """
     data = [data_with_noise_of_residuals(fit, k) for k in range(len(fit.problem.data))]
-    return minimise(fit.problem.with_data(data), fit.x, initial_jacobian=_rescaled_jacobian(fit, data))
+    return minimise(fit.problem.with_data(data), fit.x)
 
 
 def refit_with_estimated_noise(fit: Fit) -> Fit:
@@ -76,23 +76,6 @@ def refit_with_estimated_noise(fit: Fit) -> Fit:
         # Outliers may have led the fit astray, so that it begins anew without them
         first = min((first, calibrate(first.problem)), key=lambda f: f.cost)
     return with_noise_of_residuals(first)
-
-
-def _rescaled_jacobian(fit: Fit, data: Sequence[TrialData]) -> Array | None:
-    """Return the fit's Jacobian for new errors: rows are in units of sigma, so these only rescale them. None: not known."""
-    if fit.final_jacobian is None or any(d.correlated for d in (*fit.problem.data, *data)):
-        return None
-    jacobian = fit.final_jacobian.copy()
-    row = 0
-    for before, after in zip(fit.problem.data, data, strict=True):
-        counts = np.isfinite(after.sigma)
-        if np.isinf(before.sigma[counts]).any():
-            return None  # rows of values that were left out until now are zero
-        rows = jacobian[row : row + len(counts)]
-        rows[counts] *= (before.sigma[counts] / after.sigma[counts])[:, None]
-        rows[~counts] = 0.0
-        row += len(counts)
-    return jacobian
 
 
 def data_with_noise_of_residuals(fit: Fit, k: int) -> TrialData:
