@@ -257,7 +257,7 @@ class Camera:
     def _relative_depth(self, position: Array) -> Array:
         """Return the distance of true positions [m] from the camera, along its axis, over that of the rod, shape (..., 1)."""
         depth = 1 + self._depth(position)
-        if np.all(depth > 0):
+        if not np.any(depth <= 0):  # where a run went astray, there is no position, and so no depth
             return depth
         if np.ndim(self.perspective_x) or np.ndim(self.perspective_y):  # many cameras
             return np.where(depth > 0, depth, np.nan)
