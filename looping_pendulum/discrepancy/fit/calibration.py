@@ -39,13 +39,8 @@ MAX_ITERATIONS = 50
 """Largest number of Jacobians of a fit, unless a caller says otherwise."""
 FIRST_DAMPING, MIN_DAMPING = 1e-3, 1e-9
 """Damping of the first step, in units of the diagonal of the normal matrix, and its least; it falls tenfold each step."""
-MAX_DAMPINGS = 8
-"""Number of larger dampings, each ten times the one before, that are tried where a step does not decrease the cost."""
-SHORTER_STEPS = (3.0, 1.0, 0.3)
-"""Largest components of the steps in the same direction that are tried then, in units of the scales.
-
-In a swing two drags make up for each other, and a step of which one component alone is clipped puts it out of phase.
-"""
+MAX_DAMPING = 1e8
+"""Damping, which rises tenfold with each step that does not decrease the cost, above which none will."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -173,60 +168,38 @@ def minimise(
         raise FitError("the model cannot run at the start of the fit; check the study's values")
     cost, damping, iterations = float(r @ r), FIRST_DAMPING, 1
     longest_step, least = MAX_STEP, math.inf
-    while iterations < max_iterations:
-        model = _LinearModel(problem, x, r, jacobian, longest_step)
+    model = _LinearModel(problem, x, r, jacobian)
+    while iterations < max_iterations and damping <= MAX_DAMPING and model.largest_decrease >= cost_tolerance * cost:
+        there = model.point(damping, longest_step)
+        new, new_jacobian = problem.residuals_and_jacobian(there)
+        iterations += 1
+        if new is None or float(new @ new) >= cost:
+            damping, longest_step = max(10 * damping, FIRST_DAMPING), MAX_STEP
+            continue
+        agrees = cost - float(new @ new) > MIN_AGREEMENT * model.decrease(there) > 0
+        damping, longest_step = max(damping / 10, MIN_DAMPING), STEP_GROWTH * longest_step if agrees else MAX_STEP
+        x, r, jacobian, cost = there, new, new_jacobian, float(new @ new)
+        model = _LinearModel(problem, x, r, jacobian)
         least_before, least = least, cost - model.largest_decrease
         if least - max(least_before - least, 0.0) > needless_above:
             raise NeedlessFit(f"the cost will stay above {needless_above:g}")
-        if model.largest_decrease < cost_tolerance * cost:
-            break
-        there = model.point(damping)
-        new, new_jacobian = problem.residuals_and_jacobian(there)
-        iterations += 1
-        if new is not None and float(new @ new) < cost:
-            damping = max(damping / 10, MIN_DAMPING)
-            agrees = cost - float(new @ new) > MIN_AGREEMENT * model.decrease(there) > 0
-            longest_step = STEP_GROWTH * longest_step if agrees else MAX_STEP
-        else:
-            longest_step = MAX_STEP
-            # Far from linear: the best of some steps that are damped more, or shorter in the same direction
-            dampings = [*(damping * 10.0**i for i in range(1, MAX_DAMPINGS + 1)), *(damping for _ in SHORTER_STEPS)]
-            longest = [*(None for _ in range(MAX_DAMPINGS)), *SHORTER_STEPS]
-            points = np.array([model.point(*each) for each in zip(dampings, longest, strict=True)])
-            tried = [problem.residuals_of(point, row) for point, row in zip(points, problem.predict_many(points), strict=True)]
-            costs = [math.inf if each is None else float(each @ each) for each in tried]
-            best = int(np.argmin(costs))
-            if costs[best] >= cost:
-                break
-            there, damping = points[best], dampings[best]
-            new, new_jacobian = problem.residuals_and_jacobian(there)
-            iterations += 1
-            assert new is not None  # what is tried has the same bits
-        x, r, jacobian, cost = there, new, new_jacobian, float(new @ new)
     return Fit(problem=problem, x=x, residuals=r, final_jacobian=jacobian, cost_tolerance=cost_tolerance)
 
 
 class _LinearModel:
     """The residuals of a problem as a linear function of its parameters about ``x``."""
 
-    def __init__(self, problem: Problem, x: Array, residuals: Array, jacobian: Array, longest: float = MAX_STEP) -> None:
-        self._longest = longest
+    def __init__(self, problem: Problem, x: Array, residuals: Array, jacobian: Array) -> None:
         # The Jacobian is that of the prediction, minus that of the residuals, so the cost falls along +J^T r
         self._x, self.gradient, self._normal = x, jacobian.T @ residuals, jacobian.T @ jacobian
         self._low, self._high = problem.low, problem.high
         pressed = ((x <= problem.low) & (self.gradient < 0)) | ((x >= problem.high) & (self.gradient > 0))
         self.free = ~pressed
 
-    def point(self, damping: float, longest: float | None = None) -> Array:
-        """Return where a damped step leads.
-
-        Each component is clipped at the largest step by itself; with ``longest`` all are shortened alike until none is larger.
-        """
-        step = self._step(damping, self._longest if longest is None else math.inf)
-        if longest is not None:
-            step *= min(1.0, longest / max(float(np.abs(step).max()), 1e-300))
+    def point(self, damping: float, longest: float) -> Array:
+        """Return where a damped step leads; each component is clipped at the largest step by itself."""
         # A bound is met exactly, whatever the rounding
-        return np.asarray(np.clip(self._x + step, self._low, self._high))
+        return np.asarray(np.clip(self._x + self._step(damping, longest), self._low, self._high))
 
     def decrease(self, there: Array) -> float:
         """Return the decrease of the cost that the model predicts at a point."""
