@@ -161,6 +161,7 @@ def outcome_of(result: Identification, study: BlindStudy, known: Outcome | None)
         "known_answer": known,
         "probabilities": [[*_plain(e), p, e in rights] for e, p in probabilities.items() if p],
         "estimates": [_estimate(effect, planted[effect.name]) for effect in effects],
+        "explanations_fitted": result.explanations_fitted,
         "held_out_error": max((e.standardised_rms_after for e in result.errors if e.held_out), default=None),
     }
 

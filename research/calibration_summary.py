@@ -77,6 +77,7 @@ def summary(pairs: Sequence[Pair]) -> dict[str, Any]:
         "coverage": proportion(sum(estimates), len(estimates)),
         "held_out_error": _quantiles([o["held_out_error"] for o in found if o["held_out_error"] is not None]),
         "cpu_seconds": _quantiles([o["cpu_seconds"] for _, o in judged]),
+        "explanations_fitted": _quantiles([o["explanations_fitted"] for _, o in judged]),
         "each": [_one(s, o) for s, o in judged],
     }
 

@@ -99,7 +99,7 @@ def log_posteriors(path: Path, values: Mapping[str, float], companions: Mapping[
     Raises
     ------
     FitError
-        If one of these models cannot run.
+        If one of these models cannot run, or the fit with all that is hidden does not converge.
     """
     inputs = read_inputs(load(path))
     right = [c for c in inputs.library if c.name in values]
@@ -112,6 +112,8 @@ def log_posteriors(path: Path, values: Mapping[str, float], companions: Mapping[
     for count in range(len(right) + 1):
         for chosen in itertools.combinations(right, count):
             fit = _fitted(declared, best, chosen, values, companions)
+            if len(chosen) == len(right) and not fit.converged:
+                raise FitError("the fit with all that is hidden has not converged")
             explanation = explained(grid, fit, Parts(effects=chosen), listed)
             found.append(([c.name for c in chosen], explanation.log_posterior))
     return found

@@ -89,11 +89,14 @@ def in_short(rates: dict[str, Any]) -> str:
 def _studies(rates: dict[str, Any]) -> str:
     planned, judged = sum(COUNTS.values()), rates["studies"]
     few = "" if judged + rates["unreachable"] + rates["failed"] >= planned else f" of {planned} that are planned"
-    cpu = rates["cpu_seconds"]
-    seconds = f"{amount(cpu['0.5'])} s of processor time in the median, {amount(cpu['largest'])} s at most" if cpu else "-"
+    seconds, fitted = (
+        f"{amount(q['0.5'])}{unit} in the median, {amount(q['largest'])} at most" if q else "-"
+        for q, unit in ((rates["cpu_seconds"], " s"), (rates["explanations_fitted"], ""))
+    )
     return f"""A separate simulator in Cartesian coordinates (`tests/blind`) made {judged} studies{few}, filmed by a
 simulated camera with 1 to 4 trials and three kinds of noise; `identify` read only their files
-(`{rates["command"]}`, {rates["measured_on"]}). An identification took {seconds}. Intervals are of 95 %."""
+(`{rates["command"]}`, {rates["measured_on"]}). An identification took a processor {seconds}, and the
+explanations that it fitted are {fitted}. Intervals are of 95 %."""
 
 
 def _targets(rates: dict[str, Any]) -> str:
