@@ -66,7 +66,7 @@ CHECKED = math.log(1000.0)
 """Log odds between the best explanations within which their probabilities are computed by sampling, too."""
 MARGIN = 6.0
 """Log odds to the best explanation within which others are fitted exactly."""
-LINEAR_ERROR = 0.5
+LINEAR_ERROR = 0.1
 """Share of what is left to explain by which the linear model may be wrong."""
 BEAM = 3
 """Best explanations of each kind to which everything is added while the best one leaves a misfit."""
