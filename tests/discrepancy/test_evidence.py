@@ -272,7 +272,7 @@ def test_the_unit_of_a_value_does_not_matter(search):
 
 def test_templates_beside_a_fit_say_what_a_small_value_does(base, library):
     """Oracle: the difference of two predictions."""
-    found = [t for t in templates(base, library[:3]) if not t.finite]
+    found = [t for t in templates(base, library[:3], {}) if not t.finite]
     assert {t.candidate.name for t in found} >= {DRAG, "wind_speed"}
     for t in found:
         problem = base.problem.with_parameters(t.candidate.free_parameter(1.0))
@@ -310,7 +310,7 @@ def found(change, first, reach, size):
 
 def visible(fit, chosen):
     """Return candidate's name -> its smallest visible size beside a fit."""
-    found = templates(fit, chosen)
+    found = templates(fit, chosen, {})
     grid = NoiseGrid(fit.problem.data)
     m = Marginal(grid, raw(fit), columns(found, grid.count), settings=[0])
     return {v.name: v for v in smallest_visible(fit, found, m.complement[0])}

@@ -31,7 +31,7 @@ WIDE = 1e3
 """Prior standard deviation of an added effect [scales]: the fit is by the data alone, and the prior of its size by `prior`."""
 COST_ERROR = 0.1
 """Decrease of the cost below which a fit has converged."""
-MAX_PRIORS = 3
+MAX_PRIORS = 2
 """Largest number of priors by which a law is fitted, one after another."""
 
 

@@ -34,7 +34,7 @@ from looping_pendulum.discrepancy.evidence.prior import (
     log_occam,
     log_prior,
 )
-from looping_pendulum.discrepancy.evidence.templates import Template, columns, smallest_visible, templates
+from looping_pendulum.discrepancy.evidence.templates import Case, Template, columns, smallest_visible, templates
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.residual import ResidualTests, check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import data_with_noise_of_residuals
@@ -43,6 +43,10 @@ from looping_pendulum.reference_ode.geometry import Array
 
 MAX_SETTINGS = 5
 """Settings of the noise by which explanations are compared at first: white, and the most probable ones of the best so far."""
+
+
+SETTINGS_OF_LAWS = 2
+"""How many of these laws are looked at by, where their fits begin."""
 
 
 class OutOfTime(Exception):
@@ -77,11 +81,14 @@ class Search:
         """What an explanation adds -> the explanation, of all that were fitted exactly."""
         self.ruled_out: list[Candidate] = []
         """Listed effects that would explain much with a value that is known to be impossible."""
+        self.tried: set[Key] = {NOTHING}
+        """What was added in any exact fit, those that were given up as needless or could not run included."""
         self._expanded: set[Key] = set()
         self._at_most: dict[Key, tuple[float, float]] = {}
         """What is made -> the log evidence of the best parent by whose linear model it was looked at, and its log posterior at
         most."""
         self._templates: dict[Key, list[Template]] = {}
+        self._finite: dict[Case, list[Template]] = {}
         self._tested: dict[Key, tuple[Fit, ResidualTests]] = {}
         self._settings: Sequence[int] | None = None
         self._add(base, Parts())
@@ -235,7 +242,8 @@ class Search:
             added.append(self._addition(e, of, amounts, step=step, gain=gain, decrease=m.decrease(chosen)))
         # A second law is not looked for, nor one beside two effects
         if e.parts.law is None and count <= 1:
-            laws = laws_beside(e.fit, self.grid, m.settings.tolist(), m.log_z_of_settings, fitted)
+            some = slice(SETTINGS_OF_LAWS)
+            laws = laws_beside(e.fit, self.grid, m.settings[some].tolist(), m.log_z_of_settings[some], fitted)
             for law in laws.all() if laws else ():
                 gain = law.log_bayes_factor
                 added.append(self._addition(e, (), (), law, step=law.step, gain=gain, decrease=law.decrease))
@@ -243,6 +251,7 @@ class Search:
         for a in sorted(added, key=lambda a: (-(len(a.key) == 1 and not a.law), -a.log_posterior)):
             if a.key not in self.fitted and self._may_matter(a):
                 self._refuse_if_time_is_over()
+                self.tried.add(a.key)
                 fit = fit_addition(a, self._needless_below(a))
                 if fit is not None:
                     self._add(*fit)
@@ -285,7 +294,7 @@ class Search:
         """Return the templates of the effects that may be added; finite changes are those beside nothing."""
         if e.key not in self._templates:
             others = [c for c in self.library if c not in e.parts.effects]
-            self._templates[e.key] = templates(e.fit, others, self._templates.get(NOTHING, ()))
+            self._templates[e.key] = templates(e.fit, others, self._finite)
         return self._templates[e.key]
 
 

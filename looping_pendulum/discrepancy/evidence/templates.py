@@ -67,39 +67,36 @@ class Template:
         return float(value) if c.bounds[0] <= c.null + value <= c.bounds[1] else None
 
 
-def templates(fit: Fit, chosen: Sequence[Candidate], known: Sequence[Template] = ()) -> list[Template]:
+def templates(fit: Fit, chosen: Sequence[Candidate], finite: dict[Case, list[Template]]) -> list[Template]:
     """Return the templates of candidates beside a fit.
 
     Parameters
     ----------
-    known
-        Templates beside another fit, of which the finite changes are taken.
+    finite
+        Finite changes beside any fit, which are taken where they are known; those that are found are added. What they are
+        beside another explanation hardly matters: exact fits begin there.
     """
-    finite: dict[tuple[str, tuple[float, ...]], list[Template]] = {}
-    for t in known:
-        if t.finite:
-            finite.setdefault((t.candidate.name, tuple(k.init_value for k in t.companions)), []).append(t)
     # A problem has each candidate once, so that those with other companions are in another one
     groups: dict[tuple[bytes, int], list[Case]] = {}
     for c in chosen:
         for i, values in enumerate(c.companion_grid()):
-            if (c.name, values) not in finite and not c.even:
+            if (c, values) not in finite and not c.even:
                 groups.setdefault((c.where_it_acts(fit.problem.free_parameters, fit.x).tobytes(), i), []).append((c, values))
-    found = dict(finite)
+    derivatives: dict[Case, Template] = {}
     for (at, _), cases in groups.items():
-        found |= _derivatives(fit, np.frombuffer(at), cases)
+        derivatives |= _derivatives(fit, np.frombuffer(at), cases)
+    found = []
     for c in chosen:
         for values in c.companion_grid():
-            if (c.name, values) not in found:
-                found[c.name, values] = _finite_changes(fit, c, values)
+            case = c, values
+            if case in derivatives:
+                found.append(derivatives[case])
+                continue
+            if case not in finite:
+                finite[case] = _finite_changes(fit, c, values)
+            found += finite[case]
     basis, sigma = np.linalg.qr(fit.jacobian)[0], sigma_of(fit.problem.data)
-    return [
-        t
-        for c in chosen
-        for values in c.companion_grid()
-        for t in found[c.name, values]
-        if _independent_share(basis, _standardised(t.change, sigma)) >= MIN_INDEPENDENT_SHARE
-    ]
+    return [t for t in found if _independent_share(basis, _standardised(t.change, sigma)) >= MIN_INDEPENDENT_SHARE]
 
 
 def columns(found: Sequence[Template], n: int) -> Array:
@@ -107,7 +104,7 @@ def columns(found: Sequence[Template], n: int) -> Array:
     return np.stack([t.change for t in found], axis=1) if found else np.zeros((n, 0))
 
 
-def _derivatives(fit: Fit, x: Array, cases: Sequence[Case]) -> dict[tuple[str, tuple[float, ...]], list[Template]]:
+def _derivatives(fit: Fit, x: Array, cases: Sequence[Case]) -> dict[Case, Template]:
     """Return the templates of candidates that have a derivative where the other parameters are ``x``."""
     companions = [c.companion_parameters(values) for c, values in cases]
     problem = fit.problem.with_parameters(
@@ -124,12 +121,9 @@ def _derivatives(fit: Fit, x: Array, cases: Sequence[Case]) -> dict[tuple[str, t
             continue
         # The side on which there are values
         delta = (1.0 if c.bounds[1] > c.null else -1.0) / size
-        found[c.name, values] = [
-            Template(
-                candidate=c, companions=of_case, delta=delta, change=delta * change * sigma, scale=SCALE_SIZE / size,
-                finite=False,
-            )
-        ]  # fmt: skip
+        found[c, values] = Template(
+            candidate=c, companions=of_case, delta=delta, change=delta * change * sigma, scale=SCALE_SIZE / size, finite=False,
+        )  # fmt: skip
     return found
 
 
