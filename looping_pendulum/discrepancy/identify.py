@@ -219,7 +219,7 @@ def _identify(
         ),
         effects=effects,
         explanations=explanations,
-        explanations_fitted=len(found.search.fitted),
+        explanations_fitted=len(found.search.tried),
         unlisted=unlisted,
         correlated_noise=noise,
         smallest_visible=tuple(v for v in visible if not v.can_hide),

@@ -70,7 +70,7 @@ def tests_of(model: Judged, declared: Judged) -> ModelTests:
             limit=MAX_LOSS,
             failure=f"it predicts the held-out {model.held_out.subjects[worst]} no better than the declared model does",
         )
-    converged = all(fit.predicted_decrease < MAX_DECREASE for fit in (model.fit, model.training))
+    converged = all(fit.converged for fit in (model.fit, model.training))
     return ModelTests(
         convergence=ModelTest(
             subject="fit",

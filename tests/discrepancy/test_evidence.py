@@ -21,13 +21,13 @@ from looping_pendulum.discrepancy.evidence.explanation import (
     raw,
 )
 from looping_pendulum.discrepancy.evidence.laws import laws_beside, prior_root, weighed, with_law
-from looping_pendulum.discrepancy.evidence.marginal import MAX_DECREASE, SETTINGS, Marginal, NoiseGrid
+from looping_pendulum.discrepancy.evidence.marginal import SETTINGS, Marginal, NoiseGrid
 from looping_pendulum.discrepancy.evidence.motions import COORDINATES_OF, Closure, factors_of
 from looping_pendulum.discrepancy.evidence.prior import LENGTHS, RIDGES, VISIBLE
 from looping_pendulum.discrepancy.evidence.sampling import checked
 from looping_pendulum.discrepancy.evidence.search import Search, posterior
 from looping_pendulum.discrepancy.evidence.templates import _value_of_size, columns, smallest_visible, templates
-from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise
+from looping_pendulum.discrepancy.fit.calibration import MAX_DECREASE, Fit, calibrate, minimise
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs

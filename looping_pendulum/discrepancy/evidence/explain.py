@@ -19,7 +19,7 @@ from looping_pendulum.discrepancy.evidence.explanation import (
     fit_without,
     law_name,
 )
-from looping_pendulum.discrepancy.evidence.marginal import MAX_DECREASE, NoiseGrid
+from looping_pendulum.discrepancy.evidence.marginal import NoiseGrid
 from looping_pendulum.discrepancy.evidence.motions import Closure, motions
 from looping_pendulum.discrepancy.evidence.prior import CHECKED, CREDIBLE, LAW_PREDICTS, TIE
 from looping_pendulum.discrepancy.evidence.sampling import checked
@@ -99,10 +99,8 @@ class Explanations:
         self._predicted: dict[Key, float] = {}
         self._of_training: dict[Key, Fit | None] = {}
         self.interrupted = interrupted
-        # What has not converged is not ranked; what is left of a step of the linear model, the evidence takes
-        self._fitted = {
-            key: e for key, e in search.fitted.items() if key == NOTHING or e.fit.predicted_decrease < MAX_DECREASE
-        }
+        # What has not converged is not ranked
+        self._fitted = {key: e for key, e in search.fitted.items() if key == NOTHING or e.fit.converged}
         self._judge_probabilities()
         try:
             while not self.interrupted and (wrong := self._without_prediction()):

@@ -14,14 +14,13 @@ from functools import cached_property
 import numpy as np
 
 from looping_pendulum.discrepancy.evidence.prior import AMPLITUDES, P_LASTING
+from looping_pendulum.discrepancy.fit.calibration import MAX_DECREASE
 from looping_pendulum.discrepancy.fit.data import FRAMES, CorrelatedNoise, TrialData, Whitening
 from looping_pendulum.measured.observations import BODIES
 from looping_pendulum.reference_ode.geometry import Array
 
 SETTINGS = (None, *itertools.product(AMPLITUDES, FRAMES))
 """Noise of one body: white, or with an amplitude and a correlation time."""
-MAX_DECREASE = 1.0
-"""Largest decrease of the cost by the step that is left to the minimum of a fit."""
 MIN_POINTS = 20
 """Points of a body below which its noise counts as white."""
 

@@ -35,6 +35,8 @@ A drag that the data hardly determine ended 95 scales off, and went back by 3 of
 """
 COST_TOLERANCE, WINDOW_COST_TOLERANCE = 1e-6, 3e-4
 """Relative decrease of the cost below which a fit has converged, in the last window and in those before it."""
+MAX_DECREASE = 1.0
+"""Largest decrease of the cost that is left, by the linear model, where a fit counts as converged: the evidence takes it."""
 MAX_ITERATIONS = 50
 """Largest number of Jacobians of a fit, unless a caller says otherwise."""
 FIRST_DAMPING, MIN_DAMPING = 1e-3, 1e-9
@@ -54,8 +56,6 @@ class Fit:
     """Standardised residuals there, then those of the prior, shape (n + p,)."""
     final_jacobian: Array | None = None
     """Jacobian there; None: not known."""
-    cost_tolerance: float = COST_TOLERANCE
-    """Relative decrease of the cost below which the fit counts as converged."""
 
     @property
     def cost(self) -> float:
@@ -74,8 +74,8 @@ class Fit:
 
     @property
     def converged(self) -> bool:
-        """Return whether the fit ended at a minimum, and not because its iterations ran out or no step decreased the cost."""
-        return self.predicted_decrease < self.cost_tolerance * self.cost
+        """Return whether the fit ended near a minimum, and not because its iterations ran out far from one."""
+        return self.predicted_decrease < MAX_DECREASE
 
     @property
     def relative_gradient(self) -> float:
@@ -183,7 +183,7 @@ def minimise(
         least_before, least = least, cost - model.largest_decrease
         if least - max(least_before - least, 0.0) > needless_above:
             raise NeedlessFit(f"the cost will stay above {needless_above:g}")
-    return Fit(problem=problem, x=x, residuals=r, final_jacobian=jacobian, cost_tolerance=cost_tolerance)
+    return Fit(problem=problem, x=x, residuals=r, final_jacobian=jacobian)
 
 
 class _LinearModel:
