@@ -37,10 +37,10 @@ COST_TOLERANCE, WINDOW_COST_TOLERANCE = 1e-6, 3e-4
 """Relative decrease of the cost below which a fit has converged, in the last window and in those before it."""
 MAX_DECREASE = 1.0
 """Largest decrease of the cost that is left, by the linear model, where a fit counts as converged: the evidence takes it."""
-MAX_ITERATIONS = 50
+MAX_ITERATIONS = 100
 """Largest number of Jacobians of a fit, unless a caller says otherwise."""
 FIRST_DAMPING, MIN_DAMPING = 1e-3, 1e-9
-"""Damping of the first step, in units of the diagonal of the normal matrix, and its least; it falls tenfold each step."""
+"""Damping of the first step, in units of the diagonal of the normal matrix, and its least."""
 MAX_DAMPING = 1e8
 """Damping, which rises tenfold with each step that does not decrease the cost, above which none will."""
 
@@ -171,13 +171,18 @@ def minimise(
     model = _LinearModel(problem, x, r, jacobian)
     while iterations < max_iterations and damping <= MAX_DAMPING and model.largest_decrease >= cost_tolerance * cost:
         there = model.point(damping, longest_step)
+        while model.decrease(there) <= 0 and damping <= MAX_DAMPING:  # some components were clipped, and the others misled
+            damping *= 10
+            there = model.point(damping, longest_step)
         new, new_jacobian = problem.residuals_and_jacobian(there)
         iterations += 1
         if new is None or float(new @ new) >= cost:
             damping, longest_step = max(10 * damping, FIRST_DAMPING), MAX_STEP
             continue
-        agrees = cost - float(new @ new) > MIN_AGREEMENT * model.decrease(there) > 0
-        damping, longest_step = max(damping / 10, MIN_DAMPING), STEP_GROWTH * longest_step if agrees else MAX_STEP
+        agreement = min((cost - float(new @ new)) / max(model.decrease(there), 1e-300), 1.0)
+        longest_step = STEP_GROWTH * longest_step if agreement > MIN_AGREEMENT else MAX_STEP
+        # Nielsen's rule (1999): one that changes gradually, where a tenfold change each step goes to and fro in a curved valley
+        damping = max(damping * max(0.1, 1 - (2 * agreement - 1) ** 3), MIN_DAMPING)
         x, r, jacobian, cost = there, new, new_jacobian, float(new @ new)
         model = _LinearModel(problem, x, r, jacobian)
         least_before, least = least, cost - model.largest_decrease
