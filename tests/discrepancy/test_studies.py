@@ -22,10 +22,13 @@ HANDED_OUT = {
 }
 """Kind of study -> seed of the one in the data folder."""
 MAY_BE_TIED = {
-    "friction_per_turn": {(frozenset({"friction_per_wrap"}), None)},
+    "friction_per_turn": None,
     "magnet": None,
 }
-"""Kind of study -> explanations that may stand beside the right one; None: any. Of other kinds none may."""
+"""Kind of study -> explanations that may stand beside the right one; None: any. Of other kinds none may.
+
+Friction that grows from half a turn on is nearly one that grows with the wrap angle, with a little of another law beside it.
+"""
 MAX_HELD_OUT_ERROR = 1.08
 """Largest RMS residual of the held-out trial [units of noise].
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -144,6 +144,9 @@ class Search:
                 self._go_on()
         except OutOfTime:
             return False
+        # What may be said, by all settings of the noise
+        for e in (*self._near_best(), self.fitted[NOTHING]):
+            self.fitted[e.key] = explained(self.grid, e.fit, e.parts, len(self.library))
         return True
 
     def _refuse_if_time_is_over(self) -> None:
@@ -162,7 +165,7 @@ class Search:
     def _add(self, fit: Fit, parts: Parts) -> Explanation:
         """Keep an explanation unless a better fit of it is known; return it."""
         e = explained(self.grid, fit, parts, len(self.library), self._settings)
-        if self._settings is not None and e.log_posterior > self.best.log_posterior - 2 * MARGIN:
+        if e.setting and self._settings is not None:  # which lasting noise hides a misfit best, depends on the misfit
             e = explained(self.grid, fit, parts, len(self.library))
         known = self.fitted.get(e.key)
         if known is None or e.log_posterior > known.log_posterior:
@@ -235,11 +238,7 @@ class Search:
         m = Marginal(self.grid, fitted, columns(found, self.grid.count), bounded(e.fit), self._likely_settings(e.fit))
         if e.key == NOTHING:
             self.ruled_out = _impossible(m, found)
-        added: list[Addition] = []
-        for chosen, gain, amounts in _additions(m, found, pairs=e.key == NOTHING):
-            step, _ = m.solution(chosen)
-            of = tuple(found[i] for i in chosen)
-            added.append(self._addition(e, of, amounts, step=step, gain=gain, decrease=m.decrease(chosen)))
+        added = self._of_effects(e, m, found, _best_of_each(m, found))
         # A second law is not looked for, nor one beside two effects
         if e.parts.law is None and count <= 1:
             some = slice(SETTINGS_OF_LAWS)
@@ -247,14 +246,31 @@ class Search:
             for law in laws.all() if laws else ():
                 gain = law.log_bayes_factor
                 added.append(self._addition(e, (), (), law, step=law.step, gain=gain, decrease=law.decrease))
-        # The best first: the fit of one that cannot come near it ends early
-        for a in sorted(added, key=lambda a: (-(len(a.key) == 1 and not a.law), -a.log_posterior)):
+        self._fit_what_may_matter(added)
+        # Where one effect shows, others are added to it; two may show together of which neither does alone
+        if self.best.key == NOTHING == e.key:
+            self._fit_what_may_matter(self._of_effects(e, m, found, _best_of_each_pair(m, found)))
+
+    def _fit_what_may_matter(self, added: Sequence[Addition]) -> None:
+        """Fit additions, effects first and the best first: the fit of one that cannot come near the best ends early."""
+        for a in sorted(added, key=lambda a: (a.law is not None, -a.log_posterior)):
             if a.key not in self.fitted and self._may_matter(a):
                 self._refuse_if_time_is_over()
                 self.tried.add(a.key)
                 fit = fit_addition(a, self._needless_below(a))
                 if fit is not None:
                     self._add(*fit)
+
+    def _of_effects(
+        self, parent: Explanation, m: Marginal, found: Sequence[Template], chosen: Iterable[_Chosen]
+    ) -> list[Addition]:
+        """Return additions of effects."""
+        additions = []
+        for indices, gain, amounts in chosen:
+            step, _ = m.solution(indices)
+            of = tuple(found[i] for i in indices)
+            additions.append(self._addition(parent, of, amounts, step=step, gain=gain, decrease=m.decrease(indices)))
+        return additions
 
     def _needless_below(self, a: Addition) -> float:
         """Return the log posterior with which neither a verdict needs an addition, nor is anything added to it."""
@@ -338,23 +354,31 @@ def _impossible(m: Marginal, found: Sequence[Template]) -> list[Candidate]:
     return [c for name, c in held.items() if beyond[name] > within[name]]
 
 
-def _additions(
-    m: Marginal, found: Sequence[Template], *, pairs: bool
-) -> list[tuple[tuple[int, ...], float, tuple[float, ...]]]:
-    """Return (indices, gain of log evidence, amounts) of each candidate's best template, and of each pair of candidates."""
+_Chosen = tuple[tuple[int, ...], float, tuple[float, ...]]
+"""Indices of templates, gain of log evidence by them, and their amounts."""
+
+
+def _best_of_each(m: Marginal, found: Sequence[Template]) -> list[_Chosen]:
+    """Return the best template of each candidate."""
     if not found:
         return []
-    s, base, names = m.complement, m.log_z_of_settings[:, None], [t.candidate.name for t in found]
+    s, base, sizes = m.complement, m.log_z_of_settings[:, None], np.array([t.stated_size for t in found])
     square = np.maximum(np.einsum("gii->gi", s)[:, 1:], 1e-12)
     z = s[:, 0, 1:] / np.sqrt(square)
-    gain = np.logaddexp.reduce(base + 0.5 * z**2 + log_occam(z), axis=0) - m.log_z
+    gain = np.logaddexp.reduce(base + 0.5 * z**2 + log_occam(z, sizes / np.sqrt(square)), axis=0) - m.log_z
     amounts = s[0, 0, 1:] / square[0]
-    best: dict[tuple[str, ...], tuple[tuple[int, ...], float, tuple[float, ...]]] = {}
+    best: dict[str, _Chosen] = {}
     for i in np.argsort(-gain).tolist():
-        if (names[i],) not in best and found[i].value(float(amounts[i])) is not None:
-            best[names[i],] = (i,), float(gain[i]), (float(amounts[i]),)
-    if not pairs:
-        return list(best.values())
+        name = found[i].candidate.name
+        if name not in best and found[i].value(float(amounts[i])) is not None:
+            best[name] = (i,), float(gain[i]), (float(amounts[i]),)
+    return list(best.values())
+
+
+def _best_of_each_pair(m: Marginal, found: Sequence[Template]) -> list[_Chosen]:
+    """Return the best templates of each pair of candidates."""
+    s, base, names = m.complement, m.log_z_of_settings[:, None], [t.candidate.name for t in found]
+    sizes = np.array([t.stated_size for t in found])
     i, j = np.triu_indices(len(found), 1)
     of_candidate = np.unique(names, return_inverse=True)[1]
     i, j = (a[of_candidate[i] != of_candidate[j]] for a in (i, j))
@@ -364,9 +388,11 @@ def _additions(
     x = (bb * along[0] - ab * along[1]) / determinant, (aa * along[1] - ab * along[0]) / determinant
     widths = np.sqrt(bb / determinant), np.sqrt(aa / determinant)
     # The widths are those of each amount by itself; both together have less room by their correlation
-    together_ = 0.5 * np.log(determinant / np.maximum(aa * bb, 1e-30))
-    log_bf = 0.5 * (x[0] * along[0] + x[1] * along[1]) + log_occam(x[0] / widths[0]) + log_occam(x[1] / widths[1]) + together_
+    together = 0.5 * np.log(determinant / np.maximum(aa * bb, 1e-30))
+    occam = sum(log_occam(x[k] / widths[k], sizes[(i, j)[k]] * widths[k]) for k in (0, 1))
+    log_bf = 0.5 * (x[0] * along[0] + x[1] * along[1]) + occam + together
     gain = np.logaddexp.reduce(base + log_bf, axis=0) - m.log_z
+    best: dict[tuple[str, str], _Chosen] = {}
     for k in np.argsort(-gain).tolist():
         pair, values = (names[i[k]], names[j[k]]), (float(x[0][0, k]), float(x[1][0, k]))
         if pair not in best and found[i[k]].value(values[0]) is not None and found[j[k]].value(values[1]) is not None:

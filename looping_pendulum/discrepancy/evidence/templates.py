@@ -58,6 +58,11 @@ class Template:
         """Whether the change grows with the square of the value."""
         return self.candidate.even
 
+    @property
+    def stated_size(self) -> float:
+        """Size of the change in stated errors of the value, of one that may be wrong; nan: of any other effect."""
+        return abs(self.delta) / self.candidate.stated_error
+
     def value(self, amount: float) -> float | None:
         """Return the value less its null value [SI] that ``amount`` templates stand for; None: it is not possible."""
         if amount <= 0 and self.finite:
