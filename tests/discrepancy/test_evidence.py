@@ -146,7 +146,8 @@ def test_a_fitted_law_has_the_same_evidence_wherever_its_prior_began(base):
     law = max(known.all(), key=lambda law: law.log_bayes_factor)
     parent = explained(grid, base, Parts(), 7, [0])
     found = []
-    for prior_of_weights in (law.prior, (30 * law.prior[0], 0.0)):
+    far = float(RIDGES[min(RIDGES.tolist().index(law.prior[0]) + 12, len(RIDGES) - 1)])
+    for prior_of_weights in (law.prior, (far, 0.0)):
         a = Addition(
             parent=parent, templates=(), amounts=(), law=dataclasses.replace(law, prior=prior_of_weights), step=law.step,
             gain=law.log_bayes_factor, decrease=law.decrease, log_prior=0.0,

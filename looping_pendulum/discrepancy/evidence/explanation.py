@@ -16,7 +16,7 @@ from looping_pendulum.discrepancy.candidates import Candidate
 from looping_pendulum.discrepancy.evidence.laws import Law, Prior, Weighing, best_prior, prior_root, weighed, with_law
 from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid, sigma_of
 from looping_pendulum.discrepancy.evidence.motions import Closure
-from looping_pendulum.discrepancy.evidence.prior import LENGTHS, RIDGES, log_occam, log_prior
+from looping_pendulum.discrepancy.evidence.prior import log_occam, log_prior
 from looping_pendulum.discrepancy.evidence.templates import Template
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, NeedlessFit, calibrate, minimise
 from looping_pendulum.discrepancy.fit.data import TrialData
@@ -147,9 +147,9 @@ def _weighed(fit: Fit, law: Closure, prior: Prior, gram: Array) -> Weighing:
 def _all_priors(fit: Fit, parts: Parts, m: Marginal, setting: int) -> float:
     """Return the log evidence of a fitted law by all priors of its weights, less that by the prior of its fit."""
     assert parts.law is not None
-    log_bf = _weighed(fit, parts.law, parts.prior, m.gram[setting]).log_bayes_factors
-    at_fit = log_bf[LENGTHS.index(parts.prior[1]), int(np.argmin(np.abs(RIDGES - parts.prior[0])))]
-    return float(np.logaddexp.reduce(log_bf, axis=None) - math.log(log_bf.size) - at_fit)
+    weighing = _weighed(fit, parts.law, parts.prior, m.gram[setting])
+    log_bf = weighing.log_bayes_factors
+    return float(np.logaddexp.reduce(log_bf, axis=None)) - math.log(log_bf.size) - weighing.log_bayes_factor(parts.prior)
 
 
 def free_parameters(t: Template, value: float) -> tuple[FreeParameter, ...]:
@@ -259,10 +259,9 @@ def _with_best_prior(fit: Fit, parts: Parts) -> tuple[Fit, Parts]:
     assert parts.law is not None
     for _ in range(MAX_PRIORS):
         rows = np.column_stack([fit.residuals, fit.jacobian])
-        log_bf = _weighed(fit, parts.law, parts.prior, rows.T @ rows).log_bayes_factors
-        prior = best_prior(log_bf)
-        at_fit = log_bf[LENGTHS.index(parts.prior[1]), int(np.argmin(np.abs(RIDGES - parts.prior[0])))]
-        if log_bf.max() - at_fit < COST_ERROR:
+        weighing = _weighed(fit, parts.law, parts.prior, rows.T @ rows)
+        prior = best_prior(weighing.log_bayes_factors)
+        if weighing.log_bayes_factor(prior) - weighing.log_bayes_factor(parts.prior) < COST_ERROR:
             break
         p, names = fit.problem, parts.law.names
         parameters = [dataclasses.replace(n, scale=prior[0]) if n.name in names else n for n in p.free_parameters]

@@ -14,7 +14,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -92,13 +92,17 @@ class Weighing:
             spectra.append((values[kept], weights.T @ along, weights))
         return cls(spectra=tuple(spectra))
 
-    @property
+    @cached_property
     def log_bayes_factors(self) -> Array:
         """Log Bayes factors, shape (LENGTHS, RIDGES)."""
         square = RIDGES[:, None] ** 2
         return np.array(
             [0.5 * np.sum(square * q**2 / (1 + square * e) - np.log1p(square * e), axis=1) for e, q, _ in self.spectra]
         )
+
+    def log_bayes_factor(self, prior: Prior) -> float:
+        """Return the log Bayes factor by one prior."""
+        return float(self.log_bayes_factors[LENGTHS.index(prior[1]), RIDGES.tolist().index(prior[0])])
 
     def weights(self, prior: Prior) -> Array:
         """Return the most probable weights by a prior [N, or 1 for friction]."""

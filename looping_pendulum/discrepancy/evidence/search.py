@@ -109,9 +109,7 @@ class Search:
 
     def passes(self, e: Explanation) -> bool:
         """Return whether the residuals of an explanation look like its own noise: the one absolute test."""
-        _, tests = self.tested(e)
-        # Errors of real marks are seldom as simple as such a process, so that a pattern stays beside the right effect, too
-        return tests.passes if not e.setting else tests.chi2_per_dof <= tests.limit
+        return self.tested(e)[1].passes
 
     def smallest_visible(self, e: Explanation) -> list[SmallestVisible]:
         """Return the smallest size of every listed effect that the data would show beside an explanation."""

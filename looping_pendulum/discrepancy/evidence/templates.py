@@ -160,7 +160,7 @@ def _finite_changes(fit: Fit, c: Candidate, companion_values: Sequence[float]) -
     for side, reach in sides[: 1 if c.even else 2]:
         tried: dict[float, Array | None] = {}
         for size in sizes if reach > 0 else ():
-            delta = _value_of_size(partial(change_to, side), reach, size, first_change(c), tried)
+            delta = _value_of_size(partial(change_to, side), reach, size, 1e-3 * abs(c.null) or 1e-6, tried)
             if delta is not None:
                 by_value = tried[delta]
                 assert by_value is not None
@@ -268,8 +268,3 @@ def _standardised(change: Array, sigma: Array) -> Array:
 def rms(v: Array) -> float:
     """Return the root mean square."""
     return float(np.sqrt(np.mean(v**2)))
-
-
-def first_change(candidate: Candidate) -> float:
-    """Return the change that is tried first [SI]."""
-    return 1e-3 * abs(candidate.null) or 1e-6
