@@ -188,14 +188,15 @@ def _plain(e: Explained) -> list[Any]:
 def judgement(named: Sequence[Explained], right: Explained) -> str:
     """Return what a set of explanations is worth.
 
-    "right": it is the only one, of a law its body and coordinate; "tied": it is one of several; "law": its effects are named
-    beside another law; "part": a part of it is named; "none": nothing is said to be missing, or nothing explains the data;
-    "wrong": something else is named. Of a clean study a set that holds that nothing is missing is right.
+    "right": it is the only one, of a law its body and coordinate; "tied": it is one of several, perhaps beside that nothing is
+    missing; "law": its effects are named beside another law; "part": a part of it is named; "none": nothing may be missing, or
+    nothing explains the data; "wrong": something else is named. Of a clean study a set that holds that nothing is missing is
+    right.
     """
-    if not named or NOTHING in named:
-        return "right" if named and right == NOTHING else "none"
     if right in named:
-        return "right" if len(set(named)) == 1 else "tied"
+        return "right" if len(set(named)) == 1 or right == NOTHING else "tied"
+    if not named or NOTHING in named:
+        return "none"
     effects, law = right
     if law and any(e == effects and other for e, other in named):
         return "law"

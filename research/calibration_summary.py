@@ -78,6 +78,7 @@ def summary(pairs: Sequence[Pair]) -> dict[str, Any]:
         "held_out_error": _quantiles([o["held_out_error"] for o in found if o["held_out_error"] is not None]),
         "cpu_seconds": _quantiles([o["cpu_seconds"] for _, o in judged]),
         "explanations_fitted": _quantiles([o["explanations_fitted"] for _, o in judged]),
+        "perhaps_nothing": proportion(sum([[], None] in o["explanations"] for o in found), len(found)),
         "each": [_one(s, o) for s, o in judged],
     }
 

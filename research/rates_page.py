@@ -104,8 +104,9 @@ def _targets(rates: dict[str, Any]) -> str:
 Much of what an effect does, the fitted parameters can do as well: the wrong mass of a single trial is a friction. So every
 study was also fitted with exactly what was hidden, begun at its true value, a law by its true formula. Its data *show* what is
 hidden if that explanation, prior included, is at least 10 times as probable as every one that lacks a part of it.
-"Named" is the only explanation with 95 % of the probability, "tied" one of several; of a law, what it acts on and what it
-depends on must be right. A stated probability counts as right if its explanation is what was hidden, or the part of it that
+"Named" is the only explanation with 95 % of the probability, "tied" one of several, of which one may be that nothing is
+missing ({share(rates["perhaps_nothing"])} of those named or tied); of a law, what it acts on and what it depends on must be
+right. A stated probability counts as right if its explanation is what was hidden, or the part of it that
 the data show."""
 
 

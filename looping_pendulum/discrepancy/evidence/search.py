@@ -321,10 +321,11 @@ def posterior(fitted: Mapping[Key, Explanation]) -> list[tuple[Key, float]]:
     logs = {key: e.log_posterior for key, e in fitted.items()}
     top = max(logs.values())
     p = {key: math.exp(log - top) for key, log in logs.items()}
-    for key in sorted(p, key=lambda k: (-len(k), p[k])):
-        within = [k for k in p if k < key and p[k] >= p[key]]
+    for key in sorted(p, key=lambda k: -len(k)):
+        # By what each has of its own: with what it takes in, the least of them would in the end take in all
+        within = [k for k in p if k < key and logs[k] >= logs[key]]
         if within:
-            p[max(within, key=lambda k: p[k])] += p.pop(key)
+            p[max(within, key=lambda k: logs[k])] += p.pop(key)
     total = sum(p.values())
     return sorted(((key, v / total) for key, v in p.items()), key=lambda one: -one[1])
 

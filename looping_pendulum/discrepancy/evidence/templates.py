@@ -28,7 +28,7 @@ Only the small one counts of an effect that grows with the square of its value, 
 to its phase, the fitted parameters nearly undo, so that the curvature would be left.
 """
 LEAST_SIZE = 0.03
-"""Size of the largest possible change below which a candidate changes nothing."""
+"""Size of the largest possible change below which a candidate changes nothing, or has no derivative to speak of."""
 MAX_TRIES, MAX_FAILURES = 10, 2
 """Largest number of values of a candidate that are tried for a size, and of those with which the model cannot run."""
 MAX_FACTOR = 100.0
@@ -121,8 +121,9 @@ def _derivatives(fit: Fit, x: Array, cases: Sequence[Case]) -> dict[Case, Templa
     jacobian = problem.jacobian(at)[: problem.measured_rows, len(x) : len(x) + len(cases)]
     sigma, found = sigma_of(problem.data), {}
     for (c, values), of_case, change in zip(cases, companions, jacobian.T, strict=True):
-        size = rms(change)
-        if c.name in without or size == 0:
+        size, reach = rms(change), max(c.bounds[1] - c.null, c.null - c.bounds[0])
+        # A static friction that is hardly larger than the kinetic one changes nothing but rounding
+        if c.name in without or size * reach < LEAST_SIZE:
             continue
         # The side on which there are values
         delta = (1.0 if c.bounds[1] > c.null else -1.0) / size
@@ -185,7 +186,7 @@ def _value_of_size(
     Parameters
     ----------
     first
-        Value that is tried first. Where the model cannot run with it, it can with no smaller one.
+        Value that is tried first.
     tried
         Value -> change, of all that are known; None: the model cannot run. Those that are tried are added.
     """
@@ -193,26 +194,33 @@ def _value_of_size(
     for _ in range(MAX_TRIES):
         if value not in tried:
             tried[value] = change(value)
-        sizes = sorted((v, math.inf if made is None else rms(made)) for v, made in tried.items())
+        sizes = sorted((v, rms(made)) for v, made in tried.items() if made is not None)
         near = [v for v, made in sizes if 0.5 < made / size < 2]
         if near:
             return near[0]
-        low, high = (
-            max((s for s in sizes if s[1] < size), default=(0.0, 0.0)),
-            min((s for s in sizes if s[1] > size), default=(math.inf, math.inf)),
-        )
-        if low[0] >= reach or sum(math.isinf(made) for _, made in sizes) > MAX_FAILURES or math.isinf(sizes[0][1]):
+        failures = [v for v, made in tried.items() if made is None]
+        low = max((s for s in sizes if s[1] < size), default=(0.0, 0.0))
+        high = min((s for s in sizes if s[1] > size), default=(math.inf, math.inf))
+        if low[0] >= reach or len(failures) > MAX_FAILURES:
             break
+        # A string may stretch too little for the steps of a run, and another value be too large for it
+        too_small = max((v for v in failures if v < min(high[0], *(v for v, _ in sizes), reach)), default=0.0)
+        too_large = min((v for v in failures if v > low[0] > 0), default=math.inf)
         if low[1] > 0 and math.isfinite(high[1]):
             value = low[0] * (high[0] / low[0]) ** (math.log(size / low[1]) / math.log(high[1] / low[1]))
-        elif math.isfinite(high[0]):
-            known = high[0] * max(size / high[1], 1 / MAX_FACTOR) if math.isfinite(high[1]) else 0.0
-            value = max(known, math.sqrt(max(low[0], high[0] / MAX_FACTOR) * high[0]) if low[0] else known)
+        elif low[0] or math.isinf(high[0]):
+            bound = min(high[0], too_large)
+            value = low[0] * min(size / max(low[1], 1e-30), MAX_FACTOR) if low[0] else 10 * too_small
+            value = math.sqrt(max(low[0], bound / MAX_FACTOR) * bound) if value >= bound else value
         else:
-            value = low[0] * min(size / max(low[1], 1e-30), MAX_FACTOR)
+            value = high[0] * max(size / high[1], 1 / MAX_FACTOR)
+            value = math.sqrt(too_small * high[0]) if value <= too_small else value
         value = min(value, reach)
+    larger = [v for v, made in tried.items() if made is not None and rms(made) > size]
+    if larger:  # where a static friction holds the string for good, the change jumps
+        return min(larger)
     at_most = tried.get(reach)
-    return reach if at_most is not None and LEAST_SIZE < rms(at_most) < size else None
+    return reach if at_most is not None and rms(at_most) > LEAST_SIZE else None
 
 
 def smallest_visible(fit: Fit, found: Sequence[Template], complement: Array) -> list[SmallestVisible]:
