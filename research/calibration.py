@@ -13,7 +13,7 @@ import platform
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
@@ -54,8 +54,19 @@ def benchmark(options: argparse.Namespace) -> None:
     print(f"wrote {options.result}")
 
 
-def run(studies: Sequence[BlindStudy], folder: Path, *, jobs: int = 1) -> tuple[dict[str, Outcome], bool]:
+def run(
+    studies: Sequence[BlindStudy],
+    folder: Path,
+    *,
+    jobs: int = 1,
+    judge: Callable[[BlindStudy], tuple[str, Outcome]] | None = None,
+) -> tuple[dict[str, Outcome], bool]:
     """Judge studies in ``jobs`` processes; those that ``folder`` has are not judged again.
+
+    Parameters
+    ----------
+    judge
+        Function of a module that returns a study's name and outcome; None: `solve`.
 
     Returns
     -------
@@ -67,7 +78,9 @@ def run(studies: Sequence[BlindStudy], folder: Path, *, jobs: int = 1) -> tuple[
     with ProgressBars(time_left=True, line_every_fraction=0.1) as bars, ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
         bars.update("blind studies", len(known) / max(len(studies), 1))
         try:
-            for future in as_completed([pool.submit(solve, study) for name, study in by_name.items() if name not in known]):
+            for future in as_completed(
+                [pool.submit(judge or solve, study) for name, study in by_name.items() if name not in known]
+            ):
                 name, outcome = future.result()
                 known[name] = outcome
                 record = {"study": _as_json(by_name[name]), "outcome": outcome}
