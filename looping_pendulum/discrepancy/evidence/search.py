@@ -189,14 +189,20 @@ class Search:
         return [e for e in self.fitted.values() if e.log_posterior > limit and not self._is_needless(e)]
 
     def _near(self) -> list[Explanation]:
-        """Return the explanations to which more is added: those near the best and, while it leaves a misfit, of each kind."""
-        near = self._near_best()
-        if not self.settled:
-            kinds: dict[tuple[int, bool], list[Explanation]] = {}
-            for e in sorted(self.fitted.values(), key=lambda e: -e.log_posterior):
-                if not self._is_needless(e):
-                    kinds.setdefault(kind(e.parts), []).append(e)
-            near += [e for of_kind in kinds.values() for e in of_kind[:BEAM]]
+        """Return the explanations to which more is added: those near the best, and the best of each kind.
+
+        Of a kind with fewer parts than the best has, once that is settled, only those that were hardly worse than the one to
+        which it adds something; while it leaves a misfit, of every kind.
+        """
+        near, best, is_settled = self._near_best(), self.best, self.settled
+        kinds: dict[tuple[int, bool], list[Explanation]] = {}
+        for e in sorted(self.fitted.values(), key=lambda e: -e.log_posterior):
+            if not self._is_needless(e):
+                kinds.setdefault(kind(e.parts), []).append(e)
+        for of_kind in kinds.values():
+            if not is_settled or len(of_kind[0].key) < len(best.key):
+                limit = of_kind[0].log_posterior - MARGIN if is_settled else -math.inf
+                near += [e for e in of_kind[:BEAM] if e.log_posterior > limit]
         return near
 
     def _fit_without_parts(self) -> None:
@@ -289,12 +295,12 @@ class Search:
         )  # fmt: skip
 
     def _may_matter(self, a: Addition) -> bool:
-        """Return whether an addition is fitted exactly: a single effect always, others if they may come near the best.
+        """Return whether an addition is fitted exactly: others than single effects if they may come near the best.
 
-        The linear model may be wrong by a share of what there is to be explained. What is then no better than a part of it, is
-        needless.
+        The linear model may be wrong by a share of what there is to be explained, and says nothing of an effect that has no
+        derivative. What is then no better than a part of it, is needless.
         """
-        if len(a.key) == 1 and a.law is None:
+        if a.parts.law is None and (len(a.key) == 1 or any(t.finite for t in a.templates)):
             return True
         missing = max(self.best.log_z - a.parent.log_z, a.gain, 0.0)
         # The more its parent explains, the less is left to the linear model
