@@ -31,6 +31,11 @@ WIDE = 1e3
 """Prior standard deviation of an added effect [scales]: the fit is by the data alone, and the prior of its size by `prior`."""
 COST_ERROR = 0.1
 """Decrease of the cost below which a fit has converged."""
+LEAST_WORTH, FEW_ITERATIONS = 10.0, 10
+"""Decrease of the cost that pays for no effect: for less, a fit is not begun a third time, and has so many iterations.
+
+A fit of how much a string stretches goes to ever stiffer ones, whose runs take a hundred times as long.
+"""
 MAX_PRIORS = 2
 """Largest number of priors by which a law is fitted, one after another."""
 
@@ -230,10 +235,13 @@ def fit_addition(a: Addition, needless_below: float = -math.inf) -> tuple[Fit, P
     fits: list[Fit] = []
     # The cost of a fit, with white noise, that gives this log posterior
     needless_above = parent.cost - a.decrease + 2 * (a.log_posterior - needless_below)
+    limit = {}
+    if a.decrease < LEAST_WORTH:
+        starts, limit = starts[:2], {"max_iterations": FEW_ITERATIONS}
     for i, (fit_from, start, beside) in enumerate(starts):
         try:
             x = np.concatenate([start, beside])
-            fits.append(fit_from(problem, x, cost_tolerance=enough_cost(parent), needless_above=needless_above))
+            fits.append(fit_from(problem, x, cost_tolerance=enough_cost(parent), needless_above=needless_above, **limit))
         except NeedlessFit:
             return None
         except FitError:

@@ -65,11 +65,11 @@ CHECKED = math.log(1000.0)
 """Log odds between the best explanations within which their probabilities are computed by sampling, too."""
 MARGIN = 6.0
 """Log odds to the best explanation within which others are fitted exactly."""
-LINEAR_ERROR = 0.5
+LINEAR_ERROR = 0.35
 """Share of what is left to explain by which the linear model may be wrong.
 
 Beside the declared model its gains are right to a twentieth. Beside a wrong clock, of two effects in blind studies, it said
-half of what the pair gained.
+little more than half of what the pair gained.
 """
 BEAM = 3
 """Best explanations of each kind to which everything is added while the best one leaves a misfit."""
