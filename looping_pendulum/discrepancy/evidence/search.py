@@ -84,6 +84,8 @@ class Search:
         self.tried: set[Key] = {NOTHING}
         """What was added in any exact fit, those that were given up as needless or could not run included."""
         self._expanded: set[Key] = set()
+        self._dropped: set[tuple[Key, str]] = set()
+        """What was added, and the part that was dropped again."""
         self._at_most: dict[Key, tuple[float, float]] = {}
         """What is made -> the log evidence of the best parent by whose linear model it was looked at, and its log posterior at
         most."""
@@ -206,10 +208,14 @@ class Search:
         return near
 
     def _fit_without_parts(self) -> None:
-        """Fit what the explanations near the best leave if one of their parts is dropped."""
+        """Fit what the explanations near the best leave if one of their parts is dropped, begun where they are.
+
+        Where a misfit is large, a part alone may have ended in another minimum.
+        """
         for e in self._near_best():
             for part in sorted(e.key):
-                if e.key - {part} not in self.fitted:
+                if (e.key, part) not in self._dropped:
+                    self._dropped.add((e.key, part))
                     self._refuse_if_time_is_over()
                     fit = fit_without(e, part)
                     if fit is not None:
