@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from looping_pendulum.discrepancy.fit.held_out import HeldOutTest
 from looping_pendulum.discrepancy.fit.residual import ModelTest
 from looping_pendulum.discrepancy.result import Verdict
 
@@ -16,6 +19,8 @@ MAX_LOSS = 0.5
 
 A difference of half a unit is no evidence: noise that is estimated anew beside each model makes as much of it.
 """
+LEAST_EXPLAINED = 0.5
+"""Least share of what the declared model misses of held-out data that is called an explanation of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +35,8 @@ class ModelTests:
     held_out: tuple[ModelTest, ...]
     loss: ModelTest | None
     """Log likelihood of held-out data that the model loses against the declared one; None: it is the declared one."""
+    explained_share: float = 0.0
+    """Share of the declared model's excess of chi2 over noise, on the worst held-out data, that the model explains."""
 
     @property
     def all(self) -> tuple[ModelTest, ...]:
@@ -48,8 +55,8 @@ class ModelTests:
 
     @property
     def improves(self) -> bool:
-        """Whether held-out data are predicted better than by the declared model."""
-        return self.loss is not None and self.loss.value < -MAX_LOSS
+        """Whether held-out data are predicted better than by the declared model: most of what it misses is explained."""
+        return self.loss is not None and self.loss.value < -MAX_LOSS and self.explained_share > LEAST_EXPLAINED
 
     @property
     def explains(self) -> bool:
@@ -60,13 +67,15 @@ class ModelTests:
 
 def tests_of(model: Judged, declared: Judged) -> ModelTests:
     """Return the tests of a model, which is compared with the declared one unless it is that."""
-    loss = None
+    loss, share = None, 0.0
     if model is not declared:
         worst = max(range(len(model.held_out.chi2)), key=lambda i: model.held_out.chi2[i])
+        chi2, chi2_declared, count = _chi2_of_both(model.held_out, declared.held_out, worst)
+        share = (chi2_declared - chi2) / max(chi2_declared - count, 1.0)
         loss = ModelTest(
             subject=f"held-out {model.held_out.subjects[worst]}",
             statistic="log likelihood lost against the declared model",
-            value=0.5 * (model.held_out.worst - declared.held_out.worst) * model.held_out.counts[worst],
+            value=0.5 * (chi2 - chi2_declared),
             limit=MAX_LOSS,
             failure=f"it predicts the held-out {model.held_out.subjects[worst]} no better than the declared model does",
         )
@@ -84,7 +93,23 @@ def tests_of(model: Judged, declared: Judged) -> ModelTests:
         seeks_patterns=bool(model.tests.groups),
         held_out=model.held_out.results,
         loss=loss,
+        explained_share=share,
     )
+
+
+def _chi2_of_both(model: HeldOutTest, declared: HeldOutTest, worst: int) -> tuple[float, float, int]:
+    """Return chi2 of the worst held-out trial, or of all blocks of time, by a model and by the declared one, and its mean.
+
+    Of a trial by the same points and the smaller noise of the two, since a model that misses it finds its noise larger, too.
+    """
+    if not model.fits:
+        count = model.counts[worst]
+        return model.worst * count, declared.worst * count, count
+    fits = model.fits[worst], declared.fits[worst]
+    sigma = np.minimum(*(f.problem.data[0].sigma for f in fits))
+    used = np.all([np.isfinite(f.problem.data[0].sigma) for f in fits], axis=0)
+    of_model, of_declared = ((f.problem.data[0].value - f.problem.predict(f.x, 0))[used] / sigma[used] for f in fits)
+    return float(of_model @ of_model), float(of_declared @ of_declared), int(used.sum())
 
 
 def decide(by_evidence: Verdict, tests: ModelTests) -> Verdict:

@@ -213,16 +213,16 @@ def test_null_control(tmp_path, case, seed):
 
 @pytest.mark.long
 def test_what_does_not_predict_the_held_out_trial_is_not_said_to_explain():
-    """Both masses are exchanged for 20 frames: a side force was `identified`, 239 mm off the held-out trial, 219 mm without."""
+    """Both masses are exchanged for 20 frames: a side force was `identified`, 253 mm off the held-out trial, 214 mm without."""
     result = identify(load(real("forms/24-both-masses-exchanged-for-20-frames/study.yaml")))
     (held_out,) = (e for e in result.errors if e.held_out)
-    assert held_out.standardised_rms_after > held_out.standardised_rms_before > 10
+    assert held_out.rms_after > held_out.rms_before > 0.1
     assert result.verdict is Verdict.UNEXPLAINED
     assert not result.effects
     nearest = result.explanations[0]
     assert nearest.names
     assert nearest.held_out_error == pytest.approx(held_out.standardised_rms_after)
-    assert "it predicts the held-out trial second no better than the declared model does" in result.after.failed_tests
+    assert "the model does not predict the held-out trial second" in result.after.failed_tests
     assert "Added to what was declared: nothing." in loader.load_text(result.scenario, "repaired").description
     assert "noise" not in result.sentence
 
