@@ -31,6 +31,10 @@ from tests.discrepancy.expected import EXPECTED
 SCENARIOS = ("ten_to_one", "two_to_one")
 
 
+def predict_events(samples, camera, rows):
+    return prediction.measured_values(prediction.landmarks(samples, camera), camera, rows)
+
+
 @pytest.fixture(params=SCENARIOS)
 def scenario(request):
     return loader.load(request.param)
@@ -65,7 +69,7 @@ def test_every_quantity_is_what_compare_says_of_the_reference(scenario):
     true = reference_landmarks(Reference(scenario), grid)
     samples = prediction.run_for_events(scenario.parameters)
     for quantity in EVENT_QUANTITIES:
-        (predicted,) = prediction.predict_events(samples, Camera(), [row(quantity)])
+        (predicted,) = predict_events(samples, Camera(), [row(quantity)])
         expected = event_value(true, quantity, 1)
         if expected is None:
             assert np.isnan(predicted)
@@ -82,7 +86,7 @@ def test_predictions_are_smooth_enough_for_finite_differences(scenario, paramete
     rows += [row("x1_extremum", i) for i in (1, 2)] + [row("y1_extremum", i) for i in (1, 2, 3)]
 
     def moved(by):
-        return prediction.predict_events(prediction.run_for_events(p.replace(**{parameter: base * (1 + by)})), Camera(), rows)
+        return predict_events(prediction.run_for_events(p.replace(**{parameter: base * (1 + by)})), Camera(), rows)
 
     coarse, fine = ((moved(h) - moved(-h)) / (2 * h) for h in (2e-4, 1e-4))
     assert np.max(np.abs(coarse - fine)) < 2e-3 * np.max(np.abs(fine))
@@ -91,17 +95,17 @@ def test_predictions_are_smooth_enough_for_finite_differences(scenario, paramete
 def test_the_camera_acts_on_times_and_lengths(scenario):
     samples = prediction.run_for_events(scenario.parameters)
     rows = [row("halting_time"), row("drop_at_halt"), row("wrap_angle_at_halt"), row("x1_extremum")]
-    plain = prediction.predict_events(samples, Camera(), rows)
-    off = prediction.predict_events(samples, Camera(clock_offset=0.02, clock_ratio=1.01, scale=1.03), rows)
+    plain = predict_events(samples, Camera(), rows)
+    off = predict_events(samples, Camera(clock_offset=0.02, clock_ratio=1.01, scale=1.03), rows)
     assert off == pytest.approx([(plain[0] - 0.02) / 1.01, 1.03 * plain[1], plain[2], (plain[3] - 0.02) / 1.01], rel=1e-12)
-    tilted = prediction.predict_events(samples, Camera(tilt=0.5 * np.pi), [row("y1_extremum")])
+    tilted = predict_events(samples, Camera(tilt=0.5 * np.pi), [row("y1_extremum")])
     assert tilted == pytest.approx(plain[3], abs=1e-9)  # turned by a right angle, x is seen as y
 
 
 def test_an_event_that_does_not_happen_counts_as_missed_by_a_fixed_number_of_errors():
     samples = prediction.run_for_events(loader.load("ten_to_one").parameters)
     rows = [row("stop_time", 2, value=0.5, sigma=0.002), row("stop_time", 1, value=0.38)]
-    predicted = prediction.predict_events(samples, Camera(), rows)
+    predicted = predict_events(samples, Camera(), rows)
     assert np.isnan(predicted[0])
     counted = prediction.with_missed_events(predicted, rows)
     assert (rows[0].value - counted[0]) / rows[0].sigma == pytest.approx(prediction.MISSED_EVENT_ERRORS)

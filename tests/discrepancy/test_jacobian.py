@@ -17,7 +17,6 @@ from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.solve import DURATION
 from tests.blind.cases import CASES
 from tests.blind.pendulum import Pendulum, write_gyroscope
-from tests.discrepancy.blind_study import write_study
 from tests.discrepancy.event_study import write_blind_study
 from tests.discrepancy.held_study import write_held_study
 
@@ -25,17 +24,6 @@ FINE = 1e-12
 """Tolerance of the runs whose differences are the oracle of derivatives."""
 STEP = 3e-4
 """Step of the differences, in scales."""
-
-
-@pytest.fixture(scope="module")
-def inputs(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("study")
-    return read_inputs(load(write_study(folder, CASES["clean_varied"], 3, trials=["ten_a", "six"])))
-
-
-@pytest.fixture(scope="module")
-def problem(inputs):
-    return Problem(inputs.study, inputs.training, inputs.free_parameters)
 
 
 def with_candidate(problem, candidate, companions=()):

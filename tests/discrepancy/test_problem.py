@@ -3,29 +3,13 @@
 import dataclasses
 
 import numpy as np
-import pytest
 
 from looping_pendulum.discrepancy.fit.problem import Problem
-from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured.camera import CAMERA
 from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.measured.measurement import FIT_TOLERANCE, predict
-from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.solve import solve_at
-from tests.blind.cases import CASES
-from tests.discrepancy.blind_study import write_study
-
-
-@pytest.fixture(scope="module")
-def inputs(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("study")
-    return read_inputs(load(write_study(folder, CASES["clean_varied"], 3, trials=["ten_a", "six"])))
-
-
-@pytest.fixture(scope="module")
-def problem(inputs):
-    return Problem(inputs.study, inputs.training, inputs.free_parameters)
 
 
 def singly(problem, rows):

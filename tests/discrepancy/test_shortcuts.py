@@ -79,7 +79,7 @@ def test_a_run_that_is_sampled_in_part_tells_of_the_same_events(name):
     whole = prediction.run_for_events(parameters)
     count = len(prediction.landmarks(whole, Camera()).x1_extrema)
     rows = [row("x1_extremum", i) for i in range(1, count + 2)] + [row("halting_time"), row("drop_at_halt")]
-    exact = prediction.predict_events(whole, Camera(), rows)
+    exact = prediction.measured_values(prediction.landmarks(whole, Camera()), Camera(), rows)
     assert np.isnan(exact).tolist() == [False] * count + [True, False, False]  # one turn more than there are
     first_rows, all_turns = rows[: (count + 1) // 2], rows[:count]
     for requested, table_ends in (
@@ -92,7 +92,8 @@ def test_a_run_that_is_sampled_in_part_tells_of_the_same_events(name):
         expected = [exact[rows.index(r)] for r in requested]
         assert run.predict(Camera()) == pytest.approx(expected, rel=1e-10, nan_ok=True)
         tilted = Camera(tilt=0.1)  # another camera sees other turns of the same run
-        assert run.predict(tilted) == pytest.approx(prediction.predict_events(whole, tilted, requested), rel=1e-10, nan_ok=True)
+        expected = prediction.measured_values(prediction.landmarks(whole, tilted), tilted, requested)
+        assert run.predict(tilted) == pytest.approx(expected, rel=1e-10, nan_ok=True)
         assert run.samples.t[-1] == pytest.approx(whole.t[-1])
 
 

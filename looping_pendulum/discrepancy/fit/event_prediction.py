@@ -103,8 +103,8 @@ class EventRun:
         return found
 
     def predict(self, camera: Camera) -> Array:
-        """Predict the rows as `predict_events` does."""
-        return _measured_values(self.landmarks(camera), camera, self._rows)
+        """Predict the measured values of the rows [SI], shape (n,); NaN: the event does not happen in this run."""
+        return measured_values(self.landmarks(camera), camera, self._rows)
 
     def predict_with_derivatives(self, camera: Camera, wrt: Sequence[str], camera_wrt: Sequence[str]) -> tuple[Array, Array]:
         """Predict the rows, shape (n,), and their derivatives, shape (n, m).
@@ -113,7 +113,7 @@ class EventRun:
         where none exist (`run_with_derivatives`). What is measured at an event changes at fixed time, and as the event moves.
         """
         found = self.landmarks(camera)
-        values = _measured_values(found, camera, self._rows)
+        values = measured_values(found, camera, self._rows)
         derivatives = np.zeros((len(values), len(wrt) + len(camera_wrt)))
         happens = [i for i, value in enumerate(values) if math.isfinite(value)]
         if not happens:
@@ -175,12 +175,7 @@ def landmarks(samples: Samples, camera: Camera) -> Landmarks:
     )
 
 
-def predict_events(samples: Samples, camera: Camera, rows: Sequence[EventObservation]) -> Array:
-    """Predict the measured values of ``rows`` [SI], shape (n,); NaN: the event does not happen in this run."""
-    return _measured_values(landmarks(samples, camera), camera, rows)
-
-
-def _measured_values(found: Landmarks, camera: Camera, rows: Sequence[EventObservation]) -> Array:
+def measured_values(found: Landmarks, camera: Camera, rows: Sequence[EventObservation]) -> Array:
     """Return the measured values of rows [SI], shape (n,); NaN: the event does not happen."""
     values = [event_value(found, row.quantity, row.index) for row in rows]
     kinds = [EVENT_QUANTITIES[row.quantity].kind for row in rows]
