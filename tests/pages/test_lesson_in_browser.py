@@ -42,7 +42,7 @@ def predicted(request, visit_in):
 
 def opened_lesson(visit_in, language):
     page = visit_in(language)
-    page.evaluate("live.trial.remove()")
+    page.evaluate("live.trial.remove(); live.lesson.film = null")
     return page, page.evaluate("(name) => liveLanguages[name]", language)
 
 
