@@ -201,7 +201,7 @@ def test_sampling_gives_the_evidence_of_a_prior_and_a_bound(library, distance, l
     """Oracle: the integral over the effect's value, as the model is linear in all else."""
     problem = Linear(distance, low)
     candidate = dataclasses.replace(library[0], stated_error=stated)
-    e = Explanation(parts=Parts(effects=(candidate,)), fit=problem.fit(), log_z=0.0, setting=0, log_prior=0.0)
+    e = Explanation(parts=Parts(effects=(candidate,)), fit=problem.fit(), log_z=0.0, settings=(0,), log_prior=0.0)
     found = checked(e, e.fit)
     assert found.checked
     z = np.linspace(max(low, distance - 9), distance + 9, 20001)

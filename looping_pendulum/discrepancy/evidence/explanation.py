@@ -76,8 +76,8 @@ class Explanation:
     """With white noise."""
     log_z: float
     """Log evidence, the noise marginalised."""
-    setting: int
-    """Most probable setting of the noise."""
+    settings: tuple[int, ...]
+    """Settings of the noise that were looked at, the most probable first."""
     log_prior: float
     checked: bool = False
     """Whether its evidence is by sampling, too, not by Laplace's method alone."""
@@ -86,6 +86,11 @@ class Explanation:
     def key(self) -> Key:
         """Names of all that it adds."""
         return self.parts.key
+
+    @property
+    def setting(self) -> int:
+        """Most probable setting of the noise."""
+        return self.settings[0]
 
     @property
     def log_posterior(self) -> float:
@@ -139,7 +144,7 @@ def explained(grid: NoiseGrid, fit: Fit, parts: Parts, library: int, settings: S
         parts=parts,
         fit=fit,
         log_z=float(np.logaddexp.reduce(log_z)),
-        setting=int(m.settings[np.argmax(log_z)]),
+        settings=tuple(m.settings[np.argsort(-log_z, kind="stable")].tolist()),
         log_prior=log_prior(len(parts.effects), library, parts.law),
     )
 

@@ -76,11 +76,8 @@ class NoiseGrid:
         found = np.tile(fixed, (len(settings), 1, 1))
         for place, tracks in enumerate(self._tracks.values()):
             own = [self.combinations[s][place] for s in settings]
-            by_setting = {}
-            for i in sorted(set(own)):
-                rows = tracks.standardise(columns, i)
-                by_setting[i] = rows.T @ rows
-            found += np.array([by_setting[i] for i in own])
+            used, places = np.unique(own, return_inverse=True)
+            found += tracks.grams(columns, used.tolist())[places]
         return found
 
     def noises(self, setting: int) -> dict[str, CorrelatedNoise]:
@@ -119,10 +116,11 @@ class _Tracks:
             return 0.0
         return self._whitening(i).log_determinant - float(2 * np.sum(np.log(self._sigma[np.isfinite(self._sigma)])))
 
-    def standardise(self, columns: Array, i: int) -> Array:
-        """Return the body's rows of columns, standardised by a setting."""
-        own = columns[self.rows]
-        return own / self._sigma[:, None] if i == 0 else self._whitening(i)(own)
+    def grams(self, columns: Array, settings: Sequence[int]) -> Array:
+        """Return the Gram matrices of the body's rows of columns, standardised by settings, shape (settings, m, m)."""
+        own = np.asfortranarray(columns[self.rows])  # as the filters want them
+        standardised = (own / self._sigma[:, None] if i == 0 else self._whitening(i)(own) for i in settings)
+        return np.array([rows.T @ rows for rows in standardised])
 
 
 class Marginal:
@@ -191,7 +189,8 @@ class Marginal:
         step[:, self._free] = np.einsum("gij,gj->gi", self._factors[0], self.gram[:, 1 + self._free, 0])
         fitted = slice(1, 1 + self.p)
         # Also of what is on a bound, as the evidence has the volume of all
-        return step, np.einsum("gii->gi", np.linalg.inv(self.gram[:, fitted, fitted])).copy()
+        inverse = self._factors[0] if len(self._free) == self.p else np.linalg.inv(self.gram[:, fitted, fitted])
+        return step, np.einsum("gii->gi", inverse).copy()
 
     def solution(self, chosen: Sequence[int]) -> tuple[Array, Array]:
         """Return the step of the fitted parameters, and the amounts of templates, that fit best by the first setting."""

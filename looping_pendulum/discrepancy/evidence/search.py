@@ -44,7 +44,8 @@ from looping_pendulum.reference_ode.geometry import Array
 MAX_SETTINGS = 5
 """Settings of the noise by which explanations are compared at first: white, and the most probable ones of the best so far."""
 
-
+FAR = 50.0
+"""Log posterior below the best so far from which on no other settings are looked at: they may add half of that distance."""
 SETTINGS_OF_LAWS = 2
 """How many of these laws are looked at by, where their fits begin."""
 
@@ -165,22 +166,16 @@ class Search:
     def _add(self, fit: Fit, parts: Parts) -> Explanation:
         """Keep an explanation unless a better fit of it is known; return it."""
         e = explained(self.grid, fit, parts, len(self.library), self._settings)
-        if e.setting and self._settings is not None:  # which lasting noise hides a misfit best, depends on the misfit
+        # Which lasting noise hides a misfit best, depends on the misfit
+        if e.setting and self._settings is not None and e.log_posterior > self.best.log_posterior - FAR:
             e = explained(self.grid, fit, parts, len(self.library))
         known = self.fitted.get(e.key)
         if known is None or e.log_posterior > known.log_posterior:
             self.fitted[e.key] = e
             self._tested.pop(e.key, None)
         if e is self.best:
-            self._settings = list(
-                dict.fromkeys(i for one in (fit, self.fitted[NOTHING].fit) for i in self._likely_settings(one))
-            )
+            self._settings = list(dict.fromkeys(i for one in (e, self.fitted[NOTHING]) for i in _likely_settings(one)))
         return e
-
-    def _likely_settings(self, fit: Fit) -> list[int]:
-        """Return white noise and the most probable settings beside a fit."""
-        log_z = Marginal(self.grid, raw(fit), at_bounds=bounded(fit)).log_z_of_settings
-        return [0, *(int(i) for i in np.argsort(-log_z) if i)][:MAX_SETTINGS]
 
     def _is_needless(self, e: Explanation) -> bool:
         """Return whether a part of an explanation is as probable as the whole."""
@@ -197,15 +192,19 @@ class Search:
         which it adds something; while it leaves a misfit, of every kind.
         """
         near, best, is_settled = self._near_best(), self.best, self.settled
-        kinds: dict[tuple[int, bool], list[Explanation]] = {}
-        for e in sorted(self.fitted.values(), key=lambda e: -e.log_posterior):
-            if not self._is_needless(e):
-                kinds.setdefault(kind(e.parts), []).append(e)
-        for of_kind in kinds.values():
+        for of_kind in self._by_kind().values():
             if not is_settled or len(of_kind[0].key) < len(best.key):
                 limit = of_kind[0].log_posterior - MARGIN if is_settled else -math.inf
                 near += [e for e in of_kind[:BEAM] if e.log_posterior > limit]
         return near
+
+    def _by_kind(self) -> dict[tuple[int, bool], list[Explanation]]:
+        """Return the explanations of each kind, the most probable first, without what is needless."""
+        kinds: dict[tuple[int, bool], list[Explanation]] = {}
+        for e in sorted(self.fitted.values(), key=lambda e: -e.log_posterior):
+            if not self._is_needless(e):
+                kinds.setdefault(kind(e.parts), []).append(e)
+        return kinds
 
     def _fit_without_parts(self) -> None:
         """Fit what the explanations near the best leave if one of their parts is dropped, begun where they are.
@@ -225,8 +224,11 @@ class Search:
         """Estimate the noise and the outliers beside the best explanation, and fit all that are near it again with these."""
         data = [data_with_noise_of_residuals(best.fit, k) for k in range(len(best.fit.problem.data))]
         limit = best.log_posterior - 2 * MARGIN
-        kept = [e for e in self.fitted.values() if e.log_posterior > limit and not self._is_needless(e)]
-        kept += [e for e in self.fitted.values() if len(e.key) <= 1 and e not in kept]
+        near = {e.key for e in self.fitted.values() if e.log_posterior > limit and not self._is_needless(e)}
+        # What they add to, and the best of each kind
+        near |= {key for key in self.fitted for whole in near if key < whole}
+        near |= {e.key for of_kind in self._by_kind().values() for e in of_kind[:BEAM]}
+        kept = [e for e in self.fitted.values() if e.key in near]
         self._expanded -= {e.key for e in self._near_best()}
         self.grid, self._settings = NoiseGrid(data), None
         self.fitted.clear()
@@ -245,7 +247,7 @@ class Search:
         count = len(e.parts.effects)
         found = self._templates_beside(e) if count < (1 if e.parts.law else MAX_EFFECTS) else []
         fitted = raw(e.fit)
-        m = Marginal(self.grid, fitted, columns(found, self.grid.count), bounded(e.fit), self._likely_settings(e.fit))
+        m = Marginal(self.grid, fitted, columns(found, self.grid.count), bounded(e.fit), _likely_settings(e))
         if e.key == NOTHING:
             self.ruled_out = _impossible(m, found)
         added = self._of_effects(e, m, found, _best_of_each(m, found))
@@ -341,6 +343,11 @@ def posterior(fitted: Mapping[Key, Explanation]) -> list[tuple[Key, float]]:
             p[max(within, key=lambda k: logs[k])] += p.pop(key)
     total = sum(p.values())
     return sorted(((key, v / total) for key, v in p.items()), key=lambda one: -one[1])
+
+
+def _likely_settings(e: Explanation) -> list[int]:
+    """Return white noise and the most probable other settings of an explanation."""
+    return [0, *(i for i in e.settings if i)][:MAX_SETTINGS]
 
 
 def kind(parts: Parts) -> tuple[int, bool]:

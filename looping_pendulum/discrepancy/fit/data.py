@@ -213,8 +213,11 @@ class Whitening:
 
     def __call__(self, difference: Array) -> Array:
         """Return the standardised differences, shape (n,) or (n, m) as given."""
-        source = np.zeros_like(difference)
-        source[1:] = (self._from_point if difference.ndim == 1 else self._from_point[:, None]) * difference[:-1]
-        predicted, _ = dtbtrs(self._band, source, uplo="L", diag="U")
-        deviation = self._deviation if difference.ndim == 1 else self._deviation[:, None]
-        return np.asarray((difference - predicted) / deviation)
+        from_point, deviation = (w if difference.ndim == 1 else w[:, None] for w in (self._from_point, self._deviation))
+        source = np.empty_like(difference, order="F")
+        source[0] = 0.0
+        np.multiply(from_point, difference[:-1], out=source[1:])
+        predicted, _ = dtbtrs(self._band, source, uplo="L", diag="U", overwrite_b=True)
+        np.subtract(difference, predicted, out=predicted)
+        predicted /= deviation
+        return np.asarray(predicted)

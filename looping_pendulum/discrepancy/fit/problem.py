@@ -302,7 +302,7 @@ class Problem:
         return self.residuals_of(x, self.predict_many(x[None])[0])
 
     def residuals_and_jacobian(self, x: Array) -> tuple[Array | None, Array]:
-        """Return the residuals at ``x``, and minus their derivative, shape (n + p, p)."""
+        """Return the residuals at ``x``, None if the model cannot run, and minus their derivative, shape (n + p, p)."""
         n = self.measured_rows
         predicted, jacobian = np.empty(n), np.zeros((n + len(x), len(x)))
         jacobian[n:] = self.prior_weights
@@ -310,6 +310,8 @@ class Problem:
         for k, d in enumerate(self.data):
             part = slice(end, end := end + len(d.value))
             predicted[part], derivatives = self.predict_with_derivatives(x, k)
+            if not np.isfinite(predicted[part]).all():  # a run that fails may take a hundred times as long as others
+                return None, jacobian
             jacobian[part] = d.standardise(derivatives)
         return self.residuals_of(x, predicted), jacobian
 
