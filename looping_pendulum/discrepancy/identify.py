@@ -159,7 +159,7 @@ def _identify(
     credible = [e for e in found.ranked if e.key in found.credible]
     law = next((e for e in credible if e.parts.law), None)
     of_law = None
-    if law and after is not before and decide(found.verdict, tests_of(after, before)) is not Verdict.UNEXPLAINED:
+    if law and after is not before and decide(found.verdict, tests_of(after, before, ())) is not Verdict.UNEXPLAINED:
         is_best = law is found.best
         of_law = after if is_best else judged(law)
         without, recovered = found.force(of_law)
@@ -173,7 +173,8 @@ def _identify(
         if unlisted.formula and formulas[0].held_out and is_best:
             fit = formulas[0].fit
             after = dataclasses.replace(after, fit=fit, training=fit, held_out=formulas[0].held_out, tests=check_residuals(fit))
-    tests = tests_of(after, before)
+    tests_before = tests_of(before, before, found.contradiction)
+    tests = tests_before if after is before else tests_of(after, before, ())
     verdict = decide(found.verdict, tests)
     if verdict is Verdict.UNEXPLAINED:
         unlisted = None
@@ -206,7 +207,7 @@ def _identify(
             unlisted,
             errors,
             tests=tests,
-            declared=tests_of(before, before),
+            declared=tests_before,
             own_effects=bool(before.fit.problem.study.own_effects),
         ),
         notes=verdict_notes(
@@ -229,7 +230,7 @@ def _identify(
         events=_events(fits),
         outliers=outliers,
         record_starts=_record_starts(fits),
-        before=_fit_report(before, tests_of(before, before), start_costs),
+        before=_fit_report(before, tests_before, start_costs),
         after=_fit_report(after, tests, start_costs if after is before else ()),
         judged_on="held-out trials" if before.held_out.fits else "held-out blocks of time",
         data=tuple(o.summary() for _, o in inputs.observed),

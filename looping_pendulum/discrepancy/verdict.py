@@ -35,13 +35,15 @@ class ModelTests:
     held_out: tuple[ModelTest, ...]
     loss: ModelTest | None
     """Log likelihood of held-out data that the model loses against the declared one; None: it is the declared one."""
+    contradiction: tuple[ModelTest, ...] = ()
+    """Of the declared model where more probable ones fail the held-out data: their odds."""
     explained_share: float = 0.0
     """Share of the declared model's excess of chi2 over noise, on the worst held-out data, that the model explains."""
 
     @property
     def all(self) -> tuple[ModelTest, ...]:
         """Every test."""
-        return (self.convergence, *self.residuals, *self.held_out, *([self.loss] if self.loss else []))
+        return (self.convergence, *self.residuals, *self.held_out, *([self.loss] if self.loss else []), *self.contradiction)
 
     @property
     def fits(self) -> bool:
@@ -65,8 +67,14 @@ class ModelTests:
         return self.fits and is_no_worse and (self.predicts or self.improves)
 
 
-def tests_of(model: Judged, declared: Judged) -> ModelTests:
-    """Return the tests of a model, which is compared with the declared one unless it is that."""
+def tests_of(model: Judged, declared: Judged, contradiction: tuple[ModelTest, ...]) -> ModelTests:
+    """Return the tests of a model, which is compared with the declared one unless it is that.
+
+    Parameters
+    ----------
+    contradiction
+        What else the model fails: `Explanations.contradiction` of the declared one.
+    """
     loss, share = None, 0.0
     if model is not declared:
         worst = max(range(len(model.held_out.chi2)), key=lambda i: model.held_out.chi2[i])
@@ -93,6 +101,7 @@ def tests_of(model: Judged, declared: Judged) -> ModelTests:
         seeks_patterns=bool(model.tests.groups),
         held_out=model.held_out.results,
         loss=loss,
+        contradiction=contradiction,
         explained_share=share,
     )
 

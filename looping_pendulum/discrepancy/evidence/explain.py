@@ -27,7 +27,7 @@ from looping_pendulum.discrepancy.evidence.search import Search, in_words, poste
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate
 from looping_pendulum.discrepancy.fit.data import TrialData
 from looping_pendulum.discrepancy.fit.held_out import HeldOutTest, check_held_out
-from looping_pendulum.discrepancy.fit.residual import ResidualTests
+from looping_pendulum.discrepancy.fit.residual import ModelTest, ResidualTests
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import Inputs
 from looping_pendulum.discrepancy.result import Verdict
@@ -99,11 +99,15 @@ class Explanations:
         self._predicted: dict[Key, float] = {}
         self._of_training: dict[Key, Fit | None] = {}
         self.interrupted = interrupted
+        self.contradicted: Explanation | None = None
+        """What would be more probable than the declared model alone, but for the held-out trials, which it misses."""
         # What has not converged is not ranked
         self._fitted = {key: e for key, e in search.fitted.items() if key == NOTHING or e.fit.converged}
         self._judge_probabilities()
         try:
             while not self.interrupted and (wrong := self._without_prediction()):
+                if NOTHING not in self.credible:
+                    self.contradicted = self.contradicted or wrong[0]
                 for e in wrong:
                     del self._fitted[e.key]
                 self._judge_probabilities()
@@ -160,10 +164,26 @@ class Explanations:
         if self.interrupted:
             return Verdict.INTERRUPTED
         if self.credible == (NOTHING,):
-            return Verdict.NO_MISSING_EFFECT
+            return Verdict.UNEXPLAINED if self.contradicted else Verdict.NO_MISSING_EFFECT
         if all(self._fitted[key].parts.law for key in self.credible):
             return Verdict.UNLISTED
         return Verdict.IDENTIFIED if len(self.credible) == 1 else Verdict.AMBIGUOUS
+
+    @property
+    def contradiction(self) -> tuple[ModelTest, ...]:
+        """Return the test that the declared model, which alone is left, fails: there is more to the data."""
+        e = self.contradicted
+        if e is None or self.credible != (NOTHING,):
+            return ()
+        return (
+            ModelTest(
+                subject=in_words(e.key),
+                statistic="log odds against the declared model",
+                value=e.log_posterior - self.search.fitted[NOTHING].log_posterior,
+                limit=math.log(CREDIBLE / (1 - CREDIBLE)),
+                failure=f"the data ask for {in_words(e.key)}, which makes the held-out trials less probable",
+            ),
+        )
 
     @property
     def ranked(self) -> list[Explanation]:

@@ -44,10 +44,13 @@ def checked(e: Explanation, fit: Fit, seed: int = 0) -> Explanation:
         i = p.names.index(c.name)
         error = float(sigma[i]) * p.free_parameters[i].scale / c.stated_error
         log_weights += _log_prior(x[:, i], float(sigma[i]), error) - _log_prior(fit.x[i : i + 1], float(sigma[i]), error)
-    weights = np.exp(log_weights - log_weights.max())
+    most = float(log_weights.max())
+    if most == -math.inf:
+        return e
+    weights = np.exp(log_weights - most)
     if float(weights.sum() ** 2 / np.sum(weights**2)) < LEAST_EFFECTIVE * SAMPLES:
         return e
-    correction = float(log_weights.max()) + math.log(float(weights.mean()))
+    correction = most + math.log(float(weights.mean()))
     return dataclasses.replace(e, log_z=e.log_z + correction, checked=True)
 
 
