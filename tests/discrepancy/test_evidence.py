@@ -11,6 +11,7 @@ from scipy.stats import t as student
 
 from looping_pendulum.discrepancy.blas import one_blas_thread
 from looping_pendulum.discrepancy.evidence import prior
+from looping_pendulum.discrepancy.evidence.explain import Explanations
 from looping_pendulum.discrepancy.evidence.explanation import (
     NOTHING,
     Addition,
@@ -31,6 +32,7 @@ from looping_pendulum.discrepancy.fit.calibration import MAX_DECREASE, Fit, cali
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
+from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.measured.study_io import load
 from tests.blind.cases import CASES
@@ -235,6 +237,20 @@ def test_a_planted_effect_is_recovered(search, inputs):
     assert sum(p for _, p in ranked) == pytest.approx(1.0)
     value, error = (search.best.fit.values[DRAG], search.best.fit.errors[DRAG])
     assert abs(value - dict(CASES["linear_drag"].effects)["linear_drag"]) < 3 * error
+
+
+def test_without_what_the_held_out_trial_refuses_the_declared_model_is_not_enough(search, inputs, monkeypatch):
+    inputs = dataclasses.replace(inputs, held_out=((inputs.training[0], ()),))
+    monkeypatch.setattr(Explanations, "_log_prediction", lambda self, e: -float(len(e.key)))
+    refused = Explanations(search, inputs, interrupted=False)
+    assert refused.credible == (NOTHING,)
+    assert refused.verdict is Verdict.UNEXPLAINED
+    (test,) = refused.contradiction
+    assert test.failure == f"the data ask for {DRAG}, which makes the held-out trials less probable"
+    assert not test.passes
+    monkeypatch.setattr(Explanations, "_log_prediction", lambda self, e: float(len(e.key)))
+    named = Explanations(search, inputs, interrupted=False)
+    assert (named.verdict, named.contradiction) == (Verdict.IDENTIFIED, ())
 
 
 def test_what_adds_too_little_to_be_seen_counts_as_a_part(search):
