@@ -1,11 +1,13 @@
 """What a terminal gets: names and messages of strangers as plain text, whatever characters they have."""
 
+import re
 from pathlib import Path
 
 import pytest
 
 from looping_pendulum.cli import terminal as cli_terminal
 from looping_pendulum.cli.terminal import ProgressBars, convergence_bars, say, say_file, show_table
+from tests.command_line import here
 
 HOSTILE = "[/x][red]\x1b[2J\u202e\u2066\x07\x9b1A\ud800"
 """rich's markup, an escape sequence, bidirectional controls, a bell, an 8-bit control sequence, half a character."""
@@ -62,3 +64,56 @@ def test_no_command_prints_past_this_place():
         text = path.read_text()
         assert "echo(" not in text, path.name
         assert " print(" not in text, path.name
+
+
+TABLES = (
+    ("scenarios",),
+    ("map",),
+    ("engines",),
+    ("engines", "--support"),
+    ("run", "static_friction"),
+    ("check", "ten_to_one", "--engine", "mujoco:capstan"),
+    ("compare", "ten_to_one", "--engine", "mujoco:capstan", "--engine", "mujoco:documented"),
+)
+
+
+@pytest.mark.parametrize("command", TABLES, ids=" ".join)
+@pytest.mark.parametrize("width", [80, 100, 200])
+def test_no_table_cuts_a_word_or_a_number(command, width, monkeypatch, tmp_path):
+    tables = []
+
+    def laid_out(cells, width):
+        tables.append(cells)
+        return parts(cells, width)
+
+    parts = cli_terminal._parts
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(cli_terminal, "_parts", laid_out)
+    monkeypatch.setattr(cli_terminal, "WIDTH_OUTSIDE_TERMINAL", width)
+    lines = here(*command).stdout.splitlines()
+    assert tables
+    printed = {word for line in lines for word in line.split()}
+    cells = [cell for table in tables for row in table for cell in row]
+    assert {word for cell in cells for word in cell.split()} <= printed
+    text = "\n".join(lines)
+    for cell in cells:
+        for number_with_unit in re.findall(r"\d [^\W\d]+|\[[^\]]+\]", cell):
+            assert number_with_unit in text
+    ruled = [line for line in lines if set(line.strip()) == {"─"}]
+    assert ruled
+    assert all(len(line) <= width for line in ruled)
+
+
+def test_a_table_that_fits_is_in_one_part():
+    cells = [["engine", "error [mm]"], ["mujoco", "0.1"]]
+    assert list(cli_terminal._parts(cells, 80)) == [cells]
+
+
+def test_columns_that_do_not_fit_follow_below_with_the_first_column():
+    cells = [["engine", "first", "second"], ["mujoco", "1" * 20, "2" * 20]]
+    assert list(cli_terminal._parts(cells, 40)) == [[row[:2] for row in cells], [[row[0], row[2]] for row in cells]]
+
+
+def test_tables_are_laid_out_in_one_place():
+    package = Path(cli_terminal.__file__).parents[1]
+    assert [path.name for path in package.rglob("*.py") if "from rich.table" in path.read_text()] == ["terminal.py"]

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from looping_pendulum.cli.terminal import ProgressBars, choose_json, choose_quiet, note, say, show_table
+from looping_pendulum.cli.terminal import ProgressBars, choose_json, choose_quiet, note, say, say_prose, show_table
 from looping_pendulum.engines import Profile
 from looping_pendulum.errors import ScenarioError
 from looping_pendulum.pages.palette import KNOWN_LABELS
@@ -248,7 +248,7 @@ def show_residuals(result: ComparisonResult) -> None:
     if rows:
         show_table(head, rows)
     for remark in result.trial.notes:
-        say(f"- {remark}")
+        say_prose(f"- {remark}")
 
 
 COMPARE_FILES, COMPARE_FOLDERS = ("result.json", "report.md", "report.html", "residuals.csv"), ("figures", "trajectories")

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from looping_pendulum.cli import common
-from looping_pendulum.cli.terminal import convergence_bars, say, show_json, show_table
+from looping_pendulum.cli.terminal import convergence_bars, say, say_prose, show_json, show_table
 from looping_pendulum.engines import Profile
 
 
@@ -93,7 +93,7 @@ def converge(
             rows.append([v.label, f"{s.quantity} [m{s.unit}]", *cells, ", then ".join(c.value for c in s.causes)])
     show_table(head, rows)
     for v in result.variants:
-        say(f"- {v.label}: halting time converges: {halting_verdict(v)}")
+        say_prose(f"- {v.label}: halting time converges: {halting_verdict(v)}")
     say(f"wrote {written}")
     listed = [{"variant": v.label, "splits": v.splits, "halting_time_converges": halting_verdict(v)} for v in result.variants]
     show_json({"scenario": chosen.name, "interrupted": result.interrupted, "variants": listed, "report": written})

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from looping_pendulum.cli.common import INTERRUPTED, AsJson, Quiet, report_folder, schema_option, without_interrupts
-from looping_pendulum.cli.terminal import ProgressBars, say, show_json, show_table
+from looping_pendulum.cli.terminal import ProgressBars, say, say_prose, show_json, show_table
 from looping_pendulum.errors import HarnessError
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def _look_at_study(study: Path, out: Path | None, write: Path | None) -> None:
         trials = ", ".join(f"'{trial.trial}'" for trial in check.trials if sentence in trial.reading)
         say(f"read {trials}: {sentence}")
     for trial in check.trials:
-        say(trial.text)
+        say_prose(trial.text)
     for warning in check.warnings:
         say(f"warning: {warning}")
     drawn = _write_picture(check, folder)
@@ -184,9 +184,9 @@ def identify(
             was_interrupted=lambda verdict: verdict["verdict"] == Verdict.INTERRUPTED,
         )
         written = writing.write(result, folder)
-    say(f"{result.verdict.value}: {result.sentence}")
+    say_prose(f"{result.verdict.value}: {result.sentence}")
     for note in result.notes:
-        say(note)
+        say_prose(note)
     rows = []
     for e in result.errors:
         # A trial without tracked points has measured events only, and so no RMS distance.

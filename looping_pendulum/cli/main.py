@@ -22,7 +22,7 @@ from looping_pendulum.cli.identify import identify, look
 from looping_pendulum.cli.maps import map_
 from looping_pendulum.cli.new import new
 from looping_pendulum.cli.teaching import demo, demonstrations, init, live, tracker
-from looping_pendulum.cli.terminal import ProgressBars, reset_output, say, say_file, show_json, show_table
+from looping_pendulum.cli.terminal import ProgressBars, reset_output, say, say_file, say_prose, show_json, show_table
 from looping_pendulum.cli.track import track
 from looping_pendulum.engines import Profile
 from looping_pendulum.errors import HarnessError, one_line, shorten
@@ -270,7 +270,7 @@ def compare(
     show_table(*verdict_rows(result))
     common.show_residuals(result)
     for engine_result in result.engines:
-        say(f"- {engine_result.label}: {engine_result.story}")
+        say_prose(f"- {engine_result.label}: {engine_result.story}")
     if changes is not None:
         _show_changes(changes)
     say(f"wrote {written} and report.html")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from looping_pendulum.cli import common
-from looping_pendulum.cli.terminal import ProgressBars, note, say, say_file, show_json, show_table
+from looping_pendulum.cli.terminal import ProgressBars, note, say, say_file, say_prose, show_json, show_table
 
 if TYPE_CHECKING:
     from looping_pendulum.sweep.plan import MapPlan
@@ -128,7 +128,7 @@ def map_(
         say(f"interrupted: {stored}; the same command continues from there", err=True)
         raise typer.Exit(common.INTERRUPTED)
     for summary in outcome.summaries:
-        say(report.verdict(summary, several=plan.several))
+        say_prose(report.verdict(summary, several=plan.several))
     say(f"wrote {folder / report.REPORT} and {folder / STORE}")
 
 

@@ -3,16 +3,20 @@
 Names, messages and file contents come from strangers: control characters, which may colour or hide what stands on a terminal,
 and bidirectional ones, which may reorder it, are shown as escapes.
 
-What a command prints has three kinds: results (`say`, `show_table`) on standard output, notes and progress (`note`,
-`ProgressBars`) on standard error, and errors (`say` with ``err``), too. The options --json and --quiet choose among them.
+What a command prints has three kinds: results (`say`, `say_prose`, `show_table`) on standard output, notes and progress
+(`note`, `ProgressBars`) on standard error, and errors (`say` with ``err``), too. The options --json and --quiet choose among
+them.
 """
 
 from __future__ import annotations
 
 import math
+import re
+import shutil
 import sys
+import textwrap
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -42,6 +46,15 @@ class OutputChoice:
 output = OutputChoice()
 """Choice of the command that runs; a process runs one command at a time."""
 
+WIDTH_OUTSIDE_TERMINAL = 200
+"""Width of a table that goes into a file or another program [characters]."""
+BETWEEN_COLUMNS = 3
+"""Blanks between two columns of rich's SIMPLE_HEAD [characters]."""
+MIN_TEXT_WIDTH = 20
+"""Width at which a column of sentences is still readable [characters]."""
+NO_BREAK_SPACE = "\u00a0"
+"""Stands inside what a line does not end in."""
+
 
 def reset_output() -> None:
     """Forget what an earlier command in this process chose."""
@@ -64,6 +77,16 @@ def say(text: str, *, err: bool = False, nl: bool = True) -> None:
     """Print ``text``, of one or several lines: a result, or with ``err`` an error."""
     if err or output.shows_text:
         typer.echo(printable(text), err=err, nl=nl)
+
+
+def say_prose(text: str) -> None:
+    """Print sentences, with lines broken at blanks on a terminal; not for a command, which a break would spoil for pasting."""
+    if not sys.stdout.isatty():
+        say(text)
+        return
+    further = "  " if text.startswith("- ") else ""
+    width = shutil.get_terminal_size().columns
+    say(textwrap.fill(text, width, subsequent_indent=further, break_long_words=False, break_on_hyphens=False))
 
 
 def note(text: str) -> None:
@@ -92,7 +115,8 @@ def say_file(text: str) -> None:
 def show_table(head: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
     """Print a table whose cells are plain text: "[mm]" and "[/x]" are no markup.
 
-    Outside a terminal it is 200 columns wide, so that lines do not wrap.
+    Where it is wider than the terminal, its columns go on below, each part beginning with the first column. Outside a terminal
+    a part is up to 200 columns wide.
     """
     if not output.shows_text:
         return
@@ -102,15 +126,69 @@ def show_table(head: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    for column in head:
-        table.add_column(Text(printable(column)), overflow="fold")
-    for row in rows:
-        table.add_row(*(Text(printable(str(cell))) for cell in row))
     console = Console()
     if not console.is_terminal:
-        console = Console(width=200)
-    console.print(table)
+        console = Console(width=WIDTH_OUTSIDE_TERMINAL)
+    cells = [[printable(str(cell)) for cell in row] for row in (head, *rows)]
+    for part in _parts(cells, console.width):
+        table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
+        (first, *columns), *body = part
+        for title in (first, *columns):
+            table.add_column(Text(title), overflow="fold")
+        for row in body:
+            table.add_row(*map(Text, row))
+        console.print()
+        console.print(table)
+    console.print()
+
+
+def _parts(cells: Sequence[Sequence[str]], width: int) -> Iterator[list[list[str]]]:
+    """Yield tables that are at most ``width`` characters wide, with the cells' lines broken at blanks alone.
+
+    Parameters
+    ----------
+    cells
+        Rows of equal length, the head first.
+    """
+    columns = [list(column) for column in zip(*cells, strict=True)]
+    narrow = [_narrow_width(column) for column in columns]
+    parts: list[list[int]] = []
+    for i in range(1, len(columns)):
+        if not parts or _table_width(narrow, [0, *parts[-1], i]) > width:
+            parts.append([])
+        parts[-1].append(i)
+    for part in parts or [[]]:
+        shown = [0, *part]
+        widths = {i: narrow[i] for i in shown}
+        # What is left of the width goes to the columns that need it most, a character at a time
+        natural = {i: max(map(len, columns[i])) for i in shown}
+        for _ in range(width - _table_width(narrow, shown)):
+            widths[max(shown, key=lambda i: natural[i] - widths[i])] += 1
+        wrapped = [[_wrapped(cell, widths[i]) for cell in columns[i]] for i in shown]
+        yield [list(row) for row in zip(*wrapped, strict=True)]
+
+
+def _table_width(widths: Sequence[int], columns: Sequence[int]) -> int:
+    return sum(widths[i] for i in columns) + BETWEEN_COLUMNS * (len(columns) - 1)
+
+
+def _narrow_width(column: Sequence[str]) -> int:
+    """Return the least width [characters] that shows every word, number with its unit, and sentence of a column."""
+    title, *cells = column
+    words = [word for cell in column for word in _unbroken(cell).split(" ")]
+    sentence = min(max(map(len, cells), default=0), MIN_TEXT_WIDTH)
+    return max(1, sentence, *map(len, words))
+
+
+def _wrapped(cell: str, width: int) -> str:
+    lines = textwrap.wrap(_unbroken(cell), width, break_long_words=False, break_on_hyphens=False)
+    return "\n".join(lines).replace(NO_BREAK_SPACE, " ")
+
+
+def _unbroken(text: str) -> str:
+    """Return ``text`` with no-break spaces inside units in brackets, "[s per s]", and between a number and what it counts."""
+    text = re.sub(r"\[[^\[\]]*\]", lambda unit: unit.group().replace(" ", NO_BREAK_SPACE), text)
+    return re.sub(r"(?<=\d) (?=[^\W\d])", NO_BREAK_SPACE, text)
 
 
 @dataclass(kw_only=True)

@@ -129,9 +129,7 @@ def verdict_rows(result: ComparisonResult) -> tuple[list[str], list[list[str]]]:
     """Return header and rows of the verdict table as plain text, the reference first, for Markdown and for a terminal."""
     vertical = any(e.metrics.get("acceleration_error") is not None for e in result.engines)
     errors = ["drop_error", *(["acceleration_error"] if vertical else [])]
-    first, *others = (METRICS[metric].column for metric in RMS_END_TIMES)
-    # The first column's title says it for those beside it
-    head = ["engine", "within tolerance?", "helped by", first, *(column.removeprefix("RMS ") for column in others)]
+    head = ["engine", "within tolerance?", "helped by", *(METRICS[metric].column for metric in RMS_END_TIMES)]
     head += ["halting time [s]", *(METRICS[metric].column for metric in ("halting_time_error", *errors)), "CPU time [s per s]"]
     reference = result.reference.sampled
     blank = [GAP] * (3 + vertical)
