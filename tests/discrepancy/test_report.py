@@ -107,12 +107,12 @@ def test_a_little_nearer_is_no_explanation():
 def test_what_the_held_out_data_refuse_is_said_of_the_declared_model():
     refused = ModelTest(
         subject="drag", statistic="", value=11.0, limit=3.0,
-        failure="the data ask for drag, which makes the held-out trials less probable",
+        failure="the data ask for drag, which the held-out trials do not confirm",
     )  # fmt: skip
     declared = dataclasses.replace(model_tests(loss=None), contradiction=(refused,))
     errors = pages.identification("swing").errors
     words = said(Verdict.UNEXPLAINED, (NOTHING,), errors, tests=declared, declared=declared)
-    assert "but the data ask for drag, which makes the held-out trials less probable, and no effect of the library" in words
+    assert "but the data ask for drag, which the held-out trials do not confirm, and no effect of the library" in words
 
 
 def said(verdict, explanations, errors, unlisted=None, tests=None, declared=DECLARED_FAILS):

@@ -100,7 +100,7 @@ class Explanations:
         self._of_training: dict[Key, Fit | None] = {}
         self.interrupted = interrupted
         self.contradicted: Explanation | None = None
-        """What would be more probable than the declared model alone, but for the held-out trials, which it misses."""
+        """What would be more probable than the declared model, but that the held-out trials do not confirm it."""
         # What has not converged is not ranked
         self._fitted = {key: e for key, e in search.fitted.items() if key == NOTHING or e.fit.converged}
         self._judge_probabilities()
@@ -181,7 +181,7 @@ class Explanations:
                 statistic="log odds against the declared model",
                 value=e.log_posterior - self.search.fitted[NOTHING].log_posterior,
                 limit=math.log(CREDIBLE / (1 - CREDIBLE)),
-                failure=f"the data ask for {in_words(e.key)}, which makes the held-out trials less probable",
+                failure=f"the data ask for {in_words(e.key)}, which the held-out trials do not confirm",
             ),
         )
 
