@@ -62,17 +62,19 @@ def test_random_starts_end_at_the_same_minimum(fit):
         assert refitted.cost == pytest.approx(fit.cost, abs=2 * COST_TOLERANCE * fit.cost)
 
 
-def test_the_gradient_vanishes_at_the_minimum(fit):
+def largest_cosine(fit):
     """|J^T r| of each parameter that is not on a bound, relative to the column's norm times that of the residuals."""
+    r, jacobian = fit.problem.residuals_and_jacobian(fit.x)
+    free = [i for i, name in enumerate(fit.problem.names) if name not in fit.at_bounds]
+    return np.abs(jacobian[:, free].T @ r / np.linalg.norm(jacobian[:, free], axis=0) / np.linalg.norm(r)).max()
+
+
+def test_the_gradient_vanishes_at_the_minimum(fit):
     signs = np.random.default_rng(3).choice([-1.0, 1.0], len(fit.x))
     start = np.clip(fit.x + 0.5 * signs, fit.problem.low, fit.problem.high)
     found = minimise(fit.problem, start, cost_tolerance=FINE)
-    r, jacobian = fit.problem.residuals_and_jacobian(found.x)
-    free = [i for i, name in enumerate(fit.problem.names) if name not in found.at_bounds]
-    cosines = jacobian[:, free].T @ r / np.linalg.norm(jacobian[:, free], axis=0) / np.linalg.norm(r)
     assert found.converged
-    assert abs(cosines).max() < 1e-6
-    assert found.relative_gradient == pytest.approx(abs(cosines).max(), rel=1e-6)
+    assert largest_cosine(found) < 1e-6
 
 
 def test_a_fit_that_was_cut_short_has_not_converged(fit):
@@ -91,7 +93,7 @@ def test_stored_studies_converge_from_random_starts(name):
     fit = refit_with_estimated_noise(calibrate(read_inputs(load(path)).problem()))
     fine = minimise(fit.problem, fit.x, cost_tolerance=FINE)
     assert fine.converged
-    assert fine.relative_gradient < 1e-6
+    assert largest_cosine(fine) < 1e-6
     for start in random_starts(fit.problem, 5, 3):
         refitted = calibrate(fit.problem, start)
         assert refitted.converged

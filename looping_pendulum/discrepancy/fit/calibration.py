@@ -77,16 +77,6 @@ class Fit:
         """Return whether the fit ended near a minimum, and not because its iterations ran out far from one."""
         return self.predicted_decrease < MAX_DECREASE
 
-    @property
-    def relative_gradient(self) -> float:
-        """Return the largest part of the residuals along a column of the Jacobian, as a cosine; 0 at a minimum.
-
-        Parameters that press against a bound are left out.
-        """
-        model = _LinearModel(self.problem, self.x, self.residuals, self.jacobian)
-        sizes = np.linalg.norm(self.jacobian, axis=0) * np.linalg.norm(self.residuals)
-        return float(np.max(np.abs(model.gradient / np.maximum(sizes, 1e-300)), where=model.free, initial=0.0))
-
     @cached_property
     def covariance(self) -> Array:
         """Return the covariance matrix of ``x``, shape (p, p)."""
