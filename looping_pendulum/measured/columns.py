@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
-from looping_pendulum.measured.delimited import DelimitedText, TableLine, is_number, last_digits, listed
+from looping_pendulum.measured.delimited import DelimitedText, TableLine, is_number, is_value, last_digits, listed
 from looping_pendulum.measured.observations import DataError, ReadingNotes
 from looping_pendulum.scenarios.document import quote
 
@@ -48,7 +48,8 @@ FILLING_WORDS = frozenset(
 """Words that say nothing more beside a quantity."""
 UNITS = frozenset(
     {"m", "cm", "mm", "dm", "km", "um", "µm", "in", "inch", "ft", "px", "pixel", "pixels", "s", "sec", "ms", "us", "µs", "min",
-     "rad", "deg", "°", "rad/s", "deg/s", "°/s", "m/s", "cm/s", "mm/s", "px/s", "m/s^2", "m/s²", "px/m", "hz", "n", "kg", "g"}
+     "rad", "deg", "°", "º", "˚", "rad/s", "deg/s", "°/s", "m/s", "cm/s", "mm/s", "px/s", "m/s^2", "m/s²", "px/m", "hz", "n",
+     "kg", "g"}
 )  # fmt: skip
 """Units, in lower case, that are told from names without brackets."""
 PIXELS = frozenset({"px", "pixel", "pixels"})
@@ -58,6 +59,8 @@ MAX_SHORT_SHARE = 0.5
 """Largest share of rows with fewer cells than there are names: with more, the names do not belong to the rows."""
 MIN_COUNTED = 10
 """Smallest number of values by which equal steps tell a time or a row's number from a position."""
+# "time (hh:mm:ss)" is read in seconds
+_CLOCK_UNIT = re.compile(r"\s*[\[(]h*:?m+:s+[^\])]*[\])]", re.IGNORECASE)
 _RUN = re.compile(r"[,:]?\s*\b(?:run|lauf|essai|série)\s*#?\s*([0-9]+)\b\s*[,:]?", re.IGNORECASE)
 _AXIS = re.compile(r"(?:(.*?)[ _./-]+)?([xyz])(?:[ _]?([0-9]+)|[ _./-]+(.*))?", re.IGNORECASE)
 _JOINED = re.compile(r"(light|heavy)([xy])", re.IGNORECASE)
@@ -171,8 +174,8 @@ def _tables(text: DelimitedText) -> list[tuple[list[TableLine], list[TableLine]]
 def _is_row(line: TableLine, decimal_comma: bool, *, has_head: bool) -> bool:
     """Return whether most cells of a line are numbers; above all names, one whose first cell is empty has names of tracks."""
     first = line.cells[0]
-    numbers = sum(is_number(c, decimal_comma) for c in line.filled)
-    return bool(first or has_head) and 0 < numbers and (is_number(first, decimal_comma) or 2 * numbers > len(line.filled))
+    numbers = sum(is_value(c, decimal_comma) for c in line.filled)
+    return bool(first or has_head) and 0 < numbers and (is_value(first, decimal_comma) or 2 * numbers > len(line.filled))
 
 
 def _begins_table(text: DelimitedText, index: int) -> bool:
@@ -215,7 +218,7 @@ def _named(cell: str) -> Column:
     if len(cell) > MAX_NAME:
         return Column(label=cell)
     run = _RUN.search(cell)
-    group, _, text = _RUN.sub("", cell).rpartition(":")
+    group, _, text = _CLOCK_UNIT.sub("", _RUN.sub("", cell)).rpartition(":")
     text, unit = _split_unit(text.strip())
     name = Column(label=text.lower(), unit=unit, run=run[1] if run else "", group=group.strip())
     tokens = [t for t in _BETWEEN_WORDS.split(name.label) if t]

@@ -1,7 +1,8 @@
 """Read text tables, as spreadsheets and video analysis programs write them, into lines of cells.
 
-Encoding, comments, delimiter and decimal comma are told by content. Nothing here knows physics. Every fault is a `DataError` of
-one line that names file, line and column.
+Encoding, comments, delimiter and decimal comma are told by content, and cells get one writing: numbers lose the signs that
+separate thousands, and times of a clock become seconds. Nothing here knows physics. Every fault is a `DataError` of one line
+that names file, line and column.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from looping_pendulum.scenarios.document import one_line, quote
 
 LARGEST_FILE = 20 * 1024 * 1024
 """Largest size of a file that is read [bytes]: an hour of tracked points at 240 fps."""
-MISSING = frozenset({"", "-", "--", "nan", "na", "n/a", "#n/a", "null", "none", "1.#qnan", "-1.#ind"})
+MISSING = frozenset({"", "-", "--", "–", "—", "nan", "na", "n/a", "#n/a", "null", "none", "1.#qnan", "-1.#ind"})
 """Cells that say that there is no value, in lower case."""
 DELIMITERS = ("\t", ";", "|", ",", " ")
 """Delimiters, the likelier first where several divide a table equally well; ' ' stands for any white space."""
@@ -32,10 +33,24 @@ MAX_LINE_LENGTH = 100_000
 
 A row of measured data has about a hundred, and the csv module refuses a cell of more than 131 072.
 """
+MIN_HUNDREDTHS = 60
+"""Smallest number behind a third colon that cannot count the frames of a second of film, so that all are hundredths."""
 MAX_LISTED = 5
 """Largest number of names or lines that a sentence lists."""
+COMMENT_SIGNS = ("#", "%")
+"""Beginnings of lines that are comments."""
 _DECIMAL_POINT = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?")
 _DECIMAL_COMMA = re.compile(r"[+-]?(?:[0-9]+(?:,[0-9]+)?|,[0-9]+)(?:[eE][+-]?[0-9]{1,4})?")
+# Thousands that are separated: "1,075" and "1 075.5" beside a decimal point, "1.075" and "1 075,5" beside a decimal comma
+_GROUPED_POINT = re.compile(r"[+-]?[1-9][0-9]{0,2}(?:[, \u00a0\u202f'\u2019][0-9]{3})+(?:\.[0-9]*)?")
+_GROUPED_COMMA = re.compile(r"[+-]?[1-9][0-9]{0,2}(?:[. \u00a0\u202f'\u2019][0-9]{3})+(?:,[0-9]+)?")
+# Hours may lack, and a date may stand before: "0:12.5", "00:00:12.50", "2024-05-03T10:22:31.250Z"; a fourth part is told apart
+_CLOCK = re.compile(
+    r"(?:[0-9]{4}-[0-9]{2}-[0-9]{2}[T ])?(?:([0-9]+):)?([0-9]{1,2}):([0-9]{2})(?:[.,]([0-9]+)|:([0-9]{2,3}))?"
+    r"(?:Z|[+-][0-9]{2}:?[0-9]{2})?"
+)
+_MINUS_SIGNS = re.compile(r"[\u2212\u2012\u2013\ufe63\uff0d](?=[0-9.,])")
+"""Signs that programs write for a minus before a number: macOS Numbers writes U+2212."""
 _DIGITS = re.compile(r"[+-]?([0-9]*)[.,]?([0-9]*)(?:[eE]([+-]?[0-9]+))?")
 _SEPARATOR_LINE = re.compile(r'\s*"?sep=(.)"?\s*', re.IGNORECASE)
 _BLANK = re.compile(r"[\s\ufeff]*")
@@ -45,9 +60,15 @@ _LINE_ENDS = re.compile(r"\r\n|\r|\n")
 _OTHER_FORMATS = {
     b"PK\x03\x04": "a zip archive (a spreadsheet?)",
     b"\xd0\xcf\x11\xe0": "an old spreadsheet",
-    b"<?xml": "XML",
+    b"<": "XML",
+    b"{": "JSON",
+    b"[": "JSON",
     b"%PDF": "a PDF",
 }
+EXPORTS = (
+    "in Tracker: File > Export > Data File; in Logger Pro: File > Export As > CSV; in Kinovea: Tools > Export to spreadsheet"
+)
+"""How programs whose own files are no tables export one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,6 +123,8 @@ class DelimitedText:
             needed = " among numbers with a decimal comma, needed one kind; replace one by the other"
         elif not is_number(text, self.decimal_comma):
             needed = ", needed a number or an empty cell; correct the cell, or empty it"
+            if _CLOCK.fullmatch(text):
+                needed = ", whose last part may count frames or hundredths, needed seconds; export the times in seconds"
         elif abs(float(text.replace(",", "."))) > LARGEST_NUMBER:
             needed = ", needed a finite number; correct the cell, or empty it"
         if needed:
@@ -137,7 +160,12 @@ def read_bytes(path: str | Path, file: str, largest: int = LARGEST_FILE) -> byte
             # One byte more than is allowed tells that a file is too large, however large it is
             raw = stream.read(largest + 1)
     except (OSError, ValueError) as error:
-        why = error.strerror if isinstance(error, OSError) else "this is not a valid file name"
+        why = str(error.strerror) if isinstance(error, OSError) else "this is not a valid file name"
+        # YAML takes all behind " #" for a comment
+        cut_off = [] if isinstance(error, ValueError) else [p.name for p in Path(path).parent.glob("* #*")]
+        cut_off = [name for name in cut_off if name.startswith(f"{Path(path).name} #")]
+        if cut_off:
+            why += f"; in a study, ' #' begins a comment: write the name in quotes, '{cut_off[0]}'"
         raise data_error(file, None, "", f"cannot be read: {why}") from None
     if len(raw) > largest:
         size = f"{largest // 1024**2} MiB"
@@ -158,8 +186,8 @@ def read_text(raw: bytes, file: str, delimiters: Sequence[str] = DELIMITERS) -> 
         if len(line) > MAX_LINE_LENGTH:
             message = f"found a line of {len(line)} characters, needed rows of at most {MAX_LINE_LENGTH}"
             raise data_error(file, number, "", f"{message}; export the data again")
-    comments = [(n, line.lstrip().lstrip("#")) for n, line in numbered if line.lstrip().startswith("#")]
-    lines = [(n, line) for n, line in numbered if not line.lstrip().startswith("#")]
+    comments = [(n, line.lstrip().lstrip("#%")) for n, line in numbered if line.lstrip().startswith(COMMENT_SIGNS)]
+    lines = [(n, line) for n, line in numbered if not line.lstrip().startswith(COMMENT_SIGNS)]
     # A line for spreadsheets that names the delimiter
     separator = _SEPARATOR_LINE.fullmatch(lines[0][1]) if lines else None
     if separator:
@@ -172,8 +200,18 @@ def read_text(raw: bytes, file: str, delimiters: Sequence[str] = DELIMITERS) -> 
     def split(numbered: list[tuple[int, str]]) -> list[TableLine]:
         return [TableLine(line=n, cells=split_cells(line, delimiter)) for n, line in numbered]
 
+    def plain(lines: list[TableLine]) -> list[TableLine]:
+        """Return the lines with one writing of numbers and times."""
+        parts = [match[5] for line in lines for c in line.cells if (match := _CLOCK.fullmatch(c)) and match[5]]
+        # Kinovea writes hundredths of a second behind a third colon, others frames
+        has_frames = bool(parts) and all(len(part) == 2 and int(part) < MIN_HUNDREDTHS for part in parts)
+        return [
+            TableLine(line=line.line, cells=tuple(_plain_cell(c, decimal_comma, has_frames) for c in line.cells))
+            for line in lines
+        ]
+
     return DelimitedText(
-        file=file, delimiter=delimiter, decimal_comma=decimal_comma, comments=split(comments), lines=split(lines)
+        file=file, delimiter=delimiter, decimal_comma=decimal_comma, comments=split(comments), lines=plain(split(lines))
     )
 
 
@@ -193,6 +231,29 @@ def split_cells(line: str, delimiter: str) -> tuple[str, ...]:
 def is_number(text: str, decimal_comma: bool) -> bool:
     """Return whether a cell is a number in the file's writing."""
     return bool((_DECIMAL_COMMA if decimal_comma else _DECIMAL_POINT).fullmatch(text))
+
+
+def is_value(text: str, decimal_comma: bool) -> bool:
+    """Return whether a cell is a number, perhaps with separated thousands, or a time of a clock."""
+    grouped = _GROUPED_COMMA if decimal_comma else _GROUPED_POINT
+    return is_number(text, decimal_comma) or bool(grouped.fullmatch(text) or _CLOCK.fullmatch(text))
+
+
+def _plain_cell(text: str, decimal_comma: bool, has_frames: bool) -> str:
+    """Return a number without the signs that separate its thousands, a time of a clock in seconds, anything else as it is.
+
+    The last digit of a time stays the last one. A time whose last part may count frames is left as it is.
+    """
+    if (_GROUPED_COMMA if decimal_comma else _GROUPED_POINT).fullmatch(text):
+        decimal = "," if decimal_comma else "."
+        return "".join(c for c in text if c in "+-0123456789" + decimal)
+    clock = _CLOCK.fullmatch(text)
+    if clock is None or (clock[5] and has_frames):
+        return text
+    hours, minutes, seconds, *parts = clock.groups()
+    part = next(filter(None, parts), "")
+    whole = 3600 * int(hours or 0) + 60 * int(minutes) + int(seconds)
+    return f"{whole}{',' if decimal_comma else '.'}{part}" if part else str(whole)
 
 
 def last_digits(texts: Sequence[str]) -> list[float]:
@@ -218,10 +279,10 @@ def last_digits(texts: Sequence[str]) -> list[float]:
 
 
 def _decode(raw: bytes, file: str) -> str:
-    way_out = "export it as text (in Tracker: File > Export > Data)"
+    way_out = f"export it as text ({EXPORTS})"
     for start, what in _OTHER_FORMATS.items():
         # XML may begin with a byte order mark
-        if raw.removeprefix(b"\xef\xbb\xbf").startswith(start):
+        if raw.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(start):
             raise data_error(file, None, "", f"found {what}, needed a text table; {way_out}")
     try:
         if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
@@ -230,6 +291,7 @@ def _decode(raw: bytes, file: str) -> str:
     except UnicodeDecodeError:
         # Older programs on Windows write names such as "Kugel grün" in their own code page; the numbers are the same in all.
         text = raw.decode("latin-1")
+    text = _MINUS_SIGNS.sub("-", text)
     if "\0" in text:
         raise data_error(file, None, "", f"found binary data, needed a text table; {way_out}")
     return text
@@ -242,9 +304,7 @@ def _dialect(lines: Sequence[str], delimiters: Sequence[str]) -> tuple[str, bool
     for delimiter in delimiters:
         rows = [split_cells(line, delimiter) for line in sample]
         for decimal_comma in (False, True):
-            counts = [
-                (sum(not c or is_number(c, decimal_comma) for c in cells), len(cells)) for cells in rows if len(cells) > 1
-            ]
+            counts = [(sum(not c or is_value(c, decimal_comma) for c in cells), len(cells)) for cells in rows if len(cells) > 1]
             # Of names such as "X 2" between tabs, white space would make more numbers
             count = sum(numbers for numbers, width in counts if 2 * numbers > width)
             if count > most:

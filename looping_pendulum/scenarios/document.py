@@ -157,12 +157,18 @@ def _plain(node: yaml.Node, path: Path, lines: dict[Path, int], file: str) -> An
             lines[*path, i] = item.start_mark.line + 1
         return [_plain(item, (*path, i), lines, file) for i, item in enumerate(node.value)]
     data: dict[str, Any] = {}
+    assert isinstance(node, yaml.MappingNode)
     for key, value in node.value:
         line = key.start_mark.line + 1
         if not isinstance(key, yaml.ScalarNode):
             raise ScenarioError(one_line(f"{file}:{line}: found a list or group as a key, needed a word"))
         _check_surrogates(key, file)
         here = (*path, key.value)
+        if node.flow_style and key.value[:1].isdigit() and key.style is None and data:
+            # In braces, {mass: 0,5 g} has the keys "mass" and "5 g"
+            before, whole = next(reversed(data.items()))
+            found = f"found a comma inside '{whole},{key.value}', needed a decimal point"
+            raise ScenarioError(one_line(f"{file}:{line}: {key_text((*path, before))}: {found}; write '{whole}.{key.value}'"))
         if key.value in data:
             message = f"{file}:{line}: {key_text(here)}: found this key twice (first on line {lines[here]}), needed it once"
             raise ScenarioError(one_line(f"{message}; delete one"))

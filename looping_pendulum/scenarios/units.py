@@ -112,7 +112,9 @@ _UNIT = re.compile(rf"(?:1 ?/ ?)?{_FACTOR}(?: ?[*/ ] ?{_FACTOR}){{0,5}}")
 _MAX_LENGTH = 80
 """Longest text that is read as a quantity [characters]."""
 # Characters that keyboards, editors and copied text put in place of those on the right
-_SPELLINGS = str.maketrans({"μ": "µ", "·": "*", "⋅": "*", "×": "*", "−": "-", "²": "^2", "³": "^3", "\u00a0": " "})
+_SPELLINGS = str.maketrans(
+    {"μ": "µ", "·": "*", "⋅": "*", "×": "*", "−": "-", "²": "^2", "³": "^3", "\u00a0": " "} | dict.fromkeys("º˚∘", "°")
+)
 
 
 class UnitError(ValueError):

@@ -124,6 +124,11 @@ FORMS = {
         {"tracks": {"light": "A"}},
     ),
     "a lone quotation mark": ('t x y\n"\n0 1.2 2.1\n.01 -1.4 .5\n', {"tracks": LIGHT}),
+    "comments of MATLAB and gnuplot": ("% by hand\n%t light_x light_y\n0 1.2 2.1\n.01 -1.4 .5\n", {}),
+    "a minus of macOS Numbers": ("t,light_x,light_y\n0,1.2,2.1\n.01,\u22121.4,.5\n", {}),
+    "a dash for a minus": ("t;light_x;light_y\n0;1,2;2,1\n0,01;\u20131,4;0,5\n", {}),
+    "times of a clock": ("t [h:mm:ss.00],light_x,light_y\n0:00:00.00,1.2,2.1\n0:00:00.01,-1.4,.5\n", {}),
+    "minutes and seconds with decimal commas": ("t (mm:ss,00);light_x;light_y\n0:00,00;1,2;2,1\n0:00,01;-1,4;0,5\n", {}),
     "comments and blank lines": ("# by hand\n\nt,light_x,light_y\n0,1.2,2.1\n\n# again\n.01,-1.4,.5\n", {}),
 }
 
@@ -138,6 +143,48 @@ def test_every_form_gives_the_same_table(clip, form):
         assert channel.t == pytest.approx([0.0, 0.01], abs=rounding)
     # Only whole columns that are no positions, or not asked for
     assert all("column" in d.reason for d in observations.unused)
+
+
+@pytest.mark.parametrize(
+    ("digits", "unit", "cells"),
+    [
+        ("987 998 1003", "mm", "987 998 1,003"),
+        ("987.5 998.2 1003.1", "mm", "987.5 998.2 1,003.1"),
+        ("987.5 998.2 1003.1", "mm", "987,5 998,2 1.003,1"),
+        ("987.5 998.2 1003.1", "mm", "987.5 998.2 1'003.1"),
+        ("987.5 998.2 1003.1", "mm", "987.5 998.2 1\u202f003.1"),
+        ("0.987 1.075 1.101", "m", "0,987 1,075 1,101"),
+    ],
+)
+def test_what_separates_thousands_is_told_by_all_cells(clip, digits, unit, cells):
+    """'1,003' beside '987' was 1.003, in silence."""
+    rows = "".join(f"{i};{x}\n" for i, x in enumerate(cells.split(" ")))
+    observations = read(clip(f"frame;light_x [{unit}]\n{rows}"), frame_rate=100.0)
+    metres = np.array(digits.split(), dtype=float) / {"mm": 1000, "m": 1}[unit]
+    assert observations.channel("light_x").value == pytest.approx(metres, rel=1e-12)
+
+
+def test_a_clock_of_the_day_counts_seconds(clip):
+    text = "time,light_x\n2024-05-03T10:22:31.250Z,1\n2024-05-03T10:22:31.260Z,2\n"
+    assert read(clip(text)).channel("light_x").t == pytest.approx([37351.25, 37351.26], abs=1e-9)
+
+
+def test_hundredths_behind_a_third_colon(clip):
+    """As Kinovea writes them; up to 59 they could be the frames of a second of film."""
+    text = "#T light_x light_y\n0:00:00:04 1.2 2.1\n0:00:00:08 1.3 2.2\n0:00:01:96 1.4 2.3\n"
+    assert read(clip(text)).channel("light_x").t == pytest.approx([0.04, 0.08, 1.96])
+
+
+def test_a_name_that_yaml_cut_at_a_comment_sign(clip):
+    Path("clip #2.csv").write_text("t,light_x\n0,1\n")
+    with pytest.raises(DataError, match=r"clip: cannot be read: .* in quotes, 'clip #2.csv'"):
+        read("clip")
+
+
+@pytest.mark.parametrize("sign", "°º˚")
+def test_signs_that_stand_for_a_degree(clip, sign):
+    observations = read(clip(f"t,angle [{sign}]\n0,180\n.01,90\n"))
+    assert observations.channel("angle").value == pytest.approx([np.pi, np.pi / 2])
 
 
 def test_rows_with_numbers_that_have_no_name(clip):
@@ -220,7 +267,7 @@ def test_columns_of_the_tool_that_imports_them(clip):
     assert {c.name: c.value[0] for c in observations.channels} == {"heavy_x": 1, "heavy_y": 2, "light_x": 3, "light_y": 4}
 
 
-@pytest.mark.parametrize("mark", ["", "-", "NaN", "n/a", "NA", " "])
+@pytest.mark.parametrize("mark", ["", "-", "\u2013", "NaN", "n/a", "NA", " "])
 def test_a_missing_mark_is_missing_and_counted(clip, mark):
     observations = read(clip(f"t,light_x,light_y\n0,1,2\n.01,{mark},3\n.02,4,5\n"))
     assert observations.channel("light_x").value.tolist() == [1, 4]
@@ -284,6 +331,12 @@ BAD = {
     "only names": ("t,light_x,light_y\n", r":1: found no row of numbers"),
     "spreadsheet": (b"PK\x03\x04rest", r": found a zip archive .*File > Export > Data"),
     "XML": (b"<?xml version='1.0'?>", r": found XML, needed a text table"),
+    "JSON": ('[\n{"t": 0}]', r": found JSON, needed a text table; .*in Kinovea: Tools"),
+    "Logger Pro": ("<Document>\n</Document>", r": found XML, needed a text table; .*in Logger Pro: File > Export As > CSV"),
+    "hundredths or frames": (
+        "t,light_x\n" + "".join(f"0:00:00:{i:02d},{i % 7}\n" for i in range(4)),
+        r":2: column t: found '0:00:00:00', whose last part may count frames or hundredths, needed seconds; export",
+    ),
     "binary": (b"\x00\x01\x02", r": found binary data"),
     "rate": ("t,light_x\n0,1\n", r": frame_rate: found 0 Hz", {"frame_rate": 0.0}),
     "one track for both": (

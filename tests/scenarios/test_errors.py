@@ -47,6 +47,11 @@ REPLACED = [
     ("6.25 mm", "-.inf", ":5: rod.radius: expected a length, got '-.inf' (it must be finite)"),
     ("6.25 mm", "1e999 mm", ":5: rod.radius: expected a length, got '1e999 mm' (it must be finite)"),
     ("6.25 mm", "6,25 mm", ":5: rod.radius: expected a length, got '6,25 mm' (write a decimal point, not a comma)"),
+    (
+        "rod:\n  radius: 6.25 mm",
+        "rod: {radius: 6,25 mm}",
+        ":4: rod.radius: found a comma inside '6,25 mm', needed a decimal point",
+    ),
     ("6.25 mm", "6.25 mmm", ":5: rod.radius: expected a length, got '6.25 mmm' ('mmm' is no known unit)"),
     ("6.25 mm", "6.25 m^999999999", ":5: rod.radius: expected a length, got '6.25 m^999999999'"),
     ("6.25 mm", "[1 mm]", ":5: rod.radius: expected a length, got a list"),
