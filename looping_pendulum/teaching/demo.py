@@ -162,11 +162,8 @@ def _reference_run(result: ComparisonResult, samples: ResultSamples, p: Paramete
         "events": events,
         "end": end,
         "gap": "",
-        "caption": " ".join(
-            part
-            for part in ("The exact model, solved far more finely than any engine.", halts, _residual_words(result, None))
-            if part
-        ),
+        "caption": f"The exact model, solved far more finely than any engine. {halts}".strip(),
+        "detail": _residual_words(result, None),
         "story": "",
     } | _sampled_motion(samples.reference, None, p, rate)
 
@@ -181,7 +178,8 @@ def _engine_run(result: ComparisonResult, engine: EngineResult, aligned: Aligned
         "events": _timeline_events(engine, gap),
         "end": engine.end_time,
         "gap": gap,
-        "caption": f"{caption(result, engine, p)} {_residual_words(result, result.engines.index(engine))}".strip(),
+        "caption": caption(result, engine, p),
+        "detail": f"{detail(engine, p)} {_residual_words(result, result.engines.index(engine))}".strip(),
         "story": engine.story,
         "title": name(engine),
     } | _sampled_motion(aligned.run, aligned.distance, p, rate)
@@ -201,12 +199,18 @@ def _timeline_events(engine: EngineResult, gap: str) -> list[dict[str, Any]]:
 
 
 def caption(result: ComparisonResult, engine: EngineResult, p: Parameters) -> str:
-    """Return one line about a run: who supplies the friction, when it halts, how far its path is, what it lacks."""
-    supplies = engine.provenance.supplies
-    parts = [_friction(supplies, p), _halting(engine, result.reference.sampled), _path(engine), _lacks(engine)]
+    """Return one line about a run for everyone: who supplies the friction, and when it halts."""
+    parts = [_friction(engine.provenance.supplies, p), _halting(engine, result.reference.sampled)]
     if not engine.ok:
         parts.insert(0, f"Not shown to the end: {engine.status_sentence}." if engine.samples else "Nothing to show.")
     return " ".join(part for part in parts if part)
+
+
+def detail(engine: EngineResult, p: Parameters) -> str:
+    """Return what those ask who know engines: how the friction is supplied, how far the path is, what the run lacks."""
+    law = engine.provenance.supplies.friction_law
+    how = f"Friction: {law.how}." if "friction_law" in physics_of(p) else ""
+    return " ".join(part for part in (how, _path(engine), _lacks(engine)) if part)
 
 
 def _friction(supplies: Supplies, p: Parameters) -> str:
@@ -217,7 +221,7 @@ def _friction(supplies: Supplies, p: Parameters) -> str:
         Supplier.ADAPTER: "Friction fed in by our adapter",
         Supplier.NOBODY: "No friction on the rod",
     }
-    return f"{who[supplies.friction_law.by]}: {supplies.friction_law.how}."
+    return f"{who[supplies.friction_law.by]}."
 
 
 def _halting(engine: EngineResult, reference: Landmarks) -> str:

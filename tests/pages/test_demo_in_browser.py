@@ -178,7 +178,7 @@ def test_tracked_points_come_in_step_and_can_be_switched_off(visit):
     opened = visit(demo.demo_page(result))
     page = opened.page
     assert page.inner_text("#engine-runs .run[data-run=measured] .name") == "measured: mine"
-    assert "light mass 20 mm" in page.inner_text("#engine-runs .run[data-run=reference] .caption")
+    assert "light mass 20 mm" in page.text_content("#engine-runs .run[data-run=reference] details")
     times = np.array(result.trial.tracks[0].track.t)
     for time in (0.0, 0.25, 0.6):
         at(page, time)

@@ -2,8 +2,11 @@
 
 import re
 
+import numpy as np
 import pytest
 
+from looping_pendulum.reference_ode.solve import solve
+from looping_pendulum.scenarios import loader
 from tests.pages.live_page import COUNT, at, preset, settled, value
 from tests.pages.test_languages_in_browser import assert_german, german, german_words  # noqa: F401
 
@@ -12,6 +15,16 @@ ORANGE = "#d55e00"
 """Of the light mass and its path."""
 RELEASES = ("ten_to_one", "atwood", "held", "drop")
 """One scenario for each release."""
+NAMES = {"Friction, string sliding": "kinetic_friction", "Friction, string at rest": "static_friction"}
+OPACITY_ON_ARC = """() => {
+  const canvas = document.getElementById("stage"), { view } = live.stage, { wrapAngle } = live.run.at(0);
+  const { rod_radius: r, release_angle: angle } = live.run.settings, ratio = canvas.width / canvas.clientWidth;
+  const x = view.x(r * Math.cos(wrapAngle)) - 30 * Math.sin(angle / 4);
+  const y = view.y(r * Math.sin(wrapAngle)) - 30 * Math.cos(angle / 4);
+  const { data } = canvas.getContext("2d").getImageData(ratio * x - 2, ratio * y - 2, 4, 4);
+  return Math.max(...data.filter((_, i) => i % 4 === 3));
+}"""
+"""Opacity of what is drawn a quarter of the angle from straight up."""
 
 
 @pytest.fixture
@@ -29,6 +42,11 @@ def printed(opened):
     page.emulate_media(media="screen")
     assert page.locator("#handout article").count() == 0
     assert opened.complaints == []
+
+
+def changes(question):
+    """What the last question changes: label, value and the one before, of each setting."""
+    return re.findall(r"(?:is changed: |; )(.+?) ([\d.]+)(?: \S+)? in place of ([\d.]+\d|\d)", question)
 
 
 def answers(sheets):
@@ -65,7 +83,7 @@ def test_on_paper_is_the_worksheet_alone(page, printed):
     worksheet = sheets.first
     words = worksheet.inner_text()
     assert "0.200 s after the release" in words
-    for setting in ("Angle of the string\t113.08 °", "Mass ratio M2/M1\t10", "Gravity\t9.81 m/s²"):
+    for setting in ("Angle of the string from straight up\t113.08 °", "Mass ratio M2/M1\t10", "Gravity\t9.81 m/s²"):
         assert setting in words
     assert "Wind" not in words, "what is seldom needed and zero is left out"
     assert worksheet.locator("ol > li").count() == 3
@@ -101,11 +119,11 @@ def test_answers_are_those_of_the_pages_runs(page, printed, name):
     if name == "drop":
         assert f"M2 {100 * page.evaluate(f'{run}.at({run}.end).drop'):.1f} cm" in first
     # Whoever moves the slider as the last question says has its answer as the first one
-    label, wanted = re.search(r"is changed: (.+?) ([\d.]+)(?: \S+)? in place of", question).groups()
     page.emulate_media(media="screen")
-    field = page.get_by_label(label, exact=True).first.get_attribute("id").replace("range", "field")
-    page.fill(f"#{field}", wanted)
-    page.keyboard.press("Tab")
+    for label, wanted, _ in changes(question):
+        field = page.get_by_label(label, exact=True).first.get_attribute("id").replace("range", "field")
+        page.fill(f"#{field}", wanted)
+        page.keyboard.press("Tab")
     settled(page)
     page.evaluate(PRINTED)
     assert answers(page.locator("#handout article"))[0] == changed
@@ -115,7 +133,36 @@ def test_answers_are_those_of_the_pages_runs(page, printed, name):
 def test_without_friction_the_last_question_adds_some(opened, printed):
     preset(opened.page, "frictionless")
     assert value(opened.page, "kinetic_friction") == 0
-    assert "sliding 0.3 in place of 0?" in printed().nth(1).inner_text()
+    question = printed().nth(1).locator("ol > li").last.inner_text()
+    assert [numbers for _, *numbers in changes(question)] == [["0.3", "0"], ["0.3", "0"]]
+
+
+@pytest.mark.parametrize("name", ["ten_to_one", "frictionless", "static_friction"])
+def test_the_changed_answer_is_the_references_for_just_what_the_question_says(page, printed, name):
+    """The oracle is the model in Python, given no more than the printed words."""
+    preset(page, name)
+    sheets = printed()
+    question = sheets.nth(1).locator("ol > li").last.inner_text()
+    asked = {NAMES[label]: float(wanted) for label, wanted, _ in changes(question)}
+    before = loader.load(name).parameters
+    assert {NAMES[label]: float(old) for label, _, old in changes(question)} == {n: before.coefficients[n] for n in asked}
+    run = solve(before.replace(**asked))
+    halt = run.halting_time
+    expected = "The heavy mass never halts: "
+    if halt is not None:
+        drop = 100 * run.heavy_drop(run.sample(np.array([halt])).state)[0]
+        expected = f"The heavy mass halts after {halt:.4f} s, {drop:.1f}\u00a0cm below its start."
+    assert answers(sheets)[2].startswith(expected)
+
+
+def test_the_angle_has_an_arc_where_the_mass_is_let_go(page):
+    preset(page, "ten_to_one")
+    drawn = []
+    for time in (0, 0.05):
+        at(page, time)
+        drawn.append(page.evaluate(OPACITY_ON_ARC))
+    assert drawn[0] > 200
+    assert drawn[1] < 200, "no more than the path, which is pale"
 
 
 @pytest.mark.long

@@ -147,7 +147,7 @@ def test_nothing_on_the_page_stays_english(german, german_words):
         page.keyboard.press("Tab")
         settled(page)
         assert_german(page, german_words)
-    assert page.inner_text("#fault") == "Winkel des Fadens: 400 ° gefunden, möglich sind 5 bis 180 °"
+    assert page.inner_text("#fault") == "Winkel des Fadens gegen senkrecht oben: 400 ° gefunden, möglich sind 5 bis 180 °"
     page.evaluate("location.hash = 'release=thrown'")
     until(page, "document.getElementById('fault').textContent.startsWith('der Link')")
     assert_german(page, german_words)
@@ -246,9 +246,8 @@ def test_stored_runs_are_told_in_another_language_at_once_and_stay_as_they_are(w
     page.locator("#engine-runs input:enabled").last.uncheck()
     settled(page)
     shown = "[...live.engines.shown].join()"
-    state = (
-        "[...document.querySelectorAll('#engine-runs input, #engine-details details')].map((one) => one.checked ?? one.open)"
-    )
+    kept = "#engine-runs input, #engine-runs details, #engine-details details"
+    state = f"[...document.querySelectorAll('{kept}')].map((one) => one.checked ?? one.open)"
     german, runs, switches = page.evaluate(words, boxes), page.evaluate(shown), page.evaluate(state)
     assert False in switches
     assert "Fadenkraft an M1 [N]" in german[1]
@@ -265,7 +264,7 @@ def test_stored_runs_are_told_in_another_language_at_once_and_stay_as_they_are(w
     settled(page)
     assert page.evaluate(words, boxes) == german
     assert (page.evaluate(shown), page.evaluate(state)) == (runs, switches)
-    assert page.title().startswith("Das schlingende Pendel: ")
+    assert page.title().startswith("Das Looping-Pendel: ")
 
 
 @pytest.mark.long
@@ -337,7 +336,7 @@ def test_another_language_keeps_all_that_was_set(page):
 def test_the_language_is_the_readers_and_a_link_may_name_another(visit):
     opened = visit(page_text(), locale="de-CH")
     page = opened.page
-    assert page.inner_text("h1") == "Das schlingende Pendel"
+    assert page.inner_text("h1") == "Das Looping-Pendel"
     assert "lang=" not in page.evaluate("location.hash")
     page.goto(f"{page.url.partition('#')[0]}?again#mass_ratio=5&lang=en")
     assert page.inner_text("h1") == "The looping pendulum"

@@ -114,6 +114,9 @@ def test_a_prediction_is_checked_against_the_run(predicted, name):
     assert_told(page, table, name, said, right)
     # What the step speaks of is shown
     assert page.is_checked("#ghost") == (name in ("friction", "static"))
+    page.check("#ghost")
+    settled(page)
+    assert page.evaluate("live.ghost !== null") == (name in ("friction", "static")), "no ghost of the step before"
     assert page.is_checked("#forces") == (name == "friction")
     shown = page.evaluate("live.player.time")
     assert 0 < shown <= page.evaluate("live.run.end")
@@ -338,11 +341,15 @@ def test_thirty_pupils_are_drawn_as_a_distribution(visit_in):
 def test_a_pupils_line_is_read_as_it_was_answered(visit_in):
     page, _ = opened_lesson(visit_in, "en")
     page.evaluate("document.getElementById('class').open = true")
-    page.evaluate("live.lesson.open(0)")
+    page.evaluate("live.lesson.kept.fill(''); live.lesson.found.fill(''); live.lesson.open(0)")
     page.fill("#lesson-number", "4,8")
     page.fill("#lesson-measured", "4.7")
     page.fill("#class-name", "Ann; B")
     page.evaluate("live.lesson.change()")
+    # From the press on, whoever goes on before the run has ended
+    assert page.inner_text("#class-line").endswith("atwood=4.8//4.7")
+    page.fill("#class-lines", page.inner_text("#class-line"))
+    assert page.locator("#class-results circle.said").count() == 1
     page.evaluate("live.player.stopAt(live.player.end())")
     until(page, "document.getElementById('class-line').textContent.includes('atwood=4.8/')")
     line = page.inner_text("#class-line")

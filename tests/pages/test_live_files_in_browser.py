@@ -164,7 +164,7 @@ def test_files_of_the_page(page, tmp_path):
     with page.expect_download() as download:
         page.click("#save-picture")
     assert Path(download.value.path()).read_bytes().startswith(b"\x89PNG")
-    assert page.evaluate("live.keeping.words()")[:2] == ["t = 0.000 s", "Angle of the string 113.08 °"]
+    assert page.evaluate("live.keeping.words()")[:2] == ["t = 0.000 s", "Angle of the string from straight up 113.08 °"]
 
 
 GOOD = "t,light_x,light_y\n" + "".join(f"{0.01 * i:.2f},{-0.5 + 0.01 * i:.3f},{-0.2 - 0.01 * i:.3f}\n" for i in range(20))
@@ -291,7 +291,7 @@ def test_a_fit_sets_the_sliders_says_what_is_left_and_writes_the_study(page, exa
     # One definition: what stands beside the trial is that of the fit
     assert f"Typical distance from the run: {after} mm" in page.inner_text("#trial-message")
     shown = {label: (float(x), float(error)) for label, x, error in FITTED.findall(page.inner_text("#fit-table"))}
-    angle = shown["Angle of the string"]
+    angle = shown["Angle of the string from straight up"]
     assert value(page, "release_angle") == angle[0]
     assert angle[0] == pytest.approx(112, abs=1.5)  # as the study states it, within three of its errors
     with page.expect_download() as download:

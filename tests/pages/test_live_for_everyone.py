@@ -114,6 +114,26 @@ def test_nothing_is_cut_off(visit, tmp_path, size, language):
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("name", ["ten_to_one", "two_to_one", "held"])
+def test_the_masses_names_are_whole_on_a_phone(visit, name):
+    page = visit(page_text(), viewport=PHONE).page
+    preset(page, name)
+    cut = page.evaluate("""async () => {
+      const { fillText } = CanvasRenderingContext2D.prototype, cut = [];
+      CanvasRenderingContext2D.prototype.fillText = function (words, x, y) {
+        const half = this.measureText(words).width / 2, middle = this.textAlign === "center" ? x : x + half;
+        if (/^M[12]$/.test(words) && (middle - half < 0 || middle + half > this.canvas.clientWidth)) cut.push([words, x, y]);
+        fillText.call(this, words, x, y);
+      };
+      for (let share = 0; share <= 1; share += 0.02) {
+        live.player.stopAt(share * live.run.end);
+        await new Promise(requestAnimationFrame);
+      }
+      return cut;
+    }""")
+    assert cut == []
+
+
 def test_axe_finds_what_is_broken(visit):
     page = visit(page_text()).page
     page.evaluate("""() => {

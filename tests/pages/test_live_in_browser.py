@@ -153,8 +153,8 @@ def test_a_slider_follows_the_mouse(page):
 @pytest.mark.parametrize(
     ("typed", "message"),
     [
-        ("abc", "Angle of the string: found 'abc', needed a number such as 113.08"),
-        ("400", "Angle of the string: found 400 °, needed 5 to 180 °"),
+        ("abc", "Angle of the string from straight up: found 'abc', needed a number such as 113.08"),
+        ("400", "Angle of the string from straight up: found 400 °, needed 5 to 180 °"),
     ],
 )
 def test_a_bad_number_is_refused_in_one_line(page, typed, message):
@@ -177,7 +177,7 @@ def test_a_refusal_outlives_the_frame_of_a_change_just_before_it(page):
     }""")
     settled(page)
     assert value(page, "mass_ratio") == 12
-    assert page.inner_text("#fault").startswith("Angle of the string: found 400 °")
+    assert page.inner_text("#fault").startswith("Angle of the string from straight up: found 400 °")
     page.fill("#field-release_angle", "100")
     page.keyboard.press("Tab")
     assert page.inner_text("#fault") == ""

@@ -65,29 +65,31 @@ def test_tracks_are_the_runs_own_samples():
     json.dumps(data, allow_nan=False)
 
 
-def test_a_caption_has_the_distance_of_the_path():
+def test_the_detail_has_the_distance_of_the_path():
     result, data = small_result(), page_data(small_result())
     engine = result.engines[1]
     assert (
         f"RMS distance of its path until the halt: {quantity(engine.metrics['rms_halt'], 'm')}."
-        in run_of(data, LABELS[1])["caption"]
+        in run_of(data, LABELS[1])["detail"]
     )
     early = dataclasses.replace(engine, metrics=engine.metrics | {"rms_halt": None, "rms_1.0s": None})
-    caption = page_data(dataclasses.replace(result, engines=(result.engines[0], early, *result.engines[2:])))["runs"][2][
-        "caption"
+    detail = page_data(dataclasses.replace(result, engines=(result.engines[0], early, *result.engines[2:])))["runs"][2][
+        "detail"
     ]
-    assert f"RMS distance of its path until 0.7 s: {quantity(engine.metrics['rms_0.7s'], 'm')}." in caption
-    assert "RMS distance of its path" not in run_of(data, LABELS[3])["caption"], "it has no path"
+    assert f"RMS distance of its path until 0.7 s: {quantity(engine.metrics['rms_0.7s'], 'm')}." in detail
+    assert "RMS distance of its path" not in run_of(data, LABELS[3])["detail"], "it has no path"
 
 
-def test_captions_say_who_supplies_friction_and_what_is_lacking():
+def test_captions_say_who_supplies_friction_and_details_what_is_lacking():
     data = page_data(small_result())
-    captions = {run["name"]: run["caption"] for run in data["runs"]}
+    captions, details = ({run["name"]: run[part] for run in data["runs"]} for part in ("caption", "detail"))
     assert "No friction on the rod" in captions["mujoco:documented"]
     assert "Does not halt" in captions["mujoco:documented"]
-    assert "Lacks the string's friction on the rod and sticking and slipping" in captions["mujoco:documented"]
+    assert "Lacks the string's friction on the rod and sticking and slipping" in details["mujoco:documented"]
+    assert "dof_frictionloss" in details["mujoco:capstan"]
+    assert "dof_frictionloss" not in captions["mujoco:capstan"], "one plain line; what only experts read is folded"
     assert "Friction fed in by our adapter" in captions["mujoco:capstan"]
-    assert "No physics is declared missing" in captions["mujoco:capstan"]
+    assert "No physics is declared missing" in details["mujoco:capstan"]
     assert RunStatus.STRING_DRIFT.value in captions["faulty:stretches"]
     assert run_of(data, "faulty:absent")["gap"].startswith(RunStatus.MISSING.value)
 

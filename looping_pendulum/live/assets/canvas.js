@@ -112,7 +112,7 @@ export function nameMasses(c, [lx, ly], [hx, hy], [x, y]) {
     const isOffString = direction[0] * beyond[0] + direction[1] * beyond[1] > -0.6;
     return isInside && isOffString && Math.hypot(px - hx, py - hy) > 1.5 * NAME_DISTANCE;
   };
-  const [px, py] = place([beyond, [-1.2, 0], [1.2, 0], [0, 1], [0, -1]].find(isFree) ?? beyond);
+  const [px, py] = place([beyond, [-1.5, 0], [1.5, 0], [0, 1], [0, -1]].find(isFree) ?? beyond);
   write(c, "M1", px, py, { ...style, align: "center" });
 }
 

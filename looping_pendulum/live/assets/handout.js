@@ -1,7 +1,7 @@
 /** What is printed in place of the page: a worksheet on the setting and moment that are shown, and its answers. */
 
 import { setSize } from "./canvas.js";
-import { CONTROLS, codeOf, controlOf, isMeaningful, settingsOf, tidy, withValue } from "./controls.js";
+import { CONTROLS, codeOf, controlOf, isMeaningful, settingsOf, withValue } from "./controls.js";
 import { html } from "./elements.js";
 import { resultOf, wordsOf } from "./outcome.js";
 import { ShownRun } from "./shown_run.js";
@@ -105,21 +105,28 @@ export class Handout {
   asked() {
     const { state } = this.page;
     const { run } = this;
-    const control = controlOf(CHANGED[state.release]);
-    const { name, unit } = control;
-    const before = state.values[name];
-    const value = before === 0 ? SOME_FRICTION : tidy(2 * before <= control.max ? 2 * before : before / 2);
     const [first, second] = QUESTIONS[state.release];
-    const [setting, ...values] = [text(`setting.${name}`), ...[value, before].map((one) => withUnit(shown(one), unit))];
+    const { name, max } = controlOf(CHANGED[state.release]);
+    const before = state.values[name];
+    const other = withValue(state, name, before === 0 ? SOME_FRICTION : 2 * before <= max ? 2 * before : before / 2);
     return [
       first(run),
       second(run),
       {
-        question: text("askChange", { setting, value: values[0], before: values[1] }),
-        answer: first(new ShownRun(settingsOf(withValue(state, name, value)), run.end)).answer,
+        question: text("askChange", { changes: changesInWords(state, other) }),
+        answer: first(new ShownRun(settingsOf(other), run.end)).answer,
       },
     ];
   }
+}
+
+/** All settings in which two states differ: friction at rest may go with that of sliding. @param {State} state @param {State} other */
+function changesInWords(state, other) {
+  const changed = CONTROLS.filter(({ name }) => state.values[name] !== other.values[name] && isMeaningful(name, state));
+  return changed.map(({ name, unit }) => {
+    const [before, value] = [state, other].map(({ values }) => withUnit(shown(values[name]), unit));
+    return text("oneChange", { setting: text(`setting.${name}`), value, before });
+  }).join("; ");
 }
 
 /** Release -> the first two questions of its runs. @type {Record<string, [(run: DrawnRun) => Asked, (run: DrawnRun) => Asked]>} */

@@ -314,7 +314,7 @@ class Page {
       }
       this.computed = link;
     }
-    this.ghost = this.ghostOf(this.lesson.beside(state) ?? this.history.before);
+    this.ghost = this.ghostOf(this.lesson.beside(state, this.history.before));
     this.player.time = Math.min(this.player.time, this.player.end());
     for (const plot of this.plots) {
       plot.box.hidden = this.engines?.hides(plot.kind.id) ?? false;

@@ -1,7 +1,7 @@
 /** The apparatus: both masses, string, rod, trails, forces and tracked points, beside the rod enlarged. */
 
 import { arrow, colours, fitted, nameMasses, polyline, write } from "./canvas.js";
-import { fixed, text, written } from "./texts.js";
+import { fixed, shown, text, written } from "./texts.js";
 
 /** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
 /** @typedef {import("./shown_run.js").Sample} Sample */
@@ -17,7 +17,8 @@ import { fixed, text, written } from "./texts.js";
 
 /** The box stays as it is while the motion fills more than this share of it. */
 const LEAST_FILLED = 0.6;
-const MARGIN = 0.08;
+/** Room beside the motion, in which a mass at its edge and its name are whole [px]. */
+const MARGIN = 26;
 /** Radius of wound string on the enlarged rod: its gain in one turn, in rod radii. */
 const GAIN_PER_TURN = 0.11;
 const LEAST_TURNS_SHOWN = 5;
@@ -31,6 +32,8 @@ export const FORCES = {
   pull: { colour: "pink", dash: [5, 7] },
   air: { colour: "green", dash: [0.1, 5.5] },
 };
+/** Radius of the arc of the angle at the release [px]. */
+const ARC = 30;
 const MAX_LENGTH = 150;
 /** Highest power of ten on the scale of the bars. */
 const MOST_DECADES = 6;
@@ -69,6 +72,7 @@ export class Stage {
     const sample = run.at(time);
     if (scene.forces) this.forces(c, run, sample, weight);
     if (!runs) this.names(c, run, sample);
+    if (scene.untilNow || (time === 0 && !runs)) this.angle(c, run, time);
     c.beginPath();
     c.arc(view.x(0), view.y(0), Math.max(run.settings.rod_radius * view.scale, 3), 0, 2 * Math.PI);
     c.fillStyle = colours().soft;
@@ -86,7 +90,8 @@ export class Stage {
     const box = boxOf(ghost ? [run, ghost] : [run], [...points.light, ...points.heavy, ...(runs?.corners ?? [])]);
     if (!this.box || (!this.frozen && !fills(box, this.box))) this.box = box;
     const { left, right, low, high } = this.box;
-    const scale = Math.min(width / (right - left), height / (high - low)) * (1 - MARGIN);
+    const [wide, tall] = [width, height].map((size) => Math.max(size - 2 * MARGIN, 1));
+    const scale = Math.min(wide / (right - left), tall / (high - low));
     this.view = {
       x: (x) => width / 2 + (x - (left + right) / 2) * scale,
       y: (y) => height / 2 - (y - (low + high) / 2) * scale,
@@ -150,6 +155,27 @@ export class Stage {
   names(c, { settings: { rod_radius: r } }, { light, heavy, wrapAngle }) {
     const place = (/** @type {number[]} */ [x, y]) => [this.view.x(x), this.view.y(y)];
     nameMasses(c, place(light), place(heavy), place([r * Math.cos(wrapAngle), r * Math.sin(wrapAngle)]));
+  }
+
+  /** The angle of the string at the release, from straight up. @param {Context} c @param {DrawnRun} run @param {number} time */
+  angle(c, run, time) {
+    if (run.release === "vertical" || run.release === "drop") return;
+    const { view } = this;
+    const { soft, ink } = colours();
+    const { rod_radius: r, release_angle: angle } = run.settings;
+    const { light, wrapAngle } = run.at(0);
+    const [x, y] = [view.x(r * Math.cos(wrapAngle)), view.y(r * Math.sin(wrapAngle))];
+    polyline(c, [[x, y], [x, y - ARC - 10]], { colour: soft, width: 1.2, dash: [4, 4] });
+    // Where the string was let go, if it has left it
+    if (time > 0) polyline(c, [[x, y], [view.x(light[0]), view.y(light[1])]], { colour: soft, width: 1.2, dash: [4, 4] });
+    c.beginPath();
+    c.arc(x, y, ARC, -Math.PI / 2, -Math.PI / 2 - angle, true);
+    c.strokeStyle = soft;
+    c.lineWidth = 1.5;
+    c.stroke();
+    const distance = ARC + 6;
+    const words = `${shown(Number(((angle * 180) / Math.PI).toPrecision(5)))}°`;
+    write(c, words, x - distance * Math.sin(angle / 2), y - distance * Math.cos(angle / 2), { colour: ink, align: "right", clear: true });
   }
 
   /** @param {Context} c @param {DrawnRun} run @param {Sample} sample @param {number} length of the heavy mass's weight [px] */

@@ -50,16 +50,15 @@ export class EngineRuns {
   /** Write all words anew that do not change with the settings or the time; what was opened stays open. */
   relabel() {
     const { data, element, shown } = this;
+    const folds = () => ["engine-runs", "engine-details"].flatMap((id) => [...element(id).querySelectorAll("details")]);
+    const open = folds().map((fold) => fold.open);
     element("engine-runs").replaceChildren(listOfRuns(data, shown, (id, on) => {
       if (on) shown.add(id);
       else shown.delete(id);
       this.onSwitch();
     }));
-    const details = element("engine-details");
-    const folds = () => [...details.querySelectorAll("details")];
-    const open = folds().map((fold) => fold.open);
     this.numbers = new NumbersNow(data);
-    details.replaceChildren(this.numbers.element, ...momentsAndSources(data, this.onTime));
+    element("engine-details").replaceChildren(this.numbers.element, ...momentsAndSources(data, this.onTime));
     folds().forEach((fold, i) => { fold.open = open[i] ?? false; });
     fillKey(data, element("moment-key"));
     this.back.textContent = text("backTo", { title: this.title });

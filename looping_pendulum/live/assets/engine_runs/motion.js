@@ -5,7 +5,7 @@
  * @typedef {{kind: KindOfMoment, t: number, words: string, name?: string}} Moment
  * @typedef {(number | null)[]} Values null where nothing is known
  * @typedef {{id: string, name: string, colour: string, dashes: number[], marker: string, events: Moment[], end: number | null,
- *   gap: string, caption: string, story: string, count: number, heavy: number[], drop: Values, heavy_x?: Values, length?: Values,
+ *   gap: string, caption: string, detail: string, story: string, count: number, heavy: number[], drop: Values, heavy_x?: Values, length?: Values,
  *   angle?: Values, x?: Values, y?: Values, light_tension?: Values, heavy_tension?: Values, distance?: Values}} EngineRun
  *   `count`: number of samples, 0 for a run that was not made; lists have `rate` values in a second
  * @typedef {{t: number[], x?: Values, y: Values}} TrackedMass

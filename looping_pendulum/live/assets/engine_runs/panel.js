@@ -25,7 +25,9 @@ export function listOfRuns(data, shown, onSwitch) {
     const caption = html("p", { className: "caption" });
     if (run.gap) caption.append(html("strong", {}, text("notRunWhy")), html("span", { lang }, ` ${run.gap}. `));
     caption.append(html("span", { lang }, run.caption));
-    return row(run.id, named("span", run), Boolean(run.gap), swatch(run), caption);
+    const made = row(run.id, named("span", run), Boolean(run.gap), swatch(run), caption);
+    if (run.detail) made.append(html("details", { className: "caption" }, html("summary", {}, text("moreOfRun")), html("p", { lang }, run.detail)));
+    return made;
   });
   if (data.trial) {
     const ring = make("svg", { width: 44, height: 14, "aria-hidden": "true" });

@@ -33,7 +33,7 @@ export class LessonPanel {
     this.place = 0;
     /** What is chosen or typed in each step. */
     this.predictions = STEPS.map(() => "");
-    /** What was predicted when the step's run began. */
+    /** What was predicted when the button was pressed. */
     this.kept = STEPS.map(() => "");
     /** What a run said then, and what the student measured. */
     this.found = STEPS.map(() => "");
@@ -89,7 +89,9 @@ export class LessonPanel {
     const say = (/** @type {string} */ id, /** @type {string} */ words) => (this.element(id).textContent = words);
     say("lesson-name", text("lessonStep", { number: this.place + 1, name: text(`lesson.${step.name}.title`) }));
     for (const part of ["text", "question"]) say(`lesson-${part}`, text(`lesson.${step.name}.${part}`));
-    say("lesson-change", text(step.task === "trial" ? "lessonMakeTrial" : "lessonChange"));
+    const isTrial = step.task === "trial";
+    say("lesson-change", text(isTrial ? "lessonMakeTrial" : "lessonChange"));
+    say("lesson-go", text(isTrial ? "lessonGoToTrial" : "lessonGo"));
     for (const id of ["lesson-check", "lesson-go"]) this.element(id).hidden = !step.task;
     this.element("lesson-options").replaceChildren(...(step.options.length ? this.choices(step) : this.numberFields(step)));
     this.showAnswer();
@@ -126,9 +128,15 @@ export class LessonPanel {
     this.predictions[this.place] = said;
   }
 
-  /** Name of each step that was answered or measured -> what was said of it. */
+  /** Count a prediction, from the press of the button on: nobody need wait for the end of the run. @param {string} said */
+  keep(said) {
+    this.kept[this.place] = said;
+    this.classroom.show();
+  }
+
+  /** Name of each step of which something was predicted or measured -> what was said of it. */
   get results() {
-    const known = STEPS.map(({ name }, i) => ({ name, said: this.found[i] && this.kept[i], found: this.found[i], measured: this.measured[i] }));
+    const known = STEPS.map(({ name }, i) => ({ name, said: this.kept[i], found: this.found[i], measured: this.measured[i] }));
     return new Map(known.filter(({ said, measured }) => said || measured).map(({ name, ...result }) => [name, result]));
   }
 
@@ -171,13 +179,13 @@ export class LessonPanel {
   change() {
     const { step, said } = this;
     if (!said) return;
+    this.keep(said);
     const state = step.state();
     if (!state) {
       this.makeTrial();
       return;
     }
     if (step.task === "drag") this.makeFilm();
-    this.kept[this.place] = said;
     this.given = { state, beside: step.beside?.() ?? null };
     this.watched = step;
     this.page.set(state);
@@ -192,9 +200,10 @@ export class LessonPanel {
     /** @type {HTMLInputElement} */ (this.element(id)).checked = true;
   }
 
-  /** State whose run is the ghost beside that of a state; null if the step does not say so. @param {State} state */
-  beside(state) {
-    return this.given && same(state, this.given.state) ? this.given.beside : null;
+  /** State whose run is the ghost beside that of a state; null: a step set it, and wants none. @param {State} state
+   * @param {State | null} before whose ghost a state has that no step set */
+  beside(state, before) {
+    return this.given && same(state, this.given.state) ? this.given.beside : before;
   }
 
   /** Points of the film while its step is open. */
@@ -247,7 +256,7 @@ export class LessonPanel {
   check() {
     const { step, said } = this;
     if (!said) return;
-    this.kept[this.place] ||= said;
+    this.keep(this.kept[this.place] || said);
     if (step.task === "ratio") this.checkRatio(step);
     else if (step.task === "drag") this.checkDrag();
     else this.checkTrial(step);
@@ -315,7 +324,6 @@ export class LessonPanel {
   }
 
   makeTrial() {
-    this.kept[this.place] = this.predictions[this.place];
     const state = trialState();
     const { csv, wind } = madeUpTrial(state, this.seeds.trial);
     this.seeds.trial += 1;
