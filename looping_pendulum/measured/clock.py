@@ -57,6 +57,8 @@ class Series:
     """Values [SI], shape (n,)."""
     last_digit: Array
     """What one unit of each value's last digit is worth [SI], shape (n,)."""
+    unit: float = 1.0
+    """The file's unit [SI]."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -33,6 +33,8 @@ MAX_LINE_LENGTH = 100_000
 
 A row of measured data has about a hundred, and the csv module refuses a cell of more than 131 072.
 """
+MAX_BREAKS = 20
+"""Largest number of breaks in quoted cells of one line."""
 MIN_HUNDREDTHS = 60
 """Smallest number behind a third colon that cannot count the frames of a second of film, so that all are hundredths."""
 MAX_LISTED = 5
@@ -181,7 +183,8 @@ def read_text(raw: bytes, file: str, delimiters: Sequence[str] = DELIMITERS) -> 
     DataError
         If it is no text table.
     """
-    numbered = [(n, line.strip("\ufeff")) for n, line in numbered_lines(_decode(raw, file)) if not _BLANK.fullmatch(line)]
+    numbered = _without_breaks_in_quotes(numbered_lines(_decode(raw, file)))
+    numbered = [(n, line.strip("\ufeff")) for n, line in numbered if not _BLANK.fullmatch(line)]
     for number, line in numbered:
         if len(line) > MAX_LINE_LENGTH:
             message = f"found a line of {len(line)} characters, needed rows of at most {MAX_LINE_LENGTH}"
@@ -218,6 +221,20 @@ def read_text(raw: bytes, file: str, delimiters: Sequence[str] = DELIMITERS) -> 
 def numbered_lines(text: str) -> list[tuple[int, str]]:
     """Return the lines of ``text`` with their numbers, from 1, counted as an editor does."""
     return list(enumerate(_LINE_ENDS.split(text), start=1))
+
+
+def _without_breaks_in_quotes(numbered: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Return the lines with those joined between which a quotation mark is open: a name that a spreadsheet breaks."""
+    joined = []
+    following = iter(numbered)
+    for number, line in following:
+        if line.count('"') % 2:
+            rest = [text for _, text in numbered[number : number + MAX_BREAKS]]
+            last = next((i for i, text in enumerate(rest) if text.count('"') % 2), None)
+            if last is not None and rest[last].strip() != '"':
+                line = " ".join([line, *(next(following)[1] for _ in range(last + 1))])
+        joined.append((number, line))
+    return joined
 
 
 def split_cells(line: str, delimiter: str) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from looping_pendulum.errors import WayOut
 from looping_pendulum.measured import displaced_rows
@@ -69,6 +70,10 @@ A record whose masses are faster in its first two steps begins later.
 """
 MAX_START_SIGMAS = 4.0
 """The same by noise, in its standard deviations."""
+LOST_PLACES = (0.0, -1.0)
+"""Both coordinates by which trackers write an object that they have lost, in their unit."""
+MIN_SCORE = 0.5
+"""Smallest score of a point that is used, as a share of the median of its object's, as programs scale scores in many ways."""
 FORMATS: tuple[tuple[Callable[[str, bytes], bool], Callable[[bytes, str], TrackerProject | DelimitedText]], ...] = (
     (lambda file, raw: is_named_project(file) or is_project(raw), read_project),
     (lambda file, raw: True, read_text),
@@ -229,18 +234,23 @@ def _sheets(
     if not timed:
         way_out = WayOut(words="check {}", keys={"tracks.light": "NAME", "kind": "positions"}, is_example=True)
         raise text.error(None, "", "found no positions, angles or heights, needed one column of them", way_out)
-    return [_sheet(text, clock, frame, channels, units, notes) for (clock, frame), channels in timed.items()]
+    scores = [c for c in columns if c.role == "score" and c.track in masses]
+    return [
+        _sheet(text, clock, frame, channels, {masses[c.track]: c for c in scores if c.rows is clock.rows}, units, notes)
+        for (clock, frame), channels in timed.items()
+    ]
 
 
 def _sheet(
     text: DelimitedText,
     clock: Column,
     frame: Column | None,
-    channels: Mapping[str, Series],
+    channels: dict[str, Series],
+    scores: Mapping[str, Column],
     units: Mapping[str, str],
     notes: ReadingNotes,
 ) -> Sheet:
-    """Return the rows of a column of times or frames, with the channels that it times."""
+    """Return the rows of a column of times or frames, with the channels that it times; ``scores`` are those of each mass."""
     time, rounding = None, np.zeros(len(clock.rows))
     if clock.role == "t":
         time, rounding = numbers(text, clock)
@@ -256,8 +266,43 @@ def _sheet(
         has_time = np.isfinite(time) if time is not None else np.ones(len(has_value), dtype=bool)
         notes.unused[f"{name}: empty cell"] += int(np.sum(~has_value & has_time))
         notes.unused[f"{name}: a value without a time"] += int(np.sum(has_value & ~has_time))
+    for mass in MASSES:
+        pair = {name: channels[name] for name in (f"{mass}_x", f"{mass}_y") if name in channels}
+        lost = {}
+        if mass in scores:
+            score = numbers(text, scores[mass])[0]
+            lost["the tracker's score is low"] = (
+                score < MIN_SCORE * np.nanmedian(score) if np.isfinite(score).any() else score > 0
+            )
+        if len(pair) == 2:
+            lost["the mark of a lost object"] = _is_marked_lost(*(series.value / series.unit for series in pair.values()))
+        for why, rows in lost.items():
+            for name in pair:
+                series = channels[name]
+                notes.unused[f"{name}: {why}"] += int(np.sum(rows & np.isfinite(series.value)))
+                channels[name] = replace(series, value=np.where(rows, np.nan, series.value))
     lines = np.array([row.line for row in clock.rows])
     return Sheet(clock=clock.label, lines=lines, time=time, rounding=0.5 * rounding, frame=number, channels=channels)
+
+
+def _is_marked_lost(x: Array, y: Array) -> NDArray[np.bool_]:
+    """Return which points, in the file's unit, are none but the writing of some trackers for a lost object: (0, 0) or (-1, -1).
+
+    A mass may begin at the origin, if somebody put it there; then its next step is no longer than all others.
+    """
+    lost = np.zeros(len(x), dtype=bool)
+    known = np.isfinite(x) & np.isfinite(y)
+    for place in LOST_PLACES:
+        is_there = known & (x == place) & (y == place)
+        elsewhere = np.flatnonzero(known & ~is_there)
+        if not len(elsewhere):
+            continue
+        steps = np.hypot(np.diff(x[elsewhere]), np.diff(y[elsewhere]))
+        first = elsewhere[0]
+        if np.hypot(x[first] - place, y[first] - place) <= steps.max(initial=0.0 if len(elsewhere) > 1 else np.inf):
+            is_there[:first] = False
+        lost |= is_there
+    return lost
 
 
 def numbers(text: DelimitedText, column: Column) -> tuple[Array, Array]:
@@ -274,7 +319,7 @@ def _series(text: DelimitedText, column: Column, name: str, units: Mapping[str, 
         raise text.error(None, column.label, f"found no values at all, needed {name}; export that track again")
     if not column.unit and _KIND_OF_UNIT.get(column.role) == "length":
         notes.assumptions.append(f"lengths without a unit taken in {units['length']}")
-    return Series(column=column.label, value=value * factor, last_digit=digit * factor)
+    return Series(column=column.label, value=value * factor, last_digit=digit * factor, unit=factor)
 
 
 def _to_si(text: DelimitedText, column: Column, si: str, units: Mapping[str, str]) -> float:
@@ -472,8 +517,6 @@ def _without_inconsistent_rate(channels: list[Channel], notes: ReadingNotes) -> 
     return [c for c in channels if c is not rate]
 
 
-UNNAMED_TRACKS = {"light": "first", "heavy": "second"}
-"""Names for the two tracks of a file without names of columns, in the order of its columns."""
 LENGTH_UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 """Units that a file without units may have, each in metres; the first with plausible positions is proposed."""
 PLAUSIBLE_SPAN = 5.0
@@ -558,8 +601,8 @@ def survey(path: str | Path) -> FileSurvey:
     try:
         columns = read_columns(content, "auto", (), ReadingNotes())
     except DataError:
-        # Five columns without names are read if both tracks get names from outside
-        columns = read_columns(content, "auto", tuple(UNNAMED_TRACKS.values()), ReadingNotes())
+        # Five columns without names are read if two tracks are asked for
+        columns = read_columns(content, "auto", MASSES, ReadingNotes())
         has_names = False
     roles = {c.role for c in columns}
     clock = next((c for c in columns if c.role == "t"), None)

@@ -248,11 +248,8 @@ def _reading_lines(found: FileSurvey) -> list[str]:
     lines = []
     masses = found.proposed_masses()
     if any(mass_in_name(name) != mass for mass, name in masses.items()):
-        # In the order of the columns, by which a file without names is read
-        names = [track.name for track in found.tracks]
-        ordered = sorted(masses.items(), key=lambda mass: names.index(mass[1]))
         lines.append("    tracks:  # by their motion, as their names do not say it: the heavy mass falls along a vertical line")
-        lines += [f"      {mass}: {_scalar(name)}" for mass, name in ordered]
+        lines += [f"      {mass}: {_scalar(name)}" for mass, name in masses.items()]
     units = found.proposed_units()
     if units:
         lines.append("    units:  # guessed, as the file does not name them")

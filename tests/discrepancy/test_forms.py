@@ -46,6 +46,10 @@ def read(form, **changes):
         ("10-time-in-the-last-column", {}, 1e-5, ""),
         ("15-sep-line-and-quoted-decimal-commas", {}, 1e-5, ""),
         ("18-tracker-project-file", {}, 1e-5, ""),
+        ("26-pandas-header-of-two-rows", {}, 1e-5, ""),
+        ("30-objects-stacked-names-in-comments", {}, 1e-5, ""),
+        ("31-unicode-minus", {}, 1e-5, ""),
+        ("33-optitrack", {}, 1e-5, ""),
     ],
 )  # fmt: skip
 def test_a_form_gives_the_points_of_the_example(form, changes, digits, said):
@@ -72,6 +76,27 @@ def test_three_significant_digits():
         assert "an export with more decimals" in found.summary()
         # Its own rounding is the least error of a value
         assert np.min(channel.least_sigma(np.zeros(len(channel)))) == pytest.approx(1e-3 / np.sqrt(12))
+
+
+def test_an_object_that_is_lost_to_the_end():
+    for exact, found in zip(read("10-time-in-the-last-column"), read("35-lost-object-as-zeros"), strict=True):
+        known, channel = exact.channel("light_x"), found.channel("light_x")
+        assert channel.value == pytest.approx(known.value[: len(channel)], abs=1e-5)
+        assert "61 not used: light_x: the mark of a lost object" in found.summary()
+        assert not found.faults
+
+
+@pytest.mark.parametrize(
+    ("form", "digits"),
+    [("27-thousands-separators-in-pixels", 1e-3), ("29-sleap-analysis", 2e-5), ("34-deeplabcut", 2e-5)],
+)
+def test_pixels_of_networks_and_whole_pixels(form, digits):
+    """The axes of these pictures point against those of the example."""
+    for exact, found in zip(read("10-time-in-the-last-column"), read(form), strict=True):
+        for name in ("light_x", "light_y", "heavy_x", "heavy_y"):
+            known, channel = exact.channel(name), found.channel(name)
+            assert channel.t == pytest.approx(known.t, abs=1e-5)
+            assert np.ptp(channel.value + known.value) < digits
 
 
 @pytest.mark.long

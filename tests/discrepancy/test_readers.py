@@ -323,7 +323,11 @@ BAD = {
     "no marks": ("t,light_x,light_y\n0,,2\n.01,,3\n", r".*column light_x: found no values at all"),
     "misspelt": ("t,heigth\n0,1\n", r":1: found columns .*did you mean 'height' by 'heigth'\?"),
     "misspelt mass": ("t,ligth_x,ligth_y\n0,1,2\n", r": found the tracks 'ligth', .*\{light: ligth\}"),
-    "no times": ("x,y\n0,1\n", r":1: found no column of times among 'x, y', needed one; name it 't'"),
+    "no times": (
+        "particle,x,y\na,0,1\na,0,2\nb,3,1\n",
+        r":2: found no column of times among 'x .a., y .a., x .b., y .b.', needed one; name it 't'",
+    ),
+    "neither times nor a rate": ("light_x,light_y\n0,1\n0,2\n", r": found frame numbers but no times, .*'frame_rate'"),
     "six columns": ("0,1,2,3,4,5\n", r":1: found 6 columns without names, needed a line of names above"),
     "frames without rate": ("frame,light_x,light_y\n7,1,2\n9,1,2\n", r".*found frame numbers but no times, .*'frame_rate'"),
     "frames go back": ("t,frame,light_x\n0,9,1\n.1,7,2\n", r":3: column frame: found 7 after 9", {"frame_rate": 30.0}),
