@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from looping_pendulum.cli import common
+from looping_pendulum.cli.file_kinds import takes
 from looping_pendulum.cli.terminal import say, show_json, show_table
 from looping_pendulum.engines import Profile
 from looping_pendulum.errors import ScenarioError
@@ -18,7 +19,12 @@ if TYPE_CHECKING:
 def check(
     scenario: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[SCENARIO]...", help="Default: all shipped scenarios.", autocompletion=common.scenario_names),
+        typer.Argument(
+            metavar="[SCENARIO]...",
+            help="Default: all shipped scenarios.",
+            autocompletion=common.scenario_names,
+            callback=takes("scenario"),
+        ),
     ] = None,
     engine: common.EngineNames = None,
     profile: common.ProfileName = Profile.QUICK,

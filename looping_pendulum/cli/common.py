@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
+from looping_pendulum.cli.file_kinds import takes
 from looping_pendulum.cli.terminal import ProgressBars, choose_json, choose_quiet, note, say, say_prose, show_table
 from looping_pendulum.engines import Profile
 from looping_pendulum.errors import ScenarioError
@@ -66,10 +67,17 @@ ScenarioName = Annotated[
         metavar="SCENARIO",
         help="Name of a shipped scenario (see `scenarios`), or path of a YAML file.",
         autocompletion=scenario_names,
+        callback=takes("scenario"),
     ),
 ]
 OptionalScenario = Annotated[
-    str, typer.Argument(metavar="[SCENARIO]", help="Shipped scenario, or path of a YAML file.", autocompletion=scenario_names)
+    str,
+    typer.Argument(
+        metavar="[SCENARIO]",
+        help="Shipped scenario, or path of a YAML file.",
+        autocompletion=scenario_names,
+        callback=takes("scenario"),
+    ),
 ]
 EngineNames = Annotated[
     list[str] | None,
@@ -145,6 +153,7 @@ MarksFiles = Annotated[
     typer.Option(
         "--marks",
         metavar="FILE",
+        callback=takes("table of numbers", "study"),
         help="Draw and judge your own trial: a file of tracked points (or light=FILE and heavy=FILE) or events, or a study.",
     ),
 ]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from looping_pendulum.cli.common import INTERRUPTED, AsJson, Quiet, report_folder, schema_option, without_interrupts
+from looping_pendulum.cli.file_kinds import takes
 from looping_pendulum.cli.terminal import ProgressBars, say, say_prose, show_json, show_table
 from looping_pendulum.errors import HarnessError
 
@@ -25,7 +26,11 @@ class FirstLookError(HarnessError, ValueError):
 def look(
     source: Annotated[
         Path,
-        typer.Argument(metavar="STUDY.yaml|TABLE", help="Study with its trials, or a file of tracked points."),
+        typer.Argument(
+            metavar="STUDY.yaml|TABLE",
+            help="Study with its trials, or a file of tracked points.",
+            callback=takes("study", "table of numbers"),
+        ),
     ],
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the picture; default: report/STUDY.")] = None,
     write: Annotated[
@@ -50,11 +55,8 @@ def look(
 
 def _look_at_table(table: Path, write: Path | None) -> None:
     """Say how a file of tracked points is read without a study."""
-    from looping_pendulum.film.decode import is_film
     from looping_pendulum.measured.readers import read_as_proposed
 
-    if is_film(table):
-        raise FirstLookError(f"{table}: found a film, needed tracked points; write: looping-pendulum track {table}")
     observations = read_as_proposed(table)
     say(observations.summary())
     for fault in observations.faults:
@@ -140,7 +142,12 @@ def _write_picture(check: DeclarationCheck, folder: Path) -> Path | None:
 
 def identify(
     study: Annotated[
-        Path, typer.Argument(metavar="STUDY.yaml", help="Study file: apparatus, declared effects, and the trials' files.")
+        Path,
+        typer.Argument(
+            metavar="STUDY.yaml",
+            help="Study file: apparatus, declared effects, and the trials' files.",
+            callback=takes("study"),
+        ),
     ],
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the report; default: report/STUDY.")] = None,
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Random seed of the fit's second starting point.")] = 0,

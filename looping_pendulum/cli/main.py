@@ -18,6 +18,7 @@ from looping_pendulum.cli import common
 from looping_pendulum.cli.check import check
 from looping_pendulum.cli.converge import converge
 from looping_pendulum.cli.engines import conformance, engines
+from looping_pendulum.cli.file_kinds import takes
 from looping_pendulum.cli.identify import identify, look
 from looping_pendulum.cli.maps import map_
 from looping_pendulum.cli.new import new
@@ -111,7 +112,10 @@ def scenarios(
     name: Annotated[
         str | None,
         typer.Argument(
-            metavar="[SCENARIO]", help="Print the YAML file of this scenario.", autocompletion=common.scenario_names
+            metavar="[SCENARIO]",
+            help="Print the YAML file of this scenario.",
+            autocompletion=common.scenario_names,
+            callback=takes("scenario"),
         ),
     ] = None,
     schema: Annotated[bool, common.schema_option("scenario", "looping_pendulum.scenarios.loader")] = False,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from looping_pendulum.cli import common
+from looping_pendulum.cli.file_kinds import takes
 from looping_pendulum.cli.terminal import ProgressBars, note, say, say_file, say_prose, show_json, show_table
 
 if TYPE_CHECKING:
@@ -60,6 +61,7 @@ def map_(
             metavar="[MAP.yaml]",
             help="Map file, or name of a shipped map; without it, list the shipped maps.",
             autocompletion=common.map_names,
+            callback=takes("map"),
         ),
     ] = None,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the map; default: report/MAP-map.")] = None,

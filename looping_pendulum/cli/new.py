@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from looping_pendulum.cli.common import scenario_names
+from looping_pendulum.cli.file_kinds import takes
 from looping_pendulum.cli.terminal import ProgressBars, say
 
 if TYPE_CHECKING:
@@ -38,7 +39,12 @@ def scenario(
     name: Annotated[str, typer.Argument(help="Name of the scenario, and of its file NAME.yaml.")],
     like: Annotated[
         str,
-        typer.Option(metavar="SCENARIO", help="Scenario (name or file) with all other values.", autocompletion=scenario_names),
+        typer.Option(
+            metavar="SCENARIO",
+            help="Scenario (name or file) with all other values.",
+            autocompletion=scenario_names,
+            callback=takes("scenario"),
+        ),
     ] = "ten_to_one",
     light_mass: Annotated[str | None, _option('Mass that loops round the rod: "12 g".')] = None,
     heavy_mass: Annotated[str | None, _option('Mass that falls: "120 g".')] = None,
@@ -76,7 +82,14 @@ def scenario(
 
 @new.command()
 def study(
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Films, or tables of tracked points: one per trial.")],
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE...",
+            help="Films, or tables of tracked points: one per trial.",
+            callback=takes("film", "table of numbers"),
+        ),
+    ],
     out: Annotated[Path, typer.Option(metavar="STUDY.yaml", help="Where to write the study.")] = Path("my_study.yaml"),
     light_mass: Annotated[str | None, _option('Mass that loops round the rod: "20 g +/- 0.1 g".')] = None,
     heavy_mass: Annotated[list[str] | None, _option('Mass that falls: "200 g +/- 0.5 %"; once, or once for each file.')] = None,

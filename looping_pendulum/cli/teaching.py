@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from looping_pendulum.cli import common
+from looping_pendulum.cli.file_kinds import takes
 from looping_pendulum.cli.terminal import ProgressBars, note, say
 from looping_pendulum.engines import Profile
 
@@ -92,6 +93,7 @@ def tracker(
             metavar="SOURCE",
             help="Scenario (name or file), folder that `compare` wrote, or CSV file that `run` wrote.",
             autocompletion=common.scenario_names,
+            callback=takes("scenario", "table of numbers"),
         ),
     ],
     engine: Annotated[
@@ -188,7 +190,12 @@ def demonstrations(
 
 def live(
     scenario: Annotated[
-        str, typer.Argument(metavar="[SCENARIO]", help="Shipped scenario, or path of a YAML file, with which it starts.")
+        str,
+        typer.Argument(
+            metavar="[SCENARIO]",
+            help="Shipped scenario, or path of a YAML file, with which it starts.",
+            callback=takes("scenario"),
+        ),
     ] = "ten_to_one",
     out: Annotated[Path, typer.Option(metavar="FILE", help="File to write.")] = Path("live.html"),
     results: Annotated[

@@ -8,11 +8,14 @@ from typing import Annotated
 import typer
 
 from looping_pendulum.cli.common import AsJson, Quiet
+from looping_pendulum.cli.file_kinds import takes
 from looping_pendulum.cli.terminal import ProgressBars, say, show_json
 
 
 def track(
-    films: Annotated[list[Path], typer.Argument(metavar="FILM...", help="Films of a camera that stands still.")],
+    films: Annotated[
+        list[Path], typer.Argument(metavar="FILM...", help="Films of a camera that stands still.", callback=takes("film"))
+    ],
     free_length: Annotated[
         str | None,
         typer.Option(metavar="LENGTH", help='String from the rod to the light mass at the release: "58 cm +/- 1 mm".'),
