@@ -221,7 +221,8 @@ def _stories(result: ComparisonResult) -> str:
     for e in result.engines:
         outside = "; ".join(e.outside_range)
         warning = f" **Its accuracy was not measured for such a scenario:** {outside}." if outside else ""
-        lines.append(f"- **{name(e)}**: {e.story}{warning}{' ' + _quoted(e.message) if e.message else ''}\n")
+        message = "" if e.message in e.story else " " + _quoted(e.message)
+        lines.append(f"- **{name(e)}**: {e.story}{warning}{message}\n")
     return reference + "".join(lines)
 
 

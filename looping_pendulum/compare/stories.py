@@ -97,7 +97,8 @@ def story(
         Why the halting times cannot be compared; empty: they can.
     """
     if len(run.t) == 0:
-        return f"No motion to compare: {run.status.value}."
+        why = f": {run.message}" if run.status is RunStatus.UNSUPPORTED else ""
+        return f"No motion to compare: {run.status.value}{why}."
     missing = missing_physics(supplies, parameters, run.lacks)
     sentences = [_when(departures, float(run.t[-1]))]
     if departures:

@@ -54,6 +54,13 @@ MIN_BEADS = 2
 """Number of beads that always remain."""
 MIN_STRAIGHT_LINKS = 1.5
 """Length, in links, below which a straight part of the string gets no more beads."""
+BEAD_RADIUS = 1e-3
+"""Usual radius of a bead [m]."""
+MIN_ROD_RADIUS = 1.5 * BEAD_RADIUS
+"""Smallest radius of the rod [m]; the engine's own rod is thinner by a bead's radius, as beads' centres lie on the surface.
+
+Through a rod of 1.2 mm the chain of pymunk slips (10:1, 110 deg), through one of 1 mm that of MuJoCo (ten_to_one).
+"""
 
 Point = Sequence[float] | Array
 """Coordinates x and y [m]."""
@@ -69,13 +76,20 @@ class BeadChainSettings(StepGroups):
     """Angle between neighbouring links on the rod [rad]; a link is R times this long."""
     bead_mass_ratio: float
     """Mass of one bead over the light mass. Lighter: a softer chain; heavier: the string's own inertia shows."""
-    bead_radius: float = 1e-3
+    bead_radius: float = BEAD_RADIUS
     """Radius of a bead [m]; the rod is thinner by as much, so that the bead's centre moves where the string should."""
     steps_per_group: int = 5
     """Steps between two updates of the effects' forces and of the beads that are added and removed."""
 
 
-def bead_abilities(label: str, *, rod: str, stick_slip: str, bead_mass_ratio: float, **declared: Any) -> Abilities:
+def bead_abilities(
+    label: str,
+    *,
+    rod: str,
+    stick_slip: str,
+    bead_mass_ratio: float,
+    **declared: Any,
+) -> Abilities:
     """Return abilities of a chain with a variable number of beads, over a ``rod`` of this shape; see `shipped_abilities`.
 
     Parameters
@@ -99,6 +113,7 @@ def bead_abilities(label: str, *, rod: str, stick_slip: str, bead_mass_ratio: fl
             f"beads on the rod weigh something, {100 * bead_mass_ratio:.2g} % of the light mass each; nothing is taken "
             "off the masses for them",
         ),
+        min_rod_radius=MIN_ROD_RADIUS,
         **declared,
     )
 

@@ -106,6 +106,8 @@ class Abilities:
     """What the adapter takes from the reference's own run of the scenario, each in a few words: "the length of a step"."""
     validated: tuple[ValidatedRange, ...] = ()
     """Ranges of scenarios over which its accuracy was measured, per profile, with the errors."""
+    min_rod_radius: float = 0.0
+    """Smallest radius of a rod that the variant can wind a string over, with any profile [m]; a drop has no rod."""
     quick_cost: float = 1.0
     """Rough CPU time of a simulated second with the quick profile [s], by which runs are started (`isolation.start_order`)."""
     main: bool = True
@@ -115,6 +117,8 @@ class Abilities:
         """Return which part of ``parameters`` this variant cannot represent; empty: none."""
         if parameters.release not in self.releases:
             return f"release {parameters.release.value!r}"
+        if parameters.release is not Release.DROP and parameters.rod_radius < self.min_rod_radius:
+            return f"a rod of {1e3 * parameters.rod_radius:.4g} mm radius, it needs {1e3 * self.min_rod_radius:.4g} mm or more"
         unreached = (e for e in parameters.effects if not e.in_base_model and not self.reaches(e))
         return ", ".join(f"effect {e.name!r} ({e.kind.value})" for e in unreached)
 

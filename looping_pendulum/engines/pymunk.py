@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from looping_pendulum.engines.chain import (
+    BEAD_RADIUS,
     CORNER_CHOICES,
     ONE_COEFFICIENT,
     STRAIGHT_STRING,
@@ -72,7 +73,7 @@ class PymunkChainSettings:
     """Rate at which joints correct their length error [1/s]; above `impulse_leak` the chain's oscillations grow."""
     contact_rate: float = 100.0
     """Rate at which contacts correct penetration beyond `contact_slop` [1/s]."""
-    bead_radius: float = 1e-3
+    bead_radius: float = BEAD_RADIUS
     """Radius of a bead [m]; the rod's circle is smaller by as much, so that the bead's centre moves where the string should."""
     contact_slop: float = 1e-5
     """Depth to which beads rest in the circle [m]; allowed for in its radius."""

@@ -13,6 +13,7 @@ import pytest
 from looping_pendulum.engines.conformance import EFFECT_CASES
 from looping_pendulum.engines.protocol import STATIC_FRICTION, Profile
 from looping_pendulum.engines.registry import all_engines, label, main_engines, missing_packages
+from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.effects import EFFECTS, EffectKind
 from looping_pendulum.reference_ode.parameters import Release
@@ -249,3 +250,28 @@ def test_a_dropped_mass_is_pushed_too():
             run = engine.simulate(scenario(p))
             exact = reference(p, run.t)
             np.testing.assert_allclose(run.light_velocity, exact.light_velocity, rtol=0, atol=9.81e-3)  # a step's worth
+
+
+THIN_ROD = 5e-4
+"""[m]; no string of beads or links can be laid over it."""
+
+
+@pytest.mark.parametrize("engine", all_engines(Profile.QUICK), ids=label)
+def test_a_rod_that_is_too_thin_is_refused_with_the_smallest_radius(engine):
+    smallest = engine.abilities.min_rod_radius
+    assert engine.abilities.unsupported(TEN_TO_ONE.replace(rod_radius=smallest or THIN_ROD)) == ""
+    assert engine.abilities.unsupported(TEN_TO_ONE.replace(rod_radius=THIN_ROD, release=Release.DROP)) == ""
+    if smallest:
+        why = f"a rod of 0.5 mm radius, it needs {1e3 * smallest:g} mm or more"
+        assert engine.abilities.unsupported(TEN_TO_ONE.replace(rod_radius=THIN_ROD)) == why
+        assert f"a rod of less than {1e3 * smallest:g} mm of radius is refused" in engine.abilities.limits
+
+
+@pytest.mark.parametrize("engine", main_variants(), ids=label)
+def test_the_thinnest_rod_that_is_not_refused_is_wound(engine):
+    if missing_packages(engine):
+        pytest.skip("its package is not installed")
+    p = TEN_TO_ONE.replace(rod_radius=engine.abilities.min_rod_radius or THIN_ROD)
+    # A chain that slips through the rod of pymunk:chain does so at 0.5 s
+    run = engine.simulate(Scenario(name="thin", title="", description="", parameters=p, duration=0.6))
+    assert run.status is RunStatus.FINISHED

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from looping_pendulum.engines.bead_rig import MAX_SLACK_FRACTION, PolygonCorrection, RebuiltBeadRig, Row
-from looping_pendulum.engines.chain import NO_STOP, ONE_COEFFICIENT, STRAIGHT_STRING, bead_abilities, bend_rungs
+from looping_pendulum.engines.chain import BEAD_RADIUS, NO_STOP, ONE_COEFFICIENT, STRAIGHT_STRING, bead_abilities, bend_rungs
 from looping_pendulum.engines.mujoco.model import (
     breakdown_warnings,
     compile_model,
@@ -64,7 +64,7 @@ class BeadSettings(StepGroups, PolygonCorrection):
     solver: str = "Newton"
     solver_iterations: int = 20
     solver_tolerance: float = 1e-10
-    bead_radius: float = 1e-3
+    bead_radius: float = BEAD_RADIUS
     """Radius of a bead [m]; the rod's cylinder is thinner by it, so that the bead's centre runs where the string should."""
     steps_per_group: int = 20
     """Steps between two updates of the drag forces and of the number of beads; a test shows that it may be 1."""

@@ -521,13 +521,13 @@ class PybulletChain(PybulletVariant):
             ONE_COEFFICIENT,
             f"at most {MAX_JOINTS} joints are reported rightly: links of a long string are laid up to {MAX_LINK_LENGTHENING:g} "
             "times longer than the settings say, and a longer string still is refused",
-            "a link that winds on must not be longer than the rod is thick: quick (8 mm links) refuses rods below 4 mm of "
-            "radius",
             "explicit steps: where the rod holds back more than at ten_to_one they are shorter than the settings say",
             RIPPLE_LIMIT,
             TWO_TO_ONE_LIMIT,
             NO_STRETCH_LIMIT,
         ),
+        # A link that winds on must not be longer than the rod is thick
+        min_rod_radius=max(settings.outer_link_length for settings in SETTINGS.values()) / 2,
         from_reference=("the length of a step",),
         first_additions=(
             f"a string that weighs {100 * MASS_FRACTION:g} % of the light mass, "
