@@ -76,6 +76,8 @@ class Sheet:
     frame: Array | None
     """Numbers of the frames, shape (n,); None: the file does not say."""
     channels: Mapping[str, Series] = field(default_factory=dict)
+    has_unit: bool = True
+    """Whether the file or the study says in which unit the times are."""
 
 
 Refusal = Callable[..., DataError]
@@ -103,6 +105,8 @@ def timed_channels(
     DataError
         If the times cannot be used.
     """
+    if frame_rate is not None and clip_rate is None and all(_has_whole_times(s) for s in sheets):
+        sheets = _counted(sheets, frame_rate, notes)
     if frame_rate is not None and all(s.frame is not None for s in sheets):
         times = _times_of_frames(sheets, frame_rate, refuse)
         errors = [0.0] * len(sheets)
@@ -126,6 +130,26 @@ def timed_channels(
                 )
             )  # fmt: skip
     return channels
+
+
+def _has_whole_times(sheet: Sheet) -> bool:
+    """Return whether times without a unit are whole numbers, so that they cannot be a film's in seconds."""
+    if sheet.has_unit or sheet.time is None or sheet.frame is not None:
+        return False
+    time = sheet.time[np.isfinite(sheet.time)]
+    return len(np.unique(time)) > 1 and not np.any(time % 1)
+
+
+def _counted(sheets: Sequence[Sheet], frame_rate: float, notes: ReadingNotes) -> list[Sheet]:
+    """Return sheets whose times are whole numbers with numbers of frames, or with milliseconds where the rate fits these."""
+    times = [s.time for s in sheets if s.time is not None]
+    milliseconds = _typical_step(np.unique(np.concatenate(times)[np.isfinite(np.concatenate(times))]))
+    are_milliseconds = abs(milliseconds * frame_rate / 1000 - 1) < RATE_TOLERANCE
+    what = f"milliseconds, as {frame_rate:g} frames a second say" if are_milliseconds else "numbers of frames"
+    notes.assumptions.append(f"column {sheets[0].clock!r} has whole numbers without a unit: taken as {what}")
+    if not are_milliseconds:
+        return [replace(s, frame=s.time) for s in sheets]
+    return [replace(s, time=t / 1000, rounding=s.rounding / 1000) for s, t in zip(sheets, times, strict=True)]
 
 
 def _times_of_frames(sheets: Sequence[Sheet], frame_rate: float, refuse: Refusal) -> list[Array]:
@@ -182,7 +206,7 @@ def _times_of_clock(
     grid = frame_grid(longest.time, longest.rounding, stated) if rounding else None
     step = 1 / grid.rate if grid else _typical_step(longest.time)
     if frame_rate is None and step > MAX_TIME_STEP:
-        raise refuse(int(longest.lines[0]), longest.clock, *_slow_clock(step))
+        raise refuse(int(longest.lines[0]), longest.clock, *_slow_clock(step, is_whole=_has_whole_times(longest)))
     file_rate = 1 / step if step else frame_rate
     times: list[Array] = []
     error = 0.0
@@ -217,10 +241,10 @@ def _times_of_clock(
     return [t * factor for t in times], [error * factor] * len(sheets)
 
 
-def _slow_clock(step: float) -> tuple[str, WayOut]:
+def _slow_clock(step: float, *, is_whole: bool) -> tuple[str, WayOut]:
     """Return what to say of times that are in no seconds, and the way out."""
     found = f"found a row every {step:g} s, needed many a second"
-    if abs(step - 1) < 1e-9:
+    if is_whole:
         words = "if times count frames, give the camera's 'frame_rate'; if they are in ms, say so: {}"
         return found, WayOut(words=words, keys={"units.time": "ms"})
     unit = "us" if step > 1000 else "ms"

@@ -80,7 +80,7 @@ FORMATS: tuple[tuple[Callable[[str, bytes], bool], Callable[[bytes, str], Tracke
 )
 """Whether a file is of a format, by its name and content, and the function of content and name that reads it."""
 _NO_NAME = "one without a name"
-_DEFAULT_UNITS = {"length": "m", "time": "s", "angle": "rad"}
+_DEFAULT_UNITS = {"length": "m"}
 _KIND_OF_UNIT = {"t": "time", "x": "length", "y": "length", "height": "length", "angle": "angle"}
 
 
@@ -282,7 +282,15 @@ def _sheet(
                 notes.unused[f"{name}: {why}"] += int(np.sum(rows & np.isfinite(series.value)))
                 channels[name] = replace(series, value=np.where(rows, np.nan, series.value))
     lines = np.array([row.line for row in clock.rows])
-    return Sheet(clock=clock.label, lines=lines, time=time, rounding=0.5 * rounding, frame=number, channels=channels)
+    return Sheet(
+        clock=clock.label,
+        lines=lines,
+        time=time,
+        rounding=0.5 * rounding,
+        frame=number,
+        channels=channels,
+        has_unit=bool(clock.unit or "time" in units),
+    )
 
 
 def _is_marked_lost(x: Array, y: Array) -> NDArray[np.bool_]:
@@ -607,12 +615,15 @@ def survey(path: str | Path) -> FileSurvey:
     roles = {c.role for c in columns}
     clock = next((c for c in columns if c.role == "t"), None)
     times = None if clock is None else numbers(content, clock)[0]
+    step = None if times is None else _typical_step(times[np.isfinite(times)])
+    if step == 1 and clock is not None and not clock.unit:
+        step = None  # numbers of frames, whatever their name
     return FileSurvey(
         file=file,
         kind="positions" if roles & {"x", "y"} else "drop" if "height" in roles else "angle",
         tracks=tuple(tracks_of(content, columns)),
         has_names=has_names,
-        time_step=None if times is None else _typical_step(times[np.isfinite(times)]),
+        time_step=step,
         length_unit=next((c.unit for c in columns if c.is_length and c.unit), ""),
         time_unit=clock.unit if clock else "",
         runs=tuple(dict.fromkeys(c.run for c in columns if c.is_position and c.run)),

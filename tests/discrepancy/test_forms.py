@@ -46,6 +46,7 @@ def read(form, **changes):
         ("10-time-in-the-last-column", {}, 1e-5, ""),
         ("15-sep-line-and-quoted-decimal-commas", {}, 1e-5, ""),
         ("18-tracker-project-file", {}, 1e-5, ""),
+        ("25-frame-numbers-named-t-rows-lost", {}, 1e-5, "column 't' has whole numbers without a unit: taken as numbers"),
         ("26-pandas-header-of-two-rows", {}, 1e-5, ""),
         ("30-objects-stacked-names-in-comments", {}, 1e-5, ""),
         ("31-unicode-minus", {}, 1e-5, ""),
