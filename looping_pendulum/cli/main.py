@@ -169,7 +169,6 @@ def run(
     from looping_pendulum.compare.trajectories import trajectory_csv
     from looping_pendulum.engines.isolation import parse_memory, run_all
     from looping_pendulum.engines.reference import ReferenceEngine
-    from looping_pendulum.engines.trajectory import RunStatus
     from looping_pendulum.files import file_stems, prepare_output_folder, write_atomically
 
     chosen, memory_bytes = common.load_scenario(scenario), parse_memory(memory_limit)
@@ -192,7 +191,7 @@ def run(
     for result, stem in zip(runs, stems, strict=True):
         until, drop = ("", "") if not len(result.t) else (f"{result.t[-1]:.3f}", f"{result.heavy_drop[-1]:.4f}")
         ended = result.status.value + (f" ({result.message})" if result.message else "")
-        if result.status is RunStatus.LIGHT_REACHED_ROD:
+        if result.status.ends_at_rod:
             ended += f"; the scenario lasts {chosen.duration:g} s"
         rows.append([result.label, str(len(result.t)), until, drop, f"{result.cpu_time:.2f}", ended])
         for event in result.events:

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from looping_pendulum.compare import metrics as measure
-from looping_pendulum.compare.align import Aligned, Reference, align
+from looping_pendulum.compare.align import SAME_TIME, Aligned, Reference, align
 from looping_pendulum.compare.json_text import plain
 from looping_pendulum.compare.landmarks import SampledReference, event_value, reference_landmarks, why_not_comparable
 from looping_pendulum.compare.result import (
@@ -61,11 +61,10 @@ def compare(
     reference_run = reference(grid)
     exact_landmarks = reference_landmarks(reference, grid)
     sampled = SampledReference(reference, scenario.parameters)
+    runs = tuple(_until_model_ends(run, reference_run) for run in trajectories)
     # A run that broke down may end in NaN; what it has before is compared
-    aligned = tuple(align(first_samples(run, finite_length(run)), reference) for run in trajectories)
-    engines = tuple(
-        _engine(run, a, scenario, reference, reference_run, sampled) for run, a in zip(trajectories, aligned, strict=True)
-    )
+    aligned = tuple(align(first_samples(run, finite_length(run)), reference) for run in runs)
+    engines = tuple(_engine(run, a, scenario, reference, reference_run, sampled) for run, a in zip(runs, aligned, strict=True))
     return ComparisonResult(
         scenario=scenario.name,
         title=scenario.title,
@@ -92,6 +91,18 @@ def compare(
         ),
         samples=ResultSamples(reference=reference_run, aligned=aligned),
     )
+
+
+def _until_model_ends(run: Trajectory, reference_run: Trajectory) -> Trajectory:
+    """Return ``run`` up to the time at which the reference's heavy mass reaches the rod or its string leaves it.
+
+    What an engine does beyond it nothing is known to compare with. A light mass that reaches the rod is no such end: each run
+    ends at its own.
+    """
+    if reference_run.status not in (RunStatus.HEAVY_REACHED_ROD, RunStatus.STRING_LEFT_ROD):
+        return run
+    count = int(np.searchsorted(run.t, reference_run.t[-1] + SAME_TIME))
+    return run if count == len(run.t) else dataclasses.replace(first_samples(run, count), status=reference_run.status)
 
 
 def with_trial(result: ComparisonResult, trial: MeasuredTrial) -> ComparisonResult:

@@ -215,7 +215,8 @@ def _expected_failures(judged: Sequence[ToleranceResult]) -> int:
 def _stories(result: ComparisonResult) -> str:
     halt = result.reference.landmarks.halting_time
     events = "".join(f", {n.replace('_', ' ')} at {t:.4f} s" for n, t in events_to_show(result.reference.events))
-    end = "" if halt is not None else ", never halts"
+    ends = any(each in ("light_reaches_rod", "heavy_reaches_rod", "unwrapped") for each, _ in result.reference.events)
+    end = "" if halt is not None else ", where it ends without a halt" if ends else ", never halts"
     reference = f"- **reference**: released at 0 s{events}{end}.\n"
     lines = []
     for e in result.engines:

@@ -38,6 +38,11 @@ PHYSICS_DESCRIPTIONS = {
     "static_friction": "a static friction other than the kinetic one",
 }
 """Name of a piece of physics, as in `Abilities.lacks` and `Supplies` -> its description."""
+MODEL_ENDS = {
+    RunStatus.HEAVY_REACHED_ROD: "the reference's heavy mass reaches the rod and the model ends",
+    RunStatus.STRING_LEFT_ROD: "the reference's string leaves the rod and the model ends",
+}
+"""Status of a run that is compared up to the end of the model -> what the reference does there."""
 HALT_ON_TIME = 1e-5
 """Difference of halting times [s] up to which a run halts on time: from samples, stops are located to about that."""
 STRETCH_SHARE = 0.5
@@ -100,7 +105,7 @@ def story(
         why = f": {run.message}" if run.status is RunStatus.UNSUPPORTED else ""
         return f"No motion to compare: {run.status.value}{why}."
     missing = missing_physics(supplies, parameters, run.lacks)
-    sentences = [_when(departures, float(run.t[-1]))]
+    sentences = [_when(departures, run)]
     if departures:
         sentences.append(_where(departures[0], parameters))
         sentences.append(_why(departures[0], supplies, parameters, missing))
@@ -127,9 +132,10 @@ def missing_physics(supplies: Supplies, parameters: Parameters, lacks: tuple[str
     return tuple(dict.fromkeys([*(what for what in nobody if what in scenario_physics), *lacks]))
 
 
-def _when(departures: tuple[Departure, ...], end: float) -> str:
+def _when(departures: tuple[Departure, ...], run: Trajectory) -> str:
     if not departures:
-        return f"Stays within 1 mm of the reference up to {end:.3f} s, where the comparison ends."
+        where = MODEL_ENDS.get(run.status, "the comparison ends")
+        return f"Stays within 1 mm of the reference up to {run.t[-1]:.3f} s, where {where}."
     first = departures[0]
     text = f"First deviates by more than {first.threshold * 1e3:.0f} mm at {first.time:.3f} s, while {first.mode}"
     if first.after != "release":
@@ -188,7 +194,8 @@ def _halting(own: Landmarks, expected: Landmarks, run: Trajectory, missing: tupl
     if expected.halting_time is None:
         if own.halting_time is None:
             return ""
-        return f"Its heavy mass comes to rest at {own.halting_time:.3f} s; the reference's never does."
+        rest = f"Its heavy mass comes to rest at {own.halting_time:.3f} s"
+        return f"{rest}; the reference's {'does not before its end' if run.status in MODEL_ENDS else 'never does'}."
     if own.halting_time is None:
         if end < expected.halting_time:
             early = f"before the reference's heavy mass halts ({expected.halting_time:.3f} s)"

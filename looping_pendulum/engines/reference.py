@@ -106,6 +106,14 @@ class ReferenceEngine:
         )
 
 
+STATUS_OF_END = {
+    Event.LIGHT_REACHES_ROD: RunStatus.LIGHT_REACHED_ROD,
+    Event.HEAVY_REACHES_ROD: RunStatus.HEAVY_REACHED_ROD,
+    Event.UNWRAPPED: RunStatus.STRING_LEFT_ROD,
+}
+"""Event that ends a run of the reference before its time is up -> status."""
+
+
 class Reference:
     """The reference's solution of one scenario; it is sampled at an engine's times, so that no engine is ever resampled."""
 
@@ -162,7 +170,7 @@ def _trajectory(samples: Samples, scenario: Scenario, engine: ReferenceEngine) -
     # The clamp holds the heavy mass, so the tension above it is not determined by the motion.
     heavy_tension = np.where(np.isin(samples.mode, (Mode.CLAMPED, Mode.CLAMPED_SLACK)), math.nan, heavy_tension)
     # The run itself goes on beyond the scenario's duration, see `simulate`
-    reached = run.end.event is Event.LIGHT_REACHES_ROD and run.end_time <= scenario.duration
+    ended = STATUS_OF_END.get(run.end.event) if run.end.event is not None and run.end_time <= scenario.duration else None
     return from_samples(
         _rows(samples),
         parameters=scenario.parameters,
@@ -176,6 +184,6 @@ def _trajectory(samples: Samples, scenario: Scenario, engine: ReferenceEngine) -
         light_tension=light_tension,
         heavy_tension=heavy_tension,
         events=event_names(run),
-        status=RunStatus.LIGHT_REACHED_ROD if reached else RunStatus.FINISHED,
+        status=ended or RunStatus.FINISHED,
         provenance=provenance,
     )

@@ -37,6 +37,8 @@ class RunStatus(StrEnum):
 
     FINISHED = "ran for the scenario's whole duration"
     LIGHT_REACHED_ROD = "ran until the light mass reached the rod"
+    HEAVY_REACHED_ROD = "ran until the heavy mass reached the rod, where the model ends"
+    STRING_LEFT_ROD = "ran until the string left the rod, where the model ends"
     STRING_DRIFT = "the string's length left its budget; raise solver iterations or shorten the time step"
     NOT_FINITE = "a position became infinite or not a number; shorten the time step"
     OUT_OF_REACH = "a mass flew farther from the rod than its string reaches; shorten the time step or raise solver iterations"
@@ -51,7 +53,12 @@ class RunStatus(StrEnum):
     @property
     def ok(self) -> bool:
         """Return whether the run came to its proper end."""
-        return self in (RunStatus.FINISHED, RunStatus.LIGHT_REACHED_ROD)
+        return self is RunStatus.FINISHED or self.ends_at_rod
+
+    @property
+    def ends_at_rod(self) -> bool:
+        """Return whether a mass reached the rod or the string left it, before the scenario's duration was over."""
+        return self in (RunStatus.LIGHT_REACHED_ROD, RunStatus.HEAVY_REACHED_ROD, RunStatus.STRING_LEFT_ROD)
 
 
 class Supplier(StrEnum):

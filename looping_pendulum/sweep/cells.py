@@ -15,6 +15,7 @@ from looping_pendulum import __version__
 from looping_pendulum.engines.isolation import run_isolated
 from looping_pendulum.engines.landmarks import Landmarks, run_landmarks
 from looping_pendulum.engines.protocol import Engine, Profile
+from looping_pendulum.engines.reference import STATUS_OF_END
 from looping_pendulum.engines.registry import select
 from looping_pendulum.engines.trajectory import RunStatus, Trajectory
 from looping_pendulum.errors import ParameterError
@@ -179,8 +180,8 @@ def _parameters_of_run(base: Parameters, columns: Mapping[str, Array], i: int) -
 
 def _summary(run: Trajectory, landmarks: Landmarks) -> dict[str, float]:
     """Return the fields of a map for an engine's run."""
-    # A map uses the reference's words for the two ends that an engine's run and the reference have in common
-    known = {RunStatus.LIGHT_REACHED_ROD: str(Event.LIGHT_REACHES_ROD), RunStatus.FINISHED: str(Event.TIME_UP)}
+    # A map uses the reference's words for the ends that an engine's run and the reference have in common
+    known = {status: str(event) for event, status in STATUS_OF_END.items()} | {RunStatus.FINISHED: str(Event.TIME_UP)}
     summary: dict[str, float] = {"end": ENDINGS.index(known.get(run.status) or run.status.name.lower())}
     if len(run.t) == 0:
         return summary
