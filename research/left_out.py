@@ -21,7 +21,7 @@ from research import DATA, calibration
 from research.calibration_summary import Outcome, proportion
 from tests.discrepancy.blind_sample import BlindStudy, write_files
 
-WIDE = {"MARGIN": 15.0, "LINEAR_ERROR": 0.5, "BEAM": 5}
+WIDE = {"MARGIN": 15.0, "LINEAR_ERROR": 0.5}
 """Limit of `evidence.prior` -> its value with which hardly anything is left out."""
 RESULT = DATA / "left_out.json"
 
