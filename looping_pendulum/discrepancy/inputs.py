@@ -14,7 +14,7 @@ from looping_pendulum.discrepancy.fit.problem import Problem, free_parameters_of
 from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.measured.observations import DataError, Observations
 from looping_pendulum.measured.record_start import with_free_start
-from looping_pendulum.measured.study import Study, Trial, read_trial
+from looping_pendulum.measured.study import Study, Trial, read_trial, refuse_seen_points
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,6 +57,7 @@ def read_inputs(study: Study, known: Mapping[str, Observations] = MappingProxyTy
         if not o.used:
             raise DataError(f"{o.file}: found no measured value, needed at least one; leave this trial out")
         check_event_rows(o)
+    refuse_seen_points(observed)
     observed = tuple((with_free_start(study, t, o), o) for t, o in observed)
     study = dataclasses.replace(study, trials=tuple(t for t, _ in observed))
     training = tuple((t, o) for t, o in observed if not t.held_out)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -16,6 +16,7 @@ from looping_pendulum.measured.camera import CAMERA
 from looping_pendulum.measured.displaced_rows import clock_faults
 from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.measured.observations import (
+    DataError,
     Observations,
     merge,
     mirrored,
@@ -385,6 +386,41 @@ def read_files(
         return observations
     period = 2 * math.pi * math.sqrt(length.value / effect_library.GRAVITY.coefficients[0].default)
     return rates_from_release(observations, period, None if angle is None else angle.value)
+
+
+SAME_ROWS = 3
+"""Successive rows that two trials cannot both have to the last digit."""
+
+
+def refuse_seen_points(observed: Sequence[tuple[Trial, Observations]]) -> None:
+    """Refuse held-out trials whose points a training trial has, too: these judge nothing.
+
+    Raises
+    ------
+    DataError
+        If more than half of a held-out trial's points, or all its events, are those of a training trial.
+    """
+    training = [(t, o, _rows(o)) for t, o in observed if not t.held_out]
+    for held_out, observations in ((t, o) for t, o in observed if t.held_out):
+        rows = _rows(observations)
+        for trial, other, known in training:
+            is_same = 2 * len(rows & known) > len(rows) if rows else observations.events == other.events
+            if is_same:
+                found = f"found the points of '{trial.name}' in '{held_out.name}' again, needed points that no fit has seen"
+                raise DataError(
+                    f"{observations.file}: {found} in a held-out trial; give another film or table, or leave one out"
+                )
+
+
+def _rows(observations: Observations) -> set[tuple[object, ...]]:
+    """Return every few successive values of each moving body."""
+    rows: set[tuple[object, ...]] = set()
+    for body, channels in observations.bodies().items():
+        shortest = min(map(len, channels))
+        # Without what converting a unit adds
+        values = np.round([c.value[:shortest] for c in channels], 9).T
+        rows |= {(body, *values[i : i + SAME_ROWS].ravel()) for i in range(shortest - SAME_ROWS + 1)}
+    return rows
 
 
 def _stated_of_film(trial: Trial, rod_radius: float | None) -> dict[str, float]:

@@ -13,7 +13,7 @@ from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured.camera import CAMERA, Camera
 from looping_pendulum.measured.measurement import predict
 from looping_pendulum.measured.observations import DataError
-from looping_pendulum.measured.study import Estimate, read_files
+from looping_pendulum.measured.study import Estimate, Trial, read_files, refuse_seen_points
 from looping_pendulum.measured.study_io import StudyError, dump, load, load_text
 from looping_pendulum.reference_ode.parameters import Release
 from tests.apparatus import sampler
@@ -314,3 +314,30 @@ trials:
     # The first swing, before drag counts: the same period and side.
     first = observations.channel("angle").t < 1.2
     assert np.corrcoef(prediction["angle"][first], observations.channel("angle").value[first])[0, 1] > 0.98
+
+
+@pytest.mark.parametrize(
+    ("rows", "header", "is_seen"),
+    [
+        ([(i, math.sin(i), i * i) for i in range(20)], "frame,light_x,light_y", True),
+        ([(i, math.sin(i), i * i) for i in range(6, 20)], "frame,light_x,light_y", True),
+        ([(i, 10 * round(math.sin(i), 6), 10 * i * i) for i in range(20)], "frame,light_x [mm],light_y [mm]", True),
+        ([(i, math.sin(i + 0.01), i * i) for i in range(20)], "frame,light_x,light_y", False),
+    ],
+    ids=["all", "a part", "in another unit", "others"],
+)
+def test_points_of_a_training_trial_do_not_judge_it(tmp_path, rows, header, is_seen):
+    observed = []
+    known = [(i, math.sin(i), i * i) for i in range(20)]
+    for name, lines, names in (("first", known, "frame,light_x,light_y"), ("test", rows, header)):
+        path = tmp_path / f"{name}.csv"
+        path.write_text(names + "\n" + "".join(",".join(f"{c:.6f}" for c in row) + "\n" for row in lines))
+        trial = Trial(name=name, files=((path.name, {}),), units={"length": "cm"}, frame_rate=200.0, held_out=name == "test")
+        observed.append((trial, read_files(tmp_path, trial)))
+    if is_seen:
+        with pytest.raises(
+            DataError, match=r"test.csv: found the points of 'first' in 'test' again, needed points that no fit"
+        ):
+            refuse_seen_points(observed)
+    else:
+        refuse_seen_points(observed)

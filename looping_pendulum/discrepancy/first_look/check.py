@@ -50,7 +50,7 @@ from looping_pendulum.measured.displaced_rows import (
     sentences,
 )
 from looping_pendulum.measured.observations import Channel, DataError, ImplausibleLengthError, Observations
-from looping_pendulum.measured.study import Study, Trial, read_trial
+from looping_pendulum.measured.study import Study, Trial, read_trial, refuse_seen_points
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.processes import ReportShare
 from looping_pendulum.reference_ode.parameters import Release
@@ -195,6 +195,7 @@ def take_first_look(study: Study, progress: ReportShare = lambda what, share: No
             unreadable[trial.name] = str(error)
     for _, observations in observed:
         check_event_rows(observations)
+    refuse_seen_points(observed)
     with one_blas_thread():
         check = check_declaration(study, observed)
     for name, message in unreadable.items():
