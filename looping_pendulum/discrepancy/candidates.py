@@ -11,7 +11,7 @@ from types import MappingProxyType
 from looping_pendulum.measured.camera import CAMERA
 from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.measured.study import EARTH_GRAVITY, Study, can_act
-from looping_pendulum.reference_ode.effects import Coefficient, Effect, EffectKind
+from looping_pendulum.reference_ode.effects import COEFFICIENTS, Coefficient, Effect, EffectKind
 from looping_pendulum.reference_ode.effects.own import multiplied_coefficient
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release
@@ -141,7 +141,7 @@ def candidates(study: Study, fitted: Iterable[FreeParameter], camera: Iterable[s
         known = {p: [e for t in study.trials if (e := study.estimate(p, t)) is not None] for p in APPARATUS}
         listed += [
             Candidate(
-                name=f"wrong_{parameter}",
+                name=f"{WRONG}{parameter}",
                 parameter=parameter,
                 role=ParameterRole.TIMES,
                 null=1.0,
@@ -179,6 +179,30 @@ def candidates(study: Study, fitted: Iterable[FreeParameter], camera: Iterable[s
     return tuple(c for c in listed if (c.parameter, c.role) not in taken)
 
 
+WRONG = "wrong_"
+"""Beginning of the name of a candidate that is a declared value."""
+
+
+def in_words(name: str) -> str:
+    """Return a candidate in plain words, with its name, by which files know it, in brackets.
+
+    "a steady sideways force (side_force)", "a wrong value of the free length (wrong_free_length)"; of an effect that a study
+    itself lists, the name alone.
+    """
+    parameter = name.removeprefix(WRONG)
+    title = _TITLES.get(parameter, "")
+    if title and parameter != name:
+        title = f"a wrong value of {title}"
+    return f"{title} ({name})" if title else name
+
+
+_TITLES = MappingProxyType(
+    {c.name: c.title for c in (*COEFFICIENTS.values(), *CAMERA.values()) if c.title}
+    | {parameter: f"the {parameter.replace('_', ' ')}" for parameter in APPARATUS}
+)
+"""Parameter -> what it is, as part of a sentence."""
+
+
 def _effect_candidate(
     study: Study, effect: Effect, c: Coefficient, trials: tuple[str, ...], nulls: dict[str, float]
 ) -> Candidate:
@@ -200,7 +224,7 @@ def _effect_candidate(
     if c.name == "static_friction" and known is None:  # it cannot be below the kinetic one, so it is fitted as a ratio to it
         role, null, bounds = ParameterRole.TIMES, 1.0, (1.0, 10.0)
     return Candidate(
-        name=f"wrong_{c.name}" if declared else c.name,
+        name=f"{WRONG}{c.name}" if declared else c.name,
         parameter=c.name,
         role=role,
         null=null,

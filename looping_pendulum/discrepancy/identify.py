@@ -13,6 +13,7 @@ import numpy as np
 
 from looping_pendulum import __version__
 from looping_pendulum.discrepancy.blas import one_blas_thread
+from looping_pendulum.discrepancy.candidates import in_words
 from looping_pendulum.discrepancy.evidence.explain import Explanations, Judged, explain
 from looping_pendulum.discrepancy.evidence.explanation import Explanation, Key
 from looping_pendulum.discrepancy.evidence.prior import least_distance
@@ -213,7 +214,7 @@ def _identify(
         notes=verdict_notes(
             verdict,
             explanations,
-            [(c.name, c.bounds_reason) for c in found.search.ruled_out],
+            [(in_words(c.name), c.bounds_reason) for c in found.search.ruled_out],
             noise,
             outliers,
             trials=len(study.trials),

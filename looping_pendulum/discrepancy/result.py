@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.compare import json_text
+from looping_pendulum.discrepancy.candidates import in_words
 from looping_pendulum.discrepancy.fit.residual import ModelTest
 from looping_pendulum.errors import ResultError
 from looping_pendulum.pages.numbers import amount, quantity
@@ -248,6 +249,12 @@ class RankedExplanation:
     def names(self) -> tuple[str, ...]:
         """Names of its parts."""
         return (*(e.name for e in self.effects), *((f"unlisted {self.law.in_words}",) if self.law else ()))
+
+    @property
+    def in_words(self) -> str:
+        """Its parts in plain words; "nothing" without any."""
+        law = [f"an unlisted {self.law.in_words}"] if self.law else []
+        return " and ".join([*(in_words(e.name) for e in self.effects), *law]) or "nothing"
 
 
 @dataclass(frozen=True, kw_only=True)

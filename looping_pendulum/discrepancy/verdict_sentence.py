@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from looping_pendulum.discrepancy.candidates import in_words
 from looping_pendulum.discrepancy.fit.residual import failures_in_words
 from looping_pendulum.discrepancy.result import (
     CorrelatedError,
@@ -33,9 +34,10 @@ MAX_TIES_WITH_VALUES, MAX_TIES = 3, 6
 
 
 def effect_in_words(effect: IdentifiedEffect) -> str:
-    """Return an effect in words: "linear_drag = 0.00120 +/- 0.00003 kg/s", "static_friction of at least 1.18"."""
+    """Return an effect in words: "a wind (wind_speed) = 0.120 +/- 0.003 m/s", "a wind (wind_speed) of at most 2 m/s"."""
+    name = in_words(effect.name)
     if effect.interval is None:
-        return f"{effect.name} = {uncertain(effect.value, effect.error, effect.unit)}"
+        return f"{name} = {uncertain(effect.value, effect.error, effect.unit)}"
     low, high = effect.interval
 
     def write(value: float) -> str:
@@ -44,13 +46,13 @@ def effect_in_words(effect: IdentifiedEffect) -> str:
 
     limits = limits_in_words(low, high, write)
     if (low is None) != (high is None):
-        return f"{effect.name} of {limits}"
-    return f"{effect.name} = {write(effect.value)} ({f'probably {limits}' if limits else 'the data set it no limits'})"
+        return f"{name} of {limits}"
+    return f"{name} = {write(effect.value)} ({f'probably {limits}' if limits else 'the data set it no limits'})"
 
 
 def explanation_in_words(e: RankedExplanation, *, with_values: bool) -> str:
     """Return what an explanation adds: "linear_drag and a force on the light mass as a function of the height"."""
-    effects = [effect_in_words(one) if with_values else one.name for one in e.effects]
+    effects = [effect_in_words(one) if with_values else in_words(one.name) for one in e.effects]
     return " and ".join([*effects, *([f"a {e.law.in_words}, which is not listed"] if e.law else [])]) or "nothing"
 
 

@@ -57,10 +57,11 @@ MEASURED = ("positions", "angle", "angle_rate", "height", "events")
 
 def _coefficient(
     unit: str, null: float, bounds: tuple[float, float], meaning: str, *,
-    error: float, reach: float | None = None, changes: tuple[str, ...] = ("positions",), if_stated: bool = False,
+    error: float, title: str = "", reach: float | None = None, changes: tuple[str, ...] = ("positions",),
+    if_stated: bool = False,
 ) -> Any:  # fmt: skip
     """Return the field of `Camera` of a coefficient, of which all is said here but its name."""
-    known = {"unit": unit, "default": null, "null": null, "bounds": bounds, "meaning": meaning, "error": error}
+    known = {"unit": unit, "default": null, "null": null, "bounds": bounds, "meaning": meaning, "error": error, "title": title}
     return field(default=null, metadata={**known, "candidate_reach": reach, "changes": changes, "if_stated": if_stated})
 
 
@@ -84,45 +85,64 @@ class Camera:
     # Heights and angles are measured along the vertical and near the rod, where scale and tilt are all that matters
     scale: float = _coefficient(
         "", 1.0, (0.2, 5.0), "measured length per true length",
-        error=0.005, reach=0.3, changes=("positions", "height", "events"),
+        error=0.005, title="the picture's scale", reach=0.3, changes=("positions", "height", "events"),
     )  # fmt: skip
     tilt: float = _coefficient(
         "rad", 0.0, (-math.pi, math.pi), "angle by which the picture is turned, counterclockwise",
-        error=_ANGLE, reach=math.radians(20), changes=("positions", "angle", "events"),
+        error=_ANGLE, title="a tilted camera", reach=math.radians(20), changes=("positions", "angle", "events"),
     )  # fmt: skip
     foreshortening: float = _coefficient(
-        "", 1.0, (0.2, 5.0), "horizontal length in the picture per equally long vertical one", error=0.005, reach=0.3
+        "",
+        1.0,
+        (0.2, 5.0),
+        "horizontal length in the picture per equally long vertical one",
+        error=0.005,
+        title="a camera that looks from one side",
+        reach=0.3,
     )
     shear: float = _coefficient(
         "", 0.0, (-1.0, 1.0), "rise in the picture per length to the right, while upright lines stay upright",
-        error=0.005, reach=0.3,
+        error=0.005, title="a sheared picture", reach=0.3,
     )  # fmt: skip
     perspective_x: float = _coefficient(
         "1/m", 0.0, (-1.0, 1.0),
         "relative growth of the distance from the camera, per length to the right",
-        error=0.005, reach=0.3,
+        error=0.005, title="a perspective from left to right", reach=0.3,
     )  # fmt: skip
     perspective_y: float = _coefficient(
-        "1/m", 0.0, (-1.0, 1.0), "relative growth of the distance from the camera, per length upwards", error=0.005, reach=0.3
+        "1/m",
+        0.0,
+        (-1.0, 1.0),
+        "relative growth of the distance from the camera, per length upwards",
+        error=0.005,
+        title="a perspective from top to bottom",
+        reach=0.3,
     )
     distortion: float = _coefficient(
         "1/m^2", 0.0, (-1.0, 1.0),
         "relative growth of distances from the picture's centre by the lens, per square of the distance",
-        error=0.01, reach=0.3,
+        error=0.01, title="the lens's distortion", reach=0.3,
     )  # fmt: skip
     # Without a distortion the picture's centre does not matter, and with one it is seldom determined by the motion
     centre_x: float = _coefficient("m", 0.0, (-10.0, 10.0), "x of the picture's centre, from the rod's", error=0.1)
     centre_y: float = _coefficient("m", 0.0, (-10.0, 10.0), "y of the picture's centre, from the rod's", error=0.1)
     clock_offset: float = _coefficient(
         "s", 0.0, (-60.0, 60.0), "true time since release at which the file's clock is 0",
-        error=4e-3, reach=0.1, changes=MEASURED,
+        error=4e-3, title="a clock that starts early or late", reach=0.1, changes=MEASURED,
     )  # fmt: skip
     clock_ratio: float = _coefficient(
-        "", 1.0, (0.01, 100.0), "true time per measured time", error=0.002, reach=0.3, changes=MEASURED
+        "",
+        1.0,
+        (0.01, 100.0),
+        "true time per measured time",
+        error=0.002,
+        title="a wrong frame rate",
+        reach=0.3,
+        changes=MEASURED,
     )
     readout: float = _coefficient(
         "s/m", 0.0, (-0.1, 0.1), "delay of the picture's rows, per length downwards (rolling shutter)",
-        error=2e-4, reach=0.04, if_stated=True,
+        error=2e-4, title="a rolling shutter", reach=0.04, if_stated=True,
     )  # fmt: skip
     # No candidate: it moves no point of the light mass
     heavy_offset_x: float = _coefficient(

@@ -147,13 +147,13 @@ def effect(interval):
 @pytest.mark.parametrize(
     ("interval", "text"),
     [
-        (None, "static_friction = 1.2345 +/- 0.0010"),
-        ((1.18, 3.1), "static_friction = 1.23 (probably 1.18 to 3.1)"),
-        ((1.0, 3.1), "static_friction = 1.23 (probably 1 to 3.1)"),
-        ((1.0012, 1.0123), "static_friction = 1.23 (probably 1.001 to 1.012)"),
-        ((1.18, None), "static_friction of at least 1.18"),
-        ((None, 3.1), "static_friction of at most 3.1"),
-        ((None, None), "static_friction = 1.23 (the data set it no limits)"),
+        (None, "friction of the string at rest (static_friction) = 1.2345 +/- 0.0010"),
+        ((1.18, 3.1), "friction of the string at rest (static_friction) = 1.23 (probably 1.18 to 3.1)"),
+        ((1.0, 3.1), "friction of the string at rest (static_friction) = 1.23 (probably 1 to 3.1)"),
+        ((1.0012, 1.0123), "friction of the string at rest (static_friction) = 1.23 (probably 1.001 to 1.012)"),
+        ((1.18, None), "friction of the string at rest (static_friction) of at least 1.18"),
+        ((None, 3.1), "friction of the string at rest (static_friction) of at most 3.1"),
+        ((None, None), "friction of the string at rest (static_friction) = 1.23 (the data set it no limits)"),
     ],
 )
 def test_the_sentence_states_it(interval, text):

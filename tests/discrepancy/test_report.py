@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare.json_text import plain
+from looping_pendulum.discrepancy.candidates import APPARATUS, WRONG, in_words
 from looping_pendulum.discrepancy.fit.held_out import HeldOutTest
 from looping_pendulum.discrepancy.fit.residual import GroupTest, ModelTest, ResidualTests, failures_in_words
 from looping_pendulum.discrepancy.report import figures, markdown, next_steps
@@ -25,9 +26,10 @@ from looping_pendulum.discrepancy.result import (
 from looping_pendulum.discrepancy.verdict import MAX_LOSS, ModelTests, decide
 from looping_pendulum.discrepancy.verdict_sentence import MAX_TIES, verdict_notes, verdict_sentence
 from looping_pendulum.errors import ResultError
+from looping_pendulum.measured.camera import CAMERA
 from looping_pendulum.pages.drawing import draw
 from looping_pendulum.pages.figures import on_page
-from looping_pendulum.reference_ode.effects import EFFECTS
+from looping_pendulum.reference_ode.effects import EFFECTS, EffectKind
 from tests.pages import made_up as pages
 
 STATISTICS = re.compile(r"chi2|chi-square|BIC|Bayes|\bz\b|\bp\b", re.IGNORECASE)
@@ -240,7 +242,8 @@ def test_a_sentence_has_effect_and_law_of_one_explanation():
     sentence = ambiguous([explanation(EFFECT, law=PULSE), explanation(OTHER, EFFECT)])
     assert (
         "which of 2 explanations is right: swing = 0.0100 +/- 0.0010 N s/m and a force on the light mass as a function of the "
-        "time, which is not listed; or clock_ratio = 0.0100 +/- 0.0010 N s/m and swing = 0.0100 +/- 0.0010 N s/m; with the "
+        "time, which is not listed; or a wrong frame rate (clock_ratio) = 0.0100 +/- 0.0010 N s/m and "
+        "swing = 0.0100 +/- 0.0010 N s/m; with the "
         "first, the model comes to within"
     ) in sentence
 
@@ -339,13 +342,14 @@ def test_every_failure_is_words():
         (
             Verdict.NO_MISSING_EFFECT,
             EXPLANATIONS[Verdict.NO_MISSING_EFFECT],
-            ("The model comes nearest with clock_ratio; 32 to 1 that it is chance.",),
+            ("The model comes nearest with a wrong frame rate (clock_ratio); 32 to 1 that it is chance.",),
         ),
         (
             Verdict.NO_MISSING_EFFECT,
             (explanation(), explanation(OTHER, law=PULSE, odds=-5000.0, credible=False)),
             (
-                "The model comes nearest with clock_ratio and a force on the light mass as a function of the time, which is "
+                "The model comes nearest with a wrong frame rate (clock_ratio) and a force on the light mass as a "
+                "function of the time, which is "
                 "not listed; 1e300 to 1 that it is chance.",
             ),
         ),
@@ -397,7 +401,7 @@ def test_the_report_says_on_what_the_size_of_an_effect_depends(name, said):
         direction=effect.direction,
     )  # fmt: skip
     text = markdown.identification_markdown(dataclasses.replace(made_up(Verdict.IDENTIFIED), effects=(made,)))
-    (row,) = (line for line in text.splitlines() if line.startswith(f"| {name} | {effect.kind.value} |"))
+    (row,) = (line for line in text.splitlines() if line.startswith(f"| {in_words(name)} | {effect.kind.value} |"))
     assert row.split("|")[4].strip() == said
 
 
@@ -421,8 +425,9 @@ def test_every_explanation_stands_in_the_table_with_its_probability_and_odds():
     (section,) = (s for s in markdown.after_figures(made_up(Verdict.IDENTIFIED)) if s.startswith("## Explanations that were"))
     assert [line for line in section.splitlines() if line.startswith("|")][2:] == [
         "| swing | 98.0 % | +70 | 1 | 0.0100 +/- 0.0010 N s/m |",
-        "| clock_ratio | 2.0 % (sampled) | +68.3 | \N{EN DASH} | 0.0100 +/- 0.0010 N s/m |",
-        "| swing + clock_ratio | \N{EN DASH} | +69.1 | \N{EN DASH} | 0.0100 +/- 0.0010 N s/m; 0.0100 +/- 0.0010 N s/m |",
+        "| a wrong frame rate (clock_ratio) | 2.0 % (sampled) | +68.3 | \N{EN DASH} | 0.0100 +/- 0.0010 N s/m |",
+        "| swing and a wrong frame rate (clock_ratio) | \N{EN DASH} | +69.1 | \N{EN DASH} | "
+        "0.0100 +/- 0.0010 N s/m; 0.0100 +/- 0.0010 N s/m |",
         "| nothing | below 0.1 % | 0 | 3 | \N{EN DASH} |",
     ]
 
@@ -438,7 +443,7 @@ def test_explanations_that_cannot_be_told_apart_have_a_line_for_each_part():
     ends = "`F = -k v` | 0.0100 +/- 0.0010 N s/m | 0.00804 to 0.01196 | 0 |"
     gaps = " | ".join(["\N{EN DASH}"] * 5)
     assert [line for line in section.splitlines() if line.startswith("|")][2:6] == [
-        f"| 1 | 50.0 % | clock_ratio | light mass | {ends}",
+        f"| 1 | 50.0 % | a wrong frame rate (clock_ratio) | light mass | {ends}",
         f"|  |  | a force on the light mass as a function of the time | {gaps} |",
         f"| 2 | 30.0 % | swing | light mass | {ends}",
         f"| 3 | 20.0 % | nothing | {gaps} |",
@@ -706,3 +711,17 @@ def test_what_is_no_verdict_file_is_refused(text, message):
     with pytest.raises(ResultError) as error:
         load(text)
     assert message in str(error.value)
+
+
+def test_every_candidate_is_named_in_plain_words_with_its_key():
+    listed = [c.name for effect in EFFECTS.values() if effect.kind is not EffectKind.CLOSURE for c in effect.coefficients]
+    listed += [c.name for c in CAMERA.values() if c.candidate_reach]
+    listed += [f"{WRONG}{name}" for name in (*APPARATUS, "gravity", "kinetic_friction")]
+    words = [in_words(name) for name in listed]
+    for name, said_of_it in zip(listed, words, strict=True):
+        title, _, key = said_of_it.partition(" (")
+        assert key == f"{name})"
+        assert "_" not in title
+    assert len({word.partition(" (")[0] for word in words}) == len(words)
+    assert in_words("an_effect_of_a_study") == "an_effect_of_a_study"
+    assert in_words("wrong_free_length") == "a wrong value of the free length (wrong_free_length)"

@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from looping_pendulum.compare.landmarks import quantity_label
+from looping_pendulum.discrepancy.candidates import in_words
 from looping_pendulum.discrepancy.fit.event_prediction import MISSED_EVENT_ERRORS
 from looping_pendulum.discrepancy.fit.residual import ModelTest
 from looping_pendulum.discrepancy.report import next_steps
@@ -120,7 +121,7 @@ def _effects(result: Identification) -> str:
     head = ["effect", "kind", "acts on", "depends on", "formula", "value", "standard error", "95 % interval", "absent at",
             "unit"]  # fmt: skip
     rows = [
-        [e.name, e.kind, e.acts_on, _depends_on(e), f"`{e.formula}`", number(e.value, digits=5),
+        [in_words(e.name), e.kind, e.acts_on, _depends_on(e), f"`{e.formula}`", number(e.value, digits=5),
          number(e.error, digits=2), limits_in_words(*e.interval_95, _to_four_digits) or GAP, number(e.null_value),
          unit_in_words(e.unit) or GAP]
         for e in result.effects
@@ -302,7 +303,7 @@ def _ties(result: Identification) -> str:
             "closest of these"]  # fmt: skip
     rows = [
         [e.release, number(math.degrees(e.release_angle)), number(e.free_length, 1e2), number(e.mass_ratio),
-         str(e.separated_pairs), str(e.pairs), number(e.distance), " / ".join(e.tells_apart)]
+         str(e.separated_pairs), str(e.pairs), number(e.distance), " / ".join(map(_parts_in_words, e.tells_apart))]
         for e in result.next_experiments
     ]  # fmt: skip
     return (
@@ -313,13 +314,18 @@ def _ties(result: Identification) -> str:
     )
 
 
+def _parts_in_words(names: str) -> str:
+    """Return the names of an explanation's parts, "wind_speed+side_force", in plain words."""
+    return " and ".join(map(in_words, names.split("+")))
+
+
 def _explanations_table(explanations: Sequence[RankedExplanation]) -> str:
     """Return one table of explanations, a line for each of their parts."""
     head = ["explanation", "probability", "adds", "acts on", "formula", "value", "95 % interval", "absent at"]
     rows = []
     for i, one in enumerate(explanations, start=1):
         of_one = [
-            [e.name, e.acts_on, f"`{e.formula}`", uncertain(e.value, e.error, e.unit),
+            [in_words(e.name), e.acts_on, f"`{e.formula}`", uncertain(e.value, e.error, e.unit),
              limits_in_words(*e.interval_95, _to_four_digits) or GAP, number(e.null_value)]
             for e in one.effects
         ]  # fmt: skip
@@ -353,7 +359,7 @@ def _explanations(result: Identification) -> str:
     )
     head = ["added to the declared model", "probability", "odds (log10)", "held-out error", "values"]
     rows = [
-        [" + ".join(one.names) or "nothing", _probability(one), signed(one.log10_odds, digits=3),
+        [one.in_words, _probability(one), signed(one.log10_odds, digits=3),
          number(one.held_out_error), "; ".join(uncertain(e.value, e.error, e.unit) for e in one.effects) or GAP]
         for one in result.explanations
     ]  # fmt: skip
@@ -370,7 +376,7 @@ def smallest_visible(result: Identification) -> str:
             "acting, as friction in a bearing does, or a drag or friction of zero that it multiplies."
         )
     head = ["effect", "acts on", "smallest size that would show", "moves the masses by [noise]"]
-    rows = [[v.name, v.acts_on, v.in_words, number(v.motion, digits=2)] for v in visible[:MAX_VISIBLE]]
+    rows = [[in_words(v.name), v.acts_on, v.in_words, number(v.motion, digits=2)] for v in visible[:MAX_VISIBLE]]
     rest = f" The other {len(visible) - MAX_VISIBLE} are in `verdict.json`." if len(visible) > MAX_VISIBLE else ""
     note = (
         "An effect that is smaller than this may be there without a trace. The first of the list can hide best: an effect of "

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from looping_pendulum.compare.landmarks import quantity_label
+from looping_pendulum.discrepancy.candidates import in_words
 from looping_pendulum.discrepancy.result import Identification, Unlisted, Verdict
 from looping_pendulum.measured.observations import UNITS
 from looping_pendulum.pages.numbers import amount, number, quantity
@@ -43,7 +44,7 @@ def section(result: Identification) -> str:
 
 
 def _after_no_missing_effect(result: Identification) -> list[str]:
-    examples = ", ".join(f"{v.name} below {v.in_words}" for v in result.smallest_visible[:EXAMPLES])
+    examples = ", ".join(f"{in_words(v.name)} below {v.in_words}" for v in result.smallest_visible[:EXAMPLES])
     hidden = [f"Remember what could still hide: {examples}. *What these data could show* lists more."] if examples else []
     return [
         *hidden,
@@ -55,7 +56,7 @@ def _after_no_missing_effect(result: Identification) -> list[str]:
 
 
 def _after_identified(result: Identification) -> list[str]:
-    names = " and ".join(f"`{e.name}`" for e in result.effects)
+    names = " and ".join(in_words(e.name) for e in result.effects)
     steps = [f"Ask whether it makes sense: what in your apparatus could be {names}? Remove or change it, and film again."]
     wrong = [e for e in result.effects if e.kind == "wrong value"]
     camera = [e for e in result.effects if e.acts_on == "camera"]

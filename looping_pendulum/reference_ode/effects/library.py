@@ -23,9 +23,9 @@ REST_SPEED = 1e-3
 
 
 def _coefficient(
-    name: str, unit: str, bounds: tuple[float, float], meaning: str, *, default: float = 0.0, even: bool = False
+    name: str, title: str, unit: str, bounds: tuple[float, float], meaning: str, *, default: float = 0.0, even: bool = False
 ) -> Coefficient:
-    return Coefficient(name=name, unit=unit, default=default, null=0.0, bounds=bounds, meaning=meaning, even=even)
+    return Coefficient(name=name, title=title, unit=unit, default=default, null=0.0, bounds=bounds, meaning=meaning, even=even)
 
 
 GRAVITY = Effect(
@@ -35,7 +35,7 @@ GRAVITY = Effect(
     source="paper, sec. II",
     acts_on="both masses",
     depends_on=(),
-    coefficients=(_coefficient("gravity", "m/s**2", (0.0, 100.0), "acceleration of free fall g", default=9.81),),
+    coefficients=(_coefficient("gravity", "gravity", "m/s**2", (0.0, 100.0), "acceleration of free fall g", default=9.81),),
     in_base_model=True,
     force_on_light_mass=lambda xp, k, p: (
         p.light_mass * p.gravity * xp.cos(k.wrap_angle),
@@ -52,9 +52,19 @@ CAPSTAN = Effect(
     acts_on="string on rod",
     depends_on=("wrap_angle",),
     coefficients=(
-        _coefficient("kinetic_friction", "", (0.0, 5.0), "friction coefficient mu while the string slides"),
         _coefficient(
-            "static_friction", "", (0.0, 10.0), "friction coefficient mu_s before it slides; the kinetic one if not given"
+            "kinetic_friction",
+            "friction of the sliding string",
+            "",
+            (0.0, 5.0),
+            "friction coefficient mu while the string slides",
+        ),
+        _coefficient(
+            "static_friction",
+            "friction of the string at rest",
+            "",
+            (0.0, 10.0),
+            "friction coefficient mu_s before it slides; the kinetic one if not given",
         ),
     ),
     in_base_model=True,
@@ -69,7 +79,9 @@ LIGHT_DRAG = Effect(
     source="paper, sec. II and IV",
     acts_on="light mass",
     depends_on=("light_mass_speed",),
-    coefficients=(_coefficient("light_drag", "kg/m", (0.0, 1.0), "quadratic drag coefficient gamma1"),),
+    coefficients=(
+        _coefficient("light_drag", "the air's drag on the light mass", "kg/m", (0.0, 1.0), "quadratic drag coefficient gamma1"),
+    ),
     in_base_model=True,
     force_on_light_mass=lambda xp, k, p: (
         # The light mass's velocity is -u along e1 and w along t1, hence the two signs
@@ -85,7 +97,9 @@ HEAVY_DRAG = Effect(
     source="paper, sec. II and IV",
     acts_on="heavy mass",
     depends_on=("heavy_speed",),
-    coefficients=(_coefficient("heavy_drag", "kg/m", (0.0, 1.0), "quadratic drag coefficient gamma2"),),
+    coefficients=(
+        _coefficient("heavy_drag", "the air's drag on the heavy mass", "kg/m", (0.0, 1.0), "quadratic drag coefficient gamma2"),
+    ),
     in_base_model=True,
     force_on_heavy_mass=lambda xp, k, p: -p.heavy_drag * k.heavy_speed_size * k.heavy_speed,
 )
@@ -97,7 +111,15 @@ STRING_DRAG = Effect(
     source="paper, sec. II: gamma_str = l alpha_str, taken to act on the light mass",
     acts_on="light mass",
     depends_on=("free_length", "across_speed"),
-    coefficients=(_coefficient("string_drag", "kg/m**2", (0.0, 1.0), "drag coefficient alpha of the free string per length"),),
+    coefficients=(
+        _coefficient(
+            "string_drag",
+            "the air's drag on the string",
+            "kg/m**2",
+            (0.0, 1.0),
+            "drag coefficient alpha of the free string per length",
+        ),
+    ),
     in_base_model=True,
     needs_string=True,
     force_on_light_mass=lambda xp, k, p: (0.0, -p.string_drag * k.free_length * k.across_speed_size * k.across_speed),
@@ -163,7 +185,15 @@ LIGHT_LINEAR_DRAG = Effect(
     source="Stokes drag, 6 pi eta r for a slow sphere",
     acts_on="light mass",
     depends_on=("light_mass_speed",),
-    coefficients=(_coefficient("light_linear_drag", "kg/s", (0.0, 1.0), "linear drag coefficient b1 of the light mass"),),
+    coefficients=(
+        _coefficient(
+            "light_linear_drag",
+            "a drag on the light mass in proportion to its speed",
+            "kg/s",
+            (0.0, 1.0),
+            "linear drag coefficient b1 of the light mass",
+        ),
+    ),
     force_on_light_mass=lambda xp, k, p: (p.light_linear_drag * k.retreat_speed, -p.light_linear_drag * k.across_speed),
 )
 
@@ -174,7 +204,15 @@ HEAVY_LINEAR_DRAG = Effect(
     source="Stokes drag, 6 pi eta r for a slow sphere",
     acts_on="heavy mass",
     depends_on=("heavy_speed",),
-    coefficients=(_coefficient("heavy_linear_drag", "kg/s", (0.0, 10.0), "linear drag coefficient b2 of the heavy mass"),),
+    coefficients=(
+        _coefficient(
+            "heavy_linear_drag",
+            "a drag on the heavy mass in proportion to its speed",
+            "kg/s",
+            (0.0, 10.0),
+            "linear drag coefficient b2 of the heavy mass",
+        ),
+    ),
     force_on_heavy_mass=lambda xp, k, p: -p.heavy_linear_drag * k.heavy_speed,
 )
 
@@ -187,7 +225,13 @@ ATTITUDE_DRAG = Effect(
     depends_on=("light_mass_speed", "retreat_speed"),
     coefficients=(
         # Down to -1, where drag along the string vanishes
-        _coefficient("attitude_drag", "", (-1.0, 100.0), "growth of gamma1 where the light mass moves along its string"),
+        _coefficient(
+            "attitude_drag",
+            "a drag that depends on how the light mass points",
+            "",
+            (-1.0, 100.0),
+            "growth of gamma1 where the light mass moves along its string",
+        ),
     ),
     force_on_light_mass=_attitude_drag_force,
 )
@@ -199,7 +243,7 @@ WIND = Effect(
     source="drag acts against the velocity relative to the air",
     acts_on="light mass",
     depends_on=("light_mass_speed", "retreat_speed", "across_speed", "wrap_angle"),
-    coefficients=(_coefficient("wind_speed", "m/s", (-20.0, 20.0), "speed W of the air along x at the light mass"),),
+    coefficients=(_coefficient("wind_speed", "a wind", "m/s", (-20.0, 20.0), "speed W of the air along x at the light mass"),),
     force_on_light_mass=_wind_force,
 )
 
@@ -211,7 +255,11 @@ SIDE_FORCE = Effect(
     acts_on="light mass",
     depends_on=(),
     direction="x",
-    coefficients=(_coefficient("side_force", "N", (-10.0, 10.0), "horizontal force F0 on the light mass, along x"),),
+    coefficients=(
+        _coefficient(
+            "side_force", "a steady sideways force", "N", (-10.0, 10.0), "horizontal force F0 on the light mass, along x"
+        ),
+    ),
     force_on_light_mass=lambda xp, k, p: _horizontal(xp, k, p.side_force),
 )
 
@@ -224,7 +272,13 @@ SIDE_STIFFNESS = Effect(
     depends_on=("free_length", "wrap_angle"),
     direction="x",
     coefficients=(
-        _coefficient("side_stiffness", "N/m", (-10.0, 10.0), "horizontal force on the light mass per x; positive: outwards"),
+        _coefficient(
+            "side_stiffness",
+            "a sideways pull that grows with the distance",
+            "N/m",
+            (-10.0, 10.0),
+            "horizontal force on the light mass per x; positive: outwards",
+        ),
     ),
     force_on_light_mass=_side_spring,
 )
@@ -238,7 +292,13 @@ FRICTION_PER_SPEED = Effect(
     depends_on=("wrap_angle", "heavy_speed"),
     coefficients=(
         # Down to -0.1, so that friction stays positive up to 10 m/s
-        _coefficient("friction_per_speed", "s/m", (-0.1, 10.0), "relative growth of kinetic friction with sliding speed"),
+        _coefficient(
+            "friction_per_speed",
+            "a friction that changes with the string's speed",
+            "s/m",
+            (-0.1, 10.0),
+            "relative growth of kinetic friction with sliding speed",
+        ),
     ),
     sliding_exponent=lambda xp, k, p: p.kinetic_friction * k.contact_angle * p.friction_per_speed * k.slip_speed,
 )
@@ -251,7 +311,15 @@ FRICTION_PER_WRAP = Effect(
     acts_on="string on rod",
     depends_on=("wrap_angle",),
     # Down to -0.05, so that friction stays positive up to 20 rad, three turns
-    coefficients=(_coefficient("friction_per_wrap", "1/rad", (-0.05, 1.0), "relative growth of friction with wrap angle"),),
+    coefficients=(
+        _coefficient(
+            "friction_per_wrap",
+            "a friction that changes with the wound angle",
+            "1/rad",
+            (-0.05, 1.0),
+            "relative growth of friction with wrap angle",
+        ),
+    ),
     sliding_exponent=lambda xp, k, p: p.kinetic_friction * p.friction_per_wrap * k.contact_angle * k.contact_angle,
     holding_exponent=lambda xp, k, p: p.static_friction * p.friction_per_wrap * k.contact_angle * k.contact_angle,
 )
@@ -263,7 +331,15 @@ STRING_ON_STRING = Effect(
     source="string that lies on string rubs twice",
     acts_on="string on rod",
     depends_on=("wrap_angle",),
-    coefficients=(_coefficient("string_on_string", "", (0.0, 5.0), "friction added to the rod's beyond the first full turn"),),
+    coefficients=(
+        _coefficient(
+            "string_on_string",
+            "the friction of string on string",
+            "",
+            (0.0, 5.0),
+            "friction added to the rod's beyond the first full turn",
+        ),
+    ),
     sliding_exponent=lambda xp, k, p: p.string_on_string * k.wrap_beyond_first_turn,
     holding_exponent=lambda xp, k, p: p.string_on_string * k.wrap_beyond_first_turn,
     watches_first_turn=True,
@@ -277,7 +353,13 @@ PUSH_ACROSS = Effect(
     acts_on="light mass",
     depends_on=(),
     coefficients=(
-        _coefficient("push_across", "m/s", (-20.0, 20.0), "speed w0 of the light mass across the string at release"),
+        _coefficient(
+            "push_across",
+            "a push across the string at the release",
+            "m/s",
+            (-20.0, 20.0),
+            "speed w0 of the light mass across the string at release",
+        ),
     ),
 )
 
@@ -288,7 +370,15 @@ PUSH_ALONG = Effect(
     source="a hand that moves as it lets go",
     acts_on="light mass",
     depends_on=(),
-    coefficients=(_coefficient("push_along", "m/s", (-20.0, 20.0), "speed u0 of the light mass away from the rod at release"),),
+    coefficients=(
+        _coefficient(
+            "push_along",
+            "a push along the string at the release",
+            "m/s",
+            (-20.0, 20.0),
+            "speed u0 of the light mass away from the rod at release",
+        ),
+    ),
 )
 
 PIVOT_FRICTION = Effect(
@@ -298,7 +388,15 @@ PIVOT_FRICTION = Effect(
     source="Coulomb friction of a knife edge or a bearing; Squire, Am. J. Phys. 54 (1986) 984",
     acts_on="light mass",
     depends_on=("free_length", "across_speed"),
-    coefficients=(_coefficient("pivot_friction", "N*m", (0.0, 10.0), "constant frictional torque tau0 at the pivot"),),
+    coefficients=(
+        _coefficient(
+            "pivot_friction",
+            "a steady friction of the pivot",
+            "N*m",
+            (0.0, 10.0),
+            "constant frictional torque tau0 at the pivot",
+        ),
+    ),
     needs_string=True,
     needs_pivot=True,
     force_on_light_mass=lambda xp, k, p: (0.0, -p.pivot_friction * k.taut * k.across_direction / k.free_length),
@@ -311,7 +409,15 @@ PIVOT_DAMPING = Effect(
     source="viscous friction of a lubricated bearing",
     acts_on="light mass",
     depends_on=("free_length", "across_speed"),
-    coefficients=(_coefficient("pivot_damping", "N*m*s", (0.0, 10.0), "frictional torque c at the pivot per angular speed"),),
+    coefficients=(
+        _coefficient(
+            "pivot_damping",
+            "a friction of the pivot in proportion to the speed",
+            "N*m*s",
+            (0.0, 10.0),
+            "frictional torque c at the pivot per angular speed",
+        ),
+    ),
     needs_string=True,
     needs_pivot=True,
     force_on_light_mass=lambda xp, k, p: (
@@ -381,7 +487,9 @@ STRING_MASS = Effect(
     source="mean over a straight string; its part on the rod and the momentum of what changes sides are left out",
     acts_on="both masses",
     depends_on=("free_length",),
-    coefficients=(_coefficient("string_density", "kg/m", (0.0, 0.1), "mass rho of the string per length"),),
+    coefficients=(
+        _coefficient("string_density", "the string's mass", "kg/m", (0.0, 0.1), "mass rho of the string per length"),
+    ),
     needs_string=True,
     force_on_light_mass=_weight_of_free_string,
     force_on_heavy_mass=lambda xp, k, p: -p.string_density * p.gravity * k.hanging_length,
@@ -396,7 +504,9 @@ STRING_THICKNESS = Effect(
     source="string that lies on itself winds a spiral of Archimedes",
     acts_on="string on rod",
     depends_on=("wrap_angle",),
-    coefficients=(_coefficient("string_thickness", "m", (0.0, 0.01), "growth d of the wound radius per turn"),),
+    coefficients=(
+        _coefficient("string_thickness", "the string's thickness", "m", (0.0, 0.01), "growth d of the wound radius per turn"),
+    ),
     needs_string=True,
     winding=_winding,
     watches_first_turn=True,
@@ -410,7 +520,13 @@ HEAVY_SWING = Effect(
     acts_on="heavy mass",
     depends_on=("heavy_speed",),
     coefficients=(
-        _coefficient("heavy_swing", "rad", (-1.2, 1.2), "angle phi of the heavy mass's string to the vertical at release"),
+        _coefficient(
+            "heavy_swing",
+            "a swing of the heavy mass",
+            "rad",
+            (-1.2, 1.2),
+            "angle phi of the heavy mass's string to the vertical at release",
+        ),
     ),
     needs_string=True,
     force_on_heavy_mass=_swing_force,
@@ -425,7 +541,14 @@ OUT_OF_PLANE = Effect(
     acts_on="light mass",
     depends_on=("free_length", "wrap_angle"),
     coefficients=(
-        _coefficient("push_sideways", "m/s", (-5.0, 5.0), "speed of the light mass along the rod at release", even=True),
+        _coefficient(
+            "push_sideways",
+            "a push along the rod at the release",
+            "m/s",
+            (-5.0, 5.0),
+            "speed of the light mass along the rod at release",
+            even=True,
+        ),
     ),
     needs_string=True,
     variables=("sideways", "sideways_speed"),
@@ -439,9 +562,15 @@ TURNING_ROD = Effect(
     acts_on="rod",
     depends_on=("wrap_angle",),
     coefficients=(
-        _coefficient("rod_mobility", "1/kg", (0.0, 1e4), "R^2 over the rod's moment of inertia; 0: the rod is fixed"),
         _coefficient(
-            "bearing_friction", "N", (0.0, 100.0), "Coulomb friction F0 of the bearing, as a force at the rod's surface"
+            "rod_mobility", "a rod that turns", "1/kg", (0.0, 1e4), "R^2 over the rod's moment of inertia; 0: the rod is fixed"
+        ),
+        _coefficient(
+            "bearing_friction",
+            "the friction of the rod's bearing",
+            "N",
+            (0.0, 100.0),
+            "Coulomb friction F0 of the bearing, as a force at the rod's surface",
         ),
     ),
     needs_string=True,
@@ -457,9 +586,15 @@ STRING_STRETCH = Effect(
     acts_on="string",
     depends_on=("free_length", "heavy_speed"),
     coefficients=(
-        _coefficient("string_compliance", "m/N", (0.0, 0.1), "stretch C of the whole string per force"),
         _coefficient(
-            "string_loss_time", "s", (0.0, 0.1), "damping over stiffness tau of a string that stretches; at least 0.1 ms"
+            "string_compliance", "a string that stretches", "m/N", (0.0, 0.1), "stretch C of the whole string per force"
+        ),
+        _coefficient(
+            "string_loss_time",
+            "the damping of a string that stretches",
+            "s",
+            (0.0, 0.1),
+            "damping over stiffness tau of a string that stretches; at least 0.1 ms",
         ),
     ),
     needs_string=True,
@@ -475,7 +610,13 @@ LIGHT_INERTIA = Effect(
     acts_on="light mass",
     depends_on=("free_length", "across_speed", "retreat_speed"),
     coefficients=(
-        _coefficient("light_inertia", "kg*m**2", (0.0, 1.0), "moment of inertia I of the light mass about its own centre"),
+        _coefficient(
+            "light_inertia",
+            "the inertia of the light mass as it turns",
+            "kg*m**2",
+            (0.0, 1.0),
+            "moment of inertia I of the light mass about its own centre",
+        ),
     ),
     needs_string=True,
     force_on_light_mass=_force_of_turning,

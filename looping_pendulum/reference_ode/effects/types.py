@@ -111,6 +111,8 @@ class Coefficient:
     """Least and largest value that is accepted."""
     meaning: str
     """What it is, in words, for documentation and messages."""
+    title: str = ""
+    """What it adds to a model, in plain words for a sentence: "a steady sideways force"; empty: the name says it."""
     even: bool = False
     """Whether the motion in the plane is the same for the opposite value; a fit then takes the positive one."""
 
