@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -21,14 +23,20 @@ class WayOut:
         """Return the words for the author of a file: "choose by 'run: 2'"."""
         shown = []
         for group in dict.fromkeys(key.partition(".")[0] for key in self.keys):
-            inside = [f"{key.partition('.')[2]}: {value}" for key, value in self.keys.items() if key.startswith(f"{group}.")]
-            value = f"{{{', '.join(inside)}}}" if inside else self.keys[group]
+            inside = [f"{key.partition('.')[2]}: {_in_yaml(v)}" for key, v in self.keys.items() if key.startswith(f"{group}.")]
+            value = f"{{{', '.join(inside)}}}" if inside else _in_yaml(self.keys[group])
             shown.append(f"'{group}'" if self.is_example else f"'{group}: {value}'")
         return self.words.format(" and ".join(shown))
 
     def as_options(self, option: str) -> str:
         """Return the words for a command line whose ``option`` takes KEY=VALUE: "choose by --marks-set 'run=2'"."""
         return self.words.format(" ".join(f"{option} '{key}={value}'" for key, value in self.keys.items()))
+
+
+def _in_yaml(value: str) -> str:
+    """Return a value as it is written in YAML, in quotes where a sign of it means something there."""
+    is_plain = value == value.strip() and not re.search(r"^[-?!&*|>%@`'\"]|[,\[\]{}#]|:(?:\s|$)", value)
+    return value if value and is_plain else json.dumps(value, ensure_ascii=False)
 
 
 class HarnessError(Exception):

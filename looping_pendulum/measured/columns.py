@@ -82,6 +82,7 @@ _AXIS = re.compile(r"(?:(.*?)[ _./-]+)?([xyz])(?:[ _]?([0-9]+)|[ _./-]+(.*))?", 
 # pandas writes the names of several lines so where it writes one
 _TUPLE = re.compile(r"\('[^']*'(?:, '[^']*')*\)")
 _SCORE = re.compile(r"(?:(.*)[ _./-]+)?([^ _./-]+)")
+_MASS = re.compile(r"light|heavy", re.IGNORECASE)
 _JOINED = re.compile(r"(light|heavy)([xy])", re.IGNORECASE)
 _BETWEEN_WORDS = re.compile(r"[\s_./-]+")
 _CAMEL = re.compile(r"(?<=[a-z0-9])(?=[XYZ]$)")
@@ -395,7 +396,12 @@ def _titles(above: Sequence[TableLine], names: Sequence[Column], asked: Sequence
         is_unique = all(len(set(own)) == len(own) for own in axes.values())
         if axes and "" not in axes and is_unique and len({frozenset(own) for own in axes.values()}) == 1:
             fitting.append(titles)
-    return min(fitting, key=lambda titles: not set(asked) & set(titles), default=[""] * len(names))
+    # That of several which has the names that are asked for, or those of the masses
+    return min(
+        fitting,
+        key=lambda titles: (not set(asked) & set(titles), not any(_MASS.search(title) for title in titles)),
+        default=[""] * len(names),
+    )
 
 
 def _stated_length_unit(head: Sequence[TableLine]) -> str:

@@ -11,6 +11,7 @@ import pytest
 from looping_pendulum.measured import study_io
 from looping_pendulum.measured.observations import DataError
 from looping_pendulum.measured.study import read_files
+from tests.discrepancy.follow_advice import follow_advice
 from tests.discrepancy.real_data import real
 
 CLICKED = {"light": "1", "heavy": "2"}
@@ -146,6 +147,26 @@ def test_the_rates_of_a_phone_that_swings():
     [found] = read("20-gyroscope-of-a-phone")
     assert [c.name for c in found.channels] == ["angle_rate"]
     assert "rates about 3 axes: taken about the one (1.00" in found.summary()
+
+
+def files_of_forms():
+    forms = real("forms/10-time-in-the-last-column/study.yaml").parents[1]
+    return sorted(path for path in forms.glob("[0-9]*/*") if path.suffix != ".yaml" and path.name != "atwood.csv")
+
+
+@pytest.mark.parametrize("is_declared", [False, True])
+def test_advice_that_is_followed_leads_to_points_or_names_the_export(is_declared):
+    """'columns without names' and 'write tracks' alternated for ever."""
+    for path in files_of_forms():
+        options = {}
+        if is_declared:
+            declared = [t for t in trials(path.parent.name)[1] if path.name in dict(t.files)]
+            if not declared:
+                continue
+            [trial] = declared
+            options = {"tracks": dict(trial.files)[path.name], "units": trial.units, "frame_rate": trial.frame_rate}
+        observations, said = follow_advice(path, **options)
+        assert observations is not None or "export them with more decimals" in said[-1]
 
 
 def test_a_table_of_one_trial_in_each_row_says_so():

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from looping_pendulum.measured.readers import DataError, read
+from tests.discrepancy.follow_advice import follow_advice
 
 ROWS = 24
 TIME = np.arange(ROWS) / 100
@@ -179,6 +180,23 @@ def test_a_header_gives_the_points_of_each_mass(tmp_path, form):
         mass, _, axis = channel.name.partition("_")
         assert channel.t == pytest.approx(TIME, abs=1e-9)
         assert channel.value == pytest.approx(known[mass][:, "xy".index(axis)], abs=1e-5)
+
+
+@pytest.mark.parametrize("tracks", [None, {"light": "A", "heavy": "B"}, {"light": "B: #2, [x]", "heavy": "light"}])
+@pytest.mark.parametrize("form", FORMS)
+def test_advice_that_is_followed_leads_to_points(tmp_path, form, tracks):
+    path = tmp_path / "clip.csv"
+    path.write_text(FORMS[form][0])
+    observations, said = follow_advice(path, tracks=tracks)
+    assert observations is not None or "columns without names, needed a line of names" in said[-1]
+
+
+def test_a_name_with_signs_of_yaml_is_advised_in_quotes(tmp_path):
+    path = tmp_path / "clip.csv"
+    path.write_text("t;{A}, #1 x;{A}, #1 y;B: 2 x;B: 2 y\n" + table(beside(first=timed), ";"))
+    observations, said = follow_advice(path)
+    assert len(observations.channels) == 4
+    assert "'tracks: {light: " in said[0]
 
 
 @pytest.mark.parametrize("lost", [(7,), (3, 4, 5, 11)])
