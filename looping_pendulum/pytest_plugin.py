@@ -94,8 +94,9 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register the count of judged items, except in a worker of xdist."""
-    if not hasattr(config, "workerinput"):
+    """Register the count of judged items, except in a worker of xdist, and where nothing is asked to be judged."""
+    asks_for_setup_alone = config.getoption("setuponly", False) or config.getoption("setupplan", False)
+    if not hasattr(config, "workerinput") and not asks_for_setup_alone:
         config.pluginmanager.register(JudgedCount(), "looping-pendulum-judged-count")
 
 

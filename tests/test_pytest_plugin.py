@@ -190,6 +190,15 @@ def test_any_scenario_named_on_the_command_line_is_collected_and_other_yaml_is_n
     assert run(pytester, "other.yaml").ret == pytest.ExitCode.USAGE_ERROR
 
 
+@pytest.mark.parametrize("option", ["--setup-plan", "--setup-only"])
+def test_a_session_that_only_shows_setups_is_a_success_though_nothing_is_judged(pytester, option):
+    (pytester.path / "mine.scenario.yaml").write_text(drop(TOLERANCES))
+    done = run(pytester, "mine.scenario.yaml", option)
+    assert done.ret == pytest.ExitCode.OK
+    done.stdout.fnmatch_lines(["*mine.scenario.yaml::reference::rms_0.35s*"])
+    assert "nothing was judged" not in done.stdout.str()
+
+
 @pytest.mark.long
 @pytest.mark.usefixtures("quick_figures")
 def test_expected_failures_are_strict(project, offered):

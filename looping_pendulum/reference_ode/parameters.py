@@ -228,6 +228,14 @@ class Parameters:
             object.__setattr__(self, "release_angle", math.pi)
         self._refuse_impossible(self.coefficients)
 
+    def __repr__(self) -> str:
+        """Return Python code that makes these parameters: of the coefficients, those of effects that act, and changed defaults."""
+        defaults = self._tables.defaults
+        acting = {name: value for name, value in self.coefficients.items() if value != 0 or value != defaults[name]}
+        shown = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+        shown |= {"release": self.release.value, "coefficients": acting}
+        return f"Parameters({', '.join(f'{name}={value!r}' for name, value in shown.items())})"
+
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle by value: a read-only mapping does not pickle by itself."""
         return parameters_from, (self.as_dict(),)

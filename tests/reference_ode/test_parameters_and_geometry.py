@@ -114,6 +114,14 @@ def test_a_vertical_release_hangs_straight_down():
     assert TEN_TO_ONE.replace(release=Release.VERTICAL).release_angle == math.pi
 
 
+def test_printed_parameters_show_what_acts_and_make_them_again():
+    p = TEN_TO_ONE.replace(side_force=0.005, gravity=0.0)
+    printed = repr(p)
+    acting = {name for name, value in p.coefficients.items() if value} | {"gravity"}
+    assert {name for name in p.coefficients if f"'{name}': " in printed} == acting
+    assert eval(printed) == p
+
+
 def test_parameters_are_the_same_after_a_pickle_and_as_plain_data():
     p = TEN_TO_ONE.replace(wind_speed=-2.0, light_drag=0.02, static_friction=0.5)
     assert pickle.loads(pickle.dumps(p)) == p
