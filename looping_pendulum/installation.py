@@ -48,6 +48,16 @@ def _shown(program: Path) -> str:
     return os.path.relpath(program) if program.is_relative_to(Path.cwd()) else str(program)
 
 
+def command_line(*words: object) -> str:
+    """Return this program's command with ``words``, quoted where a shell would take them apart, so that it can be pasted."""
+    return _quoted([DISTRIBUTION, *map(str, words)])
+
+
+def quoted(word: object) -> str:
+    """Return one word of a command line, in quotes where a shell would take it apart."""
+    return _quoted([str(word)])
+
+
 def _quoted(words: list[str]) -> str:
     """Return words as a command line; an executable in quotes is a string to PowerShell, which needs & before it."""
     if os.name == "nt":

@@ -20,7 +20,7 @@ def check(
     scenario: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="[SCENARIO]...",
+            metavar="[SCENARIO ...]",
             help="Default: all shipped scenarios.",
             autocompletion=common.scenario_names,
             callback=takes("scenario"),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import typer
 
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.installation import command_line
 
 COMMANDS = {"scenario": "run", "study": "identify", "map": "map", "table of numbers": "new study", "film": "track"}
 """Kind of a file -> the first command for it."""
@@ -58,7 +58,7 @@ def takes(*kinds: str) -> Callable[[typer.Context, Any], Any]:
             kind = kind_of(Path(str(file)))
             if kind is not None and kind not in kinds:
                 needed = " or a ".join(kinds)
-                command = f"looping-pendulum {COMMANDS[kind]} {shlex.quote(str(file))}"
+                command = command_line(*COMMANDS[kind].split(), file)
                 raise WrongFileError(f"{file}: found a {kind}, needed a {needed}; with a {kind}, write: {command}")
         return given
 

@@ -13,6 +13,7 @@ from looping_pendulum.cli.common import INTERRUPTED, AsJson, Quiet, report_folde
 from looping_pendulum.cli.file_kinds import takes
 from looping_pendulum.cli.terminal import ProgressBars, say, say_prose, show_json, show_table
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.installation import command_line
 
 if TYPE_CHECKING:
     from looping_pendulum.discrepancy.first_look.check import DeclarationCheck
@@ -109,7 +110,7 @@ def _look_at_study(study: Path, out: Path | None, write: Path | None) -> None:
             "guess; fitting what is free or uncertain comes with `identify`, which judges what is left"
         )
     if not check.warnings:
-        say(f"nothing looks wrong; next: looping-pendulum identify {study}")
+        say(f"nothing looks wrong; next: {command_line('identify', study)}")
 
 
 @contextmanager

@@ -25,6 +25,7 @@ from looping_pendulum.cli.new import new
 from looping_pendulum.cli.teaching import demo, demonstrations, init, live, tracker
 from looping_pendulum.cli.terminal import ProgressBars, reset_output, say, say_file, say_prose, show_json, show_table
 from looping_pendulum.cli.track import track
+from looping_pendulum.cli.usage import App
 from looping_pendulum.engines import Profile
 from looping_pendulum.errors import HarnessError, one_line, shorten
 
@@ -81,11 +82,8 @@ class GroupedCommands(typer.core.TyperGroup):
                 formatter.write_dl(list(commands.items()))
 
 
-# rich_markup_mode=None: formatting the help with rich would double the time that --help takes
-app = typer.Typer(
+app = App(
     cls=GroupedCommands,
-    no_args_is_help=True,
-    rich_markup_mode=None,
     pretty_exceptions_enable=False,
     help="""Two masses hang on a string over a rod; let the light one go and it whips round and stops the heavy one.
 
@@ -362,7 +360,7 @@ def main() -> None:
         if debug:
             raise
         where = f"{error.filename}: " if error.filename else ""
-        _fail(f"{where}{error.strerror or error or type(error).__name__}; choose another folder with --out?")
+        _fail(f"{where}{error.strerror or error or type(error).__name__}; write to a folder that is yours and has room")
     except Exception as error:
         if debug:
             raise

@@ -13,6 +13,8 @@ import typer
 from looping_pendulum.cli.common import scenario_names
 from looping_pendulum.cli.file_kinds import takes
 from looping_pendulum.cli.terminal import ProgressBars, say
+from looping_pendulum.cli.usage import App
+from looping_pendulum.installation import command_line
 
 if TYPE_CHECKING:
     from looping_pendulum.processes import ReportShare
@@ -20,9 +22,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 ENDINGS = (".yaml", ".yml")
 
-new = typer.Typer(
-    no_args_is_help=True,
-    rich_markup_mode=None,
+new = App(
     help="""Write a commented file: a scenario to run, or a study of your films and tables to fill in.
 
     looping-pendulum new study first.mp4 second.csv
@@ -36,7 +36,7 @@ def _option(what: str, *names: str) -> Any:
 
 @new.command()
 def scenario(
-    name: Annotated[str, typer.Argument(help="Name of the scenario, and of its file NAME.yaml.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the scenario, and of its file NAME.yaml.")],
     like: Annotated[
         str,
         typer.Option(
@@ -77,7 +77,7 @@ def scenario(
     )
     _write(path, new_scenario(path.stem.removesuffix(".scenario").replace("_", " "), like=like, given=given))
     _write_schema(path, "scenario", json_schema)
-    say(f"next: looping-pendulum run {path}")
+    say(f"next: {command_line('run', path)}")
 
 
 @new.command()
@@ -85,7 +85,7 @@ def study(
     files: Annotated[
         list[Path],
         typer.Argument(
-            metavar="FILE...",
+            metavar="FILE ...",
             help="Films, or tables of tracked points: one per trial.",
             callback=takes("film", "table of numbers"),
         ),
@@ -132,7 +132,7 @@ def study(
     todo = text.count(f": {TO_FILL_IN}")
     values = "value that says" if todo == 1 else f"{todo} values that say"
     fill_in = f"fill in the {values} {TO_FILL_IN}, then" if todo else "next"
-    say(f"{fill_in}: looping-pendulum look {out}")
+    say(f"{fill_in}: {command_line('look', out)}")
 
 
 def _given(**values: T | None) -> Mapping[str, T]:

@@ -11,6 +11,7 @@ from looping_pendulum.cli import common
 from looping_pendulum.cli.file_kinds import takes
 from looping_pendulum.cli.terminal import ProgressBars, note, say
 from looping_pendulum.engines import Profile
+from looping_pendulum.installation import command_line, quoted
 
 EXAMPLE_FOLDER = Path("looping-pendulum-example")
 """Folder that `init` fills where none is named."""
@@ -143,12 +144,12 @@ def init(
 
     for path in write_example(folder):
         say(f"wrote {path}")
-    say(f"Next: cd {folder}, and read README.md; it begins with: looping-pendulum run mine.scenario.yaml")
+    say(f"Next: cd {quoted(folder)}, and read README.md; it begins with: {command_line('run', 'mine.scenario.yaml')}")
 
 
 def demonstrations(
     name: Annotated[
-        list[str] | None, typer.Argument(metavar="[NAME]...", help="Names or numbers (see --list); default: all nine.")
+        list[str] | None, typer.Argument(metavar="[NAME ...]", help="Names or numbers (see --list); default: all nine.")
     ] = None,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for scripts, pictures and the page.")] = Path(
         "demonstrations"
@@ -227,11 +228,12 @@ def live(
     elif results is not None:
         raise HarnessError(
             f"--results: found no result of this scenario in {folder}, needed a folder that `compare` wrote; "
-            f"write for example `looping-pendulum compare {scenario} --out {folder}` first"
+            f"write for example `{command_line('compare', scenario, '--out', folder)}` first"
         )
     else:
         write(out, chosen)
         say(f"wrote {out}")
-        note(f"no engines beside it: {folder} has no result of this scenario; `looping-pendulum compare {scenario}` makes one")
+        makes = command_line("compare", scenario)
+        note(f"no engines beside it: {folder} has no result of this scenario; `{makes}` makes one")
     if not no_open and not demo.show(out):
         say(f"no browser was found; open {out.resolve().as_uri()} in one")

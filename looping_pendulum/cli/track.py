@@ -14,7 +14,7 @@ from looping_pendulum.cli.terminal import ProgressBars, say, show_json
 
 def track(
     films: Annotated[
-        list[Path], typer.Argument(metavar="FILM...", help="Films of a camera that stands still.", callback=takes("film"))
+        list[Path], typer.Argument(metavar="FILM ...", help="Films of a camera that stands still.", callback=takes("film"))
     ],
     free_length: Annotated[
         str | None,

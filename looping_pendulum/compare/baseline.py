@@ -15,6 +15,7 @@ from typing import Any
 from looping_pendulum.compare.json_text import JsonResult, plain
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.errors import ResultError
+from looping_pendulum.installation import command_line
 from looping_pendulum.pages.markdown import table
 from looping_pendulum.pages.numbers import DISPLAY_UNITS, GAP, DisplayUnit, number
 from looping_pendulum.scenarios.metrics import metric_called
@@ -102,7 +103,7 @@ def read_baseline(path: Path, scenario: str) -> ComparisonResult:
         text = raw.decode("utf-8")
     except (OSError, UnicodeDecodeError) as error:
         why = (error.strerror or str(error)) if isinstance(error, OSError) else "it is not text"
-        raise ResultError(f"--baseline: {file}: {why}; `looping-pendulum compare {scenario}` writes one") from None
+        raise ResultError(f"--baseline: {file}: {why}; `{command_line('compare', scenario)}` writes one") from None
     if len(raw) > MAX_BASELINE_BYTES:
         raise ResultError(f"--baseline: {file}: found more than {MAX_BASELINE_BYTES // 1024**2} MiB, needed a result.json")
     try:

@@ -16,10 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.errors import HarnessError, MissingPackageError, one_line
+from looping_pendulum.installation import install_command
 from looping_pendulum.reference_ode.geometry import Array
 
 FILM_ENDINGS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".3gp", ".mts", ".m2ts", ".mpg", ".mpeg", ".wmv", ".gif")
 """Endings of file names that are taken for films where a table may stand, too."""
+PACKAGES = ("opencv-python-headless", "av")
+"""Packages that read films, as pip knows them."""
 MAX_PIXELS = 50e6
 """Largest picture [pixels]: 8K films have 33 million, and a damaged header must not ask for all memory."""
 MIN_PIXELS = 64 * 48
@@ -168,9 +171,8 @@ def decoding() -> Any:
 
 
 def _missing(package: str) -> MissingPackageError:
-    return MissingPackageError(
-        f"films: found no package {package}, needed it to read films; install it with: pip install 'looping-pendulum[film]'"
-    )
+    command = install_command(*PACKAGES)
+    return MissingPackageError(f"films: found no package {package}, needed it to read films; to get it: `{command}`")
 
 
 def film_error(path: str, found: str, way_out: str) -> FilmError:

@@ -229,7 +229,7 @@ class Parameters:
         self._refuse_impossible(self.coefficients)
 
     def __repr__(self) -> str:
-        """Return Python code that makes these parameters: of the coefficients, those of effects that act, and changed defaults."""
+        """Return Python code that makes these parameters; of the coefficients it has those that act, and changed defaults."""
         defaults = self._tables.defaults
         acting = {name: value for name, value in self.coefficients.items() if value != 0 or value != defaults[name]}
         shown = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
