@@ -81,19 +81,48 @@ def optional_output(what: str) -> Iterator[None]:
         warnings.warn(SkippedOutputWarning(f"{what} is left out: {type(error).__name__}: {why}"), stacklevel=3)
 
 
-def prepare_output_folder(folder: Path, *, files: Sequence[str] = (), folders: Sequence[str] = ()) -> Path:
+def prepare_output_file(path: Path, *, force: bool, option: str = "--out") -> None:
+    """Test, before the work starts, that one file can be written, and that no file of the user's own stands in its place.
+
+    Raises
+    ------
+    OutputError
+        If it could not be written, or if there is a file and ``force`` is false.
+    """
+    if path.is_file() and not force:
+        raise OutputError(
+            f"{option}: {path}: found a file, which is left as it is; name another, or add --force to overwrite this one"
+        )
+    prepare_output_folder(path.parent, files=(path.name,), option=option)
+
+
+def prepare_output_folder(
+    folder: Path, *, files: Sequence[str] = (), folders: Sequence[str] = (), record: str = "", option: str = "--out"
+) -> Path:
     """Make ``folder`` and test, before the work starts, that results can be written there under their names.
 
     Parameters
     ----------
     files, folders
         Names of the files and folders that will be written.
+    record
+        That of them by which an earlier report is known: where it is missing, files of these names are a user's own.
+    option
+        Option that names the folder, for messages.
 
     Raises
     ------
     OutputError
-        If results could not be written there later.
+        If results could not be written there later, or would overwrite a user's own files.
     """
+    if record and not (folder / record).exists():
+        # A page may be left of a run that was killed: it is written while engines still run
+        own = next((name for name in files if (folder / name).is_file() and not name.endswith(".html")), "")
+        if own:
+            raise OutputError(
+                f"{option}: {folder / own}: found a file, but no {record} of an earlier report beside it; it is left as it is; "
+                "choose another folder"
+            )
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / f".{secrets.token_hex(6)}.part"
@@ -104,13 +133,15 @@ def prepare_output_folder(folder: Path, *, files: Sequence[str] = (), folders: S
         finally:
             probe.unlink(missing_ok=True)
     except OSError as error:
-        raise OutputError(f"--out: {folder}: {error.strerror or error}, needed a folder to write to; choose another") from None
+        raise OutputError(
+            f"{option}: {folder}: {error.strerror or error}, needed a folder to write to; choose another"
+        ) from None
     for name, kind in (*((name, "file") for name in files), *((name, "folder") for name in folders)):
         path = folder / name
         if path.exists() and path.is_dir() != (kind == "folder"):
             existing = "folder" if path.is_dir() else "file"
             raise OutputError(
-                f"--out: {path}: found a {existing}, needed room for a {kind} of that name; choose another folder"
+                f"{option}: {path}: found a {existing}, needed room for a {kind} of that name; choose another folder"
             )
     return folder
 

@@ -122,6 +122,9 @@ DataFolder = Annotated[
 ]
 
 
+Force = Annotated[bool, typer.Option("--force", help="Overwrite a file that is there; without it, it is left as it is.")]
+
+
 def schema_option(kind: str, module: str) -> Any:
     """Return the option --schema, which prints the JSON Schema of a kind of file and ends the command.
 

@@ -65,7 +65,7 @@ def converge(
     engines = chosen_engines(engine or (), profile)
     folder = out or Path("report") / f"{chosen.name}-converge"
     prepare_output_folder(
-        folder, files=("convergence.md", FILE), folders=("figures",)
+        folder, files=("convergence.md", FILE), folders=("figures",), record=FILE
     )  # refuse an unusable folder before the work, not after it
     with convergence_bars() as bars:
         result = study_convergence(

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from looping_pendulum.cli.common import INTERRUPTED, AsJson, Quiet, report_folder, schema_option, without_interrupts
+from looping_pendulum.cli.common import INTERRUPTED, AsJson, Force, Quiet, report_folder, schema_option, without_interrupts
 from looping_pendulum.cli.file_kinds import takes
 from looping_pendulum.cli.terminal import ProgressBars, say, say_prose, show_json, show_table
 from looping_pendulum.errors import HarnessError
@@ -38,6 +38,7 @@ def look(
         Path | None,
         typer.Option(metavar="PLAIN.csv", help="Write the points as a plain table, which the live page takes."),
     ] = None,
+    force: Force = False,
 ) -> None:
     """Compare tracked points with what a study declares, in seconds and before any fit; or say how a table is read.
 
@@ -49,15 +50,18 @@ def look(
     looping-pendulum look trials/first.trk --write plain.csv
     """
     if source.suffix.lower() in (".yaml", ".yml"):
-        _look_at_study(source, out, write)
+        _look_at_study(source, out, write, force=force)
     else:
-        _look_at_table(source, write)
+        _look_at_table(source, write, force=force)
 
 
-def _look_at_table(table: Path, write: Path | None) -> None:
+def _look_at_table(table: Path, write: Path | None, *, force: bool) -> None:
     """Say how a file of tracked points is read without a study."""
+    from looping_pendulum.files import prepare_output_file
     from looping_pendulum.measured.readers import read_as_proposed
 
+    if write is not None:
+        prepare_output_file(write, force=force, option="--write")
     observations = read_as_proposed(table)
     say(observations.summary())
     for fault in observations.faults:
@@ -74,11 +78,11 @@ def _write_plain(observations: Observations, path: Path) -> None:
     say(f"wrote {path}")
 
 
-def _look_at_study(study: Path, out: Path | None, write: Path | None) -> None:
+def _look_at_study(study: Path, out: Path | None, write: Path | None, *, force: bool) -> None:
     """Compare the points of a study's trials with what it declares."""
     from looping_pendulum.discrepancy.first_look.check import take_first_look
     from looping_pendulum.discrepancy.report import figures
-    from looping_pendulum.files import file_stem, prepare_output_folder
+    from looping_pendulum.files import prepare_output_file, prepare_output_folder
     from looping_pendulum.measured import study_io
     from looping_pendulum.measured.study import read_trial
 
@@ -86,6 +90,9 @@ def _look_at_study(study: Path, out: Path | None, write: Path | None) -> None:
     folder = out or Path("report") / loaded.name
     # Refuse an unusable folder before the work, not after it
     prepare_output_folder(folder, files=(f"{figures.FIRST_LOOK}.png",))
+    plain = {} if write is None else _plain_tables(write, [each.name for each in loaded.trials])
+    for path in plain.values():
+        prepare_output_file(path, force=force, option="--write")
     with ProgressBars() as bars:
         check = take_first_look(loaded, bars.update)
     for sentence in dict.fromkeys(sentence for trial in check.trials for sentence in trial.reading):
@@ -98,10 +105,8 @@ def _look_at_study(study: Path, out: Path | None, write: Path | None) -> None:
     drawn = _write_picture(check, folder)
     if drawn is not None:
         say(f"wrote {drawn}")
-    if write is not None:
-        for each in loaded.trials:
-            path = write if len(loaded.trials) == 1 else write.with_stem(f"{write.stem}-{file_stem(each.name)}")
-            _write_plain(read_trial(loaded, each), path)
+    for each in loaded.trials if plain else ():
+        _write_plain(read_trial(loaded, each), plain[each.name])
     if check.mistakes:
         raise FirstLookError("; ".join(mistake.text for mistake in check.mistakes))
     if any(trial.distance is not None for trial in check.trials):
@@ -111,6 +116,15 @@ def _look_at_study(study: Path, out: Path | None, write: Path | None) -> None:
         )
     if not check.warnings:
         say(f"nothing looks wrong; next: {command_line('identify', study)}")
+
+
+def _plain_tables(write: Path, trials: Sequence[str]) -> dict[str, Path]:
+    """Return the path of each trial's plain table: ``write``, with the trial's name where there are several."""
+    from looping_pendulum.files import file_stem
+
+    if len(trials) == 1:
+        return {trials[0]: write}
+    return {trial: write.with_stem(f"{write.stem}-{file_stem(trial)}") for trial in trials}
 
 
 @contextmanager
@@ -179,7 +193,7 @@ def identify(
     loaded = study_io.load(study)
     folder = out or Path("report") / loaded.name
     prepare_output_folder(
-        folder, files=writing.FILES, folders=writing.FOLDERS
+        folder, files=writing.FILES, folders=writing.FOLDERS, record="verdict.json"
     )  # refuse an unusable folder before the work, not after it
     with stop_at_mistakes(folder), ProgressBars() as bars:
         result = find(loaded, seed=seed, progress=bars.update, time_limit=time_limit, anyway=anyway)

@@ -259,7 +259,7 @@ def compare(
     earlier = None if baseline is None else read_baseline(baseline, chosen.name)
     folder = out or Path("report") / chosen.name
     prepare_output_folder(
-        folder, files=(*common.COMPARE_FILES, "changes.json"), folders=common.COMPARE_FOLDERS
+        folder, files=(*common.COMPARE_FILES, "changes.json"), folders=common.COMPARE_FOLDERS, record="result.json"
     )  # refuse an unusable folder before the work, not after it
     limits: dict[str, Any] = {"time_limit": time_limit, "memory_limit": memory_limit, "jobs": jobs}
     result = common.run_and_compare(

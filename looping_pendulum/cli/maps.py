@@ -110,7 +110,7 @@ def map_(
     folder = out or Path("report") / f"{plan.name}-map"
     if folder.exists():
         prepare_output_folder(
-            folder, files=(report.REPORT, report.COPY), folders=(STORE,)
+            folder, files=(report.REPORT, report.COPY), folders=(STORE,), record=STORE
         )  # refuse an unusable folder before the work, not after it
     _show_size(plan)
     with ProgressBars(time_left=True, line_every_seconds=LINE_INTERVAL) as bars:

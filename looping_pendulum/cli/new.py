@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from looping_pendulum.cli.common import scenario_names
+from looping_pendulum.cli.common import Force, scenario_names
 from looping_pendulum.cli.file_kinds import takes
 from looping_pendulum.cli.terminal import ProgressBars, say
 from looping_pendulum.cli.usage import App
@@ -55,16 +55,18 @@ def scenario(
     release_angle: Annotated[str | None, _option('Angle of the string: "90 deg" is level, "180 deg" straight down.')] = None,
     friction: Annotated[str | None, _option("Friction coefficient of the string on the rod: 0.34.")] = None,
     duration: Annotated[str | None, _option('How long to watch: "1.05 s".')] = None,
+    force: Force = False,
 ) -> None:
     """Write a scenario, a trial to run, with a comment on each value.
 
     looping-pendulum new scenario my_rod --light-mass "12 g" --rod-diameter "10 mm"
     """
+    from looping_pendulum.files import prepare_output_file
     from looping_pendulum.scenarios.loader import json_schema
     from looping_pendulum.teaching.new_file import new_scenario
 
     path = Path(name if name.endswith(ENDINGS) else f"{name}.yaml")
-    _refuse_existing(path)
+    prepare_output_file(path, force=force, option="NAME")
     given = _given(
         light_mass=light_mass,
         heavy_mass=heavy_mass,
@@ -104,6 +106,7 @@ def study(
     release_angle: Annotated[
         list[str] | None, _option('Angle of the string at release, "90 deg +/- 0.5 deg" is level; once, or for each file.')
     ] = None,
+    force: Force = False,
 ) -> None:
     """Write a study: what the films and tables show, what you give here, and TODO for each value that is still to be measured.
 
@@ -112,11 +115,12 @@ def study(
 
     looping-pendulum new study first.mp4 second.csv --light-mass "20 g +/- 0.1 g" --free-length "58 cm +/- 1 mm"
     """
+    from looping_pendulum.files import prepare_output_file
     from looping_pendulum.measured.study_file import json_schema
     from looping_pendulum.scenarios.fields import TO_FILL_IN
     from looping_pendulum.teaching.new_file import new_study
 
-    _refuse_existing(out)
+    prepare_output_file(out, force=force)
     radius = _radius(rod_radius, rod_diameter)
     given = _given(
         light_mass=[light_mass] if light_mass else None,
@@ -146,13 +150,6 @@ def _radius(radius: str | None, diameter: str | None) -> str | None:
     if radius and diameter:
         raise NewFileError("--rod-diameter: found it beside --rod-radius, needed one of them; leave one out")
     return radius_of(diameter) if diameter else radius
-
-
-def _refuse_existing(path: Path) -> None:
-    from looping_pendulum.teaching.new_file import NewFileError
-
-    if path.exists():
-        raise NewFileError(f"{path}: found a file, which is left as it is; needed another name")
 
 
 def _write(path: Path, text: str) -> None:

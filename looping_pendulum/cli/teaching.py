@@ -30,6 +30,7 @@ def demo(
     no_open: Annotated[bool, typer.Option("--no-open", help="Write the page, but do not open it in a browser.")] = False,
     marks: common.MarksFiles = None,
     marks_set: common.MarksSettings = None,
+    force: common.Force = False,
     again: Annotated[bool, typer.Option("--again", help="Run the engines even if DIR has their results.")] = False,
     time_limit: common.TimeLimit = 900.0,
     memory_limit: common.MemoryLimit = "2 GiB",
@@ -47,7 +48,7 @@ def demo(
     from looping_pendulum.compare.comparison import with_trial
     from looping_pendulum.compare.harness import chosen_engines
     from looping_pendulum.compare.trajectories import stored_result
-    from looping_pendulum.files import prepare_output_folder
+    from looping_pendulum.files import prepare_output_file, prepare_output_folder
     from looping_pendulum.teaching import demo as pages
 
     chosen = common.load_scenario(scenario)
@@ -56,10 +57,10 @@ def demo(
         from looping_pendulum.teaching.film import check_film, write_film
 
         check_film(film)
-        prepare_output_folder(film.parent, files=(film.name,))
+        prepare_output_file(film, force=force, option="--film")
     folder = out or Path("report") / chosen.name
     prepare_output_folder(
-        folder, files=(*common.COMPARE_FILES, pages.FILE), folders=common.COMPARE_FOLDERS
+        folder, files=(*common.COMPARE_FILES, pages.FILE), folders=common.COMPARE_FOLDERS, record="result.json"
     )  # refuse an unusable folder before the work, not after it
     engines = chosen_engines(engine or (), profile)
     result = None if again else stored_result(folder, chosen, engines)
@@ -111,6 +112,7 @@ def tracker(
     start: Annotated[float, typer.Option(metavar="SECONDS", help="Time of the release by the video's clock.")] = 0.0,
     profile: common.ProfileName = Profile.QUICK,
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="File to write; default: NAME-tracker.csv.")] = None,
+    force: common.Force = False,
 ) -> None:
     """Write a motion as a file that Tracker draws over a video (docs/film.md).
 
@@ -119,11 +121,11 @@ def tracker(
 
     looping-pendulum tracker ten_to_one --fps 240 --start 0.35 --out overlay.csv
     """
-    from looping_pendulum.files import file_stem, prepare_output_folder, write_atomically
+    from looping_pendulum.files import file_stem, prepare_output_file, write_atomically
     from looping_pendulum.teaching.tracker import find_motion, overlay
 
     path = out or Path(f"{file_stem(Path(source).stem, engine or '')}-tracker.csv")
-    prepare_output_folder(path.parent, files=(path.name,))
+    prepare_output_file(path, force=force)
     frames = overlay(find_motion(source, engine, profile), frame_rate=fps, start=start)
     write_atomically(path, frames.to_csv())
     last = frames.first_frame + len(frames.t) - 1
@@ -199,6 +201,7 @@ def live(
         ),
     ] = "ten_to_one",
     out: Annotated[Path, typer.Option(metavar="FILE", help="File to write.")] = Path("live.html"),
+    force: common.Force = False,
     results: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder with results of `compare`; default: report/SCENARIO.")
     ] = None,
@@ -214,12 +217,12 @@ def live(
     """
     from looping_pendulum.compare.trajectories import stored_result
     from looping_pendulum.errors import HarnessError
-    from looping_pendulum.files import prepare_output_folder
+    from looping_pendulum.files import prepare_output_file
     from looping_pendulum.live.write import write
     from looping_pendulum.teaching import demo
 
     chosen = common.load_scenario(scenario)
-    prepare_output_folder(out.parent, files=(out.name,))  # refuse an unusable folder before the work, not after it
+    prepare_output_file(out, force=force)  # refuse an unusable folder before the work, not after it
     folder = results or Path("report") / chosen.name
     result = stored_result(folder, chosen, engines=None)
     if result is not None:

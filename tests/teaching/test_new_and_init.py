@@ -80,13 +80,6 @@ def test_a_value_that_cannot_be_leaves_nothing_behind(here, options, message):
     assert not list(here.iterdir())
 
 
-@pytest.mark.parametrize("arguments", [["scenario", "mine"], ["study", "points.csv", "--out", "mine.yaml"]])
-def test_a_file_is_never_written_over(here, arguments):
-    Path("mine.yaml").write_text("mine\n")
-    assert isinstance(run("new", *arguments).exception, NewFileError)
-    assert Path("mine.yaml").read_text() == "mine\n"
-
-
 def test_a_study_says_what_is_still_to_be_filled_in_and_look_judges_it(here):
     write_example(Path("example"))
     files = ["example/trials/first.csv", "example/trials/second.csv"]
