@@ -59,6 +59,8 @@ class Series:
     """What one unit of each value's last digit is worth [SI], shape (n,)."""
     unit: float = 1.0
     """The file's unit [SI]."""
+    error: Array | None = None
+    """Standard error that the file states of each value [SI], shape (n,); 0: none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,6 +129,7 @@ def timed_channels(
                 Channel(
                     name=name, t=t[kept], value=series.value[kept], column=series.column, time_error=error,
                     last_digit=float(digit.max()),
+                    stated_error=None if series.error is None else (t[kept], series.error[kept]),
                 )
             )  # fmt: skip
     return channels

@@ -39,6 +39,8 @@ WHOLE_NAMES = {
     "origin x": "setting", "origin y": "setting", "origin": "setting", "scale": "setting",
 }  # fmt: skip
 """Name without its unit -> what its column is: the number of a run, the name of an object, a setting of the program."""
+ERROR_SUFFIX = "_error"
+"""What the name of a column of standard errors has behind that of the values."""
 RATE_WORDS = frozenset({"rate", "velocity", "speed", "vitesse", "geschwindigkeit", "velocidad"})
 DERIVED_WORDS = RATE_WORDS | {
     "vx", "vy", "ax", "ay", "acceleration", "beschleunigung", "accélération", "force", "kraft", "energy", "momentum",
@@ -100,7 +102,7 @@ class Column:
     label: str = ""
     """Name for messages, track included: "x (mass A)"."""
     role: str = ""
-    """"t", "frame", "object", "run", "setting", "score" or one of `POSITION_ROLES`; '' if the column is none of these."""
+    """"t", "frame", "object", "run", "setting", "score", one of `POSITION_ROLES`, or that and `ERROR_SUFFIX`; '' if none."""
     track: str = ""
     """Name of the tracked object; '' if the file does not say."""
     axis: str = ""
@@ -273,6 +275,10 @@ def _named(cell: str) -> Column:
     is_rate = "angle_rate" in roles or (("angle" in roles or "angular" in tokens) and bool(RATE_WORDS & set(tokens)))
     if is_rate or (axis and unit.lower() in ("rad/s", "deg/s", "°/s")):
         return replace(name, role="angle_rate", axis=axis[2].lower() if axis else "")
+    # "light_x_error" beside "light_x", as `track` writes them
+    of = _named(text[: -len(ERROR_SUFFIX)]) if text.lower().endswith(ERROR_SUFFIX) else name
+    if of.is_position:
+        return replace(name, role=of.role + ERROR_SUFFIX, track=of.track)
     # "v x" is a velocity, "A x" the object A
     is_derived = DERIVED_WORDS & set(tokens) or ({"v", "a"} & set(_BETWEEN_WORDS.split(text)) and len(tokens) <= 2)
     if is_derived or ("/" in unit and unit.lower() in UNITS):

@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 
+from looping_pendulum.measured.columns import ERROR_SUFFIX
 from looping_pendulum.measured.observations import DataError, Observations
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -16,7 +17,7 @@ SAME_DIGITS = 1e-6
 
 
 def plain_table(observations: Observations) -> str:
-    """Return the points of a trial as CSV: one line of names with SI units, the times, and a cell for each value.
+    """Return the points of a trial as CSV: names with SI units, times, and a cell for each value and stated error.
 
     Raises
     ------
@@ -28,16 +29,22 @@ def plain_table(observations: Observations) -> str:
         raise DataError(f"{observations.file}: found no points over time, needed some for a table; events have no such form")
     times = np.unique(np.concatenate([c.t for c in channels]))
     # Rounded times have the digits of their rounding, which `read` takes for their error
-    columns = [_cells(times, math.sqrt(12) * max(c.time_error for c in channels))]
-    for channel in channels:
-        cells = [""] * len(times)
-        for i, cell in zip(np.searchsorted(times, channel.t), _cells(channel.value, channel.last_digit), strict=True):
-            cells[i] = cell
-        columns.append(cells)
+    columns = {"t [s]": _cells(times, math.sqrt(12) * max(c.time_error for c in channels))}
+    known = {f"{c.name} [{c.unit}]": (c, _cells(c.value, c.last_digit)) for c in channels}
+    # Behind all values, as `track` has them
+    known |= {
+        f"{c.name}{ERROR_SUFFIX} [{c.unit}]": (c, _cells(np.interp(c.t, *c.stated_error), 0.0))
+        for c in channels
+        if c.stated_error is not None
+    }
+    for name, (channel, cells) in known.items():
+        column = columns[name] = [""] * len(times)
+        for i, cell in zip(np.searchsorted(times, channel.t), cells, strict=True):
+            column[i] = cell
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["t [s]", *(f"{c.name} [{c.unit}]" for c in channels)])
-    writer.writerows(zip(*columns, strict=True))
+    writer.writerow(columns)
+    writer.writerows(zip(*columns.values(), strict=True))
     return text.getvalue()
 
 

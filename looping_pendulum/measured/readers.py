@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from looping_pendulum.errors import WayOut
 from looping_pendulum.measured import displaced_rows
 from looping_pendulum.measured.clock import MAX_TIME_STEP, Series, Sheet, timed_channels
-from looping_pendulum.measured.columns import PIXELS, Column, read_columns
+from looping_pendulum.measured.columns import ERROR_SUFFIX, PIXELS, Column, read_columns
 from looping_pendulum.measured.delimited import (
     LARGEST_FILE,
     DelimitedText,
@@ -227,7 +227,7 @@ def _sheets(
         # Tracker repeats the column of times for each track; the one that belongs to a column stands left of it
         clock = next((c for c in reversed(clocks) if c.index < column.index), clocks[0])
         frame = next((f for f in frames if f.track == column.track), frames[0] if frames else None)
-        parts = [_series(text, c, name, units, notes) for c in axes]
+        parts = [_series(text, c, name, units, notes, beside) for c in axes]
         series = _about_one_axis(text, parts, notes) if len(parts) > 1 else parts[0]
         timed.setdefault((clock, frame), {})[name] = series
     _leave_out(left_out, "track not asked for", "track not asked for", notes)
@@ -319,15 +319,31 @@ def numbers(text: DelimitedText, column: Column) -> tuple[Array, Array]:
     return np.array(values), np.array(last_digits(column.cells))
 
 
-def _series(text: DelimitedText, column: Column, name: str, units: Mapping[str, str], notes: ReadingNotes) -> Series:
-    """Read one channel in SI units."""
+def _series(
+    text: DelimitedText, column: Column, name: str, units: Mapping[str, str], notes: ReadingNotes, beside: Sequence[Column]
+) -> Series:
+    """Read one channel in SI units, with its errors if a column ``beside`` it has them."""
     factor = _to_si(text, column, UNITS[name], units)
     value, digit = numbers(text, column)
     if not np.isfinite(value).any():
         raise text.error(None, column.label, f"found no values at all, needed {name}; export that track again")
     if not column.unit and _KIND_OF_UNIT.get(column.role) == "length":
         notes.assumptions.append(f"lengths without a unit taken in {units['length']}")
-    return Series(column=column.label, value=value * factor, last_digit=digit * factor, unit=factor)
+    error = _errors(text, column, name, units, beside)
+    return Series(column=column.label, value=value * factor, last_digit=digit * factor, unit=factor, error=error)
+
+
+def _errors(text: DelimitedText, column: Column, name: str, units: Mapping[str, str], beside: Sequence[Column]) -> Array | None:
+    """Return the errors that a column ``beside`` it states [SI], 0 for an empty cell; None: there is no such column."""
+    stated = next((c for c in beside if c.role == column.role + ERROR_SUFFIX and c.track == column.track), None)
+    if stated is None:
+        return None
+    error, _ = numbers(text, stated)
+    negative = np.flatnonzero(error < 0)
+    if len(negative):
+        line = stated.rows[int(negative[0])].line
+        raise text.error(line, stated.label, f"found {error[negative[0]]:g}, needed a standard error, 0 or more")
+    return np.asarray(np.nan_to_num(error) * _to_si(text, replace(stated, role=column.role), UNITS[name], units))
 
 
 def _to_si(text: DelimitedText, column: Column, si: str, units: Mapping[str, str]) -> float:
@@ -504,7 +520,12 @@ def _from_release(channels: list[Channel], notes: ReadingNotes) -> list[Channel]
         if abs(c.value[2] - c.value[0]) > acceleration * (c.t[2] - c.t[0]) ** 2 + MAX_START_SIGMAS * scatter(c):
             return channels
     notes.assumptions.append(f"the first time, {start:.4g} s, was taken as 0: the masses rest there")
-    return [replace(c, t=c.t - start) for c in channels]
+    return [
+        replace(
+            c, t=c.t - start, stated_error=None if c.stated_error is None else (c.stated_error[0] - start, c.stated_error[1])
+        )
+        for c in channels
+    ]
 
 
 def _without_inconsistent_rate(channels: list[Channel], notes: ReadingNotes) -> list[Channel]:

@@ -74,6 +74,21 @@ def test_plain_tables_are_read_and_of_other_forms_none_is_read_wrongly(both):
             assert_same(expected, found)
 
 
+def test_columns_of_errors_are_read_as_those_of_their_values(both):
+    head = "t [s],light_x [cm],light_y [cm],light_x_error [mm],light_y_error [mm],flag\n"
+    rows = "0.00,-58.0,1.0,0.5,0.25,\n0.01,-57.9,0.9,,0.5,light streak\n0.02,-57.5,0.5,2,0.25,\n"
+    text = head + rows
+    [(expected, found)] = both([(text, {})])
+    assert_same(expected, found)
+    assert [c["error"] for c in found["channels"]] == [pytest.approx([5e-4, 0, 2e-3]), pytest.approx([2.5e-4, 5e-4, 2.5e-4])]
+    for mine, theirs in zip(found["channels"], expected, strict=True):
+        assert theirs.stated_error[0] == pytest.approx(theirs.t)
+        assert mine["error"] == pytest.approx(theirs.stated_error[1])
+    [(refused, found)] = both([(text.replace("0.5,light", "-0.5,light"), {})])
+    assert refused is None
+    assert found["message"].startswith(f"{FILE}:3: column 'light_y_error': found '-0.5', needed a standard error, 0 or more")
+
+
 def test_the_only_track_is_that_of_the_chosen_mass(both):
     for expected, found in both(
         [("t\tx\ty\n0\t1,2\t2,1\n0,01\t-1,4\t0,5\n", {"tracks": {mass: ""}}) for mass in ("light", "heavy")]

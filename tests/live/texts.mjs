@@ -3,6 +3,7 @@ import { MOMENT_SHAPES } from "../../looping_pendulum/live/assets/engine_runs/sh
 import { CONTROLS } from "../../looping_pendulum/live/assets/controls.js";
 import { STEPS } from "../../looping_pendulum/live/assets/lesson/steps.js";
 import { LANGUAGES, languageFor } from "../../looping_pendulum/live/assets/texts.js";
+import { FITTED_CHANNELS } from "../../looping_pendulum/live/assets/trial/prediction.js";
 import { END_EVENTS, MODE_NAMES, RELEASES } from "../../looping_pendulum/live/model.js";
 
 const modes = [...Object.values(MODE_NAMES), "unknown"];
@@ -11,6 +12,7 @@ for await (const part of process.stdin) input += part;
 process.stdout.write(JSON.stringify({
   languages: LANGUAGES,
   families: {
+    misfit: ["along", "across", ...FITTED_CHANNELS.filter((name) => !name.startsWith("light"))],
     setting: CONTROLS.map(({ name }) => name),
     mode: modes,
     band: modes,

@@ -118,6 +118,37 @@ def test_a_film_is_tracked_from_two_clicks_and_fitted(page, film):
     assert page.evaluate("live.film.film") is None
 
 
+def test_a_webm_that_states_no_duration_is_played(page, tmp_path):
+    """Programs that record a screen write one so; browsers say "Infinity" of it until its end was sought."""
+    av = pytest.importorskip("av", reason="PyAV, which writes the film, is not installed (extra `film`)")
+    pixels = np.random.default_rng(1)
+    path = tmp_path / "screen.webm"
+    # Of noise, so that it is long enough for the browser not to see its end at once
+    options = {"b": "60M", "qmin": "0", "qmax": "2", "deadline": "realtime", "cpu-used": "8"}
+    live = {"format": "webm", "options": {"live": "1"}}
+    with path.open("wb") as file, av.open(OnlyWritten(file), "w", **live) as container:
+        stream = container.add_stream("libvpx", rate=60, width=320, height=240, pix_fmt="yuv420p", options=options)
+        for _ in range(45):
+            picture = pixels.integers(0, 255, (240, 320, 3), dtype=np.uint8)
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+        container.mux(stream.encode())
+    page.set_input_files("#film-file", str(path))
+    until(page, "/per second|cannot/.test(document.getElementById('film-message').textContent)", seconds=30)
+    assert page.evaluate("live.film.film.duration") == pytest.approx(45 / 60, abs=1.5 / 60)
+    # WebM has times in whole milliseconds
+    assert 1 / page.evaluate("live.film.film.step") == pytest.approx(60, rel=0.01)
+    page.fill("#film-rate", "60")
+    assert page.evaluate("live.film.factor") == 1, "it is no slow motion"
+    page.click("#film-remove")
+
+
+class OnlyWritten:
+    """A file in which nobody can go back."""
+
+    def __init__(self, file):
+        self.write = file.write
+
+
 def test_what_is_no_film_says_so(page, tmp_path):
     path = tmp_path / "notes.mp4"
     path.write_bytes(b"no film")

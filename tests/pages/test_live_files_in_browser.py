@@ -16,7 +16,7 @@ from looping_pendulum.live.write import render
 from looping_pendulum.measured import readers
 from looping_pendulum.measured.study import Estimate
 from looping_pendulum.measured.study_io import load as load_study
-from looping_pendulum.reference_ode.solve import solve
+from looping_pendulum.reference_ode.solve import solve, solve_at
 from looping_pendulum.scenarios import load, shipped
 from looping_pendulum.teaching.example_folder import write_example
 from tests.discrepancy.test_clock import motion
@@ -273,6 +273,63 @@ def test_a_scenario_of_ones_own_comes_first(visit, tmp_path):
     assert value(opened.page, "release_angle") == 3  # below the slider's own range, which is widened
     assert "</script><b>mine</b>" in opened.page.locator("#preset option").all_inner_texts()
     assert opened.complaints == []
+
+
+def made_up(page, tmp_path, parameters, scale=1.0, errors=0.0):
+    """Load a trial of other parameters than those that are set, filmed at another scale."""
+    t = np.arange(0, 0.7, 1 / 120)
+    run = solve_at(parameters, t)
+    noise = np.random.default_rng(3)
+    points = scale * np.hstack([run.light_position, run.heavy_position])
+    points += 1e-3 * noise.standard_normal(points.shape)
+    names = ["light_x", "light_y", "heavy_x", "heavy_y"]
+    columns, table = ["t", *names], np.column_stack([t, points])
+    if errors:
+        columns += [f"{name}_error" for name in names]
+        table = np.column_stack([table, np.full(points.shape, errors)])
+    file = tmp_path / "trial.csv"
+    np.savetxt(file, table, delimiter=",", header=",".join(columns), comments="", fmt="%.6f")
+    page.set_input_files("#trial-file", file)
+    until(page, "live.trial.trial !== null")
+    page.click("#trial-fit")
+    until(page, "!document.getElementById('trial-fit').disabled")
+    settled(page)
+    return page.inner_text("#fit-message")
+
+
+def test_what_is_stated_and_contradicts_the_trial_is_named(page, tmp_path):
+    filmed = load("ten_to_one").parameters
+    assert "contradicts" not in made_up(page, tmp_path, filmed)
+    preset(page, "ten_to_one")
+    said = made_up(page, tmp_path, filmed.replace(heavy_mass=0.6 * filmed.heavy_mass))
+    assert "The trial contradicts what is stated: " in said
+    assert re.search(r"Heavy mass M2 [\d.]+ ± [\d.]+ g in place of 100\.00 ± 0\.50 g", said), said
+    preset(page, "ten_to_one")
+    page.evaluate("live.trial.remove()")
+    said = made_up(page, tmp_path, filmed, scale=1.03)
+    assert re.search(r"Lengths in your file, per true length 1\.0[23]\d* ± [\d.]+ in place of 1\.000\d* ± 0\.005\d*", said)
+
+
+def test_the_scale_of_the_film_is_fitted_and_the_points_lie_on_the_run(page, tmp_path):
+    said = made_up(page, tmp_path, load("ten_to_one").parameters, scale=1.01)
+    assert "What is left looks like noise." in said
+    fitted = {label: (float(x), float(error)) for label, x, error in FITTED.findall(page.inner_text("#fit-table"))}
+    scale, error = fitted["Lengths in your file, per true length"]
+    assert abs(scale - 1.01) < 3 * error < 0.015
+    # A millimetre of noise in each coordinate
+    assert page.evaluate("live.fit.fitted.after") == pytest.approx(1.18e-3, rel=0.2)
+    # As the study states it, which takes the file's lengths
+    assert "scale: 1 +/- 0.005" in page.evaluate("live.fit.study()")
+
+
+def test_a_fit_that_leaves_a_pattern_says_where(page, tmp_path):
+    filmed = load("ten_to_one").parameters.replace(side_force=6e-3)
+    said = made_up(page, tmp_path, filmed)
+    assert re.search(r"\(M[12] [\w ]+, while the string (does not )?slides?, most of all at 0\.\d\d s\)", said)
+    # Where the table states errors as large as this, nothing is left
+    preset(page, "ten_to_one")
+    page.evaluate("live.trial.remove()")
+    assert "What is left looks like noise." in made_up(page, tmp_path, filmed, errors=0.05)
 
 
 @pytest.mark.long

@@ -111,14 +111,17 @@ export class FitPanel {
   take({ parameters, tests, outliers, converged }) {
     this.button.disabled = false;
     const rows = parameters.map(({ name, value, error }) => {
-      const { unit, factor } = OF_CAMERA[name] ?? (name === "heavy_mass" ? HEAVY_MASS : controlOf(name));
+      const { unit, factor } = unitOf(name);
       return { name, unit, ...rounded(value / factor, error / Math.abs(factor)) };
     });
     const values = Object.fromEntries(rows.map(({ name, value }) => [name, value]));
     for (const [name, { id }] of Object.entries(OF_CAMERA)) {
       /** @type {HTMLInputElement} */ (this.element(id)).value = shown(values[name]);
     }
+    this.trial.scale = parameters.find(({ name }) => name === "scale")?.value ?? 1;
     const { settings: measured } = this;
+    const known = this.trial.errorsOf(measured);
+    const contradictions = () => contradictionsInWords(parameters, { ...measured, ...this.trial.camera }, known);
     const value = (/** @type {string} */ wanted) => parameters.find(({ name }) => name === wanted)?.value ?? measured[wanted];
     values.mass_ratio = Number((value("heavy_mass") / value("light_mass")).toPrecision(6));
     this.onFitted(values);
@@ -127,7 +130,7 @@ export class FitPanel {
     this.fitted = { file: this.trial.file, isNoise: !tests.pattern && !tests.larger, remainder, after };
     this.say(() => {
       const [more, less] = [this.before, after].map(inMillimetres);
-      const parts = [text("fitDone", { before: more, after: less }), remainder()];
+      const parts = [text("fitDone", { before: more, after: less }), ...contradictions(), remainder()];
       if (outliers) parts.push(text("fitOutliers", { count: outliers }));
       if (!converged) parts.push(text("fitNotConverged"));
       return parts.join(" ");
@@ -137,7 +140,9 @@ export class FitPanel {
   }
 }
 
-const HEAVY_MASS = { unit: "g", factor: 1e-3 };
+const [HEAVY_MASS, SCALE] = [{ unit: "g", factor: 1e-3 }, { unit: "", factor: 1 }];
+/** A stated value that the fit leaves by more of its standard errors is named. */
+const MAX_CONTRADICTION = 3;
 
 /** What is fitted of the camera, and the fields that have it; the file's clock runs ahead by the time of the release.
  * @type {Record<string, {id: string, unit: string, factor: number}>} */
@@ -147,19 +152,41 @@ const OF_CAMERA = {
   clock_offset: { id: "trial-release", unit: "s", factor: -1 },
 };
 
+/** The unit in which a fitted number is shown. @param {string} name @returns {{unit: string, factor: number}} */
+function unitOf(name) {
+  const other = { heavy_mass: HEAVY_MASS, scale: SCALE }[name];
+  return OF_CAMERA[name] ?? other ?? controlOf(name);
+}
+
+/** What was stated with an error, and contradicts the trial, in one sentence; none: nothing does.
+ * @param {import("./trial/fit.js").FittedParameter[]} parameters @param {Record<string, any>} stated @param {Record<string, number>} known */
+function contradictionsInWords(parameters, stated, known) {
+  const far = parameters.filter(({ name, value }) => known[name] > 0 && Math.abs(value - stated[name]) > MAX_CONTRADICTION * known[name]);
+  const listed = far.map(({ name, value, error }) => {
+    const { unit, factor } = unitOf(name);
+    const [found, said] = [[value, error], [stated[name], known[name]]].map(([one, its]) => withUnit(rounded(one / factor, its / factor).words(), unit));
+    return text("fitStated", { what: labelOf(name), found, said });
+  });
+  return listed.length ? [text("fitContradicts", { values: listed.join("; ") })] : [];
+}
+
 /** What a fitted number is. @param {string} name */
 function labelOf(name) {
   const axis = AXIS.exec(name)?.[1];
   if (axis) return text("axisInFile", { axis });
   if (name === "clock_offset") return text("releaseInFile");
+  if (name === "scale") return text("scaleOfFile");
   return name === "heavy_mass" ? text("heavyMass") : text(`setting.${name}`);
 }
 
 /** Whether what is left is noise, and if not, what to do. @param {FitResult["tests"]} tests */
-function remainderInWords({ ratio, larger, pattern }) {
+function remainderInWords({ ratio, larger, pattern, place }) {
   const excess = text("fitLarger", { percent: fixed(100 * (ratio - 1), 0) });
   const why = [...(pattern ? [text("fitPattern")] : []), ...(larger ? [excess] : [])].join(", ");
-  return why ? text("fitNotNoise", { why }) : text("fitNoise");
+  if (!place) return text(why ? "fitNotNoise" : "fitNoise", { why, where: "" });
+  const { direction, sliding, time } = place;
+  const where = text("fitWhere", { what: text(`misfit.${direction}`), when: text(sliding ? "whileSliding" : "whileNotSliding"), time: fixed(time, 2) });
+  return text("fitNotNoise", { why, where });
 }
 
 /** A value and its standard error, with two digits of the error. @param {number} value @param {number} error */

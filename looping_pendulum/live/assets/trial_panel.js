@@ -11,7 +11,9 @@ import { DataError, readTrial, tracksOf } from "./trial/reader.js";
 /** @typedef {import("./trial/reader.js").Trial} Trial */
 /** @typedef {{name: string, colour: "blue" | "orange" | "sky" | "pink", t: number[], value: number[]}} Residual [cm] or [deg] */
 
-const EDGE = { left: 44, right: 10, top: 26, bottom: 22 };
+/** Above are the title and, below it, what each colour is. */
+const EDGE = { left: 44, right: 10, top: 40, bottom: 22 };
+const LEGEND = 29;
 /** Points at the start that show on which side the light mass is let go. */
 const FIRST_POINTS = 5;
 /** Colours of each mass that all see differ; the masses differ by their shapes. @type {Record<string, Residual["colour"]>} */
@@ -20,7 +22,7 @@ export const COLOURS = { light_x: "orange", light_y: "pink", heavy_x: "sky", hea
 /** What is taken of a file of which nothing is said yet: id of a field -> its value. */
 const DEFAULTS = {
   "trial-length": "m", "trial-clock": "s", "trial-rate": "", "trial-release": "0",
-  "trial-origin-x": "0", "trial-origin-y": "0", "trial-mass-error": "0.5", "trial-radius-error": "1",
+  "trial-origin-x": "0", "trial-origin-y": "0", "trial-mass-error": "0.5", "trial-radius-error": "1", "trial-scale-error": "0.5",
 };
 /** What is measured before the trial -> the field that has its relative standard error. */
 export const MEASURED = { light_mass: "trial-mass-error", heavy_mass: "trial-mass-error", rod_radius: "trial-radius-error" };
@@ -37,6 +39,8 @@ export class TrialPanel {
     this.refusal = null;
     /** @type {Trial | null} */
     this.trial = null;
+    /** Length in the file per true length, as a fit found it. */
+    this.scale = 1;
     const file = /** @type {HTMLInputElement} */ (element("trial-file"));
     file.addEventListener("change", () => {
       if (file.files?.length) this.open(file.files[0]);
@@ -120,6 +124,7 @@ export class TrialPanel {
       /** @type {HTMLInputElement | HTMLSelectElement} */ (this.element(id)).value = value;
     }
     /** @type {HTMLInputElement} */ (this.element("trial-mirror")).checked = false;
+    this.scale = 1;
     this.element("fit-message").textContent = "";
     this.element("fit-table").replaceChildren();
   }
@@ -219,21 +224,24 @@ export class TrialPanel {
    * @returns {import("./trial/prediction.js").Channel[]} */
   get channels() {
     const { mirrored } = this.options;
-    return (this.trial?.channels ?? []).map(({ name, t, value }) => {
-      const flipped = mirrored && ["light_x", "heavy_x", "angle"].includes(name);
-      return { name, t, value: flipped ? value.map((x) => -x) : value };
+    return (this.trial?.channels ?? []).map((channel) => {
+      const flipped = mirrored && ["light_x", "heavy_x", "angle"].includes(channel.name);
+      return flipped ? { ...channel, value: channel.value.map((x) => -x) } : channel;
     });
   }
 
-  /** What is known of the camera. @returns {import("./trial/prediction.js").Camera} */
+  /** What is known of the camera; lengths are right as the file has them, within their error.
+   * @returns {import("./trial/prediction.js").Camera} */
   get camera() {
-    return { origin_x: this.originOf("light_x"), origin_y: this.originOf("light_y"), clock_offset: 0 - this.releaseTime };
+    return { origin_x: this.originOf("light_x"), origin_y: this.originOf("light_y"), clock_offset: 0 - this.releaseTime, scale: 1 };
   }
 
   /** Standard errors of what was measured before the trial [SI]; 0: exact. @param {Record<string, any>} settings */
   errorsOf(settings) {
     const relative = (/** @type {string} */ field) => 0.01 * Math.max(parsed(this.chosen(field)) || 0, 0);
-    return Object.fromEntries(Object.entries(MEASURED).map(([name, field]) => [name, relative(field) * settings[name]]));
+    const measured = Object.entries(MEASURED).map(([name, field]) => [name, relative(field) * settings[name]]);
+    const hasLengths = this.trial?.channels.some(({ name }) => name !== "angle");
+    return { ...Object.fromEntries(measured), scale: hasLengths ? relative("trial-scale-error") : 0 };
   }
 
   /** A channel as the run shows it: from the release on, with the light mass let go on the left.
@@ -241,8 +249,8 @@ export class TrialPanel {
   channel(name) {
     const found = this.channels.find((one) => one.name === name);
     if (!found) return null;
-    const [release, origin] = [this.releaseTime, this.originOf(name)];
-    return { t: found.t.map((t) => t - release), value: found.value.map((value) => value - origin) };
+    const [release, origin, scale] = [this.releaseTime, this.originOf(name), name === "angle" ? 1 : this.scale];
+    return { t: found.t.map((t) => t - release), value: found.value.map((value) => (value - origin) / scale) };
   }
 
   /** Tracked points of a mass: time [s] and place [m].
@@ -318,10 +326,10 @@ export class TrialPanel {
       c.fillStyle = colours()[colour];
       t.forEach((time, i) => mark(c, name, x(time), y(value[i]), 2));
       const words = name.replace("light", "M1").replace("heavy", "M2").replace("_", " ");
-      write(c, words, right, 13, { colour: soft, size: 11, align: "right" });
+      write(c, words, right, LEGEND, { colour: soft, size: 11, align: "right" });
       right -= c.measureText(words).width + 12;
       c.fillStyle = colours()[colour];
-      mark(c, name, right + 4, 13, 4);
+      mark(c, name, right + 4, LEGEND, 4);
       right -= 7;
     }
   }

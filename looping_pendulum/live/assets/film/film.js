@@ -2,8 +2,13 @@
 
 import { frameTimes } from "./frame_times.js";
 
-/** Frames whose times are looked at to know how long one lasts, and how fast they are played for it. */
-const [COUNTED, SLOWLY] = [8, 0.25];
+/** Frames at least, and time of the film [s], that are looked at to know how long a frame lasts: WebM has times in whole
+ * milliseconds. How fast they are played for it. */
+const [COUNTED, COUNTED_TIME, SLOWLY] = [8, 0.25, 0.25];
+/** Steps of more than so many usual ones have a frame between that the browser left out. */
+const MAX_STEP_RATIO = 1.5;
+/** A time after the end of every film [s]. */
+const AFTER_ALL = 1e6;
 /** Time after which a frame that was asked for counts as shown, and one that is played as the last [ms]. */
 const PATIENCE = 1500;
 /** Frames of each half of a film of which the background is made; an odd number. */
@@ -52,6 +57,7 @@ export class Film {
         video.addEventListener("error", () => failed(new Error(video.error?.message)), { once: true });
         video.src = URL.createObjectURL(file);
       });
+      if (video.duration === Infinity) await lookForEnd(video);
       if (!video.videoWidth || !Number.isFinite(video.duration)) throw new Error("no pictures");
     } catch (error) {
       remove(video);
@@ -126,16 +132,16 @@ export class Film {
         times.push(mediaTime);
         clearTimeout(last);
         last = window.setTimeout(done, PATIENCE);
-        if (times.length > COUNTED) done(null);
+        if (times.length > COUNTED && mediaTime - times[0] > COUNTED_TIME) done(null);
         else video.requestVideoFrameCallback(look);
       };
       video.requestVideoFrameCallback(look);
       video.play().catch(done);
     });
     video.pause();
-    // One that the browser left out makes a difference longer
     const steps = times.slice(1).map((time, i) => time - times[i]).filter((step) => step > 0).sort((a, b) => a - b);
-    if (steps.length) this.step = steps[Math.floor(steps.length / 4)];
+    const whole = steps.filter((step) => step < MAX_STEP_RATIO * steps[Math.floor(steps.length / 4)]);
+    if (whole.length) this.step = whole.reduce((sum, step) => sum + step) / whole.length;
   }
 
   /** Look at frames of the first and of the last half, in which something may come to rest: their medians, four values a pixel. */
@@ -194,6 +200,18 @@ export class Film {
 
 /** @param {number[]} values */
 const median = (values) => values.sort((a, b) => a - b)[Math.floor(values.length / 2)];
+
+/** Have a browser find the duration that a film does not state: programs that record a screen write none. @param {HTMLVideoElement} video */
+async function lookForEnd(video) {
+  for (const time of [AFTER_ALL, 0]) {
+    const there = new Promise((done, failed) => {
+      video.addEventListener("seeked", done, { once: true });
+      video.addEventListener("error", failed, { once: true });
+    });
+    video.currentTime = time;
+    await there;
+  }
+}
 
 /** @param {HTMLVideoElement} video */
 function remove(video) {

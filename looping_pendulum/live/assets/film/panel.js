@@ -16,6 +16,8 @@ import { expectedAt, findNear, templateOf } from "./search.js";
 
 /** Radius of the enlarged place [px of the film], and how large it is drawn [px]. */
 const [LOUPE, LOUPE_SIZE] = [12, 150];
+/** Relative difference of two frame rates that are the same. */
+const RATE_TOLERANCE = 0.01;
 /** By how much an arrow key moves a mark [px of the film]. */
 const FINE = 0.1;
 /** Share of the stage that a film fills before its scale is known. */
@@ -80,7 +82,8 @@ export class FilmPanel {
   /** Time of the motion in one second of the film's own clock [s]: less than 1 in slow motion. */
   get factor() {
     const rate = parsed(this.input("film-rate").value);
-    return this.film && rate > 0 ? 1 / (this.film.step * rate) : 1;
+    const factor = this.film && rate > 0 ? 1 / (this.film.step * rate) : 1;
+    return Math.abs(factor - 1) < RATE_TOLERANCE ? 1 : factor;
   }
 
   /** Time since the release at a time by the film [s]. @param {number} time */

@@ -256,14 +256,15 @@ export const de = {
   axisAt: "Achse der Stange bei {axis} [cm]",
   massError: "Massen bekannt auf [%]",
   radiusError: "Radius der Stange bekannt auf [%]",
+  scaleError: "Längen im Film bekannt auf [%]",
   mirror: "spiegeln (M1 beginnt rechts)",
   fit: "Reibung, Luftwiderstand, Winkel und Längen anpassen",
   studyFile: "Studiendatei (YAML)",
   removeTrial: "Versuch entfernen",
   residualsLabel: "Was zwischen den Messpunkten und der Rechnung übrig bleibt, über der Zeit",
   residuals: "Messpunkte minus Rechnung [{unit}]",
-  residualsHint: "Punkte nahe null sind durch die Einstellungen erklärt. Die Anpassung beginnt bei diesen und nimmt die Massen und den "
-    + "Radius der Stange als gemessen, mit den Fehlern oben. Um die fehlende Physik zu finden, die Studiendatei neben dem Versuch speichern "
+  residualsHint: "Punkte nahe null sind durch die Einstellungen erklärt. Die Anpassung beginnt bei diesen und nimmt die Massen, den "
+    + "Radius der Stange und den Maßstab des Films als gemessen, mit den Fehlern oben; Spalten wie light_x_error sind die Fehler der Punkte. Um die fehlende Physik zu finden, die Studiendatei neben dem Versuch speichern "
     + "und `looping-pendulum identify study.yaml` ausführen.",
   trialUsed: "{file}: benutzt {used}. {typical}",
   trialDistance: "Typischer Abstand von der Rechnung: {distance} mm (die Hälfte der Punkte von M1 ist näher).",
@@ -278,7 +279,17 @@ export const de = {
   fitNeedsPoints: "{count} Punkte von M1 nach dem Loslassen gefunden, nötig sind mindestens 10",
   fitDone: "Typischer Abstand von der Rechnung: {before} mm vor der Anpassung, {after} mm danach.",
   fitNoise: "Was übrig bleibt, sieht wie Rauschen aus.",
-  fitNotNoise: "Was übrig bleibt, ist kein Rauschen: {why}. Es fehlt etwas, und die Fehler gelten nur ohne dieses. Die Studiendatei neben "
+  fitContradicts: "Der Versuch widerspricht den Angaben: {values}; noch einmal messen oder einen größeren Fehler angeben.",
+  fitStated: "{what} {found} statt {said}",
+  fitWhere: " ({what}, {when}, am meisten bei {time} s)",
+  whileSliding: "während der Faden gleitet",
+  whileNotSliding: "während der Faden nicht gleitet",
+  "misfit.along": "M1 längs des Fadens",
+  "misfit.across": "M1 quer zum Faden",
+  "misfit.heavy_x": "M2 seitlich",
+  "misfit.heavy_y": "M2 in der Höhe",
+  "misfit.angle": "Winkel von M1",
+  fitNotNoise: "Was übrig bleibt, ist kein Rauschen: {why}{where}. Es fehlt etwas, und die Fehler gelten nur ohne dieses. Die Studiendatei neben "
     + "dem Versuch speichern; looping-pendulum identify study.yaml fragt, was es ist.",
   fitPattern: "benachbarte Punkte weichen gleich ab",
   fitLarger: "es ist {percent} % größer als das Rauschen",
@@ -286,6 +297,7 @@ export const de = {
   fitNotConverged: "Sie ist noch nicht am Ziel; noch einmal anpassen.",
   notDetermined: "{value} (nicht bestimmt)",
   heavyMass: "Schwere Masse M2",
+  scaleOfFile: "Längen in der Datei, je wahre Länge",
   releaseInFile: "Losgelassen bei, nach der Uhr der Datei",
   axisInFile: "Achse der Stange in der Datei, {axis}",
 
@@ -295,6 +307,7 @@ export const de = {
   "file.noTimes": "keine Spalte t mit Zeiten in den ersten zwei Zeilen gefunden",
   "file.noRows": "keine Zeilen unter den Namen gefunden",
   "file.cells": "{count} Zellen gefunden, nötig sind {width}",
+  "file.error": "Spalte {column}: {cell} gefunden, nötig ist ein Standardfehler, 0 oder mehr",
   "file.number": "Spalte {column}: {cell} gefunden, nötig ist eine Zahl",
   "file.noPositions": "keine Orte gefunden, nötig sind Spalten wie light_x, light_y",
   "file.oneAxis": "{name} ohne {other} gefunden",

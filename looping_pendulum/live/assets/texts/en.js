@@ -252,14 +252,15 @@ export const en = {
   axisAt: "Rod's axis at {axis} [cm]",
   massError: "Masses right to [%]",
   radiusError: "Rod's radius right to [%]",
+  scaleError: "Lengths in the film right to [%]",
   mirror: "mirror (M1 starts on the right)",
   fit: "Fit friction, drag, angle and lengths",
   studyFile: "Study file (YAML)",
   removeTrial: "Remove the trial",
   residualsLabel: "What is left between your points and the run, over time",
   residuals: "Your points less the run [{unit}]",
-  residualsHint: "Points that stay near zero are explained by the settings. The fit starts from these, and takes the masses and the rod's "
-    + "radius as measured, with the errors above. To find the physics that is missing, save the study file beside your trial and run "
+  residualsHint: "Points that stay near zero are explained by the settings. The fit starts from these, and takes the masses, the rod's "
+    + "radius and the film's scale as measured, with the errors above; columns such as light_x_error are the errors of the points. To find the physics that is missing, save the study file beside your trial and run "
     + "`looping-pendulum identify study.yaml`.",
   trialUsed: "{file}: used {used}. {typical}",
   trialDistance: "Typical distance from the run: {distance} mm (half of the points of M1 are nearer).",
@@ -274,7 +275,17 @@ export const en = {
   fitNeedsPoints: "found {count} points of M1 after the release, needed at least 10",
   fitDone: "Typical distance from the run: {before} mm before the fit, {after} mm after it.",
   fitNoise: "What is left looks like noise.",
-  fitNotNoise: "What is left is not noise: {why}. Something is missing, and the errors hold only without it. Save the study file beside "
+  fitContradicts: "The trial contradicts what is stated: {values}; measure again, or state a larger error.",
+  fitStated: "{what} {found} in place of {said}",
+  fitWhere: " ({what}, {when}, most of all at {time} s)",
+  whileSliding: "while the string slides",
+  whileNotSliding: "while the string does not slide",
+  "misfit.along": "M1 along its string",
+  "misfit.across": "M1 across its string",
+  "misfit.heavy_x": "M2 to the side",
+  "misfit.heavy_y": "M2 in height",
+  "misfit.angle": "angle of M1",
+  fitNotNoise: "What is left is not noise: {why}{where}. Something is missing, and the errors hold only without it. Save the study file beside "
     + "your trial; looping-pendulum identify study.yaml asks what it is.",
   fitPattern: "neighbouring points err alike",
   fitLarger: "it is {percent} % larger than the noise",
@@ -282,6 +293,7 @@ export const en = {
   fitNotConverged: "It has not come to rest; fit again.",
   notDetermined: "{value} (not determined)",
   heavyMass: "Heavy mass M2",
+  scaleOfFile: "Lengths in your file, per true length",
   releaseInFile: "Released at, by your file's clock",
   axisInFile: "Rod's axis in your file, {axis}",
 
@@ -291,6 +303,7 @@ export const en = {
   "file.noTimes": "found no column t of times in the first two lines",
   "file.noRows": "found no rows below the names",
   "file.cells": "found {count} cells, needed {width}",
+  "file.error": "column {column}: found {cell}, needed a standard error, 0 or more",
   "file.number": "column {column}: found {cell}, needed a number",
   "file.noPositions": "found no positions, needed columns such as light_x, light_y",
   "file.oneAxis": "found {name} without {other}",

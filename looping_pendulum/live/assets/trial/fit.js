@@ -16,7 +16,7 @@ import { dot, inverse, normalMatrix, range, sumOfSquares } from "./statistics.js
  * @typedef {import("./prediction.js").Times} Times
  * @typedef {import("./prediction.js").Sample} Sample
  * @typedef {{settings: Record<string, any>, channels: Channel[], camera: Camera, known: Record<string, number>}} FitTask
- *   settings and camera from which it starts; parameters that were measured -> standard error of what the settings say [SI]
+ *   settings and camera from which it starts; parameters that were measured -> standard error of what these say [SI]
  * @typedef {{name: string, value: number, error: number}} FittedParameter SI
  * @typedef {{parameters: FittedParameter[], before: number, after: number, count: number, outliers: number, converged:
  *   boolean, tests: import("./residual_tests.js").ResidualTests}} FitResult root mean square of the residuals before and
@@ -40,9 +40,12 @@ export const CHANGES = {
   light_mass: 1e-7,
   heavy_mass: 1e-6,
   rod_radius: 1e-7,
+  scale: 1e-6,
 };
 /** Those that are measured before a trial; without a standard error of what was measured they are not fitted. */
-const MEASURED = ["light_mass", "heavy_mass", "rod_radius"];
+const MEASURED = ["light_mass", "heavy_mass", "rod_radius", "scale"];
+/** What moves no mass. */
+const OF_THE_PICTURE = ["origin_x", "origin_y", "scale"];
 /** Shares of the time up to which points are fitted, one after the other: late points alone lead astray. */
 const WINDOWS = [0.3, 0.5, 0.8];
 /**
@@ -66,7 +69,7 @@ export function fit(given) {
     name === "hanging_length" ? shown.has("heavy_y") : !MEASURED.includes(name) || task.known[name] > 0,
   );
   /** @type {Record<string, number>} */
-  const first = { ...task.settings, ...task.camera };
+  const first = stated(task);
   const start = names.map((name) => within(name, first[name]));
   const equal = new Float64Array(task.channels.reduce((sum, { t }) => sum + t.length, 0)).fill(1);
   /** @type {Problem} */
@@ -96,9 +99,12 @@ export function fit(given) {
     count: used.length,
     outliers: equal.length - used.length,
     converged: best.converged,
-    tests: testResiduals(standardised(problem, { predicted, samples }, best.values), names.length),
+    tests: testResiduals(standardised(problem, { predicted, samples }, best.values), names.length, task.channels.some(({ error }) => error)),
   };
 }
+
+/** What the settings and the camera say, from which a fit starts. @param {FitTask} task @returns {Record<string, any>} */
+const stated = ({ settings, camera }) => ({ ...settings, ...camera });
 
 /** Fit roughly, in growing windows of time up to the whole. @param {Problem} problem @param {number[]} start */
 function inWindows(problem, start) {
@@ -114,9 +120,9 @@ function inWindows(problem, start) {
 /** The problem with the points up to a time of the file's clock [s]. @param {Problem} problem @param {number} time */
 function until({ task, names, sigma }, time) {
   const kept = task.channels.flatMap(({ t }) => t.map((one) => one <= time));
-  const channels = task.channels.map(({ name, t, value }) => {
+  const channels = task.channels.map(({ name, t, value, error }) => {
     const count = t.filter((one) => one <= time).length;
-    return { name, t: t.slice(0, count), value: value.slice(0, count) };
+    return { name, t: t.slice(0, count), value: value.slice(0, count), error: error?.slice(0, count) };
   });
   return { task: { ...task, channels }, times: timesOf(channels), names, sigma: sigma.filter((_, i) => kept[i]) };
 }
@@ -170,12 +176,12 @@ function within(name, value) {
 function split({ task, names }, values) {
   const changed = Object.fromEntries(names.map((name, i) => [name, values[i]]));
   /** @type {Record<string, any>} */
-  const all = { ...task.settings, ...task.camera, ...changed };
-  const { origin_x, origin_y, clock_offset, ...settings } = all;
+  const all = { ...stated(task), ...changed };
+  const { origin_x, origin_y, clock_offset, scale, ...settings } = all;
   // One friction, unless that of the string at rest was set to a value of its own
   const { static_friction: resting, kinetic_friction: sliding } = task.settings;
   settings.static_friction = Math.max(resting > sliding ? resting : 0, settings.kinetic_friction);
-  return { settings, camera: { origin_x, origin_y, clock_offset } };
+  return { settings, camera: { origin_x, origin_y, clock_offset, scale } };
 }
 
 /**
@@ -202,7 +208,8 @@ function predictOrNull(problem, values) {
  * @param {Problem} problem @param {Prediction} prediction @param {number[]} values
  */
 function residualsOf({ task, sigma, names }, { predicted }, values) {
-  const before = names.flatMap((name, i) => (task.known[name] > 0 ? [(task.settings[name] - values[i]) / task.known[name]] : []));
+  const first = stated(task);
+  const before = names.flatMap((name, i) => (task.known[name] > 0 ? [(first[name] - values[i]) / task.known[name]] : []));
   const residuals = new Float64Array(sigma.length + before.length);
   let i = 0;
   for (const { value } of task.channels) {
@@ -228,8 +235,7 @@ function slopesOf(problem, values, here, central) {
     const at = (/** @type {number} */ value) => {
       if (value === values[i]) return here.predicted;
       const moved = values.map((one, k) => (k === i ? value : one));
-      // The origin moves no mass
-      if (name.startsWith("origin")) return measured(task.channels, times, here.samples, split(problem, moved).camera);
+      if (OF_THE_PICTURE.includes(name)) return measured(task.channels, times, here.samples, split(problem, moved).camera);
       return predictOrNull(problem, moved)?.predicted;
     };
     const high = within(name, values[i] + change);
@@ -251,12 +257,12 @@ function withNoiseOfResiduals(problem, values) {
   const { task, times, sigma } = problem;
   const { samples, predicted } = predict(problem, values);
   let i = 0;
-  const channels = task.channels.map(({ name, t, value }, k) => {
+  const channels = task.channels.map(({ name, t, value, error }, k) => {
     const first = i;
     i += t.length;
     const there = times.places[k].map((place) => samples[place]);
     return {
-      name, t, value,
+      name, t, value, error,
       residual: value.map((one, j) => one - predicted[first + j]),
       speed: there.map((sample) => speedOf(name, sample)),
       mode: there.map(({ mode }) => mode),
@@ -273,10 +279,11 @@ function speedOf(name, { lightVelocity, heavyVelocity, wrapAngle, freeLength }) 
   return Math.abs(lightVelocity[0] * Math.cos(wrapAngle) + lightVelocity[1] * Math.sin(wrapAngle)) / freeLength;
 }
 
-/** What is fitted of each channel, in units of its noise.
+/** What is fitted of each channel, in units of its noise, by the time since the release.
  * @param {Problem} problem @param {Prediction} prediction @param {number[]} values */
 function standardised(problem, prediction, values) {
   const residuals = residualsOf(problem, prediction, values);
+  const { clock_offset: offset } = split(problem, values).camera;
   let i = 0;
   return problem.task.channels.map(({ name, t }, k) => {
     const first = i;
@@ -285,7 +292,7 @@ function standardised(problem, prediction, values) {
     const there = used.map((j) => prediction.samples[problem.times.places[k][j]]);
     return {
       name,
-      t: used.map((j) => t[j]),
+      t: used.map((j) => t[j] + offset),
       z: used.map((j) => residuals[first + j]),
       mode: there.map(({ mode }) => mode),
       wrapAngle: there.map((sample) => sample.wrapAngle),

@@ -1,15 +1,14 @@
 /**
  * The noise of tracked points from the residuals of a fit, as `identify` estimates it (`discrepancy/fit/residual_noise.py`):
- * sigma = a + b |v| for each body, from differences of neighbouring residuals, which do not see slow misfits.
+ * sigma = a + b |v| for each body, from differences of neighbouring residuals, which do not see slow misfits; at least what the file states.
  */
 
 import { findOutliers } from "./outliers.js";
 import { dot, median, range, robustDeviation } from "./statistics.js";
 
 /**
- * @typedef {{name: string, t: number[], value: number[], residual: number[], speed: number[], mode: string[], leftOut:
- *   boolean[]}} FittedChannel of each point its residual, the speed of the body and the mode of the run by the model, and
- *   whether the fit leaves it out
+ * @typedef {import("./prediction.js").Channel & {residual: number[], speed: number[], mode: string[], leftOut: boolean[]}} FittedChannel
+ *   of each point its residual, the speed of the body and the mode of the run by the model, and whether the fit leaves it out
  */
 
 /** Channels that show one body and share one law. */
@@ -69,12 +68,13 @@ function lawOf(body, leftOut) {
   });
   if (differences.length < MIN_DIFFERENCES) {
     const all = Math.max(robustDeviation(body.flatMap(({ residual }) => residual)), TINY);
-    return body.map(({ t }) => t.map(() => all));
+    return body.map(({ t, error }) => t.map((_, i) => Math.max(all, error?.[i] ?? 0)));
   }
   const { a, b } = fitLaw(differences, speeds);
-  return body.map(({ speed }) => {
+  return body.map(({ speed, error }) => {
     const least = MIN_SIGMA_RATIO * (a + b * median(speed));
-    return speed.map((v) => Math.max(a + b * v, least));
+    // What the tracker states is not smaller where neighbours err alike, as those of a mark do
+    return speed.map((v, i) => Math.max(a + b * v, least, error?.[i] ?? 0));
   });
 }
 

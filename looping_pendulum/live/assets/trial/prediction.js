@@ -3,20 +3,21 @@
 import { simulate } from "../../run.js";
 
 /**
- * @typedef {{name: string, t: number[], value: number[]}} Channel a coordinate of a mass by the file's clock [s, m or rad]
+ * @typedef {{name: string, t: number[], value: number[], error?: number[]}} Channel a coordinate of a mass by the file's clock
+ *   [s, m or rad]; `error`: standard error that the file states of each value
  * @typedef {{times: number[], places: number[][]}} Times all times of the channels, ascending; of each channel, the place of
  *   its values' times among them
- * @typedef {{origin_x: number, origin_y: number, clock_offset: number}} Camera place of the rod's axis in the file [m]; time
- *   since the release at which the file's clock is 0 [s]
+ * @typedef {{origin_x: number, origin_y: number, clock_offset: number, scale: number}} Camera place of the rod's axis in the
+ *   file [m]; time since the release at which the file's clock is 0 [s]; length in the file per true length
  * @typedef {ReturnType<import("../../run.js").Run["sample"]>} Sample
  */
 
 /** Channel -> what it shows of a sample. @type {Record<string, (sample: Sample, camera: Camera) => number>} */
 const MEASURED = {
-  light_x: ({ light }, { origin_x }) => light[0] + origin_x,
-  light_y: ({ light }, { origin_y }) => light[1] + origin_y,
-  heavy_x: ({ heavy }, { origin_x }) => heavy[0] + origin_x,
-  heavy_y: ({ heavy }, { origin_y }) => heavy[1] + origin_y,
+  light_x: ({ light }, { origin_x, scale }) => scale * light[0] + origin_x,
+  light_y: ({ light }, { origin_y, scale }) => scale * light[1] + origin_y,
+  heavy_x: ({ heavy }, { origin_x, scale }) => scale * heavy[0] + origin_x,
+  heavy_y: ({ heavy }, { origin_y, scale }) => scale * heavy[1] + origin_y,
   angle: ({ wrapAngle }) => wrapAngle - Math.PI,
 };
 export const FITTED_CHANNELS = Object.keys(MEASURED);

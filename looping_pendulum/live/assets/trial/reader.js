@@ -11,7 +11,8 @@ import { factorTo } from "./units.js";
 
 /** @typedef {import("./table.js").Column} Column */
 /** @typedef {import("./table.js").Table} Table */
-/** SI, without missing samples. @typedef {{name: string, t: number[], value: number[]}} Channel */
+/** SI, without missing samples; `error`: standard errors that the file states, 0 for an empty one.
+ * @typedef {{name: string, t: number[], value: number[], error?: number[]}} Channel */
 /** What is said about a file. @typedef {{tracks?: Record<string, string>, units?: Record<string, string>, frame_rate?: number | null}} Options */
 /** `empty`: number of empty cells; `start`: time by the file's clock that was taken as 0 [s].
  * @typedef {{channels: Channel[], empty: number, assumptions: string[], start: number}} Trial */
@@ -67,7 +68,10 @@ export function readTrial(file, bytes, { tracks = {}, units = {}, frame_rate: fr
     if (!kept.length) throw notPlain(file, null, text("file.noValues", { name }));
     const back = kept.findIndex((i, k) => k > 0 && time[i] <= time[kept[k - 1]]);
     if (back >= 0) throw notPlain(file, table.lines[kept[back]], text("file.timesGrow"));
+    const errors = errorsOf(table, column, si, units.length);
+    /** @type {Channel} */
     const channel = { name, t: kept.map((i) => time[i]), value: kept.map((i) => value[i]) };
+    if (errors) channel.error = kept.map((i) => errors[i] || 0);
     refuseImplausible(file, channel);
     return channel;
   });
@@ -124,6 +128,19 @@ function inSi(table, column, si, unit = si) {
   const factor = factorTo(si, named);
   if (factor === null) throw notPlain(table.file, null, text("file.unit", { column: quote(column.name), unit: quote(named) }));
   return numbersOf(table, column).map((value) => factor * value);
+}
+
+/** Standard errors of a column's values, from the column "light_x_error" for "light_x"; null: there is none.
+ * @param {Table} table @param {Column} column @param {string} si @param {string} [unit] */
+function errorsOf(table, { name, title }, si, unit) {
+  const wanted = `${name}_error`.toLowerCase();
+  const column = table.columns.find((one) => one.name.toLowerCase() === wanted && one.title === title);
+  if (!column) return null;
+  const errors = inSi(table, column, si, unit);
+  const negative = errors.findIndex((error) => error < 0);
+  if (negative < 0) return errors;
+  const words = { column: quote(column.name), cell: quote(column.cells[negative]) };
+  throw notPlain(table.file, table.lines[negative], text("file.error", words));
 }
 
 /** The times of a column's rows. Tracker repeats the times for each track; those of a column stand left of it.

@@ -18,17 +18,19 @@ export function studyYaml(settings, { file, tracks, length, time, rate, mirrored
   const named = Object.entries(tracks).map(([mass, track]) => `${mass}: ${quoted(track)}`);
   const lengths = ["free_length", "hanging_length"].map((name) => `${name}: free from ${inUnit(name)}`).join(", ");
   const looping = settings.release === "looping";
-  const free = Object.entries(camera)
+  const { scale, ...places } = camera;
+  const free = Object.entries(places)
     // A record of a swing may begin in its midst, which identify sees if it may believe the clock
     .filter(([name, value]) => looping || (name === "clock_offset" && value))
     // Stated, it is that of the file's own clock
     .map(([name, value]) => [`${name}: free from`, ...(name === "clock_offset" ? [tidy(value - clockStart), "s"] : [tidy(value), "m"])].join(" "));
+  const film = [...(known.scale > 0 ? [`scale: ${tidy(scale)} +/- ${tidy(known.scale)}`] : []), ...free];
   const options = [
     ...(named.length ? [`tracks: {${named.join(", ")}}`] : []),
     ...(length !== "m" || time !== "s" ? [`units: {length: ${length}, time: ${time}}`] : []),
     ...(rate ? [`frame_rate: ${rate} Hz`] : []),
     ...(mirrored ? ["mirrored: true"] : []),
-    ...(free.length ? [`camera: {${free.join(", ")}}`] : []),
+    ...(film.length ? [`camera: {${film.join(", ")}}`] : []),
   ];
   const { kinetic_friction: kinetic, static_friction: resting } = settings;
   // Not from 0, which would tell identify nothing of the size of friction
