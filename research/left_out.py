@@ -21,7 +21,7 @@ from research import DATA, calibration
 from research.calibration_summary import Outcome, proportion
 from tests.discrepancy.blind_sample import BlindStudy, write_files
 
-WIDE = {"MARGIN": 15.0, "LINEAR_ERROR": 0.5}
+WIDE = {"MARGIN": 15.0, "LINEAR_ERROR": 0.5, "BEAM": 5}
 """Limit of `evidence.prior` -> its value with which hardly anything is left out."""
 RESULT = DATA / "left_out.json"
 
@@ -66,14 +66,16 @@ def main() -> None:
     result = {
         "wide": WIDE,
         "command": f"python -m research.left_out --seed {options.seed} --share {options.share:g}",
+        "judged": len(judged),
         "lacking": proportion(sum(bool(o["left_out"]) for o in judged.values()), len(judged)),
         "fitted": [sum(o["fitted"][i] for o in judged.values()) for i in (0, 1)],
         "left_out": {name: o["left_out"] for name, o in judged.items() if o["left_out"]},
     }
+    # After Ctrl-C, too: the wide limits take minutes where two effects are hidden
+    write_atomically(RESULT, json.dumps(result, indent=1) + "\n")
     print(json.dumps(result, indent=1))
     if interrupted:
         sys.exit(130)
-    write_atomically(RESULT, json.dumps(result, indent=1) + "\n")
 
 
 if __name__ == "__main__":
