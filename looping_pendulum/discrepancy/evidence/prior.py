@@ -66,8 +66,8 @@ CHECKED = math.log(1000.0)
 MARGIN = 6.0
 """Log odds to the best explanation within which others are fitted exactly.
 
-With limits up to two and a half times as wide as this, `LINEAR_ERROR` and `BEAM`, half as many explanations again were fitted in
-111 blind studies, and one of these was credible in one study, with 0.2 % (`research.left_out`).
+With limits up to two and a half times as wide as this, `LINEAR_ERROR` and `BEAM`, half as many explanations again were fitted
+in 111 blind studies, and one of these was credible in one study, with 0.2 % (`research.left_out`).
 """
 LINEAR_ERROR = 0.35
 """Share of what is left to explain by which the linear model may be wrong.
