@@ -176,15 +176,20 @@ def read_columns(text: DelimitedText, kind: str, asked: Sequence[str], notes: Re
 def _tables(text: DelimitedText) -> list[tuple[list[TableLine], list[TableLine]]]:
     """Return the tables of a file, each as the lines above its numbers and the rows of numbers."""
     tables: list[tuple[list[TableLine], list[TableLine]]] = [([], [])]
+    texts: set[str] = set()
     for i, line in enumerate(text.lines):
         head, rows = tables[-1]
         # A text between rows of numbers is a damaged row, which is refused when it is read, unless names of columns follow
-        is_row = _is_row(line, text.decimal_comma, has_head=bool(head))
+        is_row = _is_row(line, text.decimal_comma, has_head=bool(head)) and not (
+            len(line.cells) == 1 and _begins_table(text, i)
+        )
         # Numbers above the names of the columns are settings of the program
         is_setting = not rows and not any(map(_names_points, head)) and any(map(_names_points, text.lines[i + 1 : i + 4]))
-        is_title = len(line.filled) == 1 and not is_row
+        # An object without a point in this row has its name in other rows
+        is_title = len(line.filled) == 1 and not is_row and line.filled[0] not in texts
         if (is_row and not is_setting) or (rows and not is_title and not _begins_table(text, i)):
             rows.append(line)
+            texts.update(line.filled[:1])
         elif rows and is_title and not _begins_table(text, i):
             continue  # the name of an object, whose rows stand below another's
         elif rows:
@@ -211,7 +216,9 @@ def _is_row(line: TableLine, decimal_comma: bool, *, has_head: bool) -> bool:
 def _begins_table(text: DelimitedText, index: int) -> bool:
     """Return whether a line of text, or one of the next two, has names of columns."""
     lines = text.lines[index : index + 3]
-    return any(not _is_row(line, text.decimal_comma, has_head=True) and _names_times(line) for line in lines)
+    return any(
+        not _is_row(line, text.decimal_comma, has_head=True) and (_names_times(line) or _names_points(line)) for line in lines
+    )
 
 
 def _names_times(line: TableLine) -> bool:
@@ -226,7 +233,7 @@ def _header(text: DelimitedText, head: list[TableLine], rows: list[TableLine]) -
     """Return the line that names what the columns hold; None: they have no names. Names of no positions are refused."""
     width = max(len(row.filled) for row in rows)
     # A line of names may be a comment
-    lines = [*(c for c in text.comments if len(c.cells) == width), *head]
+    lines = [*(c for c in text.comments if len(c.cells) in (width, len(rows[0].cells))), *head]
     # From the last line up: the names stand right above the numbers, titles further up. The times may be named in another line
     for is_named in (lambda line: _names_points(line) and _names_times(line), _names_points, _names_times):
         header = next(filter(is_named, reversed(lines)), None)
@@ -462,9 +469,10 @@ def _with_clock(text: DelimitedText, columns: list[Column], notes: ReadingNotes)
             role, what = ("t", "times") if are_times and (c.unit or not are_frames) else ("frame", "numbers of frames")
             notes.assumptions.append(f"column {c.label!r}: its values grow, and were taken as {what}")
             return [replace(other, role=role) if other.index == c.index else other for other in columns]
-    no_clock = _no_clock(text, columns, columns[0].rows[0].line)
-    if any(_counts(text, c, unrest=0.2) for c in columns) or len({len(own) for own in rows.values()}) > 1:
-        raise no_clock
+    lines = [row.line for own in rows.values() for row in own]
+    has_gaps = len(lines) <= max(lines) - min(lines)
+    if has_gaps or any(_counts(text, c, unrest=0.2) for c in columns) or len({len(own) for own in rows.values()}) > 1:
+        raise _no_clock(text, columns, columns[0].rows[0].line)
     notes.assumptions.append("no column of times: each row taken as a frame")
     with_clock = []
     for own in rows.values():
@@ -478,6 +486,7 @@ def _with_clock(text: DelimitedText, columns: list[Column], notes: ReadingNotes)
 def _split_where_times_begin_again(text: DelimitedText, columns: list[Column]) -> list[Column]:
     """Return the columns of each object, or of each run of a named object, where they stand one below the other."""
     clock = next((c for role in CLOCK_ROLES for c in columns if c.role == role), None)
+    clock = clock or next((c for c in columns if not c.role and all(map(str.isdigit, c.cells))), None)
     if clock is None or any(c.rows is not clock.rows for c in columns):
         return columns
     blocks: list[list[TableLine]] = [[]]
@@ -492,9 +501,11 @@ def _split_where_times_begin_again(text: DelimitedText, columns: list[Column]) -
         blocks[-1].append(row)
     if len(blocks) == 1 or min(map(len, blocks)) < MIN_COUNTED:
         return columns
-    is_named = any(c.track for c in columns if c.role in ("x", "y"))
     names = [_name_above(text, own, before) for own, before in zip(blocks, [[], *blocks], strict=False)]
-    names = [name or str(i) for i, name in enumerate(names, start=1)]
+    tracks = {c.track for c in columns if c.role in ("x", "y")}
+    is_named = tracks != {""} and not (len(tracks) == 1 and all(names))
+    # A lone name is the title of the file
+    names = names if all(names) else [str(i + 1) for i in range(len(blocks))]
     split = []
     for own, name in zip(blocks, names, strict=True):
         block = [replace(c, label=f"{c.label} ({name})", rows=own) for c in columns]
@@ -505,9 +516,9 @@ def _split_where_times_begin_again(text: DelimitedText, columns: list[Column]) -
 def _name_above(text: DelimitedText, rows: Sequence[TableLine], before: Sequence[TableLine]) -> str:
     """Return the name that stands right above rows, below the rows before them; '' if none does."""
     low = before[-1].line if before else 0
-    above = [line for line in (*text.comments, *text.lines) if low < line.line < rows[0].line]
-    nearest = max(above, key=lambda line: line.line, default=None)
-    return "" if nearest is None or _names_points(nearest) or _names_times(nearest) else " ".join(nearest.filled)
+    between = [line for line in (*text.comments, *text.lines) if low < line.line < rows[0].line]
+    names = [line for line in between if not (_names_points(line) or _names_times(line))]
+    return " ".join(max(names, key=lambda line: line.line).filled) if names else ""
 
 
 def _whole_rows(text: DelimitedText, width: int, rows: list[TableLine], notes: ReadingNotes) -> list[TableLine]:

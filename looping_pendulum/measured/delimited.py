@@ -11,7 +11,7 @@ import csv
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from looping_pendulum.errors import WayOut
@@ -55,7 +55,8 @@ _MINUS_SIGNS = re.compile(r"[\u2212\u2012\u2013\ufe63\uff0d](?=[0-9.,])")
 """Signs that programs write for a minus before a number: macOS Numbers writes U+2212."""
 _DIGITS = re.compile(r"[+-]?([0-9]*)[.,]?([0-9]*)(?:[eE]([+-]?[0-9]+))?")
 _SEPARATOR_LINE = re.compile(r'\s*"?sep=(.)"?\s*', re.IGNORECASE)
-_BLANK = re.compile(r"[\s\ufeff]*")
+# A line of tabs may be a row without points
+_BLANK = re.compile(r"[^\S\t]*\ufeff?[^\S\t]*")
 _WORDS = re.compile(r'"([^"]*)"|([^\s"]+)')
 # Not str.splitlines, which also splits at form feeds and other characters at which editors do not
 _LINE_ENDS = re.compile(r"\r\n|\r|\n")
@@ -195,26 +196,25 @@ def read_text(raw: bytes, file: str, delimiters: Sequence[str] = DELIMITERS) -> 
     separator = _SEPARATOR_LINE.fullmatch(lines[0][1]) if lines else None
     if separator:
         lines = lines[1:]
-    if not lines:
-        raise data_error(file, None, "", "found no rows, needed a table of numbers; export the data again")
     delimiters = [separator[1]] if separator and separator[1] in DELIMITERS else delimiters
     delimiter, decimal_comma = _dialect([line for _, line in lines], delimiters)
 
     def split(numbered: list[tuple[int, str]]) -> list[TableLine]:
-        return [TableLine(line=n, cells=split_cells(line, delimiter)) for n, line in numbered]
+        split_lines = (TableLine(line=n, cells=split_cells(line, delimiter)) for n, line in numbered)
+        return [line for line in split_lines if line.cells != ("",)]
 
-    def plain(lines: list[TableLine]) -> list[TableLine]:
-        """Return the lines with one writing of numbers and times."""
-        parts = [match[5] for line in lines for c in line.cells if (match := _CLOCK.fullmatch(c)) and match[5]]
-        # Kinovea writes hundredths of a second behind a third colon, others frames
-        has_frames = bool(parts) and all(len(part) == 2 and int(part) < MIN_HUNDREDTHS for part in parts)
-        return [
-            TableLine(line=line.line, cells=tuple(_plain_cell(c, decimal_comma, has_frames) for c in line.cells))
-            for line in lines
-        ]
-
+    table = split(lines)
+    if not table:
+        raise data_error(file, None, "", "found no rows, needed a table of numbers; export the data again")
+    parts = [match[5] for line in table for c in line.cells if (match := _CLOCK.fullmatch(c)) and match[5]]
+    # Kinovea writes hundredths of a second behind a third colon, others frames
+    has_frames = bool(parts) and all(len(part) == 2 and int(part) < MIN_HUNDREDTHS for part in parts)
     return DelimitedText(
-        file=file, delimiter=delimiter, decimal_comma=decimal_comma, comments=split(comments), lines=plain(split(lines))
+        file=file,
+        delimiter=delimiter,
+        decimal_comma=decimal_comma,
+        comments=split(comments),
+        lines=[replace(row, cells=tuple(_plain_cell(c, decimal_comma, has_frames) for c in row.cells)) for row in table],
     )
 
 

@@ -70,6 +70,8 @@ A record whose masses are faster in its first two steps begins later.
 """
 MAX_START_SIGMAS = 4.0
 """The same by noise, in its standard deviations."""
+MAX_CHANCE = 1e-3
+"""Largest number of records in which noise repeats a point in every digit as often as a tracker that has lost an object."""
 LOST_PLACES = (0.0, -1.0)
 """Both coordinates by which trackers write an object that they have lost, in their unit."""
 MIN_SCORE = 0.5
@@ -276,6 +278,7 @@ def _sheet(
             )
         if len(pair) == 2:
             lost["the mark of a lost object"] = _is_marked_lost(*(series.value / series.unit for series in pair.values()))
+            lost["the last place of a lost object"] = _is_at_last_place(pair)
         for why, rows in lost.items():
             for name in pair:
                 series = channels[name]
@@ -310,6 +313,23 @@ def _is_marked_lost(x: Array, y: Array) -> NDArray[np.bool_]:
         if np.hypot(x[first] - place, y[first] - place) <= steps.max(initial=0.0 if len(elsewhere) > 1 else np.inf):
             is_there[:first] = False
         lost |= is_there
+    return lost
+
+
+def _is_at_last_place(pair: Mapping[str, Series]) -> NDArray[np.bool_]:
+    """Return which points at the end repeat the one before in every digit, although noise would have moved a mass at rest."""
+    known = np.flatnonzero(np.all([np.isfinite(series.value) for series in pair.values()], axis=0))
+    lost = np.zeros(len(next(iter(pair.values())).value), dtype=bool)
+    moves = np.any([np.diff(series.value[known]) != 0 for series in pair.values()], axis=0)
+    if moves.any():
+        start = int(np.flatnonzero(moves)[-1]) + 1
+        chance = 1.0
+        for name, series in pair.items():
+            noise = scatter(Channel(name=name, t=np.arange(start + 1.0), value=series.value[known[: start + 1]]))
+            # The chance that two values of normal noise are rounded to the same
+            digit = float(series.last_digit[known].max())
+            chance *= min(1.0, digit / (2 * np.sqrt(np.pi) * noise)) if noise > 0 else 1.0
+        lost[known[start + 1 :]] = len(known) * chance ** (len(known) - start - 1) < MAX_CHANCE
     return lost
 
 

@@ -241,3 +241,31 @@ def test_two_runs_one_below_the_other_are_asked_for(tmp_path):
     with pytest.raises(DataError, match=r"found the runs 1, 2, needed one trial; choose by 'run: 1'"):
         read(path)
     assert read(path, run="2").channel("light_x").value == pytest.approx(LIGHT[:, 0], abs=1e-5)
+
+
+def test_rows_that_are_frames_count_those_without_points(tmp_path):
+    """A line of tabs was taken for a blank line, and all later rows came a frame too early."""
+    path = tmp_path / "clip.csv"
+    rows = [row if i != 7 else ("", "", "", "") for i, row in enumerate(beside(start=()))]
+    header = "heavy_x\theavy_y\tlight_x\tlight_y\n"
+    path.write_text(header + table(rows, "\t"))
+    assert read(path, **RATE).channel("light_x").t == pytest.approx(np.delete(TIME, 7))
+    path.write_text(header + table(rows, "\t").replace("\n\t\t\t\n", "\n\n"))
+    with pytest.raises(DataError, match="found no column of times"):
+        read(path, **RATE)
+
+
+def test_an_object_that_is_lost_stays_at_its_last_place(tmp_path):
+    path = tmp_path / "clip.csv"
+    noise = np.random.default_rng(1).normal(0, 1e-3, (ROWS, 2))
+    light = np.round(LIGHT + noise, 4)
+    light[14:] = light[13]
+    path.write_text("t,light_x,light_y\n" + table((float(t), *place) for t, place in zip(TIME, light.tolist(), strict=True)))
+    observations = read(path)
+    assert observations.channel("light_x").value == pytest.approx(light[:14, 0])
+    assert "10 not used: light_x: the last place of a lost object" in observations.summary()
+    # A mass at rest whose noise is far below the last digit is seen to rest
+    still = np.round(LIGHT, 2)
+    still[14:] = still[13]
+    path.write_text("t,light_x,light_y\n" + table((float(t), *place) for t, place in zip(TIME, still.tolist(), strict=True)))
+    assert "last place" not in read(path).summary()
