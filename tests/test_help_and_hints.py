@@ -8,6 +8,7 @@ import pytest
 import typer
 
 from looping_pendulum.cli.main import app
+from looping_pendulum.cli.quantities import quantity
 from looping_pendulum.errors import MissingPackageError
 from looping_pendulum.film import decode
 from looping_pendulum.installation import install_command
@@ -17,13 +18,20 @@ GROUP = typer.main.get_command(app)
 COMMANDS = sorted([(name,) for name in GROUP.commands] + [("new", name) for name in GROUP.commands["new"].commands])
 
 
+def command_called(words):
+    command = GROUP
+    for word in words:
+        command = command.commands[word]
+    return command
+
+
 @pytest.mark.parametrize("command", [(), *COMMANDS], ids=" ".join)
 def test_help_has_two_names_a_usage_to_type_and_whole_examples(command, monkeypatch):
     done, same = here(*command, "-h"), here(*command, "--help")
     assert done == same
     assert done.returncode == 0
     usage = done.stdout.splitlines()[0]
-    assert usage.startswith(" ".join(["Usage: looping-pendulum", *command, "[OPTIONS]"]))
+    assert " ".join([*command, "[OPTIONS]"]) in usage
     assert not re.search(r"[{}<>]|\[\[|\.\.\.\]\.\.\.", usage)
     assert "<list" not in done.stdout
     for line in done.stdout.splitlines():
@@ -58,3 +66,43 @@ def test_where_nothing_can_be_written_no_option_is_named_that_there_is_not(comma
     error = here(*command).stderr
     monkeypatch.undo()
     assert error == "error: folder: Permission denied; write to a folder that is yours and has room\n"
+
+
+TIMES_AND_RATES = [
+    (*command, option.opts[0], option.metavar)
+    for command in COMMANDS
+    for option in command_called(command).params
+    if option.metavar in ("TIME", "RATE") and command != ("track",)  # which reads its own, with the film
+]
+
+
+@pytest.mark.parametrize("words", TIMES_AND_RATES, ids=" ".join)
+def test_every_time_and_rate_says_what_it_needs(words):
+    *command, option, metavar = words
+    example = {"TIME": "90 s", "RATE": "240 Hz"}[metavar]
+    for wrong in ("3,5 m", "soon"):
+        done = here(*command, option, wrong)
+        assert done.returncode == 2
+        assert f"found '{wrong}', needed " in done.stderr
+        assert re.search(rf"write for example '{example}'", done.stderr)
+
+
+@pytest.mark.parametrize(
+    ("unit", "text", "value"),
+    [
+        ("s", "90 s", 90.0),
+        ("s", "1.5 min", 90.0),
+        ("s", "90", 90.0),
+        ("s", 9e2, 900.0),
+        ("Hz", "0.24 kHz", 240.0),
+        ("Hz", "240", 240.0),
+    ],
+)
+def test_a_quantity_has_a_unit_or_is_in_the_usual_one(unit, text, value):
+    assert quantity(unit)(text) == pytest.approx(value, rel=1e-12)
+
+
+@pytest.mark.parametrize("text", ["0.05 s", "-3", "nan", "inf", "3 m", "", "3,5 s"])
+def test_no_other_time_is_taken(text):
+    with pytest.raises(typer.BadParameter, match="needed a time of 0.1 s or more; write for example '90 s'"):
+        quantity("s", least=0.1)(text)

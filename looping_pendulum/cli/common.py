@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from looping_pendulum.cli.file_kinds import takes
+from looping_pendulum.cli.quantities import quantity
 from looping_pendulum.cli.terminal import ProgressBars, choose_json, choose_quiet, note, say, say_prose, show_table
 from looping_pendulum.engines import Profile
 from looping_pendulum.errors import ScenarioError
@@ -94,7 +95,10 @@ ProfileName = Annotated[
     typer.Option("--profile", "-p", help="Settings of the engines. quick: a run takes seconds to a minute. accurate: minutes."),
 ]
 TimeLimit = Annotated[
-    float, typer.Option(metavar="SECONDS", min=0.1, help="Stop an engine's run after this time, and keep its samples.")
+    float,
+    typer.Option(
+        metavar="TIME", parser=quantity("s", least=0.1), help="Stop an engine's run after this time [s], and keep its samples."
+    ),
 ]
 MemoryLimit = Annotated[
     str, typer.Option(metavar="AMOUNT", help="Stop an engine's run that uses more memory, and keep its samples.")

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from looping_pendulum.cli import common
+from looping_pendulum.cli.quantities import quantity
 from looping_pendulum.cli.terminal import convergence_bars, say, say_prose, show_json, show_table
 from looping_pendulum.engines import Profile
 
@@ -32,12 +33,18 @@ def converge(
     until: Annotated[
         float | None,
         typer.Option(
-            metavar="SECONDS", min=0.01, help="Length of the runs; default: until 0.1 s after the halt, at least 0.7 s."
+            metavar="TIME",
+            parser=quantity("s", least=0.01),
+            help="Length of the runs; default: until 0.1 s after the halt, at least 0.7 s.",
         ),
     ] = None,
     budget: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", min=0.1, help="Leave out runs that are expected to take longer than this time."),
+        typer.Option(
+            metavar="TIME",
+            parser=quantity("s", least=0.1),
+            help="Leave out runs that are expected to take longer than this time [s].",
+        ),
     ] = None,
     time_limit: common.TimeLimit = 3600.0,
     memory_limit: common.MemoryLimit = "2 GiB",

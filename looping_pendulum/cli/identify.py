@@ -11,6 +11,7 @@ import typer
 
 from looping_pendulum.cli.common import INTERRUPTED, AsJson, Force, Quiet, report_folder, schema_option, without_interrupts
 from looping_pendulum.cli.file_kinds import takes
+from looping_pendulum.cli.quantities import quantity
 from looping_pendulum.cli.terminal import ProgressBars, say, say_prose, show_json, show_table
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.installation import command_line
@@ -168,7 +169,11 @@ def identify(
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Random seed of the fit's second starting point.")] = 0,
     time_limit: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", min=1.0, help="End the search after about this time, and report its results so far."),
+        typer.Option(
+            metavar="TIME",
+            parser=quantity("s", least=1.0),
+            help="End the search after about this time [s], and report its results so far.",
+        ),
     ] = None,
     schema: Annotated[bool, schema_option("study", "looping_pendulum.measured.study_file")] = False,
     as_json: AsJson = False,

@@ -9,6 +9,7 @@ import typer
 
 from looping_pendulum.cli import common
 from looping_pendulum.cli.file_kinds import takes
+from looping_pendulum.cli.quantities import quantity
 from looping_pendulum.cli.terminal import ProgressBars, note, say
 from looping_pendulum.engines import Profile
 from looping_pendulum.installation import command_line, quoted
@@ -108,8 +109,12 @@ def tracker(
             autocompletion=common.engine_names,
         ),
     ] = None,
-    fps: Annotated[float, typer.Option(metavar="RATE", help="True frame rate of the video.")] = 240.0,
-    start: Annotated[float, typer.Option(metavar="SECONDS", help="Time of the release by the video's clock.")] = 0.0,
+    fps: Annotated[
+        float, typer.Option(metavar="RATE", parser=quantity("Hz"), help="True frame rate of the video [Hz].")
+    ] = 240.0,
+    start: Annotated[
+        float, typer.Option(metavar="TIME", parser=quantity("s"), help="Time of the release by the video's clock [s].")
+    ] = 0.0,
     profile: common.ProfileName = Profile.QUICK,
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="File to write; default: NAME-tracker.csv.")] = None,
     force: common.Force = False,
