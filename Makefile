@@ -16,6 +16,7 @@ compare: $(VENV)/main ## run all engines on the 10:1 trial and write report/ten_
 	$(BIN)/looping-pendulum compare ten_to_one --profile quick --out report/ten_to_one
 
 demo: $(VENV)/main ## run all engines on the 10:1 trial, and open the demonstration: reference and engines in step
+	@echo "Running all engines on the 10:1 trial (half a minute), then opening the page in a browser ..."
 	$(BIN)/looping-pendulum demo
 
 # Three at once on two cores: many tests wait for a browser or for another process.
@@ -78,16 +79,20 @@ clean:
 install = $(BIN)/uv pip install --quiet --python $(1)/bin/python $(2) || \
 	{ $(1)/bin/python -m pip install --quiet --upgrade pip && $(1)/bin/python -m pip install --quiet $(2); }
 
+# Packages come without a line of their own for minutes, so that each step says what it does.
 $(VENV)/uv:
+	@echo "Setting up a virtual environment in $(VENV), with uv, which installs the packages ..."
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet uv || echo "uv cannot be had: pip will install"
 	touch $@
 
 $(VENV)/main: $(VENV)/uv pyproject.toml
+	@echo "Installing this package and its engines (0.8 GB, one to five minutes at the first time) ..."
 	$(call install,$(VENV),-e .)
 	touch $@
 
 $(VENV)/test: $(VENV)/uv pyproject.toml
+	@echo "Installing this package, its engines and what the tests need (one to five minutes at the first time) ..."
 	$(call install,$(VENV),-e ".[test]")
 	touch $@ $(VENV)/main
 
@@ -100,6 +105,7 @@ $(VENV)/mutation: $(VENV)/uv pyproject.toml
 	touch $@ $(VENV)/test $(VENV)/main
 
 $(VENV)/dev: $(VENV)/uv pyproject.toml
+	@echo "Installing this package, its engines, and what tests and checks need (one to five minutes at the first time) ..."
 	$(call install,$(VENV),-e ".[dev]")
 	touch $@ $(VENV)/test $(VENV)/main
 
