@@ -29,6 +29,8 @@ NUMBER_PATTERN = r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?"
 """Regular expression of a number, as JSON Schema takes it."""
 _NO_KEYS = ("<direct>", "<shape>", "[key]")
 """Parts that pydantic adds to the place of an error for unions and keys."""
+MAX_CHOICES = 40
+"""Largest number of known keys that a message lists beside the one that may be meant; the effects have more."""
 TO_FILL_IN = "TODO"
 """What `new study` writes for a value that nobody has given yet."""
 QUANTITY_TEXT = "x-words"
@@ -278,6 +280,8 @@ def _unknown_key(key: str, known: list[str], path: Path) -> str:
     elif len(elsewhere) == 1 and not hint:
         hint = f"; did you mean '{elsewhere[0]}'?"
     choices = f"needed one of: {', '.join(known)}" if known else "and no keys are known here"
+    if hint and len(known) > MAX_CHOICES:  # a terminal's message would be cut before the hint
+        choices = "needed another"
     return f"found an unknown key, {choices}{hint}"
 
 

@@ -99,7 +99,10 @@ def test_a_wrong_value_gives_its_line(old, new, line):
 
 
 APPENDED = [
-    ("effects: {light_drag: 1 kg/m}", ":11: effects.light_drag: found an unknown key, needed one of: "),
+    (
+        "effects: {light_drag: 1 kg/m}",
+        ":11: effects.light_drag: found an unknown key, needed another; write it as 'light.drag'",
+    ),
     ("inferred: x", ":11: inferred: expected a list, got 'x'"),
     ("inferred:\n- {parameters: [release.angel], how: x}", ":12: inferred[0].parameters[0]: expected a key of this file"),
     ("inferred:\n- {parameters: [], how: x}", ":12: inferred[0].parameters: found an empty list, needed at least one entry"),
