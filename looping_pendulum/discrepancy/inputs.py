@@ -15,6 +15,7 @@ from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.measured.observations import DataError, Observations
 from looping_pendulum.measured.record_start import with_free_start
 from looping_pendulum.measured.study import Study, Trial, read_trial, refuse_seen_points
+from looping_pendulum.measured.usable_points import usable_points, with_ball
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -23,7 +24,7 @@ class Inputs:
 
     study: Study
     observed: tuple[tuple[Trial, Observations], ...]
-    """Every trial with its observations as they were read."""
+    """Every trial with its usable observations."""
     training: tuple[TrialData, ...]
     """Data of the trials that are fitted."""
     free_parameters: tuple[FreeParameter, ...]
@@ -58,7 +59,8 @@ def read_inputs(study: Study, known: Mapping[str, Observations] = MappingProxyTy
             raise DataError(f"{o.file}: found no measured value, needed at least one; leave this trial out")
         check_event_rows(o)
     refuse_seen_points(observed)
-    observed = tuple((with_free_start(study, t, o), o) for t, o in observed)
+    observed = tuple((with_free_start(study, t, o), usable_points(study, t, o)) for t, o in observed)
+    observed = tuple((with_ball(study, t, o), o) for t, o in observed)
     study = dataclasses.replace(study, trials=tuple(t for t, _ in observed))
     training = tuple((t, o) for t, o in observed if not t.held_out)
     free_parameters = free_parameters_of(study, training)

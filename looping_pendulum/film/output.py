@@ -20,7 +20,7 @@ from looping_pendulum.film.decode import FilmError, Picture, decoding, imaging, 
 from looping_pendulum.film.moving import Background
 from looping_pendulum.film.moving import Path as MovingPath
 from looping_pendulum.film.plain import PlainTrack
-from looping_pendulum.film.track import FilmTrack, NotTrackedError, Points, TrackSettings, film_window, track
+from looping_pendulum.film.track import RADIUS_ERROR, FilmTrack, NotTrackedError, Points, TrackSettings, film_window, track
 from looping_pendulum.processes import ReportShare
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -117,6 +117,7 @@ def stored_facts(files: FilmFiles, film: str | Path, stated: Mapping[str, float]
             return None
         tree: dict[str, Any] = json.loads(files.facts.read_text(encoding="utf-8"))
         numbers = [tree["points"][mass][column] for mass in ("light", "heavy") for column in POINT_COLUMNS]
+        numbers += [[tree["points"]["light"]["radius"], tree["points"]["light"]["radius_error"]]]
         numbers += [list(tree["camera_errors"].values()), list(tree["skipped"].values())]
         # A length was written with six digits in a study's line
         same = all(math.isclose(tree["settings"][name], value, rel_tol=1e-5) for name, value in stated.items())
@@ -242,7 +243,7 @@ def facts(track: FilmTrack | PlainTrack) -> dict[str, Any]:
 
 
 def _points(track: FilmTrack, points: Points) -> dict[str, Any]:
-    """Return a mass's points from the release on, in seconds and metres as `table` has them, and a summary of all."""
+    """Return a mass's radius and its points from the release on, in seconds and metres as `table` has them, and a summary."""
     t = track.t[points.frame] - track.release
     (x, y), error = track.metres(points.place).T, points.error.T / track.scale
     columns = dict(zip(POINT_COLUMNS, (t, x, y, *error), strict=True))
@@ -250,6 +251,8 @@ def _points(track: FilmTrack, points: Points) -> dict[str, Any]:
         "frames": len(points.frame),
         "median_error_pixels": float(np.median(points.error)),
         "longest_streak_pixels": float(points.streak.max()),
+        "radius": points.radius / track.scale,
+        "radius_error": RADIUS_ERROR / track.scale,
         **{name: values[t >= 0].tolist() for name, values in columns.items()},
     }
 

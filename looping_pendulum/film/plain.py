@@ -125,7 +125,7 @@ def _things(seen: Survey, blobs: Blobs, settings: TrackSettings) -> dict[str, Po
     return {
         chr(ord("A") + i): Points(
             frame=path[:, 0].astype(int), place=path[:, 1:3], error=np.full((len(path), 2), 0.3),
-            streak=streak_way(path[:, 5:7]),
+            streak=streak_way(path[:, 5:7]), radius=0.5 * float(np.median(path[:, 6])),
         )
         for i, (_, path) in enumerate(found[:MAX_THINGS])
     }  # fmt: skip

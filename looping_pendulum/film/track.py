@@ -45,12 +45,12 @@ EDGE_ERROR = 0.1
 """Error of the falling mass's height [pixels]: its lower edge lies along the rows, and comes to the next one all at once."""
 NOISE_ERROR = 0.3
 """Error of a disc's centre, in radii over radii: its noise over its contrast times this [pixels]."""
+RADIUS_ERROR = 0.3
+"""Error of a disc's radius by where its soft edge is taken to be [pixels]."""
 STREAK_ERROR = 0.03
 """Error of a streak's middle, as a share of the way during the exposure."""
 LENGTH_ERROR = 0.2
 """Error of the string's length by where the masses' centres are taken to be, constant through a film [pixels]."""
-RELEASE_ERROR = 6e-4
-"""Error of the release by the law of its first tenth of a second, which is not quite that of `pendulum.release` [s]."""
 STRAIGHT = 0.3
 """Scatter of the string's length above which perspective or the lens bends the picture [pixels of a picture 1280 wide].
 
@@ -143,6 +143,8 @@ class Points:
     """Standard errors of both [pixels], shape (n, 2)."""
     streak: Array
     """Way during the exposure [pixels], shape (n,)."""
+    radius: float
+    """Of the mass's disc, or half its narrower side [pixels]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -483,17 +485,22 @@ class _Tracking:
         share = sum(k in found for k in span) / max(len(span), 1)
         rest_seen = int(np.sum(fall.rows[:, 0] <= fall.first)) >= 3
         streak = streak_way(np.array([(b.length, b.width) for b in light.blobs]))
+        # Near the rod the string turns by a radian in three pictures, over which no cubic follows x and y
+        free = string.at(light.points)[0]
+        size = np.stack([np.ones_like(free), free], axis=1)
         light_points, light_wrong = self._points(
-            light.frames, light.points, np.array([b.contrast for b in light.blobs]), streak, ground
-        )
+            light.frames, light.points, np.array([b.contrast for b in light.blobs]), streak, ground,
+            width=np.array([b.width for b in light.blobs]), course=(np.stack([free, light.phi], axis=1), size),
+        )  # fmt: skip
         # The light mass is faster and round, so that its streak tells the exposure, which is the heavy mass's, too
         falling = fall.rows[:, 0].astype(int)
         speed = _speed(t[light.frames], light.points)
         fast = speed > 0.5 * speed.max()
         exposure = float(np.median(streak[fast] / speed[fast]))
         heavy_points, heavy_wrong = self._points(
-            falling, fall.rows[:, 1:3], fall.rows[:, 4], exposure * _speed(t[falling], fall.rows[:, 1:3]), ground, EDGE_ERROR
-        )
+            falling, fall.rows[:, 1:3], fall.rows[:, 4], exposure * _speed(t[falling], fall.rows[:, 1:3]), ground,
+            width=fall.rows[:, 6], edge_error=EDGE_ERROR,
+        )  # fmt: skip
         kept = np.isin(light.frames, light_points.frame)
         released, release_error = pendulum.release(t, heavy_points.frame, heavy_points.place[:, 1], fall.first + 3)
         start = _bearing_at_rest(light, fall)
@@ -529,7 +536,7 @@ class _Tracking:
             side=string.side, rod=string.rod,
             rod_error=(math.hypot(math.sqrt(covariance[0, 0]), bend), math.hypot(math.sqrt(covariance[1, 1]), bend)),
             rod_radius=radius, scale=scale, scale_error=scale_error, scale_source=source, tilt=tilt,
-            tilt_error=_tilt_error(fall, unit), release=released, release_error=math.hypot(release_error, RELEASE_ERROR),
+            tilt_error=_tilt_error(fall, unit), release=released, release_error=release_error,
             angle=0.0, hanging_length=0.0,
             string_residual=fit.residual[kept], share=share, skipped=skipped, ground=ground,
         )  # fmt: skip
@@ -538,15 +545,23 @@ class _Tracking:
         return replace(track, angle=start - track.side * tilt, hanging_length=hanging)
 
     def _points(
-        self, frame: NDArray[np.intp], place: Array, contrast: Array, streak: Array, ground: Background, edge_error: float = 0.0
-    ) -> tuple[Points, int]:
-        """Return the points of a mass, without those that their neighbours contradict, and how many these are."""
+        self, frame: NDArray[np.intp], place: Array, contrast: Array, streak: Array, ground: Background, *,
+        width: Array, edge_error: float = 0.0, course: tuple[Array, Array] | None = None,
+    ) -> tuple[Points, int]:  # fmt: skip
+        """Return the points of a mass, without those that their neighbours contradict, and how many these are.
+
+        Parameters
+        ----------
+        course
+            Coordinates that change more smoothly than x and y, and pixels per unit of both, shape (n, 2) each.
+        """
         expected = CENTRE_ERROR + NOISE_ERROR * ground.noise / contrast
         keep = np.ones(len(frame), dtype=bool)
         factor = 1.0
         for _ in range(3):
             chosen = np.flatnonzero(keep)
-            distance, leverage = pendulum.from_cubic(self.t[frame[chosen]], place[chosen])
+            smooth, size = (place, np.ones_like(place)) if course is None else course
+            distance, leverage = pendulum.from_cubic(self.t[frame[chosen]], smooth[chosen], size[chosen])
             relative = distance / (leverage * expected[chosen])
             known = np.isfinite(relative)
             if not known.any():
@@ -565,8 +580,19 @@ class _Tracking:
             keep[dropped] = False
         error = np.hypot(np.hypot(factor * expected, SHARED_ERROR / contrast), STREAK_ERROR * streak)
         error = np.stack([error, np.hypot(error, edge_error)], axis=1)
-        points = Points(frame=frame[keep], place=place[keep], error=error[keep], streak=streak[keep])
+        points = Points(
+            frame=frame[keep],
+            place=place[keep],
+            error=error[keep],
+            streak=streak[keep],
+            radius=_radius(width[keep], streak[keep]),
+        )
         return points, int(np.sum(~keep))
+
+
+def _radius(width: Array, streak: Array) -> float:
+    """Return the radius of a disc by its widths, across its way: of the half of its pictures in which it is slower [pixels]."""
+    return 0.5 * float(np.median(width[streak <= np.median(streak)]))
 
 
 def streak_way(extent: Array) -> Array:

@@ -108,4 +108,5 @@ def _observations(facts: Mapping[str, Any], name: str, film: str, *notes: str) -
         assumptions=notes,
         faults=tuple(clock_faults(channels)),
         camera_errors=facts["camera_errors"],
+        light_radius=(facts["points"]["light"]["radius"], facts["points"]["light"]["radius_error"]),
     )

@@ -194,6 +194,8 @@ class Observations:
     """What the points say against their own times, which nothing but another export puts right."""
     camera_errors: Mapping[str, float] = field(default_factory=dict)
     """Parameter of the camera -> standard error that it has by what was put right in reading [SI]."""
+    light_radius: tuple[float, float] | None = None
+    """Radius of the light mass's disc and its standard error [m], where a film shows it."""
     tracks: Mapping[str, str] = field(default_factory=dict)
     """Mass -> name of its track in the file."""
     length_unit: str = ""
@@ -257,6 +259,7 @@ def merge(name: str, parts: tuple[Observations, ...]) -> Observations:
         assumptions=tuple(dict.fromkeys(a for p in parts for a in p.assumptions)),
         faults=tuple(dict.fromkeys(f for p in parts for f in p.faults)),
         camera_errors={name: sigma for p in parts for name, sigma in p.camera_errors.items()},
+        light_radius=next((p.light_radius for p in parts if p.light_radius is not None), None),
         tracks={mass: track for p in parts for mass, track in p.tracks.items()},
         length_unit=parts[0].length_unit,
     )

@@ -8,7 +8,7 @@ package.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -159,6 +159,31 @@ def bent_by_a_lens(k: float, scene: Scene) -> Callable[[Array], Array]:
 def looping_motion(duration: float = 1.0, effects: Effects | None = None, **apparatus: Any) -> Motion:
     """Return the blind simulator's motion of the paper's apparatus, with changes."""
     return simulate(Apparatus(**apparatus), effects, duration=duration)
+
+
+def until_ball_rests(motion: Motion, radius: float, caught: float = math.inf, stopping: float = 0.01) -> Motion:
+    """Return a motion whose light mass, a ball, lies still from where it touches the rod, or where a hand catches it.
+
+    Parameters
+    ----------
+    caught
+        Time from which on a hand brings both masses to rest [s].
+    stopping
+        Time in which it does so [s].
+    """
+    on_rod = np.flatnonzero(np.hypot(*motion.light.T[:2]) <= motion.apparatus.rod_radius + radius)
+    end = float(motion.t[on_rod[0]]) if len(on_rod) else float(motion.t[-1])
+    if caught >= end:
+        caught, stopping = end, 1e-6
+    # Time goes on ever more slowly, as exp(-2 x) does, to half the stopping time after the catch
+    late = np.maximum(motion.t - caught, 0.0)
+    slowed = np.minimum(motion.t, caught) + 0.5 * stopping * -np.expm1(-2 * late / stopping)
+    shown = [np.array([np.interp(slowed, motion.t, column) for column in part.T]).T for part in (motion.light, motion.heavy)]
+    still = (motion.t <= caught)[:, None]
+    # Interpolated speeds would overshoot: between two steps of 50 us a straight line will do
+    speeds = [np.gradient(part, motion.t, axis=0) for part in shown]
+    speeds = [np.where(still, own, v) for own, v in zip((motion.light_velocity, motion.heavy_velocity), speeds, strict=True)]
+    return replace(motion, light=shown[0], heavy=shown[1], light_velocity=speeds[0], heavy_velocity=speeds[1])
 
 
 def render(path: Path, scene: Scene, motion: Motion) -> Truth:

@@ -1,0 +1,175 @@
+"""How long a trial shows a mass on a string: until the light mass touches the rod, or something other than its string stops it.
+
+With phi the bearing at which the string leaves the rod and l the free length, the light mass moves across the string at
+W = l phi'. Whatever the string does, taut or slack, it pulls along itself alone, so that across it
+
+    W' + (l' + R phi') phi' = g sin(phi) + (all other forces) / M1,
+
+where the second term turns speed along the string into speed across it. What W keeps of this balance is
+
+    U = W + integral of (l' + R phi') dphi - integral of g sin(phi) dt,
+
+which string and gravity leave as it is, and the air and all effects of the library change slowly. A hand, a wall or a knot ends
+it within some hundredths of a second.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from looping_pendulum.measured.camera import Camera
+from looping_pendulum.measured.noise import estimate_noise, speed_at
+from looping_pendulum.measured.observations import Observations, UnusedValues
+from looping_pendulum.measured.study import Estimate, Study, Trial
+from looping_pendulum.reference_ode.effects import GRAVITY
+from looping_pendulum.reference_ode.geometry import Array, string_coordinates
+from looping_pendulum.reference_ode.parameters import Release
+
+MAX_OTHER_FORCE = 2.0
+"""Largest force on the light mass beside its string's, in its weights: air and magnets stay far below, a hand is far above."""
+SPEED_TIME = 8e-3
+"""Time over which a speed is measured [s], and a step between points at least."""
+SIGMAS = 5.0
+"""Change of U, in standard errors, that noise does not reach in any trial."""
+SPEED_WINDOWS = 4
+"""Windows of time on either side of a stop in which a single wrong point may make it up."""
+TOUCH_SIGMAS = 2.0
+"""Standard errors of its distance by which the ball is clear of the rod as long as its points are used."""
+MAX_TURN = 2.5
+"""Turn of the string from one point to the next up to which its sense is known [rad]; half a turn has two."""
+
+
+def with_ball(study: Study, trial: Trial, observations: Observations) -> Trial:
+    """Return a trial with the radius of the light mass that its film shows, unless the study states one."""
+    if observations.light_radius is None or study.estimate("light_radius", trial) is not None:
+        return trial
+    # As exact: its error has no influence on the points that are used
+    return dataclasses.replace(
+        trial, estimates={**trial.estimates, "light_radius": Estimate(value=observations.light_radius[0])}
+    )
+
+
+def usable_points(study: Study, trial: Trial, observations: Observations) -> Observations:
+    """Return the observations without the points from which on the light mass is no point mass on a string.
+
+    Points of both masses end there: without the light mass's pull, the string holds the heavy one no longer.
+    """
+    channels = {c.name: c for c in observations.channels}
+    rod = study.estimate("rod_radius", trial)
+    if trial.release not in (Release.LOOPING, Release.VERTICAL) or rod is None or not {"light_x", "light_y"} <= channels.keys():
+        return observations
+    x, y = channels["light_x"], channels["light_y"]
+    t, in_x, in_y = np.intersect1d(x.t, y.t, return_indices=True)
+    if len(t) < 2:
+        return observations
+    priors = study.camera_priors(trial, observations)
+    camera = Camera(**{n: e.value for n, e in trial.camera.items()})
+    place = camera.true_position(np.stack([x.value[in_x], y.value[in_y]], axis=1))
+    noise = estimate_noise((x, y))
+    speed = speed_at((x, y), t, noise.a)
+    error = np.maximum(
+        noise.sigma(speed), np.maximum(x.least_sigma(speed_at((x, y), x.t))[in_x], y.least_sigma(speed_at((x, y), y.t))[in_y])
+    )
+    origin_error = math.hypot(*(priors[n].sigma or 0.0 for n in ("origin_x", "origin_y"))) / math.sqrt(2)
+    ends = []
+    stated = study.estimate("light_radius", trial)
+    radius = (stated.value, stated.sigma or 0.0) if stated else observations.light_radius
+    if radius is not None and radius[0] > 0:
+        sigma = np.sqrt(error**2 + origin_error**2 + radius[1] ** 2)
+        is_near = np.hypot(*place.T) < rod.value + radius[0] + TOUCH_SIGMAS * sigma
+        touching = np.flatnonzero(is_near & np.append(is_near[1:], True))  # a single one may be a wrong point
+        if len(touching):
+            size = f"{1e3 * radius[0]:.3g} mm in radius"
+            ends.append((float(t[touching[0]]), f"the light mass, {size}, is at the rod, where it is no point any more"))
+    gravity = study.estimate("gravity", trial)
+    stop = stopped_at(
+        camera.true_time(t), place, error, rod.value, origin_error,
+        GRAVITY.coefficients[0].default if gravity is None else gravity.value,
+    )  # fmt: skip
+    if stop is not None:
+        ends.append((float(t[stop]), "something other than its string stops the light mass: a hand, a wall, a knot"))
+    return _until(observations, *min(ends)) if ends else observations
+
+
+def _until(observations: Observations, end: float, why: str) -> Observations:
+    """Return the observations before a time by the file's clock [s]."""
+    channels, count = [], 0
+    for c in observations.channels:
+        n = int(np.searchsorted(c.t, end))
+        channels.append(dataclasses.replace(c, t=c.t[:n], value=c.value[:n]))
+        count += len(c) - n
+    left_out = UnusedValues(count=count, reason=f"from {end:.3f} s on {why}")
+    return dataclasses.replace(observations, channels=tuple(channels), unused=(*observations.unused, left_out))
+
+
+def stopped_at(t: Array, place: Array, error: Array, rod_radius: float, origin_error: float, gravity: float) -> int | None:
+    """Return the first point at which something other than its string may act on the light mass; None: nothing does.
+
+    No single point decides it: one without which nothing is seen is wrong, and is left out.
+
+    Parameters
+    ----------
+    t
+        True times [s], ascending, shape (n,).
+    place
+        Light mass from the rod's centre [m], shape (n, 2).
+    error
+        Standard errors of each coordinate [m], shape (n,).
+    origin_error
+        Standard error of the rod's centre [m].
+    gravity
+        [m/s^2]
+    """
+    kept = np.arange(len(t))
+
+    def stop(points: NDArray[np.intp]) -> float:
+        return _stop(t[points], place[points], error[points], rod_radius, origin_error, gravity)
+
+    while math.isfinite(end := stop(kept)):
+        near = np.flatnonzero(np.abs(t[kept] - end) <= SPEED_WINDOWS * _window(t[kept])[1])
+        later = [stop(np.delete(kept, k)) for k in near]
+        wrong = int(np.argmax(later))
+        if later[wrong] <= t[kept[near[-1]]]:
+            return int(np.searchsorted(t, end))
+        kept = np.delete(kept, near[wrong])
+    return None
+
+
+def _window(t: Array) -> tuple[int, float]:
+    """Return the number of steps over which a speed is measured, and the time that they take [s]."""
+    step = float(np.median(np.diff(t)))
+    window = max(round(SPEED_TIME / step), 1)
+    return window, window * step
+
+
+def _stop(t: Array, place: Array, error: Array, rod_radius: float, origin_error: float, gravity: float) -> float:
+    """Return the time of the first change that only another force explains, one window earlier [s]; infinite: there is none."""
+    if len(t) < 6:
+        return math.inf
+    length, phi = string_coordinates(place, rod_radius, float(np.arctan2(place[0, 1], place[0, 0])))
+    dt, turn = np.diff(t), np.diff(phi)
+    # Exactly so where the string winds up on the rod
+    across = 0.5 * (length[1:] + length[:-1]) * turn
+    # What string and gravity take of the speed across the string
+    taken = (np.diff(length) + rod_radius * turn) / dt * turn - gravity * np.sin(0.5 * (phi[1:] + phi[:-1])) * dt
+    way, taken = (np.concatenate([[0.0], np.cumsum(steps)]) for steps in (across, taken))
+    undersampled = np.flatnonzero(np.abs(turn) > MAX_TURN)
+    end = int(undersampled[0]) + 1 if len(undersampled) else len(t)
+    window, _ = _window(t)
+    k = np.arange(2 * window, end - 2 * window)
+
+    def kept_speed(first: NDArray[np.intp], last: NDArray[np.intp]) -> Array:
+        """Return the mean of U between two points."""
+        return np.asarray((way[last] - way[first]) / (t[last] - t[first]) + 0.5 * (taken[first] + taken[last]))
+
+    change = kept_speed(k + window, k + 2 * window) - kept_speed(k - 2 * window, k - window)
+    span = t[k + 2 * window] - t[k - 2 * window]
+    turning = np.abs(phi[k + 2 * window] - phi[k - 2 * window]) / span
+    sigma = np.hypot(8 * error[k] / span, turning * origin_error)
+    excess = change / (MAX_OTHER_FORCE * gravity * 0.75 * span + SIGMAS * sigma)
+    found = np.flatnonzero((np.abs(excess[:-1]) > 1) & (np.abs(excess[1:]) > 1) & (excess[:-1] * excess[1:] > 0))
+    return float(t[k[found[0]] - window]) if len(found) else math.inf
