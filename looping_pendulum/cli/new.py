@@ -94,6 +94,7 @@ def study(
     ],
     out: Annotated[Path, typer.Option(metavar="STUDY.yaml", help="Where to write the study.")] = Path("my_study.yaml"),
     light_mass: Annotated[str | None, _option('Mass that loops round the rod: "20 g +/- 0.1 g".')] = None,
+    light_radius: Annotated[str | None, _option('Radius of that ball: "8 mm +/- 0.1 mm"; a film shows it.')] = None,
     heavy_mass: Annotated[list[str] | None, _option('Mass that falls: "200 g +/- 0.5 %"; once, or once for each file.')] = None,
     rod_radius: Annotated[str | None, _option('Radius of the rod: "6.25 mm +/- 1 %".')] = None,
     rod_diameter: Annotated[str | None, _option('Its diameter instead: "12.5 mm +/- 1 %".')] = None,
@@ -110,8 +111,8 @@ def study(
 ) -> None:
     """Write a study: what the films and tables show, what you give here, and TODO for each value that is still to be measured.
 
-    A film shows angle and hanging length of its release, given the free length. Each value has its unit, and its standard
-    error behind "+/-"; without one it is taken as exact.
+    A film shows the ball's radius, and angle and hanging length of its release, given the free length. Each value has its
+    unit, and its standard error behind "+/-"; without one it is taken as exact.
 
     looping-pendulum new study first.mp4 second.csv --light-mass "20 g +/- 0.1 g" --free-length "58 cm +/- 1 mm"
     """
@@ -124,6 +125,7 @@ def study(
     radius = _radius(rod_radius, rod_diameter)
     given = _given(
         light_mass=[light_mass] if light_mass else None,
+        light_radius=[light_radius] if light_radius else None,
         heavy_mass=heavy_mass,
         rod_radius=[radius] if radius else None,
         free_length=free_length,

@@ -121,7 +121,8 @@ def stored_facts(files: FilmFiles, film: str | Path, stated: Mapping[str, float]
         numbers += [list(tree["camera_errors"].values()), list(tree["skipped"].values())]
         # A length was written with six digits in a study's line
         same = all(math.isclose(tree["settings"][name], value, rel_tol=1e-5) for name, value in stated.items())
-        is_whole = all(len(column) and np.isfinite(column).all() for column in numbers) and bool(tree["release"])
+        is_whole = all(len(column) and np.isfinite(column).all() for column in numbers)
+        is_whole &= bool(tree["release"]) and bool(tree["light_radius"])
     # Whoever changed or cut the file, tracking the film again puts it right
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
         return None
@@ -190,6 +191,11 @@ def release_lines(track: FilmTrack) -> dict[str, str]:
     }
 
 
+def ball_radius(track: FilmTrack) -> str:
+    """Return the radius of the light mass, as a study states it."""
+    return f"{1e3 * track.light.radius / track.scale:.2f} mm +/- {1e3 * RADIUS_ERROR / track.scale:.2f} mm"
+
+
 def sentence(track: FilmTrack) -> str:
     """Say in one line what was found."""
     return (
@@ -207,6 +213,7 @@ def study_lines(track: FilmTrack, file: str) -> str:
     length = "" if track.settings.free_length is None else f", free_length: {_length(track)}"
     lines = [
         f"  - file: {file}",
+        f"    light: {{radius: {ball_radius(track)}}}",
         f"    release: {{kind: looping, angle: {release['angle']}{length},",
         f"      hanging_length: {release['hanging_length']}}}",
     ]
@@ -236,7 +243,7 @@ def facts(track: FilmTrack | PlainTrack) -> dict[str, Any]:
         "angle_deg": math.degrees(track.angle), "hanging_length_m": track.hanging_length,
         "string_residual_pixels": track.string_scatter,
         "frames_followed": [first, last], "light_share": track.share, "skipped": track.skipped,
-        "settings": asdict(track.settings), "release": release_lines(track),
+        "settings": asdict(track.settings), "release": release_lines(track), "light_radius": ball_radius(track),
         "camera_errors": _camera_errors(track),
         "points": {name: _points(track, p) for name, p in (("light", track.light), ("heavy", track.heavy))},
     }  # fmt: skip

@@ -44,13 +44,24 @@ MAX_TURN = 2.5
 
 
 def with_ball(study: Study, trial: Trial, observations: Observations) -> Trial:
-    """Return a trial with the radius of the light mass that its film shows, unless the study states one."""
-    if observations.light_radius is None or study.estimate("light_radius", trial) is not None:
+    """Return a trial with the light mass's radius, stated or as its film shows it, as exact.
+
+    It ends the run, and no point from there on is used: a fit could not tell it.
+    """
+    radius = _radius(study, trial, observations)
+    if radius is None:
         return trial
-    # As exact: its error has no influence on the points that are used
-    return dataclasses.replace(
-        trial, estimates={**trial.estimates, "light_radius": Estimate(value=observations.light_radius[0])}
-    )
+    return dataclasses.replace(trial, estimates={**trial.estimates, "light_radius": Estimate(value=radius[0])})
+
+
+def _radius(study: Study, trial: Trial, observations: Observations) -> tuple[float, float] | None:
+    """Return the light mass's radius and its standard error [m]; None if it is not known, or counts for nothing."""
+    if trial.release not in (Release.LOOPING, Release.VERTICAL):
+        return None
+    stated = study.estimate("light_radius", trial)
+    if stated is None:
+        return observations.light_radius
+    return None if stated.free else (stated.value, stated.sigma or 0.0)
 
 
 def usable_points(study: Study, trial: Trial, observations: Observations) -> Observations:
@@ -75,24 +86,24 @@ def usable_points(study: Study, trial: Trial, observations: Observations) -> Obs
         noise.sigma(speed), np.maximum(x.least_sigma(speed_at((x, y), x.t))[in_x], y.least_sigma(speed_at((x, y), y.t))[in_y])
     )
     origin_error = math.hypot(*(priors[n].sigma or 0.0 for n in ("origin_x", "origin_y"))) / math.sqrt(2)
-    ends = []
-    stated = study.estimate("light_radius", trial)
-    radius = (stated.value, stated.sigma or 0.0) if stated else observations.light_radius
+    end, why = math.inf, ""
+    radius = _radius(study, trial, observations)
     if radius is not None and radius[0] > 0:
         sigma = np.sqrt(error**2 + origin_error**2 + radius[1] ** 2)
         is_near = np.hypot(*place.T) < rod.value + radius[0] + TOUCH_SIGMAS * sigma
         touching = np.flatnonzero(is_near & np.append(is_near[1:], True))  # a single one may be a wrong point
         if len(touching):
-            size = f"{1e3 * radius[0]:.3g} mm in radius"
-            ends.append((float(t[touching[0]]), f"the light mass, {size}, is at the rod, where it is no point any more"))
+            end = float(t[touching[0]])
+            why = f"the light mass, {1e3 * radius[0]:.3g} mm in radius, is at the rod, where it is no point any more"
     gravity = study.estimate("gravity", trial)
+    clear = t < end
     stop = stopped_at(
-        camera.true_time(t), place, error, rod.value, origin_error,
+        camera.true_time(t[clear]), place[clear], error[clear], rod.value, origin_error,
         GRAVITY.coefficients[0].default if gravity is None else gravity.value,
     )  # fmt: skip
     if stop is not None:
-        ends.append((float(t[stop]), "something other than its string stops the light mass: a hand, a wall, a knot"))
-    return _until(observations, *min(ends)) if ends else observations
+        end, why = float(t[stop]), "something other than its string stops the light mass: a hand, a wall, a knot"
+    return _until(observations, end, why) if why else observations
 
 
 def _until(observations: Observations, end: float, why: str) -> Observations:

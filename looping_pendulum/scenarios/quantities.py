@@ -104,7 +104,7 @@ _APPARATUS = (
     Quantity(
         name="light_radius", key="light.radius", kind=QuantityKind(unit="m", low=0.0, example="5 mm"),
         meaning="Its radius: the run ends when its surface touches the rod", if_absent="a point if not given",
-        slider=Slider(unit="mm", low=0, high=20, step=0.5),
+        usual_error="0.1 mm", slider=Slider(unit="mm", low=0, high=20, step=0.5),
     ),
     Quantity(
         name="heavy_mass", key="heavy.mass", kind=_positive("kg", "100 g"), meaning="Its mass M2", required=True,

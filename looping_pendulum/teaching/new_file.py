@@ -40,7 +40,7 @@ A drag that is not declared is ascribed to what acts alike: without the string's
 """
 USUAL_EFFECTS_WITHOUT_ROD = {Release.HELD: ("light_drag",), Release.DROP: ("heavy_drag",)}
 """Release -> the same for a study of such trials alone; on a string of one length, its drag looks like the mass's."""
-SHARED = ("light_mass", "rod_radius")
+SHARED = ("light_mass", "light_radius", "rod_radius")
 """What a study has once for all trials, of what is measured."""
 Reporting = Callable[[], AbstractContextManager[ReportShare | None]]
 """Returns a context with a function to call while a film is tracked."""
@@ -155,10 +155,18 @@ def new_study(
         f"title: {_scalar(title)}",
     ]
     needed = [q for q in SHARED if any(q in REQUIRED[release] for release in releases)]
+    if "rod_radius" in needed:  # what winds up comes to the rod, where its size counts
+        needed.insert(1, "light_radius")
     if needed:
         lines.append("apparatus:  # in all trials; one in which it differs may have the same keys")
-    for quantity in needed:
-        lines += [f"  {QUANTITIES[quantity].group}:", _measured(quantity, shared, "    ")]
+    ball = next((trial.ball for trial in trials if trial.ball), "")
+    for group in dict.fromkeys(QUANTITIES[quantity].group for quantity in needed):
+        lines.append(f"  {group}:")
+        for quantity in (q for q in needed if QUANTITIES[q].group == group):
+            if quantity == "light_radius" and ball and quantity not in shared:
+                lines.append(f"{_measured(quantity, {quantity: ball}, '    ')}; as the film shows it")
+            else:
+                lines.append(_measured(quantity, shared, "    "))
     usual = USUAL_EFFECTS_WITHOUT_ROD.get(next(iter(releases)), USUAL_EFFECTS) if len(releases) == 1 else USUAL_EFFECTS
     lines += ["effects:  # that you believe act; `looping-pendulum identify --schema` lists all", "  gravity: 9.81 m/s^2"]
     lines += [f"  {effect}: free" for effect in usual]
@@ -189,6 +197,8 @@ class _Trial:
     """Lines on how to read the file."""
     measured: Sequence[str]
     """Lines of what was measured."""
+    ball: str = ""
+    """Radius of the light mass, with its standard error, where a film shows it."""
 
 
 def _different_names(trials: Sequence[_Trial]) -> list[str]:
@@ -207,8 +217,9 @@ def _trials_of(file: Path, given: Mapping[str, str], reporting: Reporting) -> li
         raise NewFileError(f"found no file {quote(str(file))}, needed a film or a table of tracked points; correct the path")
     if is_film(file):
         says = f"a film; {file.stem}.track.png beside it shows what was tracked: check it"
-        measured = _measured_lines(Release.LOOPING, given, _shown_by_film(file, given, reporting))
-        return [_Trial(file=file, says=says, release=Release.LOOPING, measured=measured)]
+        shown = _shown_by_film(file, given, reporting)
+        measured = _measured_lines(Release.LOOPING, given, shown)
+        return [_Trial(file=file, says=says, release=Release.LOOPING, measured=measured, ball=shown.get("light_radius", ""))]
     try:
         found = survey(file)
     except DataError as error:
@@ -228,7 +239,7 @@ def _trials_of(file: Path, given: Mapping[str, str], reporting: Reporting) -> li
 
 
 def _shown_by_film(film: Path, given: Mapping[str, str], reporting: Reporting) -> dict[str, str]:
-    """Return what a film shows of its release, by the names of quantities; nothing without the free length, its scale."""
+    """Return what a film shows of ball and release, by the names of quantities; nothing without the free length, its scale."""
     if "free_length" not in given:
         return {}
     length = _estimate("free_length", given["free_length"])
@@ -237,10 +248,11 @@ def _shown_by_film(film: Path, given: Mapping[str, str], reporting: Reporting) -
         stated["rod_radius"] = _estimate("rod_radius", given["rod_radius"]).value
     try:
         with reporting() as progress:
-            release = facts_of_film(film, stated, progress)["release"]
+            facts = facts_of_film(film, stated, progress)
     except DataError as error:
         raise NewFileError(str(error)) from None
-    return {q.name: release[q.last_key] for q in QUANTITIES.values() if q.group == "release" and q.last_key in release}
+    release = {q.name: facts["release"].get(q.last_key) for q in QUANTITIES.values() if q.group == "release"}
+    return {name: text for name, text in release.items() if text} | {"light_radius": facts["light_radius"]}
 
 
 def _reading_lines(found: FileSurvey) -> list[str]:

@@ -88,11 +88,14 @@ def test_a_study_says_what_is_still_to_be_filled_in_and_look_judges_it(here):
     masses = ["--light-mass", "10 g +/- 0.5 %", "--heavy-mass", "100 g +/- 0.5 %", "--heavy-mass", "80 g"]
     done = run("new", "study", *files, "--out", "studies/mine.yaml", *lengths, *angles, *masses)
     assert done.exit_code == 0, done.output
-    assert "fill in the value that says TODO, then: looping-pendulum look studies/mine.yaml" in done.output
+    assert "fill in the 2 values that say TODO, then: looping-pendulum look studies/mine.yaml" in done.output
     fault = run("look", "studies/mine.yaml").exception
-    assert "mine.yaml:10: apparatus.rod.radius: found TODO, needed a length above 0" in str(fault)
-    assert "fill it in, for example '6.25 mm +/- 1 %'" in str(fault)
+    assert "apparatus.light.radius: found TODO, needed a length" in str(fault)
     path = Path("studies/mine.yaml")
+    path.write_text(path.read_text().replace("radius: TODO ", "radius: 8 mm +/- 0.1 mm ", 1))
+    fault = run("look", "studies/mine.yaml").exception
+    assert "mine.yaml:11: apparatus.rod.radius: found TODO, needed a length above 0" in str(fault)
+    assert "fill it in, for example '6.25 mm +/- 1 %'" in str(fault)
     path.write_text(path.read_text().replace("TODO ", "6.25 mm +/- 1 % ", 2))  # the first is in the head
     study = study_io.load(path)
     assert [t.held_out for t in study.trials] == [False, True]
@@ -118,7 +121,7 @@ def table(name, header, *, order=(0, 1, 2, 3, 4), time=1.0, length=1.0, mirrored
 
 
 GIVEN = [
-    *("--light-mass", "10 g", "--heavy-mass", "100 g", "--rod-radius", "6.25 mm"),
+    *("--light-mass", "10 g", "--light-radius", "5 mm", "--heavy-mass", "100 g", "--rod-radius", "6.25 mm"),
     *("--release-angle", "112 deg", "--free-length", "58 cm"),
 ]
 NAMED = ["t,light_x,light_y,heavy_x,heavy_y"]
