@@ -20,6 +20,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from looping_pendulum.measured.camera import Camera
 from looping_pendulum.measured.noise import estimate_noise, speed_at
@@ -35,6 +36,8 @@ SPEED_TIME = 8e-3
 """Time over which a speed is measured [s], and a step between points at least."""
 SIGMAS = 5.0
 """Change of U, in standard errors, that noise does not reach in any trial."""
+SPEED_POINTS, LEAP = 7, 2.0
+"""Steps of which the usual speed is the median, and how many times as fast a step is a leap."""
 SPEED_WINDOWS = 4
 """Windows of time on either side of a stop in which a single wrong point may make it up."""
 TOUCH_SIGMAS = 2.0
@@ -120,7 +123,8 @@ def _until(observations: Observations, end: float, why: str) -> Observations:
 def stopped_at(t: Array, place: Array, error: Array, rod_radius: float, origin_error: float, gravity: float) -> int | None:
     """Return the first point at which something other than its string may act on the light mass; None: nothing does.
 
-    No single point decides it: one without which nothing is seen is wrong, and is left out.
+    No single point decides it: one without which nothing is seen is wrong, and is left out. Nor does a leap, by which a tracker
+    comes to another thing and perhaps back: the parts of the track are looked at apart.
 
     Parameters
     ----------
@@ -135,7 +139,18 @@ def stopped_at(t: Array, place: Array, error: Array, rod_radius: float, origin_e
     gravity
         [m/s^2]
     """
-    kept = np.arange(len(t))
+    speed = np.hypot(*np.diff(place, axis=0).T) / np.diff(t)
+    usual = median_filter(speed, SPEED_POINTS, mode="nearest")
+    is_leap = speed > LEAP * usual + 2 * SIGMAS * np.maximum(error[1:], error[:-1]) / np.diff(t)
+    parts = np.split(np.arange(len(t)), np.flatnonzero(is_leap) + 1)
+    stops = (_first_stop(part, t, place, error, rod_radius, origin_error, gravity) for part in parts)
+    return next((stop for stop in stops if stop is not None), None)
+
+
+def _first_stop(
+    kept: NDArray[np.intp], t: Array, place: Array, error: Array, rod_radius: float, origin_error: float, gravity: float
+) -> int | None:
+    """Return the same of the points ``kept``, among which there is no leap."""
 
     def stop(points: NDArray[np.intp]) -> float:
         return _stop(t[points], place[points], error[points], rod_radius, origin_error, gravity)
