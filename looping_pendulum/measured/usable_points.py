@@ -36,8 +36,11 @@ SPEED_TIME = 8e-3
 """Time over which a speed is measured [s], and a step between points at least."""
 SIGMAS = 5.0
 """Change of U, in standard errors, that noise does not reach in any trial."""
-SPEED_POINTS, LEAP = 7, 2.0
-"""Steps of which the usual speed is the median, and how many times as fast a step is a leap."""
+SPEED_POINTS, LEAP = 7, 1.5
+"""Steps of which the usual speed is the median, and how many times that a leap departs from the steps beside it.
+
+A rebound departs by one, a turn of the string by a radian in a step by less.
+"""
 SPEED_WINDOWS = 4
 """Windows of time on either side of a stop in which a single wrong point may make it up."""
 TOUCH_SIGMAS = 2.0
@@ -139,9 +142,11 @@ def stopped_at(t: Array, place: Array, error: Array, rod_radius: float, origin_e
     gravity
         [m/s^2]
     """
-    speed = np.hypot(*np.diff(place, axis=0).T) / np.diff(t)
-    usual = median_filter(speed, SPEED_POINTS, mode="nearest")
-    is_leap = speed > LEAP * usual + 2 * SIGMAS * np.maximum(error[1:], error[:-1]) / np.diff(t)
+    velocity = np.diff(place, axis=0) / np.diff(t)[:, None]
+    beside = np.pad(velocity, ((1, 1), (0, 0)), mode="edge")
+    departure = np.hypot(*(velocity - 0.5 * (beside[:-2] + beside[2:])).T)
+    usual = median_filter(np.hypot(*velocity.T), SPEED_POINTS, mode="nearest")
+    is_leap = departure > LEAP * usual + 2 * SIGMAS * np.maximum(error[1:], error[:-1]) / np.diff(t)
     parts = np.split(np.arange(len(t)), np.flatnonzero(is_leap) + 1)
     stops = (_first_stop(part, t, place, error, rod_radius, origin_error, gravity) for part in parts)
     return next((stop for stop in stops if stop is not None), None)
