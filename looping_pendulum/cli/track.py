@@ -91,6 +91,8 @@ def track(
             else:
                 tracked, written = output.track_and_write(film, settings, files, bars.update, overlay=overlay)
                 say(output.sentence(tracked))
+                if doubt := output.doubt(tracked):
+                    say(f"warning: {doubt}")
                 say("Check the marks on the contact sheet. In a study:")
                 say(output.study_lines(tracked, Path(film).name if out is None else files.table.name))
                 found = output.facts(tracked)

@@ -20,8 +20,18 @@ from looping_pendulum.film.decode import FilmError, Picture, decoding, imaging, 
 from looping_pendulum.film.moving import Background
 from looping_pendulum.film.moving import Path as MovingPath
 from looping_pendulum.film.plain import PlainTrack
-from looping_pendulum.film.track import RADIUS_ERROR, FilmTrack, NotTrackedError, Points, TrackSettings, film_window, track
+from looping_pendulum.film.track import (
+    RADIUS_ERROR,
+    FilmTrack,
+    NotTrackedError,
+    Points,
+    TrackSettings,
+    film_window,
+    gravity_shown,
+    track,
+)
 from looping_pendulum.processes import ReportShare
+from looping_pendulum.reference_ode.effects import GRAVITY
 from looping_pendulum.reference_ode.geometry import Array
 
 CHANNELS = ("light_x", "light_y", "heavy_x", "heavy_y")
@@ -29,6 +39,8 @@ TABLE_COLUMNS = ("t [s]", *(f"{name} [m]" for name in CHANNELS), *(f"{name}_erro
 """Columns of the table, which is an export: a study that names the film takes the points themselves."""
 POINT_COLUMNS = ("t", "x", "y", "x_error", "y_error")
 """Columns of a mass's points among the facts [s, m]."""
+MAX_GRAVITY_RATIO = 1.2
+"""Ratio of gravity in a film to the true one from which on clock or scale are in doubt: drag and draughts change it by less."""
 LONG_STREAK = 12.0
 """Way during the exposure from which on its point is flagged [pixels of a picture 1280 wide]."""
 SHEET_WIDTH = 1280
@@ -204,6 +216,22 @@ def sentence(track: FilmTrack) -> str:
         f"scale {track.scale:.1f} pixels per metre +/- {track.scale_error:.2%} by {track.scale_source}; released at "
         f"{track.release:.3f} s; {track.facts.rate:.4g} frames per second, {track.facts.rate_source}"
         + ("; mirrored, as the light mass starts on the right" if track.side < 0 else "")
+    )
+
+
+def doubt(track: FilmTrack) -> str:
+    """Say that clock or scale contradict gravity, if they do by more than any effect on the first motion; else nothing."""
+    gravity, true = gravity_shown(track), GRAVITY.coefficients[0].default
+    if not abs(math.log(max(gravity, 1e-3) / true)) > math.log(MAX_GRAVITY_RATIO):
+        return ""
+    rate = track.facts.rate * math.sqrt(true / max(gravity, 1e-3))
+    length = track.settings.free_length
+    scale = (
+        "the shown length is wrong" if length is None else f"the free length near {length * true / max(gravity, 1e-3):.3g} m"
+    )
+    return (
+        f"found gravity of {gravity:.2g} m/s^2 by the light mass's first motion, needed {true:g} m/s^2; either the true "
+        f'frame rate is near {rate:.3g} Hz (--frame-rate "{rate:.3g} Hz"), or {scale}'
     )
 
 

@@ -28,7 +28,7 @@ from looping_pendulum.film.moving import (
 from looping_pendulum.film.moving import Path as MovingPath
 from looping_pendulum.film.pendulum import Fall, LightMass, String
 from looping_pendulum.processes import ReportShare
-from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.geometry import Array, string_coordinates
 
 SECONDS_BEFORE = 0.3
 """Time before the release from which on pictures are searched [s]."""
@@ -56,6 +56,8 @@ STRAIGHT = 0.3
 
 By what exceeds it rod and scale may be wrong, too: the fit of a rod gives way to a bent circle.
 """
+FIRST_MOTION, LEAST_FIRST_POINTS = 0.3, 6
+"""Part of the motion whose acceleration shows gravity [s], and fewest points of it."""
 SHOWN_ERROR = 1.4
 """Error of a length between two places that a person has shown [pixels]."""
 WINDOW_RATE = 120.0
@@ -353,7 +355,10 @@ class _Tracking:
         region = self.settings.region_on_grid(ground)
         blobs = blobs_of(pictures(self.seen, first, last), ground, skip=self.seen.repeated, region=region, progress=progress)
         if not any(blobs.values()):
-            raise FilmError("found nothing that moves, needed both masses; is it the right film, and has it the release in it?")
+            raise FilmError(
+                "found nothing that moves as a looping pendulum does, needed both masses and their release; "
+                "follow whatever moves by --plain"
+            )
         return blobs
 
     def _fall(self, blobs: Blobs, moving: Sequence[MovingPath]) -> Fall:
@@ -501,6 +506,7 @@ class _Tracking:
             falling, fall.rows[:, 1:3], fall.rows[:, 4], exposure * _speed(t[falling], fall.rows[:, 1:3]), ground,
             width=fall.rows[:, 6], edge_error=EDGE_ERROR,
         )  # fmt: skip
+        light_points, heavy_points, passes = _apart(light_points, heavy_points, light, string, fall, heights)
         kept = np.isin(light.frames, light_points.frame)
         released, release_error = pendulum.release(t, heavy_points.frame, heavy_points.place[:, 1], fall.first + 3)
         start = _bearing_at_rest(light, fall)
@@ -528,6 +534,7 @@ class _Tracking:
             "heavy mass not found": len(span) - len(set(falling.tolist()).intersection(span)),
             "light mass off the course of its neighbours": light_wrong,
             "heavy mass off the course of its neighbours": heavy_wrong,
+            "one mass passes the other in the picture": passes,
         }
         tilt = math.atan(fall.slope)
         heavy_rest = heights[fall.first]
@@ -588,6 +595,47 @@ class _Tracking:
             radius=_radius(width[keep], streak[keep]),
         )
         return points, int(np.sum(~keep))
+
+
+def _apart(
+    light: Points, heavy: Points, followed: LightMass, string: String, fall: Fall, heights: Array
+) -> tuple[Points, Points, int]:
+    """Return both masses' points without those at which one passes the other, where both are one blob, and their number."""
+    free = string.at(followed.points)[0]
+    at_heavy = np.stack([np.asarray(fall.column(heights)), heights], axis=1)
+    reach = 0.5 * max(b.length for b in followed.blobs[: len(followed.blobs) // 4 + 1]) + 0.5 * float(
+        np.median(fall.rows[:, 5])
+    )
+
+    def is_apart(frame: NDArray[np.intp]) -> NDArray[np.bool_]:
+        place = string.place(*(np.interp(frame, followed.frames, course) for course in (free, followed.phi)))
+        return np.asarray(np.hypot(*(place - at_heavy[frame]).T) > reach)
+
+    kept = [is_apart(points.frame) for points in (light, heavy)]
+    one, other = (
+        replace(p, frame=p.frame[k], place=p.place[k], error=p.error[k], streak=p.streak[k])
+        for p, k in zip((light, heavy), kept, strict=True)
+    )
+    return one, other, int(sum(np.sum(~k) for k in kept))
+
+
+def gravity_shown(track: FilmTrack) -> float:
+    """Return the acceleration of free fall by the light mass's first motion across its string [m/s^2].
+
+    Across the string, nothing but gravity acts, and speed along it that turns across, as `usable_points` has it.
+    """
+    t = track.t[track.light.frame] - track.release
+    chosen = (t > 0) & (t < FIRST_MOTION)
+    if np.sum(chosen) < LEAST_FIRST_POINTS:
+        return math.nan
+    t, place, radius = t[chosen], track.metres(track.light.place)[chosen], track.settings.rod_radius
+    length, phi = string_coordinates(place, radius, track.angle)
+    dt, turn = np.diff(t), np.diff(phi)
+    across = 0.5 * (length[1:] + length[:-1]) * turn / dt
+    turned = (np.diff(length) + radius * turn) * turn / dt
+    pull = np.sin(0.5 * (phi[1:] + phi[:-1])) * dt
+    middle = [np.cumsum(steps) - 0.5 * steps for steps in (turned, pull)]
+    return float(np.polyfit(middle[1], across + middle[0], 1)[0])
 
 
 def _radius(width: Array, streak: Array) -> float:

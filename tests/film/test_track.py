@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import re
 import shutil
 import time
 from dataclasses import replace
@@ -16,7 +17,7 @@ from looping_pendulum.film import options, output
 from looping_pendulum.film.decode import FilmError, Picture
 from looping_pendulum.film.moving import background, blobs_of, joined, paths
 from looping_pendulum.film.plain import follow_all
-from looping_pendulum.film.track import TrackSettings, track
+from looping_pendulum.film.track import RADIUS_ERROR, TrackSettings, track
 from looping_pendulum.measured import film_points
 from looping_pendulum.measured.readers import read
 from looping_pendulum.measured.study_io import load
@@ -74,6 +75,19 @@ def test_rod_scale_release_and_angle_are_found_without_a_click(tracked, ordinary
     assert np.degrees(tracked.angle) == pytest.approx(112, abs=0.3)  # the simulator's
     assert tracked.hanging_length == pytest.approx(0.05, abs=1e-3)
     assert abs(tracked.tilt) < 3 * tracked.tilt_error
+
+
+def test_the_ball_is_as_large_as_it_is(tracked, ordinary):
+    assert abs(tracked.light.radius - 8e-3 * ordinary[1].scale) < 2 * RADIUS_ERROR
+
+
+def test_a_clock_or_a_length_that_gravity_contradicts_is_doubted(tracked):
+    assert output.doubt(tracked) == ""
+    slow = replace(tracked, t=8 * tracked.t, release=8 * tracked.release, facts=replace(tracked.facts, rate=30.0))
+    (rate,) = re.findall(r'--frame-rate "([\d.]+) Hz"', output.doubt(slow))
+    assert float(rate) == pytest.approx(240, rel=0.06)  # the air slows the first motion, too
+    (length,) = re.findall(r"free length near ([\d.]+) m", output.doubt(replace(tracked, scale=2 * tracked.scale)))
+    assert float(length) == pytest.approx(2 * 0.58, rel=0.12)
 
 
 def test_readers_take_the_table(tracked, ordinary, tmp_path):
