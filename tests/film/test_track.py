@@ -97,8 +97,10 @@ def test_readers_take_the_table(tracked, ordinary, tmp_path):
     truth = ordinary[1]
     assert {c.name for c in points.channels} == {"light_x", "light_y", "heavy_x", "heavy_y"}
     channel = points.channel("light_x")
-    true_x = truth.motion.at(np.clip(channel.t, 0, None))[0][:, 0]
-    assert np.sqrt(np.mean((channel.value - true_x) ** 2)) < 1.5e-3  # 0.3 px, and 1 ms of the clock at 3 m/s
+    # Apart from the release's own error, which another test holds
+    late = tracked.release - (tracked.t - truth.t)[0]
+    true_x = truth.motion.at(np.clip(channel.t + late, 0, None))[0][:, 0]
+    assert np.sqrt(np.mean((channel.value - true_x) ** 2)) < 5e-4  # 0.3 px, and the scale's and the rod's errors
     facts = json.loads(files.facts.read_text())
     assert (facts["width"], facts["height"], facts["codec"], facts["mirrored"]) == (1280, 720, "h264", False)
     assert files.sheet.read_bytes().startswith(b"\x89PNG")
@@ -212,7 +214,10 @@ def test_the_command_prints_the_lines_of_a_study(ordinary, tmp_path):
     arguments = ["track", str(ordinary[0]), "--free-length", "58 cm +/- 1 mm", "--out", str(tmp_path), "--overlay"]
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 0, done.output
-    assert "  - file: trial.csv\n    release: {kind: looping, angle: 11" in done.output
+    assert re.search(
+        r"  - file: trial.csv\n    light: {radius: \d\.\d+ mm \+/- 0\.\d+ mm}\n    release: {kind: looping, angle: 11",
+        done.output,
+    )
     assert {p.name for p in tmp_path.iterdir()} == {"trial.csv", "trial.film.json", "trial.track.png", "trial.overlay.mp4"}
 
 
