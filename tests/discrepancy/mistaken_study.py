@@ -156,7 +156,7 @@ def mistaken(study: Path, folder: Path, mistake: Mistake, *, trials: int | None 
         target = folder / trial["file"]
         target.parent.mkdir(parents=True, exist_ok=True)
         lines = (study.parent / trial["file"]).read_text(encoding="utf-8").splitlines()
-        target.write_text("\n".join(_changed(line, mistake) for line in lines) + "\n", encoding="utf-8")
+        target.write_text("\n".join(changed(line, mistake) for line in lines) + "\n", encoding="utf-8")
     tree = copy.deepcopy(tree)  # YAML's aliases are one object, which would be changed twice
     mistake.study(tree)
     path = folder / "study.yaml"
@@ -164,7 +164,7 @@ def mistaken(study: Path, folder: Path, mistake: Mistake, *, trials: int | None 
     return path
 
 
-def _changed(line: str, mistake: Mistake) -> str:
+def changed(line: str, mistake: Mistake) -> str:
     if not line[:1].isdigit():
         return line
     row = [float(cell) if cell.strip() else None for cell in line.split(",")[:5]]

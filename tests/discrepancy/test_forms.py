@@ -4,10 +4,12 @@ The oracle is the form whose times have all digits, `10-time-in-the-last-column`
 """
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
 
+from looping_pendulum.discrepancy.first_look.check import take_first_look
 from looping_pendulum.measured import study_io
 from looping_pendulum.measured.observations import DataError
 from looping_pendulum.measured.study import read_files
@@ -174,3 +176,29 @@ def test_a_table_of_one_trial_in_each_row_says_so():
     _, both = trials("10-time-in-the-last-column")
     with pytest.raises(DataError, match="if each row is a trial, as in a table of masses and accelerations"):
         read_files(path.parent, dataclasses.replace(both[0], files=((path.name, {}),)))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("form", "named"),
+    [
+        (
+            "23-clean-smoothed-over-5-frames",
+            "averaged over 5 frames, .* needed the points as they were tracked",
+        ),
+        ("24-both-masses-exchanged-for-20-frames", "exchanged in rows from 0.4167 s to 0.4958 s; needed each mass in its own"),
+        ("28-clean-frames-interpolated", "found points that were interpolated: one frame of 4 shows a new picture, "),
+    ],
+)
+def test_points_that_are_not_as_tracked_are_named(form, named):
+    """Each was searched: "identified: light_inertia" of the first and the last, a side force of the second."""
+    study, all_trials = trials(form)
+    check = take_first_look(dataclasses.replace(study, trials=all_trials[:1]))
+    assert not check.warnings
+    (mistake,) = check.mistakes
+    assert re.search(named, mistake.text), mistake.text
+
+
+@pytest.mark.long
+def test_points_as_tracked_are_not_said_to_be_smoothed():
+    assert not take_first_look(trials("controls/plain")[0]).mistakes

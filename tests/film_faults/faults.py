@@ -7,6 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import signal
 
 from tests.film_faults.films import Array, CleanStudy, Film, Tree
 from tests.film_faults.forms import Form
@@ -363,6 +364,71 @@ def mirrored(rng: np.random.Generator, study: CleanStudy) -> Faulty:
     )
 
 
+def _weighted(study: CleanStudy, kernel: Callable[[Film], Array]) -> tuple[Film, ...]:
+    """Return films whose points are weighted sums of those in their neighbours' rows; rows with a missing point stay apart."""
+    films = []
+    for film in study.films:
+        whole = film.rows(np.flatnonzero(np.isfinite(film.written).all(axis=1)))
+        films.append(dataclasses.replace(whole, written=kernel(whole) @ whole.written))
+    return tuple(films)
+
+
+def smoothed(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    rate = study.films[0].rate
+    window = int(pick(rng, (3, 5, 7, 9, 15, 21)))
+    cutoff = float(pick(rng, [c for c in (8.0, 10.0, 15.0, 20.0) if c < 0.3 * rate]))
+    how = pick(rng, ("average", "parabola", "Butterworth"))
+    window = max(window, 5) if how == "parabola" else window
+
+    def kernel(film: Film) -> Array:
+        one = np.eye(len(film.t))
+        if how == "average":
+            near = np.abs(np.subtract.outer(np.arange(len(one)), np.arange(len(one)))) <= window // 2
+            return np.asarray(near / near.sum(axis=1, keepdims=True))
+        if how == "parabola":
+            return np.asarray(signal.savgol_filter(one, window, 2, axis=0))
+        return np.asarray(signal.filtfilt(*signal.butter(2, 2 * cutoff / rate), one, axis=0))
+
+    over = f"{cutoff:g} Hz" if how == "Butterworth" else f"{window} rows"
+    return Faulty(
+        films=_weighted(study, kernel), form=plain_form(rng), words="averaged|smoothed|filtered|interpolated",
+        detail=f"{how} over {over} at {rate:g}/s",
+    )  # fmt: skip
+
+
+def interpolated(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    every = int(pick(rng, (2, 3, 4)))
+
+    def kernel(film: Film) -> Array:
+        k = np.arange(len(film.t))
+        before = k // every * every
+        last = (len(k) - 1) // every * every
+        weights = np.zeros((len(k), len(k)))
+        weights[k, before] += 1 - (k - before) / every
+        weights[k, np.minimum(before + every, last)] += (k - before) / every
+        return weights
+
+    return Faulty(
+        films=_weighted(study, kernel), form=plain_form(rng), words="averaged|smoothed|filtered|interpolated",
+        detail=f"one row of {every} is a picture at {study.films[0].rate:g}/s",
+    )  # fmt: skip
+
+
+def objects_exchanged(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    films, places = [], []
+    for film in study.films:
+        first = int(rng.integers(3, len(film.t) - 3))
+        last = len(film.t) if rng.random() < 0.3 else min(len(film.t), first + int(rng.integers(1, 30)))
+        written = film.written.copy()
+        written[first:last] = written[first:last][:, [2, 3, 0, 1]]
+        films.append(dataclasses.replace(film, written=written))
+        places.append(f"{film.t[first]:.3f} to {film.t[last - 1]:.3f}")
+    return Faulty(
+        films=tuple(films), form=plain_form(rng), words="exchanged in rows",
+        detail=f"at {study.films[0].rate:g}/s both objects exchanged {'; '.join(places)} s",
+    )  # fmt: skip
+
+
 EXCHANGES = {
     "the objects": (2, 3, 0, 1),
     "x and y of the light mass": (1, 0, 2, 3),
@@ -407,6 +473,9 @@ def contradicting_names(rng: np.random.Generator, study: CleanStudy) -> Faulty:
 
 
 KINDS: dict[str, Put] = {
+    "smoothed": smoothed,
+    "interpolated": interpolated,
+    "objects exchanged": objects_exchanged,
     "rounded times": rounded_times,
     "rounded points": rounded_points,
     "few digits": few_digits,

@@ -26,6 +26,9 @@ SAMPLE = (
     (240, "wrong unit of time"),
     (480, "mirrored"),
     (240, "turned"),
+    (240, "smoothed"),
+    (240, "interpolated"),
+    (240, "objects exchanged"),
 )
 """Number and kind of studies of one apparatus, most of them of one trial, whose motion is simulated once."""
 IDENTIFIED = ((60, "rounded times"), (240, "every picture repeated"))

@@ -16,19 +16,24 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from looping_pendulum.discrepancy.blas import one_blas_thread
+from looping_pendulum.discrepancy.first_look.evidence import Evidence
+from looping_pendulum.discrepancy.first_look.exchanged import without_exchanged_rows
 from looping_pendulum.discrepancy.first_look.misfit import (
+    CLOCK_ERROR,
     DeclaredTrial,
     Distance,
-    FittedMisfit,
     declared_trial,
+    evidence_of_trial,
     measured_distance,
     problem_of_trial,
 )
 from looping_pendulum.discrepancy.first_look.mistakes import (
+    COMMON,
     LENGTHS,
+    MAX_FITTED_MISFIT,
     MAX_GOOD_MISFIT,
-    MAX_RIVAL_DISTANCE,
-    MAX_RIVAL_RATIO,
+    MISTAKES,
+    RIVAL,
     SAME_ROWS,
     Correction,
     TrialSearch,
@@ -41,6 +46,7 @@ from looping_pendulum.discrepancy.first_look.row_times import (
     without_shift,
     wrong_times,
 )
+from looping_pendulum.discrepancy.first_look.smoothing import smoothing_in_words
 from looping_pendulum.discrepancy.fit.event_prediction import check_event_rows
 from looping_pendulum.measured.displaced_rows import (
     MIN_CHANGE,
@@ -59,24 +65,13 @@ from looping_pendulum.scenarios.quantities import QUANTITIES
 CHECKED = ("light_mass", "heavy_mass", "rod_radius", "free_length")
 """Parameters whose values are compared with their usual range."""
 MAX_MISFIT_RATIO = 0.7
-"""Largest misfit without a mistake, as a share of that with it, at which the mistake is named.
-
-Of ten mistakes in eleven blind studies, the diameter in place of the radius comes nearest to it, with 0.5. Where an effect that
-moves the light mass by 50 mm is hidden, half the radius leaves 0.97 and more of the misfit (37 blind studies).
-"""
+"""Largest misfit with other times, as a share of that with those of the file, at which these are wrong."""
 MAX_MENDED_MISFIT = 2.5
-"""Largest misfit without a mistake at which it is named: that of trials in which a hidden effect moves the mass by 50 mm."""
-MAX_OWN_RATIO = 0.8
-"""The same in a single trial, of a mistake of the apparatus that all trials together must show."""
+"""Largest misfit with other times at which they are right: that of trials in which a hidden effect moves the mass by 50 mm."""
 SHORT_UNIT = "0.001 mm"
 """Unit in which lengths are read that are too large in the study's own: shorter than any that a tracker writes."""
 STEPS = (1, 2)
 """Numbers of mistakes at once that are tried, one after the other: two are no explanation where one suffices."""
-FAR = 4.0
-"""Misfit with the study's uncertain values fitted above which a trial is far from any that was declared right.
-
-In 37 blind studies an effect that moves the light mass by 50 mm leaves 2.5 and less.
-"""
 MAX_LOSS = 0.3
 """Largest rise of the misfits by other times at which the way of the masses is believed."""
 MAX_CLEAR_DISTANCE_RATIO = 0.25
@@ -226,12 +221,14 @@ def check_declaration(study: Study, observed: Iterable[tuple[Trial, Observations
             searches.append(TrialSearch(declared=declared, distance=measured))
             distance, reason = (measured, "") if math.isfinite(measured.rms) else (None, f"as {measured.reason}")
         checks.append(TrialCheck(trial=trial.name, reading=observations.assumptions, distance=distance, reason=reason))
-    mistakes = tuple(_clock_faults(observed, searches))
+    mistakes = (*_altered_points(searches),)
+    altered = {name for mistake in mistakes for name in mistake.trials}
+    mistakes += (*_clock_faults([(t, o) for t, o in observed if t.name not in altered], searches),)
     # With wrong times other mistakes would be named for them, and all trials were filmed alike; but one that explains a trial
     # to its noise without other times is no chance, as where columns are exchanged
     named = {name for mistake in mistakes for name in mistake.trials}
     others = [e for s in searches if s.name in named and not s.is_near for e in _best(s, searches)]
-    if not mistakes or any(e.fit.largest <= MAX_GOOD_MISFIT and "times" not in e.factors for e in others):
+    if not mistakes or any(e.evidence.misfit <= MAX_GOOD_MISFIT and "times" not in e.factors for e in others):
         mistakes = _named(searches)
     named = {trial for mistake in mistakes for trial in mistake.trials}
     far = filter(None, (_far_text(s) for s in searches if s.name not in named))
@@ -240,6 +237,34 @@ def check_declaration(study: Study, observed: Iterable[tuple[Trial, Observations
         mistakes=mistakes,
         warnings=(*_implausible_values([s.declared for s in searches]), *far),
     )
+
+
+def _altered_points(searches: Sequence[TrialSearch]) -> list[NamedMistake]:
+    """Return what was done to points after they were tracked; what several trials share is named once."""
+    trials: dict[str, list[str]] = {}
+    for search in searches:
+        if not search.is_near and (found := _alteration(search)):
+            trials.setdefault(found, []).append(search.name)
+    return [
+        NamedMistake(trials=tuple(names), names=("points",), keys="", text=f"{_where(names)}: found {found}")
+        for found, names in trials.items()
+    ]
+
+
+def _alteration(search: TrialSearch) -> str:
+    """Return what was done to the points of a trial, and what is needed, in words; empty: they are as they were tracked."""
+    as_declared, exchanged = search.as_declared, without_exchanged_rows(search.declared)
+    if exchanged is not None:
+        corrected = evidence_of_trial(exchanged.declared, measured_distance(exchanged.declared))
+        if corrected.explains_all and corrected.log + len(exchanged.spans) * math.log(COMMON) > as_declared.log:
+            return (
+                f"the points of the two masses exchanged in rows {exchanged.text}; needed each mass in its own columns: "
+                "exchange them there, or leave these rows out"
+            )
+    if as_declared.problem is None or not as_declared.explains:
+        return ""
+    text = smoothing_in_words(as_declared.problem, as_declared.x, {"m": 1.0})
+    return text and f"points that were {text}, by the errors that they are left with; needed the points as they were tracked"
 
 
 def _clock_faults(observed: Sequence[tuple[Trial, Observations]], searches: Sequence[TrialSearch]) -> list[NamedMistake]:
@@ -261,7 +286,7 @@ def _by_points_or_model(channels: Sequence[Channel], search: TrialSearch) -> lis
     model, fit = _Model(search), search.quickly_fitted
     if fit.problem is None:
         return clock_faults(channels, model)
-    as_declared = problem_of_trial(search.declared)
+    as_declared = problem_of_trial(search.declared, camera_errors=CLOCK_ERROR)
     for wrong in wrong_times([(as_declared, as_declared.prior_mean), (fit.problem, fit.x)]):
         onward = tuple(rows for rows in wrong if rows.onward)
         # The way says it clearly, so that the first part of the motion need only not contradict it. Where the likeliest account
@@ -306,15 +331,15 @@ def _is_nearer(search: TrialSearch, corrected: TrialSearch) -> bool | None:
 
     None: what is compared of it is the same.
     """
-    before, after, gain = search.as_declared.largest, corrected.as_declared.largest, _gain(search, corrected)
-    if before > MAX_GOOD_MISFIT:
-        return gain > 0 and after <= max(MAX_GOOD_MISFIT, min(MAX_MISFIT_RATIO * before, MAX_MENDED_MISFIT))
+    before, after, gain = search.fully_fitted.largest, corrected.fully_fitted.largest, _gain(search, corrected)
+    if before > MAX_FITTED_MISFIT:
+        return gain > 0 and after <= max(MAX_FITTED_MISFIT, min(MAX_MISFIT_RATIO * before, MAX_MENDED_MISFIT))
     return None if abs(gain) < MIN_CHANGE else gain > 0
 
 
 def _gain(search: TrialSearch, corrected: TrialSearch) -> float:
     """Return by how much the misfits fall with other times."""
-    return sum(search.as_declared.misfits) - sum(corrected.as_declared.misfits)
+    return sum(search.fully_fitted.misfits) - sum(corrected.fully_fitted.misfits)
 
 
 def _named(searches: Sequence[TrialSearch]) -> tuple[NamedMistake, ...]:
@@ -336,14 +361,14 @@ def _named(searches: Sequence[TrialSearch]) -> tuple[NamedMistake, ...]:
     for search in (s for s in searches if s.name not in explained):
         by_string = row_shift(search.declared, CLEAR_SHIFT_RATIO)
         possible = [by_string] if by_string else []
-        if math.isfinite(search.distance.rms) and not search.is_near and search.as_declared.largest > MAX_MENDED_MISFIT:
+        if math.isfinite(search.distance.rms) and not search.is_near and search.fully_fitted.largest > MAX_MENDED_MISFIT:
             possible += shifts_by_motion(search.declared)
         for shift in possible:
             declared = without_shift(search.declared, shift)
             corrected = TrialSearch(declared=declared, distance=measured_distance(declared))
             is_clear = corrected.distance.relative <= MAX_CLEAR_DISTANCE_RATIO * search.distance.relative
             # A fit costs a hundred times the distance
-            if not is_clear and shift is not by_string and corrected.as_declared.largest > MAX_GOOD_MISFIT:
+            if not is_clear and shift is not by_string and corrected.fully_fitted.largest > MAX_FITTED_MISFIT:
                 continue
             if not is_clear and not _is_nearer(search, corrected):
                 continue
@@ -354,39 +379,35 @@ def _named(searches: Sequence[TrialSearch]) -> tuple[NamedMistake, ...]:
 
 
 def _same(others: Sequence[Correction], search: TrialSearch, searches: Sequence[TrialSearch]) -> list[Correction]:
-    """Return the explanations of another trial as those of this one; empty if they do not mend it, too."""
-    same = [search.explanation_by(other.mistake) for other in others]
-    good = [e for e in same if e is not None and e.fit.largest <= MAX_GOOD_MISFIT and _mends(e, search, searches)]
-    return good if len(good) == len(others) else []
+    """Return the explanations of another trial as those of this one; empty if they are not as probable as its own."""
+    own = _best(search, searches)
+    same = [e for other in others if (e := search.explanation_by(other.mistake)) is not None]
+    if not own or len(same) < len(others):
+        return []
+    least = max(e.log_posterior for e in own) - math.log(RIVAL)
+    return same if all(e.log_posterior >= least for e in same) else []
 
 
 def _best(search: TrialSearch, searches: Sequence[TrialSearch]) -> list[Correction]:
-    """Return the best explanation of a trial's misfit, and those that are as good; empty if none corrects it."""
+    """Return the most probable explanation of a trial's points and those that may be as well; empty: they are as declared."""
     for steps in STEPS:
-        mending = [e for e in search.explanations(steps) if _mends(e, search, searches)]
-        if mending:
-            smallest, nearest = mending[0].fit.largest, min(e.distance.relative for e in mending)
-            return [
-                e
-                for e in mending
-                if e.fit.largest <= MAX_RIVAL_RATIO * smallest and e.distance.relative <= nearest + MAX_RIVAL_DISTANCE
-            ] or mending[:1]
+        found = [e for e in search.explanations(steps) if _is_more_probable(e, search, searches)]
+        if found:
+            probable = [e for e in found if e.log_posterior >= found[0].log_posterior - math.log(RIVAL)]
+            return sorted(probable, key=lambda e: MISTAKES.index(e.mistake))
     return []
 
 
-def _mends(explanation: Correction, search: TrialSearch, searches: Sequence[TrialSearch]) -> bool:
-    """Return whether the misfit vanishes without a mistake; one of the apparatus must explain all trials together."""
-    if explanation.fit.largest > MAX_MENDED_MISFIT:
-        return False
-    with_mistake, without = search.as_declared.largest**2, explanation.fit.largest**2
+def _is_more_probable(explanation: Correction, search: TrialSearch, searches: Sequence[TrialSearch]) -> bool:
+    """Return whether a mistake was probably made; one of the apparatus must explain all trials together."""
+    gain = explanation.log_posterior - search.as_declared.log
     # First by the trial itself, as a fit of every other one takes its time
-    if explanation.mistake.of_apparatus and without < MAX_OWN_RATIO**2 * with_mistake:
+    if explanation.mistake.of_apparatus and gain > 0:
         for other in searches:
             if other is not search:
                 same = other.explanation_by(explanation.mistake)
-                with_mistake += other.as_declared.largest**2
-                without += other.as_declared.largest**2 if same is None else same.fit.largest**2
-    return math.sqrt(without / with_mistake) <= MAX_MISFIT_RATIO
+                gain += 0.0 if same is None else same.evidence.log - other.as_declared.log
+    return gain > 0 and explanation.evidence.explains_all
 
 
 def _mistake(names: tuple[str, ...], members: Sequence[tuple[TrialSearch, list[Correction]]]) -> NamedMistake:
@@ -417,7 +438,7 @@ def _far_text(search: TrialSearch) -> str:
     Empty: it is not.
     """
     # Points that are scattered by metres fit everything within their noise
-    if not search.distance.is_cut_off and (search.is_near or search.as_declared.largest <= FAR):
+    if not search.distance.is_cut_off and (search.is_near or search.as_declared.explains):
         return ""
     if not math.isfinite(search.distance.rms):
         reason = search.distance.reason
@@ -436,12 +457,10 @@ def _where(trials: Sequence[str]) -> str:
 
 def _origin_is_wrong(search: TrialSearch) -> bool:
     """Return whether the rod's centre is far from where it was declared, in a trial that agrees otherwise."""
-    if search.distance.is_cut_off or (search.is_near and not _has_other_origin(search, search.quickly_fitted)):
-        return False
-    return search.as_declared.largest <= MAX_MENDED_MISFIT and _has_other_origin(search, search.as_declared)
+    return search.as_declared.explains and not search.distance.is_cut_off and _has_other_origin(search, search.as_declared)
 
 
-def _has_other_origin(search: TrialSearch, fit: FittedMisfit) -> bool:
+def _has_other_origin(search: TrialSearch, fit: Evidence) -> bool:
     if not fit.values.keys() >= set(ORIGIN):
         return False
     upright = search.declared.upright()  # as the fit has it

@@ -1,4 +1,4 @@
-"""How far tracked points are from the declared motion: as it stands, and with the study's uncertain values fitted.
+"""How far tracked points are from the declared motion as it stands, and how probable they are by it.
 
 Both compare the first part of a trial, before small errors have grown. The camera's origin and the height of the heavy mass
 are left out of it: they shift a whole picture, and no other mistake looks like that. A trial is looked at as the study declares
@@ -16,6 +16,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from looping_pendulum.discrepancy.first_look.evidence import Evidence, evidence_of
 from looping_pendulum.discrepancy.fit.data import TrialData, trial_data
 from looping_pendulum.discrepancy.fit.problem import Problem, free_parameters_of
 from looping_pendulum.errors import HarnessError
@@ -42,10 +43,7 @@ MIN_ANGLE_DIFFERENCE = math.radians(5)
 CANNOT_RUN = (HarnessError, ValueError, ArithmeticError)
 """Errors of a model that cannot run with some values."""
 WINDOWS = (1.5, 2.5)
-"""Ends of the parts that are compared, in units of the time in which a mass falls through the free length.
-
-In the first the light mass swings down and begins to loop, in the second it has looped and friction has shown itself.
-"""
+"""Ends of the parts that are compared, in times in which a mass falls through the free length; before a fit the first one."""
 MIN_POINTS = 6
 """Smallest number of points of a channel that is compared."""
 MAX_DISTANCE = 0.5
@@ -54,6 +52,9 @@ MODEL_ERROR = 0.002
 """Standard deviation that is added to a point's own noise for what the declared model lacks, in free lengths."""
 UNKNOWN_OFFSET = 0.5
 """Assumed error of the clock's offset where the study says that it is not known [s]."""
+CLOCK_ERROR = {"clock_offset": 0.0}
+CAMERA_ERRORS = {"clock_offset": 0.0, "clock_ratio": 0.03, "scale": 0.03, "tilt": 0.03}
+"""What a camera may get wrong by little -> its standard error where the study has none; 0: that of the study's prior."""
 UNKNOWN_PLACE = 0.2
 """Standard error of the origin and of the heavy mass's height, in free lengths."""
 HOPELESS = 4.0
@@ -388,7 +389,7 @@ def _distance(
         residuals = [factor * c.value - predicted[c.name] if c.unit == "m" else c.value - predicted[c.name] for c in members]
         common = float(np.median(np.concatenate(residuals))) if name else 0.0
         for c, residual in zip(members, residuals, strict=True):
-            unit = _length_per_unit(c, length)
+            unit = _length_per_unit(c.unit, length)
             shifts[c.name] = common
             squares.append(np.minimum(np.abs(unit * (residual - common)), MAX_DISTANCE * length) ** 2)
             # What is declared, in the units of the points and with the declared origin
@@ -399,10 +400,10 @@ def _distance(
     return Distance(rms=rms, relative=rms / length, length_factor=factor, points=tuple(shown), window=window, shifts=shifts)
 
 
-def _length_per_unit(channel: Channel, free_length: float) -> float:
+def _length_per_unit(unit: str, free_length: float) -> float:
     """Return the length [m] that one unit of a channel is worth: of an angle at the string's end, of a rate in a swing."""
     swing = math.sqrt(free_length / GRAVITY.coefficients[0].default)
-    return {"m": 1.0, "rad": free_length, "rad/s": free_length * swing}[channel.unit]
+    return {"m": 1.0, "rad": free_length, "rad/s": free_length * swing}[unit]
 
 
 def _best_length_factor(groups: Mapping[str, Sequence[Channel]], predicted: Mapping[str, Array]) -> float:
@@ -416,22 +417,36 @@ def _best_length_factor(groups: Mapping[str, Sequence[Channel]], predicted: Mapp
     return product / square if square else 0.0
 
 
-def fitted_misfit(
-    declared: DeclaredTrial, distance: Distance, also_fit: Sequence[str] = (), *, good_enough: float = 0.0
-) -> FittedMisfit:
+def evidence_of_trial(declared: DeclaredTrial, distance: Distance) -> Evidence:
+    """Return how probable the points are as the trial is declared, whatever its uncertain values are.
+
+    Parameters
+    ----------
+    distance
+        Distance of the same points, whose shifts the fit starts from.
+    """
+    try:
+        problem = problem_of_trial(declared, distance.shifts, CAMERA_ERRORS)
+        parameters = declared.study.parameters({}, problem.data[0].trial)
+        units = {c.unit for c in problem.data[0].channels}
+        worth = {unit: _length_per_unit(unit, parameters.free_length) for unit in units}
+        return evidence_of(problem, _fall_time(parameters), worth)
+    except CANNOT_RUN:
+        return Evidence(log=-math.inf)
+
+
+def fitted_misfit(declared: DeclaredTrial, distance: Distance, *, good_enough: float = 0.0) -> FittedMisfit:
     """Fit the study's uncertain values to each window in turn, quickly and robustly.
 
     Parameters
     ----------
     distance
         Distance of the same points, whose shifts the fit starts from.
-    also_fit
-        Further parameters of the camera to be fitted.
     good_enough
         Misfit at which the fit of a window ends, though a smaller one may exist.
     """
     try:
-        problem = problem_of_trial(declared, distance.shifts, also_fit)
+        problem = problem_of_trial(declared, distance.shifts, CLOCK_ERROR)
         parameters = declared.study.parameters({}, problem.data[0].trial)
         return _fit_windows(problem, problem.data[0], parameters, good_enough)
     except CANNOT_RUN:
@@ -439,7 +454,9 @@ def fitted_misfit(
 
 
 def problem_of_trial(
-    declared: DeclaredTrial, shifts: Mapping[str, float] = MappingProxyType({}), also_fit: Sequence[str] = ()
+    declared: DeclaredTrial,
+    shifts: Mapping[str, float] = MappingProxyType({}),
+    camera_errors: Mapping[str, float] = MappingProxyType({}),
 ) -> Problem:
     """Return the problem of fitting the study's uncertain values to one trial, with y up.
 
@@ -447,16 +464,18 @@ def problem_of_trial(
     ----------
     shifts
         Channel -> shift of its points, from which the fit begins, as from `measured_distance`.
-    also_fit
-        Further parameters of the camera to be fitted.
+    camera_errors
+        Parameter of the camera that is fitted in any case -> its standard error where the study has none.
     """
     declared = _with_start(declared)
     data = trial_data(declared.trial, declared.observations)
-    return Problem(declared.study, [data], _free_parameters(declared, shifts, also_fit))
+    return Problem(declared.study, [data], _free_parameters(declared, shifts, camera_errors))
 
 
-def _free_parameters(declared: DeclaredTrial, shifts: Mapping[str, float], also_fit: Sequence[str]) -> list[FreeParameter]:
-    """Return the study's free parameters; the origin, the heavy mass's height and the clock's offset are always among them."""
+def _free_parameters(
+    declared: DeclaredTrial, shifts: Mapping[str, float], camera_errors: Mapping[str, float]
+) -> list[FreeParameter]:
+    """Return the study's free parameters; the origin and the heavy mass's height are always among them."""
     trial = declared.trial
     length = declared.study.parameters({}, trial).free_length
     places = _shown_places(declared, shifts)
@@ -469,7 +488,7 @@ def _free_parameters(declared: DeclaredTrial, shifts: Mapping[str, float], also_
         free.append(known)
     priors = declared.study.camera_priors(trial, declared.observations)
     named = {known.parameter for known in free}
-    for name, scale in (("clock_offset", 0.0), *((n, 0.1) for n in also_fit)):
+    for name, scale in camera_errors.items():
         if name not in named and name in priors and not (name == "clock_offset" and trial.in_mid_swing):
             scale = scale or priors[name].sigma or 1e-3
             free.append(
@@ -531,7 +550,7 @@ def _fit_windows(problem: Problem, data: TrialData, parameters: Parameters, good
             continue
         fitted_count = len(part.value)
         here = problem.with_data([part])
-        units = [np.full(len(c), _length_per_unit(c, length)) for c in part.channels]
+        units = [np.full(len(c), _length_per_unit(c.unit, length)) for c in part.channels]
         unit = np.concatenate([*units, np.ones(len(part.events))])
         sigma = np.hypot(part.sigma * unit, MODEL_ERROR * length)
 

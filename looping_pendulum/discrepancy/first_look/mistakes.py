@@ -15,12 +15,14 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from looping_pendulum.discrepancy.first_look.evidence import Evidence
 from looping_pendulum.discrepancy.first_look.misfit import (
     MIN_UNIT_FACTOR,
     OTHER_MASS,
     DeclaredTrial,
     Distance,
     FittedMisfit,
+    evidence_of_trial,
     fitted_misfit,
     measured_distance,
     pictured_otherwise,
@@ -65,27 +67,23 @@ _PLAIN_NAME = re.compile(r"\w(?:[\w ./()+-]*[\w.()+-])?")
 """Name that YAML reads as it stands, also within braces."""
 WITH_BOTH_MASSES = (Release.LOOPING, Release.VERTICAL)
 """Releases in whose motion both masses and the rod's radius take part."""
-MAX_GOOD_MISFIT = 1.1
-"""Largest misfit of a trial in which no mistake is looked for.
-
-Clean trials of the blind simulator have 0.6 to 0.9. Beyond it there may be a mistake, or an effect that the model lacks.
-"""
+MAX_FITTED_MISFIT = 1.1
+"""Largest misfit of a robust fit to a trial whose times are right: clean ones of the blind simulator have 0.6 to 0.9."""
+MAX_GOOD_MISFIT = 1.2
+"""Largest misfit of a trial in which no mistake is looked for: the noise of points is not known better."""
+COMMON, RARE = 1e-4, 2e-6
+"""Prior probabilities of one mistake: one film in a thousand has any of ten common ones. Of two at once it is the product."""
+RIVAL = 20.0
+"""Largest ratio of the probability of the best account to that of another one that is named beside it."""
 MIN_DROP_DISTANCE = 0.25
 """Smallest distance of a dropped mass from its fall in the first part, in units of its free length, that may be a mistake.
 
 Its path has one number, which the air, the scale and the clock change alike: real drops are up to 0.11 off.
 """
-MAX_RIVAL_RATIO, MAX_RIVAL_DISTANCE = 1.15, 0.02
-"""Another explanation is as good if its misfit is at most so many times the best, and its distance at most so much larger.
-
-The distance is that of the points from the motion before anything is fitted, in free lengths.
-"""
 MIN_POINTS_OF_FRAME_RATE = 10
 """Smallest number of points in the first part of the motion after a factor on the times: fewer fit too many motions."""
 MAX_TRIED = 6
-"""Number of mistakes, those of the smallest distances, that are tried with a fit."""
-MAX_TRIED_DISTANCE = 0.2
-"""Largest distance of the points without a mistake, in free lengths, at which it is tried: beyond it another thing is wrong."""
+"""Number of mistakes, those of the smallest distances, whose probability is computed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,6 +106,8 @@ class Mistake:
     """Camera parameters that a fit refines: "clock_ratio" after a factor on times, "scale" after one on lengths."""
     steps: int = 1
     """Number of mistakes that this one is made of."""
+    share: float = COMMON
+    """Prior probability."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -123,19 +123,24 @@ class Correction:
     """What the points' "lengths" and "times" must be multiplied by, from a grid or the motion before anything is fitted."""
 
     @cached_property
-    def fit(self) -> FittedMisfit:
-        """Return the misfit without the mistake."""
-        return fitted_misfit(self.corrected, self.distance, self.mistake.fits)
+    def evidence(self) -> Evidence:
+        """Return how probable the points are without the mistake."""
+        return evidence_of_trial(self.corrected, self.distance)
 
     @cached_property
     def factors(self) -> dict[str, float]:
         """Return `guessed_factors` as the fit refines them."""
         factors = dict(self.guessed_factors)
         if "times" in factors:
-            factors["times"] *= self.fit.values.get("clock_ratio", 1.0)
+            factors["times"] *= self.evidence.values.get("clock_ratio", 1.0)
         if "lengths" in factors:
-            factors["lengths"] /= self.fit.values.get("scale", 1.0)
+            factors["lengths"] /= self.evidence.values.get("scale", 1.0)
         return factors
+
+    @property
+    def log_posterior(self) -> float:
+        """Return the logarithm of the probability of the mistake, but for a constant."""
+        return self.evidence.log + math.log(self.mistake.share)
 
     def value(self, parameter: str, *, corrected: bool = True) -> float:
         """Return the corrected or the declared value of a parameter [SI]."""
@@ -237,6 +242,7 @@ def _joined(first: Mistake, second: Mistake) -> Mistake:
         way_out=lambda undone: " and ".join(filter(None, (first.way_out(undone), second.way_out(undone)))),
         fits=first.fits + second.fits,
         steps=first.steps + second.steps,
+        share=first.share * second.share,
     )
 
 
@@ -279,6 +285,7 @@ COLUMNS_EXCHANGED = tuple(
         undo=partial(with_columns_exchanged, first=first, second=second),
         found=lambda undone, first=first, second=second: f"the columns of {first} and {second} exchanged",  # type: ignore[misc]
         way_out=lambda undone: "each column under its own name; correct the names in the file",
+        share=RARE,
     )
     for first, second in (("light_x", "light_y"), ("heavy_x", "heavy_y"), ("light_y", "heavy_y"), ("light_x", "heavy_x"))
 )
@@ -339,13 +346,11 @@ def _place(undo: Undo) -> Mistake:
     )
 
 
-def _value(name: str, group: str, parameters: Mapping[str, str], factor: float) -> Mistake:
+def _value(name: str, parameters: Mapping[str, str], factor: float, share: float = COMMON) -> Mistake:
     """Return the mistake that declared values must be multiplied by a factor.
 
     Parameters
     ----------
-    group
-        Group of the values in a trial; empty: they are of the apparatus.
     parameters
         Parameter -> its SI unit.
     """
@@ -358,7 +363,7 @@ def _value(name: str, group: str, parameters: Mapping[str, str], factor: float) 
     def keys(undone: Correction) -> str:
         parts = []
         for parameter, unit in parameters.items():
-            where, _, key = (group, "", parameter) if group else parameter.partition("_")
+            where, _, key = parameter.partition("_")
             parts.append(f"{where}: {{{key}: {quantity(undone.value(parameter), unit, digits=3)}}}")
         return "' and '".join(parts)
 
@@ -367,8 +372,9 @@ def _value(name: str, group: str, parameters: Mapping[str, str], factor: float) 
         undo=undo,
         found=lambda undone: f"the motion of a {in_words} of {number(factor)} times what is declared{CAUSES.get(factor, '')}",
         keys=keys,
-        releases=tuple(Release) if group else WITH_BOTH_MASSES,
-        of_apparatus=not group,
+        releases=WITH_BOTH_MASSES,
+        of_apparatus=True,
+        share=share,
     )
 
 
@@ -379,7 +385,7 @@ MISTAKES = (
     *COLUMNS_EXCHANGED,
     MASSES_EXCHANGED,
     # After a vertical release, a mirrored picture looks as if both were exchanged
-    dataclasses.replace(EXCHANGED, name="light and heavy exchanged", releases=(Release.LOOPING,), steps=1),
+    dataclasses.replace(EXCHANGED, name="light and heavy exchanged", releases=(Release.LOOPING,), steps=1, share=COMMON),
     ROWS_SHIFTED,
     LENGTHS,
     *(_joined(first, LENGTHS) for first in (*PICTURES, TRACKS_EXCHANGED)),
@@ -398,10 +404,10 @@ MISTAKES = (
         lambda angle: angle - math.pi / 2,
     )),
     # A radius that is twice what was declared is no common mistake, and more friction looks alike
-    *(_value(f"rod radius times {number(factor)}", "", {"rod_radius": "m"}, factor)
-      for factor in (1 / 2, 1 / 10, 10.0)),
-    *(_value(f"{' and '.join(m)} mass", "", {f"{mass}_mass": "kg" for mass in m}, factor)
-      for m in (("light",), ("heavy",), ("light", "heavy")) for factor in (1e-3, 1e3)),
+    *(_value(f"rod radius times {number(factor)}", {"rod_radius": "m"}, factor, share)
+      for factor, share in ((1 / 2, COMMON), (1 / 10, RARE), (10.0, RARE))),
+    *(_value(f"{' and '.join(m)} mass", {f"{mass}_mass": "kg" for mass in m}, factor, share)
+      for m, share in ((("light",), RARE), (("heavy",), RARE), (("light", "heavy"), COMMON)) for factor in (1e-3, 1e3)),
 )  # fmt: skip
 """All mistakes that are tried, each alone, and the commonest mistakes of filming in pairs."""
 
@@ -426,17 +432,22 @@ class TrialSearch:
         """Return whether the points are as near to the declared motion as those of a trial without a mistake may be."""
         if self.declared.trial.release is Release.DROP and self.distance.relative < MIN_DROP_DISTANCE:
             return True
-        return self.quickly_fitted.largest <= MAX_GOOD_MISFIT
+        return self.as_declared.misfit <= MAX_GOOD_MISFIT
+
+    @cached_property
+    def as_declared(self) -> Evidence:
+        """Return how probable the points are with the study as it is."""
+        return evidence_of_trial(self.declared, self.distance)
 
     @cached_property
     def quickly_fitted(self) -> FittedMisfit:
-        """Return the same as `as_declared`, or the first that is small enough for a trial without a mistake."""
-        return fitted_misfit(self.declared, self.distance, good_enough=MAX_GOOD_MISFIT)
+        """Return the misfit of a robust fit, or the first that is small enough for a trial without a mistake."""
+        return fitted_misfit(self.declared, self.distance, good_enough=MAX_FITTED_MISFIT)
 
     @cached_property
-    def as_declared(self) -> FittedMisfit:
-        """Return the misfit with the study as it is."""
-        if min(self.quickly_fitted.misfits) > MAX_GOOD_MISFIT:  # no fit was cut short
+    def fully_fitted(self) -> FittedMisfit:
+        """Return the smallest misfit of a robust fit, by which times of rows are judged."""
+        if min(self.quickly_fitted.misfits) > MAX_FITTED_MISFIT:  # no fit was cut short
             return self.quickly_fitted
         return fitted_misfit(self.declared, self.distance)
 
@@ -454,17 +465,9 @@ class TrialSearch:
         return self._tried[steps]
 
     def explanations(self, steps: int) -> list[Correction]:
-        """Return the mistakes of so many steps that leave a small misfit, the smallest first."""
-        found: list[Correction] = []
-        reach = MAX_TRIED_DISTANCE
-        for correction in self.corrections(steps)[:MAX_TRIED]:
-            if correction.distance.relative > reach:
-                break
-            if correction.fit.largest <= MAX_GOOD_MISFIT:
-                # What is farther away than a rival may be need not be tried
-                reach = min(reach, correction.distance.relative + MAX_RIVAL_DISTANCE)
-            found.append(correction)
-        return sorted(found, key=lambda e: e.fit.largest)
+        """Return the mistakes of so many steps without which the points are nearest, the most probable one first."""
+        tried = self.corrections(steps)[:MAX_TRIED]
+        return sorted(tried, key=lambda e: e.log_posterior, reverse=True)
 
     def explanation_by(self, mistake: Mistake) -> Correction | None:
         """Return a mistake of another trial as an explanation of this one; None: it brings the points no nearer."""

@@ -1,0 +1,187 @@
+"""Tell points that were smoothed, filtered or interpolated after they were tracked, by the errors that they are left with.
+
+A smoothed point is a weighted sum of tracked ones. So the motion is smoothed alike, and the errors of neighbours are one and
+the same for a fixed number of rows, with hardly any white part, which the errors of no tracker are.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from looping_pendulum.discrepancy.first_look.evidence import LACKING, ErrorsOfRows, LinearEvidence, Points
+from looping_pendulum.discrepancy.fit.data import FRAMES, TrialData
+from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.measured.noise import ORDER
+from looping_pendulum.reference_ode.geometry import Array
+
+SHARE = 1e-3
+"""Prior probability that a film's points are not as they were tracked."""
+MAX_ROWS, MIN_ROWS = 140, 24
+"""Largest and smallest number of rows that are compared."""
+HALVES = (10, 7, 4, 2)
+"""Largest number of rows on each side over which is smoothed: the first that leaves enough rows so far from any gap."""
+WINDOWS = (3, 5, 7, 9, 11, 15, 21)
+"""Rows over which is averaged, or to which a parabola is fitted."""
+CUTOFFS, FILTER_ORDERS = (6.0, 10.0, 15.0, 20.0), (2, 4)
+"""Frequencies above which a Butterworth filter that runs forth and back leaves little [Hz], and its orders."""
+MADE_UP = (2, 3, 4, 8)
+"""Rows of which one shows a picture, where those between are interpolated."""
+WHITE = (0.03, 0.3)
+"""White part of the errors of such points, in what differences of neighbours show: their last digit, and other kernels."""
+WANDERS = (0.5, 1.0, 3.0)
+"""Errors of a tracker that wanders over its mark, in its white noise."""
+REFINEMENTS = 3
+"""Number of times that the model is linearised again about what an account found itself."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Account:
+    """How the points of rows may be made of tracked ones."""
+
+    text: str
+    """What was done with these, in words; empty: nothing."""
+    weights: Array
+    """Weights of tracked points in the written ones, shape (rows, rows)."""
+    errors: ErrorsOfRows
+    log_share: float
+    """Logarithm of the prior probability."""
+
+
+def smoothing_in_words(problem: Problem, x: Array, length_per_unit: Mapping[str, float]) -> str:
+    """Return how points were smoothed before they were written; empty: they are as tracked.
+
+    Parameters
+    ----------
+    problem
+        Fit of the declared model to one trial.
+    x
+        Free values about which the model is linear.
+    length_per_unit
+        Unit of a channel -> length that it is worth [m].
+    """
+    data = _common_rows(problem.data[0])
+    rows = min(2 * MAX_ROWS, len(data.channels[0]) if data.channels else 0)
+    if rows < MIN_ROWS or not problem.free_parameters:
+        return ""
+    whole = _rows(data, np.arange(rows))
+    t = whole.channels[0].t
+    gaps = _distances_from_gaps(t)
+    half = next((h for h in HALVES if np.sum(gaps > h) >= MIN_ROWS), None)
+    if half is None:
+        return ""
+    inner = np.flatnonzero(gaps > half)[:MAX_ROWS]
+    points, here = _rows(whole, inner), problem.with_data([whole])
+    prior = np.array([n.prior_sigma for n in problem.free_parameters])
+
+    def evidence(account: Account, x: Array) -> LinearEvidence:
+        predicted, derivatives = here.predict_with_derivatives(x, 0)
+        weights, parts = account.weights[inner], whole.slices.values()
+        shown, slopes = (np.concatenate([weights @ values[part] for part in parts]) for values in (predicted, derivatives))
+        return Points.of(points, length_per_unit, account.errors).linear(shown, slopes, -x, prior)
+
+    def refined(account: Account) -> float:
+        at, best = x, -math.inf
+        for _ in range(REFINEMENTS):
+            found = evidence(account, at)
+            # An account by which hundreds of millimetres are missing explains nothing
+            if not account.text or found.lacking < LACKING[-1]:
+                best = max(best, account.log_share + found.log - found.to_gain)
+            at = np.clip(at + found.change, problem.low, problem.high)
+        return best
+
+    def most_probable(accounts: Iterator[Account]) -> Account:
+        return max(accounts, key=lambda account: account.log_share + evidence(account, x).log)
+
+    as_tracked = most_probable(_as_tracked(rows))
+    smoothed = most_probable(_smoothed(rows, half, float(np.median(np.diff(t))), inner))
+    return smoothed.text if refined(smoothed) > refined(as_tracked) else ""
+
+
+def _common_rows(data: TrialData) -> TrialData:
+    """Return the data with the rows alone in which all points were tracked."""
+    channels = [c for c in data.channels if c.unit == "m"]
+    times = reduce(np.intersect1d, [c.t for c in channels]) if channels else np.zeros(0)
+    kept = [np.isin(c.t, times) for c in channels]
+    sigma = [data.sigma[data.slices[c.name]][k] for c, k in zip(channels, kept, strict=True)]
+    common = tuple(dataclasses.replace(c, t=c.t[k], value=c.value[k]) for c, k in zip(channels, kept, strict=True))
+    return TrialData(trial=data.trial, channels=common, sigma=np.concatenate([np.zeros(0), *sigma]))
+
+
+def _rows(data: TrialData, rows: NDArray[np.intp]) -> TrialData:
+    channels = tuple(dataclasses.replace(c, t=c.t[rows], value=c.value[rows]) for c in data.channels)
+    sigma = np.concatenate([data.sigma[data.slices[c.name]][rows] for c in data.channels])
+    return TrialData(trial=data.trial, channels=channels, sigma=sigma)
+
+
+def _distances_from_gaps(t: Array) -> NDArray[np.intp]:
+    """Return by how many rows each one is away from the nearest row that is missing, shape (n,)."""
+    step, k = np.diff(t), np.arange(len(t))
+    ends = np.concatenate([[0], 1 + np.flatnonzero(step > 1.5 * np.median(step)), [len(t)]])
+    run = np.searchsorted(ends, k, side="right")
+    return np.asarray(np.minimum(k - ends[run - 1], ends[run] - 1 - k) + 1)
+
+
+def _as_tracked(rows: int) -> Iterator[Account]:
+    """Yield white errors, and those of trackers that wander."""
+    errors = [ErrorsOfRows(("white",), lambda sigma: np.diag(sigma**2))]
+    errors += [_wandering(size, frames) for size in WANDERS for frames in FRAMES]
+    for each in errors:
+        yield Account(text="", weights=np.eye(rows), errors=each, log_share=math.log((1 - SHARE) / len(errors)))
+
+
+def _wandering(size: float, frames: float) -> ErrorsOfRows:
+    def covariance(sigma: Array) -> Array:
+        apart = np.abs(np.subtract.outer(np.arange(len(sigma)), np.arange(len(sigma))))
+        return np.asarray(np.diag(sigma**2) + size**2 * np.outer(sigma, sigma) * np.exp(-apart / frames))
+
+    return ErrorsOfRows(("wandering", size, frames), covariance)
+
+
+def _smoothed(rows: int, half: int, step: float, inner: NDArray[np.intp]) -> Iterator[Account]:
+    kernels = list(_kernels(rows, half, step))
+    # Fourth differences, by which the noise was estimated
+    difference = np.diff(np.eye(rows), ORDER, axis=0)
+    difference /= np.linalg.norm(difference[0])
+    for number, (text, weights) in enumerate(kernels):
+        shared = weights @ weights.T
+        seen = max(float(np.median(np.sum((difference @ shared) * difference, axis=1))), 1e-9)
+        of_rows = shared[np.ix_(inner, inner)] / seen
+        for white in WHITE:
+
+            def covariance(sigma: Array, of_rows: Array = of_rows, white: float = white) -> Array:
+                return np.asarray(np.outer(sigma, sigma) * of_rows + np.diag((white * sigma) ** 2))
+
+            errors = ErrorsOfRows((text, number, rows, half, step, white), covariance)
+            share = SHARE / len(kernels) / len(WHITE)
+            yield Account(text=text, weights=weights, errors=errors, log_share=math.log(share))
+
+
+def _kernels(rows: int, half: int, step: float) -> Iterator[tuple[str, Array]]:
+    """Yield what may be done with points, in words, and their weights, shape (rows, rows)."""
+    one, k = np.eye(rows), np.arange(rows)
+    for window in (w for w in WINDOWS if w <= 2 * half + 1):
+        average = np.sum([np.eye(rows, k=n - window // 2) for n in range(window)], axis=0) / window
+        yield f"averaged over {window} frames", average
+        if window > 3:
+            yield f"smoothed by parabolas through {window} frames", signal.savgol_filter(one, window, 2, axis=0)
+    for cutoff in (c for c in CUTOFFS if 2 * c * step < 0.9):
+        for order in FILTER_ORDERS:
+            weights = signal.filtfilt(*signal.butter(order, 2 * cutoff * step), one, axis=0)
+            window = round(1 / float(np.sum(weights[rows // 2] ** 2)))
+            yield f"filtered at {cutoff:g} Hz, which is over some {window} frames", weights
+    for every in MADE_UP:
+        for phase in range(every):
+            before = (k - phase) // every * every + phase
+            share = (k - before) / every
+            weights = np.zeros((rows, rows))
+            weights[k, np.clip(before, 0, rows - 1)] += 1 - share
+            weights[k, np.clip(before + every, 0, rows - 1)] += share
+            yield f"interpolated: one frame of {every} shows a new picture", weights
