@@ -41,10 +41,10 @@ SMOOTH = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 """Distances by which a smooth motion of any kind leaves a straight line over all points, in the range of these."""
 LEAST_NOISE = 1e-4
 """Smallest noise in the range of the points: the motion is not computed more exactly, and no film shows more."""
-PARTS = (0.75, 1.5, 2.5)
+PARTS = (0.75, 1.0, 1.25, 1.5, 2.0, 2.5)
 """Ends of the parts that are looked at in turn, in units of the time in which a mass falls through the free length.
 
-In the second the light mass swings down and begins to loop, in the third it has looped and friction has shown itself.
+In the first the light mass swings down, until 1.5 it begins to loop, and then it has looped and friction has shown itself.
 """
 MIN_POINTS = 6
 """Smallest number of points of a channel that is compared."""
@@ -98,7 +98,7 @@ def evidence_of(problem: Problem, fall_time: float, length_per_unit: Mapping[str
     """
     best = Evidence(log=-math.inf)
     # Where the first part leads astray, a larger one may not
-    for parts in (PARTS, PARTS[1:], PARTS[2:]):
+    for parts in (PARTS, PARTS[3:]):
         found = _by_parts(problem, parts, fall_time, length_per_unit)
         best = max(best, found, key=lambda e: e.log)
         if best.lacking == LACKING[0]:
