@@ -80,6 +80,11 @@ class Evidence:
         return self.explains and self.lacking < LACKING[-1]
 
     @property
+    def lacks_nothing(self) -> bool:
+        """Return whether the model most probably lacks hardly anything."""
+        return self.lacking == LACKING[0]
+
+    @property
     def values(self) -> dict[str, float]:
         """Return parameter -> fitted value [SI]."""
         free = self.problem.free_parameters if self.problem else ()
@@ -101,7 +106,7 @@ def evidence_of(problem: Problem, fall_time: float, length_per_unit: Mapping[str
     for parts in (PARTS, PARTS[3:]):
         found = _by_parts(problem, parts, fall_time, length_per_unit)
         best = max(best, found, key=lambda e: e.log)
-        if best.lacking == LACKING[0]:
+        if best.lacks_nothing:
             break
     return dataclasses.replace(best, problem=problem)
 

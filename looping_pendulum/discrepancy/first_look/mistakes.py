@@ -432,7 +432,7 @@ class TrialSearch:
         """Return whether the points are as near to the declared motion as those of a trial without a mistake may be."""
         if self.declared.trial.release is Release.DROP and self.distance.relative < MIN_DROP_DISTANCE:
             return True
-        return self.as_declared.misfit <= MAX_GOOD_MISFIT
+        return self.as_declared.misfit <= MAX_GOOD_MISFIT and self.as_declared.lacks_nothing
 
     @cached_property
     def as_declared(self) -> Evidence:
