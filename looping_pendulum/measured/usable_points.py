@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
+from scipy.ndimage import maximum_filter1d, median_filter
 
 from looping_pendulum.measured.camera import Camera
 from looping_pendulum.measured.noise import estimate_noise, speed_at
@@ -145,7 +145,8 @@ def stopped_at(t: Array, place: Array, error: Array, rod_radius: float, origin_e
     velocity = np.diff(place, axis=0) / np.diff(t)[:, None]
     beside = np.pad(velocity, ((1, 1), (0, 0)), mode="edge")
     departure = np.hypot(*(velocity - 0.5 * (beside[:-2] + beside[2:])).T)
-    usual = median_filter(np.hypot(*velocity.T), SPEED_POINTS, mode="nearest")
+    # Where the mass stops, that of before
+    usual = maximum_filter1d(median_filter(np.hypot(*velocity.T), SPEED_POINTS, mode="nearest"), SPEED_POINTS)
     is_leap = departure > LEAP * usual + 2 * SIGMAS * np.maximum(error[1:], error[:-1]) / np.diff(t)
     parts = np.split(np.arange(len(t)), np.flatnonzero(is_leap) + 1)
     stops = (_first_stop(part, t, place, error, rod_radius, origin_error, gravity) for part in parts)
