@@ -261,7 +261,8 @@ def _alteration(search: TrialSearch) -> str:
                 f"the points of the two masses exchanged in rows {exchanged.text}; needed each mass in its own columns: "
                 "exchange them there, or leave these rows out"
             )
-    if as_declared.problem is None or not as_declared.explains:
+    # The errors of smoothed points look like something large that is missing; an effect of a usual size is no smoothing
+    if as_declared.problem is None or not as_declared.explains or as_declared.explains_all:
         return ""
     text = smoothing_in_words(as_declared.problem, as_declared.x, {"m": 1.0})
     return text and f"points that were {text}, by the errors that they are left with; needed the points as they were tracked"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import reduce
 
@@ -34,9 +34,9 @@ CUTOFFS, FILTER_ORDERS = (6.0, 10.0, 15.0, 20.0), (2, 4)
 """Frequencies above which a Butterworth filter that runs forth and back leaves little [Hz], and its orders."""
 MADE_UP = (2, 3, 4, 8)
 """Rows of which one shows a picture, where those between are interpolated."""
-WHITE = (0.03, 0.3)
-"""White part of the errors of such points, in what differences of neighbours show: their last digit, and other kernels."""
-WANDERS = (0.5, 1.0, 3.0)
+WHITE = 0.03
+"""White part of the errors of such points, in what differences of neighbours show: their last digit."""
+WANDERS = (0.5, 1.0, 3.0, 10.0)
 """Errors of a tracker that wanders over its mark, in its white noise."""
 REFINEMENTS = 3
 """Number of times that the model is linearised again about what an account found itself."""
@@ -97,12 +97,14 @@ def smoothing_in_words(problem: Problem, x: Array, length_per_unit: Mapping[str,
             at = np.clip(at + found.change, problem.low, problem.high)
         return best
 
-    def most_probable(accounts: Iterator[Account]) -> Account:
+    def most_probable(accounts: Iterable[Account]) -> Account:
         return max(accounts, key=lambda account: account.log_share + evidence(account, x).log)
 
     as_tracked = most_probable(_as_tracked(rows))
     smoothed = most_probable(_smoothed(rows, half, float(np.median(np.diff(t))), inner))
-    return smoothed.text if refined(smoothed) > refined(as_tracked) else ""
+    # A smoothed motion alone may look like one with an effect
+    of_motion = most_probable(dataclasses.replace(each, weights=smoothed.weights) for each in _as_tracked(rows))
+    return smoothed.text if refined(smoothed) > max(refined(as_tracked), refined(of_motion)) else ""
 
 
 def _common_rows(data: TrialData) -> TrialData:
@@ -154,14 +156,12 @@ def _smoothed(rows: int, half: int, step: float, inner: NDArray[np.intp]) -> Ite
         shared = weights @ weights.T
         seen = max(float(np.median(np.sum((difference @ shared) * difference, axis=1))), 1e-9)
         of_rows = shared[np.ix_(inner, inner)] / seen
-        for white in WHITE:
 
-            def covariance(sigma: Array, of_rows: Array = of_rows, white: float = white) -> Array:
-                return np.asarray(np.outer(sigma, sigma) * of_rows + np.diag((white * sigma) ** 2))
+        def covariance(sigma: Array, of_rows: Array = of_rows) -> Array:
+            return np.asarray(np.outer(sigma, sigma) * of_rows + np.diag((WHITE * sigma) ** 2))
 
-            errors = ErrorsOfRows((text, number, rows, half, step, white), covariance)
-            share = SHARE / len(kernels) / len(WHITE)
-            yield Account(text=text, weights=weights, errors=errors, log_share=math.log(share))
+        errors = ErrorsOfRows((text, number, rows, half, step), covariance)
+        yield Account(text=text, weights=weights, errors=errors, log_share=math.log(SHARE / len(kernels)))
 
 
 def _kernels(rows: int, half: int, step: float) -> Iterator[tuple[str, Array]]:
