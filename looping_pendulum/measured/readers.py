@@ -72,6 +72,8 @@ MAX_START_SIGMAS = 4.0
 """The same by noise, in its standard deviations."""
 MAX_CHANCE = 1e-3
 """Largest number of records in which noise repeats a point in every digit as often as a tracker that has lost an object."""
+LAST_STEPS = 3
+"""Number of steps before a mass stays, and before these, whose lengths tell whether it slows down."""
 LOST_PLACES = (0.0, -1.0)
 """Both coordinates by which trackers write an object that they have lost, in their unit."""
 MIN_SCORE = 0.5
@@ -317,18 +319,23 @@ def _is_marked_lost(x: Array, y: Array) -> NDArray[np.bool_]:
 
 
 def _is_at_last_place(pair: Mapping[str, Series]) -> NDArray[np.bool_]:
-    """Return which points at the end repeat the one before in every digit, although noise would have moved a mass at rest."""
+    """Return which points at the end repeat the one before to a unit of the last digit, although noise would have moved a mass.
+
+    A mass comes to rest over some steps, also in an exact motion, and the mark of a lost one in one step.
+    """
     known = np.flatnonzero(np.all([np.isfinite(series.value) for series in pair.values()], axis=0))
     lost = np.zeros(len(next(iter(pair.values())).value), dtype=bool)
-    moves = np.any([np.diff(series.value[known]) != 0 for series in pair.values()], axis=0)
-    if moves.any():
-        start = int(np.flatnonzero(moves)[-1]) + 1
+    steps = np.hypot(*(np.diff(series.value[known]) for series in pair.values()))
+    digits = {name: float(np.max(series.last_digit[known], initial=0.0)) for name, series in pair.items()}
+    moves = np.flatnonzero(steps > 1.5 * max(digits.values()))
+    start = int(moves[-1]) + 1 if len(moves) else 0
+    before, last = (steps[max(end - LAST_STEPS, 0) : max(end, 0)].sum() for end in (start - LAST_STEPS, start))
+    if start and last > 0.5 * before:
         chance = 1.0
         for name, series in pair.items():
             noise = scatter(Channel(name=name, t=np.arange(start + 1.0), value=series.value[known[: start + 1]]))
-            # The chance that two values of normal noise are rounded to the same
-            digit = float(series.last_digit[known].max())
-            chance *= min(1.0, digit / (2 * np.sqrt(np.pi) * noise)) if noise > 0 else 1.0
+            # The chance that two values of normal noise are so near: three values of the last digit are
+            chance *= min(1.0, 3 * digits[name] / (2 * np.sqrt(np.pi) * noise)) if noise > 0 else 1.0
         lost[known[start + 1 :]] = len(known) * chance ** (len(known) - start - 1) < MAX_CHANCE
     return lost
 
