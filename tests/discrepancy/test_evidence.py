@@ -246,7 +246,8 @@ def test_without_what_the_held_out_trial_refuses_the_declared_model_is_not_enoug
     assert refused.credible == (NOTHING,)
     assert refused.verdict is Verdict.UNEXPLAINED
     (test,) = refused.contradiction
-    assert test.failure == f"the data ask for {DRAG}, which the held-out trials do not confirm"
+    words = "a drag on the light mass in proportion to its speed (light_linear_drag)"
+    assert test.failure == f"the data ask for {words}, which the held-out trials do not confirm"
     assert not test.passes
     monkeypatch.setattr(Explanations, "_log_prediction", lambda self, e: float(len(e.key)))
     named = Explanations(search, inputs, interrupted=False)

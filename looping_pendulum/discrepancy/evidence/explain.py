@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
+from looping_pendulum.discrepancy import candidates
 from looping_pendulum.discrepancy.evidence.explanation import (
     NOTHING,
     Explanation,
@@ -175,13 +176,14 @@ class Explanations:
         e = self.contradicted
         if e is None or self.credible != (NOTHING,):
             return ()
+        asked = " and ".join(map(candidates.in_words, sorted(e.key)))
         return (
             ModelTest(
                 subject=in_words(e.key),
                 statistic="log odds against the declared model",
                 value=e.log_posterior - self.search.fitted[NOTHING].log_posterior,
                 limit=math.log(CREDIBLE / (1 - CREDIBLE)),
-                failure=f"the data ask for {in_words(e.key)}, which the held-out trials do not confirm",
+                failure=f"the data ask for {asked}, which the held-out trials do not confirm",
             ),
         )
 
