@@ -1,6 +1,6 @@
 """Read text tables, as spreadsheets and video analysis programs write them, into lines of cells.
 
-Encoding, comments, delimiter and decimal comma are told by content, and cells get one writing: numbers lose the signs that
+Encoding, comments, delimiter and decimal comma are seen by content, and cells get one writing: numbers lose the signs that
 separate thousands, and times of a clock become seconds. Nothing here knows physics. Every fault is a `DataError` of one line
 that names file, line and column.
 """
