@@ -57,6 +57,7 @@ from looping_pendulum.measured.displaced_rows import (
 )
 from looping_pendulum.measured.observations import Channel, DataError, ImplausibleLengthError, Observations
 from looping_pendulum.measured.study import Study, Trial, read_trial, refuse_seen_points
+from looping_pendulum.measured.usable_points import usable_points
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.processes import ReportShare
 from looping_pendulum.reference_ode.parameters import Release
@@ -264,6 +265,9 @@ def _alteration(search: TrialSearch) -> str:
     # The errors of smoothed points look like something large that is missing; an effect of a usual size is no smoothing
     if as_declared.problem is None or not as_declared.explains or as_declared.explains_all:
         return ""
+    declared = search.declared
+    if usable_points(declared.study, declared.trial, declared.observations) is not declared.observations:
+        return ""  # nor is a hand
     text = smoothing_in_words(as_declared.problem, as_declared.x, {"m": 1.0})
     return text and f"points that were {text}, by the errors that they are left with; needed the points as they were tracked"
 
