@@ -14,7 +14,6 @@ from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 from looping_pendulum.discrepancy.first_look.evidence import LACKING, ErrorsOfRows, LinearEvidence, Points
 from looping_pendulum.discrepancy.fit.data import FRAMES, TrialData
@@ -166,6 +165,8 @@ def _smoothed(rows: int, half: int, step: float, inner: NDArray[np.intp]) -> Ite
 
 def _kernels(rows: int, half: int, step: float) -> Iterator[tuple[str, Array]]:
     """Yield what may be done with points, in words, and their weights, shape (rows, rows)."""
+    from scipy import signal  # takes a quarter of a second with scipy.stats, and few studies come here
+
     one, k = np.eye(rows), np.arange(rows)
     for window in (w for w in WINDOWS if w <= 2 * half + 1):
         average = np.sum([np.eye(rows, k=n - window // 2) for n in range(window)], axis=0) / window
