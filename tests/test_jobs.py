@@ -2,7 +2,6 @@
 
 import os
 import threading
-import time
 from functools import partial
 
 import pytest
@@ -11,10 +10,14 @@ from looping_pendulum.processes import core_count, run_many
 
 
 class Jobs:
-    """Calls that note how many go on at once, and that end early once they are cancelled."""
+    """Calls that note how many go on at once, and that end early once they are cancelled.
 
-    def __init__(self, seconds: float) -> None:
+    The first ``together`` of them end only when all of these have begun.
+    """
+
+    def __init__(self, seconds: float, together: int = 1) -> None:
         self.seconds, self.cancelled = seconds, threading.Event()
+        self.first = threading.Barrier(together)
         self.going_on = self.most = 0
         self.begun: list[int] = []
         self._lock = threading.Lock()
@@ -24,6 +27,8 @@ class Jobs:
             self.begun.append(number)
             self.going_on += 1
             self.most = max(self.most, self.going_on)
+        if number < self.first.parties:
+            self.first.wait(60)
         stopped = self.cancelled.wait(self.seconds)
         with self._lock:
             self.going_on -= 1
@@ -32,7 +37,7 @@ class Jobs:
 
 @pytest.mark.parametrize("jobs", [1, 3])
 def test_each_call_is_made_once_and_no_more_at_a_time_than_asked_for(jobs):
-    many, seen = Jobs(0.02), []
+    many, seen = Jobs(0.0, together=jobs), []
     results = run_many(map(partial(partial, many.call), range(7)), jobs, cancelled=many.cancelled, meanwhile=seen.append)
     assert results == {i: str(i) for i in range(7)}
     assert many.begun == sorted(many.begun)
@@ -74,9 +79,14 @@ def test_what_a_call_raises_is_raised_and_the_others_are_made():
 
 
 def test_the_caller_is_called_while_jobs_go_on():
-    many, called = Jobs(0.3), []
-    run_many([partial(many.call, 0)], 1, cancelled=many.cancelled, meanwhile=lambda _: called.append(time.monotonic()))
-    assert len(called) >= 3
+    called, enough = [], threading.Event()
+
+    def meanwhile(results):
+        called.append(results)
+        if len(called) == 3:
+            enough.set()
+
+    assert run_many([partial(enough.wait, 60)], 1, cancelled=threading.Event(), meanwhile=meanwhile) == {0: True}
 
 
 def test_cores_are_those_that_this_process_may_use(monkeypatch):

@@ -152,7 +152,7 @@ def _trial(files: Sequence[str], given: dict[str, str]) -> Trial:
     named: tuple[tuple[str, dict[str, str]], ...] = tuple((path, {mass: ""}) for mass, _, path in of_mass)
     paths = [path for path, _ in named] + whole
     entry = {"name": Path(paths[0]).stem, "file": paths[0]} | entry
-    doc = Document(file=OPTION, data={"title": "trial", "trials": [entry]}, lines={})
+    doc = Document(file=OPTION, data={"title": "trial", "trials": [entry]}, lines={}, text="")
     try:
         trial = study_io.trial_of(doc)
     except ScenarioError as error:

@@ -126,6 +126,9 @@ def _check_file_locations(folder: Path, trial: Trial, doc: Document, index: int)
             target = Path(os.path.realpath(folder / path))
         except ValueError:
             raise doc.error(where, f"found {document.quote(path)}, which is not a valid file name; needed one") from None
+        whole = path + doc.line_of(where).partition(path)[2].rstrip()
+        if not target.exists() and (folder / whole).exists():
+            raise doc.error(where, f"found {document.quote(path)}, which is no file; {document.QUOTE_COMMENT_SIGN}, '{whole}'")
         if not any(target.is_relative_to(each) for each in allowed):
             message = f"found {document.quote(path)}, needed a file below the study's folder or the current one"
             raise doc.error(where, f"{message}; put it there, or name its folder in ${DATA_VARIABLE}")

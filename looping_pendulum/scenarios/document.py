@@ -7,6 +7,7 @@ nesting.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import takewhile
 from typing import Any
 
 import yaml
@@ -21,6 +22,8 @@ MAX_FILE_SIZE = 64 * 1024
 """Largest file that is read [bytes]: many times a long scenario, and still read within a second or two."""
 MAX_DEPTH = 12
 """Largest number of nesting levels; a scenario needs five."""
+QUOTE_COMMENT_SIGN = "'#' begins a comment: put a value that has it in quotes"
+"""Way out where a part of a value was taken for a comment."""
 _NULLS = frozenset({"", "~", "null", "Null", "NULL"})
 _TAGS = {
     yaml.ScalarNode: "tag:yaml.org,2002:str",
@@ -49,6 +52,12 @@ class Document:
     """Content; every scalar is text."""
     lines: dict[Path, int] = field(repr=False)
     """Path of a value -> its line, from 1."""
+    text: str = field(repr=False)
+    """The file itself."""
+
+    def line_of(self, path: Path) -> str:
+        """Return the line of the file in which the value at ``path`` begins; '' if it has none."""
+        return self.text.splitlines()[self.lines[path] - 1] if path in self.lines else ""
 
     def error(self, path: Path, message: str) -> ScenarioError:
         """Return an error about the key at ``path``, with the line of it or of the nearest group around it."""
@@ -89,7 +98,7 @@ def parse(raw: bytes, file: str, needed: str = "a scenario; start from a copy of
     try:
         node = _Loader(text, file).get_single_node()
     except yaml.MarkedYAMLError as error:
-        raise ScenarioError(one_line(_yaml_error(error, file))) from None
+        raise ScenarioError(one_line(_yaml_error(error, file, text))) from None
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         message = f"{file}:{line}: found the character {chr(error.character)!a}, needed plain text; delete it"
@@ -100,7 +109,7 @@ def parse(raw: bytes, file: str, needed: str = "a scenario; start from a copy of
         what = "a list" if isinstance(node, yaml.SequenceNode) else f"'{shorten(node.value)}'"
         raise ScenarioError(one_line(f"{file}: found {what}, needed keys with values; write for example 'title: Ten to one'"))
     lines: dict[Path, int] = {}
-    return Document(file=file, data=_plain(node, (), lines, file), lines=lines)
+    return Document(file=file, data=_plain(node, (), lines, file), lines=lines, text=text)
 
 
 def _decode(raw: bytes, file: str) -> str:
@@ -158,17 +167,20 @@ def _plain(node: yaml.Node, path: Path, lines: dict[Path, int], file: str) -> An
         return [_plain(item, (*path, i), lines, file) for i, item in enumerate(node.value)]
     data: dict[str, Any] = {}
     assert isinstance(node, yaml.MappingNode)
-    for key, value in node.value:
+    for i, (key, value) in enumerate(node.value):
         line = key.start_mark.line + 1
         if not isinstance(key, yaml.ScalarNode):
             raise ScenarioError(one_line(f"{file}:{line}: found a list or group as a key, needed a word"))
         _check_surrogates(key, file)
         here = (*path, key.value)
         if node.flow_style and key.value[:1].isdigit() and key.style is None and data:
-            # In braces, {mass: 0,5 g} has the keys "mass" and "5 g"
-            before, whole = next(reversed(data.items()))
-            found = f"found a comma inside '{whole},{key.value}', needed a decimal point"
-            raise ScenarioError(one_line(f"{file}:{line}: {key_text((*path, before))}: {found}; write '{whole}.{key.value}'"))
+            # In braces, {mass: 0,5 g +/- 0,1 g} has the keys "mass", "5 g +/- 0" and "1 g"
+            before, whole = node.value[i - 1]
+            rest = takewhile(lambda text: text[:1].isdigit(), (str(after.value) for after, _ in node.value[i:]))
+            parts = [whole.value, *rest]
+            found = f"found a comma inside '{','.join(parts)}', needed a decimal point"
+            where = key_text((*path, before.value))
+            raise ScenarioError(one_line(f"{file}:{line}: {where}: {found}; write '{'.'.join(parts)}'"))
         if key.value in data:
             message = f"{file}:{line}: {key_text(here)}: found this key twice (first on line {lines[here]}), needed it once"
             raise ScenarioError(one_line(f"{message}; delete one"))
@@ -185,7 +197,7 @@ def _check_surrogates(node: yaml.ScalarNode, file: str) -> None:
         raise ScenarioError(one_line(message))
 
 
-def _yaml_error(error: yaml.MarkedYAMLError, file: str) -> str:
+def _yaml_error(error: yaml.MarkedYAMLError, file: str, text: str) -> str:
     """Return PyYAML's error as one line for the author of the file."""
     mark = error.problem_mark or error.context_mark
     line = f":{mark.line + 1}" if mark else ""
@@ -195,4 +207,6 @@ def _yaml_error(error: yaml.MarkedYAMLError, file: str) -> str:
     if "another document" in problem or "single document" in str(error.context):
         return f"{file}{line}: found a second document ('---'), needed one scenario per file"
     advice = "check the indentation, the quotes and brackets, and that a space follows each colon"
+    if mark and any(" #" in each for each in text.splitlines()[(error.context_mark or mark).line : mark.line + 1]):
+        advice = QUOTE_COMMENT_SIGN
     return f"{file}{line}: found no readable YAML ({problem}), needed 'key: value' lines; {advice}"

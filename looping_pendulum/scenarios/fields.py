@@ -19,9 +19,10 @@ from pydantic import (
 )
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import CoreSchema, ErrorDetails, PydanticCustomError, core_schema
+from yaml.constructor import SafeConstructor
 
 from looping_pendulum.errors import ScenarioError, one_line
-from looping_pendulum.scenarios.document import Document, Path, quote
+from looping_pendulum.scenarios.document import QUOTE_COMMENT_SIGN, Document, EmptyValue, Path, quote
 from looping_pendulum.scenarios.quantities import FILE_KEYS
 from looping_pendulum.scenarios.units import QuantityKind, RangeError, UnitError
 
@@ -134,9 +135,10 @@ def whole_number(example: str, *, low: int = 1) -> FieldType:
 
 
 def _flag(value: object) -> bool:
-    if value in ("true", "false"):
-        return value == "true"
-    raise input_error(f"expected true or false, got {quote(value)}")
+    known = SafeConstructor.bool_values  # YAML's words: yes, no, true, false, on, off
+    if isinstance(value, str) and value.lower() in known:
+        return known[value.lower()]
+    raise input_error(f"expected true or false, got {quote(value)}; write 'true' or 'false'")
 
 
 Flag = Annotated[bool, FieldType(read=_flag, json_schema={"type": "boolean"})]
@@ -240,7 +242,10 @@ def first_error(
         return details["type"] != "extra_forbidden", lines[0] if lines else 1 << 30
 
     path, first = min(errors, key=order)
-    return doc.error(path, own_words(first, path) or _message(first, path, model))
+    message = own_words(first, path) or _message(first, path, model)
+    if isinstance(first["input"], EmptyValue) and "#" in doc.line_of(path):
+        message = f"{message}; {QUOTE_COMMENT_SIGN}"
+    return doc.error(path, message)
 
 
 def _path(details: ErrorDetails) -> Path:

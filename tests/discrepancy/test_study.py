@@ -170,7 +170,15 @@ BAD = [
     ("light_drag: free", "light_darg: free", "effects.light_darg: found an unknown effect, needed one of: gravity, capstan"),
     ("capstan: free", "capstan: {kinetic: free}", "effects.capstan.kinetic: found an unknown key"),
     ("capstan: free", "capstan: {kinetic_friction: 1 kg}", "effects.capstan.kinetic_friction: expected a plain number"),
-    ("held_out: true", "held_out: yes", "trials[2].held_out: expected true or false, got 'yes'"),
+    ("held_out: true", "held_out: ja", "trials[2].held_out: expected true or false, got 'ja'; write 'true' or 'false'"),
+    (
+        "{mass: 10 g +/- 0.05 g}",
+        "{mass: 10,5 g +/- 0,05 g}",
+        "apparatus.light.mass: found a comma inside '10,5 g +/- 0,05 g', needed a decimal point; write '10.5 g +/- 0.05 g'",
+    ),
+    ("file: d.csv", "file: #4.csv", "trials[2].file: expected text, got nothing; "),
+    ("file: d.csv", "file: #4.csv", "'#' begins a comment: put a value that has it in quotes"),
+    ("{light: mass A, heavy: mass B}", "{light: ball #1, heavy: ball #2}", "'#' begins a comment: put a value that has it in"),
     ("240 Hz", "240", "trials[0].frame_rate: expected a quantity in Hz"),
     ("kind: looping", "kind: loping", "did you mean 'looping'?"),
     ("    tracks:", "    track:", "trials[1].track: found an unknown key"),
@@ -201,6 +209,18 @@ BAD = [
     ("scale: 1 +/- 1 %", "perspective_x: 3 m", "trials[1].camera.perspective_x: expected a quantity in 1/m, got '3 m'"),
     ("scale: 1 +/- 1 %", "distortion: 5 1/m^2", "trials[1].camera.distortion: "),
 ]
+
+
+@pytest.mark.parametrize("word", ["true", "yes", "On", "TRUE"])
+def test_every_word_of_yaml_for_true_is_read(word, study):
+    assert load_text(STUDY.replace("held_out: true", f"held_out: {word}"), "two.yaml") == study
+
+
+def test_a_file_whose_name_is_cut_at_the_comment_sign_is_asked_for_in_quotes(tmp_path):
+    (tmp_path / "clip #4.csv").touch()
+    with pytest.raises(StudyError, match=r"trials\[2\].file: found 'clip', .* in quotes, 'clip #4.csv'$"):
+        load_text(STUDY.replace("file: d.csv", "file: clip #4.csv"), "two.yaml", tmp_path)
+    assert load_text(STUDY.replace("file: d.csv", "file: d.csv  # the last one"), "two.yaml", tmp_path).trials[2].name == "test"
 
 
 @pytest.mark.parametrize(("old", "new", "wanted"), BAD)

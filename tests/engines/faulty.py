@@ -13,13 +13,14 @@ import numpy as np
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Abilities, Profile, SteppedEngine
 from looping_pendulum.engines.reference import SUPPLIES
 from looping_pendulum.errors import EngineError
+from looping_pendulum.processes import memory_in_use
 from looping_pendulum.reference_ode.parameters import Release
 
 FAULT_AT = 0.02
 """Simulated time of the fault [s]."""
 
-HOARD_BLOCK, HOARD_END = 2**24, 64
-"""Size of a block [bytes] that the fault "memory" allocates at a time, and the number of blocks at which it stops."""
+HOARD = 310 * 2**20
+"""Memory that the fault "memory" comes to hold [bytes], a little above the limit that tests set."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,9 +89,10 @@ class FaultyRig:
             subprocess.Popen(["sleep", "600"], start_new_session=True)  # left the engine's group
         if self.fault.startswith("hang"):
             time.sleep(3600)
-        while self.fault == "memory" and len(self.hoard) < HOARD_END:
-            self.hoard.append(os.urandom(1) * HOARD_BLOCK)
-            time.sleep(0.02)
+        while self.fault == "memory" and memory_in_use(os.getpid()) < HOARD:
+            self.hoard.append(os.urandom(1) * 2**24)
+        if self.fault == "memory":
+            time.sleep(3600)
 
     def read(self):
         if self.fault == "prints" and self.time == 0:

@@ -38,7 +38,7 @@ KEPT = round(FAULT_AT * 1000)
 FAULTS = {
     "segfault": (RunStatus.CRASHED, KEPT, "SIGSEGV"),
     "exit": (RunStatus.CRASHED, KEPT, "exit status 3"),
-    "hang": (RunStatus.TIME_LIMIT, KEPT, "limit 10 s"),
+    "hang": (RunStatus.TIME_LIMIT, KEPT, "limit 600 s"),
     "memory": (RunStatus.MEMORY_LIMIT, KEPT, r"held 3\d\d MiB, limit 300 MiB"),
     "nan": (RunStatus.NOT_FINITE, KEPT, ""),
     "stretches": (RunStatus.STRING_DRIFT, KEPT + 1, ""),  # the sample that shows the stretched string is kept too
@@ -92,7 +92,7 @@ def at_once():
             engines,
             SCENARIO,
             jobs=2,
-            time_limit=10,
+            time_limit=600,
             memory_limit=parse_memory("300 MiB"),
             progress=leap_where_it_hangs,
         )

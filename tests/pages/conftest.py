@@ -13,6 +13,8 @@ from tests.pages import live_page
 
 DESKTOP = {"width": 1280, "height": 900}
 PHONE = {"width": 390, "height": 844}
+PATIENCE = 180.0
+"""How long a test waits for what must come, on however slow a machine [s]."""
 
 
 @dataclass
@@ -59,6 +61,7 @@ def visitor(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator
         file.write_text(html, encoding="utf-8")
         context = chromium.new_context(viewport=viewport, reduced_motion=reduced_motion, **options)
         contexts.append(context)
+        context.set_default_timeout(1e3 * PATIENCE)
         opened = Opened(page=context.new_page())
         opened.page.on("console", lambda m: opened.complaints.append(m.text) if m.type in ("error", "warning") else None)
         opened.page.on("pageerror", lambda error: opened.complaints.append(str(error)))
@@ -77,9 +80,9 @@ def visitor(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator
             context.close()
 
 
-def until(page: Any, expression: str, seconds: float = 20.0) -> None:
+def until(page: Any, expression: str) -> None:
     """Wait until ``expression`` holds on ``page``; its own waiting would need what the page's policy forbids."""
-    end = time.monotonic() + seconds
+    end = time.monotonic() + PATIENCE
     while not page.evaluate(expression):
         assert time.monotonic() < end, f"never came true: {expression}"
         page.wait_for_timeout(20)

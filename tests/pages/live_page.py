@@ -7,6 +7,15 @@ from looping_pendulum.live.write import render
 
 ACTIONS = Path(__file__).parent / "live_actions.js"
 
+PLAYED_TO = """(time) => new Promise((done) => {
+  const look = () => {
+    if (live.player.time < time) { requestAnimationFrame(look); return; }
+    live.player.setSlow(1e6);
+    done();
+  };
+  look();
+})"""
+
 STAGE = "#stage"
 COUNT = """([selector, colour]) => {
   const canvas = document.querySelector(selector), context = canvas.getContext("2d");
@@ -30,6 +39,11 @@ def at(page, time):
     """Set the time and wait until it is drawn."""
     page.evaluate("(t) => live.player.stopAt(t)", time)
     settled(page)
+
+
+def played_to(page, time):
+    """Wait until the motion plays beyond a time, and slow it down there: it plays on for as long as the test looks at it."""
+    page.evaluate(PLAYED_TO, time)
 
 
 def preset(page, name):
@@ -59,7 +73,6 @@ def light_mass(page):
 def act_at_random(visit, html, count):
     """Do ``count`` random actions on the page."""
     opened = visit(html)
-    opened.page.set_default_timeout(600_000)
     assert opened.page.evaluate(ACTIONS.read_text(encoding="utf-8"), [20261123, count]) > count / 20
     settled(opened.page)
     assert opened.complaints == []

@@ -75,7 +75,7 @@ def show(page, frame):
 def test_a_film_is_tracked_from_two_clicks_and_fitted(page, film):
     path, places = film
     page.set_input_files("#film-file", str(path))
-    until(page, "/per second|cannot/.test(document.getElementById('film-message').textContent)", seconds=30)
+    until(page, "/per second|cannot/.test(document.getElementById('film-message').textContent)")
     if "cannot" in page.inner_text("#film-message"):
         pytest.skip("this browser shows no H.264")
     assert f"{SIZE} × {SIZE}, {RATE}.0" in page.inner_text("#film-message").replace(f"{RATE}.00", f"{RATE}.0")
@@ -96,7 +96,7 @@ def test_a_film_is_tracked_from_two_clicks_and_fitted(page, film):
         for frame in (LEAD, LEAD + 1):
             click(page, *places[frame, start : start + 2])
         page.click("#film-find")
-        until(page, "!live.film.searching", seconds=60)
+        until(page, "!live.film.searching")
         marks = page.evaluate("(mass) => live.film.marks[mass].map(({ time, x, y }) => [time, x, y])", mass)
         frames = np.round(np.array(marks)[:, 0] * RATE).astype(int)
         assert frames.tolist() == list(range(LEAD, FRAMES))
@@ -111,7 +111,7 @@ def test_a_film_is_tracked_from_two_clicks_and_fitted(page, film):
     page.click("#film-use")
     until(page, "live.trial.trial !== null")
     page.click("#trial-fit")
-    until(page, "document.getElementById('fit-table').children.length > 0", seconds=60)
+    until(page, "document.getElementById('fit-table').children.length > 0")
     friction = page.evaluate("live.state.values.kinetic_friction")
     assert friction == pytest.approx(FRICTION, rel=0.05)
     page.click("#film-remove")
@@ -133,7 +133,7 @@ def test_a_webm_that_states_no_duration_is_played(page, tmp_path):
             container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
         container.mux(stream.encode())
     page.set_input_files("#film-file", str(path))
-    until(page, "/per second|cannot/.test(document.getElementById('film-message').textContent)", seconds=30)
+    until(page, "/per second|cannot/.test(document.getElementById('film-message').textContent)")
     assert page.evaluate("live.film.film.duration") == pytest.approx(45 / 60, abs=1.5 / 60)
     # WebM has times in whole milliseconds
     assert 1 / page.evaluate("live.film.film.step") == pytest.approx(60, rel=0.01)

@@ -161,6 +161,7 @@ def test_nothing_on_the_page_stays_english(german, german_words):
 @pytest.mark.long
 def test_the_lesson_is_told_in_german(german, german_words):
     page = german.page
+    searching = page.evaluate("liveLanguages.de.lessonSearching")
     page.evaluate("document.getElementById('lesson').open = true")
     for place in range(page.locator("#lesson-steps button").count()):
         page.locator("#lesson-steps button").nth(place).click()
@@ -176,7 +177,8 @@ def test_the_lesson_is_told_in_german(german, german_words):
         assert_german(page, german_words)
         if page.is_visible("#lesson-check"):
             page.click("#lesson-check")
-            page.wait_for_timeout(50)
+            assert_german(page, german_words)
+            until(page, f"document.getElementById('lesson-answer').textContent !== {searching!r}")
             assert_german(page, german_words)
     page.evaluate("document.getElementById('lesson').open = false")
 

@@ -13,7 +13,7 @@ from looping_pendulum.live.write import live_settings
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import load, shipped
 from tests.pages.conftest import DESKTOP, PHONE, sideways, until
-from tests.pages.live_page import act_at_random, light_mass, page_text, preset, settled, value
+from tests.pages.live_page import act_at_random, light_mass, page_text, played_to, preset, settled, value
 
 SHOWN = 5e-5
 """Half of the last digit of a time on the page [s]."""
@@ -257,7 +257,7 @@ def test_a_ghost_and_the_change_as_numbers(page):
 def test_play_slow_motion_steps_and_the_time(page):
     page.click("[data-slow='1']")
     page.click("#play")
-    until(page, "live.player.time > 0.1")
+    played_to(page, 0.1)
     assert page.inner_text("#play") == "Pause"
     page.click("#play")
     assert not page.evaluate("live.player.playing")
@@ -384,8 +384,7 @@ def test_the_stage_fills_the_screen_on_request(page):
     height = page.locator("#stage").bounding_box()["height"]
     page.click("#full")
     until(page, "document.fullscreenElement !== null")
-    settled(page)
-    assert page.locator("#stage").bounding_box()["height"] > height
+    until(page, f"document.getElementById('stage').getBoundingClientRect().height > {height}")
     for part in ("#play", "#forces", "#result"):
         assert page.is_visible(part)
     page.click("#full")
@@ -429,8 +428,9 @@ def test_on_a_phone_it_fits_and_a_finger_reaches_everything(visit):
       .filter(([, box]) => box.height < 43.5 || box.width < 43.5).map(([name]) => name)""")
     assert small == []
     page.locator("#play").tap()
-    until(page, "live.player.time > 0")
+    played_to(page, 0.01)
     page.locator("#play").tap()
+    assert not page.evaluate("live.player.playing")
     page.evaluate("window.scrollTo(0, 0)")
     page.locator("#start").tap()
     settled(page)

@@ -142,12 +142,12 @@ def test_print_opens_what_is_folded_and_leaves_out_switches(comparison):
     page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
     page.emulate_media(media="print")
     assert page.evaluate("document.documentElement.dataset.theme") == "light"
-    widths = page.eval_on_selector_all(".figure .main-svg", "(all) => all.map((one) => one.getBoundingClientRect().width)")
-    assert max(widths) <= 718  # A4 with Chromium's margins of 1 cm [px]
+    widths = "[...document.querySelectorAll('.figure .main-svg')].map((one) => one.getBoundingClientRect().width)"
+    until(page, f"Math.max(...{widths}) <= 718")  # A4 with Chromium's margins of 1 cm [px]
     assert page.locator("details.words dl").is_visible()
     assert not page.locator("#theme").is_visible()
     assert not page.locator("nav.contents").is_visible()
     page.emulate_media(media="screen")
     page.evaluate("window.dispatchEvent(new Event('afterprint'))")
     assert page.evaluate("document.documentElement.dataset.theme") == "dark"
-    assert page.locator("#path .main-svg").first.bounding_box()["width"] > 1000
+    until(page, "document.querySelector('#path .main-svg').getBoundingClientRect().width > 1000")

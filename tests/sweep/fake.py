@@ -3,12 +3,16 @@
 import argparse
 import os
 import resource
+import signal
 import time
+from itertools import zip_longest
 
 import numpy as np
+from zarr.storage import LocalStore
 
 from looping_pendulum.sweep import cells, map_file, runner
 from looping_pendulum.sweep.cells import ENDINGS, FIELDS
+from tests.sweep.maps import field_files
 
 
 def solve(plan, region, **limits):
@@ -27,23 +31,40 @@ def solve(plan, region, **limits):
     return cells.ChunkResult(values=values, versions=cells.versions(plan.engine(region), plan.profile))
 
 
+def kill_at(folder, files):
+    """Have this process killed where it would write the next file, once there are so many of the fields'."""
+    put = LocalStore.set
+
+    async def put_unless_killed(self, *given, **also):
+        if len(field_files(folder)) >= files:
+            os.kill(os.getpid(), signal.SIGKILL)
+        await put(self, *given, **also)
+
+    LocalStore.set = put_unless_killed
+
+
 def main():
     """Map with the fake solver; print how many runs are done, and the largest memory held [KiB].
 
     Of several pairs of a map and a folder, each is mapped by a copy of this process, one after another: what such a copy
-    does, or that it is killed, leaves the next as it was, and none has to import anything. First its process id is printed.
+    does, or that it is killed, leaves the next as it was, and none has to import anything. How many files of fields it
+    left is printed after it.
     """
     parser = argparse.ArgumentParser()
     parser.add_argument("paths", nargs="+", help="map and folder, once or several times")
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--killed-at", nargs="*", type=int, default=[], help="files of fields at which each copy is killed")
     given = parser.parse_args()
     pairs = list(zip(given.paths[::2], given.paths[1::2], strict=True))
-    for plan, out in [(map_file.load(name), out) for name, out in pairs]:
+    plans = [(map_file.load(name), out) for name, out in pairs]
+    for (plan, out), files in zip_longest(plans, given.killed_at):
         copy = os.fork() if len(pairs) > 1 else 0
         if copy:
-            print(copy, flush=True)
             os.waitpid(copy, 0)
+            print(len(field_files(out)), flush=True)
             continue
+        if files is not None:
+            kill_at(out, files)
         outcome = runner.run_map(plan, out, jobs=given.jobs, figures=False, solve=solve)
         print(outcome.runs_now, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, flush=True)
         if len(pairs) > 1:

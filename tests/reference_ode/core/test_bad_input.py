@@ -95,22 +95,23 @@ def test_results_for_which_there_is_no_memory_are_refused(samples):
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="this system has no timer that interrupts")
 def test_an_endless_run_is_interrupted_within_a_fifth_of_a_second():
+    """Of processor time, as other programs may hold this one up."""
     heard_after = []
 
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    parameters, handler = pulled_by(ENDLESS), signal.signal(signal.SIGALRM, interrupt)
+    parameters, handler = pulled_by(ENDLESS), signal.signal(signal.SIGPROF, interrupt)
     try:
-        for _ in range(3):  # the least of three, as other programs may hold this one up
-            due = time.perf_counter() + 0.1
-            signal.setitimer(signal.ITIMER_REAL, 0.1)
+        for _ in range(3):
+            due = time.process_time() + 0.1
+            signal.setitimer(signal.ITIMER_PROF, 0.1)
             with pytest.raises(KeyboardInterrupt):
                 solve_batch(parameters, {"k": np.full(50, 0.01)})
-            heard_after.append(time.perf_counter() - due)
+            heard_after.append(time.process_time() - due)
     finally:
-        signal.signal(signal.SIGALRM, handler)
-    assert min(heard_after) < 0.2
+        signal.signal(signal.SIGPROF, handler)
+    assert max(heard_after) < 0.2
 
 
 def test_a_system_without_a_wheel_of_wasmtime_is_told_so(tmp_path):
