@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -18,6 +19,8 @@ class WayOut:
     """Key -> value, "tracks.light" -> "mass A"."""
     is_example: bool = False
     """Whether the values are examples, which the author of a file is not shown."""
+    alternative: WayOut | None = None
+    """The other way out of a fault that may be either of two."""
 
     def in_file(self) -> str:
         """Return the words for the author of a file: "choose by 'run: 2'"."""
@@ -26,11 +29,14 @@ class WayOut:
             inside = [f"{key.partition('.')[2]}: {_in_yaml(v)}" for key, v in self.keys.items() if key.startswith(f"{group}.")]
             value = f"{{{', '.join(inside)}}}" if inside else _in_yaml(self.keys[group])
             shown.append(f"'{group}'" if self.is_example else f"'{group}: {value}'")
-        return self.words.format(" and ".join(shown))
+        other = [self.alternative.in_file()] if self.alternative else []
+        return "; ".join([self.words.format(" and ".join(shown)), *other])
 
     def as_options(self, option: str) -> str:
-        """Return the words for a command line whose ``option`` takes KEY=VALUE: "choose by --marks-set 'run=2'"."""
-        return self.words.format(" ".join(f"{option} '{key}={value}'" for key, value in self.keys.items()))
+        """Return the words for a command line whose ``option`` takes KEY=VALUE: "choose by --marks-set run=2"."""
+        shown = " ".join(f"{option} {shlex.quote(f'{key}={value}')}" for key, value in self.keys.items())
+        other = [self.alternative.as_options(option)] if self.alternative else []
+        return "; ".join([self.words.format(shown), *other])
 
 
 def _in_yaml(value: str) -> str:

@@ -21,6 +21,12 @@ if TYPE_CHECKING:
     from looping_pendulum.measured.observations import Observations
 
 
+SET = "--set"
+"""Option by which a user says how a table is read."""
+SETTINGS = ("frame_rate", "clip_rate", "tracks", "units", "kind", "run")
+"""Keys of a study's trial that it takes."""
+
+
 class FirstLookError(HarnessError, ValueError):
     """Tracked points contradict a study; the message says how to go on."""
 
@@ -39,6 +45,14 @@ def look(
         Path | None,
         typer.Option(metavar="PLAIN.csv", help="Write the points as a plain table, which the live page takes."),
     ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            SET,
+            metavar="KEY=VALUE",
+            help="How to read a table: 'frame_rate=240 Hz', units.time=ms, 'tracks.light=mass A', run=2; repeatable.",
+        ),
+    ] = None,
     force: Force = False,
 ) -> None:
     """Compare tracked points with what a study declares, in seconds and before any fit; or say how a table is read.
@@ -50,20 +64,36 @@ def look(
 
     looping-pendulum look trials/first.trk --write plain.csv
     """
-    if source.suffix.lower() in (".yaml", ".yml"):
-        _look_at_study(source, out, write, force=force)
+    if source.suffix.lower() not in (".yaml", ".yml"):
+        _look_at_table(source, settings or [], write, force=force)
+    elif settings:
+        raise FirstLookError(f"{SET}: found it beside a study, needed a table; write such keys into the study's trial")
     else:
-        _look_at_table(source, write, force=force)
+        _look_at_study(source, out, write, force=force)
 
 
-def _look_at_table(table: Path, write: Path | None, *, force: bool) -> None:
+def _look_at_table(table: Path, settings: Sequence[str], write: Path | None, *, force: bool) -> None:
     """Say how a file of tracked points is read without a study."""
+    from looping_pendulum.compare.trial_files import settings_by_key, trial_of_files
     from looping_pendulum.files import prepare_output_file
+    from looping_pendulum.measured.observations import DataError
     from looping_pendulum.measured.readers import read_as_proposed
 
     if write is not None:
         prepare_output_file(write, force=force, option="--write")
-    observations = read_as_proposed(table)
+    trial = trial_of_files([str(table)], settings_by_key(settings, SET, SETTINGS), SET)
+    try:
+        observations = read_as_proposed(
+            table,
+            tracks=trial.files[0][1],
+            units=trial.units,
+            kind=trial.kind,
+            frame_rate=trial.frame_rate,
+            clip_rate=trial.clip_rate,
+            run=trial.run,
+        )
+    except DataError as error:
+        raise DataError(error.on_command_line(SET)) from None
     say(observations.summary())
     for fault in observations.faults:
         say(f"warning: {fault}")

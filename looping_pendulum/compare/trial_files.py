@@ -5,7 +5,7 @@ The camera is taken at its word and undone, never fitted: `identify` fits it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -47,10 +47,10 @@ def read_measured_trial(files: Sequence[str], settings: Sequence[str] = ()) -> M
     DataError, ScenarioError, StudyError
         In one line, if a file or a setting cannot be used.
     """
-    given = dict(_key_and_value(setting) for setting in settings)
+    given = settings_by_key(settings, OPTION, KEYS)
     if any(Path(file).suffix.lower() in STUDY_SUFFIXES for file in files):
         return _trial_of_study(files, given)
-    trial = _trial(files, given)
+    trial = trial_of_files(files, given, OPTION)
     try:
         return measured_trial(trial, read_files(Path(), trial))
     except DataError as error:
@@ -127,19 +127,35 @@ def _tracks(channels: dict[str, Channel], camera: Camera, dropped: str) -> list[
     return found
 
 
-def _key_and_value(text: str) -> tuple[str, str]:
-    key, equals, value = text.partition("=")
-    if not (key.strip() and equals and value.strip()):
-        raise DataError(one_line(f"{OPTION}: found {quote(text)}, needed KEY=VALUE; write for example 'frame_rate=240 Hz'"))
-    if key.strip().partition(".")[0] not in KEYS:
-        known = ", ".join(KEYS)
-        message = f"{OPTION}: found the key {quote(key.strip())}, needed one of: {known}{suggest(key.strip(), KEYS)}"
-        raise DataError(one_line(message))
-    return key.strip(), value.strip()
+def settings_by_key(settings: Sequence[str], option: str, keys: Sequence[str]) -> dict[str, str]:
+    """Return key -> value of the settings KEY=VALUE that ``option`` takes; ``keys`` are those of a study's trial that may be.
+
+    Raises
+    ------
+    DataError
+        If one is none.
+    """
+    given = {}
+    for text in settings:
+        key, equals, value = (part.strip() for part in text.partition("="))
+        if not (key and equals and value):
+            message = f"{option}: found {quote(text)}, needed KEY=VALUE; write for example 'frame_rate=240 Hz'"
+            raise DataError(one_line(message))
+        if key.partition(".")[0] not in keys:
+            message = f"{option}: found the key {quote(key)}, needed one of: {', '.join(keys)}{suggest(key, keys)}"
+            raise DataError(one_line(message))
+        given[key] = value
+    return given
 
 
-def _trial(files: Sequence[str], given: dict[str, str]) -> Trial:
-    """Return the trial that the files and settings of a command line describe, checked as a study's."""
+def trial_of_files(files: Sequence[str], given: Mapping[str, str], option: str) -> Trial:
+    """Return the trial that the files and settings of a command line describe, checked as a study's.
+
+    Raises
+    ------
+    DataError
+        If a setting cannot be used.
+    """
     entry: dict[str, Any] = {}
     for key, value in given.items():
         group, dot, inner = key.partition(".")
@@ -152,7 +168,7 @@ def _trial(files: Sequence[str], given: dict[str, str]) -> Trial:
     named: tuple[tuple[str, dict[str, str]], ...] = tuple((path, {mass: ""}) for mass, _, path in of_mass)
     paths = [path for path, _ in named] + whole
     entry = {"name": Path(paths[0]).stem, "file": paths[0]} | entry
-    doc = Document(file=OPTION, data={"title": "trial", "trials": [entry]}, lines={}, text="")
+    doc = Document(file=option, data={"title": "trial", "trials": [entry]}, lines={}, text="")
     try:
         trial = study_io.trial_of(doc)
     except ScenarioError as error:

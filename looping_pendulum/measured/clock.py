@@ -23,6 +23,8 @@ RATE_TOLERANCE = 0.01
 USUAL_RATES = (15.0, 20.0, 24.0, 25.0, 30.0, 48.0, 50.0, 60.0, 90.0, 100.0, 120.0, 200.0, 240.0, 250.0, 300.0, 400.0, 480.0,
                500.0, 600.0, 960.0, 1000.0)  # fmt: skip
 """Frame rates of cameras [Hz]: rounded times that do not tell a rate from one of these have that one."""
+MAX_PLAYED = 60.0
+"""Highest rate at which films in slow motion are stored [Hz]."""
 EXACT = 1e-3
 """Rounding of times, in steps from row to row, that needs no account: a mass moves by hundredths of a millimetre in it."""
 MAX_TIME_STEP = 0.5
@@ -107,8 +109,8 @@ def timed_channels(
     DataError
         If the times cannot be used.
     """
-    if frame_rate is not None and clip_rate is None and all(_has_whole_times(s) for s in sheets):
-        sheets = _counted(sheets, frame_rate, notes)
+    if all(_has_whole_times(s) for s in sheets):
+        sheets = _of_whole_numbers(sheets, frame_rate, clip_rate, refuse, notes)
     if frame_rate is not None and all(s.frame is not None for s in sheets):
         times = _times_of_frames(sheets, frame_rate, refuse)
         errors = [0.0] * len(sheets)
@@ -143,16 +145,57 @@ def _has_whole_times(sheet: Sheet) -> bool:
     return len(np.unique(time)) > 1 and not np.any(time % 1)
 
 
-def _counted(sheets: Sequence[Sheet], frame_rate: float, notes: ReadingNotes) -> list[Sheet]:
-    """Return sheets whose times are whole numbers with numbers of frames, or with milliseconds where the rate fits these."""
+def _of_whole_numbers(
+    sheets: Sequence[Sheet], frame_rate: float | None, clip_rate: float | None, refuse: Refusal, notes: ReadingNotes
+) -> list[Sheet]:
+    """Return sheets whose times are whole numbers without a unit with milliseconds, or with numbers of frames.
+
+    Raises
+    ------
+    DataError
+        If the column does not tell which of both they are.
+    """
     times = [s.time for s in sheets if s.time is not None]
-    milliseconds = _typical_step(np.unique(np.concatenate(times)[np.isfinite(np.concatenate(times))]))
-    are_milliseconds = abs(milliseconds * frame_rate / 1000 - 1) < RATE_TOLERANCE
-    what = f"milliseconds, as {frame_rate:g} frames a second say" if are_milliseconds else "numbers of frames"
+    every = np.concatenate(times)
+    number = np.unique(every[np.isfinite(every)])
+    in_milliseconds = are_milliseconds(number, frame_rate, clip_rate)
+    if in_milliseconds is None:
+        found = f"found a row every {_typical_step(number):g} s, needed many a second"
+        ask = "if times count frames, give the camera's rate by {}" if frame_rate is None else "else name the column 'frame'"
+        counted = WayOut(words=ask, keys={"frame_rate": "240 Hz"}, is_example=True)
+        way_out = WayOut(words="if times are in ms, say so: {}", keys={"units.time": "ms"}, alternative=counted)
+        raise refuse(int(sheets[0].lines[0]), sheets[0].clock, found, way_out)
+    what = "milliseconds, as their steps say" if in_milliseconds else "numbers of frames"
     notes.assumptions.append(f"column {sheets[0].clock!r} has whole numbers without a unit: taken as {what}")
-    if not are_milliseconds:
+    if not in_milliseconds:
         return [replace(s, frame=s.time) for s in sheets]
     return [replace(s, time=t / 1000, rounding=s.rounding / 1000) for s, t in zip(sheets, times, strict=True)]
+
+
+def are_milliseconds(number: Array, frame_rate: float | None = None, clip_rate: float | None = None) -> bool | None:
+    """Return whether whole numbers are milliseconds (True) or count frames (False); None: they may be either.
+
+    Numbers of frames grow by one step and its multiples, where rows are missing. Rounded milliseconds of a film do not, except
+    at rates such as 250/s; then their step fits the film's rate, or one of `MAX_PLAYED` at most, if it is in slow motion.
+
+    Parameters
+    ----------
+    number
+        Whole numbers that grow, shape (n,), n > 1.
+    frame_rate, clip_rate
+        As of `timed_channels`.
+    """
+    steps = np.diff(number)
+    least = float(steps.min())
+    grid = frame_grid(number / 1000, np.full(len(number), 0.5e-3), [r for r in (clip_rate, frame_rate) if r is not None])
+    if grid is not None and np.any(np.diff(grid.number) * least != steps):
+        return True
+    known = clip_rate or frame_rate
+    if known is None:
+        return None
+    if abs(_typical_step(number) * known / 1000 - 1) < RATE_TOLERANCE:
+        return True
+    return False if 1000 / least > MAX_PLAYED * (1 + RATE_TOLERANCE) else None
 
 
 def _times_of_frames(sheets: Sequence[Sheet], frame_rate: float, refuse: Refusal) -> list[Array]:
@@ -209,7 +252,10 @@ def _times_of_clock(
     grid = frame_grid(longest.time, longest.rounding, stated) if rounding else None
     step = 1 / grid.rate if grid else _typical_step(longest.time)
     if frame_rate is None and step > MAX_TIME_STEP:
-        raise refuse(int(longest.lines[0]), longest.clock, *_slow_clock(step, is_whole=_has_whole_times(longest)))
+        found = f"found a row every {step:g} s, needed many a second"
+        unit = "us" if step > 1000 else "ms"
+        way_out = WayOut(words=f"if times are in {unit}, say so: {{}}", keys={"units.time": unit})
+        raise refuse(int(longest.lines[0]), longest.clock, found, way_out)
     file_rate = 1 / step if step else frame_rate
     times: list[Array] = []
     error = 0.0
@@ -242,16 +288,6 @@ def _times_of_clock(
         assumption = "" if clip_rate else ", taking one row as one frame"
         notes.assumptions.append(f"times made for {file_rate:.4g} frames a second were put to {frame_rate:.4g}{assumption}")
     return [t * factor for t in times], [error * factor] * len(sheets)
-
-
-def _slow_clock(step: float, *, is_whole: bool) -> tuple[str, WayOut]:
-    """Return what to say of times that are in no seconds, and the way out."""
-    found = f"found a row every {step:g} s, needed many a second"
-    if is_whole:
-        words = "if times count frames, give the camera's 'frame_rate'; if they are in ms, say so: {}"
-        return found, WayOut(words=words, keys={"units.time": "ms"})
-    unit = "us" if step > 1000 else "ms"
-    return found, WayOut(words=f"if times are in {unit}, say so: {{}}", keys={"units.time": unit})
 
 
 def _typical_step(time: Array) -> float:

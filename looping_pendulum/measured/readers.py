@@ -12,13 +12,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.errors import WayOut
 from looping_pendulum.measured import displaced_rows
-from looping_pendulum.measured.clock import MAX_TIME_STEP, Series, Sheet, timed_channels
+from looping_pendulum.measured.clock import MAX_TIME_STEP, Series, Sheet, are_milliseconds, timed_channels
 from looping_pendulum.measured.columns import ERROR_SUFFIX, PIXELS, Column, read_columns
 from looping_pendulum.measured.delimited import (
     LARGEST_FILE,
@@ -632,8 +633,15 @@ class FileSurvey:
         return bool(len(light) and len(heavy) and light[0] > np.median(heavy))
 
 
-def survey(path: str | Path) -> FileSurvey:
+def survey(path: str | Path, kind: str = "auto", tracks: Sequence[str] = ()) -> FileSurvey:
     """Look into a file of measured data.
+
+    Parameters
+    ----------
+    kind
+        One of `KINDS`.
+    tracks
+        Names of the tracks that are asked for, if they are known.
 
     Raises
     ------
@@ -655,17 +663,18 @@ def survey(path: str | Path) -> FileSurvey:
         return FileSurvey(file=file, kind="events")
     has_names = True
     try:
-        columns = read_columns(content, "auto", (), ReadingNotes())
+        columns = read_columns(content, kind, tracks, ReadingNotes())
     except DataError:
         # Five columns without names are read if two tracks are asked for
-        columns = read_columns(content, "auto", MASSES, ReadingNotes())
+        columns = read_columns(content, kind, MASSES, ReadingNotes())
         has_names = False
     roles = {c.role for c in columns}
     clock = next((c for c in columns if c.role == "t"), None)
-    times = None if clock is None else numbers(content, clock)[0]
-    step = None if times is None else _typical_step(times[np.isfinite(times)])
-    if step == 1 and clock is not None and not clock.unit:
-        step = None  # numbers of frames, whatever their name
+    times = np.empty(0) if clock is None else numbers(content, clock)[0]
+    times = np.unique(times[np.isfinite(times)])
+    step = None if clock is None else _typical_step(times)
+    if clock is not None and not clock.unit and len(times) > 1 and not np.any(times % 1) and not are_milliseconds(times):
+        step = None  # perhaps numbers of frames, whatever their name
     return FileSurvey(
         file=file,
         kind="positions" if roles & {"x", "y"} else "drop" if "height" in roles else "angle",
@@ -678,22 +687,28 @@ def survey(path: str | Path) -> FileSurvey:
     )
 
 
-def read_as_proposed(path: str | Path) -> Observations:
-    """Read a file of which nothing is declared, by what `survey` proposes.
+def read_as_proposed(
+    path: str | Path,
+    *,
+    tracks: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+    kind: str = "auto",
+    **stated: Any,
+) -> Observations:
+    """Read a file by what is stated, as of `read`, and for the rest by what `survey` proposes.
 
     Raises
     ------
     DataError
         As of `read`.
     """
-    found = survey(path)
-    observations = read(path, tracks=found.proposed_masses(), units=found.proposed_units())
-    masses = ", ".join(
-        f"{mass} = {quote(name)}" for mass, name in found.proposed_masses().items() if mass_in_name(name) != mass
-    )
-    units = ", ".join(f"{kind} in {unit}" for kind, unit in found.proposed_units().items())
-    guesses = [f"by their motion: {masses}"] if masses else []
-    guesses += [f"by their size: {units}"] if units else []
+    found = survey(path, kind, list((tracks or {}).values()))
+    masses = {} if tracks else found.proposed_masses()
+    sizes = {what: unit for what, unit in found.proposed_units().items() if what not in (units or {})}
+    observations = read(path, tracks=tracks or masses, units={**sizes, **(units or {})}, kind=kind, **stated)
+    moving = ", ".join(f"{mass} = {quote(name)}" for mass, name in masses.items() if mass_in_name(name) != mass)
+    guesses = [f"by their motion: {moving}"] if moving else []
+    guesses += [f"by their size: {', '.join(f'{what} in {unit}' for what, unit in sizes.items())}"] if sizes else []
     return replace(observations, assumptions=(*observations.assumptions, *guesses))
 
 

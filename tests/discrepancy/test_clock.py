@@ -1,6 +1,7 @@
 """The account of time: the oracle is the clock that the printed times were made from."""
 
 import itertools
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -168,7 +169,7 @@ def test_uneven_times_of_a_recorder_are_not_the_cameras(table):
 @pytest.mark.parametrize(
     ("times", "message"),
     [
-        (range(12), "if times count frames, give the camera's 'frame_rate'"),
+        (range(12), "if times count frames, give the camera's rate by 'frame_rate'"),
         ([k * 4.1667 for k in range(12)], "if times are in ms, say so: 'units: {time: ms}'"),
         ([k * 4166.7 for k in range(12)], "if times are in us, say so: 'units: {time: us}'"),
     ],
@@ -304,12 +305,37 @@ def test_whole_numbers_named_as_times_are_frames_also_where_rows_are_lost(tmp_pa
     assert "whole numbers without a unit: taken as" in observations.summary()
 
 
-@pytest.mark.parametrize("rate", [30.0, 60.0, 120.0, 240.0])
-def test_whole_numbers_are_milliseconds_where_the_rate_fits_these(tmp_path, rate):
+@pytest.mark.parametrize("rate", [30.0, 60.0, 120.0, 240.0, 480.0, 960.0])
+def test_whole_numbers_are_milliseconds_where_their_steps_are_those_of_a_film(tmp_path, rate):
+    """At 480/s and 960/s they were taken as frame numbers, whose steps these are not."""
     path = tmp_path / "clip.csv"
     path.write_text("t,light_x\n" + "".join(f"{1000 * i / rate:.0f},{(i / 200) ** 2:.6f}\n" for i in range(200)))
-    observations = read(path, frame_rate=rate)
-    assert observations.channels[0].t == pytest.approx(np.arange(200) / rate, abs=1e-9)
-    assert f"taken as milliseconds, as {rate:g} frames a second say" in observations.summary()
-    with pytest.raises(DataError, match="if times count frames, give the camera's 'frame_rate'; if they are in ms, say so"):
-        read(path)
+    for stated in ({}, {"frame_rate": rate}, {"frame_rate": 960.0, "clip_rate": rate}):
+        observations = read(path, **stated)
+        played = rate / stated.get("frame_rate", rate)
+        assert observations.channels[0].t == pytest.approx(played * np.arange(200) / rate, abs=1e-9)
+        assert "taken as milliseconds" in observations.summary()
+
+
+@pytest.mark.parametrize(
+    ("step", "stated", "taken"),
+    [
+        (
+            1,
+            {},
+            "if times are in ms, say so: 'units: {time: ms}'; if times count frames, give the camera's rate by 'frame_rate'",
+        ),
+        (40, {"frame_rate": 240.0}, "if times are in ms, say so: 'units: {time: ms}'; else name the column 'frame'"),
+        (40, {"frame_rate": 240.0, "clip_rate": 25.0}, "taken as milliseconds"),
+        (5, {"frame_rate": 240.0}, "taken as numbers of frames"),
+        (4, {"frame_rate": 250.0}, "taken as milliseconds"),
+    ],
+)
+def test_equal_whole_steps_are_asked_for_where_they_may_be_both(tmp_path, step, stated, taken):
+    path = tmp_path / "clip.csv"
+    path.write_text("t,light_x\n" + "".join(f"{step * i},{(i / 200) ** 2:.6f}\n" for i in range(40)))
+    if taken.startswith("taken"):
+        assert taken in read(path, **stated).summary()
+    else:
+        with pytest.raises(DataError, match=re.escape(taken)):
+            read(path, **stated)

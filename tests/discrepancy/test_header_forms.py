@@ -6,9 +6,11 @@ TrackMate, DLTdv, Kinovea and pandas.
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from looping_pendulum.cli.main import app
 from looping_pendulum.measured.readers import DataError, read
-from tests.discrepancy.follow_advice import follow_advice
+from tests.discrepancy.follow_advice import follow_advice, follow_advice_of_look
 
 ROWS = 24
 TIME = np.arange(ROWS) / 100
@@ -189,6 +191,20 @@ def test_advice_that_is_followed_leads_to_points(tmp_path, form, tracks):
     path.write_text(FORMS[form][0])
     observations, said = follow_advice(path, tracks=tracks)
     assert observations is not None or "columns without names, needed a line of names" in said[-1]
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_advice_of_look_is_typed_as_it_stands(tmp_path, form):
+    """It named keys of a study, which a table has not."""
+    path = tmp_path / "clip.csv"
+    path.write_text(FORMS[form][0])
+    said = follow_advice_of_look(path)
+    assert "light_x" in said[-1] or "columns without names, needed a line of names" in said[-1]
+
+
+def test_look_takes_no_keys_beside_a_study(tmp_path):
+    done = CliRunner().invoke(app, ["look", str(tmp_path / "study.yaml"), "--set", "frame_rate=240 Hz"])
+    assert "--set: found it beside a study, needed a table" in str(done.exception)
 
 
 def test_a_name_with_signs_of_yaml_is_advised_in_quotes(tmp_path):

@@ -119,12 +119,12 @@ def test_a_trial_of_a_study():
         (
             ("a", "b"),
             [],
-            "which mass each is; by their motion, write --marks-set 'tracks.light=a' --marks-set 'tracks.heavy=b'",
+            "which mass each is; by their motion, write --marks-set tracks.light=a --marks-set tracks.heavy=b",
         ),
         (
             ("a", "b"),
             ["tracks.light=c"],
-            "the tracks 'a', 'b', needed 'c'; by their motion, write --marks-set 'tracks.light=a' --marks-set 'tracks.heavy=b'",
+            "the tracks 'a', 'b', needed 'c'; by their motion, write --marks-set tracks.light=a --marks-set tracks.heavy=b",
         ),
         (("light", "heavy"), ["frame_rate=240"], "--marks-set: frame_rate: expected a quantity in Hz, got '240'"),
         (("light", "heavy"), ["frame_rat=1 Hz"], "did you mean 'frame_rate'?"),
