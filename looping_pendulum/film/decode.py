@@ -47,6 +47,8 @@ UNEVEN_STEP = 0.05
 """Departure of a step of time from the usual one, relative to it, from which on it is called uneven."""
 SLOT_SLACK = 0.25
 """Part of a usual step by which one must exceed a step and a half, and so on, before a frame counts as lost."""
+TICK_SPREAD = 1.5
+"""Ticks by which times that were rounded to them may spread about even frames: one, and a half as the rate is fitted."""
 CAPTURE_RATE_KEY = "com.android.capture.fps"
 """Key by which phones state the true rate of slow motion."""
 MAX_SHAKE = 1.5
@@ -348,7 +350,7 @@ def survey(path: str | Path, *, frame_rate: float | None = None, needs_rest: boo
             f"found a camera that moves ({shake:.0f} pixels), needed one that stands still",
             "put it on something solid and film again",
         )
-    t, facts = _times(np.array(clock), stated, frame_rate, metadata)
+    t, facts = _times(np.array(clock), base, stated, frame_rate, metadata)
     repeated = _repeated(np.array(change))
     pool = {p.frame: p for _, p in (*steady.kept, *moving.kept)}
     return Survey(
@@ -412,9 +414,9 @@ def _shake(cv2: Any, small: list[NDArray[np.uint8]]) -> float:
 
 
 def _times(
-    clock: Array, stated: float | None, frame_rate: float | None, metadata: dict[str, str]
+    clock: Array, tick: float, stated: float | None, frame_rate: float | None, metadata: dict[str, str]
 ) -> tuple[Array, dict[str, Any]]:
-    """Return the time of each frame [s] and the facts about the clock."""
+    """Return the time of each frame [s] and the facts about the clock, which has whole numbers of a ``tick`` [s]."""
     n = len(clock)
     steps = np.diff(clock)
     backward = int(np.sum(steps <= 0))
@@ -425,7 +427,8 @@ def _times(
             source = "numbers of the frames over the stated rate, as the film has no times"
         steps = np.diff(clock)
     else:
-        source = "the frames' own times"
+        clock, source = _even_times(clock, tick, stated), "the frames' own times"
+        steps = np.diff(clock)
     usual = float(np.median(steps))
     # A step of one and a half is a recorder's unrest, and no lost frame
     slots = np.maximum(np.round(steps / usual - SLOT_SLACK), 1)
@@ -441,6 +444,21 @@ def _times(
         "clock": source, "clock_rate": clock_rate, "rate": rate, "rate_source": rate_source, "lost": lost,
         "uneven": int(np.sum(np.abs(steps / usual - 1) > UNEVEN_STEP)), "backward": backward,
     }  # fmt: skip
+
+
+def _even_times(clock: Array, tick: float, stated: float | None) -> Array:
+    """Return the times of even frames [s] that were rounded to ticks, WebM's milliseconds; the clock's own if it is no such."""
+    steps = np.diff(clock)
+    consecutive = np.arange(len(clock))
+    with_lost = np.cumsum(np.append(0, np.maximum(np.round(steps / np.median(steps)), 1)))
+    for number in (consecutive, with_lost):
+        fitted = 1 / float(np.polyfit(number, clock, 1)[0])
+        # The stated rate, where the ticks do not tell the difference
+        for rate in (stated or fitted, fitted):
+            beside = clock - number / rate
+            if np.ptp(beside) <= TICK_SPREAD * tick:
+                return np.asarray(number / rate + 0.5 * (beside.min() + beside.max()))
+    return clock
 
 
 def _positive(text: str | None) -> float | None:

@@ -22,6 +22,26 @@ export async function frameTimes(file) {
   }
 }
 
+/** Spread of times that were rounded to milliseconds about those of even frames: one, and a half as the rate is fitted [s]. */
+const ROUNDED = 1.5e-3;
+
+/**
+ * Times of even frames of which a browser knows whole milliseconds only, as WebM has no others; null: the frames are not even.
+ * @param {number[]} times in order, some frames perhaps left out [s]
+ * @param {number} step how long a frame lasts, roughly [s]
+ * @returns {{times: number[], step: number} | null} the step as the times have it
+ */
+export function evenTimes(times, step) {
+  let frame = 0;
+  const frames = times.map((time, i) => (frame += i ? Math.max(Math.round((time - times[i - 1]) / step), 1) : 0));
+  const mean = (/** @type {number[]} */ all) => all.reduce((sum, one) => sum + one, 0) / all.length;
+  const [middle, time] = [mean(frames), mean(times)];
+  const slope = mean(frames.map((k, i) => (k - middle) * times[i])) / mean(frames.map((k) => (k - middle) ** 2));
+  const even = frames.map((k) => time + slope * (k - middle));
+  const beside = even.map((one, i) => one - times[i]);
+  return Math.max(...beside) - Math.min(...beside) <= ROUNDED ? { times: even, step: slope } : null;
+}
+
 /** The table of contents, wherever it stands in the file. @param {Blob} file */
 async function contents(file) {
   for (let at = 0; at + 16 <= file.size; ) {

@@ -4,6 +4,7 @@ import { colours, write } from "../canvas.js";
 import { parsed } from "../controls.js";
 import { fixed, shown, text } from "../texts.js";
 import { Film } from "./film.js";
+import { evenTimes } from "./frame_times.js";
 import { expectedAt, findNear, templateOf } from "./search.js";
 
 /** @typedef {import("../stage.js").View} View */
@@ -325,13 +326,20 @@ export class FilmPanel {
     const { film, scale, axis, marks } = this;
     if (!film || scale === null) return;
     const times = [...new Set([...marks.light, ...marks.heavy].map(({ time }) => time))].sort((a, b) => a - b);
+    // The tables of an MP4 file need none of it
+    const all = [...new Set([this.release, ...times])].sort((a, b) => a - b);
+    const even = film.times ? null : evenTimes(all, film.step);
+    if (even) film.step = even.step;
+    const timeOf = new Map(all.map((time, i) => [time, even ? even.times[i] : time]));
+    const since = (/** @type {number} */ time) =>
+      (/** @type {number} */ (timeOf.get(time)) - /** @type {number} */ (timeOf.get(this.release))) * this.factor;
     const placeOf = (/** @type {Mass} */ mass, /** @type {number} */ time) => {
       const mark = marks[mass].find((one) => one.time === time);
       return mark ? [(mark.x - axis.x) * scale, (axis.y - mark.y) * scale].map((x) => x.toFixed(6)) : ["", ""];
     };
     const masses = /** @type {Mass[]} */ (["light", "heavy"]).filter((mass) => marks[mass].length);
-    const rows = times.filter((time) => this.since(time) >= 0)
-      .map((time) => [this.since(time).toFixed(6), ...masses.flatMap((mass) => placeOf(mass, time))].join(","));
+    const rows = times.filter((time) => since(time) >= 0)
+      .map((time) => [since(time).toFixed(6), ...masses.flatMap((mass) => placeOf(mass, time))].join(","));
     const names = masses.map((mass) => `${mass}_x,${mass}_y`);
     this.page.trial.open(new File([`t,${names.join(",")}\n${rows.join("\n")}\n`], film.name.replace(/\.\w+$/, ".csv")));
   }
