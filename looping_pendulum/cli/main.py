@@ -164,9 +164,11 @@ def run(
     looping-pendulum run two_to_one --out runs/two_to_one
     """
     from looping_pendulum.compare.harness import chosen_engines
+    from looping_pendulum.compare.stories import MODEL_ENDS
     from looping_pendulum.compare.trajectories import trajectory_csv
     from looping_pendulum.engines.isolation import parse_memory, run_all
-    from looping_pendulum.engines.reference import ReferenceEngine
+    from looping_pendulum.engines.reference import STATUS_OF_END, Reference, ReferenceEngine
+    from looping_pendulum.engines.trajectory import RunStatus
     from looping_pendulum.files import file_stems, prepare_output_folder, write_atomically
 
     chosen, memory_bytes = common.load_scenario(scenario), parse_memory(memory_limit)
@@ -183,6 +185,9 @@ def run(
             progress=bars.update_engine,
             finished=bars.show_finished_run,
         )
+    # What an engine shows beyond the model's end is no motion of this apparatus
+    model = Reference(chosen).solution
+    end_of_model = model.end.event and MODEL_ENDS.get(STATUS_OF_END.get(model.end.event, RunStatus.FINISHED))
     rows: list[list[str]] = []
     listed: list[dict[str, Any]] = []
     stems = file_stems([(result.label, result.profile) for result in runs])
@@ -191,6 +196,8 @@ def run(
         ended = result.status.value + (f" ({result.message})" if result.message else "")
         if result.status.ends_at_rod:
             ended += f"; the scenario lasts {chosen.duration:g} s"
+        if end_of_model and len(result.t) and result.t[-1] > model.end_time:
+            ended += f"; at {model.end_time:.3f} s {end_of_model}"
         rows.append([result.label, str(len(result.t)), until, drop, f"{result.cpu_time:.2f}", ended])
         for event in result.events:
             later = f", after the scenario's end at {chosen.duration:g} s" if event.time > chosen.duration else ""

@@ -38,6 +38,9 @@ def test_what_ends_the_model_is_named_with_its_time(ended, tmp_path, monkeypatch
     assert alone["ended"] == f"ran until {ended}, where the model ends; the scenario lasts 5 s"
     end = alone["end_time"]
     assert 0.01 < end < 1
+    engine = json.loads(here("run", "ends.yaml", "--json", "--engine", "mujoco:documented").stdout)["runs"][0]
+    assert engine["end_time"] > end
+    assert re.search(rf"; at {end:.2f}\d s {clause} and the model ends$", engine["ended"]), "an engine knows no such end"
 
     done = here("compare", "ends.yaml", "--engine", "mujoco:capstan", "--engine", "mujoco:documented")
     assert done.returncode == 0
