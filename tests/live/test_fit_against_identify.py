@@ -17,6 +17,7 @@ from looping_pendulum.discrepancy.fit.residual import check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.live.write import live_settings
+from looping_pendulum.measured.camera import CAMERA
 from looping_pendulum.measured.plain_table import plain_table
 from looping_pendulum.measured.readers import read
 from looping_pendulum.measured.study_io import load, load_text
@@ -34,6 +35,8 @@ START = {"release_angle": math.radians(105), "free_length": 0.6, "hanging_length
 """Where the sliders are: up to 10 degrees and 2 cm from the blind trials."""
 MASS_ERROR, RADIUS_ERROR, SCALE_ERROR = 0.005, 0.01, 0.005
 """Relative standard errors that the page takes by default."""
+LEVEL = CAMERA["tilt"].error
+"""Of the picture's vertical, as the page takes it, too [rad]."""
 BLIND_NOISE = 1e-3
 """Of a coordinate of a blind trial at rest, about [m]."""
 CLEAN = [
@@ -72,8 +75,8 @@ def both(node, tmp_path):
 
     def fits(filmed: Filmed) -> tuple[dict, Fit]:
         settings = filmed.settings
-        camera = {"origin_x": 0.0, "origin_y": 0.0, "clock_offset": 0.0, "scale": 1.0}
-        known = {name: error * (settings | camera)[name] for name, error in errors().items()}
+        camera = {"origin_x": 0.0, "origin_y": 0.0, "clock_offset": 0.0, "scale": 1.0, "tilt": 0.0}
+        known = {name: error * (settings | camera)[name] for name, error in errors().items()} | {"tilt": LEVEL}
         said = {"tracks": filmed.tracks, "length": "m", "time": "s", "rate": None, "mirrored": False}
         [written] = node(
             "write_studies.mjs",
@@ -195,8 +198,8 @@ def test_everything_that_is_set_stands_in_the_study(node):
     )  # fmt: skip
     trial = {
         "file": 'the "first".csv', "tracks": {"light": "mass: A"}, "length": "cm", "time": "ms", "rate": 240, "mirrored": True,
-        "camera": {"origin_x": 0.01, "origin_y": -0.02, "clock_offset": -0.5, "scale": 1.0},
-        "known": {"light_mass": 5e-5, "scale": 0.003},
+        "camera": {"origin_x": 0.01, "origin_y": -0.02, "clock_offset": -0.5, "scale": 1.0, "tilt": 0.0},
+        "known": {"light_mass": 5e-5, "scale": 0.003, "tilt": 0.01},
     }  # fmt: skip
     [written, held] = node(
         "write_studies.mjs",
@@ -209,8 +212,8 @@ def test_everything_that_is_set_stands_in_the_study(node):
         if name not in ("release", "light_drag"):  # this one is fitted from where `identify` begins
             assert live_settings(parameters)[name] == pytest.approx(value), name
     assert {name: known.value for name, known in mine.camera.items()} == trial["camera"]
-    assert all(known.free == (name != "scale") for name, known in mine.camera.items())
-    assert mine.camera["scale"].sigma == pytest.approx(0.003)
+    assert all(known.free == (name not in ("scale", "tilt")) for name, known in mine.camera.items())
+    assert {name: mine.camera[name].sigma for name in ("scale", "tilt")} == pytest.approx({"scale": 0.003, "tilt": 0.01})
     assert mine.mirrored
     assert mine.frame_rate == 240
     assert mine.units == {"length": "cm", "time": "ms"}
@@ -234,7 +237,7 @@ TRUTH = TEN_TO_ONE.replace(
 )
 CAMERA_TRUTH = {"origin_x": 2e-3, "origin_y": -1e-3, "clock_offset": -0.05}
 """Where the rod's axis is in the file [m], and the time since the release at which its clock is 0 [s]."""
-CAMERA_START = {"origin_x": 0.0, "origin_y": 0.0, "clock_offset": -0.04, "scale": 1.0}
+CAMERA_START = {"origin_x": 0.0, "origin_y": 0.0, "clock_offset": -0.04, "scale": 1.0, "tilt": 0.0}
 MAX_Z = 4.0
 """Largest error in standard errors: one of the 32 numbers exceeds it once in 500 such tests."""
 

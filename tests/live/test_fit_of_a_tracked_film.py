@@ -11,6 +11,7 @@ pytest.importorskip("av", reason="needs the extra film")
 from looping_pendulum.film import output
 from looping_pendulum.film.track import TrackSettings, track
 from looping_pendulum.live.write import live_settings
+from looping_pendulum.measured.camera import CAMERA
 from tests.apparatus import TEN_TO_ONE
 from tests.blind import Apparatus
 from tests.film.conftest import SHORT
@@ -31,8 +32,8 @@ def test_a_clean_film_is_noise_and_its_values_come_back(node, tmp_path):
     known = {name: getattr(filmed, name) for name in ("light_mass", "heavy_mass", "rod_radius", "gravity")}
     # The fit begins a degree and some millimetres off
     settings = live_settings(TEN_TO_ONE.replace(**known, heavy_drag=filmed.heavy_drag, string_drag=filmed.string_drag))
-    camera = {"origin_x": 0.0, "origin_y": 0.0, "clock_offset": 0.0, "scale": 1.0}
-    errors = {name: share * (settings | camera)[name] for name, share in STATED.items()}
+    camera = {"origin_x": 0.0, "origin_y": 0.0, "clock_offset": 0.0, "scale": 1.0, "tilt": 0.0}
+    errors = {name: share * (settings | camera)[name] for name, share in STATED.items()} | {"tilt": CAMERA["tilt"].error}
     [result] = node("fit_trials.mjs", [{"settings": settings, "channels": read["channels"], "camera": camera, "known": errors}])
     assert result["converged"]
     assert result["tests"] == {"ratio": pytest.approx(0.7, abs=0.3), "larger": False, "pattern": False, "place": None}

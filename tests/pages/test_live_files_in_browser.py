@@ -275,12 +275,13 @@ def test_a_scenario_of_ones_own_comes_first(visit, tmp_path):
     assert opened.complaints == []
 
 
-def made_up(page, tmp_path, parameters, scale=1.0, errors=0.0):
-    """Load a trial of other parameters than those that are set, filmed at another scale."""
+def made_up(page, tmp_path, parameters, scale=1.0, errors=0.0, tilt=0.0):
+    """Load a trial of other parameters than those that are set, filmed at another scale by a camera that is turned."""
     t = np.arange(0, 0.7, 1 / 120)
     run = solve_at(parameters, t)
     noise = np.random.default_rng(3)
-    points = scale * np.hstack([run.light_position, run.heavy_position])
+    turned = np.array([[math.cos(tilt), math.sin(tilt)], [-math.sin(tilt), math.cos(tilt)]])
+    points = scale * np.hstack([run.light_position @ turned, run.heavy_position @ turned])
     points += 1e-3 * noise.standard_normal(points.shape)
     names = ["light_x", "light_y", "heavy_x", "heavy_y"]
     columns, table = ["t", *names], np.column_stack([t, points])
@@ -320,6 +321,17 @@ def test_the_scale_of_the_film_is_fitted_and_the_points_lie_on_the_run(page, tmp
     assert page.evaluate("live.fit.fitted.after") == pytest.approx(1.18e-3, rel=0.2)
     # As the study states it, which takes the file's lengths
     assert "scale: 1 +/- 0.005" in page.evaluate("live.fit.study()")
+
+
+def test_a_picture_that_is_turned_is_fitted_and_the_points_lie_on_the_run(page, tmp_path):
+    """Without it the errors of rod and axis were too small."""
+    said = made_up(page, tmp_path, load("ten_to_one").parameters, tilt=math.radians(0.6))
+    assert "What is left looks like noise." in said
+    fitted = {label: (float(x), float(error)) for label, x, error in FITTED.findall(page.inner_text("#fit-table"))}
+    tilt, error = fitted["Picture turned by"]
+    assert abs(tilt - 0.6) < 3 * error < 0.5
+    assert page.evaluate("live.fit.fitted.after") == pytest.approx(1.18e-3, rel=0.2)
+    assert "tilt: 0 deg +/- 0.5 deg" in page.evaluate("live.fit.study()")
 
 
 def test_a_fit_that_leaves_a_pattern_says_where(page, tmp_path):

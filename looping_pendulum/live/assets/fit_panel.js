@@ -118,11 +118,14 @@ export class FitPanel {
     for (const [name, { id }] of Object.entries(OF_CAMERA)) {
       /** @type {HTMLInputElement} */ (this.element(id)).value = shown(values[name]);
     }
-    this.trial.scale = parameters.find(({ name }) => name === "scale")?.value ?? 1;
     const { settings: measured } = this;
     const known = this.trial.errorsOf(measured);
-    const contradictions = () => contradictionsInWords(parameters, { ...measured, ...this.trial.camera }, known);
-    const value = (/** @type {string} */ wanted) => parameters.find(({ name }) => name === wanted)?.value ?? measured[wanted];
+    /** @type {Record<string, any>} */
+    const stated = { ...measured, ...this.trial.camera };
+    const contradictions = () => contradictionsInWords(parameters, stated, known);
+    const value = (/** @type {string} */ wanted) => parameters.find(({ name }) => name === wanted)?.value ?? stated[wanted];
+    this.trial.scale = value("scale");
+    this.trial.tilt = value("tilt");
     values.mass_ratio = Number((value("heavy_mass") / value("light_mass")).toPrecision(6));
     this.onFitted(values);
     const after = this.typicalDistance();
@@ -140,7 +143,7 @@ export class FitPanel {
   }
 }
 
-const [HEAVY_MASS, SCALE] = [{ unit: "g", factor: 1e-3 }, { unit: "", factor: 1 }];
+const [HEAVY_MASS, SCALE, TILT] = [{ unit: "g", factor: 1e-3 }, { unit: "", factor: 1 }, { unit: "°", factor: Math.PI / 180 }];
 /** A stated value that the fit leaves by more of its standard errors is named. */
 const MAX_CONTRADICTION = 3;
 
@@ -154,7 +157,7 @@ const OF_CAMERA = {
 
 /** The unit in which a fitted number is shown. @param {string} name @returns {{unit: string, factor: number}} */
 function unitOf(name) {
-  const other = { heavy_mass: HEAVY_MASS, scale: SCALE }[name];
+  const other = { heavy_mass: HEAVY_MASS, scale: SCALE, tilt: TILT }[name];
   return OF_CAMERA[name] ?? other ?? controlOf(name);
 }
 
@@ -175,7 +178,7 @@ function labelOf(name) {
   const axis = AXIS.exec(name)?.[1];
   if (axis) return text("axisInFile", { axis });
   if (name === "clock_offset") return text("releaseInFile");
-  if (name === "scale") return text("scaleOfFile");
+  if (name === "scale" || name === "tilt") return text(name === "scale" ? "scaleOfFile" : "tiltOfFile");
   return name === "heavy_mass" ? text("heavyMass") : text(`setting.${name}`);
 }
 

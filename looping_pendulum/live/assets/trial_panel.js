@@ -6,6 +6,7 @@ import { FilmPanel } from "./film/panel.js";
 import { fixed, shown, text, written } from "./texts.js";
 import { otherFrameRate, typicalDistance } from "./trial/distance.js";
 import { DataError, readTrial, tracksOf } from "./trial/reader.js";
+import { range } from "./trial/statistics.js";
 
 /** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
 /** @typedef {import("./trial/reader.js").Trial} Trial */
@@ -24,6 +25,8 @@ const DEFAULTS = {
   "trial-length": "m", "trial-clock": "s", "trial-rate": "", "trial-release": "0",
   "trial-origin-x": "0", "trial-origin-y": "0", "trial-mass-error": "0.5", "trial-radius-error": "1", "trial-scale-error": "0.5",
 };
+/** Standard error of the picture's vertical in a careful set-up, as `identify` has it (`measured/camera.py`) [rad]. */
+const LEVEL = (0.5 * Math.PI) / 180;
 /** What is measured before the trial -> the field that has its relative standard error. */
 export const MEASURED = { light_mass: "trial-mass-error", heavy_mass: "trial-mass-error", rod_radius: "trial-radius-error" };
 
@@ -41,6 +44,8 @@ export class TrialPanel {
     this.trial = null;
     /** Length in the file per true length, as a fit found it. */
     this.scale = 1;
+    /** Angle by which the picture is turned, as a fit found it [rad]. */
+    this.tilt = 0;
     const file = /** @type {HTMLInputElement} */ (element("trial-file"));
     file.addEventListener("change", () => {
       if (file.files?.length) this.open(file.files[0]);
@@ -125,6 +130,7 @@ export class TrialPanel {
     }
     /** @type {HTMLInputElement} */ (this.element("trial-mirror")).checked = false;
     this.scale = 1;
+    this.tilt = 0;
     this.element("fit-message").textContent = "";
     this.element("fit-table").replaceChildren();
   }
@@ -230,10 +236,11 @@ export class TrialPanel {
     });
   }
 
-  /** What is known of the camera; lengths are right as the file has them, within their error.
+  /** What is known of the camera; lengths and the vertical are right as the file has them, within their errors.
    * @returns {import("./trial/prediction.js").Camera} */
   get camera() {
-    return { origin_x: this.originOf("light_x"), origin_y: this.originOf("light_y"), clock_offset: 0 - this.releaseTime, scale: 1 };
+    const [origin_x, origin_y] = [this.originOf("light_x"), this.originOf("light_y")];
+    return { origin_x, origin_y, clock_offset: 0 - this.releaseTime, scale: 1, tilt: 0 };
   }
 
   /** Standard errors of what was measured before the trial [SI]; 0: exact. @param {Record<string, any>} settings */
@@ -241,7 +248,8 @@ export class TrialPanel {
     const relative = (/** @type {string} */ field) => 0.01 * Math.max(parsed(this.chosen(field)) || 0, 0);
     const measured = Object.entries(MEASURED).map(([name, field]) => [name, relative(field) * settings[name]]);
     const hasLengths = this.trial?.channels.some(({ name }) => name !== "angle");
-    return { ...Object.fromEntries(measured), scale: hasLengths ? relative("trial-scale-error") : 0 };
+    const camera = hasLengths ? { scale: relative("trial-scale-error"), tilt: LEVEL } : { scale: 0, tilt: 0 };
+    return { ...Object.fromEntries(measured), ...camera };
   }
 
   /** A channel as the run shows it: from the release on, with the light mass let go on the left.
@@ -249,8 +257,23 @@ export class TrialPanel {
   channel(name) {
     const found = this.channels.find((one) => one.name === name);
     if (!found) return null;
-    const [release, origin, scale] = [this.releaseTime, this.originOf(name), name === "angle" ? 1 : this.scale];
-    return { t: found.t.map((t) => t - release), value: found.value.map((value) => (value - origin) / scale) };
+    const { releaseTime, tilt } = this;
+    const placed = (/** @type {import("./trial/prediction.js").Channel} */ { name, value }) => {
+      const [origin, scale] = [this.originOf(name), name === "angle" ? 1 : this.scale];
+      return value.map((one) => (one - origin) / scale);
+    };
+    const [own, t] = [placed(found), found.t.map((time) => time - releaseTime)];
+    const across = { x: "y", y: "x" }[name.at(-1) ?? ""];
+    const beside = across && this.channels.find((one) => one.name === name.slice(0, -1) + across);
+    // Without its other coordinate, a turned picture cannot be undone
+    if (!beside || !tilt) return { t, value: own };
+    const other = new Map(placed(beside).map((value, i) => [beside.t[i], value]));
+    const both = range(0, own.length).filter((i) => other.has(found.t[i]));
+    const turn = across === "y" ? Math.sin(tilt) : -Math.sin(tilt);
+    return {
+      t: both.map((i) => t[i]),
+      value: both.map((i) => Math.cos(tilt) * own[i] + turn * /** @type {number} */ (other.get(found.t[i]))),
+    };
   }
 
   /** Tracked points of a mass: time [s] and place [m].

@@ -298,6 +298,7 @@ export const de = {
   notDetermined: "{value} (nicht bestimmt)",
   heavyMass: "Schwere Masse M2",
   scaleOfFile: "Längen in der Datei, je wahre Länge",
+  tiltOfFile: "Bild gedreht um",
   releaseInFile: "Losgelassen bei, nach der Uhr der Datei",
   axisInFile: "Achse der Stange in der Datei, {axis}",
 

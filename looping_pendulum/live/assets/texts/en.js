@@ -294,6 +294,7 @@ export const en = {
   notDetermined: "{value} (not determined)",
   heavyMass: "Heavy mass M2",
   scaleOfFile: "Lengths in your file, per true length",
+  tiltOfFile: "Picture turned by",
   releaseInFile: "Released at, by your file's clock",
   axisInFile: "Rod's axis in your file, {axis}",
 

@@ -41,11 +41,12 @@ export const CHANGES = {
   heavy_mass: 1e-6,
   rod_radius: 1e-7,
   scale: 1e-6,
+  tilt: 1e-6,
 };
 /** Those that are measured before a trial; without a standard error of what was measured they are not fitted. */
-const MEASURED = ["light_mass", "heavy_mass", "rod_radius", "scale"];
+const MEASURED = ["light_mass", "heavy_mass", "rod_radius", "scale", "tilt"];
 /** What moves no mass. */
-const OF_THE_PICTURE = ["origin_x", "origin_y", "scale"];
+const OF_THE_PICTURE = ["origin_x", "origin_y", "scale", "tilt"];
 /** Shares of the time up to which points are fitted, one after the other: late points alone lead astray. */
 const WINDOWS = [0.3, 0.5, 0.8];
 /**
@@ -177,11 +178,11 @@ function split({ task, names }, values) {
   const changed = Object.fromEntries(names.map((name, i) => [name, values[i]]));
   /** @type {Record<string, any>} */
   const all = { ...stated(task), ...changed };
-  const { origin_x, origin_y, clock_offset, scale, ...settings } = all;
+  const { origin_x, origin_y, clock_offset, scale, tilt, ...settings } = all;
   // One friction, unless that of the string at rest was set to a value of its own
   const { static_friction: resting, kinetic_friction: sliding } = task.settings;
   settings.static_friction = Math.max(resting > sliding ? resting : 0, settings.kinetic_friction);
-  return { settings, camera: { origin_x, origin_y, clock_offset, scale } };
+  return { settings, camera: { origin_x, origin_y, clock_offset, scale, tilt } };
 }
 
 /**

@@ -7,18 +7,20 @@ import { simulate } from "../../run.js";
  *   [s, m or rad]; `error`: standard error that the file states of each value
  * @typedef {{times: number[], places: number[][]}} Times all times of the channels, ascending; of each channel, the place of
  *   its values' times among them
- * @typedef {{origin_x: number, origin_y: number, clock_offset: number, scale: number}} Camera place of the rod's axis in the
- *   file [m]; time since the release at which the file's clock is 0 [s]; length in the file per true length
+ * @typedef {{origin_x: number, origin_y: number, clock_offset: number, scale: number, tilt: number}} Camera place of the rod's
+ *   axis in the file [m]; time since the release at which the file's clock is 0 [s]; length in the file per true length; angle
+ *   by which the picture is turned, counterclockwise [rad]
  * @typedef {ReturnType<import("../../run.js").Run["sample"]>} Sample
  */
 
-/** Channel -> what it shows of a sample. @type {Record<string, (sample: Sample, camera: Camera) => number>} */
+/** Channel -> what it shows of a sample; along and across: what a true length gives in its own direction and a quarter turn on.
+ * @type {Record<string, (sample: Sample, camera: Camera, along: number, across: number) => number>} */
 const MEASURED = {
-  light_x: ({ light }, { origin_x, scale }) => scale * light[0] + origin_x,
-  light_y: ({ light }, { origin_y, scale }) => scale * light[1] + origin_y,
-  heavy_x: ({ heavy }, { origin_x, scale }) => scale * heavy[0] + origin_x,
-  heavy_y: ({ heavy }, { origin_y, scale }) => scale * heavy[1] + origin_y,
-  angle: ({ wrapAngle }) => wrapAngle - Math.PI,
+  light_x: ({ light: [x, y] }, { origin_x }, along, across) => along * x - across * y + origin_x,
+  light_y: ({ light: [x, y] }, { origin_y }, along, across) => across * x + along * y + origin_y,
+  heavy_x: ({ heavy: [x, y] }, { origin_x }, along, across) => along * x - across * y + origin_x,
+  heavy_y: ({ heavy: [x, y] }, { origin_y }, along, across) => across * x + along * y + origin_y,
+  angle: ({ wrapAngle }, { tilt }) => wrapAngle - Math.PI + tilt,
 };
 export const FITTED_CHANNELS = Object.keys(MEASURED);
 
@@ -57,10 +59,12 @@ export function samplesOf(run, { times }, clockOffset) {
  */
 export function measured(channels, { places }, samples, camera) {
   const values = new Float64Array(channels.reduce((sum, { t }) => sum + t.length, 0));
+  const { scale, tilt } = camera;
+  const [along, across] = [scale * Math.cos(tilt), scale * Math.sin(tilt)];
   let i = 0;
   channels.forEach(({ name }, k) => {
     const show = MEASURED[name];
-    for (const place of places[k]) values[i++] = show(samples[place], camera);
+    for (const place of places[k]) values[i++] = show(samples[place], camera, along, across);
   });
   return values;
 }

@@ -13,18 +13,23 @@ export function studyYaml(settings, { file, tracks, length, time, rate, mirrored
   const quoted = (/** @type {string} */ words) => JSON.stringify(words);
   const si = (/** @type {string} */ name) => tidy(settings[name]);
   const inUnit = (/** @type {string} */ name) => `${si(name)} ${UNITS[name]}`;
+  const inDegrees = (/** @type {number} */ angle) => `${tidy((angle * 180) / Math.PI)} deg`;
   const measured = (/** @type {string} */ name) =>
     [inUnit(name), ...(known[name] > 0 ? ["+/-", tidy(known[name]), UNITS[name]] : [])].join(" ");
   const named = Object.entries(tracks).map(([mass, track]) => `${mass}: ${quoted(track)}`);
   const lengths = ["free_length", "hanging_length"].map((name) => `${name}: free from ${inUnit(name)}`).join(", ");
   const looping = settings.release === "looping";
-  const { scale, ...places } = camera;
+  const { scale, tilt, ...places } = camera;
   const free = Object.entries(places)
     // A record of a swing may begin in its midst, which identify sees if it may believe the clock
     .filter(([name, value]) => looping || (name === "clock_offset" && value))
     // Stated, it is that of the file's own clock
     .map(([name, value]) => [`${name}: free from`, ...(name === "clock_offset" ? [tidy(value - clockStart), "s"] : [tidy(value), "m"])].join(" "));
-  const film = [...(known.scale > 0 ? [`scale: ${tidy(scale)} +/- ${tidy(known.scale)}`] : []), ...free];
+  const film = [
+    ...(known.scale > 0 ? [`scale: ${tidy(scale)} +/- ${tidy(known.scale)}`] : []),
+    ...(known.tilt > 0 ? [`tilt: ${inDegrees(tilt)} +/- ${inDegrees(known.tilt)}`] : []),
+    ...free,
+  ];
   const options = [
     ...(named.length ? [`tracks: {${named.join(", ")}}`] : []),
     ...(length !== "m" || time !== "s" ? [`units: {length: ${length}, time: ${time}}`] : []),
