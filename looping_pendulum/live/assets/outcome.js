@@ -15,7 +15,10 @@ export function resultOf({ halt, dropAtHalt, endOfRun, ending, release, events, 
   if (release === "held" || release === "drop") return text(release);
   if (ending === "time_up" && events.length === 1 && modeAtStart === "sticking") return text("stays");
   if (ending === "time_up") return text("goesOn", { time: fixed(endOfRun, 1) });
-  return text(release === "vertical" ? "pulledUp" : "neverHalts", { ending: text(`event.${ending}`), time: fixed(endOfRun, 3) });
+  const end = { ending: text(`event.${ending}`), time: fixed(endOfRun, 3) };
+  const [still, again] = ["sticks", "slips"].map((kind) => events.find((event) => event.kind === kind));
+  if (still && again) return text("standsForAWhile", { from: fixed(still.time, 3), until: fixed(again.time, 3), ...end });
+  return text(release === "vertical" ? "pulledUp" : "neverHalts", end);
 }
 
 /** The change against the ghost as numbers. @param {DrawnRun} run @param {DrawnRun | null} ghost */

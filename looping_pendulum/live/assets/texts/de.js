@@ -53,6 +53,7 @@ export const de = {
   // Was herauskommt
   halts: "Die schwere Masse steht nach {time} s endgültig still, {drop}\u00a0cm unter ihrem Anfang.",
   neverHalts: "Die schwere Masse kommt nie zum Stillstand: {ending} nach {time} s.",
+  standsForAWhile: "Die schwere Masse steht nach {from} s still, aber nicht endgültig: Nach {until} s gleitet der Faden wieder, und nach {time} s ist Schluss: {ending}.",
   goesOn: "Die schwere Masse kommt in {time} s nicht zum Stillstand.",
   stays: "Nichts bewegt sich: Die Stange hält den Faden.",
   pulledUp: "Die schwere Masse fällt ohne Halt: {ending} nach {time} s.",

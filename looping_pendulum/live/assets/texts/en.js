@@ -52,6 +52,7 @@ export const en = {
   // What came of the run
   halts: "The heavy mass halts after {time} s, {drop}\u00a0cm below its start.",
   neverHalts: "The heavy mass never halts: {ending} after {time} s.",
+  standsForAWhile: "The heavy mass stands still after {from} s, but not for good: after {until} s the string slides again, and after {time} s {ending}.",
   goesOn: "The heavy mass does not halt within {time} s.",
   stays: "Nothing moves: the rod holds the string.",
   pulledUp: "The heavy mass falls without a halt: {ending} after {time} s.",
