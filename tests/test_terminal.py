@@ -114,6 +114,15 @@ def test_columns_that_do_not_fit_follow_below_with_the_first_column():
     assert list(cli_terminal._parts(cells, 40)) == [[row[:2] for row in cells], [[row[0], row[2]] for row in cells]]
 
 
+def test_each_part_tells_the_rows_apart():
+    """Of a check's outcomes below, each began with the scenario alone, which all had."""
+    cells = [["scenario", "engine", "value", "outcome"]]
+    cells += [["drop", engine, "1" * 12, "2" * 12] for engine in ("mujoco", "pymunk")]
+    above, below = cli_terminal._parts(cells, 40)
+    assert [row[:2] for row in above] == [row[:2] for row in below] == [row[:2] for row in cells]
+    assert [row[2:] for row in below] == [row[3:] for row in cells]
+
+
 def test_tables_are_laid_out_in_one_place():
     package = Path(cli_terminal.__file__).parents[1]
     assert [path.name for path in package.rglob("*.py") if "from rich.table" in path.read_text()] == ["terminal.py"]

@@ -115,8 +115,8 @@ def say_file(text: str) -> None:
 def show_table(head: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
     """Print a table whose cells are plain text: "[mm]" and "[/x]" are no markup.
 
-    Where it is wider than the terminal, its columns go on below, each part beginning with the first column. Outside a terminal
-    a part is up to 200 columns wide.
+    Where it is wider than the terminal, its columns go on below, each part beginning with the first columns, as many as tell
+    the rows apart. Outside a terminal a part is up to 200 columns wide.
     """
     if not output.shows_text:
         return
@@ -132,8 +132,8 @@ def show_table(head: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
     cells = [[printable(str(cell)) for cell in row] for row in (head, *rows)]
     for part in _parts(cells, console.width):
         table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
-        (first, *columns), *body = part
-        for title in (first, *columns):
+        titles, *body = part
+        for title in titles:
             table.add_column(Text(title), overflow="fold")
         for row in body:
             table.add_row(*map(Text, row))
@@ -152,13 +152,17 @@ def _parts(cells: Sequence[Sequence[str]], width: int) -> Iterator[list[list[str
     """
     columns = [list(column) for column in zip(*cells, strict=True)]
     narrow = [_narrow_width(column) for column in columns]
+    # What all parts begin with: a part without the engine's name would not say whose outcome it is
+    counts = (n for n in range(1, len(columns)) if len({tuple(row[:n]) for row in cells}) == len(cells))
+    count = next((n for n in counts if _table_width(narrow, range(n + 1)) <= width), 1)
+    first = list(range(count))
     parts: list[list[int]] = []
-    for i in range(1, len(columns)):
-        if not parts or _table_width(narrow, [0, *parts[-1], i]) > width:
+    for i in range(count, len(columns)):
+        if not parts or _table_width(narrow, [*first, *parts[-1], i]) > width:
             parts.append([])
         parts[-1].append(i)
     for part in parts or [[]]:
-        shown = [0, *part]
+        shown = [*first, *part]
         widths = {i: narrow[i] for i in shown}
         # What is left of the width goes to the columns that need it most, a character at a time
         natural = {i: max(map(len, columns[i])) for i in shown}
