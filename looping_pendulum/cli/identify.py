@@ -94,7 +94,7 @@ def _look_at_table(table: Path, settings: Sequence[str], write: Path | None, *, 
         )
     except DataError as error:
         raise DataError(error.on_command_line(SET)) from None
-    say(observations.summary())
+    say_prose(observations.summary())
     for fault in observations.faults:
         say(f"warning: {fault}")
     if write is not None:
@@ -128,7 +128,7 @@ def _look_at_study(study: Path, out: Path | None, write: Path | None, *, force: 
         check = take_first_look(loaded, bars.update)
     for sentence in dict.fromkeys(sentence for trial in check.trials for sentence in trial.reading):
         trials = ", ".join(f"'{trial.trial}'" for trial in check.trials if sentence in trial.reading)
-        say(f"read {trials}: {sentence}")
+        say_prose(f"read {trials}: {sentence}")
     for trial in check.trials:
         say_prose(trial.text)
     for warning in check.warnings:
@@ -141,7 +141,7 @@ def _look_at_study(study: Path, out: Path | None, write: Path | None, *, force: 
     if check.mistakes:
         raise FirstLookError("; ".join(mistake.text for mistake in check.mistakes))
     if any(trial.distance is not None for trial in check.trials):
-        say(
+        say_prose(
             "such a distance is no fault in itself: the motion is that of the declared values, with what is free at its first "
             "guess; fitting what is free or uncertain comes with `identify`, which judges what is left"
         )

@@ -9,7 +9,7 @@ import typer
 
 from looping_pendulum.cli.common import AsJson, Quiet
 from looping_pendulum.cli.file_kinds import takes
-from looping_pendulum.cli.terminal import ProgressBars, say, show_json
+from looping_pendulum.cli.terminal import ProgressBars, say, say_prose, show_json
 
 
 def track(
@@ -90,7 +90,7 @@ def track(
                 found = output.facts(things)
             else:
                 tracked, written = output.track_and_write(film, settings, files, bars.update, overlay=overlay)
-                say(output.sentence(tracked))
+                say_prose(output.sentence(tracked))
                 if doubt := output.doubt(tracked):
                     say(f"warning: {doubt}")
                 say("Check the marks on the contact sheet. In a study:")

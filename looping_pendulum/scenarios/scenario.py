@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from looping_pendulum.errors import ScenarioError
 from looping_pendulum.reference_ode.parameters import Parameters
@@ -75,10 +75,11 @@ class Scenario:
     parameters: Parameters
     duration: float
     """Simulated time [s]; a run ends sooner if the light mass reaches the rod."""
-    tolerances: tuple[Tolerance, ...] = ()
+    # What is printed of a scenario is the trial; of limits and sources alone there are pages
+    tolerances: tuple[Tolerance, ...] = field(default=(), repr=False)
     """Limits, sorted by engine, then profile, then in the order of `METRICS`."""
-    inferred: tuple[Inference, ...] = ()
-    measured: MeasuredTable | None = None
+    inferred: tuple[Inference, ...] = field(default=(), repr=False)
+    measured: MeasuredTable | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         """Sort the tolerances, so that equal scenarios compare equal; refuse two limits on the same metric."""

@@ -113,3 +113,10 @@ def test_every_parameter_has_its_place_in_a_file():
     lines = parse(text, "ten_to_one.yaml").lines
     given = {key for key in FILE_KEYS.values() if tuple(key.split(".")) in lines}
     assert set(FILE_KEYS.values()) - given == {"light.radius", "gravity"}
+
+
+def test_what_is_printed_of_a_scenario_is_the_trial():
+    """Its limits for engines filled some pages."""
+    shown = repr(load("ten_to_one"))
+    assert "free_length=0.5808" in shown
+    assert len(shown) < 1000
