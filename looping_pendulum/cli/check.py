@@ -79,7 +79,10 @@ def check(
     if not_judged:
         raise ScenarioError(f"check: nothing was judged of {'; '.join(not_judged)}")
     if not results:
-        raise ScenarioError("check: nothing was judged: no scenario has tolerances for this profile of the engines asked for")
+        message = "check: nothing was judged: no scenario has tolerances for this profile of the engines asked for"
+        raise ScenarioError(
+            f"{message}; write some under 'tolerances' into a copy of one: looping-pendulum scenarios ten_to_one > mine.yaml"
+        )
 
 
 def why_nothing_judged(result: ComparisonResult) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from looping_pendulum.cli import common
-from looping_pendulum.cli.terminal import say, show_json, show_table
+from looping_pendulum.cli.terminal import say, say_prose, show_json, show_table
 from looping_pendulum.engines import Profile
 from looping_pendulum.errors import EngineError
 
@@ -109,7 +109,7 @@ def conformance(
         for verdict in run_checks(engine, time_limit=time_limit):
             listed[label(engine)].append(verdict)
             why = f": {verdict.why}" if verdict.why else ""
-            say(f"  {verdict.outcome.value:8}  {verdict.check.replace('_', ' ')}{why}")
+            say_prose(f"  {verdict.outcome.value:8}  {verdict.check.replace('_', ' ')}{why}", indent=12)
             all_good = all_good and verdict.outcome.acceptable
     show_json({"profile": profile, "conforms": all_good, "checks": listed})
     raise typer.Exit(0 if all_good else common.OUTSIDE_TOLERANCE)

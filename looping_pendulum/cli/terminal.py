@@ -79,12 +79,18 @@ def say(text: str, *, err: bool = False, nl: bool = True) -> None:
         typer.echo(printable(text), err=err, nl=nl)
 
 
-def say_prose(text: str) -> None:
-    """Print sentences, with lines broken at blanks on a terminal; not for a command, which a break would spoil for pasting."""
+def say_prose(text: str, indent: int = 0) -> None:
+    """Print sentences, with lines broken at blanks on a terminal; not for a command, which a break would spoil for pasting.
+
+    Parameters
+    ----------
+    indent
+        Blanks before each further line; those of an entry of a list are the list's own.
+    """
     if not sys.stdout.isatty():
         say(text)
         return
-    further = "  " if text.startswith("- ") else ""
+    further = "  " if text.startswith("- ") else " " * indent
     width = shutil.get_terminal_size().columns
     say(textwrap.fill(text, width, subsequent_indent=further, break_long_words=False, break_on_hyphens=False))
 

@@ -175,10 +175,15 @@ def samples_every_millisecond_from_rest(engine: Engine) -> None:
     assert run.status is RunStatus.FINISHED, f"the run: {run.status.value}"
     _assert_samples_to_the_end(run, LOSSLESS_DURATION)
     start = light_position(math, p.free_length, p.release_angle, p.rod_radius)
-    assert np.allclose(run.light_position[0], start, rtol=0, atol=START_TOLERANCE), "light mass at release"
-    assert np.allclose(run.heavy_position[0], (p.rod_radius, -p.hanging_length), rtol=0, atol=START_TOLERANCE), "heavy mass"
-    assert not run.light_velocity[0].any(), "light mass not at rest"
-    assert not run.heavy_velocity[0].any(), "heavy mass not at rest"
+    hung = (p.rod_radius, -p.hanging_length)
+    for mass, place, velocity, needed in (
+        ("light", run.light_position[0], run.light_velocity[0], start),
+        ("heavy", run.heavy_position[0], run.heavy_velocity[0], hung),
+    ):
+        x, y = 1e3 * place
+        seen = f"{mass} mass released at {x:.4f}, {y:.4f} mm, needed {1e3 * needed[0]:.4f}, {1e3 * needed[1]:.4f} mm"
+        assert np.allclose(place, needed, rtol=0, atol=START_TOLERANCE), seen
+        assert not velocity.any(), f"{mass} mass released at {velocity[0]:g}, {velocity[1]:g} m/s, needed at rest"
     arrays = (run.light_position, run.light_velocity, run.heavy_position, run.heavy_velocity, run.free_length, run.wrap_angle)
     assert all(len(a) == len(run.t) and np.isfinite(a).all() for a in arrays), "shapes or values"
 
@@ -288,8 +293,11 @@ def drop_is_free_fall(engine: Engine) -> None:
     fallen = closed_forms.free_fall(run.t, mass=1.0, drag=0.0, gravity=9.81)
     # The reference has no step
     bound = 9.81 * run.t * getattr(engine.settings, "time_step", 0.0) + 1e-9
-    for position in (run.light_position, run.heavy_position):
-        assert (np.abs(position[0, 1] - position[:, 1] - fallen) <= bound).all(), "free fall"
+    for mass, position in (("light", run.light_position), ("heavy", run.heavy_position)):
+        drop = position[0, 1] - position[:, 1]
+        worst = int(np.argmax(np.abs(drop - fallen) - bound))
+        seen = f"the {mass} mass fell by {1e3 * drop[worst]:.3f} mm in {run.t[worst]:.3f} s, exact {1e3 * fallen[worst]:.3f} mm"
+        assert (np.abs(drop - fallen) <= bound).all(), seen
     assert np.isnan(run.wrap_angle).all(), "a wrap angle without a string"
 
 
@@ -351,8 +359,8 @@ def held_pendulum_swings_to_the_other_side(engine: Engine) -> None:
     assert 0.3 * half < turn < 0.7 * half, f"lowest point at {turn:.3f} s, half a period is {half:.3f} s"
     speed = np.hypot(*run.light_velocity.T)
     fall = run.light_position[0, 1] - run.light_position[:, 1]
-    energy = 0.5 * speed**2 - 9.81 * fall
-    assert np.abs(energy).max() < 0.02 * 9.81 * fall.max(), "energy of the held pendulum"
+    share = np.abs(0.5 * speed**2 - 9.81 * fall).max() / (9.81 * fall.max())
+    assert share < 0.02, f"energy off by {100 * share:.1f} % of what the light mass loses in falling, needed less than 2 %"
 
 
 @requires(SLACK)
