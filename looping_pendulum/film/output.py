@@ -172,7 +172,7 @@ def table(track: FilmTrack) -> str:
         cells, errors, flags = [f"{now:.6f}"], [], []
         for mass, place, i, name in zip(masses, metres, at, ("light", "heavy"), strict=True):
             cells += ["", ""] if i is None else [f"{v:.6f}" for v in place[i]]
-            errors += ["", ""] if i is None else [f"{v:.6f}" for v in mass.error[i] / track.scale]
+            errors += ["", ""] if i is None else [f"{v:.6f}" for v in mass.counted_error[i] / track.scale]
             if i is None:
                 flags.append(f"no {name}")
             elif mass.streak[i] > long_streak:
@@ -280,7 +280,7 @@ def facts(track: FilmTrack | PlainTrack) -> dict[str, Any]:
 def _points(track: FilmTrack, points: Points) -> dict[str, Any]:
     """Return a mass's radius and its points from the release on, in seconds and metres as `table` has them, and a summary."""
     t = track.t[points.frame] - track.release
-    (x, y), error = track.metres(points.place).T, points.error.T / track.scale
+    (x, y), error = track.metres(points.place).T, points.counted_error.T / track.scale
     columns = dict(zip(POINT_COLUMNS, (t, x, y, *error), strict=True))
     return {
         "frames": len(points.frame),

@@ -427,7 +427,10 @@ def _next(
         gate_along = unit * 6 + (0.25 * rate * dt + 100 * dt * dt) * max(free, 20 * unit)
         gate_across = string.gate + 0.02 * free * rate * dt
         change = abs(np.log(b.area / area))
-        if abs(e) > gate_across or abs(along) > gate_along or change > 1.6:
+        # A hand, or the rod, may have stopped it anywhere on its way
+        beyond = max(min(expected, recent[-1, 1]) - phi, phi - max(expected, recent[-1, 1]), 0.0) * free
+        has_stopped = beyond < 6 * unit and change < 0.5 and b.contrast > 0.7 * contrast
+        if abs(e) > gate_across or (abs(along) > gate_along and not has_stopped) or change > 1.6:
             continue
         cost = (e / gate_across) ** 2 + (along / gate_along) ** 2 + change**2 - 0.3 * min(b.contrast / contrast, 1.5)
         if best is None or cost < best[0]:

@@ -15,8 +15,10 @@ from looping_pendulum.film.track import Points, TrackSettings, streak_way
 from looping_pendulum.processes import ReportShare
 from looping_pendulum.reference_ode.geometry import Array
 
-MAX_THINGS = 8
-"""Most things that are written."""
+NAMES = "ABCDEFGH"
+"""Of the things that are written, at most."""
+ERROR = 0.3
+"""Standard error of their points [pixels]."""
 LEAST_WAY = 0.04
 """Shortest way of a thing, as a share of the picture's longer side: what only trembles is no motion."""
 LEAST_FRAMES = 6
@@ -122,10 +124,11 @@ def _things(seen: Survey, blobs: Blobs, settings: TrackSettings) -> dict[str, Po
             continue
         found.append((way * float(np.median(path[:, 4])), path))
     found.sort(key=lambda each: -each[0])
-    return {
-        chr(ord("A") + i): Points(
-            frame=path[:, 0].astype(int), place=path[:, 1:3], error=np.full((len(path), 2), 0.3),
+    things = {}
+    for name, (_, path) in zip(NAMES, found, strict=False):
+        error = np.full((len(path), 2), ERROR)
+        things[name] = Points(
+            frame=path[:, 0].astype(int), place=path[:, 1:3], error=error, counted_error=error,
             streak=streak_way(path[:, 5:7]), radius=0.5 * float(np.median(path[:, 6])),
-        )
-        for i, (_, path) in enumerate(found[:MAX_THINGS])
-    }  # fmt: skip
+        )  # fmt: skip
+    return things

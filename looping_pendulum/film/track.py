@@ -37,9 +37,9 @@ SECONDS_AFTER = 3.0
 CENTRE_ERROR = 0.05
 """Scatter of a centre that a picture leaves at least [pixels]: what a codec does to an edge."""
 SHARED_ERROR = 10.0
-"""Error that neighbouring points share, so that their scatter does not show it, times the mass's contrast [pixels levels].
+"""Error that points less than the mass's radius apart share, times the mass's contrast [pixels levels].
 
-Shading, the string and lines of the background pull a centre the more, the paler the mass is.
+Shading, the string and lines of the background pull a centre the more, the paler the mass is; scatter does not show it.
 """
 EDGE_ERROR = 0.1
 """Error of the falling mass's height [pixels]: its lower edge lies along the rows, and comes to the next one all at once."""
@@ -143,6 +143,8 @@ class Points:
     """Centre [pixels], y downwards, shape (n, 2)."""
     error: Array
     """Standard errors of both [pixels], shape (n, 2)."""
+    counted_error: Array
+    """The same by which a fit should weigh them, as points that share an error show it once [pixels], shape (n, 2)."""
     streak: Array
     """Way during the exposure [pixels], shape (n,)."""
     radius: float
@@ -585,16 +587,34 @@ class _Tracking:
                 if all(abs(int(w) - d) > 4 for d in dropped):
                     dropped.append(int(w))
             keep[dropped] = False
-        error = np.hypot(np.hypot(factor * expected, SHARED_ERROR / contrast), STREAK_ERROR * streak)
-        error = np.stack([error, np.hypot(error, edge_error)], axis=1)
+        frame, place, contrast, streak, width = frame[keep], place[keep], contrast[keep], streak[keep], width[keep]
+        own = np.hypot(factor * expected[keep], STREAK_ERROR * streak)
+        shared = np.stack([SHARED_ERROR / contrast] * 2 + [np.full(len(frame), edge_error)])
+        times = [_in_a_row(place, 0.5 * width)] * 2 + [_in_a_row(place[:, 1:], np.full(len(frame), 0.5))]
+
+        def error_of(x: Array, y: Array, edge: Array) -> Array:
+            return np.stack([np.hypot(own, x), np.hypot(np.hypot(own, y), edge)], axis=1)
+
+        counted = error_of(*(shared * np.sqrt(times)))
         points = Points(
-            frame=frame[keep],
-            place=place[keep],
-            error=error[keep],
-            streak=streak[keep],
-            radius=_radius(width[keep], streak[keep]),
+            frame=frame,
+            place=place,
+            error=error_of(*shared),
+            counted_error=counted,
+            streak=streak,
+            radius=_radius(width, streak),
         )
         return points, int(np.sum(~keep))
+
+
+def _in_a_row(place: Array, reach: Array) -> Array:
+    """Return how many points in a row are less than its reach from each, itself included, of places (n, axes)."""
+    count = np.empty(len(place))
+    for i, (here, near) in enumerate(zip(place, reach, strict=True)):
+        far = np.flatnonzero(np.linalg.norm(place - here, axis=1) >= near)
+        k = int(np.searchsorted(far, i))
+        count[i] = (far[k] if k < len(far) else len(place)) - (far[k - 1] if k else -1) - 1
+    return count
 
 
 def _apart(
@@ -613,7 +633,7 @@ def _apart(
 
     kept = [is_apart(points.frame) for points in (light, heavy)]
     one, other = (
-        replace(p, frame=p.frame[k], place=p.place[k], error=p.error[k], streak=p.streak[k])
+        replace(p, frame=p.frame[k], place=p.place[k], error=p.error[k], counted_error=p.counted_error[k], streak=p.streak[k])
         for p, k in zip((light, heavy), kept, strict=True)
     )
     return one, other, int(sum(np.sum(~k) for k in kept))

@@ -88,9 +88,9 @@ def usable_points(study: Study, trial: Trial, observations: Observations) -> Obs
     place = camera.true_position(np.stack([x.value[in_x], y.value[in_y]], axis=1))
     noise = estimate_noise((x, y))
     speed = speed_at((x, y), t, noise.a)
-    error = np.maximum(
-        noise.sigma(speed), np.maximum(x.least_sigma(speed_at((x, y), x.t))[in_x], y.least_sigma(speed_at((x, y), y.t))[in_y])
-    )
+    # Not as a program states them: what neighbouring points share changes no speed
+    rounding = [c.rounding_sigma(speed_at((x, y), c.t))[used] for c, used in ((x, in_x), (y, in_y))]
+    error = np.maximum(noise.sigma(speed), np.maximum(*rounding))
     origin_error = math.hypot(*(priors[n].sigma or 0.0 for n in ("origin_x", "origin_y"))) / math.sqrt(2)
     end, why = math.inf, ""
     radius = _radius(study, trial, observations)

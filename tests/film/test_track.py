@@ -141,7 +141,7 @@ def test_a_film_gives_its_points_as_the_tracker_has_them(tracked, ordinary):
     t = tracked.t[tracked.light.frame] - tracked.release
     assert np.array_equal(points.channel("light_x").t, t[t >= 0])  # the decoder's times, not rounded
     assert np.array_equal(points.channel("light_x").value, tracked.metres(tracked.light.place)[t >= 0, 0])
-    assert np.array_equal(points.channel("light_y").stated_error[1], tracked.light.error[t >= 0, 1] / tracked.scale)
+    assert np.array_equal(points.channel("light_y").stated_error[1], tracked.light.counted_error[t >= 0, 1] / tracked.scale)
     assert {u.reason: u.count for u in points.unused} == {r: n for r, n in tracked.skipped.items() if n}
     assert points.faults == ()
 
@@ -196,9 +196,9 @@ def test_a_fit_weighs_points_by_the_errors_that_the_film_states(tracked, ordinar
     )
     shutil.copy(ordinary[0], tmp_path / "trial.mp4")
     found = tracked
-    error, streak = found.light.error.copy(), found.light.streak.copy()
+    error, streak = found.light.counted_error.copy(), found.light.streak.copy()
     error[60:70], streak[60:70] = 9.0, 30.0  # pixels: a long streak
-    output.write(replace(found, light=replace(found.light, error=error, streak=streak)), films)
+    output.write(replace(found, light=replace(found.light, counted_error=error, streak=streak)), films)
     assert films.table.read_text().count("light streak") == 10
     study = load(tmp_path / "study.yaml")
     data = trial_data(study.trials[0], read_trial(study, study.trials[0]))
