@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ from scipy.ndimage import maximum_filter1d, median_filter
 
 from looping_pendulum.measured.camera import Camera
 from looping_pendulum.measured.noise import estimate_noise, speed_at
-from looping_pendulum.measured.observations import Observations, UnusedValues
+from looping_pendulum.measured.observations import Channel, Observations, UnusedValues
 from looping_pendulum.measured.study import Estimate, Study, Trial
 from looping_pendulum.reference_ode.effects import GRAVITY
 from looping_pendulum.reference_ode.geometry import Array, string_coordinates
@@ -43,6 +44,8 @@ A rebound departs by one, a turn of the string by a radian in a step by less.
 """
 SPEED_WINDOWS = 4
 """Windows of time on either side of a stop in which a single wrong point may make it up."""
+LEAST_RESTING, LEAST_POINTS = 4, 25
+"""Fewest points of a mass that rests, and of one that moves whose noise is estimated."""
 TOUCH_SIGMAS = 2.0
 """Standard errors of its distance by which the ball is clear of the rod as long as its points are used."""
 MAX_TURN = 2.5
@@ -85,42 +88,81 @@ def usable_points(study: Study, trial: Trial, observations: Observations) -> Obs
         return observations
     priors = study.camera_priors(trial, observations)
     camera = Camera(**{n: e.value for n, e in trial.camera.items()})
-    place = camera.true_position(np.stack([x.value[in_x], y.value[in_y]], axis=1))
-    noise = estimate_noise((x, y))
-    speed = speed_at((x, y), t, noise.a)
-    # Not as a program states them: what neighbouring points share changes no speed
-    rounding = [c.rounding_sigma(speed_at((x, y), c.t))[used] for c, used in ((x, in_x), (y, in_y))]
-    error = np.maximum(noise.sigma(speed), np.maximum(*rounding))
+    place, true_time = camera.true_position(np.stack([x.value[in_x], y.value[in_y]], axis=1)), camera.true_time(t)
     origin_error = math.hypot(*(priors[n].sigma or 0.0 for n in ("origin_x", "origin_y"))) / math.sqrt(2)
-    end, why = math.inf, ""
-    radius = _radius(study, trial, observations)
-    if radius is not None and radius[0] > 0:
-        sigma = np.sqrt(error**2 + origin_error**2 + radius[1] ** 2)
-        is_near = np.hypot(*place.T) < rod.value + radius[0] + TOUCH_SIGMAS * sigma
+    stated_gravity = study.estimate("gravity", trial)
+    gravity = GRAVITY.coefficients[0].default if stated_gravity is None else stated_gravity.value
+    radius, radius_error = _radius(study, trial, observations) or (0.0, 0.0)
+
+    def least(of: Callable[[Channel, Array], Array]) -> Array:
+        return np.maximum(*(of(c, speed_at((x, y), c.t))[used] for c, used in ((x, in_x), (y, in_y))))
+
+    rests = rests_from(true_time, place, np.maximum(_noise((x, y), t), least(Channel.least_sigma)), rod.value, radius, gravity)
+    end = math.inf if rests is None else float(t[rests])
+    # Points at rest show little of the noise of those that move. What a program states counts where the mass is, but what
+    # neighbouring points share changes no speed
+    error = np.maximum(_noise((x, y), t, end), least(Channel.rounding_sigma))
+    clear = np.ones(len(t), dtype=bool)
+    if radius > 0:
+        sigma = np.sqrt(error**2 + origin_error**2 + radius_error**2)
+        is_near = np.hypot(*place.T) < rod.value + radius + TOUCH_SIGMAS * sigma
         touching = np.flatnonzero(is_near & np.append(is_near[1:], True))  # a single one may be a wrong point
         if len(touching):
-            end = float(t[touching[0]])
-            why = f"the light mass, {1e3 * radius[0]:.3g} mm in radius, is at the rod, where it is no point any more"
-    gravity = study.estimate("gravity", trial)
-    clear = t < end
-    stop = stopped_at(
-        camera.true_time(t[clear]), place[clear], error[clear], rod.value, origin_error,
-        GRAVITY.coefficients[0].default if gravity is None else gravity.value,
-    )  # fmt: skip
+            clear = t < t[touching[0]]
+            end = min(end, float(t[touching[0]]))
+    stop = stopped_at(true_time[clear], place[clear], error[clear], rod.value, origin_error, gravity)
     if stop is not None:
-        end, why = float(t[stop]), "something other than its string stops the light mass: a hand, a wall, a knot"
-    return _until(observations, end, why) if why else observations
+        end = min(end, float(t[stop]))
+    if math.isinf(end):
+        return observations
+    if (rests is not None and _is_at_rod(place[rests:], rod.value, radius)) or (stop is None and not clear.all()):
+        why = f"the light mass, {1e3 * radius:.3g} mm in radius, is at the rod, where it is no point any more"
+    else:
+        why = "something other than its string stops the light mass: a hand, a wall, a knot"
+    return _until(observations, end, why)
+
+
+def _noise(channels: tuple[Channel, Channel], t: Array, end: float = math.inf) -> Array:
+    """Return the standard errors of points at the times ``t`` [s] by the noise of those before ``end``, if there are enough."""
+    moving = tuple(_before(c, end) for c in channels)
+    noise = estimate_noise(moving if min(map(len, moving)) >= LEAST_POINTS else channels)
+    return noise.sigma(speed_at(channels, t, noise.a))
+
+
+def _before(c: Channel, end: float) -> Channel:
+    n = int(np.searchsorted(c.t, end))
+    return dataclasses.replace(c, t=c.t[:n], value=c.value[:n])
+
+
+def _is_at_rod(rest: Array, rod_radius: float, radius: float) -> bool:
+    """Return whether a ball that rests at points (n, 2) is as near to the rod as it is large: string may lie between."""
+    return float(np.hypot(*np.median(rest, axis=0))) < rod_radius + 2 * radius
+
+
+def rests_from(t: Array, place: Array, error: Array, rod_radius: float, radius: float, gravity: float) -> int | None:
+    """Return the first point from which on the light mass stands still to the end, as something holds it; None: it does not.
+
+    A hand holds it if its weight alone would have moved it visibly by then, which it does not where it hangs.
+    """
+    is_off = np.hypot(*(place - np.median(place[-LEAST_RESTING:], axis=0)).T) > SIGMAS * error
+    off = np.flatnonzero(is_off & np.append(is_off[1:], True))  # a single one may be a wrong point
+    begins = int(off[-1]) + 1 if len(off) else 0
+    begins += int(begins < len(t) and bool(is_off[begins]))
+    if begins == 0 or len(t) - begins < LEAST_RESTING:
+        return None
+    rest = place[begins:]
+    _, phi = string_coordinates(rest, rod_radius, 0.0)
+    pull = 1.0 if _is_at_rod(rest, rod_radius, radius) else abs(math.sin(float(np.median(phi))))
+    way = 0.5 * gravity * pull * (t[-1] - t[begins]) ** 2
+    return begins if way > 2 * SIGMAS * float(np.max(error[begins:])) else None
 
 
 def _until(observations: Observations, end: float, why: str) -> Observations:
     """Return the observations before a time by the file's clock [s]."""
-    channels, count = [], 0
-    for c in observations.channels:
-        n = int(np.searchsorted(c.t, end))
-        channels.append(dataclasses.replace(c, t=c.t[:n], value=c.value[:n]))
-        count += len(c) - n
+    channels = tuple(_before(c, end) for c in observations.channels)
+    count = sum(map(len, observations.channels)) - sum(map(len, channels))
     left_out = UnusedValues(count=count, reason=f"from {end:.3f} s on {why}")
-    return dataclasses.replace(observations, channels=tuple(channels), unused=(*observations.unused, left_out))
+    return dataclasses.replace(observations, channels=channels, unused=(*observations.unused, left_out))
 
 
 def stopped_at(t: Array, place: Array, error: Array, rod_radius: float, origin_error: float, gravity: float) -> int | None:

@@ -9,7 +9,7 @@ import pytest
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.measured.study import read_trial
 from looping_pendulum.measured.study_io import load
-from looping_pendulum.measured.usable_points import usable_points
+from looping_pendulum.measured.usable_points import rests_from, usable_points
 from tests.blind import Apparatus, Effects
 from tests.blind.simulator import simulate
 
@@ -18,10 +18,10 @@ FRAME_RATE, NOISE = 240, 2e-4
 ORIGIN = "{origin_x: 0 mm +/- 0.3 mm, origin_y: 0 mm +/- 0.3 mm}"
 
 
-def positions(effects=None, *, stop=math.inf, stopping=0.01, **apparatus):
+def positions(effects=None, *, stop=math.inf, stopping=0.01, frame_rate=FRAME_RATE, **apparatus):
     """Return times, light and heavy mass [s, m] of a trial whose light mass somebody stops from a time on, within another."""
     motion = simulate(Apparatus(**apparatus), effects, duration=1.5)
-    t = np.arange(0.0, 1.5, 1 / FRAME_RATE)
+    t = np.arange(0.0, 1.5, 1 / frame_rate)
     late = np.maximum(t - stop, 0.0)
     shown = np.minimum(t, stop) + 0.5 * stopping * -np.expm1(-2 * late / stopping)
     light, heavy = motion.at(np.minimum(shown, motion.t[-1]))
@@ -85,6 +85,32 @@ def test_points_end_before_a_hand_stops_the_light_mass(stop, stopping, tmp_path)
     assert stop - 0.03 < end <= stop
     assert "something other than its string" in said
     assert f"{end + 1 / FRAME_RATE:.3f} s" in said
+
+
+@pytest.mark.parametrize("stopping", [5e-3, 0.1])
+def test_points_end_before_a_hand_stops_the_light_mass_with_few_frames(stopping, tmp_path):
+    end, said = end_of(study(tmp_path, positions(stop=0.6, stopping=stopping, frame_rate=60)))
+    assert 0.6 - 5 / 60 < end <= 0.6 + 0.1 * stopping
+    assert "something other than its string" in said
+
+
+def test_a_ball_on_the_string_that_is_wound_on_the_rod_is_at_the_rod(tmp_path):
+    t, light, heavy = positions(Effects(light_radius=8e-3))
+    windings = 1.5e-3
+    on_rod = int(np.argmax(np.hypot(*light.T) < 6.25e-3 + 8e-3 + windings))
+    light[on_rod:] = light[on_rod]  # a codec stores what does not move once
+    end, said = end_of(study(tmp_path, (t, light, heavy), radius="8 mm +/- 0.2 mm"))
+    assert t[on_rod] - 0.05 < end < t[on_rod]
+    assert "8 mm in radius, is at the rod" in said
+
+
+def test_a_mass_that_hangs_at_rest_is_held_by_nothing(tmp_path):
+    t, light, heavy = positions()
+    at_rest = t > 0.5
+    light[at_rest] = [-6.25e-3, -0.2] + np.random.default_rng(4).normal(0, NOISE, (at_rest.sum(), 2))
+    assert rests_from(t, light, np.full(len(t), NOISE), 6.25e-3, 0.0, 9.81) is None
+    light[at_rest, 0] -= 0.1
+    assert rests_from(t, light, np.full(len(t), NOISE), 6.25e-3, 0.0, 9.81) == np.argmax(at_rest)
 
 
 def test_a_wall_from_which_the_light_mass_rebounds_ends_the_points(tmp_path):
