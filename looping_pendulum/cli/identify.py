@@ -115,7 +115,7 @@ def _look_at_study(study: Path, out: Path | None, write: Path | None, *, force: 
     from looping_pendulum.discrepancy.report import figures
     from looping_pendulum.files import prepare_output_file, prepare_output_folder
     from looping_pendulum.measured import study_io
-    from looping_pendulum.measured.study import read_trial
+    from looping_pendulum.measured.usable_points import read_trial
 
     loaded = study_io.load(study)
     folder = out or Path("report") / loaded.name

@@ -19,7 +19,8 @@ from looping_pendulum.measured import study_io
 from looping_pendulum.measured.camera import Camera
 from looping_pendulum.measured.events import MeasuredEventRow
 from looping_pendulum.measured.observations import Channel, DataError, Observations
-from looping_pendulum.measured.study import Trial, read_files, read_trial
+from looping_pendulum.measured.study import Trial, read_files
+from looping_pendulum.measured.usable_points import read_trial, usable_points
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.document import Document, one_line, quote
 from looping_pendulum.scenarios.fields import suggest
@@ -191,4 +192,4 @@ def _trial_of_study(files: Sequence[str], given: dict[str, str]) -> MeasuredTria
         what = f"no trial {quote(name)} among" if name else "the trials"
         raise DataError(f"{files[0]}: found {what} {', '.join(names)}, needed one of them; choose by {OPTION} name={names[0]}")
     trial = study.trial(name)
-    return measured_trial(trial, read_trial(study, trial))
+    return measured_trial(trial, usable_points(study, trial, read_trial(study, trial)))

@@ -14,8 +14,8 @@ from looping_pendulum.discrepancy.fit.problem import Problem, free_parameters_of
 from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.measured.observations import DataError, Observations
 from looping_pendulum.measured.record_start import with_free_start
-from looping_pendulum.measured.study import Study, Trial, read_trial, refuse_seen_points
-from looping_pendulum.measured.usable_points import usable_points, with_ball
+from looping_pendulum.measured.study import Study, Trial, refuse_seen_points
+from looping_pendulum.measured.usable_points import read_trial, usable_points, with_ball
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -332,12 +332,6 @@ def _effect_acts_in(effect: Effect, trial: Trial) -> bool:
     return on_light or trial.release is not Release.HELD
 
 
-def read_trial(study: Study, trial: Trial, progress: ReportShare | None = None) -> Observations:
-    """Read the files of a trial of ``study``, as `read_files` does."""
-    rod = study.estimate("rod_radius", trial)
-    return read_files(study.folder, trial, None if rod is None else rod.value, progress)
-
-
 def read_files(
     folder: Path, trial: Trial, rod_radius: float | None = None, progress: ReportShare | None = None
 ) -> Observations:

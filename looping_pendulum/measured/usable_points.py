@@ -18,15 +18,19 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, median_filter
 
 from looping_pendulum.measured.camera import Camera
+from looping_pendulum.measured.displaced_rows import clock_faults
 from looping_pendulum.measured.noise import estimate_noise, speed_at
 from looping_pendulum.measured.observations import Channel, Observations, UnusedValues
-from looping_pendulum.measured.study import Estimate, Study, Trial
+from looping_pendulum.measured.study import Estimate, Study, Trial, read_files
+from looping_pendulum.processes import ReportShare
 from looping_pendulum.reference_ode.effects import GRAVITY
 from looping_pendulum.reference_ode.geometry import Array, string_coordinates
 from looping_pendulum.reference_ode.parameters import Release
@@ -44,12 +48,18 @@ A rebound departs by one, a turn of the string by a radian in a step by less.
 """
 SPEED_WINDOWS = 4
 """Windows of time on either side of a stop in which a single wrong point may make it up."""
-LEAST_RESTING, LEAST_POINTS = 4, 25
+LEAST_RESTING, LEAST_MOVING = 4, 25
 """Fewest points of a mass that rests, and of one that moves whose noise is estimated."""
 TOUCH_SIGMAS = 2.0
 """Standard errors of its distance by which the ball is clear of the rod as long as its points are used."""
 MAX_TURN = 2.5
 """Turn of the string from one point to the next up to which its sense is known [rad]; half a turn has two."""
+
+
+def read_trial(study: Study, trial: Trial, progress: ReportShare | None = None) -> Observations:
+    """Read the files of a trial of ``study``, as `read_files` does, up to where something holds the light mass for good."""
+    rod = study.estimate("rod_radius", trial)
+    return until_held(study, trial, read_files(study.folder, trial, None if rod is None else rod.value, progress))
 
 
 def with_ball(study: Study, trial: Trial, observations: Observations) -> Trial:
@@ -73,60 +83,113 @@ def _radius(study: Study, trial: Trial, observations: Observations) -> tuple[flo
     return None if stated.free else (stated.value, stated.sigma or 0.0)
 
 
+def until_held(study: Study, trial: Trial, observations: Observations) -> Observations:
+    """Return the usable observations of a record at whose end something holds the light mass, and any other as it is.
+
+    That a mass stands still is beyond doubt, and what follows tells nothing of the clock. A change of speed alone may also be a
+    mistake of clock, columns or tracker, which only all points tell.
+    """
+    record = _Record.of(study, trial, observations)
+    if record is None or record.rests is None:
+        return observations
+    usable = usable_points(study, trial, observations)
+    return dataclasses.replace(usable, faults=tuple(clock_faults(usable.channels)))
+
+
 def usable_points(study: Study, trial: Trial, observations: Observations) -> Observations:
     """Return the observations without the points from which on the light mass is no point mass on a string.
 
     Points of both masses end there: without the light mass's pull, the string holds the heavy one no longer.
     """
-    channels = {c.name: c for c in observations.channels}
-    rod = study.estimate("rod_radius", trial)
-    if trial.release not in (Release.LOOPING, Release.VERTICAL) or rod is None or not {"light_x", "light_y"} <= channels.keys():
-        return observations
-    x, y = channels["light_x"], channels["light_y"]
-    t, in_x, in_y = np.intersect1d(x.t, y.t, return_indices=True)
-    if len(t) < 2:
+    record = _Record.of(study, trial, observations)
+    if record is None:
         return observations
     priors = study.camera_priors(trial, observations)
-    camera = Camera(**{n: e.value for n, e in trial.camera.items()})
-    place, true_time = camera.true_position(np.stack([x.value[in_x], y.value[in_y]], axis=1)), camera.true_time(t)
     origin_error = math.hypot(*(priors[n].sigma or 0.0 for n in ("origin_x", "origin_y"))) / math.sqrt(2)
-    stated_gravity = study.estimate("gravity", trial)
-    gravity = GRAVITY.coefficients[0].default if stated_gravity is None else stated_gravity.value
-    radius, radius_error = _radius(study, trial, observations) or (0.0, 0.0)
-
-    def least(of: Callable[[Channel, Array], Array]) -> Array:
-        return np.maximum(*(of(c, speed_at((x, y), c.t))[used] for c, used in ((x, in_x), (y, in_y))))
-
-    rests = rests_from(true_time, place, np.maximum(_noise((x, y), t), least(Channel.least_sigma)), rod.value, radius, gravity)
+    t, place, rests = record.t, record.place, record.rests
     end = math.inf if rests is None else float(t[rests])
-    # Points at rest show little of the noise of those that move. What a program states counts where the mass is, but what
-    # neighbouring points share changes no speed
-    error = np.maximum(_noise((x, y), t, end), least(Channel.rounding_sigma))
+    # Points at rest show little of the noise of those that move; what neighbouring points share changes no speed
+    error = np.maximum(record.noise(end), record.least(Channel.rounding_sigma))
     clear = np.ones(len(t), dtype=bool)
-    if radius > 0:
-        sigma = np.sqrt(error**2 + origin_error**2 + radius_error**2)
-        is_near = np.hypot(*place.T) < rod.value + radius + TOUCH_SIGMAS * sigma
+    if record.radius > 0:
+        sigma = np.sqrt(error**2 + origin_error**2 + record.radius_error**2)
+        is_near = np.hypot(*place.T) < record.rod_radius + record.radius + TOUCH_SIGMAS * sigma
         touching = np.flatnonzero(is_near & np.append(is_near[1:], True))  # a single one may be a wrong point
         if len(touching):
             clear = t < t[touching[0]]
             end = min(end, float(t[touching[0]]))
-    stop = stopped_at(true_time[clear], place[clear], error[clear], rod.value, origin_error, gravity)
+    stop = stopped_at(record.true_time[clear], place[clear], error[clear], record.rod_radius, origin_error, record.gravity)
     if stop is not None:
         end = min(end, float(t[stop]))
     if math.isinf(end):
         return observations
-    if (rests is not None and _is_at_rod(place[rests:], rod.value, radius)) or (stop is None and not clear.all()):
-        why = f"the light mass, {1e3 * radius:.3g} mm in radius, is at the rod, where it is no point any more"
+    rests_at_rod = rests is not None and _is_at_rod(place[rests:], record.rod_radius, record.radius)
+    if rests_at_rod or (stop is None and not clear.all()):
+        why = f"the light mass, {1e3 * record.radius:.3g} mm in radius, is at the rod, where it is no point any more"
     else:
         why = "something other than its string stops the light mass: a hand, a wall, a knot"
     return _until(observations, end, why)
 
 
-def _noise(channels: tuple[Channel, Channel], t: Array, end: float = math.inf) -> Array:
-    """Return the standard errors of points at the times ``t`` [s] by the noise of those before ``end``, if there are enough."""
-    moving = tuple(_before(c, end) for c in channels)
-    noise = estimate_noise(moving if min(map(len, moving)) >= LEAST_POINTS else channels)
-    return noise.sigma(speed_at(channels, t, noise.a))
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Record:
+    """The light mass's way in a trial."""
+
+    channels: tuple[Channel, Channel]
+    """x and y."""
+    used: tuple[NDArray[np.intp], NDArray[np.intp]]
+    """Their values of the same times."""
+    t: Array
+    """These times by the file's clock [s], shape (n,)."""
+    true_time: Array
+    place: Array
+    """From the rod's centre [m], shape (n, 2)."""
+    rod_radius: float
+    radius: float
+    """Of the light mass [m]; 0: not known, or it counts for nothing."""
+    radius_error: float
+    gravity: float
+    """[m/s^2]"""
+
+    @classmethod
+    def of(cls, study: Study, trial: Trial, observations: Observations) -> _Record | None:
+        """Return that of a trial; None if its points do not tell it."""
+        channels = {c.name: c for c in observations.channels}
+        rod, gravity = study.estimate("rod_radius", trial), study.estimate("gravity", trial)
+        if (
+            trial.release not in (Release.LOOPING, Release.VERTICAL)
+            or rod is None
+            or not {"light_x", "light_y"} <= channels.keys()
+        ):
+            return None
+        x, y = channels["light_x"], channels["light_y"]
+        t, *used = np.intersect1d(x.t, y.t, return_indices=True)
+        if len(t) < LEAST_MOVING:
+            return None
+        camera = Camera(**{n: e.value for n, e in trial.camera.items()})
+        radius, radius_error = _radius(study, trial, observations) or (0.0, 0.0)
+        return cls(
+            channels=(x, y), used=(used[0], used[1]), t=t, true_time=camera.true_time(t),
+            place=camera.true_position(np.stack([c.value[k] for c, k in zip((x, y), used, strict=True)], axis=1)),
+            rod_radius=rod.value, radius=radius, radius_error=radius_error,
+            gravity=GRAVITY.coefficients[0].default if gravity is None else gravity.value,
+        )  # fmt: skip
+
+    def noise(self, end: float = math.inf) -> Array:
+        """Return the errors of the points [m] by the noise of those before ``end``, if there are enough, shape (n,)."""
+        moving = tuple(_before(c, end) for c in self.channels)
+        law = estimate_noise(moving if min(map(len, moving)) >= LEAST_MOVING else self.channels)
+        return law.sigma(speed_at(self.channels, self.t, law.a))
+
+    def least(self, of: Callable[[Channel, Array], Array]) -> Array:
+        """Return the errors that a method of the channels states for the points at least [m], shape (n,)."""
+        return np.maximum(*(of(c, speed_at(self.channels, c.t))[k] for c, k in zip(self.channels, self.used, strict=True)))
+
+    @cached_property
+    def rests(self) -> int | None:
+        """The first point from which on the light mass stands still to the end, as something holds it; None: it does not."""
+        error = np.maximum(self.noise(), self.least(Channel.least_sigma))
+        return rests_from(self.true_time, self.place, error, self.rod_radius, self.radius, self.gravity)
 
 
 def _before(c: Channel, end: float) -> Channel:

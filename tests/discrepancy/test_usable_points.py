@@ -6,10 +6,11 @@ import math
 import numpy as np
 import pytest
 
+from looping_pendulum.discrepancy.first_look.check import take_first_look
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.measured.study import read_trial
+from looping_pendulum.measured.study import read_files
 from looping_pendulum.measured.study_io import load
-from looping_pendulum.measured.usable_points import rests_from, usable_points
+from looping_pendulum.measured.usable_points import read_trial, rests_from, usable_points
 from tests.blind import Apparatus, Effects
 from tests.blind.simulator import simulate
 
@@ -45,7 +46,7 @@ def study(folder, points, *, radius="", origin=ORIGIN):
 def end_of(study):
     """Return the time of the last point that is used [s], and what the trial says of its end."""
     (trial,) = study.trials
-    read = read_trial(study, trial)
+    read = read_files(study.folder, trial)
     used = usable_points(study, trial, read)
     assert used.unused[: len(read.unused)] == read.unused
     said = [u.reason for u in used.unused[len(read.unused) :]]
@@ -72,7 +73,7 @@ def test_points_end_where_a_ball_of_the_declared_radius_reaches_the_rod(tmp_path
 def test_a_film_says_how_large_the_ball_is_unless_the_study_does(tmp_path):
     declared = study(tmp_path, positions(Effects(light_radius=8e-3)))
     (trial,) = declared.trials
-    seen = dataclasses.replace(read_trial(declared, trial), light_radius=(8.1e-3, 3e-4))
+    seen = dataclasses.replace(read_files(declared.folder, trial), light_radius=(8.1e-3, 3e-4))
     assert "8.1 mm in radius, is at the rod" in usable_points(declared, trial, seen).unused[-1].reason
     stated = study(tmp_path, positions(Effects(light_radius=8e-3)), radius="7.9 mm")
     assert "7.9 mm in radius" in usable_points(stated, stated.trials[0], seen).unused[-1].reason
@@ -111,6 +112,18 @@ def test_a_mass_that_hangs_at_rest_is_held_by_nothing(tmp_path):
     assert rests_from(t, light, np.full(len(t), NOISE), 6.25e-3, 0.0, 9.81) is None
     light[at_rest, 0] -= 0.1
     assert rests_from(t, light, np.full(len(t), NOISE), 6.25e-3, 0.0, 9.81) == np.argmax(at_rest)
+
+
+def test_a_catch_is_no_change_of_the_clock_and_is_left_out_as_the_trial_is_read(tmp_path):
+    declared = study(tmp_path, positions(stop=0.6, stopping=0.03))
+    (trial,) = declared.trials
+    assert read_files(declared.folder, trial).faults
+    read = read_trial(declared, trial)
+    assert not read.faults
+    assert read.unused[-1].reason == usable_points(declared, trial, read_files(declared.folder, trial)).unused[-1].reason
+    assert usable_points(declared, trial, read) is read
+    first_look = take_first_look(declared)
+    assert not first_look.mistakes
 
 
 def test_a_wall_from_which_the_light_mass_rebounds_ends_the_points(tmp_path):

@@ -111,7 +111,7 @@ def test_readers_take_the_table(tracked, ordinary, tmp_path):
 
 @pytest.mark.long
 def test_a_study_takes_a_film_and_reads_its_table_the_second_time(ordinary, tmp_path, monkeypatch):
-    from looping_pendulum.measured.study import read_trial
+    from looping_pendulum.measured.usable_points import read_trial
 
     film = tmp_path / "trial.mp4"
     film.write_bytes(ordinary[0].read_bytes())
@@ -187,7 +187,7 @@ def test_the_stated_errors_are_those_of_the_points(tracked, ordinary, nasty_trac
 @pytest.mark.long
 def test_a_fit_weighs_points_by_the_errors_that_the_film_states(tracked, ordinary, tmp_path):
     from looping_pendulum.discrepancy.fit.data import trial_data
-    from looping_pendulum.measured.study import read_trial
+    from looping_pendulum.measured.usable_points import read_trial
 
     films = output.files_of(tmp_path / "trial.mp4")
     (tmp_path / "study.yaml").write_text(

@@ -56,8 +56,8 @@ from looping_pendulum.measured.displaced_rows import (
     sentences,
 )
 from looping_pendulum.measured.observations import Channel, DataError, ImplausibleLengthError, Observations
-from looping_pendulum.measured.study import Study, Trial, read_trial, refuse_seen_points
-from looping_pendulum.measured.usable_points import usable_points
+from looping_pendulum.measured.study import Study, Trial, refuse_seen_points
+from looping_pendulum.measured.usable_points import read_trial, usable_points
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.processes import ReportShare
 from looping_pendulum.reference_ode.parameters import Release
