@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from tests.pages.conftest import PHONE, sideways, until
+from tests.pages.conftest import DESKTOP, PHONE, sideways, until
 from tests.pages.live_page import page_text, played_to, settled, value
 
 NUMBERS = {"atwood": ("4,9", "9.81"), "lowest": ("3.15", "8")}
@@ -196,6 +196,8 @@ def test_a_made_up_trial_is_fitted(predicted):
     page.click("#lesson-change")
     until(page, "live.trial.trial !== null")
     settled(page)
+    box = page.locator("#lesson-answer").bounding_box()
+    assert 0 <= box["y"] < DESKTOP["height"], "the page does not leave the lesson, which says how to go on"
     page.click("#lesson-check")
     assert page.inner_text("#lesson-answer") == table["lessonNeedsFit"]
     page.click("#lesson-go")

@@ -71,8 +71,8 @@ export class TrialPanel {
     });
   }
 
-  /** @param {File} file */
-  async open(file) {
+  /** @param {File} file @param {boolean} scrolls whether the page goes to the trial */
+  async open(file, scrolls = true) {
     const { name } = file;
     /** @type {{name: string, bytes: Uint8Array}} */
     let next;
@@ -96,7 +96,7 @@ export class TrialPanel {
     this.read();
     if (this.trial) /** @type {HTMLInputElement} */ (this.element("trial-mirror")).checked = startsOnTheRight(this.trial);
     this.onChange();
-    this.element("trial").scrollIntoView({ block: "nearest" });
+    if (scrolls) this.element("trial").scrollIntoView({ block: "nearest" });
   }
 
   /** Leave a file; what was read before stays. @param {() => string} words */

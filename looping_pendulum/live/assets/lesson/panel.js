@@ -329,7 +329,8 @@ export class LessonPanel {
     this.seeds.trial += 1;
     this.wind = wind;
     this.page.set(state);
-    this.page.trial.open(new File([csv], MADE_UP_FILE));
+    // Where to go on stands in the lesson, with a button that leads there
+    this.page.trial.open(new File([csv], MADE_UP_FILE), false);
     this.tell(() => text("lessonTrialMade"));
   }
 }
