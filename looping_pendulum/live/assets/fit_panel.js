@@ -5,7 +5,7 @@ import { ShownRun } from "./shown_run.js";
 import { fixed, shown, text, withUnit } from "./texts.js";
 import { typicalDistance } from "./trial/distance.js";
 import { studyYaml } from "./trial/study.js";
-import { MEASURED, inMillimetres } from "./trial_panel.js";
+import { DRAGS, MEASURED, inMillimetres } from "./trial_panel.js";
 
 /** @typedef {import("./controls.js").State} State */
 /** @typedef {import("./trial/fit.js").FitResult} FitResult */
@@ -139,7 +139,7 @@ export class FitPanel {
       return parts.join(" ");
     }, rows);
     const fitted = settingsOf(this.current());
-    this.corrected = Object.fromEntries(Object.keys(MEASURED).map((name) => [name, [fitted[name], measured[name]]]));
+    this.corrected = Object.fromEntries([...Object.keys(MEASURED), ...DRAGS].map((name) => [name, [fitted[name], measured[name]]]));
   }
 }
 

@@ -25,6 +25,8 @@ const DEFAULTS = {
   "trial-length": "m", "trial-clock": "s", "trial-rate": "", "trial-release": "0",
   "trial-origin-x": "0", "trial-origin-y": "0", "trial-mass-error": "0.5", "trial-radius-error": "1", "trial-scale-error": "0.5",
 };
+/** Drags that nobody measures: they are known to within their own size. */
+export const DRAGS = ["heavy_drag", "string_drag"];
 /** Standard error of the picture's vertical in a careful set-up, as `identify` has it (`measured/camera.py`) [rad]. */
 const LEVEL = (0.5 * Math.PI) / 180;
 /** What is measured before the trial -> the field that has its relative standard error. */
@@ -249,7 +251,8 @@ export class TrialPanel {
     const measured = Object.entries(MEASURED).map(([name, field]) => [name, relative(field) * settings[name]]);
     const hasLengths = this.trial?.channels.some(({ name }) => name !== "angle");
     const camera = hasLengths ? { scale: relative("trial-scale-error"), tilt: LEVEL } : { scale: 0, tilt: 0 };
-    return { ...Object.fromEntries(measured), ...camera };
+    const drags = DRAGS.map((name) => [name, settings[name]]);
+    return { ...Object.fromEntries([...measured, ...drags]), ...camera };
   }
 
   /** A channel as the run shows it: from the release on, with the light mass let go on the left.

@@ -31,6 +31,8 @@ import { dot, inverse, normalMatrix, range, sumOfSquares } from "./statistics.js
 export const CHANGES = {
   kinetic_friction: 1e-5,
   light_drag: 1e-7,
+  heavy_drag: 1e-6,
+  string_drag: 1e-7,
   release_angle: 1e-5,
   free_length: 1e-6,
   hanging_length: 1e-6,
@@ -44,7 +46,7 @@ export const CHANGES = {
   tilt: 1e-6,
 };
 /** Those that are measured before a trial; without a standard error of what was measured they are not fitted. */
-const MEASURED = ["light_mass", "heavy_mass", "rod_radius", "scale", "tilt"];
+const MEASURED = ["light_mass", "heavy_mass", "rod_radius", "scale", "tilt", "heavy_drag", "string_drag"];
 /** What moves no mass. */
 const OF_THE_PICTURE = ["origin_x", "origin_y", "scale", "tilt"];
 /** Shares of the time up to which points are fitted, one after the other: late points alone lead astray. */

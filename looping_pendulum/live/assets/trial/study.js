@@ -55,8 +55,8 @@ effects:
   gravity: ${inUnit("gravity")}
   capstan: ${friction}
   light_drag: free
-  heavy_drag: ${inUnit("heavy_drag")}
-  string_drag: ${inUnit("string_drag")}
+  heavy_drag: ${measured("heavy_drag")}
+  string_drag: ${measured("string_drag")}
 ${others}trials:
   - name: mine
     file: ${quoted(file)}
