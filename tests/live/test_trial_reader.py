@@ -89,6 +89,17 @@ def test_columns_of_errors_are_read_as_those_of_their_values(both):
     assert found["message"].startswith(f"{FILE}:3: column 'light_y_error': found '-0.5', needed a standard error, 0 or more")
 
 
+def test_points_of_a_mass_at_rest_that_are_copies_are_left_out(both):
+    """Trackers write a mass at rest so; each copy counted as a measurement of its own, and the fit missed something."""
+    t = np.arange(90) / 120
+    points = motion(t) + 2e-4 * np.random.default_rng(1).standard_normal((len(t), 4))
+    points[50:, 2:] = points[50, 2:]
+    rows = "".join(",".join(f"{x:.6f}" for x in (time, *row)) + "\n" for time, row in zip(t, points, strict=True))
+    [(expected, found)] = both([("t,light_x,light_y,heavy_x,heavy_y\n" + rows, {})])
+    assert [len(c) for c in expected] == [90, 90, 51, 51]
+    assert_same(expected, found)
+
+
 def test_the_only_track_is_that_of_the_chosen_mass(both):
     for expected, found in both(
         [("t\tx\ty\n0\t1,2\t2,1\n0,01\t-1,4\t0,5\n", {"tracks": {mass: ""}}) for mass in ("light", "heavy")]

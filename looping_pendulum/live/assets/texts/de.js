@@ -325,6 +325,7 @@ export const de = {
   "file.tooLarge": "{name} = {value} {unit} gefunden, nötig sind höchstens {limit} {unit}; eine andere Einheit wählen",
   "assumed.lengths": "Längen ohne Einheit in {unit} genommen",
   "assumed.rate": "Zeiten für {from} Bilder pro Sekunde auf {to} gebracht",
+  "assumed.copies": "{count} Punkte von {mass} ausgelassen, die den vorigen wiederholen",
   "assumed.start": "die erste Zeit, {start} s, als 0 genommen: dort ruhen die Massen",
   // Über Projekte von Tracker
 

@@ -321,6 +321,7 @@ export const en = {
   "file.tooLarge": "found {name} = {value} {unit}, needed at most {limit} {unit}; choose another unit",
   "assumed.lengths": "lengths without a unit taken in {unit}",
   "assumed.rate": "times made for {from} frames a second were put to {to}",
+  "assumed.copies": "{count} points of {mass} that repeat the one before left out",
   "assumed.start": "the first time, {start} s, was taken as 0: the masses rest there",
   // Of projects of Tracker
 

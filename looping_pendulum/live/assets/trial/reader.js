@@ -4,8 +4,8 @@
  */
 
 import { shown, text } from "../texts.js";
-import { startOf } from "./start.js";
-import { mean, median } from "./statistics.js";
+import { scatter, startOf } from "./start.js";
+import { mean, median, range } from "./statistics.js";
 import { DataError, isTime, notPlain, numbersOf, quote, readTable } from "./table.js";
 import { factorTo } from "./units.js";
 
@@ -28,6 +28,11 @@ const OTHER_ROLES = { angle: "rad", height: "m" };
 const MAX_VALUE = { light: 20, heavy: 20, height: 1000, angle: 4 * Math.PI };
 /** Largest plausible time between rows [s]. */
 const MAX_TIME_STEP = 0.5;
+/** Channels of each body. */
+const BODIES = [["light_x", "light_y"], ["heavy_x", "heavy_y"], ["angle"], ["height"]];
+/** Of a body: rows that show anything, points that are left without copies, and copies, at least; the noise in which a copy tells
+ * anything, as a part of the range of the values (`measured/displaced_rows.py`). */
+const [MIN_ROWS, MIN_FRESH, MIN_COPIES, MIN_NOISE] = [12, 6, 3, 5e-5];
 /** Relative difference of two frame rates that are the same. */
 const RATE_TOLERANCE = 0.01;
 
@@ -83,7 +88,29 @@ export function readTrial(file, bytes, { tracks = {}, units = {}, frame_rate: fr
   const start = startOf(trueTimes);
   if (start) assumptions.push(text("assumed.start", { start: shown(Number(start.toPrecision(4))) }));
   const fromStart = start ? trueTimes.map((one) => ({ ...one, t: one.t.map((t) => t - start) })) : trueTimes;
-  return { channels: fromStart, empty, assumptions: [...new Set(assumptions)], start };
+  const fresh = BODIES.flatMap((body) => withoutCopies(fromStart.filter(({ name }) => body.includes(name)), assumptions));
+  const named = (/** @type {string} */ wanted) => fresh.filter(({ name }) => name === wanted);
+  return { channels: fromStart.flatMap(({ name }) => named(name)), empty, assumptions: [...new Set(assumptions)], start };
+}
+
+/**
+ * The channels of a body without points that repeat the one before in every digit: a copy has no noise of its own, and would
+ * count twice in a fit.
+ * @param {Channel[]} body @param {string[]} assumptions
+ */
+function withoutCopies(body, assumptions) {
+  const [first] = body;
+  if (!first || first.t.length < MIN_ROWS || body.some(({ t }) => t.length !== first.t.length)) return body;
+  const fresh = range(0, first.t.length).filter((i) => !i || body.some(({ value }) => value[i] !== value[i - 1]));
+  const copies = first.t.length - fresh.length;
+  const part = (/** @type {number[]} */ all) => fresh.map((i) => all[i]);
+  const left = body.map((one) => ({ ...one, t: part(one.t), value: part(one.value), ...(one.error && { error: part(one.error) }) }));
+  // Of rounded points many that are no neighbours are equal, too
+  const byChance = Math.max(...left.map(({ value }) => value.length - new Set(value).size));
+  const hasNoise = left.every(({ t, value }) => scatter(t, value) > MIN_NOISE * (Math.max(...value) - Math.min(...value)));
+  if (fresh.length < MIN_FRESH || copies < Math.max(MIN_COPIES, byChance) || !hasNoise) return body;
+  assumptions.push(text("assumed.copies", { mass: first.name.startsWith("heavy") ? "M2" : "M1", count: copies }));
+  return left;
 }
 
 /** Names of the tracks of a file, without saying which is which. @param {string} file @param {Uint8Array} bytes */

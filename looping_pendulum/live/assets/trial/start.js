@@ -27,8 +27,8 @@ export function startOf(channels) {
   return isMoving ? 0 : start;
 }
 
-/** Typical size of differences of fourth order. @param {number[]} t @param {number[]} value */
-function scatter(t, value) {
+/** Typical size of differences of fourth order: the noise of points on a smooth motion. @param {number[]} t @param {number[]} value */
+export function scatter(t, value) {
   if (t.length <= ORDER) return 0;
   const windows = range(0, t.length - ORDER);
   const longest = MAX_WINDOW_RATIO * median(windows.map((i) => t[i + ORDER] - t[i]));
