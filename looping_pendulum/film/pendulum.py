@@ -196,12 +196,6 @@ class String:
         """Return how far right of the heavy mass's vertical the rod's edge is from which that mass hangs."""
         return self.rod[0] + self.side * self.radius - float(fall.column(self.rod[1]))
 
-    def place(self, free: Array, phi: Array) -> Array:
-        """Return the points (n, 2) at the end of a string of these free lengths that leaves the rod at these bearings."""
-        u = self.radius * np.cos(phi) - free * np.sin(phi)
-        v = self.radius * np.sin(phi) + free * np.cos(phi)
-        return np.stack([self.rod[0] + self.side * u, self.rod[1] - v], axis=-1)
-
 
 _CUT = -0.2
 """Least bearing of the string in the first turn [rad]: the light mass is let go between straight up and straight down."""

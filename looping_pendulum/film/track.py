@@ -47,6 +47,8 @@ NOISE_ERROR = 0.3
 """Error of a disc's centre, in radii over radii: its noise over its contrast times this [pixels]."""
 RADIUS_ERROR = 0.3
 """Error of a disc's radius by where its soft edge is taken to be [pixels]."""
+WIDTHS = 25
+"""Points whose median is the usual width of a mass."""
 STREAK_ERROR = 0.03
 """Error of a streak's middle, as a share of the way during the exposure."""
 LENGTH_ERROR = 0.2
@@ -495,7 +497,7 @@ class _Tracking:
         # Near the rod the string turns by a radian in three pictures, over which no cubic follows x and y
         free = string.at(light.points)[0]
         size = np.stack([np.ones_like(free), free], axis=1)
-        light_points, light_wrong = self._points(
+        light_points, light_partial, light_wrong = self._points(
             light.frames, light.points, np.array([b.contrast for b in light.blobs]), streak, ground,
             width=np.array([b.width for b in light.blobs]), course=(np.stack([free, light.phi], axis=1), size),
         )  # fmt: skip
@@ -504,11 +506,10 @@ class _Tracking:
         speed = _speed(t[light.frames], light.points)
         fast = speed > 0.5 * speed.max()
         exposure = float(np.median(streak[fast] / speed[fast]))
-        heavy_points, heavy_wrong = self._points(
+        heavy_points, heavy_partial, heavy_wrong = self._points(
             falling, fall.rows[:, 1:3], fall.rows[:, 4], exposure * _speed(t[falling], fall.rows[:, 1:3]), ground,
             width=fall.rows[:, 6], edge_error=EDGE_ERROR,
         )  # fmt: skip
-        light_points, heavy_points, passes = _apart(light_points, heavy_points, light, string, fall, heights)
         kept = np.isin(light.frames, light_points.frame)
         released, release_error = pendulum.release(t, heavy_points.frame, heavy_points.place[:, 1], fall.first + 3)
         start = _bearing_at_rest(light, fall)
@@ -534,9 +535,10 @@ class _Tracking:
             "copies of the frame before": int(np.sum(self.seen.repeated)),
             "light mass not found, or not beyond doubt": len(span) - sum(k in found for k in span),
             "heavy mass not found": len(span) - len(set(falling.tolist()).intersection(span)),
+            "light mass partly hidden, or one with another thing": light_partial,
+            "heavy mass partly hidden, or one with another thing": heavy_partial,
             "light mass off the course of its neighbours": light_wrong,
             "heavy mass off the course of its neighbours": heavy_wrong,
-            "one mass passes the other in the picture": passes,
         }
         tilt = math.atan(fall.slope)
         heavy_rest = heights[fall.first]
@@ -556,8 +558,8 @@ class _Tracking:
     def _points(
         self, frame: NDArray[np.intp], place: Array, contrast: Array, streak: Array, ground: Background, *,
         width: Array, edge_error: float = 0.0, course: tuple[Array, Array] | None = None,
-    ) -> tuple[Points, int]:  # fmt: skip
-        """Return the points of a mass, without those that their neighbours contradict, and how many these are.
+    ) -> tuple[Points, int, int]:  # fmt: skip
+        """Return the points of a mass, and how many are left out as the whole mass is not seen, or their neighbours contradict.
 
         Parameters
         ----------
@@ -565,8 +567,10 @@ class _Tracking:
             Coordinates that change more smoothly than x and y, and pixels per unit of both, shape (n, 2) each.
         """
         expected = CENTRE_ERROR + NOISE_ERROR * ground.noise / contrast
-        keep = np.ones(len(frame), dtype=bool)
-        factor = 1.0
+        # By so much the centre moves where a part is hidden
+        off = 0.5 * np.abs(width - median_filter(width, WIDTHS, mode="nearest"))
+        keep = off < pendulum.OUTLIER_SIGMAS * np.hypot(expected, 1.4826 * np.median(off))
+        partial, factor = int(np.sum(~keep)), 1.0
         for _ in range(3):
             chosen = np.flatnonzero(keep)
             smooth, size = (place, np.ones_like(place)) if course is None else course
@@ -604,7 +608,7 @@ class _Tracking:
             streak=streak,
             radius=_radius(width, streak),
         )
-        return points, int(np.sum(~keep))
+        return points, partial, int(np.sum(~keep)) - partial
 
 
 def _in_a_row(place: Array, reach: Array) -> Array:
@@ -615,28 +619,6 @@ def _in_a_row(place: Array, reach: Array) -> Array:
         k = int(np.searchsorted(far, i))
         count[i] = (far[k] if k < len(far) else len(place)) - (far[k - 1] if k else -1) - 1
     return count
-
-
-def _apart(
-    light: Points, heavy: Points, followed: LightMass, string: String, fall: Fall, heights: Array
-) -> tuple[Points, Points, int]:
-    """Return both masses' points without those at which one passes the other, where both are one blob, and their number."""
-    free = string.at(followed.points)[0]
-    at_heavy = np.stack([np.asarray(fall.column(heights)), heights], axis=1)
-    reach = 0.5 * max(b.length for b in followed.blobs[: len(followed.blobs) // 4 + 1]) + 0.5 * float(
-        np.median(fall.rows[:, 5])
-    )
-
-    def is_apart(frame: NDArray[np.intp]) -> NDArray[np.bool_]:
-        place = string.place(*(np.interp(frame, followed.frames, course) for course in (free, followed.phi)))
-        return np.asarray(np.hypot(*(place - at_heavy[frame]).T) > reach)
-
-    kept = [is_apart(points.frame) for points in (light, heavy)]
-    one, other = (
-        replace(p, frame=p.frame[k], place=p.place[k], error=p.error[k], counted_error=p.counted_error[k], streak=p.streak[k])
-        for p, k in zip((light, heavy), kept, strict=True)
-    )
-    return one, other, int(sum(np.sum(~k) for k in kept))
 
 
 def gravity_shown(track: FilmTrack) -> float:
