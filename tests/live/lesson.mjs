@@ -57,7 +57,7 @@ const answers = {
     const { channels } = readTrial("made-up.csv", new TextEncoder().encode(csv));
     const settings = settingsOf(trialState());
     const measured = ["light_mass", "heavy_mass", "rod_radius"].map((name) => [name, 0.01 * settings[name]]);
-    const known = Object.fromEntries([...measured, ...["heavy_drag", "string_drag"].map((name) => [name, settings[name]])]);
+    const known = Object.fromEntries([...measured, ...["heavy_drag", "string_drag"].map((name) => [name, 1e-3])]);
     const task = { settings, channels, camera: { origin_x: 0, origin_y: 0, clock_offset: 0, scale: 1, tilt: 0 }, known };
     return { wind, hidden: settingsOf(state), csv, ...fit(task) };
   },

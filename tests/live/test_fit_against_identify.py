@@ -37,6 +37,8 @@ MASS_ERROR, RADIUS_ERROR, SCALE_ERROR = 0.005, 0.01, 0.005
 """Relative standard errors that the page takes by default."""
 LEVEL = CAMERA["tilt"].error
 """Of the picture's vertical, as the page takes it, too [rad]."""
+DRAG_ERRORS = {"heavy_drag": 1e-3, "string_drag": 1e-3}
+"""Of drags that nobody measures, as the page takes them, too [kg/m, kg/m^2]."""
 BLIND_NOISE = 1e-3
 """Of a coordinate of a blind trial at rest, about [m]."""
 CLEAN = [
@@ -77,8 +79,7 @@ def both(node, tmp_path):
         settings = filmed.settings
         camera = {"origin_x": 0.0, "origin_y": 0.0, "clock_offset": 0.0, "scale": 1.0, "tilt": 0.0}
         known = {name: error * (settings | camera)[name] for name, error in errors().items()} | {"tilt": LEVEL}
-        # Drags that nobody measures are known to within their own size
-        known |= {name: settings[name] for name in ("heavy_drag", "string_drag")}
+        known |= DRAG_ERRORS
         said = {"tracks": filmed.tracks, "length": "m", "time": "s", "rate": None, "mirrored": False}
         [written] = node(
             "write_studies.mjs",

@@ -30,10 +30,11 @@ def test_a_clean_film_is_noise_and_its_values_come_back(node, tmp_path):
     [read] = node("read_trials.mjs", [{"file": "clean.csv", "bytes": base64.b64encode(table.encode()).decode(), "options": {}}])
     assert all(len(c["error"]) == len(c["t"]) for c in read["channels"])
     known = {name: getattr(filmed, name) for name in ("light_mass", "heavy_mass", "rod_radius", "gravity")}
-    # The fit begins a degree and some millimetres off
-    settings = live_settings(TEN_TO_ONE.replace(**known, heavy_drag=filmed.heavy_drag, string_drag=filmed.string_drag))
+    # The fit begins a degree and some millimetres off, and with a string that has hardly any drag
+    settings = live_settings(TEN_TO_ONE.replace(**known))
     camera = {"origin_x": 0.0, "origin_y": 0.0, "clock_offset": 0.0, "scale": 1.0, "tilt": 0.0}
     errors = {name: share * (settings | camera)[name] for name, share in STATED.items()} | {"tilt": CAMERA["tilt"].error}
+    errors |= {"heavy_drag": 1e-3, "string_drag": 1e-3}
     [result] = node("fit_trials.mjs", [{"settings": settings, "channels": read["channels"], "camera": camera, "known": errors}])
     assert result["converged"]
     assert result["tests"] == {"ratio": pytest.approx(0.7, abs=0.3), "larger": False, "pattern": False, "place": None}

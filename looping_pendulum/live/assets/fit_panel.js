@@ -139,7 +139,7 @@ export class FitPanel {
       return parts.join(" ");
     }, rows);
     const fitted = settingsOf(this.current());
-    this.corrected = Object.fromEntries([...Object.keys(MEASURED), ...DRAGS].map((name) => [name, [fitted[name], measured[name]]]));
+    this.corrected = Object.fromEntries(Object.keys({ ...MEASURED, ...DRAGS }).map((name) => [name, [fitted[name], measured[name]]]));
   }
 }
 

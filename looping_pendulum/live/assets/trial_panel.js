@@ -25,8 +25,8 @@ const DEFAULTS = {
   "trial-length": "m", "trial-clock": "s", "trial-rate": "", "trial-release": "0",
   "trial-origin-x": "0", "trial-origin-y": "0", "trial-mass-error": "0.5", "trial-radius-error": "1", "trial-scale-error": "0.5",
 };
-/** Drags that nobody measures: they are known to within their own size. */
-export const DRAGS = ["heavy_drag", "string_drag"];
+/** Drags that nobody measures, and what a ball of 3 cm, or a string of 1.5 mm, has in air: their error [kg/m, kg/m²]. */
+export const DRAGS = { heavy_drag: 1e-3, string_drag: 1e-3 };
 /** Standard error of the picture's vertical in a careful set-up, as `identify` has it (`measured/camera.py`) [rad]. */
 const LEVEL = (0.5 * Math.PI) / 180;
 /** What is measured before the trial -> the field that has its relative standard error. */
@@ -251,8 +251,7 @@ export class TrialPanel {
     const measured = Object.entries(MEASURED).map(([name, field]) => [name, relative(field) * settings[name]]);
     const hasLengths = this.trial?.channels.some(({ name }) => name !== "angle");
     const camera = hasLengths ? { scale: relative("trial-scale-error"), tilt: LEVEL } : { scale: 0, tilt: 0 };
-    const drags = DRAGS.map((name) => [name, settings[name]]);
-    return { ...Object.fromEntries([...measured, ...drags]), ...camera };
+    return { ...Object.fromEntries(measured), ...DRAGS, ...camera };
   }
 
   /** A channel as the run shows it: from the release on, with the light mass let go on the left.
