@@ -198,7 +198,8 @@ def run(
             ended += f"; the scenario lasts {chosen.duration:g} s"
         if end_of_model and len(result.t) and result.t[-1] > model.end_time:
             ended += f"; at {model.end_time:.3f} s {end_of_model}"
-        rows.append([result.label, str(len(result.t)), until, drop, f"{result.cpu_time:.2f}", ended])
+        spent = f"{result.cpu_time:.2f}" if len(result.t) else ""
+        rows.append([result.label, str(len(result.t)), until, drop, spent, ended])
         for event in result.events:
             later = f", after the scenario's end at {chosen.duration:g} s" if event.time > chosen.duration else ""
             say(f"{result.label}: {event.time:.6f} s {event.name}{later}")
