@@ -61,8 +61,9 @@ def check(
         with_limits = {t.engine for t in loaded.tolerances if t.profile == profile.value}
         wanted = sorted(with_limits if requested is None else with_limits & requested)
         result = common.run_and_compare(loaded, wanted, profile, time_limit=time_limit, memory_limit=memory_limit, jobs=jobs)
-        rows = [[result.scenario, t.engine, t.metric, *value_and_limit(t), t.outcome.value] for t in result.tolerances]
-        show_table(["scenario", "engine", "metric", "value", "limit", "outcome"], rows)
+        say(f"{result.scenario}, {profile.value}:")
+        rows = [[t.engine, t.metric, *value_and_limit(t), t.outcome.value] for t in result.tolerances]
+        show_table(["engine", "metric", "value", "limit", "outcome"], rows)
         results.append(result)
         if result.interrupted:
             break
