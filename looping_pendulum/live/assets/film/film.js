@@ -9,7 +9,7 @@ const [COUNTED, COUNTED_TIME, SLOWLY] = [8, 0.25, 0.25];
 const MAX_STEP_RATIO = 1.5;
 /** A time after the end of every film [s]. */
 const AFTER_ALL = 1e6;
-/** Time after which a frame that was asked for counts as shown, and one that is played as the last [ms]. */
+/** Time after which a frame that was found counts as shown, and one that is played as the last [ms]. */
 const PATIENCE = 1500;
 /** Frames of each half of a film of which the background is made; an odd number. */
 const OF_BACKGROUND = 7;
@@ -89,13 +89,18 @@ export class Film {
     this.busy = true;
     const { video } = this;
     const shown = new Promise((done) => {
-      const later = window.setTimeout(() => done(null), PATIENCE);
+      let later = 0;
       const seen = (/** @type {number | null} */ ownTime) => {
         clearTimeout(later);
         done(ownTime);
       };
       if (this.reportsFrames) video.requestVideoFrameCallback((_, { mediaTime }) => seen(mediaTime));
-      else video.addEventListener("seeked", () => seen(null), { once: true });
+      // A frame that is shown already is not reported again; a slow machine takes its time up to here
+      const found = () => {
+        if (this.reportsFrames) later = window.setTimeout(() => seen(null), PATIENCE);
+        else seen(null);
+      };
+      video.addEventListener("seeked", found, { once: true });
     });
     video.currentTime = Math.min(Math.max(time, 0), this.duration);
     const ownTime = await shown;
