@@ -208,5 +208,5 @@ def _yaml_error(error: yaml.MarkedYAMLError, file: str, text: str) -> str:
         return f"{file}{line}: found a second document ('---'), needed one scenario per file"
     advice = "check the indentation, the quotes and brackets, and that a space follows each colon"
     if mark and any(" #" in each for each in text.splitlines()[(error.context_mark or mark).line : mark.line + 1]):
-        advice = QUOTE_COMMENT_SIGN
+        advice = f"{advice}; {QUOTE_COMMENT_SIGN}"
     return f"{file}{line}: found no readable YAML ({problem}), needed 'key: value' lines; {advice}"
