@@ -13,7 +13,7 @@ from looping_pendulum.discrepancy.first_look.check import take_first_look
 from looping_pendulum.measured import study_io
 from looping_pendulum.measured.observations import DataError
 from looping_pendulum.measured.study import read_files
-from tests.discrepancy.follow_advice import follow_advice
+from tests.discrepancy.follow_advice import follow_advice, follow_advice_of_look
 from tests.discrepancy.real_data import real
 
 CLICKED = {"light": "1", "heavy": "2"}
@@ -169,6 +169,12 @@ def test_advice_that_is_followed_leads_to_points_or_names_the_export(is_declared
             options = {"tracks": dict(trial.files)[path.name], "units": trial.units, "frame_rate": trial.frame_rate}
         observations, said = follow_advice(path, **options)
         assert observations is not None or "export them with more decimals" in said[-1]
+
+
+def test_advice_of_look_is_typed_as_it_stands():
+    for path in files_of_forms():
+        [*_, last] = follow_advice_of_look(path)
+        assert f"{path.stem}: used " in last or "export them with more decimals" in last
 
 
 def test_a_table_of_one_trial_in_each_row_says_so():
