@@ -139,6 +139,20 @@ def test_a_webm_that_states_no_duration_is_played(page, tmp_path):
     assert 1 / page.evaluate("live.film.film.step") == pytest.approx(60, rel=0.01)
     page.fill("#film-rate", "60")
     assert page.evaluate("live.film.factor") == 1, "it is no slow motion"
+    # The points' times are those of even frames again
+    page.evaluate("""async () => {
+      const { film: panel } = live;
+      for (let k = 0; k < 24; k++) {
+        await panel.film.show((k + 0.5) / 60);
+        panel.marks.light.push({ time: panel.film.time, x: 100 + k, y: 100 });
+      }
+      [panel.scale, panel.release] = [1e-3, panel.marks.light[0].time];
+      panel.use();
+    }""")
+    until(page, "live.trial.trial !== null")
+    [times, _] = page.evaluate("live.trial.trial.channels.map(({ t }) => t)")
+    assert np.diff(times) == pytest.approx(np.full(23, 1 / 60), abs=2e-5)
+    assert np.ptp(np.diff(times)) < 2e-6, "rounded to milliseconds they differed by one"
     page.click("#film-remove")
 
 
