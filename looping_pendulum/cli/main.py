@@ -31,6 +31,7 @@ from looping_pendulum.errors import HarnessError, one_line, shorten
 
 if TYPE_CHECKING:
     from looping_pendulum.compare.baseline import ResultChanges
+    from looping_pendulum.scenarios.scenario import Scenario
 
 USAGE_ERROR: Any = typer.BadParameter.__base__
 """Base class of the errors of a mistyped command line: click's, of which typer has a copy of its own from 0.26 on."""
@@ -164,11 +165,9 @@ def run(
     looping-pendulum run two_to_one --out runs/two_to_one
     """
     from looping_pendulum.compare.harness import chosen_engines
-    from looping_pendulum.compare.stories import MODEL_ENDS
     from looping_pendulum.compare.trajectories import trajectory_csv
     from looping_pendulum.engines.isolation import parse_memory, run_all
-    from looping_pendulum.engines.reference import STATUS_OF_END, Reference, ReferenceEngine
-    from looping_pendulum.engines.trajectory import RunStatus
+    from looping_pendulum.engines.reference import ReferenceEngine
     from looping_pendulum.files import file_stems, prepare_output_folder, write_atomically
 
     chosen, memory_bytes = common.load_scenario(scenario), parse_memory(memory_limit)
@@ -185,9 +184,7 @@ def run(
             progress=bars.update_engine,
             finished=bars.show_finished_run,
         )
-    # What an engine shows beyond the model's end is no motion of this apparatus
-    model = Reference(chosen).solution
-    end_of_model = model.end.event and MODEL_ENDS.get(STATUS_OF_END.get(model.end.event, RunStatus.FINISHED))
+    end_of_model = _end_of_model(chosen)
     rows: list[list[str]] = []
     listed: list[dict[str, Any]] = []
     stems = file_stems([(result.label, result.profile) for result in runs])
@@ -196,8 +193,8 @@ def run(
         ended = result.status.value + (f" ({result.message})" if result.message else "")
         if result.status.ends_at_rod:
             ended += f"; the scenario lasts {chosen.duration:g} s"
-        if end_of_model and len(result.t) and result.t[-1] > model.end_time:
-            ended += f"; at {model.end_time:.3f} s {end_of_model}"
+        if end_of_model and len(result.t) and result.t[-1] > end_of_model[0]:
+            ended += "; at {:.3f} s {}".format(*end_of_model)
         spent = f"{result.cpu_time:.2f}" if len(result.t) else ""
         rows.append([result.label, str(len(result.t)), until, drop, spent, ended])
         for event in result.events:
@@ -224,6 +221,22 @@ def run(
     show_table(["engine", "samples", "until [s]", "M2 dropped [m]", "CPU [s]", "ended"], rows)
     show_json({"scenario": chosen.name, "profile": profile, "runs": listed})
     common.exit_with_status(runs)
+
+
+def _end_of_model(scenario: Scenario) -> tuple[float, str] | None:
+    """Return when the model ends before the light mass reaches the rod [s], and how; what an engine shows later is no motion.
+
+    None where it does not, or where there is no reference, without which an engine runs as well.
+    """
+    from looping_pendulum.compare.stories import MODEL_ENDS
+    from looping_pendulum.engines.reference import STATUS_OF_END, Reference
+
+    try:
+        model = Reference(scenario).solution
+    except HarnessError:
+        return None
+    status = None if model.end.event is None else STATUS_OF_END.get(model.end.event)
+    return (model.end_time, MODEL_ENDS[status]) if status in MODEL_ENDS else None
 
 
 @app.command()
