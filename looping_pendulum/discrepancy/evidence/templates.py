@@ -90,18 +90,23 @@ def templates(fit: Fit, chosen: Sequence[Candidate], finite: dict[Case, list[Tem
     derivatives: dict[Case, Template] = {}
     for (at, _), cases in groups.items():
         derivatives |= _derivatives(fit, np.frombuffer(at), cases)
+    basis, sigma = np.linalg.qr(fit.jacobian)[0], sigma_of(fit.problem.data)
+
+    def is_independent(t: Template) -> bool:
+        return _independent_share(basis, _standardised(t.change, sigma)) >= MIN_INDEPENDENT_SHARE
+
     found = []
     for c in chosen:
         for values in c.companion_grid():
             case = c, values
-            if case in derivatives:
+            if case in derivatives and is_independent(derivatives[case]):
                 found.append(derivatives[case])
                 continue
+            # What the fitted parameters can make to first order, they cannot where it is large
             if case not in finite:
                 finite[case] = _finite_changes(fit, c, values)
-            found += finite[case]
-    basis, sigma = np.linalg.qr(fit.jacobian)[0], sigma_of(fit.problem.data)
-    return [t for t in found if _independent_share(basis, _standardised(t.change, sigma)) >= MIN_INDEPENDENT_SHARE]
+            found += filter(is_independent, finite[case])
+    return found
 
 
 def columns(found: Sequence[Template], n: int) -> Array:
