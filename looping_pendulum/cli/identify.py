@@ -115,7 +115,7 @@ def _look_at_study(study: Path, out: Path | None, write: Path | None, *, force: 
     from looping_pendulum.discrepancy.report import figures
     from looping_pendulum.files import prepare_output_file, prepare_output_folder
     from looping_pendulum.measured import study_io
-    from looping_pendulum.measured.usable_points import read_trial
+    from looping_pendulum.measured.usable_points import read_trial, usable_points
 
     loaded = study_io.load(study)
     folder = out or Path("report") / loaded.name
@@ -140,6 +140,9 @@ def _look_at_study(study: Path, out: Path | None, write: Path | None, *, force: 
         _write_plain(read_trial(loaded, each), plain[each.name])
     if check.mistakes:
         raise FirstLookError("; ".join(mistake.text for mistake in check.mistakes))
+    for each in loaded.trials:
+        for left_out in usable_points(loaded, each, check.observations[each.name]).unused:
+            say_prose(f"of trial '{each.name}' {left_out.count} values are not used: {left_out.reason}")
     if any(trial.distance is not None for trial in check.trials):
         say_prose(
             "such a distance is no fault in itself: the motion is that of the declared values, with what is free at its first "

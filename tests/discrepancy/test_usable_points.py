@@ -5,8 +5,9 @@ import math
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
-from looping_pendulum.discrepancy.first_look.check import take_first_look
+from looping_pendulum.cli.main import app
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.measured.study import read_files
 from looping_pendulum.measured.study_io import load
@@ -122,8 +123,9 @@ def test_a_catch_is_no_change_of_the_clock_and_is_left_out_as_the_trial_is_read(
     assert not read.faults
     assert read.unused[-1].reason == usable_points(declared, trial, read_files(declared.folder, trial)).unused[-1].reason
     assert usable_points(declared, trial, read) is read
-    first_look = take_first_look(declared)
-    assert not first_look.mistakes
+    looked = CliRunner().invoke(app, ["look", str(tmp_path / "study.yaml"), "--out", str(tmp_path / "look")])
+    assert looked.exit_code == 0, looked.output
+    assert f"values are not used: {read.unused[-1].reason}" in " ".join(looked.output.split())
 
 
 def test_a_wall_from_which_the_light_mass_rebounds_ends_the_points(tmp_path):
