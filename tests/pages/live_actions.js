@@ -63,7 +63,8 @@ async ([seed, count]) => {
   const links = ["", "mass_ratio=3", "release=held&release_angle_deg=30", "nonsense", "rod_radius_mm=1e5", "%E0%A4"];
   const actions = [
     slider, typed, chosen, dragged, key, predicted, trial, dropped,
-    () => pick(all("button:not([id^=save])").filter((b) => !b.disabled)).click(),
+    // Browsers let nobody but a person print or fill the screen
+    () => pick(all("button:not([id^=save], #full, #worksheet)").filter((b) => !b.disabled && b.checkVisibility())).click(),
     () => pick(all("input[type=checkbox]")).click(),
     () => { location.hash = pick(links); },
   ];

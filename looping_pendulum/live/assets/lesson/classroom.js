@@ -62,6 +62,8 @@ export class Classroom {
     this.results = results;
     this.name = /** @type {HTMLInputElement} */ (element("class-name"));
     this.lines = /** @type {HTMLTextAreaElement} */ (element("class-lines"));
+    // Of a field for text browsers bring the caret into sight, even under the stage that a phone keeps above
+    this.lines.addEventListener("focus", () => this.lines.scrollIntoView({ block: "nearest" }));
     const files = /** @type {HTMLInputElement} */ (element("class-files"));
     this.name.addEventListener("input", () => this.show());
     this.lines.addEventListener("input", () => this.show());
