@@ -569,7 +569,9 @@ class _Tracking:
         expected = CENTRE_ERROR + NOISE_ERROR * ground.noise / contrast
         # By so much the centre moves where a part is hidden
         off = 0.5 * np.abs(width - median_filter(width, WIDTHS, mode="nearest"))
-        keep = off < pendulum.OUTLIER_SIGMAS * np.hypot(expected, 1.4826 * np.median(off))
+        speed = _speed(self.t[frame], place)
+        usual = 1.4826 * np.median(off[speed > 0.1 * speed.max()])  # at rest, a codec repeats a picture
+        keep = off < pendulum.OUTLIER_SIGMAS * np.hypot(expected, usual)
         partial, factor = int(np.sum(~keep)), 1.0
         for _ in range(3):
             chosen = np.flatnonzero(keep)

@@ -257,6 +257,11 @@ def fit_addition(a: Addition, needless_below: float = -math.inf) -> tuple[Fit, P
     if not fits:
         return None
     fit = min(fits, key=lambda f: f.cost)
+    if limit and parent.cost - fit.cost > LEAST_WORTH:  # more than the linear model knew of
+        try:
+            fit = minimise(problem, fit.x, cost_tolerance=enough_cost(parent), needless_above=needless_above)
+        except NeedlessFit:
+            return None
     if fit.cost > parent.cost:
         with contextlib.suppress(FitError):
             again = minimise(problem, np.concatenate([parent.x, np.zeros(len(added))]), cost_tolerance=enough_cost(parent))
