@@ -13,6 +13,7 @@ from looping_pendulum.discrepancy.blas import one_blas_thread
 from looping_pendulum.discrepancy.evidence import prior
 from looping_pendulum.discrepancy.evidence.explain import Explanations
 from looping_pendulum.discrepancy.evidence.explanation import (
+    LEAST_WORTH,
     NOTHING,
     Addition,
     Explanation,
@@ -22,12 +23,19 @@ from looping_pendulum.discrepancy.evidence.explanation import (
     raw,
 )
 from looping_pendulum.discrepancy.evidence.laws import laws_beside, prior_root, weighed, with_law
-from looping_pendulum.discrepancy.evidence.marginal import SETTINGS, Marginal, NoiseGrid
+from looping_pendulum.discrepancy.evidence.marginal import SETTINGS, Marginal, NoiseGrid, sigma_of
 from looping_pendulum.discrepancy.evidence.motions import COORDINATES_OF, Closure, factors_of
 from looping_pendulum.discrepancy.evidence.prior import LENGTHS, RIDGES, VISIBLE
 from looping_pendulum.discrepancy.evidence.sampling import checked
 from looping_pendulum.discrepancy.evidence.search import Search, posterior
-from looping_pendulum.discrepancy.evidence.templates import _value_of_size, columns, smallest_visible, templates
+from looping_pendulum.discrepancy.evidence.templates import (
+    _independent_share,
+    _standardised,
+    _value_of_size,
+    columns,
+    smallest_visible,
+    templates,
+)
 from looping_pendulum.discrepancy.fit.calibration import MAX_DECREASE, Fit, calibrate, minimise
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
@@ -299,6 +307,34 @@ def test_templates_beside_a_fit_say_what_a_small_value_does(base, library):
         difference = (ahead - here) / 0.01
         scale = float(np.abs(t.change).max())
         np.testing.assert_allclose(t.change[used], difference[used], atol=0.01 * scale)
+
+
+def test_what_the_fitted_parameters_imitate_to_first_order_is_looked_at_by_finite_changes(base, inputs, monkeypatch):
+    """In films with balls a friction that grows with the wrap angle was so, and never fitted, however large it was."""
+    (candidate,) = (c for c in inputs.library if c.name == "friction_per_wrap")
+    first_order = templates(base, [candidate], {})
+    assert not any(t.finite for t in first_order)
+    share = _independent_share(
+        np.linalg.qr(base.jacobian)[0], _standardised(first_order[0].change, sigma_of(base.problem.data))
+    )
+    monkeypatch.setattr("looping_pendulum.discrepancy.evidence.templates.MIN_INDEPENDENT_SHARE", 1.001 * share)
+    found = templates(base, [candidate], {})
+    assert found
+    assert all(t.finite for t in found)
+
+
+def test_a_fit_that_finds_more_than_the_linear_model_knew_of_goes_on(base, library, monkeypatch):
+    grid = NoiseGrid(base.problem.data)
+    (drag,) = templates(base, library[:1], {})
+    a = Addition(
+        parent=explained(grid, base, Parts(), 7, [0]), templates=(drag,), amounts=(1e-3,), law=None, step=np.zeros(len(base.x)),
+        gain=0.0, decrease=0.0, log_prior=0.0,
+    )  # fmt: skip
+    whole, _ = fit_addition(dataclasses.replace(a, decrease=1e6))
+    monkeypatch.setattr("looping_pendulum.discrepancy.evidence.explanation.FEW_ITERATIONS", 2)
+    begun, _ = fit_addition(a)
+    assert base.cost - whole.cost > 5 * LEAST_WORTH
+    assert begun.cost == pytest.approx(whole.cost, rel=1e-3)
 
 
 @pytest.mark.long

@@ -22,7 +22,7 @@ from looping_pendulum.measured import film_points
 from looping_pendulum.measured.readers import read
 from looping_pendulum.measured.study_io import load
 from tests.film.conftest import SHORT
-from tests.film.renderer import Scene, render
+from tests.film.renderer import Scene, looping_motion, render, until_ball_rests
 
 WRONG = 6.0
 """Distance from the truth at which a point is on something else [px of a picture 1280 wide]."""
@@ -182,6 +182,30 @@ def test_the_stated_errors_are_those_of_the_points(tracked, ordinary, nasty_trac
             relative = (points.place - getattr(truth, name)[points.frame])[after] / points.error[after]
             assert 0.5 < np.sqrt(np.mean(relative**2)) < 1.5
             assert np.mean(np.abs(relative) > 4) < 0.02  # where a shadow or the hand touches the mass
+
+
+def test_points_of_a_mass_at_rest_have_one_error_together(tracked):
+    heavy = tracked.heavy
+    at_rest = heavy.place[:, 1] > heavy.place[:, 1].max() - 0.4
+    assert np.sum(at_rest) > 20
+    together = np.sum(heavy.counted_error[at_rest] ** -2.0, axis=0) ** -0.5
+    assert together == pytest.approx(heavy.error[at_rest].min(axis=0), rel=0.5)
+    falling = tracked.light.error[:, 0] > 0.99 * tracked.light.counted_error[:, 0]
+    assert np.mean(falling) > 0.3  # so fast that no two points show it at one place
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("stopping", [5e-3, 0.06])
+def test_a_light_mass_that_a_hand_stops_is_followed_where_it_stands(stopping, tmp_path):
+    """At 60 frames a second it was lost, and so was the catch."""
+    path = tmp_path / "trial.mp4"
+    truth = render(
+        path, Scene(frame_rate=60, before=0.15, duration=0.8), until_ball_rests(looping_motion(0.8), 8e-3, 0.5, stopping)
+    )
+    found = track(path, PAPER)
+    late = truth.t[found.light.frame] > 0.5
+    assert np.sum(late) > 0.8 * np.sum(truth.t > 0.5)
+    assert np.linalg.norm(found.light.place - truth.light[found.light.frame], axis=1)[late].max() < WRONG / 2
 
 
 @pytest.mark.long
