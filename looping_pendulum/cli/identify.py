@@ -95,8 +95,6 @@ def _look_at_table(table: Path, settings: Sequence[str], write: Path | None, *, 
     except DataError as error:
         raise DataError(error.on_command_line(SET)) from None
     say_prose(observations.summary())
-    for fault in observations.faults:
-        say(f"warning: {fault}")
     if write is not None:
         _write_plain(observations, write)
 

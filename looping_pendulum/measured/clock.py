@@ -2,7 +2,7 @@
 
 A film's frames follow each other at equal steps, so that its times are whole numbers of frames, perhaps rounded by the program
 that wrote them. Where they are, they are put back; where they are not, the rounding is an error of each time. What was done is
-said in a sentence. What the points themselves say of their times stands in `displaced_rows`.
+said in a sentence. Which pictures are stored again, the points themselves say (`copies`).
 """
 
 from __future__ import annotations

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from looping_pendulum.errors import HarnessError
-from looping_pendulum.measured.displaced_rows import clock_faults
 from looping_pendulum.measured.observations import Channel, DataError, Observations, UnusedValues
 
 if TYPE_CHECKING:
@@ -106,7 +105,6 @@ def _observations(facts: Mapping[str, Any], name: str, film: str, *notes: str) -
         channels=tuple(channels),
         unused=tuple(UnusedValues(count=count, reason=reason) for reason, count in facts["skipped"].items() if count),
         assumptions=notes,
-        faults=tuple(clock_faults(channels)),
         camera_errors=facts["camera_errors"],
         light_radius=(facts["points"]["light"]["radius"], facts["points"]["light"]["radius_error"]),
     )

@@ -194,8 +194,6 @@ class Observations:
     """Values that were left out, and why."""
     assumptions: tuple[str, ...] = ()
     """What the reader assumed because the file does not say it, and what it put right."""
-    faults: tuple[str, ...] = ()
-    """What the points say against their own times, which nothing but another export puts right."""
     camera_errors: Mapping[str, float] = field(default_factory=dict)
     """Parameter of the camera -> standard error that it has by what was put right in reading [SI]."""
     light_radius: tuple[float, float] | None = None
@@ -261,7 +259,6 @@ def merge(name: str, parts: tuple[Observations, ...]) -> Observations:
         events=tuple(e for p in parts for e in p.events),
         unused=tuple(u for p in parts for u in p.unused),
         assumptions=tuple(dict.fromkeys(a for p in parts for a in p.assumptions)),
-        faults=tuple(dict.fromkeys(f for p in parts for f in p.faults)),
         camera_errors={name: sigma for p in parts for name, sigma in p.camera_errors.items()},
         light_radius=next((p.light_radius for p in parts if p.light_radius is not None), None),
         tracks={mass: track for p in parts for mass, track in p.tracks.items()},

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.errors import WayOut
-from looping_pendulum.measured import displaced_rows
 from looping_pendulum.measured.clock import MAX_TIME_STEP, Series, Sheet, are_milliseconds, timed_channels
 from looping_pendulum.measured.columns import ERROR_SUFFIX, PIXELS, Column, read_columns
+from looping_pendulum.measured.copies import without_copies
 from looping_pendulum.measured.delimited import (
     LARGEST_FILE,
     DelimitedText,
@@ -151,15 +151,13 @@ def read(
     channels = timed_channels(sheets, frame_rate, clip_rate, partial(data_error, file), notes)
     if starts_at_release:
         channels = _from_release(channels, notes)
-    channels = displaced_rows.without_copies(_without_inconsistent_rate(channels, notes), notes)
-    channels = displaced_rows.without_repeated_rows(displaced_rows.with_time_errors(channels, notes), notes)
+    channels = without_copies(_without_inconsistent_rate(channels, notes), notes)
     return Observations(
         name=name,
         file=file,
         channels=tuple(channels),
         unused=tuple(UnusedValues(count=count, reason=reason) for reason, count in notes.unused.items() if count),
         assumptions=tuple(dict.fromkeys(notes.assumptions)),
-        faults=tuple(displaced_rows.clock_faults(channels)),
         camera_errors=notes.camera_errors,
         tracks=notes.tracks,
         length_unit=notes.length_unit,

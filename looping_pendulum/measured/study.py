@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from looping_pendulum.measured.camera import CAMERA
-from looping_pendulum.measured.displaced_rows import clock_faults
 from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.measured.observations import (
     DataError,
@@ -371,8 +370,6 @@ def read_files(
     if trial.events is not None:
         parts = (*parts, read(folder / trial.events, kind="events", name=trial.name))
     observations = with_event_errors(merge(trial.name, parts), dict(trial.event_errors))
-    if len(trial.files) > 1:  # what one mass alone seems to show, both do not
-        observations = replace(observations, faults=tuple(clock_faults(observations.channels)))
     # The points of a film are as if the light mass had started on the left, on whichever side it did
     observations = mirrored(observations) if trial.mirrored and not has_film else observations
     length, angle = (trial.estimates.get(name) for name in ("free_length", "release_angle"))

@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, median_filter
 
 from looping_pendulum.measured.camera import Camera
-from looping_pendulum.measured.displaced_rows import clock_faults
 from looping_pendulum.measured.noise import estimate_noise, speed_at
 from looping_pendulum.measured.observations import Channel, Observations, UnusedValues
 from looping_pendulum.measured.study import Estimate, Study, Trial, read_files
@@ -92,8 +91,7 @@ def until_held(study: Study, trial: Trial, observations: Observations) -> Observ
     record = _Record.of(study, trial, observations)
     if record is None or record.rests is None:
         return observations
-    usable = usable_points(study, trial, observations)
-    return dataclasses.replace(usable, faults=tuple(clock_faults(usable.channels)))
+    return usable_points(study, trial, observations)
 
 
 def usable_points(study: Study, trial: Trial, observations: Observations) -> Observations:

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from looping_pendulum.measured import displaced_rows
 from looping_pendulum.measured.clock import frame_grid
+from looping_pendulum.measured.copies import without_copies
 from looping_pendulum.measured.delimited import last_digits
 from looping_pendulum.measured.observations import Channel, DataError, ReadingNotes
 from looping_pendulum.measured.readers import read
@@ -69,7 +69,6 @@ def test_rounded_times_are_put_back_on_their_frames(table, rate, decimals, start
     assert steps == pytest.approx(1 / rate, rel=1e-6)
     # Nothing tells where in its last digit a whole row of times lies
     assert abs(observations.channels[0].t[0]) <= 0.5 * 10.0**-decimals + 1e-9
-    assert not observations.faults
 
 
 @pytest.mark.parametrize("rate", [30.0, 240.0])
@@ -200,12 +199,11 @@ def test_repeated_pictures_are_kept_once(pattern, noise):
     rng = np.random.default_rng(7)
     copied = [replace(c, value=c.value[shown] + noise * NOISE * rng.standard_normal(240)) for c in points(t)]
     notes = ReadingNotes()
-    kept = displaced_rows.without_copies(copied, notes)
+    kept = without_copies(copied, notes)
     assert [len(c) for c in kept] == [240 // len(pattern)] * 4
     assert kept[0].t == pytest.approx(t[:: len(pattern)])
     said = f"every picture is stored {len(pattern)} times: one row of each is kept, {len(kept[0])} of 240"
     assert notes.assumptions == [said] or notes.unused["light_x: a copy of the point before"] == 240 - len(kept[0])
-    assert not displaced_rows.clock_faults(kept)
 
 
 @pytest.mark.parametrize(("taken", "shown"), [(24, 60), (25, 30), (24, 30)])
@@ -214,7 +212,7 @@ def test_a_film_that_is_shown_at_another_rate_than_it_was_taken_at(taken, shown)
     picture = rows * taken // shown
     whole = points(np.arange(3 * taken) / taken / 3, noise=2e-4)
     channels = [replace(c, t=rows / shown, value=c.value[picture]) for c in whole]
-    kept = displaced_rows.without_copies(channels, ReadingNotes())
+    kept = without_copies(channels, ReadingNotes())
     assert len(kept[0]) == 3 * taken
     assert np.diff(kept[0].t) == pytest.approx(1 / taken)
 
@@ -226,7 +224,7 @@ def test_a_resting_mass_whose_points_a_codec_copies():
     rest = t < 0.1
     copied = [replace(c, value=np.where(rest, c.value[0], c.value)) for c in channels]
     notes = ReadingNotes()
-    kept = displaced_rows.without_copies(copied, notes)
+    kept = without_copies(copied, notes)
     assert [len(c) for c in kept] == [240 - rest.sum() + 1] * 4
     assert notes.unused["light_x: a copy of the point before"] == rest.sum() - 1
 
@@ -234,50 +232,21 @@ def test_a_resting_mass_whose_points_a_codec_copies():
 def test_points_rounded_to_centimetres_are_no_copies():
     t = np.arange(240) / 240
     channels = [replace(c, value=np.round(c.value, 2), last_digit=1e-2) for c in points(t)]
-    assert [len(c) for c in displaced_rows.without_copies(channels, ReadingNotes())] == [240] * 4
-    assert not displaced_rows.clock_faults(channels)
+    assert [len(c) for c in without_copies(channels, ReadingNotes())] == [240] * 4
 
 
 def test_equal_points_on_a_raster_are_no_copies():
     """A resting mass between two pixels of 2 mm has one place, again and again."""
     t = np.arange(240) / 240
     channels = [replace(c, value=np.round(c.value / 2e-3) * 2e-3, last_digit=1e-9) for c in points(t)]
-    assert [len(c) for c in displaced_rows.without_copies(channels, ReadingNotes())] == [240] * 4
+    assert [len(c) for c in without_copies(channels, ReadingNotes())] == [240] * 4
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_an_even_film_has_no_fault(seed):
+def test_an_even_film_has_no_copies(seed):
     rate = (30, 60, 120, 240)[seed % 4]
     channels = points(np.arange(rate) / rate, seed=seed)
-    assert not displaced_rows.clock_faults(channels)
-    assert [len(c) for c in displaced_rows.without_copies(channels, ReadingNotes())] == [rate] * 4
-
-
-def test_lost_repeated_and_uneven_pictures_are_named():
-    t = np.arange(240) / 240
-    lost = np.delete(np.arange(240), 150)
-    late = [replace(c, t=t[:-1], value=c.value[lost]) for c in points(t)]
-    [fault] = displaced_rows.clock_faults(late)
-    assert fault.startswith(
-        "from 0.625 s on the masses are ahead of their times, as where pictures are lost (at the first place 1)"
-    )
-    again = [replace(c, value=np.insert(c.value, 150, c.value[149])[:-1]) for c in points(t)]
-    [fault] = displaced_rows.clock_faults(again)
-    assert fault.startswith("from 0.625 s on the masses are where they were before, so that a picture is stored again there")
-    in_turn = t + np.where(np.arange(240) % 2, 0.2, -0.2) / 240
-    uneven = [replace(c, t=t) for c in points(in_turn)]
-    [fault] = displaced_rows.clock_faults(uneven)
-    assert "frames in turn last" in fault
-
-
-def test_pictures_that_are_taken_unevenly_give_each_time_an_error():
-    t = np.arange(240) / 240
-    unrest = np.random.default_rng(3).uniform(-0.45, 0.45, 240) / 240
-    notes = ReadingNotes()
-    uneven = displaced_rows.with_time_errors([replace(c, t=t) for c in points(t + unrest)], notes)
-    assert uneven[0].time_error == pytest.approx(0.45 / np.sqrt(3) / 240, rel=0.3)
-    assert len(notes.assumptions) == 1
-    assert displaced_rows.with_time_errors(points(t), ReadingNotes())[0].time_error == 0
+    assert [len(c) for c in without_copies(channels, ReadingNotes())] == [rate] * 4
 
 
 def test_a_grid_is_none_where_nothing_tells_it():

@@ -143,7 +143,6 @@ def test_a_film_gives_its_points_as_the_tracker_has_them(tracked, ordinary):
     assert np.array_equal(points.channel("light_x").value, tracked.metres(tracked.light.place)[t >= 0, 0])
     assert np.array_equal(points.channel("light_y").stated_error[1], tracked.light.counted_error[t >= 0, 1] / tracked.scale)
     assert {u.reason: u.count for u in points.unused} == {r: n for r, n in tracked.skipped.items() if n}
-    assert points.faults == ()
 
 
 def test_a_film_whose_facts_are_damaged_is_tracked_again(tracked, ordinary, tmp_path, monkeypatch):

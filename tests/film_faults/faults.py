@@ -376,7 +376,7 @@ def _weighted(study: CleanStudy, kernel: Callable[[Film], Array]) -> tuple[Film,
 def smoothed(rng: np.random.Generator, study: CleanStudy) -> Faulty:
     rate = study.films[0].rate
     window = int(pick(rng, (3, 5, 7, 9, 15, 21)))
-    cutoff = float(pick(rng, [c for c in (8.0, 10.0, 15.0, 20.0) if c < 0.3 * rate]))
+    cutoff = float(pick(rng, [c for c in (8.0, 10.0, 15.0, 20.0) if c < 0.3 * rate] or [0.3 * rate]))
     how = pick(rng, ("average", "parabola", "Butterworth"))
     window = max(window, 5) if how == "parabola" else window
 

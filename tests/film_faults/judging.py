@@ -162,10 +162,15 @@ def _judge(study: CleanStudy, faulty: Faulty, kind: str, path: Path, *, with_ide
         return result | {"outcome": Outcome.MISNAMED, "message": unnamed}
     if readings is None:
         return result | {"outcome": Outcome.NAMED, "message": refusals[-1]}
-    moved = max(r.moved for r in readings)
-    share = min(r.share for r in readings)
     asked = f"after the answer to: {refusals[-1]}; " if refusals else ""
     check = take_first_look(study_io.load(path))
+    # What the first look puts right is what is fitted
+    put_right = {name: found for name, found in check.observations.items() if name in check.put_right}
+    readings = [
+        _reading(film, faulty, put_right[film.trial.name]) if film.trial.name in put_right else reading
+        for film, reading in zip(faulty.films, readings, strict=True)
+    ]
+    moved, share = max(r.moved for r in readings), min(r.share for r in readings)
     faults = [m.text for m in check.mistakes]
     said = [*check.warnings, *(a for r in readings for a in r.observations.assumptions)]
     strange = next((text for text in faults if not re.search(faulty.words, text)), None)

@@ -14,6 +14,7 @@ from tests.film_faults.forms import Form
 from tests.film_faults.judging import Outcome, judge
 
 FAR_OFF = pytest.mark.xfail(strict=True, reason="the smoothed motion is so far off that its errors are not looked at")
+FEW_ROWS = pytest.mark.xfail(strict=True, reason="of 27 rows, the last six look as if the tracker slipped from the light mass")
 SAMPLE = (
     (60, NONE),
     (240, "rounded times"),
@@ -39,8 +40,9 @@ FOUND = (
     pytest.param(720, "slow in the middle", marks=pytest.mark.accurate),
     (60, "pictures lost"),
     (720, "pictures lost"),
-    # With few rows a second the points alone do not tell
-    (8_100_186, "pictures lost"),
+    pytest.param(8_100_186, "pictures lost", marks=FEW_ROWS),
+    # A column one row late was "averaged over 5 frames"
+    (7_100_022, "late rows"),
     (8_100_048, "slow in the middle"),
     (8_400_152, "uneven in turn"),
     (7_100_057, "times of a recorder"),

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from looping_pendulum.discrepancy.first_look.check import take_first_look
-from looping_pendulum.measured import displaced_rows, study_io
-from looping_pendulum.measured.observations import Channel, DataError
+from looping_pendulum.measured import study_io
+from looping_pendulum.measured.observations import DataError
 from looping_pendulum.measured.readers import read
 from tests.discrepancy.mistaken_study import Mistake, mended, mistaken
 from tests.film_faults.faults import TRACKER, Faulty
@@ -101,7 +101,6 @@ def test_the_points_of_a_table_are_read(tmp_path, name):
             return
         raise
     assert {c.name for c in observations.channels} == set(CHANNELS)
-    assert not observations.faults
     for i, name in enumerate(CHANNELS):
         channel = observations.channel(name)
         assert len(channel) == len(table.t)
@@ -109,24 +108,6 @@ def test_the_points_of_a_table_are_read(tmp_path, name):
         assert channel.t == pytest.approx(table.t, abs=0.5e-3)
         assert channel.time_error < 0.5e-3
         assert np.max(np.abs(channel.value - values[:, i])) <= 0.51 * 10.0**-table.decimals
-
-
-AT_THE_ROD = (
-    (-0.0414, -0.0767), (-0.0251, -0.0825), (-0.0103, -0.0851), (0.0071, -0.0822), (0.0259, -0.0771), (0.0409, -0.0690),
-    (0.0562, -0.0574), (0.0615, -0.0427), (0.0687, -0.0286), (0.0712, -0.0096), (0.0692, 0.0062), (0.0677, 0.0231),
-    (0.0547, 0.0351), (0.0451, 0.0479), (0.0322, 0.0569), (0.0172, 0.0604), (0.0001, 0.0604), (-0.0143, 0.0547),
-    (-0.0289, 0.0505), (-0.0409, 0.0336), (-0.0468, 0.0227), (-0.0509, 0.0060), (-0.0455, -0.0091), (-0.0395, -0.0248),
-)  # fmt: skip
-"""Points of a light mass that whirls about the rod, at 240 frames a second [m]."""
-
-
-def test_no_picture_is_lost_where_the_light_mass_whirls_about_the_rod():
-    """After the 17th, "the masses move as far as in 1.7 steps": a step of 4.2 of which noise made 5.5 of the shorter ones."""
-    t = np.arange(len(AT_THE_ROD)) / 240
-    channels = [
-        Channel(name=f"light_{axis}", t=t, value=values) for axis, values in zip("xy", np.array(AT_THE_ROD).T, strict=True)
-    ]
-    assert not displaced_rows.clock_faults(channels)
 
 
 @pytest.fixture(scope="module")

@@ -13,49 +13,30 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from looping_pendulum.discrepancy.blas import one_blas_thread
 from looping_pendulum.discrepancy.first_look.evidence import Evidence
 from looping_pendulum.discrepancy.first_look.exchanged import without_exchanged_rows
 from looping_pendulum.discrepancy.first_look.misfit import (
-    CLOCK_ERROR,
     DeclaredTrial,
     Distance,
     declared_trial,
     evidence_of_trial,
     measured_distance,
-    problem_of_trial,
 )
 from looping_pendulum.discrepancy.first_look.mistakes import (
     COMMON,
     LENGTHS,
-    MAX_FITTED_MISFIT,
     MAX_GOOD_MISFIT,
     MISTAKES,
     RIVAL,
-    SAME_ROWS,
     Correction,
     TrialSearch,
     is_left_open,
 )
-from looping_pendulum.discrepancy.first_look.row_times import (
-    CLEAR_SHIFT_RATIO,
-    row_shift,
-    shifts_by_motion,
-    without_shift,
-    wrong_times,
-)
+from looping_pendulum.discrepancy.first_look.row_times import FilmTimes
 from looping_pendulum.discrepancy.first_look.smoothing import smoothing_in_words
 from looping_pendulum.discrepancy.fit.event_prediction import check_event_rows
-from looping_pendulum.measured.displaced_rows import (
-    MIN_CHANGE,
-    WrongTimes,
-    by_either_clock,
-    clock_faults,
-    sentences,
-)
-from looping_pendulum.measured.observations import Channel, DataError, ImplausibleLengthError, Observations
+from looping_pendulum.measured.observations import DataError, ImplausibleLengthError, Observations
 from looping_pendulum.measured.study import Study, Trial, refuse_seen_points
 from looping_pendulum.measured.usable_points import read_trial, usable_points
 from looping_pendulum.pages.numbers import quantity
@@ -65,18 +46,10 @@ from looping_pendulum.scenarios.quantities import QUANTITIES
 
 CHECKED = ("light_mass", "heavy_mass", "rod_radius", "free_length")
 """Parameters whose values are compared with their usual range."""
-MAX_MISFIT_RATIO = 0.7
-"""Largest misfit with other times, as a share of that with those of the file, at which these are wrong."""
-MAX_MENDED_MISFIT = 2.5
-"""Largest misfit with other times at which they are right: that of trials in which a hidden effect moves the mass by 50 mm."""
 SHORT_UNIT = "0.001 mm"
 """Unit in which lengths are read that are too large in the study's own: shorter than any that a tracker writes."""
 STEPS = (1, 2)
 """Numbers of mistakes at once that are tried, one after the other: two are no explanation where one suffices."""
-MAX_LOSS = 0.3
-"""Largest rise of the misfits by other times at which the way of the masses is believed."""
-MAX_CLEAR_DISTANCE_RATIO = 0.25
-"""Largest distance from the declared motion by another shift of rows, in that by the file, that needs no fit."""
 MIN_ORIGIN_SHIFT = 0.1
 """Smallest distance of the origin from where it was declared, in free lengths, that is no error of measurement."""
 MIN_ORIGIN_SIGMAS = 10.0
@@ -140,6 +113,8 @@ class DeclarationCheck:
     """What looks wrong."""
     warnings: tuple[str, ...] = ()
     """Declared values of unusual size, in one line each; they do not contradict the points."""
+    put_right: frozenset[str] = frozenset()
+    """Trials whose times are put right in `observations`; a warning says how."""
     observations: Mapping[str, Observations] = field(default_factory=dict, repr=False, compare=False)
     """Trial -> what its files hold, read as they are declared."""
 
@@ -197,7 +172,8 @@ def take_first_look(study: Study, progress: ReportShare = lambda what, share: No
     for name, message in unreadable.items():
         if not any(name in m.trials and any(LENGTHS.name in n for n in m.names) for m in check.mistakes):
             raise ImplausibleLengthError(message)
-    return dataclasses.replace(check, observations={t.name: o for t, o in observed if t.name not in unreadable})
+    as_read = {t.name: o for t, o in observed if t.name not in unreadable}
+    return dataclasses.replace(check, observations=as_read | dict(check.observations))
 
 
 def check_declaration(study: Study, observed: Iterable[tuple[Trial, Observations]]) -> DeclarationCheck:
@@ -222,129 +198,89 @@ def check_declaration(study: Study, observed: Iterable[tuple[Trial, Observations
             searches.append(TrialSearch(declared=declared, distance=measured))
             distance, reason = (measured, "") if math.isfinite(measured.rms) else (None, f"as {measured.reason}")
         checks.append(TrialCheck(trial=trial.name, reading=observations.assumptions, distance=distance, reason=reason))
-    mistakes = (*_altered_points(searches),)
-    altered = {name for mistake in mistakes for name in mistake.trials}
-    mistakes += (*_clock_faults([(t, o) for t, o in observed if t.name not in altered], searches),)
-    # With wrong times other mistakes would be named for them, and all trials were filmed alike; but one that explains a trial
-    # to its noise without other times is no chance, as where columns are exchanged
-    named = {name for mistake in mistakes for name in mistake.trials}
-    others = [e for s in searches if s.name in named and not s.is_near for e in _best(s, searches)]
-    if not mistakes or any(e.evidence.misfit <= MAX_GOOD_MISFIT and "times" not in e.factors for e in others):
-        mistakes = _named(searches)
+    # Where the picture is turned, any times of the rows fit as badly. So these are not looked at where another mistake explains
+    # a trial to its noise, and must be more probable than one that nearly does
+    far_off = [s for s in searches if not s.is_near and not s.as_declared.explains_all]
+    others = {s.name: max(best, key=lambda e: e.log_posterior) for s in far_off if (best := _best(s, searches))}
+    mistaken = any(e.evidence.misfit <= MAX_GOOD_MISFIT for e in others.values())
+    altered, put_right, corrected = ([], [], {}) if mistaken else _altered_points(searches, others)
+    mistakes = tuple(altered) or _named(searches)
     named = {trial for mistake in mistakes for trial in mistake.trials}
     far = filter(None, (_far_text(s) for s in searches if s.name not in named))
     return DeclarationCheck(
         trials=tuple(checks),
         mistakes=mistakes,
-        warnings=(*_implausible_values([s.declared for s in searches]), *far),
+        warnings=(*put_right, *_implausible_values([s.declared for s in searches]), *far),
+        put_right=frozenset(corrected),
+        observations=corrected,
     )
 
 
-def _altered_points(searches: Sequence[TrialSearch]) -> list[NamedMistake]:
-    """Return what was done to points after they were tracked; what several trials share is named once."""
-    trials: dict[str, list[str]] = {}
+def _altered_points(
+    searches: Sequence[TrialSearch], others: Mapping[str, Correction]
+) -> tuple[list[NamedMistake], list[str], dict[str, Observations]]:
+    """Return what is wrong with the times of rows or was done to points after they were tracked.
+
+    Parameters
+    ----------
+    others
+        Trial -> the most probable other mistake, where there is one.
+
+    Returns
+    -------
+    Mistakes, and what is put right of the times, in one line each; what several trials share is named once. And the
+    observations of trials with times that are put right.
+    """
+    named: dict[str, list[str]] = {}
+    put_right: dict[str, list[str]] = {}
+    observations = {}
     for search in searches:
-        if not search.is_near and (found := _alteration(search)):
-            trials.setdefault(found, []).append(search.name)
-    return [
-        NamedMistake(trials=tuple(names), names=("points",), keys="", text=f"{_where(names)}: found {found}")
-        for found, names in trials.items()
+        times = FilmTimes.of(search)
+        other = others.get(search.name)
+        if times is None or (other and times.found and times.found.log_posterior < other.log_posterior):
+            continue
+        exchanged = "" if search.is_near else _exchange(search)
+        if exchanged:
+            named.setdefault(exchanged, []).append(search.name)
+        elif (times.best.family in ("table", "uneven")) and not search.is_near and (smoothed := _smoothing(search)):
+            # Of smoothed points, neighbours differ from the motion alike, which uneven times do not explain
+            named.setdefault(smoothed, []).append(search.name)
+        elif times.put_right is not None:
+            put_right.setdefault(times.best.text, []).append(search.name)
+            observations[search.name] = times.put_right
+        elif times.best.text:
+            named.setdefault(times.best.text, []).append(search.name)
+    mistakes = [
+        NamedMistake(trials=tuple(names), names=("points",), keys="", text=f"{_where(names)}: {found}")
+        for found, names in named.items()
     ]
+    return mistakes, [f"{_where(names)}: {text}" for text, names in put_right.items()], observations
 
 
-def _alteration(search: TrialSearch) -> str:
-    """Return what was done to the points of a trial, and what is needed, in words; empty: they are as they were tracked."""
-    as_declared, exchanged = search.as_declared, without_exchanged_rows(search.declared)
+def _exchange(search: TrialSearch) -> str:
+    """Return in which rows the masses are exchanged, and what is needed, in words; empty: in none."""
+    exchanged = without_exchanged_rows(search.declared)
     if exchanged is not None:
         corrected = evidence_of_trial(exchanged.declared, measured_distance(exchanged.declared))
-        if corrected.explains_all and corrected.log + len(exchanged.spans) * math.log(COMMON) > as_declared.log:
+        if corrected.explains_all and corrected.log + len(exchanged.spans) * math.log(COMMON) > search.as_declared.log:
             return (
-                f"the points of the two masses exchanged in rows {exchanged.text}; needed each mass in its own columns: "
+                f"found the points of the two masses exchanged in rows {exchanged.text}; needed each mass in its own columns: "
                 "exchange them there, or leave these rows out"
             )
+    return ""
+
+
+def _smoothing(search: TrialSearch) -> str:
+    """Return how points were smoothed, and what is needed, in words; empty: they are as tracked."""
     # The errors of smoothed points look like something large that is missing; an effect of a usual size is no smoothing
+    as_declared, declared = search.as_declared, search.declared
     if as_declared.problem is None or not as_declared.explains or as_declared.explains_all:
         return ""
-    declared = search.declared
     if usable_points(declared.study, declared.trial, declared.observations) is not declared.observations:
         return ""  # nor is a hand
     text = smoothing_in_words(as_declared.problem, as_declared.x, {"m": 1.0})
-    return text and f"points that were {text}, by the errors that they are left with; needed the points as they were tracked"
-
-
-def _clock_faults(observed: Sequence[tuple[Trial, Observations]], searches: Sequence[TrialSearch]) -> list[NamedMistake]:
-    """Return what the points say against their own times; what several trials share is named once."""
-    by_name = {search.name: search for search in searches}
-    trials: dict[str, list[str]] = {}
-    for trial, observations in observed:
-        search = by_name.get(trial.name)
-        for fault in observations.faults if search is None else _by_points_or_model(observations.channels, search):
-            trials.setdefault(fault, []).append(trial.name)
-    return [
-        NamedMistake(trials=tuple(names), names=("clock",), keys="", text=f"{_where(names)}: {fault}")
-        for fault, names in trials.items()
-    ]
-
-
-def _by_points_or_model(channels: Sequence[Channel], search: TrialSearch) -> list[str]:
-    """Return what is wrong with the times of a trial's rows, by the model's way or, where that does not tell, by the points."""
-    model, fit = _Model(search), search.quickly_fitted
-    if fit.problem is None:
-        return clock_faults(channels, model)
-    as_declared = problem_of_trial(search.declared, camera_errors=CLOCK_ERROR)
-    for wrong in wrong_times([(as_declared, as_declared.prior_mean), (fit.problem, fit.x)]):
-        onward = tuple(rows for rows in wrong if rows.onward)
-        # The way says it clearly, so that the first part of the motion need only not contradict it. Where the likeliest account
-        # has no wrong times, there are none
-        if not (onward and all(model.gain(each, ()) < -MAX_LOSS for each in by_either_clock(onward))):
-            return sentences(wrong, float(np.median(np.diff(channels[0].t))))
-    return clock_faults(channels, model)
-
-
-class _Model:
-    """The declared model, fitted to one trial's points at the times at which they were filmed by their own account."""
-
-    def __init__(self, search: TrialSearch) -> None:
-        self._search = search
-        self._at: dict[tuple[WrongTimes, ...], TrialSearch] = {(): search}
-
-    def agrees(self, wrong: tuple[WrongTimes, ...]) -> bool | None:
-        return _is_nearer(self._search, self._at_other_times(wrong))
-
-    def gain(self, wrong: tuple[WrongTimes, ...], known: tuple[WrongTimes, ...]) -> float:
-        return _gain(self._at_other_times(known), self._at_other_times(wrong))
-
-    def _at_other_times(self, wrong: tuple[WrongTimes, ...]) -> TrialSearch:
-        def at_own_times(channel: Channel) -> Channel:
-            t = channel.t
-            # The last ones first, as their times are the file's
-            for each in sorted(wrong, key=lambda w: w.t, reverse=True):
-                t = each.undone(t)
-            order = np.argsort(t)
-            apart = np.append(True, np.diff(t[order]) > 0)
-            return dataclasses.replace(channel, t=t[order][apart], value=channel.value[order][apart])
-
-        if wrong not in self._at:
-            # Its fit begins at the same shifts
-            declared = self._search.declared.with_channels(at_own_times)
-            self._at[wrong] = TrialSearch(declared=declared, distance=self._search.distance)
-        return self._at[wrong]
-
-
-def _is_nearer(search: TrialSearch, corrected: TrialSearch) -> bool | None:
-    """Return whether a trial comes nearer to the model with other times: clearly so if it was far, or at all if it was near.
-
-    None: what is compared of it is the same.
-    """
-    before, after, gain = search.fully_fitted.largest, corrected.fully_fitted.largest, _gain(search, corrected)
-    if before > MAX_FITTED_MISFIT:
-        return gain > 0 and after <= max(MAX_FITTED_MISFIT, min(MAX_MISFIT_RATIO * before, MAX_MENDED_MISFIT))
-    return None if abs(gain) < MIN_CHANGE else gain > 0
-
-
-def _gain(search: TrialSearch, corrected: TrialSearch) -> float:
-    """Return by how much the misfits fall with other times."""
-    return sum(search.fully_fitted.misfits) - sum(corrected.fully_fitted.misfits)
+    found = f"found points that were {text}, by the errors that they are left with; needed the points as they were tracked"
+    return text and found
 
 
 def _named(searches: Sequence[TrialSearch]) -> tuple[NamedMistake, ...]:
@@ -363,23 +299,6 @@ def _named(searches: Sequence[TrialSearch]) -> tuple[NamedMistake, ...]:
     misplaced = [s for s in searches if s.name not in explained and _origin_is_wrong(s)]
     if misplaced:
         mistakes.append(_origin_mistake(misplaced))
-    for search in (s for s in searches if s.name not in explained):
-        by_string = row_shift(search.declared, CLEAR_SHIFT_RATIO)
-        possible = [by_string] if by_string else []
-        if math.isfinite(search.distance.rms) and not search.is_near and search.fully_fitted.largest > MAX_MENDED_MISFIT:
-            possible += shifts_by_motion(search.declared)
-        for shift in possible:
-            declared = without_shift(search.declared, shift)
-            corrected = TrialSearch(declared=declared, distance=measured_distance(declared))
-            is_clear = corrected.distance.relative <= MAX_CLEAR_DISTANCE_RATIO * search.distance.relative
-            # A fit costs a hundred times the distance
-            if not is_clear and shift is not by_string and corrected.fully_fitted.largest > MAX_FITTED_MISFIT:
-                continue
-            if not is_clear and not _is_nearer(search, corrected):
-                continue
-            text = f"{_where([search.name])}: found {shift.text}; needed {SAME_ROWS}"
-            mistakes.append(NamedMistake(trials=(search.name,), names=("rows shifted",), keys="", text=text))
-            break
     return tuple(mistakes)
 
 

@@ -46,6 +46,8 @@ PARTS = (0.75, 1.0, 1.25, 1.5, 2.0, 2.5)
 
 In the first the light mass swings down, until 1.5 it begins to loop, and then it has looped and friction has shown itself.
 """
+LOOPING = 1.5
+"""The part in which the light mass begins to loop."""
 MIN_POINTS = 6
 """Smallest number of points of a channel that is compared."""
 MAX_ROWS = 100
@@ -91,7 +93,13 @@ class Evidence:
         return {n.parameter: n.init_value + n.scale * float(v) for n, v in zip(free, self.x, strict=True)}
 
 
-def evidence_of(problem: Problem, fall_time: float, length_per_unit: Mapping[str, float]) -> Evidence:
+def evidence_of(
+    problem: Problem,
+    fall_time: float,
+    length_per_unit: Mapping[str, float],
+    end: float = PARTS[-1],
+    start: Array | None = None,
+) -> Evidence:
     """Return the evidence of one trial's points by a problem, whose free values are found over growing parts of the trial.
 
     Parameters
@@ -100,21 +108,33 @@ def evidence_of(problem: Problem, fall_time: float, length_per_unit: Mapping[str
         Time in which a mass falls through the free length [s].
     length_per_unit
         Unit of a channel -> length that it is worth [m].
+    end
+        End of the last part, in units of the same.
+    start
+        Free values of a fit that is near already, so that two parts do.
     """
     best = Evidence(log=-math.inf)
+    growing = tuple(part for part in PARTS if part < end)
     # Where the first part leads astray, a larger one may not
-    for parts in (PARTS, PARTS[3:]):
-        found = _by_parts(problem, parts, fall_time, length_per_unit)
+    for parts in ((*growing, end), (*growing[3:], end)) if start is None else ((LOOPING, end),):
+        found = _by_parts(problem, parts, fall_time, length_per_unit, start)
         best = max(best, found, key=lambda e: e.log)
         if best.lacks_nothing:
             break
     return dataclasses.replace(best, problem=problem)
 
 
-def _by_parts(problem: Problem, parts: Sequence[float], fall_time: float, length_per_unit: Mapping[str, float]) -> Evidence:
+def _by_parts(
+    problem: Problem,
+    parts: Sequence[float],
+    fall_time: float,
+    length_per_unit: Mapping[str, float],
+    start: Array | None = None,
+) -> Evidence:
     data = problem.data[0]
     camera = problem.parameters_and_camera(problem.prior_mean, 0)[1]
-    x, before, found = _inside(problem, np.zeros(len(problem.free_parameters))), -1, Evidence(log=-math.inf)
+    x = _inside(problem, np.zeros(len(problem.free_parameters)) if start is None else start)
+    before, found = -1, Evidence(log=-math.inf)
     for share in parts:
         whole = data.until((share * fall_time - camera.clock_offset) / camera.clock_ratio)
         part = _thinned(whole)
@@ -131,7 +151,7 @@ def _by_parts(problem: Problem, parts: Sequence[float], fall_time: float, length
 def _fitted(problem: Problem, points: Points, x: Array) -> Evidence:
     """Return the evidence with the model linearised about values that fit, beginning with ``x``."""
     prior = np.array([n.prior_sigma for n in problem.free_parameters])
-    root = np.sqrt(1 / (1 + _growth(LACKING[1]) * points.eigenvalue))
+    root = np.sqrt(1 / (1 + growth(LACKING[1]) * points.eigenvalue))
 
     @lru_cache(maxsize=2)
     def predicted(x: bytes) -> tuple[Array, Array]:
@@ -257,7 +277,7 @@ class Points:
         """
         rest = self.whitened(self.value - predicted * self.unit)
         slopes = self.whitened(jacobian * self.unit[:, None])
-        return self._summed(rest, slopes, mean, prior, [_growth(lacking) for lacking in LACKING])
+        return self._summed(rest, slopes, mean, prior, [growth(lacking) for lacking in LACKING])
 
     @property
     def of_smooth_motion(self) -> float:
@@ -298,7 +318,7 @@ class Points:
         )
 
 
-def _growth(lacking: float) -> float:
+def growth(lacking: float) -> float:
     """Return the strength q of the process that moves a mass by so much in half a second [m^2/s^3]."""
     return 3 * lacking**2 / 0.5**3
 

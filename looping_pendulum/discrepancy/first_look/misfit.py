@@ -13,11 +13,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from looping_pendulum.discrepancy.first_look.evidence import Evidence, evidence_of
-from looping_pendulum.discrepancy.fit.data import TrialData, trial_data
+from looping_pendulum.discrepancy.fit.data import trial_data
 from looping_pendulum.discrepancy.fit.problem import Problem, free_parameters_of
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured import observations as measured
@@ -42,25 +43,18 @@ MIN_ANGLE_DIFFERENCE = math.radians(5)
 """Smallest difference of two release angles that is no error of measurement [rad]."""
 CANNOT_RUN = (HarnessError, ValueError, ArithmeticError)
 """Errors of a model that cannot run with some values."""
-WINDOWS = (1.5, 2.5)
-"""Ends of the parts that are compared, in times in which a mass falls through the free length; before a fit the first one."""
+WINDOW = 1.5
+"""End of the part that is compared before a fit, in times in which a mass falls through the free length."""
 MIN_POINTS = 6
 """Smallest number of points of a channel that is compared."""
 MAX_DISTANCE = 0.5
 """Distance in free lengths at which the weight of a point ends, so that no outlier decides."""
-MODEL_ERROR = 0.002
-"""Standard deviation that is added to a point's own noise for what the declared model lacks, in free lengths."""
 UNKNOWN_OFFSET = 0.5
 """Assumed error of the clock's offset where the study says that it is not known [s]."""
-CLOCK_ERROR = {"clock_offset": 0.0}
 CAMERA_ERRORS = {"clock_offset": 0.0, "clock_ratio": 0.03, "scale": 0.03, "tilt": 0.03}
 """What a camera may get wrong by little -> its standard error where the study has none; 0: that of the study's prior."""
 UNKNOWN_PLACE = 0.2
 """Standard error of the origin and of the heavy mass's height, in free lengths."""
-HOPELESS = 4.0
-"""Misfit of the first window above which the second is left out: it cannot mend what the first shows."""
-FAILED = 20.0
-"""Misfit of a model that cannot run: larger than any that was seen of one that can."""
 _SHIFTS = {"light_x": "x", "heavy_x": "x", "light_y": "y", "heavy_y": "height of the heavy mass", "height": "height"}
 """Channel -> name of the unknown shift that it shares with others."""
 
@@ -276,29 +270,6 @@ class Distance:
         return f"{quantity(self.rms, 'm')}{' or more' if self.is_cut_off else ''}"
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class FittedMisfit:
-    """Misfit after a quick robust fit of the study's uncertain values."""
-
-    misfits: tuple[float, ...]
-    """Root of twice the robust cost per value in each window: near 1 where only noise and small effects remain."""
-    problem: Problem | None = None
-    """What was fitted, of one trial; None: the model could not run."""
-    x: Array = field(default_factory=lambda: np.zeros(0))
-    """The fitted numbers."""
-
-    @property
-    def largest(self) -> float:
-        """Return the misfit of the window that fits worst."""
-        return max(self.misfits)
-
-    @property
-    def values(self) -> dict[str, float]:
-        """Return parameter -> fitted value [SI]."""
-        free = self.problem.free_parameters if self.problem else ()
-        return {n.parameter: n.init_value + n.scale * float(v) for n, v in zip(free, self.x, strict=True)}
-
-
 def measured_distance(declared: DeclaredTrial, *, with_length_factor: bool = False) -> Distance:
     """Return the distance of the points from the motion as declared.
 
@@ -310,7 +281,7 @@ def measured_distance(declared: DeclaredTrial, *, with_length_factor: bool = Fal
     try:
         declared = _with_start(declared)
         parameters = declared.study.parameters({}, declared.trial)
-        window = WINDOWS[0] * _fall_time(parameters)
+        window = WINDOW * fall_time(parameters)
         # Many mistakes leave the parameters as they are
         solution = _solve(_Key(parameters=parameters), window)
         shifts = _clock_shifts(declared)
@@ -354,7 +325,7 @@ def _solve(key: _Key, window: float) -> Solution:
     return solve(key.parameters, duration=window, tolerance=FIT_TOLERANCE)
 
 
-def _fall_time(parameters: Parameters) -> float:
+def fall_time(parameters: Parameters) -> float:
     """Return the time in which a mass falls through the free length on Earth [s]."""
     return math.sqrt(2 * parameters.free_length / 9.81)
 
@@ -389,7 +360,7 @@ def _distance(
         residuals = [factor * c.value - predicted[c.name] if c.unit == "m" else c.value - predicted[c.name] for c in members]
         common = float(np.median(np.concatenate(residuals))) if name else 0.0
         for c, residual in zip(members, residuals, strict=True):
-            unit = _length_per_unit(c.unit, length)
+            unit = length_per_unit(c.unit, length)
             shifts[c.name] = common
             squares.append(np.minimum(np.abs(unit * (residual - common)), MAX_DISTANCE * length) ** 2)
             # What is declared, in the units of the points and with the declared origin
@@ -400,7 +371,7 @@ def _distance(
     return Distance(rms=rms, relative=rms / length, length_factor=factor, points=tuple(shown), window=window, shifts=shifts)
 
 
-def _length_per_unit(unit: str, free_length: float) -> float:
+def length_per_unit(unit: str, free_length: float) -> float:
     """Return the length [m] that one unit of a channel is worth: of an angle at the string's end, of a rate in a swing."""
     swing = math.sqrt(free_length / GRAVITY.coefficients[0].default)
     return {"m": 1.0, "rad": free_length, "rad/s": free_length * swing}[unit]
@@ -417,40 +388,24 @@ def _best_length_factor(groups: Mapping[str, Sequence[Channel]], predicted: Mapp
     return product / square if square else 0.0
 
 
-def evidence_of_trial(declared: DeclaredTrial, distance: Distance) -> Evidence:
+def evidence_of_trial(declared: DeclaredTrial, distance: Distance, **fit: Any) -> Evidence:
     """Return how probable the points are as the trial is declared, whatever its uncertain values are.
 
     Parameters
     ----------
     distance
         Distance of the same points, whose shifts the fit starts from.
+    **fit
+        How far and from where it is fitted: keywords of `evidence_of`.
     """
     try:
         problem = problem_of_trial(declared, distance.shifts, CAMERA_ERRORS)
         parameters = declared.study.parameters({}, problem.data[0].trial)
         units = {c.unit for c in problem.data[0].channels}
-        worth = {unit: _length_per_unit(unit, parameters.free_length) for unit in units}
-        return evidence_of(problem, _fall_time(parameters), worth)
+        worth = {unit: length_per_unit(unit, parameters.free_length) for unit in units}
+        return evidence_of(problem, fall_time(parameters), worth, **fit)
     except CANNOT_RUN:
         return Evidence(log=-math.inf)
-
-
-def fitted_misfit(declared: DeclaredTrial, distance: Distance, *, good_enough: float = 0.0) -> FittedMisfit:
-    """Fit the study's uncertain values to each window in turn, quickly and robustly.
-
-    Parameters
-    ----------
-    distance
-        Distance of the same points, whose shifts the fit starts from.
-    good_enough
-        Misfit at which the fit of a window ends, though a smaller one may exist.
-    """
-    try:
-        problem = problem_of_trial(declared, distance.shifts, CLOCK_ERROR)
-        parameters = declared.study.parameters({}, problem.data[0].trial)
-        return _fit_windows(problem, problem.data[0], parameters, good_enough)
-    except CANNOT_RUN:
-        return FittedMisfit(misfits=(FAILED,))
 
 
 def problem_of_trial(
@@ -523,75 +478,3 @@ def _shown_places(declared: DeclaredTrial, shifts: Mapping[str, float]) -> dict[
         # A longer string below the rod shows the heavy mass lower
         places["hanging_length"] = max(known.value + shifts["light_y"] - shifts["heavy_y"], 1e-3)
     return places
-
-
-class _GoodEnough(Exception):
-    """Ends a fit, since SciPy's has no callback before version 1.16: the misfit, and the numbers that have it."""
-
-    def __init__(self, misfit: float, x: Array) -> None:
-        self.misfit, self.x = misfit, np.array(x)
-
-
-def _fit_windows(problem: Problem, data: TrialData, parameters: Parameters, good_enough: float) -> FittedMisfit:
-    from scipy import optimize
-
-    camera = problem.parameters_and_camera(problem.prior_mean, 0)[1]
-    length, free = parameters.free_length, problem.free_parameters
-    prior_sigma = np.array([n.prior_sigma for n in free])
-    # Finite bounds, within which the fit's trust region is scaled alike for all
-    low, high = np.maximum(problem.low, -50.0), np.minimum(problem.high, 50.0)
-    # Away from the bounds, where the trust region would be too small to leave them
-    margin = np.minimum(0.1, 0.1 * (high - low))
-    x = np.clip(np.zeros(len(free)), low + margin, high - margin)
-    misfits, fitted_count = [], 0
-    for window in WINDOWS:
-        part = data.until((window * _fall_time(parameters) - camera.clock_offset) / camera.clock_ratio)
-        if not part.channels or max(map(len, part.channels)) < MIN_POINTS or len(part.value) == fitted_count:
-            continue
-        fitted_count = len(part.value)
-        here = problem.with_data([part])
-        units = [np.full(len(c), _length_per_unit(c.unit, length)) for c in part.channels]
-        unit = np.concatenate([*units, np.ones(len(part.events))])
-        sigma = np.hypot(part.sigma * unit, MODEL_ERROR * length)
-
-        def standardised(predicted: Array, part: TrialData = part, unit: Array = unit, sigma: Array = sigma) -> Array:
-            points = (part.value - predicted) * unit / sigma
-            points[np.isnan(predicted)] = 1e3
-            return np.asarray(points)
-
-        # Robust for points alone: what was measured of the apparatus may not be given up for a better fit
-        def residuals(x: Array, here: Problem = here) -> Array:
-            values = np.concatenate([_soft(standardised(here.predict(x, 0))), x / prior_sigma])
-            misfit = float(np.linalg.norm(values)) / math.sqrt(here.measured_rows)
-            if misfit <= good_enough:
-                raise _GoodEnough(misfit, x)
-            return values
-
-        def jacobian(x: Array, here: Problem = here, unit: Array = unit, sigma: Array = sigma) -> Array:
-            predicted, derivatives = here.predict_with_derivatives(x, 0)
-            slopes = _slope_of_soft(standardised(predicted)) * unit / sigma
-            return np.concatenate([-slopes[:, None] * derivatives, np.diag(1 / prior_sigma)])
-
-        try:
-            fit = optimize.least_squares(residuals, x, jacobian, bounds=(low, high), max_nfev=15, xtol=1e-3, ftol=3e-3)
-            misfit, best = math.sqrt(2 * float(fit.cost) / len(sigma)), fit.x
-        except _GoodEnough as end:
-            misfit, best = end.misfit, end.x
-        x = np.clip(best, low + margin, high - margin)
-        misfits.append(misfit)
-        if misfits[-1] > HOPELESS:
-            break
-    if not misfits:
-        misfits = [FAILED]
-    return FittedMisfit(misfits=tuple(misfits), problem=problem, x=x)
-
-
-def _soft(z: Array) -> Array:
-    """Return residuals whose squares grow with the size of large ``z``, not with its square (SciPy's loss "soft_l1")."""
-    return np.asarray(np.sign(z) * np.sqrt(2 * (np.sqrt(1 + z**2) - 1)))
-
-
-def _slope_of_soft(z: Array) -> Array:
-    """Return the derivative of `_soft`."""
-    root = np.sqrt(1 + z**2)
-    return np.asarray(np.sqrt((1 + root) / 2) / root)

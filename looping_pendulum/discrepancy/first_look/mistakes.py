@@ -21,9 +21,7 @@ from looping_pendulum.discrepancy.first_look.misfit import (
     OTHER_MASS,
     DeclaredTrial,
     Distance,
-    FittedMisfit,
     evidence_of_trial,
-    fitted_misfit,
     measured_distance,
     pictured_otherwise,
     released_where_first_seen,
@@ -31,10 +29,6 @@ from looping_pendulum.discrepancy.first_look.misfit import (
     with_lengths,
     with_masses_exchanged,
     with_tracks_exchanged,
-)
-from looping_pendulum.discrepancy.first_look.row_times import (
-    row_shift,
-    without_shift,
 )
 from looping_pendulum.measured.study import Trial
 from looping_pendulum.pages.numbers import number, quantity
@@ -67,8 +61,6 @@ _PLAIN_NAME = re.compile(r"\w(?:[\w ./()+-]*[\w.()+-])?")
 """Name that YAML reads as it stands, also within braces."""
 WITH_BOTH_MASSES = (Release.LOOPING, Release.VERTICAL)
 """Releases in whose motion both masses and the rod's radius take part."""
-MAX_FITTED_MISFIT = 1.1
-"""Largest misfit of a robust fit to a trial whose times are right: clean ones of the blind simulator have 0.6 to 0.9."""
 MAX_GOOD_MISFIT = 1.2
 """Largest misfit of a trial in which no mistake is looked for: the noise of points is not known better."""
 COMMON, RARE = 1e-4, 2e-6
@@ -266,13 +258,6 @@ PICTURES = tuple(
 )
 """All symmetries of the square."""
 MIRRORED = PICTURES[0]
-SAME_ROWS = "each row to show both masses at one time; correct the rows of these columns"
-ROWS_SHIFTED = Mistake(
-    name="rows shifted",
-    undo=lambda declared: without_shift(declared, shift) if (shift := row_shift(declared)) else None,
-    found=lambda undone: shift.text if (shift := row_shift(undone.declared)) else "",
-    way_out=lambda undone: SAME_ROWS,
-)
 TRACKS_EXCHANGED = Mistake(
     name="tracks exchanged",
     undo=with_tracks_exchanged,
@@ -386,7 +371,6 @@ MISTAKES = (
     MASSES_EXCHANGED,
     # After a vertical release, a mirrored picture looks as if both were exchanged
     dataclasses.replace(EXCHANGED, name="light and heavy exchanged", releases=(Release.LOOPING,), steps=1, share=COMMON),
-    ROWS_SHIFTED,
     LENGTHS,
     *(_joined(first, LENGTHS) for first in (*PICTURES, TRACKS_EXCHANGED)),
     *(mistake for factor in TIME_FACTORS for mistake in (_times(factor), _joined(MIRRORED, _times(factor)),
@@ -438,18 +422,6 @@ class TrialSearch:
     def as_declared(self) -> Evidence:
         """Return how probable the points are with the study as it is."""
         return evidence_of_trial(self.declared, self.distance)
-
-    @cached_property
-    def quickly_fitted(self) -> FittedMisfit:
-        """Return the misfit of a robust fit, or the first that is small enough for a trial without a mistake."""
-        return fitted_misfit(self.declared, self.distance, good_enough=MAX_FITTED_MISFIT)
-
-    @cached_property
-    def fully_fitted(self) -> FittedMisfit:
-        """Return the smallest misfit of a robust fit, by which times of rows are judged."""
-        if min(self.quickly_fitted.misfits) > MAX_FITTED_MISFIT:  # no fit was cut short
-            return self.quickly_fitted
-        return fitted_misfit(self.declared, self.distance)
 
     def corrections(self, steps: int) -> list[Correction]:
         """Return mistakes of so many steps that leave the points nearer to the motion, nearest first; of variants the best."""

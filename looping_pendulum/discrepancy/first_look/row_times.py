@@ -1,382 +1,404 @@
-"""Find rows of a table that show other times than they say: whole rows, and columns that stand in other rows than the rest.
+"""Accounts of how the rows of a table came by their times, judged by the probability of the points.
 
-Two masses have three or four coordinates and one time. At the time of a row that its points show, the masses must be on the
-model's way; an effect that the model lacks leads them off it, as it does not displace both masses by one and the same time.
-Columns that are shifted by rows are found by the length of the string.
+An account says at which time each row's points were taken. The declared model is fitted at these times, and the likelihood of
+all points is compared with that of the table as it stands: pictures lost or stored again, a clock that changes, frames that are
+uneven in turn or at random, columns that stand in other rows than the rest.
 """
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
 
-from looping_pendulum.discrepancy.first_look.misfit import CANNOT_RUN, DeclaredTrial, measured_distance
-from looping_pendulum.discrepancy.fit.calibration import minimise
-from looping_pendulum.discrepancy.fit.data import TrialData
+from looping_pendulum.discrepancy.first_look.evidence import Evidence
+from looping_pendulum.discrepancy.first_look.misfit import (
+    DeclaredTrial,
+    evidence_of_trial,
+    fall_time,
+    length_per_unit,
+    measured_distance,
+)
+from looping_pendulum.discrepancy.first_look.mistakes import COMMON, MAX_GOOD_MISFIT, TrialSearch
+from looping_pendulum.discrepancy.first_look.paths import (
+    BLURS,
+    UNREST,
+    Change,
+    Motion,
+    Rows,
+    likeliest_paths,
+    log_of_change,
+    log_of_times,
+    slips,
+)
 from looping_pendulum.discrepancy.fit.problem import Problem
-from looping_pendulum.measured.camera import Camera
-from looping_pendulum.measured.displaced_rows import RATE_FACTORS, WrongTimes
-from looping_pendulum.measured.noise import scatter
-from looping_pendulum.measured.observations import Channel
-from looping_pendulum.reference_ode.geometry import Array, string_coordinates
-from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.measured.observations import Channel, Observations
+from looping_pendulum.measured.usable_points import usable_points
+from looping_pendulum.reference_ode.geometry import Array
 
-MIN_COORDINATES, MIN_ROWS = 3, 12
-"""Smallest numbers of coordinates and of rows of a film that is looked at."""
-MIN_STEP = 1 / 130
-"""Shortest time from row to row [s]: with more rows a second their neighbours show what is wrong, in less time."""
-SUBSTEPS = 8
-"""Times of the model that are compared, for each step from row to row."""
-REACH = 4
-"""Largest difference between the displacements of two rows in turn [steps]."""
-STAYS = 0.1
-"""Cost of such a difference [variances of the noise for one step], so that rows in which nothing moves stay where they are."""
-ROUNDS, MIN_FALL = 6, 0.05
-"""Largest number of times that the rows' times and the model's values are found, one after the other, and smallest fall of the
-distance from the way, in itself, with which they are found again."""
-MAX_OFF = 3.0
-"""Largest mean square distance from the model's way, in variances of the noise, at which its times count."""
-MIN_ERROR = 0.02
-"""Smallest error of a row's displacement that counts, as the model is not exact [steps]."""
-HALVES, HALF_TIMES = (2, 4), (0.025, 0.05)
-"""Rows, and times [s], on each side of one from which on the others are displaced."""
-MIN_JUMP, MIN_JUMP_SIGMAS = 0.6, 6.0
-"""Smallest displacement by lost pictures [steps], and in standard errors.
-
-Of 312 blind trials with right times, at 30 and 80 rows a second and most of them with an effect, none is named.
-"""
-MIN_BESIDE, MAX_BESIDE = 0.15, 1.5
-"""Smallest and largest displacement of a single row [steps]."""
-MAX_REST = 4.0
-"""Largest mean square distance from the way with which it is one: a tracker that slips goes another way than the masses, and
-with one of them alone."""
-MAX_SIGMAS, MIN_UNEVEN_RATIO = 4.0, 2.2
-"""Largest displacement of a row that counts [standard errors], and smallest mean square at which all of them are uneven."""
-BEND_HALF = 8
-"""Rows on each side of one from which on a row lasts longer or shorter."""
-MIN_BEND, MIN_BEND_SIGMAS = 0.3, 15.0
-"""Smallest change of a row's duration [steps], and in standard errors."""
-MAX_FACTOR_ERROR = 0.2
-"""Largest difference between the ratio of two durations and one of `RATE_FACTORS`, in the latter."""
-MAX_FOUND = 12
-"""Largest number of places that are looked for."""
-MIN_COMPARED_ROWS = 12
-"""Smallest number of rows in which the string's two ends are compared."""
-MAX_SHIFT = 20
-"""Largest number of rows by which columns may be shifted that is looked for."""
-MIN_ROWS_A_SHIFT = 4
-"""Smallest number of rows in a table for each row by which columns may be shifted: enough must remain that are compared."""
-MIN_SHIFT_RATIOS = {"heavy": 1.5, "light_x": 4.0, "light_y": 4.0}
-"""Columns -> smallest ratio of the mean squares before and after rows are put right at which shifted ones are named.
-
-A single column of the light mass in other rows makes no string at all; errors of the picture do so a little. Of 312 blind
-trials with rows as they are, two exceed it, of a push out of the picture's plane. At 240 frames a second and 1.8 mm of noise, a
-shift by two rows gives 2 to 2.5, and one by one row 1.3 to 1.7, which is no more than its noise.
-"""
-CLEAR_SHIFT_RATIO = 4.0
-"""The same for a trial in which nothing else looks wrong, as the clock's offset may hide a shift."""
-MAX_STRING_SIGMAS = 4.0
-"""Largest difference of the string's two ends in one row that counts [standard deviations of the noise]."""
-MAX_PICTURE_ERROR = 0.05
-"""Usual error of a picture's scale, turn and, in free lengths, place."""
-
-
-def wrong_times(starts: Sequence[tuple[Problem, Array]]) -> list[list[WrongTimes]]:
-    """Return from where on rows were taken at other times than they say, by the way of the masses; the likeliest account first.
-
-    Parameters
-    ----------
-    starts
-        Problems of one trial and numbers of their free parameters with which to begin; each leads to an account of its own.
-    """
-    data = starts[0][0].data[0]
-    rows = np.unique(np.concatenate([np.zeros(0), *(c.t for c in data.channels)]))
-    in_space = len(data.channels) >= MIN_COORDINATES and all(c.unit == "m" for c in data.channels)
-    if not in_space or len(rows) < MIN_ROWS or np.median(np.diff(rows)) < MIN_STEP:
-        return []
-    by_start = []
-    for problem, x in starts:
-        with contextlib.suppress(*CANNOT_RUN):
-            by_start.append(_late_rows(problem, rows, x))
-    time_error = max(c.time_error for c in data.channels)
-    return [_breaks(rows, late, time_error) for late in sorted(by_start, key=lambda late: late.off) if late.off <= MAX_OFF]
+MIN_ROWS = 12
+"""Smallest number of rows that tell anything of their times."""
+END = 3.0
+"""End of the rows that are looked at, in times in which a mass falls through the free length."""
+ROUNDS = 5
+"""Largest number of times that accounts are looked for about the fit of the best one so far."""
+PROPOSED = 2
+"""Number of accounts of each kind that are fitted in a round."""
+PARTS = (0.25, 0.37, 0.5, 0.67, 0.83, 1.0)
+"""Parts of the film over which a path is found, each about the fit to the one before."""
+LATE = tuple(n / 10 for n in range(-4, 5) if n)
+"""By how much frames in turn may be late [steps]."""
+IN_TURN = ((2, 1), (3, 0), (3, 1), (3, 2))
+"""Of how many frames in turn one is late or early, and which."""
+UNEVEN, UNEVEN_SHARE = (0.06, 0.12, 0.25), 1e-3
+"""Errors of the times of uneven frames [steps], and the prior probability that a film has any: a recorder's often have."""
+COLUMNS = ("heavy", "light", "light_x", "light_y", "heavy_y")
+"""Columns that may stand in other rows than the rest: of one mass, or one alone."""
+MAX_SHIFT, MIN_ROWS_A_SHIFT = 20, 4
+"""Largest number of rows by which columns may stand in other rows, and smallest number of rows in a table for each of these."""
+REFITS, MAX_SLIPS = 2, 0.2
+"""Largest number of fits without points to which a tracker slips, and largest share of these."""
+MAX_SHOWN = 3
+"""Largest number of rows that a sentence names."""
+OWN_TIMES = "export the film's own frame times, or its frame numbers"
+"""Way out where pictures are lost, repeated or uneven."""
+ONE_CLOCK = (
+    "share the film as the camera took it, without a part in slow motion, and mark it again, or mark one part and state its "
+    "'frame_rate'"
+)
+"""Way out where the clock changes."""
+SAME_ROWS = "needed each row to show both masses at one time; correct the rows of these columns"
+"""Way out where columns stand in other rows."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _LateRows:
-    """By how much later each row was taken than its file says, shape (n,)."""
+class Account:
+    """At which time each row was taken."""
 
-    value: Array
-    """[s]."""
-    error: Array
-    """Standard errors [s]; infinite where nothing moves."""
-    rest: Array
-    """Mean square distance from the model's way then, in variances of the noise."""
+    family: str
+    """Kind of account."""
+    time: Array
+    """[s], shape (rows, channels)."""
+    log_share: float
+    """Logarithm of the prior probability."""
+    text: str = ""
+    """What is wrong with the times, and what is needed; empty: nothing."""
+    unrest: float = UNREST
+    """Error of each time [steps]."""
+    changes: tuple[Change, ...] = ()
+    """Changes of the times from row to row."""
 
     @property
-    def off(self) -> float:
-        """Return that of all rows together."""
-        return float(np.mean(self.rest))
+    def copied(self) -> NDArray[np.bool_]:
+        """Return whether each row shows the picture before again, shape (rows,)."""
+        return np.isin(np.arange(len(self.time)), [c.row for c in self.changes if c.lost < 0])
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """Return what tells it from others."""
+        return self.family, self.unrest, self.changes, self.time.tobytes()
 
 
-def _late_rows(problem: Problem, rows: Array, x: Array) -> _LateRows:
-    """Return by how much later rows were taken, by the model whose values are fitted to the way alone."""
-    data = problem.data[0]
-    late = _displaced_along(problem, rows, x, np.zeros_like(rows))
-    before = math.inf
-    for _ in range(ROUNDS):
-        if late.off > (1 - MIN_FALL) * before:
-            break
-        before = late.off
-        # In the order of the file, as a fit needs it
-        t = np.maximum.accumulate(rows + late.value) + 1e-9 * np.arange(len(rows))
-        channels = tuple(dataclasses.replace(c, t=t[np.searchsorted(rows, c.t)]) for c in data.channels)
-        moved = problem.with_data([dataclasses.replace(data, channels=channels)])
-        x = minimise(moved, x, cost_tolerance=1e-3, max_iterations=2).x
-        late = _displaced_along(problem, rows, x, late.value)
-    return late
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Judged:
+    """An account with the fit at its own times."""
+
+    account: Account
+    evidence: Evidence
+    log: float
+    """Logarithm of its probability, but for a constant that all accounts of a film share."""
+
+    @property
+    def log_posterior(self) -> float:
+        """Return the logarithm of its probability, to be compared with that of other mistakes."""
+        return self.evidence.log + self.account.log_share
+
+    @property
+    def explains_all(self) -> bool:
+        """Return whether only noise is left."""
+        return self.evidence.explains and self.evidence.misfit <= MAX_GOOD_MISFIT
 
 
-def _displaced_along(problem: Problem, rows: Array, x: Array, before: Array) -> _LateRows:
-    """Return by how much later rows were taken, by the model with these values."""
-    data, step = problem.data[0], float(np.median(np.diff(rows)))
-    beyond = float(np.abs(before).max()) + (REACH + 2) * step
-    t = np.arange(rows[0] - beyond, rows[-1] + beyond, step / SUBSTEPS)
-    dense = tuple(dataclasses.replace(c, t=t, value=np.zeros_like(t)) for c in data.channels)
-    there = TrialData(trial=data.trial, channels=dense, sigma=np.ones(len(t) * len(dense)))
-    shown = problem.with_data([there]).predict(x, 0).reshape(len(dense), len(t))
-    points = np.full((len(dense), len(rows)), np.nan)
-    for i, c in enumerate(data.channels):
-        noise = max(scatter(c), c.last_digit)
-        points[i, np.searchsorted(rows, c.t)] = np.where(np.isfinite(data.sigma[data.slices[c.name]]), c.value / noise, np.nan)
-        shown[i] /= noise
-    velocity = np.asarray(np.gradient(shown, t, axis=1))
-    known = np.isfinite(points)
-    value, rest, last = np.zeros_like(rows), np.zeros_like(rows), 0.0
-    error = np.full(len(rows), np.inf)
-    for n, row in enumerate(rows.tolist()):
-        low, high = (int(np.searchsorted(t, row + last + reach)) for reach in (-REACH * step, REACH * step))
-        beside = np.asarray(points[:, n, None] - shown[:, low:high])[known[:, n]]
-        cost = np.einsum("ct,ct->t", beside, beside) + STAYS * ((t[low:high] - row - last) / step) ** 2
-        at = int(np.argmin(cost))
-        v = velocity[known[:, n], low + at]
-        square = float(v @ v)
-        further = float(np.clip(v @ beside[:, at] / (square + STAYS / step**2), -step / SUBSTEPS, step / SUBSTEPS))
-        value[n] = last = t[low + at] + further - row
-        if known[:, n].sum() >= MIN_COORDINATES and square:
-            error[n] = 1 / np.sqrt(square)
-        rest[n] = float(np.sum((beside[:, at] - v * further) ** 2)) / max(int(known[:, n].sum()) - 1, 1)
-    return _LateRows(value=value, error=error, rest=rest)
+class FilmTimes:
+    """The accounts of one trial's times."""
 
+    def __init__(self, search: TrialSearch, problem: Problem, last: float) -> None:
+        """Take the rows up to the time ``last`` [s]."""
+        self._search = search
+        self._upright = search.declared.upright()
+        parameters, data = search.declared.study.parameters({}, search.declared.trial), problem.data[0]
+        self._rows = Rows.of(data, {c.unit: length_per_unit(c.unit, parameters.free_length) for c in data.channels})
+        self._names = [c.name for c in data.channels]
+        self._end = END * fall_time(parameters)
+        self._count = int(np.searchsorted(self._rows.t, min(self._end, last), side="right"))
 
-def _breaks(rows: Array, late: _LateRows, time_error: float) -> list[WrongTimes]:
-    """Return from where on all rows are displaced, or last longer or shorter, the clearest first."""
-    step = float(np.median(np.diff(rows)))
-    # The way off the model's shows the noise: with few rows a second, that of the points themselves contains their motion
-    noise = math.sqrt(late.off) * late.error
-    value, error = late.value / step, np.hypot(np.hypot(noise, time_error) / step, MIN_ERROR)
-    # A recorder's times are uneven, beside what the points' noise does
-    bends = np.abs(np.diff(value, 2)) / np.sqrt(error[:-2] ** 2 + 4 * error[1:-1] ** 2 + error[2:] ** 2)
-    weight = 1 / (error * max(1.0, float(np.median(bends)) / 0.67))
-    halves = sorted({*HALVES, *(max(HALVES[0], round(time / step)) for time in HALF_TIMES)})
-    found: list[WrongTimes] = []
-    while len(found) < MAX_FOUND:  # from where on all are displaced
-        bend, sigmas = _broken_lines(rows / step, value, weight, BEND_HALF, bent=True)
-        k = int(np.argmax(np.where(np.abs(bend[0]) > MIN_BEND, sigmas, 0.0)))
-        if sigmas[k] > MIN_BEND_SIGMAS and abs(bend[0, k]) > MIN_BEND:
-            ratio = (1 + bend[1, k] + bend[0, k]) / (1 + bend[1, k])
-            factor = min(RATE_FACTORS, key=lambda f: abs(ratio / f - 1))
-            if abs(ratio / factor - 1) > MAX_FACTOR_ERROR:
+    @staticmethod
+    def of(search: TrialSearch) -> FilmTimes | None:
+        """Return the accounts of a trial; None: its model cannot run, or it has too few rows."""
+        problem, declared = search.as_declared.problem, search.declared
+        if problem is None or not len(search.as_declared.x):
+            return None
+        usable = usable_points(declared.study, declared.trial, declared.observations)
+        # After one mass was lost, the other alone tells too little
+        all_rows, of_string = (min(c.t[-1] for c in o.channels) for o in (declared.observations, usable))
+        times = FilmTimes(search, problem, all_rows)
+        if of_string < all_rows and times._count >= MIN_ROWS:
+            # A mass that a hand stops is where it was before, and wrong times look like a hand
+            found = times.found
+            if not found or (found.account.family in ("path", "uneven") and not found.explains_all):
+                times = FilmTimes(search, problem, of_string)
+        return times if times._count >= MIN_ROWS else None
+
+    @cached_property
+    def found(self) -> Judged | None:
+        """Return the most probable account; None: that of the table."""
+        declared = self._search.as_declared
+        if declared.misfit > MAX_GOOD_MISFIT:  # perhaps as the tracker slips
+            declared = self._as_declared.evidence
+        best = self._refined(declared)
+        is_explained = declared.explains_all if best is None else best.explains_all and best.account.family != "uneven"
+        if not is_explained:
+            # A fit to wrong times may be so far off that it leads nowhere
+            best = max(filter(None, (best, self._refined(self._grown()))), key=lambda judged: judged.log, default=None)
+        # Where hundreds of millimetres are missing as before, nothing is explained
+        return best if best is not None and (best.evidence.explains_all or declared.explains_all) else None
+
+    @property
+    def best(self) -> Account:
+        """Return the most probable account."""
+        return self.found.account if self.found else self._table
+
+    @cached_property
+    def _as_declared(self) -> Judged:
+        return self._judged(self._table, self._search.as_declared.x)
+
+    @property
+    def put_right(self) -> Observations | None:
+        """Return the observations with the times put right; None: they cannot be."""
+        account, observations = self.best, self._search.declared.observations
+        if account.family == "uneven":
+            error = account.unrest * self._rows.step
+            changed = [dataclasses.replace(c, time_error=max(error, c.time_error)) for c in observations.channels]
+        elif account.changes and all(c.alone for c in account.changes):
+            again = self._rows.t[: self._count][account.copied]
+            changed = []
+            for c in observations.channels:
+                kept = ~np.isin(c.t, again)
+                changed.append(dataclasses.replace(c, t=c.t[kept], value=c.value[kept]))
+        else:
+            return None
+        return dataclasses.replace(observations, channels=tuple(changed))
+
+    @property
+    def _table(self) -> Account:
+        time = np.repeat(self._rows.t[: self._count, None], len(self._names), axis=1)
+        return Account(family="table", time=time, log_share=0.0)
+
+    def _refined(self, evidence: Evidence) -> Judged | None:
+        """Return the best account, looked for about a fit and then about its own; None: that of the table."""
+        best, tried, family = None, {self._table.key}, ""
+        for _ in range(ROUNDS):
+            found = []
+            for account, start in self._proposed(evidence, family):
+                if account.key not in tried:
+                    tried.add(account.key)
+                    found.append(self._judged(account, start))
+            if not found:
                 break
-            found.append(WrongTimes(t=float(rows[k]), factor=factor))
-            value = value - bend[0, k] * np.maximum(rows - rows[k], 0) / step
-            continue
-        best = (0.0, 0, 0.0)
-        for half in halves:
-            jump, sigmas = _broken_lines(rows / step, value, weight, half, bent=False)
-            k = int(np.argmax(np.where(jump[0] > MIN_JUMP, sigmas, 0.0)))
-            best = max(best, (float(sigmas[k]), k, float(jump[0, k])))
-        sigma, k, size = best
-        if sigma < MIN_JUMP_SIGMAS or size < MIN_JUMP:
-            break
-        found.append(WrongTimes(t=float(rows[k]), shift=round(size) * step))
-        value = value - round(size) * (np.arange(len(rows)) >= k)
-    # Rows beside such a place, which is known to a row or two, are no single ones
-    return sorted(found, key=lambda each: each.t) or _single_rows(rows, late, value, error)
+            better = max(found, key=lambda j: j.log)
+            if not better.evidence.lacks_nothing:  # about a fit to other times
+                better = max(better, self._judged(better.account, None), key=lambda j: j.log)
+            if better.log <= (best or self._as_declared).log:
+                break
+            best, evidence = better, better.evidence
+            # Uneven times explain a little of everything
+            family = "" if better.account.family == "uneven" else better.account.family
+        return best
+
+    def _grown(self) -> Evidence:
+        """Return a fit to the likeliest path of times, which is found over longer and longer parts of the film."""
+        table = self._table
+        changes: tuple[Change, ...] = ()
+        found, time = self._search.as_declared, table.time[:, 0]
+        for part in PARTS:
+            count = max(int(part * self._count), MIN_ROWS)
+            start = None if part == PARTS[0] else found.x
+            fitted = self._fitted(self._of_path(time[:count], changes), start)
+            found = found if fitted.problem is None else fitted  # with too few rows
+            if part == PARTS[0] and found.misfit > MAX_GOOD_MISFIT:  # its times are wrong from the start
+                found = dataclasses.replace(found, x=np.zeros_like(found.x))
+            if part < 1:
+                further = max(int(PARTS[PARTS.index(part) + 1] * self._count), MIN_ROWS)
+                path = likeliest_paths(self._rows, self._motion(found), further)[0]
+                changes, time = path.changes, path.time
+        return found
+
+    def _proposed(self, evidence: Evidence, family: str) -> list[tuple[Account, Array | None]]:
+        """Return accounts of a family, or of all, that may be more probable than the table, and where their fits begin."""
+        if evidence.problem is None:
+            return []
+        motion = self._motion(evidence)
+        proposed: list[tuple[Account, Array | None]] = []
+        if family in ("", "path"):
+            paths = likeliest_paths(self._rows, motion, self._count)
+            own = next((p.log for p in paths if not p.changes), -math.inf)
+            # A rate that all rows have is another mistake
+            changed = [p for p in paths if any(c.row for c in p.changes) and p.log + math.log(COMMON) > own]
+            proposed += [(self._of_path(p.time, p.changes), evidence.x) for p in changed[:PROPOSED]]
+        if family != "path":
+            others = {"turn": self._in_turn, "uneven": self._uneven, "shifted": self._shifted}
+            accounts = [self._table, *(a for name, them in others.items() if family in ("", name) for a in them())]
+            time, unrest = np.array([a.time for a in accounts]), np.array([a.unrest for a in accounts])
+            share = np.array([a.log_share for a in accounts])
+            log = share + log_of_times(self._rows, motion, time, unrest, sizes=[evidence.lacking], blurs=BLURS[1:2])
+            for name in others:
+                of_name = [i for i, a in enumerate(accounts) if a.family == name and log[i] > log[0]]
+                proposed += [(accounts[i], evidence.x) for i in sorted(of_name, key=lambda i: -log[i])[:PROPOSED]]
+            if not evidence.explains_all:  # a fit to columns that are shifted far is none
+                shifted = [a for a in accounts if a.family == "shifted"]
+                nearest = sorted(shifted, key=lambda a: measured_distance(self._at_own_times(a)).relative)
+                proposed += [(account, None) for account in nearest[:PROPOSED]]
+        return proposed
+
+    def _motion(self, evidence: Evidence, end: float = 0.0) -> Motion:
+        """Return the motion by a fit."""
+        if evidence.problem is None:
+            raise ValueError("a fit without a problem")  # those are sorted out where they are made
+        return Motion.of(evidence.problem, evidence.x, self._rows, end or 1.1 * self._end)
+
+    def _of_path(self, time: Array, changes: tuple[Change, ...]) -> Account:
+        return Account(
+            family="path",
+            time=np.repeat(time[:, None], len(self._names), axis=1),
+            log_share=math.log(COMMON) + log_of_change(self._count) * len(changes),
+            text="; ".join(_sentences(changes, self._rows)),
+            changes=changes,
+        )
+
+    def _in_turn(self) -> Iterator[Account]:
+        table, step = self._table, self._rows.step
+        number = np.rint((self._rows.t[: self._count] - self._rows.t[0]) / step)
+        for period, place in IN_TURN:
+            for late in LATE:
+                lateness = late * (np.arange(period) == place)
+                means = " and ".join(f"{m:.2g}" for m in 1 + np.roll(lateness, -1) - lateness)
+                yield dataclasses.replace(
+                    table,
+                    family="turn",
+                    time=table.time + step * lateness[(number % period).astype(int)][:, None],
+                    log_share=math.log(COMMON / (len(IN_TURN) * len(LATE))),
+                    text=f"frames in turn last {means} of their mean, by the masses' motion, unlike their times; {OWN_TIMES}",
+                )
+
+    def _uneven(self) -> Iterator[Account]:
+        for unrest in UNEVEN:
+            text = (
+                f"by the masses' motion, pictures were taken unevenly, {1e3 * unrest * self._rows.step:.2g} ms beside their "
+                "times: taken as an error of each time"
+            )
+            share = math.log(UNEVEN_SHARE / len(UNEVEN))
+            yield dataclasses.replace(self._table, family="uneven", log_share=share, text=text, unrest=unrest)
+
+    def _shifted(self) -> Iterator[Account]:
+        table, most = self._table, min(MAX_SHIFT, self._count // MIN_ROWS_A_SHIFT)
+        shifts = [n for n in range(-most, most + 1) if n]
+        groups = {name: np.array([n.startswith(name) for n in self._names]) for name in COLUMNS}
+        groups = {name: of for name, of in groups.items() if of.any() and not of.all()}
+        for name, of in groups.items():
+            body, _, axis = name.partition("_")
+            what = f"{axis} of the {body} mass" if axis else f"the {body} mass's points"
+            for n in shifts:
+                rows = f"{abs(n)} row{'s' if abs(n) > 1 else ''} {'later' if n > 0 else 'earlier'}"
+                yield dataclasses.replace(
+                    table,
+                    family="shifted",
+                    time=table.time - n * self._rows.step * of,
+                    log_share=math.log(COMMON / (len(groups) * len(shifts))),
+                    text=f"found {what} {rows} than the other columns; {SAME_ROWS}",
+                )
+
+    def _at_own_times(self, account: Account, slipped: NDArray[np.bool_] | None = None) -> DeclaredTrial:
+        """Return the trial with the rows' times by an account, without points of bodies that slipped."""
+        rows, count = self._rows, len(account.time)
+        left_out = np.repeat(account.copied[:, None], len(self._names), axis=1)
+        if slipped is not None:
+            for b, body in enumerate(rows.bodies):
+                left_out[:, list(body)] |= slipped[:, b, None]
+
+        def at_own_times(channel: Channel) -> Channel:
+            if channel.name not in self._names:  # rates, which were computed from the angles
+                return channel
+            row, number = np.searchsorted(rows.t, channel.t), self._names.index(channel.name)
+            kept = (row < count) & ~left_out[np.minimum(row, count - 1), number]
+            t, value = account.time[row[kept], number], channel.value[kept]
+            order = np.argsort(t, kind="stable")
+            apart = np.diff(t[order], prepend=-math.inf) > 0
+            return dataclasses.replace(channel, t=t[order][apart], value=value[order][apart])
+
+        return self._upright.with_channels(at_own_times)
+
+    def _fitted(self, account: Account, start: Array | None) -> Evidence:
+        """Return the fit of the declared model at an account's times, without points to which a tracker slips.
+
+        Without a problem: the model cannot run there.
+        """
+        declared = self._at_own_times(account)
+        distance = measured_distance(declared) if account.family == "shifted" else self._search.distance
+        fitted = evidence_of_trial(declared, distance, end=END, start=start)
+        if not len(fitted.x):
+            return Evidence(log=-math.inf)
+        for _ in range(REFITS):
+            if fitted.misfit <= MAX_GOOD_MISFIT:
+                break
+            slipped = slips(self._rows, self._motion(fitted), account.time)
+            if not slipped.any() or slipped.mean() > MAX_SLIPS:
+                break
+            again = evidence_of_trial(self._at_own_times(account, slipped), distance, end=END, start=fitted.x)
+            if not len(again.x) or again.misfit >= fitted.misfit:
+                break
+            fitted = again
+        return fitted
+
+    def _judged(self, account: Account, start: Array | None) -> Judged:
+        """Return an account with the density of all points by a fit at its times."""
+        evidence = self._fitted(account, start)
+        if evidence.problem is None:
+            return Judged(account=account, evidence=evidence, log=-math.inf)
+        motion = self._motion(evidence, float(account.time.max()) + self._rows.step)
+        log = float(log_of_times(self._rows, motion, account.time[None], np.array([account.unrest]), account.copied[None])[0])
+        prior = np.array([n.prior_sigma for n in evidence.problem.free_parameters])
+        log += account.log_share - 0.5 * float(np.sum((evidence.x / prior) ** 2))
+        return Judged(account=account, evidence=evidence, log=log)
 
 
-def _single_rows(rows: Array, late: _LateRows, value: Array, error: Array) -> list[WrongTimes]:
-    """Return rows that are displaced beside their neighbours; the first one stands for all if all are, a little each.
-
-    Parameters
-    ----------
-    value, error
-        Displacements and their errors, without those from somewhere on [steps].
-    """
-    step = float(np.median(np.diff(rows)))
-    share = (rows[1:-1] - rows[:-2]) / (rows[2:] - rows[:-2])
-
-    def beside_neighbours() -> Array:
-        return np.asarray(value[1:-1] - (1 - share) * value[:-2] - share * value[2:])
-
-    value, singles = value.copy(), list[WrongTimes]()
-    # A row whose way crosses that of another time tells nothing, nor do its neighbours
-    error = np.where(np.abs(np.pad(beside_neighbours(), 1)) < MAX_BESIDE, error, np.inf)
-    error = np.sqrt(error[1:-1] ** 2 + ((1 - share) * error[:-2]) ** 2 + (share * error[2:]) ** 2)
-    while True:
-        beside = beside_neighbours()
-        usual = (np.abs(beside) > MIN_BESIDE) & (late.rest[1:-1] < MAX_REST)
-        sigmas = np.where(usual, np.abs(beside) / error, 0.0)
-        k = int(np.argmax(sigmas))
-        if sigmas[k] < MIN_JUMP_SIGMAS or len(singles) == MAX_FOUND:
-            break
-        singles.append(WrongTimes(t=float(rows[k + 1]), shift=float(beside[k]) * step, onward=False))
-        value[k + 1] -= beside[k]
-    known = np.isfinite(error) & (late.rest[1:-1] < MAX_REST)
-    if known.sum() >= MIN_ROWS:
-        mean = float(np.mean(np.minimum(beside / error, MAX_SIGMAS)[known] ** 2))
-        if mean > max(MIN_UNEVEN_RATIO, 1 + MIN_JUMP_SIGMAS * math.sqrt(2 / int(known.sum()))):
-            most = float(np.max(np.abs(beside[known]) * (error[known] < MIN_BESIDE), initial=0.0))
-            singles.append(WrongTimes(t=float(rows[0]), shift=most * step, onward=False))
-    return singles
+def _sentences(changes: Sequence[Change], rows: Rows) -> list[str]:
+    """Return in words which rows' times are wrong, and how."""
+    said = []
+    rates = [c for c in changes if c.factor != 1]
+    if rates:
+        ratios = (f"{c.factor:.3g} times" if c.factor > 1 else f"1/{1 / c.factor:.3g}" for c in rates)
+        found = " and ".join(
+            f"from {rows.t[c.row]:.3g} s on a row lasts {words} as long" for c, words in zip(rates, ratios, strict=True)
+        )
+        said.append(f"by the masses' motion, the clock changes: {found}; {ONE_CLOCK}")
+    lost = [c for c in changes if c.lost > 0]
+    if lost:
+        of_first = f"as where pictures are lost (at the first place {lost[0].lost})"
+        said.append(f"from {_places(lost, rows)} on the masses are ahead of their times, {of_first}; {OWN_TIMES}")
+    again = [c for c in changes if c.lost < 0]
+    if again:
+        alone = len(again) == len(changes) and all(c.alone for c in again)
+        what = "the masses are where they were a row before, so that a picture is stored again there"
+        said.append(f"at {_places(again, rows)} {what}{': left out' if alone else f'; {OWN_TIMES}'}")
+    return said
 
 
-def _broken_lines(t: Array, value: Array, weight: Array, half: int, *, bent: bool) -> tuple[Array, Array]:
-    """Fit a line to the rows on each side of every row.
-
-    Parameters
-    ----------
-    t
-        Times of the rows [steps].
-    bent
-        Whether it bends there; otherwise it jumps, with one slope on both sides.
-
-    Returns
-    -------
-    The break at each row and the slope before it, shape (2, n); and the break in its standard errors, shape (n,).
-    """
-    # Beyond the film's ends rows weigh nothing
-    y, w, x = (sliding_window_view(np.pad(each, half), 2 * half)[: len(value)] for each in (value, weight, t))
-    x = np.where(w > 0, x - t[:, None], 0.0)
-    after = np.maximum(x, 0.0) if bent else np.broadcast_to(np.arange(-half, half) >= 0, x.shape)
-    design = np.stack([after, x, np.ones_like(x)], axis=2) * w[..., None]
-    normal = design.swapaxes(1, 2) @ design
-    inverse = np.linalg.pinv(normal, hermitian=True)
-    coefficients = np.einsum("nij,nkj,nk->ni", inverse, design, w * y)
-    rest = w * y - np.einsum("nkj,nj->nk", design, coefficients)
-    freedom = np.sum(w > 0, axis=1) - 3
-    misfit = np.maximum(np.sum(rest**2, axis=1) / np.maximum(freedom, 1), 1.0)
-    sigmas = np.abs(coefficients[:, 0]) / np.sqrt(np.maximum(inverse[:, 0, 0] * misfit, 1e-12))
-    # Two rows on each side at least, and one more than there are numbers
-    sides = np.minimum(np.sum(w[:, :half] > 0, axis=1), np.sum(w[:, half:] > 0, axis=1))
-    return coefficients[:, :2].T, np.where((sides >= 2) & (freedom >= 1), sigmas, 0.0)
-
-
-@dataclass(frozen=True, kw_only=True)
-class RowShift:
-    """Columns of a table that stand in other rows than the rest."""
-
-    columns: str
-    """Which: a channel, or "heavy" or "light" for all of a mass's."""
-    rows: int
-    """By how many rows their points are late; negative: early."""
-
-    @property
-    def text(self) -> str:
-        """Return what is shifted, and by how much, in words."""
-        body, _, axis = self.columns.partition("_")
-        what = f"{axis} of the {body} mass" if axis else f"the {body} mass's points"
-        plural = "s" if abs(self.rows) > 1 else ""
-        return f"{what} {abs(self.rows)} row{plural} {'later' if self.rows > 0 else 'earlier'} than the other columns"
-
-
-def without_shift(declared: DeclaredTrial, shift: RowShift) -> DeclaredTrial:
-    """Return the trial, with y up, with columns earlier by so many rows."""
-
-    def earlier(channel: Channel) -> Channel:
-        is_shifted = channel.name.startswith(shift.columns)
-        return dataclasses.replace(channel, t=channel.t - shift.rows * channel.time_step) if is_shifted else channel
-
-    return declared.upright().with_channels(earlier)
-
-
-def row_shift(declared: DeclaredTrial, least_ratio: float = 1.0) -> RowShift | None:
-    """Return which columns stand in other rows than the rest, by the string's length; None: there are none.
-
-    The free string, what is wound up, and the height of the heavy mass make one length, whatever the forces are.
-
-    Parameters
-    ----------
-    least_ratio
-        Smallest ratio of the mean squares before and after, where it is larger than `MIN_SHIFT_RATIOS`.
-    """
-    declared = declared.upright()
-    channels = {c.name: c for c in declared.observations.channels}
-    if not {"light_x", "light_y", "heavy_y"} <= channels.keys() or min(map(len, channels.values())) < MIN_COMPARED_ROWS:
-        return None
-    parameters = declared.study.parameters({}, declared.trial)
-    # Mean square by which noise alone makes the string's two ends differ [m^2]
-    of_x, of_y, of_heavy = (scatter(channels[name]) ** 2 for name in ("light_x", "light_y", "heavy_y"))
-    noise = (of_x + of_y) / 2 + of_heavy
-    before = _string_misfit(declared, parameters, noise)
-    best, least = None, math.inf
-    limit = min(MAX_SHIFT, len(channels["light_x"]) // MIN_ROWS_A_SHIFT)
-    for columns, usual_ratio in MIN_SHIFT_RATIOS.items():
-        if before <= max(usual_ratio, least_ratio):
-            continue
-        shifts = [RowShift(columns=columns, rows=n) for n in range(-limit, limit + 1)]
-        misfits = [before if not s.rows else _string_misfit(without_shift(declared, s), parameters, noise) for s in shifts]
-        at = int(np.argmin(misfits))
-        # Far shifts leave few rows, which the terms of the picture fit better than their noise allows
-        clear = before > max(usual_ratio, least_ratio) * max(misfits[at], 1.0)
-        if shifts[at].rows and 0 < at < len(shifts) - 1 and clear and misfits[at] < least:
-            best, least = shifts[at], misfits[at]
-    return best
-
-
-def shifts_by_motion(declared: DeclaredTrial) -> list[RowShift]:
-    """Return with which columns in other rows the points are nearest to the declared motion, and those by a row more and less.
-
-    Where columns are shifted far, few rows are left in which the string's two ends can be compared.
-    """
-    limit = min(MAX_SHIFT, max((len(c) for c in declared.observations.channels), default=0) // MIN_ROWS_A_SHIFT)
-    shifts = [RowShift(columns=c, rows=n) for c in ("heavy", "light", *MIN_SHIFT_RATIOS) for n in range(-limit, limit + 1)]
-    nearest = min(shifts, key=lambda shift: measured_distance(without_shift(declared, shift)).relative)
-    # Before anything is fitted, one row more or less may be nearer
-    rows = (nearest.rows + more for more in (0, 1, -1))
-    return [dataclasses.replace(nearest, rows=n) for n in rows if n] if nearest.rows else []
-
-
-def _string_misfit(declared: DeclaredTrial, parameters: Parameters, noise: float) -> float:
-    """Return the mean square of what the string's two ends differ by, in that of the noise.
-
-    What scale, turn and place of the picture change is fitted. Large differences count as `MAX_STRING_SIGMAS`: it matters in
-    how many rows the ends differ, so that a tracker that slips for some is no shift.
-    """
-    channels = {c.name: c for c in declared.observations.channels}
-    x, y, heavy = (channels[name] for name in ("light_x", "light_y", "heavy_y"))
-    camera = Camera(**{name: known.value for name, known in declared.trial.camera.items()})
-    inside = (x.t >= max(y.t[0], heavy.t[0])) & (x.t <= min(y.t[-1], heavy.t[-1]))
-    t = x.t[inside]
-    if len(t) < MIN_COMPARED_ROWS:
-        return math.inf
-    place = camera.true_position(np.stack([x.value[inside], np.interp(t, y.t, y.value)], axis=1))
-    length, angle = string_coordinates(place, parameters.rod_radius, parameters.release_angle)
-    wound = length + parameters.rod_radius * angle
-    below = camera.true_position(np.stack([np.full(len(t), camera.origin_x), np.interp(t, heavy.t, heavy.value)], axis=1))
-    picture = np.stack([*place.T, place[:, 0] ** 2, place[:, 0] * place[:, 1], place[:, 1] ** 2])
-    picture /= np.maximum(length, 0.1 * parameters.free_length)
-    design = np.stack([np.ones(len(t)), below[:, 1], *picture], axis=1)
-    # A picture is known about; without these limits far shifts would be made good by it
-    usual = np.array([parameters.free_length, 1.0, *np.zeros(5)])
-    limits = np.array([parameters.free_length, *([MAX_PICTURE_ERROR] * 6)]) * [1, 1, *([parameters.free_length] * 2), 1, 1, 1]
-    rest = np.concatenate([(wound - design @ usual) / math.sqrt(noise), np.zeros(len(usual))])
-    change = np.linalg.lstsq(np.concatenate([design / math.sqrt(noise), np.diag(1 / limits)]), rest, rcond=None)[0]
-    difference = wound - design @ (usual + change)
-    return float(np.mean(np.minimum(difference**2 / noise, MAX_STRING_SIGMAS**2)))
+def _places(changes: Sequence[Change], rows: Rows) -> str:
+    """Return the times by the file at which something changes, in words."""
+    shown = ", ".join(f"{rows.t[c.row]:.4g} s" for c in changes[:MAX_SHOWN])
+    return f"{shown} and {len(changes) - MAX_SHOWN} more" if len(changes) > MAX_SHOWN else shown

@@ -1,0 +1,411 @@
+"""Which times the rows of a film may show: paths of times, the likeliest first.
+
+Given the time of every row, points are what a fit of the declared model predicts + what it lacks, an integrated Wiener process
+in each coordinate, + noise. So a Kalman filter of two numbers for each coordinate gives the density of a path's points; those
+of all paths run at once. At each row the likeliest paths branch: it may show the picture before again, pictures may be lost
+before it, and rows may last longer or shorter from it on. Of paths that come to one time at one rate, the likeliest goes on.
+
+A tracker slips to another place, or stays where it was while the mass goes on. Such points tell nothing of the times.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaln, logsumexp
+
+from looping_pendulum.discrepancy.first_look.evidence import LACKING, LEAST_NOISE, growth
+from looping_pendulum.discrepancy.fit.data import TrialData
+from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.measured.observations import BODIES
+from looping_pendulum.reference_ode.geometry import Array
+
+CHANGES = 2.0
+"""Number of changes of the times that a film with any has on average."""
+LOST = (1, 2, 3)
+"""Numbers of successive pictures that may be lost."""
+RATE_FACTORS = (2.0, 4.0, 8.0, 1 / 2, 1 / 4, 1 / 8)
+"""Factors by which the duration of a row may change in a film: those of a phone's slow motion."""
+LEAST_ROWS = 6
+"""Smallest number of rows between two changes of their duration."""
+SLIPS = 0.01
+"""Share of a body's points in which the tracker slips, to any place in the range of its points."""
+KNOWN_NOISE = 4.0
+"""How well the noise is known beforehand, in numbers of points."""
+STICKS, STAYS = 1e-4, 0.7
+"""Share of a body's points at which the tracker begins to stay where it was, and share of those in which it goes on to."""
+BLURS = (1e-4, 3e-4, 1e-3)
+"""Growth of a point's error with its speed: half an exposure [s]."""
+UNREST = 0.02
+"""Error of the time of every row [steps]."""
+COPIES = (0.02, 0.1, 0.3)
+"""Noise with which a picture that is stored again is marked again, in that of the points; in half of all cases it is new."""
+AT_REST = 0.01
+"""Standard error of a mass's speed at the release [m/s]."""
+PATHS, PARENTS = 24, 3
+"""Numbers of paths that are kept at a row, and of those that branch."""
+SUBSTEPS = 8
+"""Steps between two rows in which the model's motion is computed."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rows:
+    """The points of a trial, row by row."""
+
+    t: Array
+    """Times by the file [s], shape (n,)."""
+    points: Array
+    """[m], shape (n, channels); not a number where one is missing."""
+    sigma: Array
+    """Noise of each channel's points at rest [m], shape (channels,)."""
+    bodies: tuple[tuple[int, ...], ...]
+    """Numbers of the channels of each body."""
+    unit: Array
+    """Length that a unit of each channel is worth [m]."""
+
+    @staticmethod
+    def of(data: TrialData, length_per_unit: Mapping[str, float]) -> Rows:
+        """Return the rows of a trial."""
+        t = np.unique(np.concatenate([c.t for c in data.channels]))
+        points, names = np.full((len(t), len(data.channels)), np.nan), [c.name for c in data.channels]
+        unit = np.array([length_per_unit[c.unit] for c in data.channels])
+        for i, c in enumerate(data.channels):
+            points[np.searchsorted(t, c.t), i] = c.value * unit[i]
+        bodies = tuple(filter(None, (tuple(names.index(n) for n in of if n in names) for of in BODIES.values())))
+        # Of a mass that moves, noise and wrong times look alike
+        least = np.array([float(np.min(data.sigma[data.slices[n]])) for n in names]) * unit
+        # With few rows a second, differences of neighbours show the light mass's motion, too
+        sigma = np.full(len(names), max(float(least.min()), LEAST_NOISE * float(np.nanmax(points) - np.nanmin(points))))
+        return Rows(t=t, points=points, sigma=sigma, bodies=bodies, unit=unit)
+
+    @property
+    def step(self) -> float:
+        """Return the time from row to row by the file [s]."""
+        return float(np.median(np.diff(self.t)))
+
+    @property
+    def log_slip(self) -> float:
+        """Return the logarithm of the density of a coordinate to which a tracker slips [1/m]."""
+        return -math.log(float(np.nanmax(self.points) - np.nanmin(self.points)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Motion:
+    """What a fit of the declared model predicts, at closely spaced times."""
+
+    start: float
+    step: float
+    place: Array
+    """[m], shape (times, channels)."""
+    velocity: Array
+
+    @staticmethod
+    def of(problem: Problem, x: Array, rows: Rows, end: float) -> Motion:
+        """Return the motion from the first row's time to ``end`` [s]."""
+        data, step = problem.data[0], rows.step / SUBSTEPS
+        t = np.arange(rows.t[0], end + step, step)
+        dense = tuple(dataclasses.replace(c, t=t, value=np.zeros_like(t)) for c in data.channels)
+        there = problem.with_data([TrialData(trial=data.trial, channels=dense, sigma=np.ones(len(t) * len(dense)))])
+        place = (there.predict(x, 0).reshape(len(dense), -1) * rows.unit[:, None]).T
+        return Motion(start=float(t[0]), step=step, place=place, velocity=np.asarray(np.gradient(place, step, axis=0)))
+
+    def at(self, t: Array) -> tuple[Array, Array]:
+        """Return places and velocities at times of each channel, shape (paths, channels)."""
+        k = np.clip(np.rint((t - self.start) / self.step), 0, len(self.place) - 1).astype(int)
+        off = np.clip(t - self.start - k * self.step, -self.step, self.step)
+        channel = np.arange(self.place.shape[1])
+        velocity = self.velocity[k, channel]
+        return self.place[k, channel] + off * velocity, velocity
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change of the times from a row on."""
+
+    row: int
+    lost: int = 0
+    """Number of pictures lost before it; -1: it shows the one before again."""
+    factor: float = 1.0
+    """How long a row lasts from here on, in what it lasted before."""
+    alone: bool = False
+    """Whether all later rows show their own pictures again."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Path:
+    """Times of the rows, and how likely they are."""
+
+    log: float
+    """Logarithm of the probability of its changes and of the density of the points."""
+    time: Array
+    """Time of each row [s], shape (rows,)."""
+    changes: tuple[Change, ...] = ()
+
+
+class Filters:
+    """Kalman filters of several paths: of how far each coordinate is off the model's way, and of how fast it departs."""
+
+    def __init__(
+        self, rows: Rows, motion: Motion, q: Array, unrest: Array | float = UNREST, blur: Array | float = BLURS[1]
+    ) -> None:
+        paths, channels = len(q), rows.points.shape[1]
+        self.rows, self.motion = rows, motion
+        self.log = np.zeros(paths)
+        """Logarithm of each path's probability."""
+        self.q, self.unrest, self.blur = np.array(q), np.full(paths, rows.step * np.asarray(unrest)), np.full(paths, blur)
+        self.off, self.speed, self.off_speed = (np.zeros((paths, channels)) for _ in range(3))
+        """Means, and the covariance of the two."""
+        self.off_variance, self.speed_variance = np.tile(rows.sigma**2, (paths, 1)), np.full((paths, channels), AT_REST**2)
+        self.squares, self.counts = (np.full((paths, len(rows.bodies)), KNOWN_NOISE) for _ in range(2))
+        """Squares of what is left of each body's points, in the noise as it is known beforehand, and their number."""
+        self.slipped = np.zeros((paths, len(rows.bodies)), dtype=bool)
+        """Whether the last points of each body were no places of it."""
+
+    @property
+    def _arrays(self) -> dict[str, Array]:
+        return {name: value for name, value in vars(self).items() if name not in ("rows", "motion")}
+
+    def take(self, index: NDArray[np.intp]) -> Filters:
+        """Return the filters of some paths."""
+        taken = copy.copy(self)
+        vars(taken).update({name: value[index] for name, value in self._arrays.items()})
+        return taken
+
+    def step(self, row: int, t: Array, elapsed: Array) -> None:
+        """Predict a row at times of shape (paths, channels), so long after the one before, and take in its points."""
+        q, dt = self.q[:, None], elapsed[:, None] + 1e-9
+        self.off = self.off + dt * self.speed
+        self.off_variance = self.off_variance + dt * (2 * self.off_speed + dt * self.speed_variance) + q * dt**3 / 3
+        self.off_speed = self.off_speed + dt * self.speed_variance + q * dt**2 / 2
+        self.speed_variance = self.speed_variance + q * dt
+        place, velocity = self.motion.at(t)
+        rest = self.rows.points[row] - place - self.off
+        self.speed, self.squares, self.counts = self.speed.copy(), self.squares.copy(), self.counts.copy()
+        self.log, self.slipped = self.log.copy(), self.slipped.copy()
+        for b, body in enumerate(self.rows.bodies):
+            known = [i for i in body if math.isfinite(self.rows.points[row, i])]
+            if known:
+                self._take_in(row, b, known, rest[:, known], velocity[:, known])
+
+    def _take_in(self, row: int, b: int, known: list[int], rest: Array, velocity: Array) -> None:
+        """Take in the points of a body, which are off what is predicted by ``rest``, shape (paths, known channels)."""
+        count, many = self.counts[:, b], len(known)
+        noise = self.rows.sigma[known] * np.sqrt(self.squares[:, b] / count)[:, None]
+        noise = noise + (self.blur * np.linalg.norm(velocity, axis=1))[:, None]
+        variance = self.off_variance[:, known] + noise**2
+        # An error of the time is one and the same for all coordinates
+        by_time = self.unrest**2 * np.sum(velocity**2 / variance, axis=1)
+        square = np.sum(rest**2 / variance, axis=1)
+        square -= self.unrest**2 / (1 + by_time) * np.sum(velocity * rest / variance, axis=1) ** 2
+        # Student's distribution, as the noise is not known exactly
+        log = gammaln((count + many) / 2) - gammaln(count / 2) - 0.5 * (count + many) * np.log1p(square / count)
+        log -= 0.5 * (many * np.log(count * math.pi) + np.sum(np.log(variance), axis=1) + np.log1p(by_time))
+        log += math.log1p(-SLIPS)
+        slip = self._log_of_slip(row, b, known, noise)
+        used = log > slip
+        self.log += np.where(used, log, slip)
+        self.slipped[:, b] = ~used
+        variance = variance + (self.unrest[:, None] * velocity) ** 2
+        gain, of_speed = (each[:, known] / variance * used[:, None] for each in (self.off_variance, self.off_speed))
+        self.off[:, known] += gain * rest
+        self.speed[:, known] += of_speed * rest
+        self.speed_variance[:, known] -= of_speed * self.off_speed[:, known]
+        self.off_speed[:, known] -= gain * self.off_speed[:, known]
+        self.off_variance[:, known] -= gain * self.off_variance[:, known]
+        left = (rest * (1 - gain)) ** 2 + self.off_variance[:, known]
+        unit = noise / np.sqrt(self.squares[:, b] / count)[:, None]
+        self.squares[:, b] += np.where(used, np.sum(left / unit**2, axis=1), 0.0)
+        self.counts[:, b] += np.where(used, many, 0)
+
+    def _log_of_slip(self, row: int, b: int, known: list[int], noise: Array) -> Array:
+        """Return the logarithm of the density of points to which the tracker slips, or stays."""
+        slip = np.full(len(noise), math.log(SLIPS) + len(known) * self.rows.log_slip)
+        apart = self.rows.points[row, known] - self.rows.points[row - 1, known]
+        if row == 0 or not np.isfinite(apart).all():
+            return slip
+        near = -0.5 * np.sum((apart / noise) ** 2, axis=1) - np.sum(np.log(noise * math.sqrt(2 * math.pi)), axis=1)
+        return np.asarray(np.maximum(slip, np.where(self.slipped[:, b], math.log(STAYS), math.log(STICKS)) + near))
+
+    def step_again(self, row: int, t: Array, elapsed: Array, copied: NDArray[np.bool_]) -> None:
+        """Do the same where some paths show the picture before again: marked as it was, which tells nothing new, or anew."""
+        if not copied.any():
+            return self.step(row, t, elapsed)
+        before = self.take(np.arange(len(copied)))
+        self.step(row, t, elapsed)
+        before.log = before.log + before._log_of_copy(row)
+        as_before = copied & (before.log > self.log)
+        vars(self).update(
+            {
+                name: np.where(as_before if value.ndim == 1 else as_before[:, None], before._arrays[name], value)
+                for name, value in self._arrays.items()
+            }
+        )
+        self.log = self.log + np.where(copied, math.log(0.5), 0.0)
+
+    def _log_of_copy(self, row: int) -> Array:
+        """Return the logarithm of the density of a row's points as the marks of the row before, which are set again."""
+        apart, log = self.rows.points[row] - self.rows.points[row - 1], np.zeros(len(self.log))
+        scale = np.sqrt(self.squares / self.counts)
+        for b, body in enumerate(self.rows.bodies):
+            known = [i for i in body if math.isfinite(apart[i])]
+            if known:
+                noise = np.multiply.outer(scale[:, b], np.multiply.outer(COPIES, self.rows.sigma[known]))
+                each = -0.5 * (apart[known] / noise) ** 2 - np.log(noise * math.sqrt(2 * math.pi))
+                log += logsumexp(np.sum(each, axis=2), axis=1) - math.log(len(COPIES))
+        return log
+
+
+def log_of_times(
+    rows: Rows,
+    motion: Motion,
+    t: Array,
+    unrest: Array,
+    copied: NDArray[np.bool_] | None = None,
+    sizes: Sequence[float] = LACKING,
+    blurs: Sequence[float] = BLURS,
+) -> Array:
+    """Return the logarithm of the density of the points with given times of the rows, shape (paths,).
+
+    Parameters
+    ----------
+    t
+        Shape (paths, rows, channels) [s].
+    unrest
+        Errors of the times [steps], shape (paths,).
+    copied
+        Rows that show the picture before again, shape (paths, rows).
+    sizes, blurs
+        Sizes of what the model may lack [m], and growths of the noise with speed [s].
+    """
+    return _filtered(rows, motion, t, unrest, copied, sizes, blurs)[0]
+
+
+def slips(rows: Rows, motion: Motion, t: Array) -> NDArray[np.bool_]:
+    """Return in which rows the tracker slips from each body, by the times of all rows, shape (rows, bodies)."""
+    return _filtered(rows, motion, t[None], np.array([UNREST]))[1]
+
+
+def _filtered(
+    rows: Rows,
+    motion: Motion,
+    t: Array,
+    unrest: Array,
+    copied: NDArray[np.bool_] | None = None,
+    sizes: Sequence[float] = LACKING,
+    blurs: Sequence[float] = BLURS,
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return what `log_of_times` and, of the likeliest filter, what `slips` returns."""
+    # Of every path with all sizes and blurs
+    q, blur = (each.ravel() for each in np.meshgrid([growth(size) for size in sizes], blurs))
+    each, slipped = np.repeat(np.arange(len(t)), len(q)), []
+    filters = Filters(rows, motion, np.tile(q, len(t)), unrest[each], np.tile(blur, len(t)))
+    for row in range(t.shape[1]):
+        now = t[each, row]
+        elapsed = np.abs(np.median(now - t[each, row - 1], axis=1)) if row else np.zeros(len(each))
+        filters.step_again(row, now, elapsed, np.zeros(len(each), dtype=bool) if copied is None else copied[each, row])
+        slipped.append(filters.slipped)
+    log = logsumexp(filters.log.reshape(len(t), len(q)), axis=1) - math.log(len(q))
+    return np.asarray(log), np.array(slipped)[:, int(np.argmax(filters.log))]
+
+
+def log_of_change(count: int) -> float:
+    """Return the logarithm of the prior probability of one change at one of so many rows."""
+    return math.log(CHANGES / count / (1 + len(LOST) + len(RATE_FACTORS)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Option:
+    """A way in which some paths may go on."""
+
+    paths: NDArray[np.intp]
+    elapsed: Array
+    """Time to the next row [s]."""
+    log: float
+    """Logarithm of its probability."""
+    change: Change | None = None
+
+
+def likeliest_paths(rows: Rows, motion: Motion, count: int) -> list[Path]:
+    """Return the likeliest paths of times over so many rows, the likeliest first."""
+    each, stay = log_of_change(count), math.log1p(-min(CHANGES / count, 0.5))
+    rate = np.repeat([1.0, *RATE_FACTORS], len(LACKING))
+    filters = Filters(rows, motion, np.tile([growth(size) for size in LACKING], 1 + len(RATE_FACTORS)))
+    filters.log = np.where(rate == 1, 0.0, each)
+    changes: list[tuple[Change, ...]] = [() if r == 1 else (Change(row=0, factor=r),) for r in rate.tolist()]
+    time, since, owed = np.full(len(rate), rows.t[0]), np.zeros(len(rate), dtype=int), np.zeros(len(rate), dtype=bool)
+    channels = rows.points.shape[1]
+    filters.step(0, np.tile(time[:, None], channels), np.zeros(len(rate)))
+    for row in range(1, count):
+        dt, best = float(rows.t[row] - rows.t[row - 1]), np.argsort(-filters.log)[:PARENTS]
+        options = [_Option(paths=np.arange(len(time)), elapsed=rate * dt, log=stay)]
+        if owed.any():
+            late = np.flatnonzero(owed)
+            change = Change(row=row - 1, lost=-1, alone=True)
+            options.append(_Option(paths=late, elapsed=rate[late] * (dt + rows.step), log=stay, change=change))
+        options.append(_Option(paths=best, elapsed=0 * rate[best], log=each, change=Change(row=row, lost=-1)))
+        for n in LOST:
+            elapsed = rate[best] * (dt + n * rows.step)
+            options.append(_Option(paths=best, elapsed=elapsed, log=each, change=Change(row=row, lost=n)))
+        lasting = best[row - since[best] >= LEAST_ROWS]
+        for factor in RATE_FACTORS:
+            of = lasting[np.abs(np.log(rate[lasting] * factor)) < math.log(max(RATE_FACTORS)) + 0.1]
+            change = Change(row=row, factor=factor)
+            options.append(_Option(paths=of, elapsed=rate[of] * factor * dt, log=each, change=change))
+        index, made = np.concatenate([o.paths for o in options]), [o.change for o in options for _ in o.paths]
+        filters = filters.take(index)
+        filters.log = filters.log + np.concatenate([np.full(len(o.paths), o.log) for o in options])
+        # A picture that was shown again may be made up for, or not
+        filters.log = filters.log + np.where(owed[index], math.log(0.5), 0.0)
+        elapsed = np.concatenate([o.elapsed for o in options])
+        time, rate = time[index] + elapsed, rate[index] * np.array([c.factor if c else 1.0 for c in made])
+        since = np.where([c is not None and c.factor != 1 for c in made], row, since[index])
+        owed = np.array([c is not None and c.lost < 0 and not c.alone for c in made])
+        changes = [_with_change(changes[i], c) for i, c in zip(index.tolist(), made, strict=True)]
+        filters.step_again(row, np.tile(time[:, None], channels), elapsed, owed)
+        kept = _likeliest_apart(filters, np.rint(16 * time / rows.step), np.rint(64 * rate), owed)
+        filters, changes = filters.take(kept), [changes[i] for i in kept.tolist()]
+        time, rate, since, owed = time[kept], rate[kept], since[kept], owed[kept]
+    found: dict[tuple[Change, ...], Path] = {}
+    for i in np.argsort(-filters.log).tolist():
+        if changes[i] not in found:
+            found[changes[i]] = Path(log=float(filters.log[i]), time=times_with(rows, count, changes[i]), changes=changes[i])
+    return list(found.values())
+
+
+def _with_change(changes: tuple[Change, ...], new: Change | None) -> tuple[Change, ...]:
+    """Return the changes with a new one, which takes the place of the last one if it says that this was alone."""
+    if new is None:
+        return changes
+    return (*changes[:-1], new) if new.alone else (*changes, new)
+
+
+def _likeliest_apart(filters: Filters, *state: Array) -> NDArray[np.intp]:
+    """Return the likeliest paths, one of those that are in one state with one size of what the model lacks."""
+    order = np.argsort(-filters.log)
+    _, first = np.unique(np.column_stack([filters.q, *state])[order], axis=0, return_index=True)
+    return order[np.sort(first)[:PATHS]]
+
+
+def times_with(rows: Rows, count: int, changes: Sequence[Change]) -> Array:
+    """Return the times of so many rows with some changes [s]."""
+    at: dict[int, list[Change]] = {}
+    for change in changes:
+        at.setdefault(change.row, []).append(change)
+    rate = math.prod(c.factor for c in at.get(0, ()))
+    time, owed = rows.t[:count].copy(), 0.0
+    for row in range(1, count):
+        elapsed, owed = float(rows.t[row] - rows.t[row - 1]) + owed, 0.0
+        for change in at.get(row, ()):
+            rate *= change.factor
+            if change.lost > 0:
+                elapsed += change.lost * rows.step
+            elif change.lost < 0:
+                elapsed, owed = 0.0, rows.step if change.alone else 0.0
+        time[row] = time[row - 1] + rate * elapsed
+    return time

@@ -1,0 +1,98 @@
+"""Wrong times of a film's rows are named or put right by the probability of its points, and slips of a tracker are none."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from looping_pendulum.discrepancy.first_look.check import take_first_look
+from looping_pendulum.measured import study_io
+from tests.film_faults.faults import Faulty
+from tests.film_faults.films import clean_study
+from tests.film_faults.judging import write
+
+STUDY = clean_study(63)
+"""One trial at 60 frames a second."""
+FILM = STUDY.films[0]
+STEP = 1 / FILM.rate
+
+
+def look(folder, **changes):
+    """Take a first look at the film with other times or points."""
+    film = dataclasses.replace(FILM, **changes)
+    return take_first_look(study_io.load(write(STUDY, Faulty(films=(film,)), folder)))
+
+
+def without_rows(*rows):
+    """Return the film's times and points without some rows, numbered on."""
+    kept = np.setdiff1d(np.arange(len(FILM.t)), rows)
+    return {"t": FILM.t[: len(kept)], "written": FILM.written[kept]}
+
+
+def test_a_film_with_right_times_has_nothing_wrong(tmp_path):
+    check = look(tmp_path)
+    assert not check.mistakes
+    assert not check.put_right
+
+
+def test_lost_pictures_are_named_with_their_places_and_number(tmp_path):
+    [mistake] = look(tmp_path, **without_rows(20, 21)).mistakes
+    assert f"from {FILM.t[20]:.4g} s on the masses are ahead of their times" in mistake.text
+    assert "(at the first place 2)" in mistake.text
+
+
+def test_a_picture_that_is_stored_again_is_left_out(tmp_path):
+    written = FILM.written.copy()
+    written[30] = written[29]
+    check = look(tmp_path, written=written)
+    assert not check.mistakes
+    [name] = check.put_right
+    kept = check.observations[name].channel("light_x").t
+    assert not np.any(np.isclose(kept, FILM.t[30]))
+    assert len(kept) == np.isfinite(written[:, 0]).sum() - 1
+    assert any("a picture is stored again there: left out" in text for text in check.warnings)
+
+
+def test_a_clock_that_changes_is_named(tmp_path):
+    t = FILM.t.copy()
+    t[25:] = t[25] + 4 * (t[25:] - t[25])
+    [mistake] = look(tmp_path, t=t).mistakes
+    assert "the clock changes" in mistake.text
+    assert "on a row lasts 1/4 as long" in mistake.text
+
+
+def test_frames_that_are_uneven_in_turn_are_named(tmp_path):
+    late = np.where(np.arange(len(FILM.t)) % 2, 0.3, 0.0) * STEP
+    moved = FILM.motion(FILM.t + late) - FILM.motion(FILM.t)
+    [mistake] = look(tmp_path, written=FILM.written + moved).mistakes
+    assert mistake.text.startswith("trial 'first': frames in turn last 1.3 and 0.7 of their mean")
+
+
+def test_uneven_times_become_an_error_of_each(tmp_path):
+    late = np.random.default_rng(1).uniform(-0.4, 0.4, len(FILM.t)) * STEP
+    moved = FILM.motion(np.maximum(FILM.t + late, 0.0)) - FILM.motion(FILM.t)
+    check = look(tmp_path, written=FILM.written + moved)
+    assert not check.mistakes
+    [name] = check.put_right
+    # 0.4 / sqrt(3) of a step
+    assert check.observations[name].channel("light_x").time_error == pytest.approx(0.23 * STEP, rel=0.5)
+
+
+@pytest.mark.parametrize(("column", "rows"), [(0, 1), (2, -4)])
+def test_columns_in_other_rows_are_named(tmp_path, column, rows):
+    """A column that is one row late was "averaged over 5 frames"."""
+    written, source = FILM.written.copy(), np.arange(len(FILM.t)) - rows
+    for c in [column] if column == 0 else [2, 3]:
+        inside = (source >= 0) & (source < len(source))
+        written[:, c] = np.where(inside, FILM.written[np.clip(source, 0, len(source) - 1), c], np.nan)
+    [mistake] = look(tmp_path, written=written).mistakes
+    assert f"{abs(rows)} row" in mistake.text
+    assert ("later" if rows > 0 else "earlier") in mistake.text
+
+
+def test_a_tracker_that_stays_where_it_was_is_no_wrong_time(tmp_path):
+    written = FILM.written.copy()
+    written[30:35, :2] = written[30, :2] + 3e-4 * np.random.default_rng(2).standard_normal((5, 2))
+    check = look(tmp_path, written=written)
+    assert not check.mistakes
+    assert not check.put_right
