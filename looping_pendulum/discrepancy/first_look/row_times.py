@@ -148,9 +148,10 @@ class FilmTimes:
         all_rows, of_string = (min(c.t[-1] for c in o.channels) for o in (declared.observations, usable))
         times = FilmTimes(search, problem, all_rows)
         if of_string < all_rows and times._count >= MIN_ROWS:
-            # A mass that a hand stops is where it was before, and wrong times look like a hand
+            # Wrong times look like a hand. But a mass that a hand stops is where it was before, row by row
             found = times.found
-            if not found or (found.account.family in ("path", "uneven") and not found.explains_all):
+            rests = found and found.account.copied[times._rows.t[: times._count] > of_string].any()
+            if not found or rests or (found.account.family in ("path", "uneven") and not found.explains_all):
                 times = FilmTimes(search, problem, of_string)
         return times if times._count >= MIN_ROWS else None
 
