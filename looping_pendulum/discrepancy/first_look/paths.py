@@ -40,7 +40,7 @@ KNOWN_NOISE = 4.0
 """How well the noise is known beforehand, in numbers of points."""
 STICKS, STAYS = 1e-4, 0.7
 """Share of a body's points at which the tracker begins to stay where it was, and share of those in which it goes on to."""
-BLURS = (1e-4, 3e-4, 1e-3)
+BLURS = (1e-4, 3e-4)
 """Growth of a point's error with its speed: half an exposure [s]."""
 UNREST = 0.02
 """Error of the time of every row [steps]."""

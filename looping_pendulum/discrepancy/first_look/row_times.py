@@ -63,6 +63,8 @@ MAX_SHIFT, MIN_ROWS_A_SHIFT = 20, 4
 """Largest number of rows by which columns may stand in other rows, and smallest number of rows in a table for each of these."""
 REFITS, MAX_SLIPS = 2, 0.2
 """Largest number of fits without points to which a tracker slips, and largest share of these."""
+MAX_COPIES = 0.25
+"""Largest share of rows after what looks like a hand in which a mass may be where it was before, if it is none."""
 MAX_SHOWN = 3
 """Largest number of rows that a sentence names."""
 OWN_TIMES = "export the film's own frame times, or its frame numbers"
@@ -150,7 +152,8 @@ class FilmTimes:
         if of_string < all_rows and times._count >= MIN_ROWS:
             # Wrong times look like a hand. But a mass that a hand stops is where it was before, row by row
             found = times.found
-            rests = found and found.account.copied[times._rows.t[: times._count] > of_string].any()
+            after = times._rows.t[: times._count] > of_string
+            rests = found is not None and after.any() and float(found.account.copied[after].mean()) > MAX_COPIES
             if not found or rests or (found.account.family in ("path", "uneven") and not found.explains_all):
                 times = FilmTimes(search, problem, of_string)
         return times if times._count >= MIN_ROWS else None
