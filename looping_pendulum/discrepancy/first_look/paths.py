@@ -32,7 +32,7 @@ LOST = (1, 2, 3)
 """Numbers of successive pictures that may be lost."""
 RATE_FACTORS = (2.0, 4.0, 8.0, 1 / 2, 1 / 4, 1 / 8)
 """Factors by which the duration of a row may change in a film: those of a phone's slow motion."""
-LEAST_ROWS = 6
+LEAST_ROWS = 3
 """Smallest number of rows between two changes of their duration."""
 SLIPS = 0.01
 """Share of a body's points in which the tracker slips, to any place in the range of its points."""
@@ -338,7 +338,8 @@ def likeliest_paths(rows: Rows, motion: Motion, count: int) -> list[Path]:
     filters = Filters(rows, motion, np.tile([growth(size) for size in LACKING], 1 + len(RATE_FACTORS)))
     filters.log = np.where(rate == 1, 0.0, each)
     changes: list[tuple[Change, ...]] = [() if r == 1 else (Change(row=0, factor=r),) for r in rate.tolist()]
-    time, since, owed = np.full(len(rate), rows.t[0]), np.zeros(len(rate), dtype=int), np.zeros(len(rate), dtype=bool)
+    time, owed = np.full(len(rate), rows.t[0]), np.zeros(len(rate), dtype=bool)
+    since = np.where(rate == 1, -LEAST_ROWS, 0)
     channels = rows.points.shape[1]
     filters.step(0, np.tile(time[:, None], channels), np.zeros(len(rate)))
     for row in range(1, count):
