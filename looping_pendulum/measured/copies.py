@@ -20,11 +20,10 @@ MAX_PERIOD = 6
 """Longest pattern of pictures that are stored again [rows]."""
 MIN_TURNS = 6
 """Smallest number of times that a pattern must be seen."""
-STILL, MOST = 0.12, 80.0
-"""Square step to a copy, in the mean one to a new picture, and percentile of copies that move no farther.
+STILL = 0.12
+"""Largest mean square step to a copy, in that to the rows that move most: marks that are set again have some noise.
 
-Marks that are set again differ by up to a third of their noise.
- Of frames that are uneven in turn by less than half of one, the shorter steps are longer than that.
+Where frames are uneven in turn by less than half of one, the shorter steps are longer.
 """
 USUAL = 90.0
 """Percentile of the square steps above which they count alike, so that no leap of a tracker decides."""
