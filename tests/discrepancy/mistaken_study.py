@@ -101,6 +101,10 @@ def _thousandfold(text: str) -> str:
     return f"{1e3 * to_si(text.partition('+/-')[0], 'kg')} kg +/- 0.5 %"
 
 
+def _a_tenth(text: str) -> str:
+    return f"{0.1 * to_si(text.partition('+/-')[0], 'kg')} kg +/- 0.5 %"
+
+
 def _another_length(metres: float) -> Callable[[Tree], None]:
     return _every_value("release", "free_length", lambda _: f"{metres} m +/- 1 mm")
 
@@ -138,6 +142,7 @@ FURTHER = {
         keys=frozenset({"camera"}), row=lambda row: [row[0], *(None if v is None else v + 0.5 for v in row[1:])]
     ),
     "light mass in kilograms": Mistake(keys=frozenset({"light"}), study=_every_value("light", "mass", _thousandfold)),
+    "a tenth of the heavy mass": Mistake(keys=frozenset({"heavy"}), study=_every_value("heavy", "mass", _a_tenth)),
     "angle from the horizontal": Mistake(keys=frozenset({"release"}), study=_angle(lambda degrees: degrees - 90)),
     "length and angle of another trial": Mistake(
         keys=frozenset({"release"}),

@@ -55,7 +55,8 @@ LENGTH_UNITS = {"mm": 1e-3, "cm": 1e-2, "inch": 0.0254, "foot": 0.3048, "m": 1.0
 NEARNESS = 0.05
 """Largest relative distance from a usual frame rate or unit at which that one is named."""
 CAUSES = {1 / 2: ", as where a diameter was given for the radius", 1e-3: ", as where kg was written for g",
-          1e3: ", as where g was written for kg"}  # fmt: skip
+          1e3: ", as where g was written for kg",
+          **dict.fromkeys((1 / 10, 10.0), ", as by a slip of the decimal point")}  # fmt: skip
 """Factor that a declared value must be multiplied by -> its likely cause in words."""
 _PLAIN_NAME = re.compile(r"\w(?:[\w ./()+-]*[\w.()+-])?")
 """Name that YAML reads as it stands, also within braces."""
@@ -392,6 +393,7 @@ MISTAKES = (
       for factor, share in ((1 / 2, COMMON), (1 / 10, RARE), (10.0, RARE))),
     *(_value(f"{' and '.join(m)} mass", {f"{mass}_mass": "kg" for mass in m}, factor, share)
       for m, share in ((("light",), RARE), (("heavy",), RARE), (("light", "heavy"), COMMON)) for factor in (1e-3, 1e3)),
+    *(_value(f"{mass} mass", {f"{mass}_mass": "kg"}, factor, RARE) for mass in ("light", "heavy") for factor in (1 / 10, 10.0)),
 )  # fmt: skip
 """All mistakes that are tried, each alone, and the commonest mistakes of filming in pairs."""
 
