@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from looping_pendulum.measured.noise import scatter
 from looping_pendulum.measured.observations import BODIES, Channel, ReadingNotes
@@ -20,13 +21,11 @@ MAX_PERIOD = 6
 """Longest pattern of pictures that are stored again [rows]."""
 MIN_TURNS = 6
 """Smallest number of times that a pattern must be seen."""
-STILL = 0.12
-"""Largest mean square step to a copy, in that to the rows that move most: marks that are set again have some noise.
+STILL = 0.15
+"""Largest share of the way to a copy in that to a new picture, squared: marks that are set again have some noise.
 
 Where frames are uneven in turn by less than half of one, the shorter steps are longer.
 """
-USUAL = 90.0
-"""Percentile of the square steps above which they count alike, so that no leap of a tracker decides."""
 MIN_ROWS = 12
 """Smallest number of rows that show equal points."""
 MIN_FRESH = 6
@@ -78,13 +77,14 @@ def _pattern(channels: Sequence[Channel], t: Array, step: float) -> NDArray[np.b
     seen &= np.isfinite(square)
     if not seen.any():
         return None
-    square, place = np.minimum(square, np.percentile(square[seen], USUAL))[seen], number[1:][seen]
-    best = None
+    square, place, best = np.where(seen, square, 0.0), number[1:][seen], None
     for period in range(2, MAX_PERIOD + 1):
         turns = np.bincount(place % period, minlength=period)
         if turns.min() < MIN_TURNS:
             break
-        mean = np.bincount(place % period, weights=square, minlength=period) / turns
+        # By the largest step nearby, as masses come to rest, and so that a leap of the tracker decides nothing
+        share = square / np.maximum(maximum_filter1d(square, 2 * period + 1), np.finfo(float).tiny)
+        mean = np.bincount(place % period, weights=share[seen], minlength=period) / turns
         new = mean > STILL * mean.max()
         # Of pictures stored four times, every second one is stored twice, too
         if new.any() and not new.all() and (best is None or new.mean() < best.mean()):
