@@ -402,6 +402,18 @@ def test_what_a_camera_gets_wrong_by_little_is_no_mistake(example, tmp_path, row
 
 
 @pytest.mark.long
+def test_of_a_few_rows_no_mistake_is_looked_for(example, tmp_path):
+    """A short film of few frames a second leaves too few points for their noise: they were said to be far off."""
+    path = mistaken(example, tmp_path, NO_MISTAKE, trials=1)
+    table = tmp_path / "trials" / "first.csv"
+    lines = table.read_text(encoding="utf-8").splitlines(keepends=True)
+    table.write_text("".join([*lines[:3], *lines[3::18]]), encoding="utf-8")  # below three lines of names
+    check = look(path)
+    assert not check.mistakes
+    [warning] = check.warnings
+    assert re.fullmatch(r"trial 'first': no mistake is looked for, as light_x, .* to estimate their noise", warning)
+
+
 @pytest.mark.parametrize("changes", [{"heavy_mass": 0.2}, {"light_mass": 0.015}])
 def test_a_wrong_mass_of_the_usual_size_is_left_to_the_fit(example, changes):
     study = study_io.load(example)

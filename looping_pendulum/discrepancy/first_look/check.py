@@ -367,6 +367,8 @@ def _far_text(search: TrialSearch) -> str:
     if not math.isfinite(search.distance.rms):
         reason = search.distance.reason
         return f"trial '{search.name}': cannot be compared, as {reason}; check this trial's frame_rate, unit of time and camera"
+    if search.as_declared.reason:
+        return f"trial '{search.name}': no mistake is looked for, as {search.as_declared.reason}"
     return (
         f"trial '{search.name}': the points are {search.distance.text} from the declared motion, more than an "
         "effect moves them, and no single usual mistake explains it; check this trial's masses, free length, angle and file"

@@ -67,7 +67,9 @@ class Evidence:
     lacking: float = LACKING[-1]
     """Most probable of the sizes of what the model lacks [m]."""
     problem: Problem | None = None
-    """What was fitted, of one trial; None: the model could not run."""
+    """What was fitted, of one trial; None: nothing could be."""
+    reason: str = ""
+    """Why nothing could be fitted."""
     x: Array = field(default_factory=lambda: np.zeros(0))
     """The free values about which it is linear."""
 

@@ -404,8 +404,8 @@ def evidence_of_trial(declared: DeclaredTrial, distance: Distance, **fit: Any) -
         units = {c.unit for c in problem.data[0].channels}
         worth = {unit: length_per_unit(unit, parameters.free_length) for unit in units}
         return evidence_of(problem, fall_time(parameters), worth, **fit)
-    except CANNOT_RUN:
-        return Evidence(log=-math.inf)
+    except CANNOT_RUN as error:
+        return Evidence(log=-math.inf, reason=str(error))
 
 
 def problem_of_trial(
