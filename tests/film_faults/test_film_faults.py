@@ -46,6 +46,10 @@ FOUND = (
     (8_100_048, "slow in the middle"),
     (8_400_152, "uneven in turn"),
     (7_100_057, "times of a recorder"),
+    # Slow from the first rows on was taken for a hand that stops the light mass
+    (9_500_033, "slow in the middle"),
+    # Points of whole centimetres were pictures that are stored again
+    (9_500_044, "rounded points"),
     # Rows that are missing were taken for a stop
     (3_100_091, "rows missing"),
 )

@@ -64,6 +64,8 @@ class Rows:
     """[m], shape (n, channels); not a number where one is missing."""
     sigma: Array
     """Noise of each channel's points at rest [m], shape (channels,)."""
+    rounding: Array
+    """Scatter of the difference of two of its points by the file's rounding [m], shape (channels,)."""
     bodies: tuple[tuple[int, ...], ...]
     """Numbers of the channels of each body."""
     unit: Array
@@ -82,7 +84,8 @@ class Rows:
         least = np.array([float(np.min(data.sigma[data.slices[n]])) for n in names]) * unit
         # With few rows a second, differences of neighbours show the light mass's motion, too
         sigma = np.full(len(names), max(float(least.min()), LEAST_NOISE * float(np.nanmax(points) - np.nanmin(points))))
-        return Rows(t=t, points=points, sigma=sigma, bodies=bodies, unit=unit)
+        rounding = np.array([c.last_digit for c in data.channels]) * unit / math.sqrt(6)
+        return Rows(t=t, points=points, sigma=sigma, rounding=rounding, bodies=bodies, unit=unit)
 
     @property
     def step(self) -> float:
@@ -256,6 +259,7 @@ class Filters:
             known = [i for i in body if math.isfinite(apart[i])]
             if known:
                 noise = np.multiply.outer(scale[:, b], np.multiply.outer(COPIES, self.rows.sigma[known]))
+                noise = np.maximum(noise, self.rows.rounding[known])  # by which other points are equal, too
                 each = -0.5 * (apart[known] / noise) ** 2 - np.log(noise * math.sqrt(2 * math.pi))
                 log += logsumexp(np.sum(each, axis=2), axis=1) - math.log(len(COPIES))
         return log

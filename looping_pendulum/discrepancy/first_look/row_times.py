@@ -149,13 +149,17 @@ class FilmTimes:
         # After one mass was lost, the other alone tells too little
         all_rows, of_string = (min(c.t[-1] for c in o.channels) for o in (declared.observations, usable))
         times = FilmTimes(search, problem, all_rows)
-        if of_string < all_rows and times._count >= MIN_ROWS:
-            # Wrong times look like a hand. But a mass that a hand stops is where it was before, row by row
-            found = times.found
-            after = times._rows.t[: times._count] > of_string
-            rests = found is not None and after.any() and float(found.account.copied[after].mean()) > MAX_COPIES
-            if not found or rests or (found.account.family in ("path", "uneven") and not found.explains_all):
-                times = FilmTimes(search, problem, of_string)
+        before_hand = FilmTimes(search, problem, of_string)
+        if of_string < all_rows and before_hand._count >= MIN_ROWS:
+            # Wrong times look like a hand. But a mass that a hand stops is where it was before, row by row, and a hand changes
+            # nothing before it stops it
+            found, t = times.found, times._rows.t[: times._count]
+            if found:
+                rests = (t > of_string).any() and float(found.account.copied[t > of_string].mean()) > MAX_COPIES
+                is_earlier = any(t[c.row] < of_string - times._rows.step for c in found.account.changes)
+                explains = found.explains_all or (is_earlier and found.evidence.lacks_nothing)
+            if not found or rests or (found.account.family in ("path", "uneven") and not explains):
+                return before_hand
         return times if times._count >= MIN_ROWS else None
 
     @cached_property
