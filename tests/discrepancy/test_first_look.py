@@ -614,7 +614,7 @@ def _large(blind):
 
 
 @pytest.mark.accurate
-@pytest.mark.parametrize("blind", map(_large, LARGE), ids=lambda blind: blind.name)
+@pytest.mark.parametrize("blind", [_large(blind) for blind in LARGE], ids=lambda blind: blind.name)
 def test_a_large_hidden_effect_is_no_mistake(tmp_path, blind):
     try:
         path = write_files(blind, tmp_path)
