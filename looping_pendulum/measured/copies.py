@@ -1,6 +1,6 @@
 """Pictures that a film stores again: rows that show the picture before are left out, as they count twice in a fit.
 
-Only what the points themselves show beyond doubt is told here: points that are equal in every digit, and patterns in which some
+Only what the points themselves show beyond doubt counts here: points that are equal in every digit, and patterns in which some
 rows of every few hardly move.
 """
 

@@ -245,9 +245,9 @@ def _altered_points(
         elif (times.best.family in ("table", "uneven")) and not search.is_near and (smoothed := _smoothing(search)):
             # Of smoothed points, neighbours differ from the motion alike, which uneven times do not explain
             named.setdefault(smoothed, []).append(search.name)
-        elif times.put_right is not None:
+        elif (changed := times.put_right) is not None:
             put_right.setdefault(times.best.text, []).append(search.name)
-            observations[search.name] = times.put_right
+            observations[search.name] = changed
         elif times.best.text:
             named.setdefault(times.best.text, []).append(search.name)
     mistakes = [

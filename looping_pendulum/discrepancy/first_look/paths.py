@@ -265,7 +265,7 @@ class Filters:
         return log
 
 
-def log_of_times(
+def filtered(
     rows: Rows,
     motion: Motion,
     t: Array,
@@ -273,8 +273,8 @@ def log_of_times(
     copied: NDArray[np.bool_] | None = None,
     sizes: Sequence[float] = LACKING,
     blurs: Sequence[float] = BLURS,
-) -> Array:
-    """Return the logarithm of the density of the points with given times of the rows, shape (paths,).
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Filter the points with given times of the rows.
 
     Parameters
     ----------
@@ -286,25 +286,12 @@ def log_of_times(
         Rows that show the picture before again, shape (paths, rows).
     sizes, blurs
         Sizes of what the model may lack [m], and growths of the noise with speed [s].
+
+    Returns
+    -------
+    Logarithms of the density of the points, shape (paths,); and in which rows the tracker slips from each body by the likeliest
+    filter, shape (rows, bodies).
     """
-    return _filtered(rows, motion, t, unrest, copied, sizes, blurs)[0]
-
-
-def slips(rows: Rows, motion: Motion, t: Array) -> NDArray[np.bool_]:
-    """Return in which rows the tracker slips from each body, by the times of all rows, shape (rows, bodies)."""
-    return _filtered(rows, motion, t[None], np.array([UNREST]))[1]
-
-
-def _filtered(
-    rows: Rows,
-    motion: Motion,
-    t: Array,
-    unrest: Array,
-    copied: NDArray[np.bool_] | None = None,
-    sizes: Sequence[float] = LACKING,
-    blurs: Sequence[float] = BLURS,
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Return what `log_of_times` and, of the likeliest filter, what `slips` returns."""
     # Of every path with all sizes and blurs
     q, blur = (each.ravel() for each in np.meshgrid([growth(size) for size in sizes], blurs))
     each, slipped = np.repeat(np.arange(len(t)), len(q)), []
@@ -357,9 +344,9 @@ def likeliest_paths(rows: Rows, motion: Motion, count: int) -> list[Path]:
         for n in LOST:
             elapsed = rate[best] * (dt + n * rows.step)
             options.append(_Option(paths=best, elapsed=elapsed, log=each, change=Change(row=row, lost=n)))
-        lasting = best[row - since[best] >= LEAST_ROWS]
+        steady = best[row - since[best] >= LEAST_ROWS]
         for factor in RATE_FACTORS:
-            of = lasting[np.abs(np.log(rate[lasting] * factor)) < math.log(max(RATE_FACTORS)) + 0.1]
+            of = steady[np.abs(np.log(rate[steady] * factor)) < math.log(max(RATE_FACTORS)) + 0.1]
             change = Change(row=row, factor=factor)
             options.append(_Option(paths=of, elapsed=rate[of] * factor * dt, log=each, change=change))
         index, made = np.concatenate([o.paths for o in options]), [o.change for o in options for _ in o.paths]

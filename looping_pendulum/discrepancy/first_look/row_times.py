@@ -31,10 +31,9 @@ from looping_pendulum.discrepancy.first_look.paths import (
     Change,
     Motion,
     Rows,
+    filtered,
     likeliest_paths,
     log_of_change,
-    log_of_times,
-    slips,
 )
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.measured.observations import Channel, Observations
@@ -149,18 +148,23 @@ class FilmTimes:
         # After one mass was lost, the other alone tells too little
         all_rows, of_string = (min(c.t[-1] for c in o.channels) for o in (declared.observations, usable))
         times = FilmTimes(search, problem, all_rows)
-        before_hand = FilmTimes(search, problem, of_string)
-        if of_string < all_rows and before_hand._count >= MIN_ROWS:
-            # Wrong times look like a hand. But a mass that a hand stops is where it was before, row by row, and a hand changes
-            # nothing before it stops it
-            found, t = times.found, times._rows.t[: times._count]
-            if found:
-                rests = (t > of_string).any() and float(found.account.copied[t > of_string].mean()) > MAX_COPIES
-                is_earlier = any(t[c.row] < of_string - times._rows.step for c in found.account.changes)
-                explains = found.explains_all or (is_earlier and found.evidence.lacks_nothing)
-            if not found or rests or (found.account.family in ("path", "uneven") and not explains):
+        if of_string < all_rows:
+            before_hand = FilmTimes(search, problem, of_string)
+            if before_hand._count >= MIN_ROWS and times._shows_hand(of_string):
                 return before_hand
         return times if times._count >= MIN_ROWS else None
+
+    def _shows_hand(self, stop: float) -> bool:
+        """Return whether a hand stops the light mass at a time [s], which wrong times look like."""
+        found, t = self.found, self._rows.t[: self._count]
+        if found is None:
+            return True
+        # A mass that a hand stops is where it was before, row by row, and a hand changes nothing before it stops it
+        if (t > stop).any() and float(found.account.copied[t > stop].mean()) > MAX_COPIES:
+            return True
+        is_earlier = any(t[c.row] < stop - self._rows.step for c in found.account.changes)
+        explains = found.explains_all or (is_earlier and found.evidence.lacks_nothing)
+        return found.account.family in ("path", "uneven") and not explains
 
     @cached_property
     def found(self) -> Judged | None:
@@ -263,7 +267,7 @@ class FilmTimes:
             accounts = [self._table, *(a for name, them in others.items() if family in ("", name) for a in them())]
             time, unrest = np.array([a.time for a in accounts]), np.array([a.unrest for a in accounts])
             share = np.array([a.log_share for a in accounts])
-            log = share + log_of_times(self._rows, motion, time, unrest, sizes=[evidence.lacking], blurs=BLURS[1:2])
+            log = share + filtered(self._rows, motion, time, unrest, sizes=[evidence.lacking], blurs=BLURS[1:2])[0]
             for name in others:
                 of_name = [i for i, a in enumerate(accounts) if a.family == name and log[i] > log[0]]
                 proposed += [(accounts[i], evidence.x) for i in sorted(of_name, key=lambda i: -log[i])[:PROPOSED]]
@@ -363,7 +367,7 @@ class FilmTimes:
         for _ in range(REFITS):
             if fitted.misfit <= MAX_GOOD_MISFIT:
                 break
-            slipped = slips(self._rows, self._motion(fitted), account.time)
+            slipped = filtered(self._rows, self._motion(fitted), account.time[None], np.array([UNREST]))[1]
             if not slipped.any() or slipped.mean() > MAX_SLIPS:
                 break
             again = evidence_of_trial(self._at_own_times(account, slipped), distance, end=END, start=fitted.x)
@@ -378,7 +382,7 @@ class FilmTimes:
         if evidence.problem is None:
             return Judged(account=account, evidence=evidence, log=-math.inf)
         motion = self._motion(evidence, float(account.time.max()) + self._rows.step)
-        log = float(log_of_times(self._rows, motion, account.time[None], np.array([account.unrest]), account.copied[None])[0])
+        log = float(filtered(self._rows, motion, account.time[None], np.array([account.unrest]), account.copied[None])[0][0])
         prior = np.array([n.prior_sigma for n in evidence.problem.free_parameters])
         log += account.log_share - 0.5 * float(np.sum((evidence.x / prior) ** 2))
         return Judged(account=account, evidence=evidence, log=log)
