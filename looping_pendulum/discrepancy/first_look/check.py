@@ -20,7 +20,6 @@ from looping_pendulum.discrepancy.first_look.misfit import (
     DeclaredTrial,
     Distance,
     declared_trial,
-    evidence_of_trial,
     measured_distance,
 )
 from looping_pendulum.discrepancy.first_look.mistakes import (
@@ -34,11 +33,11 @@ from looping_pendulum.discrepancy.first_look.mistakes import (
     is_left_open,
 )
 from looping_pendulum.discrepancy.first_look.row_times import FilmTimes
-from looping_pendulum.discrepancy.first_look.smoothing import smoothing_in_words
+from looping_pendulum.discrepancy.first_look.smoothing import smoothing_of
 from looping_pendulum.discrepancy.fit.event_prediction import check_event_rows
 from looping_pendulum.measured.observations import DataError, ImplausibleLengthError, Observations
 from looping_pendulum.measured.study import Study, Trial, refuse_seen_points
-from looping_pendulum.measured.usable_points import read_trial, usable_points
+from looping_pendulum.measured.usable_points import read_trial
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.processes import ReportShare
 from looping_pendulum.reference_ode.parameters import Release
@@ -235,17 +234,17 @@ def _altered_points(
     put_right: dict[str, list[str]] = {}
     observations = {}
     for search in searches:
-        times = FilmTimes.of(search)
-        other = others.get(search.name)
-        if times is None or (other and times.found and times.found.log_posterior < other.log_posterior):
+        times, other = FilmTimes.of(search), others.get(search.name)
+        if times is None:
             continue
-        exchanged = "" if search.is_near else _exchange(search)
-        if exchanged:
-            named.setdefault(exchanged, []).append(search.name)
-        elif (times.best.family in ("table", "uneven")) and not search.is_near and (smoothed := _smoothing(search)):
-            # Of smoothed points, neighbours differ from the motion alike, which uneven times do not explain
-            named.setdefault(smoothed, []).append(search.name)
-        elif (changed := times.put_right) is not None:
+        altered = _exchange(search, times) or ("" if search.is_near else _smoothing(search, times, other))
+        if altered:
+            named.setdefault(altered, []).append(search.name)
+            continue
+        times = times.before_hand()
+        if other and times.found and times.found.log_posterior < other.log_posterior:
+            continue
+        if (changed := times.put_right) is not None:
             put_right.setdefault(times.best.text, []).append(search.name)
             observations[search.name] = changed
         elif times.best.text:
@@ -257,30 +256,37 @@ def _altered_points(
     return mistakes, [f"{_where(names)}: {text}" for text, names in put_right.items()], observations
 
 
-def _exchange(search: TrialSearch) -> str:
+def _exchange(search: TrialSearch, times: FilmTimes) -> str:
     """Return in which rows the masses are exchanged, and what is needed, in words; empty: in none."""
     exchanged = without_exchanged_rows(search.declared)
-    if exchanged is not None:
-        corrected = evidence_of_trial(exchanged.declared, measured_distance(exchanged.declared))
-        if corrected.explains_all and corrected.log + len(exchanged.spans) * math.log(COMMON) > search.as_declared.log:
-            return (
-                f"found the points of the two masses exchanged in rows {exchanged.text}; needed each mass in its own columns: "
-                "exchange them there, or leave these rows out"
-            )
-    return ""
-
-
-def _smoothing(search: TrialSearch) -> str:
-    """Return how points were smoothed, and what is needed, in words; empty: they are as tracked."""
-    # The errors of smoothed points look like something large that is missing; an effect of a usual size is no smoothing
-    as_declared, declared = search.as_declared, search.declared
-    if as_declared.problem is None or not as_declared.explains or as_declared.explains_all:
+    if exchanged is None:
         return ""
-    if usable_points(declared.study, declared.trial, declared.observations) is not declared.observations:
-        return ""  # nor is a hand
-    text = smoothing_in_words(as_declared.problem, as_declared.x, {"m": 1.0})
-    found = f"found points that were {text}, by the errors that they are left with; needed the points as they were tracked"
-    return text and found
+    back = TrialSearch(declared=exchanged.declared, distance=measured_distance(exchanged.declared))
+    times_back = FilmTimes.of(back)
+    if times_back is None or not back.as_declared.explains_all:
+        return ""
+    if times_back.log_of_table + len(exchanged.spans) * math.log(COMMON) <= times.log_of_table:
+        return ""
+    return (
+        f"found the points of the two masses exchanged in rows {exchanged.text}; needed each mass in its own columns: "
+        "exchange them there, or leave these rows out"
+    )
+
+
+def _smoothing(search: TrialSearch, times: FilmTimes, other: Correction | None) -> str:
+    """Return how points were smoothed, and what is needed, in words; empty: they are as tracked."""
+    as_declared = search.as_declared
+    if times.explains_table or as_declared.problem is None:
+        return ""
+    smoothed = smoothing_of(as_declared.problem, as_declared.x, {"m": 1.0})
+    if smoothed is None or (other and smoothed.gain < other.log_posterior - as_declared.log):
+        return ""
+    # Where only noise is left, the search for other times, which takes seconds, would find nothing
+    if smoothed.misfit > MAX_GOOD_MISFIT and smoothed.gain < times.gain:
+        return ""
+    return (
+        f"found points that were {smoothed.text}, by the errors that they are left with; needed the points as they were tracked"
+    )
 
 
 def _named(searches: Sequence[TrialSearch]) -> tuple[NamedMistake, ...]:
@@ -329,7 +335,7 @@ def _is_more_probable(explanation: Correction, search: TrialSearch, searches: Se
     if explanation.mistake.of_apparatus and gain > 0:
         for other in searches:
             if other is not search:
-                same = other.explanation_by(explanation.mistake)
+                same = other.explanation_by(explanation.mistake, nearer=explanation.is_of_trial)
                 gain += 0.0 if same is None else same.evidence.log - other.as_declared.log
     return gain > 0 and explanation.evidence.explains_all
 

@@ -152,12 +152,28 @@ def _by_parts(
 
 def _fitted(problem: Problem, points: Points, x: Array) -> Evidence:
     """Return the evidence with the model linearised about values that fit, beginning with ``x``."""
+    x, found = fitted(problem, lambda x: problem.predict_with_derivatives(x, 0), points, x)
+    if not math.isfinite(found.log):
+        return Evidence(log=-math.inf)
+    return Evidence(log=found.log - points.of_smooth_motion, misfit=found.misfit, lacking=found.lacking, x=x)
+
+
+def fitted(
+    problem: Problem, predict: Callable[[Array], tuple[Array, Array]], points: Points, x: Array
+) -> tuple[Array, LinearEvidence]:
+    """Return values that fit, looked for from ``x`` on, and the evidence of a model that is linear about them.
+
+    Parameters
+    ----------
+    predict
+        Function that returns what is predicted with some values, and its derivatives.
+    """
     prior = np.array([n.prior_sigma for n in problem.free_parameters])
     root = np.sqrt(1 / (1 + growth(LACKING[1]) * points.eigenvalue))
 
     @lru_cache(maxsize=2)
     def predicted(x: bytes) -> tuple[Array, Array]:
-        return problem.predict_with_derivatives(np.frombuffer(x), 0)
+        return predict(np.frombuffer(x))
 
     def residuals(x: Array) -> Array:
         rest = points.value - predicted(x.tobytes())[0] * points.unit
@@ -174,11 +190,9 @@ def _fitted(problem: Problem, points: Points, x: Array) -> Evidence:
         return points.linear(*predicted(x.tobytes()), -x, prior)
 
     at, best = x, linear(x)
-    if not math.isfinite(best.log):
-        return Evidence(log=-math.inf)
     step = best.change
     # The most probable size of what the model lacks may be another one
-    for _ in range(REFINEMENTS):
+    for _ in range(REFINEMENTS if math.isfinite(best.log) else 0):
         there = _inside(problem, at + step)
         new = linear(there)
         if new.log - new.to_gain > best.log - best.to_gain:
@@ -186,8 +200,7 @@ def _fitted(problem: Problem, points: Points, x: Array) -> Evidence:
         else:  # too far for the motion to be linear, or it fails there
             step = step / 4
     # As far as the motion is not linear, what the change promises is not believed
-    log = best.log - best.to_gain - points.of_smooth_motion
-    return Evidence(log=log, misfit=best.misfit, lacking=best.lacking, x=at)
+    return at, dataclasses.replace(best, log=best.log - best.to_gain)
 
 
 def _inside(problem: Problem, x: Array) -> Array:

@@ -135,6 +135,12 @@ class Correction:
         """Return the logarithm of the probability of the mistake, but for a constant."""
         return self.evidence.log + math.log(self.mistake.share)
 
+    @property
+    def is_of_trial(self) -> bool:
+        """Return whether the trial itself states all values that are corrected."""
+        before, after = self.declared.trial.estimates, self.corrected.trial.estimates
+        return before.keys() >= {name for name, value in after.items() if value != before.get(name)}
+
     def value(self, parameter: str, *, corrected: bool = True) -> float:
         """Return the corrected or the declared value of a parameter [SI]."""
         known = (self.corrected if corrected else self.declared).estimate(parameter)
@@ -443,8 +449,16 @@ class TrialSearch:
         tried = self.corrections(steps)[:MAX_TRIED]
         return sorted(tried, key=lambda e: e.log_posterior, reverse=True)
 
-    def explanation_by(self, mistake: Mistake) -> Correction | None:
-        """Return a mistake of another trial as an explanation of this one; None: it brings the points no nearer."""
+    def explanation_by(self, mistake: Mistake, *, nearer: bool = True) -> Correction | None:
+        """Return a mistake of another trial as an explanation of this one; None: it cannot have it.
+
+        Parameters
+        ----------
+        nearer
+            Whether it has no mistake that brings its points no nearer.
+        """
+        if not nearer:
+            return self._correction(mistake)
         if mistake not in self._by_mistake:
             correction = self._correction(mistake)
             is_nearer = correction is not None and correction.distance.relative < self.distance.relative

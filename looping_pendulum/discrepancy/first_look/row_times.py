@@ -130,7 +130,7 @@ class FilmTimes:
 
     def __init__(self, search: TrialSearch, problem: Problem, last: float) -> None:
         """Take the rows up to the time ``last`` [s]."""
-        self._search = search
+        self._search, self._problem, self._last = search, problem, last
         self._upright = search.declared.upright()
         parameters, data = search.declared.study.parameters({}, search.declared.trial), problem.data[0]
         self._rows = Rows.of(data, {c.unit: length_per_unit(c.unit, parameters.free_length) for c in data.channels})
@@ -141,18 +141,23 @@ class FilmTimes:
     @staticmethod
     def of(search: TrialSearch) -> FilmTimes | None:
         """Return the accounts of a trial; None: its model cannot run, or it has too few rows."""
-        problem, declared = search.as_declared.problem, search.declared
+        problem = search.as_declared.problem
         if problem is None or not len(search.as_declared.x):
             return None
-        usable = usable_points(declared.study, declared.trial, declared.observations)
         # After one mass was lost, the other alone tells too little
-        all_rows, of_string = (min(c.t[-1] for c in o.channels) for o in (declared.observations, usable))
-        times = FilmTimes(search, problem, all_rows)
-        if of_string < all_rows:
-            before_hand = FilmTimes(search, problem, of_string)
-            if before_hand._count >= MIN_ROWS and times._shows_hand(of_string):
-                return before_hand
+        times = FilmTimes(search, problem, min(c.t[-1] for c in search.declared.observations.channels))
         return times if times._count >= MIN_ROWS else None
+
+    def before_hand(self) -> FilmTimes:
+        """Return the accounts of the rows before a hand stops the light mass; the same ones: none does."""
+        declared = self._search.declared
+        usable = usable_points(declared.study, declared.trial, declared.observations)
+        of_string = min(c.t[-1] for c in usable.channels)
+        if of_string < self._last:
+            before = FilmTimes(self._search, self._problem, of_string)
+            if before._count >= MIN_ROWS and self._shows_hand(of_string):
+                return before
+        return self
 
     def _shows_hand(self, stop: float) -> bool:
         """Return whether a hand stops the light mass at a time [s], which wrong times look like."""
@@ -179,6 +184,21 @@ class FilmTimes:
             best = max(filter(None, (best, self._refined(self._grown()))), key=lambda judged: judged.log, default=None)
         # Where hundreds of millimetres are missing as before, nothing is explained
         return best if best is not None and (best.evidence.explains_all or declared.explains_all) else None
+
+    @property
+    def log_of_table(self) -> float:
+        """Return the logarithm of the probability of the table as it stands, but for a constant."""
+        return self._as_declared.log
+
+    @property
+    def explains_table(self) -> bool:
+        """Return whether only noise is left of the table as it stands, without points to which the tracker slips."""
+        return self._as_declared.explains_all
+
+    @property
+    def gain(self) -> float:
+        """Return the logarithm of how much more probable the most probable account is than that of the table."""
+        return self.found.log - self.log_of_table if self.found else 0.0
 
     @property
     def best(self) -> Account:

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import reduce
+from functools import lru_cache, partial, reduce
 
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.discrepancy.first_look.evidence import LACKING, ErrorsOfRows, LinearEvidence, Points
+from looping_pendulum.discrepancy.first_look.evidence import LACKING, ErrorsOfRows, LinearEvidence, Points, fitted
 from looping_pendulum.discrepancy.fit.data import FRAMES, TrialData
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.measured.noise import ORDER
@@ -23,7 +23,7 @@ from looping_pendulum.reference_ode.geometry import Array
 
 SHARE = 1e-3
 """Prior probability that a film's points are not as they were tracked."""
-MAX_ROWS, MIN_ROWS = 140, 24
+MAX_ROWS, MIN_ROWS = 140, 12
 """Largest and smallest number of rows that are compared."""
 HALVES = (10, 7, 4, 2)
 """Largest number of rows on each side over which is smoothed: the first that leaves enough rows so far from any gap."""
@@ -35,10 +35,10 @@ MADE_UP = (2, 3, 4, 8)
 """Rows of which one shows a picture, where those between are interpolated."""
 WHITE = 0.03
 """White part of the errors of such points, in what differences of neighbours show: their last digit."""
+ROUNDS = 2
+"""Number of times that an account is chosen and fitted, each about the fit to the one before."""
 WANDERS = (0.5, 1.0, 3.0, 10.0)
 """Errors of a tracker that wanders over its mark, in its white noise."""
-REFINEMENTS = 3
-"""Number of times that the model is linearised again about what an account found itself."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,8 +54,29 @@ class Account:
     """Logarithm of the prior probability."""
 
 
-def smoothing_in_words(problem: Problem, x: Array, length_per_unit: Mapping[str, float]) -> str:
-    """Return how points were smoothed before they were written; empty: they are as tracked.
+@dataclass(frozen=True)
+class Smoothing:
+    """How points were smoothed before they were written."""
+
+    text: str
+    gain: float
+    """Logarithm of how much more probable it is than points as they were tracked."""
+    misfit: float
+    """Root mean square of what is left, in units of the errors that it says."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Judged:
+    """An account with its fit."""
+
+    account: Account
+    evidence: LinearEvidence
+    log: float
+    """Logarithm of its probability, but for a constant that all accounts of the same rows share."""
+
+
+def smoothing_of(problem: Problem, x: Array, length_per_unit: Mapping[str, float]) -> Smoothing | None:
+    """Return how points were smoothed before they were written; None: they are as tracked.
 
     Parameters
     ----------
@@ -69,41 +90,46 @@ def smoothing_in_words(problem: Problem, x: Array, length_per_unit: Mapping[str,
     data = _common_rows(problem.data[0])
     rows = min(2 * MAX_ROWS, len(data.channels[0]) if data.channels else 0)
     if rows < MIN_ROWS or not problem.free_parameters:
-        return ""
+        return None
     whole = _rows(data, np.arange(rows))
     t = whole.channels[0].t
     gaps = _distances_from_gaps(t)
     half = next((h for h in HALVES if np.sum(gaps > h) >= MIN_ROWS), None)
     if half is None:
-        return ""
+        return None
     inner = np.flatnonzero(gaps > half)[:MAX_ROWS]
     points, here = _rows(whole, inner), problem.with_data([whole])
     prior = np.array([n.prior_sigma for n in problem.free_parameters])
 
-    def evidence(account: Account, x: Array) -> LinearEvidence:
-        predicted, derivatives = here.predict_with_derivatives(x, 0)
-        weights, parts = account.weights[inner], whole.slices.values()
-        shown, slopes = (np.concatenate([weights @ values[part] for part in parts]) for values in (predicted, derivatives))
-        return Points.of(points, length_per_unit, account.errors).linear(shown, slopes, -x, prior)
+    @lru_cache(maxsize=2)
+    def of_rows(x: bytes) -> tuple[list[Array], ...]:
+        both = here.predict_with_derivatives(np.frombuffer(x), 0)
+        return tuple([each[part] for part in whole.slices.values()] for each in both)
 
-    def refined(account: Account) -> float:
-        at, best = x, -math.inf
-        for _ in range(REFINEMENTS):
-            found = evidence(account, at)
-            # An account by which hundreds of millimetres are missing explains nothing
-            if not account.text or found.lacking < LACKING[-1]:
-                best = max(best, account.log_share + found.log - found.to_gain)
-            at = np.clip(at + found.change, problem.low, problem.high)
-        return best
+    def predicted(account: Account, x: Array) -> tuple[Array, Array]:
+        weights = account.weights[inner]
+        shown, slopes = (np.concatenate([weights @ of_channel for of_channel in each]) for each in of_rows(x.tobytes()))
+        return shown, slopes
 
-    def most_probable(accounts: Iterable[Account]) -> Account:
-        return max(accounts, key=lambda account: account.log_share + evidence(account, x).log)
+    def of(account: Account) -> Points:
+        return Points.of(points, length_per_unit, account.errors)
 
-    as_tracked = most_probable(_as_tracked(rows))
-    smoothed = most_probable(_smoothed(rows, half, float(np.median(np.diff(t))), inner))
-    # A smoothed motion alone may look like one with an effect
-    of_motion = most_probable(dataclasses.replace(each, weights=smoothed.weights) for each in _as_tracked(rows))
-    return smoothed.text if refined(smoothed) > max(refined(as_tracked), refined(of_motion)) else ""
+    def best_of(accounts: Sequence[Account]) -> Judged:
+        judged = []
+        for at in (x, np.zeros_like(x)):
+            for _ in range(ROUNDS):
+                logs = [a.log_share + of(a).linear(*predicted(a, at), -at, prior).log for a in accounts]
+                account = accounts[int(np.argmax(logs))]
+                at, found = fitted(problem, partial(predicted, account), of(account), at)
+                judged.append(Judged(account=account, evidence=found, log=account.log_share + found.log))
+        return max(judged, key=lambda j: j.log)
+
+    as_tracked = best_of(list(_as_tracked(rows)))
+    smoothed = best_of(list(_smoothed(rows, half, float(np.median(np.diff(t))), inner, as_tracked.account.errors)))
+    # An account by which hundreds of millimetres are missing explains nothing
+    if smoothed.log <= as_tracked.log or smoothed.evidence.lacking == LACKING[-1]:
+        return None
+    return Smoothing(text=smoothed.account.text, gain=smoothed.log - as_tracked.log, misfit=smoothed.evidence.misfit)
 
 
 def _common_rows(data: TrialData) -> TrialData:
@@ -113,7 +139,9 @@ def _common_rows(data: TrialData) -> TrialData:
     kept = [np.isin(c.t, times) for c in channels]
     sigma = [data.sigma[data.slices[c.name]][k] for c, k in zip(channels, kept, strict=True)]
     common = tuple(dataclasses.replace(c, t=c.t[k], value=c.value[k]) for c, k in zip(channels, kept, strict=True))
-    return TrialData(trial=data.trial, channels=common, sigma=np.concatenate([np.zeros(0), *sigma]))
+    # Fourth differences of a mass that moves fast show its motion, too
+    least = min((float(s.min()) for s in sigma if len(s)), default=0.0)
+    return TrialData(trial=data.trial, channels=common, sigma=np.full(sum(map(len, sigma)), least))
 
 
 def _rows(data: TrialData, rows: NDArray[np.intp]) -> TrialData:
@@ -146,7 +174,7 @@ def _wandering(size: float, frames: float) -> ErrorsOfRows:
     return ErrorsOfRows(("wandering", size, frames), covariance)
 
 
-def _smoothed(rows: int, half: int, step: float, inner: NDArray[np.intp]) -> Iterator[Account]:
+def _smoothed(rows: int, half: int, step: float, inner: NDArray[np.intp], later: ErrorsOfRows) -> Iterator[Account]:
     kernels = list(_kernels(rows, half, step))
     # Fourth differences, by which the noise was estimated
     difference = np.diff(np.eye(rows), ORDER, axis=0)
@@ -159,8 +187,9 @@ def _smoothed(rows: int, half: int, step: float, inner: NDArray[np.intp]) -> Ite
         def covariance(sigma: Array, of_rows: Array = of_rows) -> Array:
             return np.asarray(np.outer(sigma, sigma) * of_rows + np.diag((WHITE * sigma) ** 2))
 
-        errors = ErrorsOfRows((text, number, rows, half, step), covariance)
-        yield Account(text=text, weights=weights, errors=errors, log_share=math.log(SHARE / len(kernels)))
+        # Further errors may have come later
+        for errors in (ErrorsOfRows((text, number, rows, half, step), covariance), later):
+            yield Account(text=text, weights=weights, errors=errors, log_share=math.log(SHARE / 2 / len(kernels)))
 
 
 def _kernels(rows: int, half: int, step: float) -> Iterator[tuple[str, Array]]:
