@@ -337,7 +337,19 @@ def _is_more_probable(explanation: Correction, search: TrialSearch, searches: Se
             if other is not search:
                 same = other.explanation_by(explanation.mistake, nearer=explanation.is_of_trial)
                 gain += 0.0 if same is None else same.evidence.log - other.as_declared.log
-    return gain > 0 and explanation.evidence.explains_all
+    return gain > 0 and explanation.evidence.explains_all and not _acts_later(explanation, search)
+
+
+def _acts_later(explanation: Correction, search: TrialSearch) -> bool:
+    """Return whether the points are more probable with the declared values and something that begins to act later."""
+    if explanation.corrected.observations is not explanation.declared.observations:
+        return False  # other points have another density
+    times, corrected = (
+        FilmTimes.of(s) for s in (search, TrialSearch(declared=explanation.corrected, distance=explanation.distance))
+    )
+    if times is None or corrected is None:
+        return False
+    return times.log_of_table >= corrected.log_of_table + math.log(explanation.mistake.share)
 
 
 def _mistake(names: tuple[str, ...], members: Sequence[tuple[TrialSearch, list[Correction]]]) -> NamedMistake:

@@ -21,6 +21,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -333,8 +334,8 @@ class Points:
         )
 
 
-def growth(lacking: float) -> float:
-    """Return the strength q of the process that moves a mass by so much in half a second [m^2/s^3]."""
+def growth(lacking: Any) -> Any:
+    """Return the strength q of the process that moves a mass by so much in half a second [m^2/s^3], of any shape."""
     return 3 * lacking**2 / 0.5**3
 
 

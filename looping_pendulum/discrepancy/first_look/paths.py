@@ -46,6 +46,8 @@ UNREST = 0.02
 """Error of the time of every row [steps]."""
 COPIES = (0.02, 0.1, 0.3)
 """Noise with which a picture that is stored again is marked again, in that of the points; in half of all cases it is new."""
+BEGINNING, BEGINS = (0.2, 2.0), 16
+"""Sizes of what begins to act later, as `LACKING`, and number of parts of the rows between which it may begin."""
 AT_REST = 0.01
 """Standard error of a mass's speed at the release [m/s]."""
 PATHS, PARENTS = 24, 3
@@ -107,6 +109,8 @@ class Motion:
     place: Array
     """[m], shape (times, channels)."""
     velocity: Array
+    end: float
+    """Time at which the model ends and is at rest from then on; infinite: it does not [s]."""
 
     @staticmethod
     def of(problem: Problem, x: Array, rows: Rows, end: float) -> Motion:
@@ -116,7 +120,12 @@ class Motion:
         dense = tuple(dataclasses.replace(c, t=t, value=np.zeros_like(t)) for c in data.channels)
         there = problem.with_data([TrialData(trial=data.trial, channels=dense, sigma=np.ones(len(t) * len(dense)))])
         place = (there.predict(x, 0).reshape(len(dense), -1) * rows.unit[:, None]).T
-        return Motion(start=float(t[0]), step=step, place=place, velocity=np.asarray(np.gradient(place, step, axis=0)))
+        velocity = np.asarray(np.gradient(place, step, axis=0))
+        moving = np.flatnonzero(velocity.any(axis=1))
+        ends = len(moving) and moving[-1] + 1 < len(t)
+        return Motion(
+            start=float(t[0]), step=step, place=place, velocity=velocity, end=float(t[moving[-1]]) if ends else math.inf
+        )
 
     def at(self, t: Array) -> tuple[Array, Array]:
         """Return places and velocities at times of each channel, shape (paths, channels)."""
@@ -149,6 +158,18 @@ class Path:
     time: Array
     """Time of each row [s], shape (rows,)."""
     changes: tuple[Change, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Filtered:
+    """Points as they are by several paths."""
+
+    log: Array
+    """Logarithms of their density by each path, shape (paths,)."""
+    unexplained: NDArray[np.bool_]
+    """Points of each body to which the tracker slips, or which something moves, by the likeliest one, shape (rows, bodies)."""
+    begin: int
+    """Row from which on something acts that the model lacks; the number of rows: in none."""
 
 
 class Filters:
@@ -271,9 +292,8 @@ def filtered(
     t: Array,
     unrest: Array,
     copied: NDArray[np.bool_] | None = None,
-    sizes: Sequence[float] = LACKING,
-    blurs: Sequence[float] = BLURS,
-) -> tuple[Array, NDArray[np.bool_]]:
+    lacking: float | None = None,
+) -> Filtered:
     """Filter the points with given times of the rows.
 
     Parameters
@@ -284,25 +304,31 @@ def filtered(
         Errors of the times [steps], shape (paths,).
     copied
         Rows that show the picture before again, shape (paths, rows).
-    sizes, blurs
-        Sizes of what the model may lack [m], and growths of the noise with speed [s].
-
-    Returns
-    -------
-    Logarithms of the density of the points, shape (paths,); and in which rows the tracker slips from each body by the likeliest
-    filter, shape (rows, bodies).
+    lacking
+        Size of what the model lacks [m]; by default all sizes, those of something that begins to act later, too.
     """
-    # Of every path with all sizes and blurs
-    q, blur = (each.ravel() for each in np.meshgrid([growth(size) for size in sizes], blurs))
-    each, slipped = np.repeat(np.arange(len(t)), len(q)), []
-    filters = Filters(rows, motion, np.tile(q, len(t)), unrest[each], np.tile(blur, len(t)))
+    # Of every path with all sizes and blurs. What begins later is large, or it would not be seen
+    if lacking is None:
+        begin = np.linspace(0, t.shape[1], BEGINS + 1).astype(int)[1:-1]
+        kinds = [(size, blur, 0) for size in LACKING for blur in BLURS]
+        kinds += [(size, BLURS[-1], int(row)) for size in BEGINNING for row in begin]
+    else:
+        kinds = [(lacking, BLURS[-1], 0)]
+    sizes, blurs, begins = (np.tile(values, len(t)) for values in zip(*kinds, strict=True))
+    each, slipped, q = np.repeat(np.arange(len(t)), len(kinds)), [], growth(sizes)
+    filters = Filters(rows, motion, q, unrest[each], blurs)
     for row in range(t.shape[1]):
+        filters.q = np.where(row < begins, growth(LACKING[0]), q)
         now = t[each, row]
         elapsed = np.abs(np.median(now - t[each, row - 1], axis=1)) if row else np.zeros(len(each))
         filters.step_again(row, now, elapsed, np.zeros(len(each), dtype=bool) if copied is None else copied[each, row])
         slipped.append(filters.slipped)
-    log = logsumexp(filters.log.reshape(len(t), len(q)), axis=1) - math.log(len(q))
-    return np.asarray(log), np.array(slipped)[:, int(np.argmax(filters.log))]
+    likeliest = int(np.argmax(filters.log))
+    left_out = np.array(slipped)[:, likeliest]
+    if begins[likeliest]:
+        left_out[begins[likeliest] :] = True
+    log = logsumexp(filters.log.reshape(len(t), len(kinds)), axis=1) - math.log(len(kinds))
+    return Filtered(log=np.asarray(log), unexplained=left_out, begin=int(begins[likeliest]) or t.shape[1])
 
 
 def log_of_change(count: int) -> float:

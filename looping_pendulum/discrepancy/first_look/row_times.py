@@ -26,7 +26,6 @@ from looping_pendulum.discrepancy.first_look.misfit import (
 )
 from looping_pendulum.discrepancy.first_look.mistakes import COMMON, MAX_GOOD_MISFIT, TrialSearch
 from looping_pendulum.discrepancy.first_look.paths import (
-    BLURS,
     UNREST,
     Change,
     Motion,
@@ -60,8 +59,8 @@ COLUMNS = ("heavy", "light", "light_x", "light_y", "heavy_y")
 """Columns that may stand in other rows than the rest: of one mass, or one alone."""
 MAX_SHIFT, MIN_ROWS_A_SHIFT = 20, 4
 """Largest number of rows by which columns may stand in other rows, and smallest number of rows in a table for each of these."""
-REFITS, MAX_SLIPS = 2, 0.2
-"""Largest number of fits without points to which a tracker slips, and largest share of these."""
+FITS, MAX_SLIPS = 3, 0.2
+"""Largest number of fits at an account's times, and largest share of points to which a tracker slips."""
 MAX_COPIES = 0.25
 """Largest share of rows after what looks like a hand in which a mass may be where it was before, if it is none."""
 MAX_SHOWN = 3
@@ -113,6 +112,8 @@ class Judged:
     evidence: Evidence
     log: float
     """Logarithm of its probability, but for a constant that all accounts of a film share."""
+    begins_later: bool = False
+    """Whether something acts that the model lacks, from a later row on."""
 
     @property
     def log_posterior(self) -> float:
@@ -136,7 +137,9 @@ class FilmTimes:
         self._rows = Rows.of(data, {c.unit: length_per_unit(c.unit, parameters.free_length) for c in data.channels})
         self._names = [c.name for c in data.channels]
         self._end = END * fall_time(parameters)
-        self._count = int(np.searchsorted(self._rows.t, min(self._end, last), side="right"))
+        # After the end of a run the model says nothing
+        ends = Motion.of(problem, search.as_declared.x, self._rows, 1.1 * self._end).end
+        self._count = int(np.searchsorted(self._rows.t, min(self._end, last, ends), side="right"))
 
     @staticmethod
     def of(search: TrialSearch) -> FilmTimes | None:
@@ -193,7 +196,7 @@ class FilmTimes:
     @property
     def explains_table(self) -> bool:
         """Return whether only noise is left of the table as it stands, without points to which the tracker slips."""
-        return self._as_declared.explains_all
+        return self._as_declared.explains_all and not self._as_declared.begins_later
 
     @property
     def gain(self) -> float:
@@ -260,7 +263,7 @@ class FilmTimes:
         for part in PARTS:
             count = max(int(part * self._count), MIN_ROWS)
             start = None if part == PARTS[0] else found.x
-            fitted = self._fitted(self._of_path(time[:count], changes), start)
+            fitted = self._judged(self._of_path(time[:count], changes), start).evidence
             found = found if fitted.problem is None else fitted  # with too few rows
             if part == PARTS[0] and found.misfit > MAX_GOOD_MISFIT:  # its times are wrong from the start
                 found = dataclasses.replace(found, x=np.zeros_like(found.x))
@@ -287,7 +290,7 @@ class FilmTimes:
             accounts = [self._table, *(a for name, them in others.items() if family in ("", name) for a in them())]
             time, unrest = np.array([a.time for a in accounts]), np.array([a.unrest for a in accounts])
             share = np.array([a.log_share for a in accounts])
-            log = share + filtered(self._rows, motion, time, unrest, sizes=[evidence.lacking], blurs=BLURS[1:2])[0]
+            log = share + filtered(self._rows, motion, time, unrest, lacking=evidence.lacking).log
             for name in others:
                 of_name = [i for i, a in enumerate(accounts) if a.family == name and log[i] > log[0]]
                 proposed += [(accounts[i], evidence.x) for i in sorted(of_name, key=lambda i: -log[i])[:PROPOSED]]
@@ -374,38 +377,33 @@ class FilmTimes:
 
         return self._upright.with_channels(at_own_times)
 
-    def _fitted(self, account: Account, start: Array | None) -> Evidence:
-        """Return the fit of the declared model at an account's times, without points to which a tracker slips.
-
-        Without a problem: the model cannot run there.
-        """
-        declared = self._at_own_times(account)
-        distance = measured_distance(declared) if account.family == "shifted" else self._search.distance
-        fitted = evidence_of_trial(declared, distance, end=END, start=start)
-        if not len(fitted.x):
-            return Evidence(log=-math.inf)
-        for _ in range(REFITS):
-            if fitted.misfit <= MAX_GOOD_MISFIT:
-                break
-            slipped = filtered(self._rows, self._motion(fitted), account.time[None], np.array([UNREST]))[1]
-            if not slipped.any() or slipped.mean() > MAX_SLIPS:
-                break
-            again = evidence_of_trial(self._at_own_times(account, slipped), distance, end=END, start=fitted.x)
-            if not len(again.x) or again.misfit >= fitted.misfit:
-                break
-            fitted = again
-        return fitted
-
     def _judged(self, account: Account, start: Array | None) -> Judged:
-        """Return an account with the density of all points by a fit at its times."""
-        evidence = self._fitted(account, start)
-        if evidence.problem is None:
-            return Judged(account=account, evidence=evidence, log=-math.inf)
-        motion = self._motion(evidence, float(account.time.max()) + self._rows.step)
-        log = float(filtered(self._rows, motion, account.time[None], np.array([account.unrest]), account.copied[None])[0][0])
-        prior = np.array([n.prior_sigma for n in evidence.problem.free_parameters])
-        log += account.log_share - 0.5 * float(np.sum((evidence.x / prior) ** 2))
-        return Judged(account=account, evidence=evidence, log=log)
+        """Return an account with the density of all points by a fit at its times.
+
+        Points to which a tracker slips, or which something moves that begins to act later, are left out of a further fit where
+        that makes all points more probable.
+        """
+        best = Judged(account=account, evidence=Evidence(log=-math.inf), log=-math.inf)
+        unexplained = None
+        for _ in range(FITS):
+            declared = self._at_own_times(account, unexplained)
+            distance = measured_distance(declared) if account.family == "shifted" else self._search.distance
+            evidence = evidence_of_trial(declared, distance, end=END, start=start)
+            if not len(evidence.x) or evidence.problem is None:  # the model cannot run there
+                break
+            motion = self._motion(evidence, float(account.time.max()) + self._rows.step)
+            found = filtered(self._rows, motion, account.time[None], np.array([account.unrest]), account.copied[None])
+            prior = np.array([n.prior_sigma for n in evidence.problem.free_parameters])
+            log = float(found.log[0]) + account.log_share - 0.5 * float(np.sum((evidence.x / prior) ** 2))
+            if log <= best.log:
+                break
+            begins_later = found.begin < len(account.time)
+            best = Judged(account=account, evidence=evidence, log=log, begins_later=begins_later)
+            slips = found.unexplained[: found.begin]
+            if evidence.misfit <= MAX_GOOD_MISFIT or not found.unexplained.any() or slips.mean() > MAX_SLIPS:
+                break
+            unexplained, start = found.unexplained, evidence.x
+        return best
 
 
 def _sentences(changes: Sequence[Change], rows: Rows) -> list[str]:
