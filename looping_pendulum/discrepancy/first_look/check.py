@@ -245,10 +245,10 @@ def _altered_points(
         if other and times.found and times.found.log_posterior < other.log_posterior:
             continue
         if (changed := times.put_right) is not None:
-            put_right.setdefault(times.best.text, []).append(search.name)
+            put_right.setdefault(times.text, []).append(search.name)
             observations[search.name] = changed
-        elif times.best.text:
-            named.setdefault(times.best.text, []).append(search.name)
+        elif times.text:
+            named.setdefault(times.text, []).append(search.name)
     mistakes = [
         NamedMistake(trials=tuple(names), names=("points",), keys="", text=f"{_where(names)}: {found}")
         for found, names in named.items()
@@ -387,6 +387,9 @@ def _far_text(search: TrialSearch) -> str:
         return f"trial '{search.name}': cannot be compared, as {reason}; check this trial's frame_rate, unit of time and camera"
     if search.as_declared.reason:
         return f"trial '{search.name}': no mistake is looked for, as {search.as_declared.reason}"
+    times = FilmTimes.of(search)
+    if times and times.explains_table:  # without points to which the tracker slips, of which `identify` speaks
+        return ""
     return (
         f"trial '{search.name}': the points are {search.distance.text} from the declared motion, more than an "
         "effect moves them, and no single usual mistake explains it; check this trial's masses, free length, angle and file"

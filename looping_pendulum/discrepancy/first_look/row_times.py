@@ -11,7 +11,7 @@ import dataclasses
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from looping_pendulum.discrepancy.first_look.misfit import (
     length_per_unit,
     measured_distance,
 )
-from looping_pendulum.discrepancy.first_look.mistakes import COMMON, MAX_GOOD_MISFIT, TrialSearch
+from looping_pendulum.discrepancy.first_look.mistakes import COMMON, MAX_GOOD_MISFIT, RIVAL, TrialSearch
 from looping_pendulum.discrepancy.first_look.paths import (
     UNREST,
     Change,
@@ -137,11 +137,14 @@ class FilmTimes:
         self._rows = Rows.of(data, {c.unit: length_per_unit(c.unit, parameters.free_length) for c in data.channels})
         self._names = [c.name for c in data.channels]
         self._end = END * fall_time(parameters)
-        # After the end of a run the model says nothing
-        ends = Motion.of(problem, search.as_declared.x, self._rows, 1.1 * self._end).end
+        # After the end of its run the model says nothing, if it is known where that is
+        explained = search.as_declared.explains_all
+        ends = self._motion(search.as_declared).end if explained else math.inf
         self._count = int(np.searchsorted(self._rows.t, min(self._end, last, ends), side="right"))
+        self._best_of_family: dict[str, Judged] = {}
 
     @staticmethod
+    @lru_cache(maxsize=16)
     def of(search: TrialSearch) -> FilmTimes | None:
         """Return the accounts of a trial; None: its model cannot run, or it has too few rows."""
         problem = search.as_declared.problem
@@ -211,6 +214,15 @@ class FilmTimes:
     @cached_property
     def _as_declared(self) -> Judged:
         return self._judged(self._table, self._search.as_declared.x)
+
+    @property
+    def text(self) -> str:
+        """Return what is wrong with the times in words, with other accounts that are about as probable; empty: nothing."""
+        if self.found is None:
+            return ""
+        least = self.found.log - math.log(RIVAL)
+        rivals = (j for family, j in self._best_of_family.items() if family != self.best.family and j.log >= least)
+        return "; or ".join([self.best.text, *(j.account.text for j in rivals if j.account.text)])
 
     @property
     def put_right(self) -> Observations | None:
@@ -403,6 +415,9 @@ class FilmTimes:
             if evidence.misfit <= MAX_GOOD_MISFIT or not found.unexplained.any() or slips.mean() > MAX_SLIPS:
                 break
             unexplained, start = found.unexplained, evidence.x
+        known = self._best_of_family.get(account.family)
+        if len(account.time) == self._count and (known is None or best.log > known.log):
+            self._best_of_family[account.family] = best
         return best
 
 
