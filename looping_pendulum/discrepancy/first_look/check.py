@@ -281,8 +281,8 @@ def _smoothing(search: TrialSearch, times: FilmTimes, other: Correction | None) 
     smoothed = smoothing_of(as_declared.problem, as_declared.x, {"m": 1.0})
     if smoothed is None or (other and smoothed.gain < other.log_posterior - as_declared.log):
         return ""
-    # Where only noise is left, the search for other times, which takes seconds, would find nothing
-    if smoothed.misfit > MAX_GOOD_MISFIT and smoothed.gain < times.gain:
+    # The search for other times takes seconds
+    if smoothed.gain < times.most_to_gain and smoothed.gain < times.gain:
         return ""
     return (
         f"found points that were {smoothed.text}, by the errors that they are left with; needed the points as they were tracked"
@@ -387,7 +387,7 @@ def _far_text(search: TrialSearch) -> str:
         return f"trial '{search.name}': cannot be compared, as {reason}; check this trial's frame_rate, unit of time and camera"
     if search.as_declared.reason:
         return f"trial '{search.name}': no mistake is looked for, as {search.as_declared.reason}"
-    times = FilmTimes.of(search)
+    times = None if search.distance.is_cut_off else FilmTimes.of(search)
     if times and times.explains_table:  # without points to which the tracker slips, of which `identify` speaks
         return ""
     return (

@@ -202,6 +202,12 @@ class FilmTimes:
         return self._as_declared.explains_all and not self._as_declared.begins_later
 
     @property
+    def most_to_gain(self) -> float:
+        """Return what any account can gain at most: with it, only noise is left."""
+        count = np.isfinite(self._rows.points[: self._count]).sum(axis=0)
+        return float(-np.sum(count * (np.log(self._rows.sigma * math.sqrt(2 * math.pi)) + 0.5))) - self.log_of_table
+
+    @property
     def gain(self) -> float:
         """Return the logarithm of how much more probable the most probable account is than that of the table."""
         return self.found.log - self.log_of_table if self.found else 0.0

@@ -61,8 +61,6 @@ class Smoothing:
     text: str
     gain: float
     """Logarithm of how much more probable it is than points as they were tracked."""
-    misfit: float
-    """Root mean square of what is left, in units of the errors that it says."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,11 +91,27 @@ def smoothing_of(problem: Problem, x: Array, length_per_unit: Mapping[str, float
         return None
     whole = _rows(data, np.arange(rows))
     t = whole.channels[0].t
-    gaps = _distances_from_gaps(t)
-    half = next((h for h in HALVES if np.sum(gaps > h) >= MIN_ROWS), None)
-    if half is None:
-        return None
-    inner = np.flatnonzero(gaps > half)[:MAX_ROWS]
+    has_gaps = np.ptp(np.diff(t)) > 0.5 * np.median(np.diff(t))
+    found = []
+    # Points may have been smoothed before rows were lost, or from each row that is left to the next
+    for times in (t, np.arange(rows, dtype=float)) if has_gaps else (t,):
+        half, inner = _inner_rows(times)
+        if half:
+            found.append(_smoothing_of_rows(problem, x, whole, half, inner, length_per_unit))
+    return max(filter(None, found), key=lambda each: each.gain, default=None)
+
+
+def _smoothing_of_rows(
+    problem: Problem,
+    x: Array,
+    whole: TrialData,
+    half: int,
+    inner: NDArray[np.intp],
+    length_per_unit: Mapping[str, float],
+) -> Smoothing | None:
+    """Return how the points of some inner rows were smoothed, over at most ``half`` rows on each side; None: they were not."""
+    t = whole.channels[0].t
+    rows = len(t)
     points, here = _rows(whole, inner), problem.with_data([whole])
     prior = np.array([n.prior_sigma for n in problem.free_parameters])
 
@@ -129,7 +143,7 @@ def smoothing_of(problem: Problem, x: Array, length_per_unit: Mapping[str, float
     # An account by which hundreds of millimetres are missing explains nothing
     if smoothed.log <= as_tracked.log or smoothed.evidence.lacking == LACKING[-1]:
         return None
-    return Smoothing(text=smoothed.account.text, gain=smoothed.log - as_tracked.log, misfit=smoothed.evidence.misfit)
+    return Smoothing(text=smoothed.account.text, gain=smoothed.log - as_tracked.log)
 
 
 def _common_rows(data: TrialData) -> TrialData:
@@ -150,12 +164,14 @@ def _rows(data: TrialData, rows: NDArray[np.intp]) -> TrialData:
     return TrialData(trial=data.trial, channels=channels, sigma=sigma)
 
 
-def _distances_from_gaps(t: Array) -> NDArray[np.intp]:
-    """Return by how many rows each one is away from the nearest row that is missing, shape (n,)."""
+def _inner_rows(t: Array) -> tuple[int, NDArray[np.intp]]:
+    """Return the largest number of rows on each side over which is smoothed, and the rows so far from any that is missing."""
     step, k = np.diff(t), np.arange(len(t))
     ends = np.concatenate([[0], 1 + np.flatnonzero(step > 1.5 * np.median(step)), [len(t)]])
     run = np.searchsorted(ends, k, side="right")
-    return np.asarray(np.minimum(k - ends[run - 1], ends[run] - 1 - k) + 1)
+    away = np.minimum(k - ends[run - 1], ends[run] - 1 - k) + 1
+    half = next((h for h in HALVES if np.sum(away > h) >= MIN_ROWS), 0)
+    return half, np.flatnonzero(away > half)[:MAX_ROWS]
 
 
 def _as_tracked(rows: int) -> Iterator[Account]:
