@@ -282,7 +282,7 @@ def _smoothing(search: TrialSearch, times: FilmTimes, other: Correction | None) 
     if smoothed is None or (other and smoothed.gain < other.log_posterior - as_declared.log):
         return ""
     # The search for other times takes seconds
-    if smoothed.gain < times.most_to_gain and smoothed.gain < times.gain:
+    if smoothed.gain / smoothed.rows < times.most_to_gain_of_row and smoothed.gain < times.gain:
         return ""
     return (
         f"found points that were {smoothed.text}, by the errors that they are left with; needed the points as they were tracked"

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -33,6 +33,7 @@ from looping_pendulum.discrepancy.first_look.paths import (
     filtered,
     likeliest_paths,
     log_of_change,
+    times_with,
 )
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.measured.observations import Channel, Observations
@@ -47,6 +48,8 @@ ROUNDS = 5
 """Largest number of times that accounts are looked for about the fit of the best one so far."""
 PROPOSED = 2
 """Number of accounts of each kind that are fitted in a round."""
+PREFIXES = 3
+"""Number of paths that are fitted of one: itself, and without its last changes."""
 PARTS = (0.25, 0.37, 0.5, 0.67, 0.83, 1.0)
 """Parts of the film over which a path is found, each about the fit to the one before."""
 LATE = tuple(n / 10 for n in range(-4, 5) if n)
@@ -141,7 +144,7 @@ class FilmTimes:
         explained = search.as_declared.explains_all
         ends = self._motion(search.as_declared).end if explained else math.inf
         self._count = int(np.searchsorted(self._rows.t, min(self._end, last, ends), side="right"))
-        self._best_of_family: dict[str, Judged] = {}
+        self._judged_before: dict[Hashable, Judged] = {}
 
     @staticmethod
     @lru_cache(maxsize=16)
@@ -202,10 +205,11 @@ class FilmTimes:
         return self._as_declared.explains_all and not self._as_declared.begins_later
 
     @property
-    def most_to_gain(self) -> float:
-        """Return what any account can gain at most: with it, only noise is left."""
+    def most_to_gain_of_row(self) -> float:
+        """Return what any account can gain of a row at most: with it, only noise is left."""
         count = np.isfinite(self._rows.points[: self._count]).sum(axis=0)
-        return float(-np.sum(count * (np.log(self._rows.sigma * math.sqrt(2 * math.pi)) + 0.5))) - self.log_of_table
+        of_noise = -np.sum(count * (np.log(self._rows.sigma * math.sqrt(2 * math.pi)) + 0.5))
+        return (float(of_noise) - self.log_of_table) / self._count
 
     @property
     def gain(self) -> float:
@@ -226,9 +230,11 @@ class FilmTimes:
         """Return what is wrong with the times in words, with other accounts that are about as probable; empty: nothing."""
         if self.found is None:
             return ""
-        least = self.found.log - math.log(RIVAL)
-        rivals = (j for family, j in self._best_of_family.items() if family != self.best.family and j.log >= least)
-        return "; or ".join([self.best.text, *(j.account.text for j in rivals if j.account.text)])
+        texts, least = {self.best.family: self.best.text}, self.found.log - math.log(RIVAL)
+        for rival in sorted(self._judged_before.values(), key=lambda j: -j.log):
+            if rival.log >= least and rival.account.text and len(rival.account.time) == self._count:
+                texts.setdefault(rival.account.family, rival.account.text)
+        return "; or ".join(texts.values())
 
     @property
     def put_right(self) -> Observations | None:
@@ -302,7 +308,9 @@ class FilmTimes:
             own = next((p.log for p in paths if not p.changes), -math.inf)
             # A rate that all rows have is another mistake
             changed = [p for p in paths if any(c.row for c in p.changes) and p.log + math.log(COMMON) > own]
-            proposed += [(self._of_path(p.time, p.changes), evidence.x) for p in changed[:PROPOSED]]
+            # About a fit to other times, the last changes may be wrong
+            sets = dict.fromkeys(p.changes[:n] for p in changed[:PROPOSED] for n in range(len(p.changes), 0, -1)[:PREFIXES])
+            proposed += [(self._of_path(times_with(self._rows, self._count, c), c), evidence.x) for c in sets]
         if family != "path":
             others = {"turn": self._in_turn, "uneven": self._uneven, "shifted": self._shifted}
             accounts = [self._table, *(a for name, them in others.items() if family in ("", name) for a in them())]
@@ -401,6 +409,9 @@ class FilmTimes:
         Points to which a tracker slips, or which something moves that begins to act later, are left out of a further fit where
         that makes all points more probable.
         """
+        key = (account.key, None if start is None else start.tobytes())
+        if key in self._judged_before:
+            return self._judged_before[key]
         best = Judged(account=account, evidence=Evidence(log=-math.inf), log=-math.inf)
         unexplained = None
         for _ in range(FITS):
@@ -421,9 +432,7 @@ class FilmTimes:
             if evidence.misfit <= MAX_GOOD_MISFIT or not found.unexplained.any() or slips.mean() > MAX_SLIPS:
                 break
             unexplained, start = found.unexplained, evidence.x
-        known = self._best_of_family.get(account.family)
-        if len(account.time) == self._count and (known is None or best.log > known.log):
-            self._best_of_family[account.family] = best
+        self._judged_before[key] = best
         return best
 
 

@@ -61,6 +61,8 @@ class Smoothing:
     text: str
     gain: float
     """Logarithm of how much more probable it is than points as they were tracked."""
+    rows: int
+    """Number of rows that were compared."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -143,7 +145,7 @@ def _smoothing_of_rows(
     # An account by which hundreds of millimetres are missing explains nothing
     if smoothed.log <= as_tracked.log or smoothed.evidence.lacking == LACKING[-1]:
         return None
-    return Smoothing(text=smoothed.account.text, gain=smoothed.log - as_tracked.log)
+    return Smoothing(text=smoothed.account.text, gain=smoothed.log - as_tracked.log, rows=len(inner))
 
 
 def _common_rows(data: TrialData) -> TrialData:
