@@ -265,7 +265,9 @@ def _exchange(search: TrialSearch, times: FilmTimes) -> str:
     times_back = FilmTimes.of(back)
     if times_back is None or not back.as_declared.explains_all:
         return ""
-    if times_back.log_of_table + len(exchanged.spans) * math.log(COMMON) <= times.log_of_table:
+    gain = times_back.log_of_table + len(exchanged.spans) * math.log(COMMON) - times.log_of_table
+    # Where only noise is left, no other times explain more
+    if gain <= 0 or (not times_back.explains_table and gain < times.gain):
         return ""
     return (
         f"found the points of the two masses exchanged in rows {exchanged.text}; needed each mass in its own columns: "

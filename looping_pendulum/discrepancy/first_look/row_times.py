@@ -191,8 +191,10 @@ class FilmTimes:
         if not is_explained:
             # A fit to wrong times may be so far off that it leads nowhere
             best = max(filter(None, (best, self._refined(self._grown()))), key=lambda judged: judged.log, default=None)
+        if best is None or best.log <= self.log_of_table:
+            return None
         # Where hundreds of millimetres are missing as before, nothing is explained
-        return best if best is not None and (best.evidence.explains_all or declared.explains_all) else None
+        return best if best.evidence.explains_all or declared.explains_all else None
 
     @property
     def log_of_table(self) -> float:
@@ -261,6 +263,9 @@ class FilmTimes:
     def _refined(self, evidence: Evidence) -> Judged | None:
         """Return the best account, looked for about a fit and then about its own; None: that of the table."""
         best, tried, family = None, {self._table.key}, ""
+        table = self._judged(self._table, evidence.x, evidence) if evidence.problem else self._as_declared
+        if table.log > self._as_declared.log:
+            self._as_declared = table
         for _ in range(ROUNDS):
             found = []
             for account, start in self._proposed(evidence, family):
@@ -287,7 +292,8 @@ class FilmTimes:
         for part in PARTS:
             count = max(int(part * self._count), MIN_ROWS)
             start = None if part == PARTS[0] else found.x
-            fitted = self._judged(self._of_path(time[:count], changes), start).evidence
+            about = None if part == PARTS[0] or found.problem is None else found
+            fitted = self._judged(self._of_path(time[:count], changes), start, about).evidence
             found = found if fitted.problem is None else fitted  # with too few rows
             if part == PARTS[0] and found.misfit > MAX_GOOD_MISFIT:  # its times are wrong from the start
                 found = dataclasses.replace(found, x=np.zeros_like(found.x))
@@ -403,17 +409,22 @@ class FilmTimes:
 
         return self._upright.with_channels(at_own_times)
 
-    def _judged(self, account: Account, start: Array | None) -> Judged:
+    def _judged(self, account: Account, start: Array | None, about: Evidence | None = None) -> Judged:
         """Return an account with the density of all points by a fit at its times.
 
         Points to which a tracker slips, or which something moves that begins to act later, are left out of a further fit where
-        that makes all points more probable.
+        that makes all points more probable; those to which it slips as seen from another fit, ``about``, of the first one.
         """
-        key = (account.key, None if start is None else start.tobytes())
+        key = (account.key, None if start is None else start.tobytes(), about is None)
         if key in self._judged_before:
             return self._judged_before[key]
         best = Judged(account=account, evidence=Evidence(log=-math.inf), log=-math.inf)
         unexplained = None
+        if about is not None:
+            found = filtered(
+                self._rows, self._motion(about), account.time[None], np.array([account.unrest]), account.copied[None]
+            )
+            unexplained = found.unexplained
         for _ in range(FITS):
             declared = self._at_own_times(account, unexplained)
             distance = measured_distance(declared) if account.family == "shifted" else self._search.distance
