@@ -601,20 +601,10 @@ def test_no_false_warning(tmp_path, case, seed):
 
 LARGE = [s for kind in ("single", "law") for s in draw(kind, 200 if kind == "single" else 100, 3) if s.size == 50e-3]
 """Blind studies whose hidden effect moves the light mass by 50 mm."""
-TAKEN_FOR_A_MISTAKE = {
-    "single-0012": "rows after 0.867 s are slow as by another clock",
-    "law-0036": "the motion is as smooth as averaged points",
-    "law-0071": "a rod of half the radius moves the light mass alike",
-}
-
-
-def _large(blind):
-    reason = TAKEN_FOR_A_MISTAKE.get(blind.name)
-    return pytest.param(blind, marks=pytest.mark.xfail(strict=True, reason=reason) if reason else ())
 
 
 @pytest.mark.accurate
-@pytest.mark.parametrize("blind", [_large(blind) for blind in LARGE], ids=lambda blind: blind.name)
+@pytest.mark.parametrize("blind", LARGE, ids=lambda blind: blind.name)
 def test_a_large_hidden_effect_is_no_mistake(tmp_path, blind):
     try:
         path = write_files(blind, tmp_path)

@@ -13,7 +13,6 @@ from tests.film_faults.films import clean_study
 from tests.film_faults.forms import Form
 from tests.film_faults.judging import Outcome, judge
 
-FAR_OFF = pytest.mark.xfail(strict=True, reason="the smoothed motion is so far off that its errors are not looked at")
 FEW_ROWS = pytest.mark.xfail(strict=True, reason="of 27 rows, the last six look as if the tracker slipped from the light mass")
 SAMPLE = (
     (60, NONE),
@@ -28,8 +27,8 @@ SAMPLE = (
     (240, "wrong unit of time"),
     (480, "mirrored"),
     (240, "turned"),
-    pytest.param(240, "smoothed", marks=FAR_OFF),
-    pytest.param(240, "interpolated", marks=FAR_OFF),
+    (240, "smoothed"),
+    (240, "interpolated"),
     (240, "objects exchanged"),
 )
 """Number and kind of studies of one apparatus, most of them of one trial, whose motion is simulated once."""

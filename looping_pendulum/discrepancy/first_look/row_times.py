@@ -48,8 +48,6 @@ ROUNDS = 5
 """Largest number of times that accounts are looked for about the fit of the best one so far."""
 PROPOSED = 2
 """Number of accounts of each kind that are fitted in a round."""
-PREFIXES = 3
-"""Number of paths that are fitted of one: itself, and without its last changes."""
 PARTS = (0.25, 0.37, 0.5, 0.67, 0.83, 1.0)
 """Parts of the film over which a path is found, each about the fit to the one before."""
 LATE = tuple(n / 10 for n in range(-4, 5) if n)
@@ -314,9 +312,11 @@ class FilmTimes:
             own = next((p.log for p in paths if not p.changes), -math.inf)
             # A rate that all rows have is another mistake
             changed = [p for p in paths if any(c.row for c in p.changes) and p.log + math.log(COMMON) > own]
-            # About a fit to other times, the last changes may be wrong
-            sets = dict.fromkeys(p.changes[:n] for p in changed[:PROPOSED] for n in range(len(p.changes), 0, -1)[:PREFIXES])
-            proposed += [(self._of_path(times_with(self._rows, self._count, c), c), evidence.x) for c in sets]
+            # About a fit to other times, one of the changes may be wrong
+            without_one = [(*c[:n], *c[n + 1 :]) for c in (p.changes for p in changed[:1]) if len(c) > 1 for n in range(len(c))]
+            for changes in dict.fromkeys([*(p.changes for p in changed[:PROPOSED]), *without_one]):
+                time = times_with(self._rows, self._count, changes)
+                proposed.append((self._of_path(time, changes), evidence.x))
         if family != "path":
             others = {"turn": self._in_turn, "uneven": self._uneven, "shifted": self._shifted}
             accounts = [self._table, *(a for name, them in others.items() if family in ("", name) for a in them())]

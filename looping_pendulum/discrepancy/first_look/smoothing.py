@@ -25,8 +25,8 @@ SHARE = 1e-3
 """Prior probability that a film's points are not as they were tracked."""
 MAX_ROWS, MIN_ROWS = 140, 12
 """Largest and smallest number of rows that are compared."""
-HALVES = (10, 7, 4, 2)
-"""Largest number of rows on each side over which is smoothed: the first that leaves enough rows so far from any gap."""
+HALVES = (20, 10, 7, 4, 2)
+"""Largest number of rows on each side over which is smoothed: the first that leaves half of the rows so far from any gap."""
 WINDOWS = (3, 5, 7, 9, 11, 15, 21)
 """Rows over which is averaged, or to which a parabola is fitted."""
 CUTOFFS, FILTER_ORDERS = (6.0, 10.0, 15.0, 20.0), (2, 4)
@@ -172,7 +172,7 @@ def _inner_rows(t: Array) -> tuple[int, NDArray[np.intp]]:
     ends = np.concatenate([[0], 1 + np.flatnonzero(step > 1.5 * np.median(step)), [len(t)]])
     run = np.searchsorted(ends, k, side="right")
     away = np.minimum(k - ends[run - 1], ends[run] - 1 - k) + 1
-    half = next((h for h in HALVES if np.sum(away > h) >= MIN_ROWS), 0)
+    half = next((h for h in HALVES if np.sum(away > h) >= max(MIN_ROWS, len(t) / 2)), 0)
     return half, np.flatnonzero(away > half)[:MAX_ROWS]
 
 
@@ -224,7 +224,8 @@ def _kernels(rows: int, half: int, step: float) -> Iterator[tuple[str, Array]]:
         for order in FILTER_ORDERS:
             weights = signal.filtfilt(*signal.butter(order, 2 * cutoff * step), one, axis=0)
             window = round(1 / float(np.sum(weights[rows // 2] ** 2)))
-            yield f"filtered at {cutoff:g} Hz, which is over some {window} frames", weights
+            if window <= 2 * half + 1:
+                yield f"filtered at {cutoff:g} Hz, which is over some {window} frames", weights
     for every in MADE_UP:
         for phase in range(every):
             before = (k - phase) // every * every + phase
