@@ -221,9 +221,11 @@ class FilmTimes:
         """Return the most probable account."""
         return self.found.account if self.found else self._table
 
-    @cached_property
+    @property
     def _as_declared(self) -> Judged:
-        return self._judged(self._table, self._search.as_declared.x)
+        """Return the table as it stands with the best of its fits."""
+        self._judged(self._table, self._search.as_declared.x)
+        return max((j for j in self._judged_before.values() if j.account.family == "table"), key=lambda judged: judged.log)
 
     @property
     def text(self) -> str:
@@ -253,7 +255,7 @@ class FilmTimes:
             return None
         return dataclasses.replace(observations, channels=tuple(changed))
 
-    @property
+    @cached_property
     def _table(self) -> Account:
         time = np.repeat(self._rows.t[: self._count, None], len(self._names), axis=1)
         return Account(family="table", time=time, log_share=0.0)
@@ -261,9 +263,8 @@ class FilmTimes:
     def _refined(self, evidence: Evidence) -> Judged | None:
         """Return the best account, looked for about a fit and then about its own; None: that of the table."""
         best, tried, family = None, {self._table.key}, ""
-        table = self._judged(self._table, evidence.x, evidence) if evidence.problem else self._as_declared
-        if table.log > self._as_declared.log:
-            self._as_declared = table
+        if evidence.problem is not None:
+            self._judged(self._table, evidence.x, evidence)
         for _ in range(ROUNDS):
             found = []
             for account, start in self._proposed(evidence, family):
