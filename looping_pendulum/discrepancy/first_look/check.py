@@ -283,8 +283,8 @@ def _smoothing(search: TrialSearch, times: FilmTimes, other: Correction | None) 
     smoothed = smoothing_of(as_declared.problem, as_declared.x, {"m": 1.0})
     if smoothed is None or (other and smoothed.gain < other.log_posterior - as_declared.log):
         return ""
-    # The search for other times takes seconds
-    if smoothed.gain / smoothed.rows < times.most_to_gain_of_row and smoothed.gain < times.gain:
+    # The search for other times takes seconds; it may find a better fit of the table, too
+    if smoothed.gain / smoothed.rows < times.most_to_gain_of_row and (smoothed.gain < times.gain or times.explains_table):
         return ""
     return (
         f"found points that were {smoothed.text}, by the errors that they are left with; needed the points as they were tracked"
