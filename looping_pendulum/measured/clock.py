@@ -410,6 +410,54 @@ def _without_repeated_rows(sheet: Sheet, refuse: Refusal, notes: ReadingNotes) -
     return t
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EvenClock:
+    """Equal steps in place of uneven ones."""
+
+    t: Array
+    """[s], shape (n,)."""
+    text: str
+    """What is found and assumed, in words."""
+    camera_errors: Mapping[str, float]
+    """Parameter of the camera -> its standard error by what is not known of the equal steps [SI]."""
+
+
+def even_clock(t: Array, stated: Sequence[float] = ()) -> EvenClock | None:
+    """Return equal steps in place of uneven ones that may be a recorder's; None: there are none, or rows are missing.
+
+    Parameters
+    ----------
+    t
+        Times that grow [s], shape (n,).
+    stated
+        Rates that the study states [Hz].
+    """
+    steps = np.diff(t)
+    # Each row a frame, or, where rows are missing, whole numbers of a usual rate's frames
+    likely = [r for r in (*stated, *USUAL_RATES) if abs(r * float(np.median(steps)) - 1) < NEAR_STEP]
+    numbers = [np.arange(len(t), dtype=float), *(_frame_numbers(t, r) for r in likely)]
+    clocks = [clock for number in numbers if (clock := _even_clock(t, number))]
+    if not clocks:
+        return None
+    unrest, mean, row = min(clocks, key=lambda clock: clock[0] / clock[1])
+    unrest /= float(np.sqrt(row @ row))
+    rates = (r for r in (*stated, *USUAL_RATES) if abs(1 / r - mean) <= max(USUAL_SIGMAS * unrest, EXACT * mean))
+    fitted, mean = mean, 1 / min(rates, key=lambda r: abs(1 / r - mean), default=1 / mean)
+    errors = {"clock_offset": unrest * float(np.sqrt(row @ row / len(row)))}
+    if 1 / mean not in stated:
+        errors["clock_ratio"] = unrest / fitted
+    return EvenClock(
+        t=t.mean() + mean * row,
+        text=f"{_steps_in_words(steps)}, but the masses move as in equal ones: taken as {1 / mean:.4g} frames a second",
+        camera_errors=errors,
+    )
+
+
+def _steps_in_words(steps: Array) -> str:
+    low, high = (f"{1e3 * s:.3g}" for s in np.percentile(steps, [5, 95]))
+    return f"the steps from row to row are {low} to {high} ms"
+
+
 def _even_times(sheets: Sequence[Sheet], times: list[Array], stated: Sequence[float], notes: ReadingNotes) -> list[Array]:
     """Return equal steps in place of uneven ones where the points say that the frames were even.
 
@@ -418,29 +466,16 @@ def _even_times(sheets: Sequence[Sheet], times: list[Array], stated: Sequence[fl
     t = times[0]
     if len(sheets) > 1 or len(t) < MIN_ROWS or not np.all(np.isfinite(t)):
         return times
-    steps = np.diff(t)
-    # Each row a frame, or, where rows are missing, whole numbers of a usual rate's frames
-    likely = [r for r in (*stated, *USUAL_RATES) if abs(r * float(np.median(steps)) - 1) < NEAR_STEP]
-    numbers = [np.arange(len(t), dtype=float), *(_frame_numbers(t, r) for r in likely)]
-    clocks = [clock for number in numbers if (clock := _even_clock(t, number))]
-    if not clocks:
+    even = even_clock(t, stated)
+    if even is None:
         return times
-    unrest, mean, row = min(clocks, key=lambda clock: clock[0] / clock[1])
-    unrest /= float(np.sqrt(row @ row))
-    rates = (r for r in (*stated, *USUAL_RATES) if abs(1 / r - mean) <= max(USUAL_SIGMAS * unrest, EXACT * mean))
-    fitted, mean = mean, 1 / min(rates, key=lambda r: abs(1 / r - mean), default=1 / mean)
-    even = t.mean() + mean * row
-    by_file, by_rows = (_scatter(sheets[0], clock) for clock in (t, even))
-    low, high = (f"{1e3 * s:.3g}" for s in np.percentile(steps, [5, 95]))
-    frames = f"the steps from row to row are {low} to {high} ms"
+    by_file, by_rows = (_scatter(sheets[0], clock) for clock in (t, even.t))
     if by_rows > MIN_EVEN_GAIN * by_file:
-        notes.assumptions.append(f"{frames}, as the file has them")
+        notes.assumptions.append(f"{_steps_in_words(np.diff(t))}, as the file has them")
         return times
-    notes.assumptions.append(f"{frames}, but the masses move as in equal ones: taken as {1 / mean:.4g} frames a second")
-    notes.camera_errors["clock_offset"] = unrest * float(np.sqrt(row @ row / len(row)))
-    if 1 / mean not in stated:
-        notes.camera_errors["clock_ratio"] = unrest / fitted
-    return [even]
+    notes.assumptions.append(even.text)
+    notes.camera_errors.update(even.camera_errors)
+    return [even.t]
 
 
 def _frame_numbers(t: Array, rate: float) -> Array:

@@ -36,6 +36,7 @@ from looping_pendulum.discrepancy.first_look.paths import (
     times_with,
 )
 from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.measured.clock import even_clock
 from looping_pendulum.measured.observations import Channel, Observations
 from looping_pendulum.measured.usable_points import usable_points
 from looping_pendulum.reference_ode.geometry import Array
@@ -56,6 +57,8 @@ IN_TURN = ((2, 1), (3, 0), (3, 1), (3, 2))
 """Of how many frames in turn one is late or early, and which."""
 UNEVEN, UNEVEN_SHARE = (0.06, 0.12, 0.25), 1e-3
 """Errors of the times of uneven frames [steps], and the prior probability that a film has any: a recorder's often have."""
+EVEN_SHARE = 1e-2
+"""Prior probability that times which are uneven are not those of the frames."""
 COLUMNS = ("heavy", "light", "light_x", "light_y", "heavy_y")
 """Columns that may stand in other rows than the rest: of one mass, or one alone."""
 MAX_SHIFT, MIN_ROWS_A_SHIFT = 20, 4
@@ -143,6 +146,8 @@ class FilmTimes:
         ends = self._motion(search.as_declared).end if explained else math.inf
         self._count = int(np.searchsorted(self._rows.t, min(self._end, last, ends), side="right"))
         self._judged_before: dict[Hashable, Judged] = {}
+        even = even_clock(self._rows.t)
+        self._even_clock = even if even and np.ptp(even.t - self._rows.t) > 2 * UNREST * self._rows.step else None
 
     @staticmethod
     @lru_cache(maxsize=16)
@@ -245,6 +250,11 @@ class FilmTimes:
         if account.family == "uneven":
             error = account.unrest * self._rows.step
             changed = [dataclasses.replace(c, time_error=max(error, c.time_error)) for c in observations.channels]
+        elif account.family == "even" and self._even_clock:
+            even = dict(zip(self._rows.t.tolist(), self._even_clock.t.tolist(), strict=True))
+            changed = [dataclasses.replace(c, t=np.array([even[t] for t in c.t.tolist()])) for c in observations.channels]
+            errors = {**self._even_clock.camera_errors, **observations.camera_errors}
+            observations = dataclasses.replace(observations, camera_errors=errors)
         elif account.changes and all(c.alone for c in account.changes):
             again = self._rows.t[: self._count][account.copied]
             changed = []
@@ -319,7 +329,7 @@ class FilmTimes:
                 time = times_with(self._rows, self._count, changes)
                 proposed.append((self._of_path(time, changes), evidence.x))
         if family != "path":
-            others = {"turn": self._in_turn, "uneven": self._uneven, "shifted": self._shifted}
+            others = {"turn": self._in_turn, "uneven": self._uneven, "even": self._even, "shifted": self._shifted}
             accounts = [self._table, *(a for name, them in others.items() if family in ("", name) for a in them())]
             time, unrest = np.array([a.time for a in accounts]), np.array([a.unrest for a in accounts])
             share = np.array([a.log_share for a in accounts])
@@ -371,6 +381,11 @@ class FilmTimes:
             )
             share = math.log(UNEVEN_SHARE / len(UNEVEN))
             yield dataclasses.replace(self._table, family="uneven", log_share=share, text=text, unrest=unrest)
+
+    def _even(self) -> Iterator[Account]:
+        if self._even_clock:
+            time = np.repeat(self._even_clock.t[: self._count, None], len(self._names), axis=1)
+            yield Account(family="even", time=time, log_share=math.log(EVEN_SHARE), text=self._even_clock.text)
 
     def _shifted(self) -> Iterator[Account]:
         table, most = self._table, min(MAX_SHIFT, self._count // MIN_ROWS_A_SHIFT)
