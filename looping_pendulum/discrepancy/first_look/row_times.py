@@ -194,7 +194,11 @@ class FilmTimes:
         if not is_explained:
             # A fit to wrong times may be so far off that it leads nowhere
             best = max(filter(None, (best, self._refined(self._grown()))), key=lambda judged: judged.log, default=None)
-        if best is None or best.log <= self.log_of_table:
+        if best is None:
+            return None
+        # Its fit may serve the table, too, with points left out to which the tracker slips
+        self._judged(self._table, best.evidence.x, best.evidence)
+        if best.log <= self.log_of_table:
             return None
         # Where hundreds of millimetres are missing as before, nothing is explained
         return best if best.evidence.explains_all or declared.explains_all else None
