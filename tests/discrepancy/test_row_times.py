@@ -96,3 +96,42 @@ def test_a_tracker_that_stays_where_it_was_is_no_wrong_time(tmp_path):
     check = look(tmp_path, written=written)
     assert not check.mistakes
     assert not check.put_right
+
+
+def test_a_tracker_that_stays_for_long_leads_no_fit_astray(tmp_path):
+    """The mark that stayed drew the fit to itself, and the points were "38 mm from the declared motion"."""
+    written = FILM.written.copy()
+    written[34:42, :2] = written[34, :2]
+    check = look(tmp_path, written=written)
+    assert not check.mistakes
+    assert not check.put_right
+    assert not any("no single usual mistake" in text for text in check.warnings)
+
+
+def test_what_begins_to_act_later_is_no_wrong_time(tmp_path):
+    """A late and large effect was a clock that changes or a picture that is lost."""
+    late = np.maximum(FILM.t - FILM.t[44], 0)
+    written = FILM.written.copy()
+    written[:, 1] += 4.0 * late**2
+    check = look(tmp_path, written=written)
+    assert not check.mistakes
+    assert not check.put_right
+
+
+def test_even_frames_with_uneven_times_are_even_again(tmp_path):
+    """An unrest that hardly scatters the points is no sign to the reader, but makes them less probable."""
+    unrest = np.random.default_rng(4).uniform(-0.04, 0.04, len(FILM.t)) * STEP
+    check = look(tmp_path, t=FILM.t + np.where(FILM.t > 0, unrest, 0.0))
+    assert not check.mistakes
+    [name] = check.put_right
+    steps = np.diff(check.observations[name].channel("light_x").t)
+    steps /= np.median(steps)
+    assert np.abs(steps - np.rint(steps)).max() < 1e-6
+    assert any("but the masses move as in equal ones" in text for text in check.warnings)
+
+
+def test_accounts_that_are_as_probable_are_named_with_or(tmp_path, monkeypatch):
+    monkeypatch.setattr("looping_pendulum.discrepancy.first_look.row_times.RIVAL", 1e300)
+    [mistake] = look(tmp_path, **without_rows(20, 21)).mistakes
+    assert "as where pictures are lost (at the first place 2)" in mistake.text
+    assert "; or " in mistake.text

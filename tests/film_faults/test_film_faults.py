@@ -45,6 +45,14 @@ FOUND = (
     (8_100_048, "slow in the middle"),
     (8_400_152, "uneven in turn"),
     (7_100_057, "times of a recorder"),
+    # Its unrest moves points by one to three of their standard errors
+    (9_640_039, "times of a recorder"),
+    # About the declared fit, a third change was added that was wrong
+    (9_610_027, "pictures lost"),
+    # Three rows in which the points are exchanged were the tracker's slips
+    (9_500_020, "objects exchanged"),
+    # In tables without some rows, hardly any run was long enough
+    (9_500_040, "smoothed"),
     # Slow from the first rows on was taken for a hand that stops the light mass
     (9_500_033, "slow in the middle"),
     # Points of whole centimetres were pictures that are stored again

@@ -346,12 +346,11 @@ def _acts_later(explanation: Correction, search: TrialSearch) -> bool:
     """Return whether the points are more probable with the declared values and something that begins to act later."""
     if explanation.corrected.observations is not explanation.declared.observations:
         return False  # other points have another density
-    times, corrected = (
-        FilmTimes.of(s) for s in (search, TrialSearch(declared=explanation.corrected, distance=explanation.distance))
-    )
-    if times is None or corrected is None:
+    before = FilmTimes.of(search)
+    after = FilmTimes.of(TrialSearch(declared=explanation.corrected, distance=explanation.distance))
+    if before is None or after is None:
         return False
-    return times.log_of_table >= corrected.log_of_table + math.log(explanation.mistake.share)
+    return before.log_of_table >= after.log_of_table + math.log(explanation.mistake.share)
 
 
 def _mistake(names: tuple[str, ...], members: Sequence[tuple[TrialSearch, list[Correction]]]) -> NamedMistake:
