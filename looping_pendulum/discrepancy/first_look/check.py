@@ -16,22 +16,16 @@ from dataclasses import dataclass, field
 from looping_pendulum.discrepancy.blas import one_blas_thread
 from looping_pendulum.discrepancy.first_look.evidence import Evidence
 from looping_pendulum.discrepancy.first_look.exchanged import without_exchanged_rows
-from looping_pendulum.discrepancy.first_look.misfit import (
-    DeclaredTrial,
-    Distance,
-    declared_trial,
-    measured_distance,
-)
+from looping_pendulum.discrepancy.first_look.misfit import DeclaredTrial, Distance, declared_trial, measured_distance
 from looping_pendulum.discrepancy.first_look.mistakes import (
-    COMMON,
     LENGTHS,
     MAX_GOOD_MISFIT,
     MISTAKES,
-    RIVAL,
     Correction,
     TrialSearch,
     is_left_open,
 )
+from looping_pendulum.discrepancy.first_look.prior import COMMON, RIVAL
 from looping_pendulum.discrepancy.first_look.row_times import FilmTimes
 from looping_pendulum.discrepancy.first_look.smoothing import smoothing_of
 from looping_pendulum.discrepancy.fit.event_prediction import check_event_rows

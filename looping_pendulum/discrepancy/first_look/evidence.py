@@ -29,19 +29,12 @@ from scipy.linalg import eigh
 from scipy.optimize import least_squares
 from scipy.special import logsumexp
 
+from looping_pendulum.discrepancy.first_look.prior import LACKING, LEAST_NOISE, NOISES, SMOOTH
 from looping_pendulum.discrepancy.fit.data import TrialData
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.measured.observations import BODIES
 from looping_pendulum.reference_ode.geometry import Array
 
-LACKING = (2e-3, 20e-3, 200e-3)
-"""Distances by which what the model lacks moves a mass in half a second [m]: of nothing much, an effect, a large one."""
-NOISES = (0.7, 1.0, 1.4)
-"""Noise of a body's points, in what its points alone show."""
-SMOOTH = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
-"""Distances by which a smooth motion of any kind leaves a straight line over all points, in the range of these."""
-LEAST_NOISE = 1e-4
-"""Smallest noise in the range of the points: the motion is not computed more exactly, and no film shows more."""
 PARTS = (0.75, 1.0, 1.25, 1.5, 2.0, 2.5)
 """Ends of the parts that are looked at in turn, in units of the time in which a mass falls through the free length.
 
@@ -51,6 +44,8 @@ LOOPING = 1.5
 """The part in which the light mass begins to loop."""
 MIN_POINTS = 6
 """Smallest number of points of a channel that is compared."""
+MIN_ROWS = 12
+"""Smallest number of rows that tell how they came about."""
 MAX_ROWS = 100
 """Largest number of points of a channel that are compared; more at equal distances tell hardly more."""
 STEPS, REFINEMENTS = 15, 4

@@ -8,12 +8,10 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
+from looping_pendulum.discrepancy.first_look.evidence import MIN_ROWS
 from looping_pendulum.discrepancy.first_look.misfit import OTHER_MASS, DeclaredTrial
 from looping_pendulum.measured.observations import Channel
 from looping_pendulum.reference_ode.geometry import Array
-
-MIN_ROWS = 12
-"""Smallest number of rows in which both masses were tracked."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

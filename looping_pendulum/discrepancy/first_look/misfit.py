@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.discrepancy.first_look.evidence import Evidence, evidence_of
+from looping_pendulum.discrepancy.first_look.evidence import LOOPING, MIN_POINTS, Evidence, evidence_of
 from looping_pendulum.discrepancy.fit.data import trial_data
 from looping_pendulum.discrepancy.fit.problem import Problem, free_parameters_of
 from looping_pendulum.errors import HarnessError
@@ -43,10 +43,6 @@ MIN_ANGLE_DIFFERENCE = math.radians(5)
 """Smallest difference of two release angles that is no error of measurement [rad]."""
 CANNOT_RUN = (HarnessError, ValueError, ArithmeticError)
 """Errors of a model that cannot run with some values."""
-WINDOW = 1.5
-"""End of the part that is compared before a fit, in times in which a mass falls through the free length."""
-MIN_POINTS = 6
-"""Smallest number of points of a channel that is compared."""
 MAX_DISTANCE = 0.5
 """Distance in free lengths at which the weight of a point ends, so that no outlier decides."""
 UNKNOWN_OFFSET = 0.5
@@ -281,7 +277,7 @@ def measured_distance(declared: DeclaredTrial, *, with_length_factor: bool = Fal
     try:
         declared = _with_start(declared)
         parameters = declared.study.parameters({}, declared.trial)
-        window = WINDOW * fall_time(parameters)
+        window = LOOPING * fall_time(parameters)
         # Many mistakes leave the parameters as they are
         solution = _solve(_Key(parameters=parameters), window)
         shifts = _clock_shifts(declared)

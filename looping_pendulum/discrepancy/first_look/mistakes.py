@@ -30,6 +30,7 @@ from looping_pendulum.discrepancy.first_look.misfit import (
     with_masses_exchanged,
     with_tracks_exchanged,
 )
+from looping_pendulum.discrepancy.first_look.prior import COMMON, RARE
 from looping_pendulum.measured.study import Trial
 from looping_pendulum.pages.numbers import number, quantity
 from looping_pendulum.reference_ode.parameters import Release
@@ -64,10 +65,6 @@ WITH_BOTH_MASSES = (Release.LOOPING, Release.VERTICAL)
 """Releases in whose motion both masses and the rod's radius take part."""
 MAX_GOOD_MISFIT = 1.2
 """Largest misfit of a trial in which no mistake is looked for: the noise of points is not known better."""
-COMMON, RARE = 1e-4, 2e-6
-"""Prior probabilities of one mistake: one film in a thousand has any of ten common ones. Of two at once it is the product."""
-RIVAL = 20.0
-"""Largest ratio of the probability of the best account to that of another one that is named beside it."""
 MIN_DROP_DISTANCE = 0.25
 """Smallest distance of a dropped mass from its fall in the first part, in units of its free length, that may be a mistake.
 

@@ -20,36 +20,34 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln, logsumexp
 
-from looping_pendulum.discrepancy.first_look.evidence import LACKING, LEAST_NOISE, growth
+from looping_pendulum.discrepancy.first_look.evidence import growth
+from looping_pendulum.discrepancy.first_look.prior import (
+    AT_REST,
+    BEGINNING,
+    BLURS,
+    CHANGES,
+    COPIES,
+    KNOWN_NOISE,
+    LACKING,
+    LEAST_NOISE,
+    SLIPS,
+    STAYS,
+    STICKS,
+    UNREST,
+)
 from looping_pendulum.discrepancy.fit.data import TrialData
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.measured.observations import BODIES
 from looping_pendulum.reference_ode.geometry import Array
 
-CHANGES = 2.0
-"""Number of changes of the times that a film with any has on average."""
 LOST = (1, 2, 3)
 """Numbers of successive pictures that may be lost."""
 RATE_FACTORS = (2.0, 4.0, 8.0, 1 / 2, 1 / 4, 1 / 8)
 """Factors by which the duration of a row may change in a film: those of a phone's slow motion."""
 LEAST_ROWS = 3
 """Smallest number of rows between two changes of their duration."""
-SLIPS = 0.01
-"""Share of a body's points in which the tracker slips, to any place in the range of its points."""
-KNOWN_NOISE = 4.0
-"""How well the noise is known beforehand, in numbers of points."""
-STICKS, STAYS = 1e-4, 0.7
-"""Share of a body's points at which the tracker begins to stay where it was, and share of those in which it goes on to."""
-BLURS = (1e-4, 3e-4)
-"""Growth of a point's error with its speed: half an exposure [s]."""
-UNREST = 0.02
-"""Error of the time of every row [steps]."""
-COPIES = (0.02, 0.1, 0.3)
-"""Noise with which a picture that is stored again is marked again, in that of the points; in half of all cases it is new."""
-BEGINNING, BEGINS = (0.2, 2.0), 16
-"""Sizes of what begins to act later, as `LACKING`, and number of parts of the rows between which it may begin."""
-AT_REST = 0.01
-"""Standard error of a mass's speed at the release [m/s]."""
+BEGINS = 16
+"""Number of parts of the rows between which something may begin to act."""
 PATHS, PARENTS = 24, 3
 """Numbers of paths that are kept at a row, and of those that branch."""
 SUBSTEPS = 8

@@ -16,7 +16,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.discrepancy.first_look.evidence import Evidence
+from looping_pendulum.discrepancy.first_look.evidence import MIN_ROWS, Evidence
 from looping_pendulum.discrepancy.first_look.misfit import (
     DeclaredTrial,
     evidence_of_trial,
@@ -24,9 +24,8 @@ from looping_pendulum.discrepancy.first_look.misfit import (
     length_per_unit,
     measured_distance,
 )
-from looping_pendulum.discrepancy.first_look.mistakes import COMMON, MAX_GOOD_MISFIT, RIVAL, TrialSearch
+from looping_pendulum.discrepancy.first_look.mistakes import MAX_GOOD_MISFIT, TrialSearch
 from looping_pendulum.discrepancy.first_look.paths import (
-    UNREST,
     Change,
     Motion,
     Rows,
@@ -35,14 +34,13 @@ from looping_pendulum.discrepancy.first_look.paths import (
     log_of_change,
     times_with,
 )
+from looping_pendulum.discrepancy.first_look.prior import COMMON, EVEN_SHARE, RIVAL, UNEVEN_SHARE, UNREST
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.measured.clock import even_clock
 from looping_pendulum.measured.observations import Channel, Observations
 from looping_pendulum.measured.usable_points import usable_points
 from looping_pendulum.reference_ode.geometry import Array
 
-MIN_ROWS = 12
-"""Smallest number of rows that tell anything of their times."""
 END = 3.0
 """End of the rows that are looked at, in times in which a mass falls through the free length."""
 ROUNDS = 5
@@ -55,10 +53,8 @@ LATE = tuple(n / 10 for n in range(-4, 5) if n)
 """By how much frames in turn may be late [steps]."""
 IN_TURN = ((2, 1), (3, 0), (3, 1), (3, 2))
 """Of how many frames in turn one is late or early, and which."""
-UNEVEN, UNEVEN_SHARE = (0.06, 0.12, 0.25), 1e-3
-"""Errors of the times of uneven frames [steps], and the prior probability that a film has any: a recorder's often have."""
-EVEN_SHARE = 1e-2
-"""Prior probability that times which are uneven are not those of the frames."""
+UNEVEN = (0.06, 0.12, 0.25)
+"""Errors of the times of uneven frames [steps]."""
 COLUMNS = ("heavy", "light", "light_x", "light_y", "heavy_y")
 """Columns that may stand in other rows than the rest: of one mass, or one alone."""
 MAX_SHIFT, MIN_ROWS_A_SHIFT = 20, 4

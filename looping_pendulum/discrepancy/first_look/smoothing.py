@@ -15,16 +15,15 @@ from functools import lru_cache, partial, reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.discrepancy.first_look.evidence import LACKING, ErrorsOfRows, LinearEvidence, Points, fitted
+from looping_pendulum.discrepancy.first_look.evidence import MIN_ROWS, ErrorsOfRows, LinearEvidence, Points, fitted
+from looping_pendulum.discrepancy.first_look.prior import LACKING, SMOOTHED_SHARE, WANDERS, WHITE
 from looping_pendulum.discrepancy.fit.data import FRAMES, TrialData
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.measured.noise import ORDER
 from looping_pendulum.reference_ode.geometry import Array
 
-SHARE = 1e-3
-"""Prior probability that a film's points are not as they were tracked."""
-MAX_ROWS, MIN_ROWS = 140, 12
-"""Largest and smallest number of rows that are compared."""
+MAX_ROWS = 140
+"""Largest number of rows that are compared."""
 HALVES = (20, 10, 7, 4, 2)
 """Largest number of rows on each side over which is smoothed: the first that leaves half of the rows so far from any gap."""
 WINDOWS = (3, 5, 7, 9, 11, 15, 21)
@@ -33,12 +32,8 @@ CUTOFFS, FILTER_ORDERS = (6.0, 10.0, 15.0, 20.0), (2, 4)
 """Frequencies above which a Butterworth filter that runs forth and back leaves little [Hz], and its orders."""
 MADE_UP = (2, 3, 4, 8)
 """Rows of which one shows a picture, where those between are interpolated."""
-WHITE = 0.03
-"""White part of the errors of such points, in what differences of neighbours show: their last digit."""
 ROUNDS = 2
 """Number of times that an account is chosen and fitted, each about the fit to the one before."""
-WANDERS = (0.5, 1.0, 3.0, 10.0)
-"""Errors of a tracker that wanders over its mark, in its white noise."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -181,7 +176,7 @@ def _as_tracked(rows: int) -> Iterator[Account]:
     errors = [ErrorsOfRows(("white",), lambda sigma: np.diag(sigma**2))]
     errors += [_wandering(size, frames) for size in WANDERS for frames in FRAMES]
     for each in errors:
-        yield Account(text="", weights=np.eye(rows), errors=each, log_share=math.log((1 - SHARE) / len(errors)))
+        yield Account(text="", weights=np.eye(rows), errors=each, log_share=math.log((1 - SMOOTHED_SHARE) / len(errors)))
 
 
 def _wandering(size: float, frames: float) -> ErrorsOfRows:
@@ -207,7 +202,7 @@ def _smoothed(rows: int, half: int, step: float, inner: NDArray[np.intp], later:
 
         # Further errors may have come later
         for errors in (ErrorsOfRows((text, number, rows, half, step), covariance), later):
-            yield Account(text=text, weights=weights, errors=errors, log_share=math.log(SHARE / 2 / len(kernels)))
+            yield Account(text=text, weights=weights, errors=errors, log_share=math.log(SMOOTHED_SHARE / 2 / len(kernels)))
 
 
 def _kernels(rows: int, half: int, step: float) -> Iterator[tuple[str, Array]]:
