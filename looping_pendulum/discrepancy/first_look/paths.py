@@ -15,6 +15,7 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,6 +87,16 @@ class Rows:
         sigma = np.full(len(names), max(float(least.min()), LEAST_NOISE * float(np.nanmax(points) - np.nanmin(points))))
         rounding = np.array([c.last_digit for c in data.channels]) * unit / math.sqrt(6)
         return Rows(t=t, points=points, sigma=sigma, rounding=rounding, bodies=bodies, unit=unit)
+
+    @cached_property
+    def of_body(self) -> Array:
+        """Return 1 where a channel is one of a body, shape (channels, bodies)."""
+        return np.array([[float(i in body) for body in self.bodies] for i in range(self.points.shape[1])])
+
+    @cached_property
+    def body(self) -> NDArray[np.intp]:
+        """Return the number of each channel's body; 0 for those of none, shape (channels,)."""
+        return np.asarray(np.argmax(self.of_body, axis=1))
 
     @property
     def step(self) -> float:
@@ -208,51 +219,48 @@ class Filters:
         self.speed_variance = self.speed_variance + q * dt
         place, velocity = self.motion.at(t)
         rest = self.rows.points[row] - place - self.off
-        self.speed, self.squares, self.counts = self.speed.copy(), self.squares.copy(), self.counts.copy()
-        self.log, self.slipped = self.log.copy(), self.slipped.copy()
-        for b, body in enumerate(self.rows.bodies):
-            known = [i for i in body if math.isfinite(self.rows.points[row, i])]
-            if known:
-                self._take_in(row, b, known, rest[:, known], velocity[:, known])
+        self._take_in(row, rest, velocity)
 
-    def _take_in(self, row: int, b: int, known: list[int], rest: Array, velocity: Array) -> None:
-        """Take in the points of a body, which are off what is predicted by ``rest``, shape (paths, known channels)."""
-        count, many = self.counts[:, b], len(known)
-        noise = self.rows.sigma[known] * np.sqrt(self.squares[:, b] / count)[:, None]
-        noise = noise + (self.blur * np.linalg.norm(velocity, axis=1))[:, None]
-        variance = self.off_variance[:, known] + noise**2
+    def _take_in(self, row: int, rest: Array, velocity: Array) -> None:
+        """Take in the points of a row, which are off what is predicted by ``rest``, shape (paths, channels)."""
+        known, of_body, body = np.isfinite(rest[0]), self.rows.of_body, self.rows.body
+        members = of_body * known[:, None]
+        many = members.sum(axis=0)
+        rest, velocity, unrest = np.where(known, rest, 0.0), velocity * known, self.unrest[:, None] ** 2
+        scale = np.sqrt(self.squares / self.counts)
+        noise = self.rows.sigma * scale[:, body] + (self.blur[:, None] * np.sqrt(velocity**2 @ members))[:, body]
+        variance = self.off_variance + noise**2
         # An error of the time is one and the same for all coordinates
-        by_time = self.unrest**2 * np.sum(velocity**2 / variance, axis=1)
-        square = np.sum(rest**2 / variance, axis=1)
-        square -= self.unrest**2 / (1 + by_time) * np.sum(velocity * rest / variance, axis=1) ** 2
+        by_time = unrest * (velocity**2 / variance @ members)
+        square = rest**2 / variance @ members - unrest / (1 + by_time) * (velocity * rest / variance @ members) ** 2
         # Student's distribution, as the noise is not known exactly
-        log = gammaln((count + many) / 2) - gammaln(count / 2) - 0.5 * (count + many) * np.log1p(square / count)
-        log -= 0.5 * (many * np.log(count * math.pi) + np.sum(np.log(variance), axis=1) + np.log1p(by_time))
-        log += math.log1p(-SLIPS)
-        slip = self._log_of_slip(row, b, known, noise)
+        log = gammaln((self.counts + many) / 2) - gammaln(self.counts / 2)
+        log -= 0.5 * ((self.counts + many) * np.log1p(square / self.counts) + many * np.log(self.counts * math.pi))
+        log -= 0.5 * (np.log(variance) @ members + np.log1p(by_time)) - math.log1p(-SLIPS)
+        slip = self._log_of_slip(row, members, noise)
         used = log > slip
-        self.log += np.where(used, log, slip)
-        self.slipped[:, b] = ~used
-        variance = variance + (self.unrest[:, None] * velocity) ** 2
-        gain, of_speed = (each[:, known] / variance * used[:, None] for each in (self.off_variance, self.off_speed))
-        self.off[:, known] += gain * rest
-        self.speed[:, known] += of_speed * rest
-        self.speed_variance[:, known] -= of_speed * self.off_speed[:, known]
-        self.off_speed[:, known] -= gain * self.off_speed[:, known]
-        self.off_variance[:, known] -= gain * self.off_variance[:, known]
-        left = (rest * (1 - gain)) ** 2 + self.off_variance[:, known]
-        unit = noise / np.sqrt(self.squares[:, b] / count)[:, None]
-        self.squares[:, b] += np.where(used, np.sum(left / unit**2, axis=1), 0.0)
-        self.counts[:, b] += np.where(used, many, 0)
+        self.log = self.log + np.where(used, log, slip) @ (many > 0)
+        self.slipped = np.where(many > 0, ~used, self.slipped)
+        taken = used[:, body] * members.any(axis=1)
+        variance = variance + unrest * velocity**2
+        gain, of_speed = self.off_variance / variance * taken, self.off_speed / variance * taken
+        self.off = self.off + gain * rest
+        self.speed = self.speed + of_speed * rest
+        self.speed_variance = self.speed_variance - of_speed * self.off_speed
+        self.off_speed = self.off_speed - gain * self.off_speed
+        self.off_variance = self.off_variance - gain * self.off_variance
+        left = ((rest * (1 - gain)) ** 2 + self.off_variance) * (scale[:, body] / noise) ** 2
+        self.squares = self.squares + used * (left @ members)
+        self.counts = self.counts + used * many
 
-    def _log_of_slip(self, row: int, b: int, known: list[int], noise: Array) -> Array:
-        """Return the logarithm of the density of points to which the tracker slips, or stays."""
-        slip = np.full(len(noise), math.log(SLIPS) + len(known) * self.rows.log_slip)
-        apart = self.rows.points[row, known] - self.rows.points[row - 1, known]
-        if row == 0 or not np.isfinite(apart).all():
-            return slip
-        near = -0.5 * np.sum((apart / noise) ** 2, axis=1) - np.sum(np.log(noise * math.sqrt(2 * math.pi)), axis=1)
-        return np.asarray(np.maximum(slip, np.where(self.slipped[:, b], math.log(STAYS), math.log(STICKS)) + near))
+    def _log_of_slip(self, row: int, members: Array, noise: Array) -> Array:
+        """Return the logarithm of the density of points to which the tracker slips, or stays, shape (paths, bodies)."""
+        slip = math.log(SLIPS) + members.sum(axis=0) * self.rows.log_slip
+        apart = self.rows.points[row] - self.rows.points[row - 1]
+        from_before = members.T @ ~np.isfinite(apart) == 0
+        near = (0.5 * (np.nan_to_num(apart) / noise) ** 2 + np.log(noise * math.sqrt(2 * math.pi))) @ members
+        stays = np.where(self.slipped, math.log(STAYS), math.log(STICKS)) - near
+        return np.asarray(np.where(from_before & (row > 0), np.maximum(slip, stays), slip))
 
     def step_again(self, row: int, t: Array, elapsed: Array, copied: NDArray[np.bool_]) -> None:
         """Do the same where some paths show the picture before again: marked as it was, which tells nothing new, or anew."""
