@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from tests.film_faults.films import Array, CleanStudy, Film, Tree
+from tests.film_faults.films import FILMED, Array, CleanStudy, Film, Tree
 from tests.film_faults.forms import Form
 
 T = TypeVar("T")
@@ -201,6 +201,7 @@ def _retaken(film: Film, taken: Array, t: Array, rng: np.random.Generator) -> Fi
     """Return the trial as a camera films it that takes its pictures at other times."""
     times = np.tile(taken[:, None], (1, 4))
     points = film.motion(taken) + film.sigma(times) * rng.standard_normal((len(taken), 4))
+    points[taken > FILMED] = np.nan  # nobody knows the motion after its end
     return dataclasses.replace(film, taken=times, points=points, t=t, written=points.copy())
 
 
