@@ -177,6 +177,8 @@ class Filtered:
     """Logarithms of their density by each path, shape (paths,)."""
     unexplained: NDArray[np.bool_]
     """Points of each body to which the tracker slips, or which something moves, by the likeliest one, shape (rows, bodies)."""
+    stays: NDArray[np.bool_]
+    """Points of each body that are those of the row before, though the mass moves on, by the likeliest one, same shape."""
     begin: int
     """Row from which on something acts that the model lacks; the number of rows: in none."""
 
@@ -199,6 +201,8 @@ class Filters:
         """Squares of what is left of each body's points, in the noise as it is known beforehand, and their number."""
         self.slipped = np.zeros((paths, len(rows.bodies)), dtype=bool)
         """Whether the last points of each body were no places of it."""
+        self.stays = self.slipped.copy()
+        """Whether they were those of the row before."""
 
     @property
     def _arrays(self) -> dict[str, Array]:
@@ -237,10 +241,12 @@ class Filters:
         log = gammaln((self.counts + many) / 2) - gammaln(self.counts / 2)
         log -= 0.5 * ((self.counts + many) * np.log1p(square / self.counts) + many * np.log(self.counts * math.pi))
         log -= 0.5 * (np.log(variance) @ members + np.log1p(by_time)) - math.log1p(-SLIPS)
-        slip = self._log_of_slip(row, members, noise)
+        stays = self._log_of_stay(row, members, noise)
+        slip = np.maximum(stays, math.log(SLIPS) + many * self.rows.log_slip)
         used = log > slip
         self.log = self.log + np.where(used, log, slip) @ (many > 0)
         self.slipped = np.where(many > 0, ~used, self.slipped)
+        self.stays = ~used & (stays == slip) & (many > 0)
         taken = used[:, body] * members.any(axis=1)
         variance = variance + unrest * velocity**2
         gain, of_speed = self.off_variance / variance * taken, self.off_speed / variance * taken
@@ -253,14 +259,12 @@ class Filters:
         self.squares = self.squares + used * (left @ members)
         self.counts = self.counts + used * many
 
-    def _log_of_slip(self, row: int, members: Array, noise: Array) -> Array:
-        """Return the logarithm of the density of points to which the tracker slips, or stays, shape (paths, bodies)."""
-        slip = math.log(SLIPS) + members.sum(axis=0) * self.rows.log_slip
+    def _log_of_stay(self, row: int, members: Array, noise: Array) -> Array:
+        """Return the logarithm of the density of points if the tracker stays where it was, shape (paths, bodies)."""
         apart = self.rows.points[row] - self.rows.points[row - 1]
-        from_before = members.T @ ~np.isfinite(apart) == 0
         near = (0.5 * (np.nan_to_num(apart) / noise) ** 2 + np.log(noise * math.sqrt(2 * math.pi))) @ members
-        stays = np.where(self.slipped, math.log(STAYS), math.log(STICKS)) - near
-        return np.asarray(np.where(from_before & (row > 0), np.maximum(slip, stays), slip))
+        can_stay = (members.T @ ~np.isfinite(apart) == 0) & (row > 0)
+        return np.asarray(np.where(can_stay, np.where(self.slipped, math.log(STAYS), math.log(STICKS)) - near, -math.inf))
 
     def step_again(self, row: int, t: Array, elapsed: Array, copied: NDArray[np.bool_]) -> None:
         """Do the same where some paths show the picture before again: marked as it was, which tells nothing new, or anew."""
@@ -315,13 +319,14 @@ def filtered(
     """
     # Of every path with all sizes and blurs. What begins later is large, or it would not be seen
     if lacking is None:
-        begin = np.linspace(0, t.shape[1], BEGINS + 1).astype(int)[1:-1]
+        at = np.linspace(0, t.shape[1], BEGINS + 1).astype(int)[1:-1]
         kinds = [(size, blur, 0) for size in LACKING for blur in BLURS]
-        kinds += [(size, BLURS[-1], int(row)) for size in BEGINNING for row in begin]
+        kinds += [(size, BLURS[-1], int(row)) for size in BEGINNING for row in at]
     else:
         kinds = [(lacking, BLURS[-1], 0)]
     sizes, blurs, begins = (np.tile(values, len(t)) for values in zip(*kinds, strict=True))
-    each, slipped, q = np.repeat(np.arange(len(t)), len(kinds)), [], growth(sizes)
+    each, q = np.repeat(np.arange(len(t)), len(kinds)), growth(sizes)
+    slipped, stays = [], []
     filters = Filters(rows, motion, q, unrest[each], blurs)
     for row in range(t.shape[1]):
         filters.q = np.where(row < begins, growth(LACKING[0]), q)
@@ -329,12 +334,14 @@ def filtered(
         elapsed = np.abs(np.median(now - t[each, row - 1], axis=1)) if row else np.zeros(len(each))
         filters.step_again(row, now, elapsed, np.zeros(len(each), dtype=bool) if copied is None else copied[each, row])
         slipped.append(filters.slipped)
+        stays.append(filters.stays)
     likeliest = int(np.argmax(filters.log))
     left_out = np.array(slipped)[:, likeliest]
     if begins[likeliest]:
         left_out[begins[likeliest] :] = True
     log = logsumexp(filters.log.reshape(len(t), len(kinds)), axis=1) - math.log(len(kinds))
-    return Filtered(log=np.asarray(log), unexplained=left_out, begin=int(begins[likeliest]) or t.shape[1])
+    begin = int(begins[likeliest]) or t.shape[1]
+    return Filtered(log=np.asarray(log), unexplained=left_out, stays=np.array(stays)[:, likeliest], begin=begin)
 
 
 def log_of_change(count: int) -> float:

@@ -27,6 +27,7 @@ from looping_pendulum.discrepancy.first_look.misfit import (
 from looping_pendulum.discrepancy.first_look.mistakes import MAX_GOOD_MISFIT, TrialSearch
 from looping_pendulum.discrepancy.first_look.paths import (
     Change,
+    Filtered,
     Motion,
     Rows,
     filtered,
@@ -37,7 +38,7 @@ from looping_pendulum.discrepancy.first_look.paths import (
 from looping_pendulum.discrepancy.first_look.prior import COMMON, EVEN_SHARE, RIVAL, UNEVEN_SHARE, UNREST
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.measured.clock import even_clock
-from looping_pendulum.measured.observations import Channel, Observations
+from looping_pendulum.measured.observations import BODIES, Channel, Observations
 from looping_pendulum.measured.usable_points import usable_points
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -112,8 +113,8 @@ class Judged:
     evidence: Evidence
     log: float
     """Logarithm of its probability, but for a constant that all accounts of a film share."""
-    begins_later: bool = False
-    """Whether something acts that the model lacks, from a later row on."""
+    filtered: Filtered | None = None
+    """How the points are filtered with it; None: the model cannot run."""
 
     @property
     def log_posterior(self) -> float:
@@ -124,6 +125,11 @@ class Judged:
     def explains_all(self) -> bool:
         """Return whether only noise is left."""
         return self.evidence.explains and self.evidence.misfit <= MAX_GOOD_MISFIT
+
+    @property
+    def begins_later(self) -> bool:
+        """Return whether something acts that the model lacks, from a later row on."""
+        return self.filtered is not None and self.filtered.begin < len(self.account.time)
 
 
 class FilmTimes:
@@ -235,18 +241,35 @@ class FilmTimes:
     @property
     def text(self) -> str:
         """Return what is wrong with the times in words, with other accounts that are about as probable; empty: nothing."""
-        if self.found is None:
-            return ""
-        texts, least = {self.best.family: self.best.text}, self.found.log - math.log(RIVAL)
-        for rival in sorted(self._judged_before.values(), key=lambda j: -j.log):
-            if rival.log >= least and rival.account.text and len(rival.account.time) == self._count:
-                texts.setdefault(rival.account.family, rival.account.text)
-        return "; or ".join(texts.values())
+        texts: dict[str, str] = {}
+        if self.found is not None:
+            texts, least = {self.best.family: self.best.text}, self.found.log - math.log(RIVAL)
+            for rival in sorted(self._judged_before.values(), key=lambda j: -j.log):
+                if rival.log >= least and rival.account.text and len(rival.account.time) == self._count:
+                    texts.setdefault(rival.account.family, rival.account.text)
+        said = ["; or ".join(texts.values())] if texts else []
+        if self._put_right_times and (rows := np.flatnonzero(self._stays)).size:
+            said.append(
+                f"at {_places(rows, self._rows)} the light mass's mark stays where it was, though it moves on: left out"
+            )
+        return "; ".join(said)
 
     @property
     def put_right(self) -> Observations | None:
-        """Return the observations with the times put right; None: they cannot be."""
+        """Return the observations with the times put right and marks that stay left out; None: they cannot be, or need not."""
+        right = self._put_right_times
+        if right is None or (right is self._search.declared.observations and not self._stays.any()):
+            return None
+        stays = self._rows.t[: self._count][self._stays]
+        channels = tuple(_without(c, stays) if c.name in BODIES["light"] else c for c in right.channels)
+        return dataclasses.replace(right, channels=channels)
+
+    @property
+    def _put_right_times(self) -> Observations | None:
+        """Return the observations with the times put right, the same ones if they are right; None: they cannot be."""
         account, observations = self.best, self._search.declared.observations
+        if account.family == "table":
+            return observations
         if account.family == "uneven":
             error = account.unrest * self._rows.step
             changed = [dataclasses.replace(c, time_error=max(error, c.time_error)) for c in observations.channels]
@@ -256,14 +279,25 @@ class FilmTimes:
             errors = {**self._even_clock.camera_errors, **observations.camera_errors}
             observations = dataclasses.replace(observations, camera_errors=errors)
         elif account.changes and all(c.alone for c in account.changes):
-            again = self._rows.t[: self._count][account.copied]
-            changed = []
-            for c in observations.channels:
-                kept = ~np.isin(c.t, again)
-                changed.append(dataclasses.replace(c, t=c.t[kept], value=c.value[kept]))
+            changed = [_without(c, self._rows.t[: self._count][account.copied]) for c in observations.channels]
         else:
             return None
         return dataclasses.replace(observations, channels=tuple(changed))
+
+    @property
+    def _stays(self) -> NDArray[np.bool_]:
+        """Return in which rows the light mass's mark stays where it was and later goes on, shape (rows,).
+
+        A mass that hangs on a string by its weight stands still nowhere but where it turns.
+        """
+        judged, bodies = self.found or self._as_declared, self._rows.bodies
+        light = next((b for b, body in enumerate(bodies) if self._names[body[0]] in BODIES["light"]), None)
+        if light is None or judged.filtered is None or not judged.explains_all or judged.account.family == "even":
+            return np.zeros(self._count, dtype=bool)
+        goes_on = np.flatnonzero(~judged.filtered.unexplained[:, light])
+        stays = judged.filtered.stays[:, light].copy()
+        stays[goes_on[-1] if len(goes_on) else 0 :] = False
+        return stays & ~judged.account.copied
 
     @cached_property
     def _table(self) -> Account:
@@ -453,8 +487,7 @@ class FilmTimes:
             log = float(found.log[0]) + account.log_share - 0.5 * float(np.sum((evidence.x / prior) ** 2))
             if log <= best.log:
                 break
-            begins_later = found.begin < len(account.time)
-            best = Judged(account=account, evidence=evidence, log=log, begins_later=begins_later)
+            best = Judged(account=account, evidence=evidence, log=log, filtered=found)
             slips = found.unexplained[: found.begin]
             if evidence.misfit <= MAX_GOOD_MISFIT or not found.unexplained.any() or slips.mean() > MAX_SLIPS:
                 break
@@ -476,16 +509,24 @@ def _sentences(changes: Sequence[Change], rows: Rows) -> list[str]:
     lost = [c for c in changes if c.lost > 0]
     if lost:
         of_first = f"as where pictures are lost (at the first place {lost[0].lost})"
-        said.append(f"from {_places(lost, rows)} on the masses are ahead of their times, {of_first}; {OWN_TIMES}")
+        said.append(
+            f"from {_places([c.row for c in lost], rows)} on the masses are ahead of their times, {of_first}; {OWN_TIMES}"
+        )
     again = [c for c in changes if c.lost < 0]
     if again:
         alone = len(again) == len(changes) and all(c.alone for c in again)
         what = "the masses are where they were a row before, so that a picture is stored again there"
-        said.append(f"at {_places(again, rows)} {what}{': left out' if alone else f'; {OWN_TIMES}'}")
+        said.append(f"at {_places([c.row for c in again], rows)} {what}{': left out' if alone else f'; {OWN_TIMES}'}")
     return said
 
 
-def _places(changes: Sequence[Change], rows: Rows) -> str:
-    """Return the times by the file at which something changes, in words."""
-    shown = ", ".join(f"{rows.t[c.row]:.4g} s" for c in changes[:MAX_SHOWN])
-    return f"{shown} and {len(changes) - MAX_SHOWN} more" if len(changes) > MAX_SHOWN else shown
+def _places(numbers: Sequence[int] | NDArray[np.intp], rows: Rows) -> str:
+    """Return the times of rows by the file in words."""
+    shown = ", ".join(f"{rows.t[n]:.4g} s" for n in numbers[:MAX_SHOWN])
+    return f"{shown} and {len(numbers) - MAX_SHOWN} more" if len(numbers) > MAX_SHOWN else shown
+
+
+def _without(channel: Channel, t: Array) -> Channel:
+    """Return a channel without its points at some times."""
+    kept = ~np.isin(channel.t, t)
+    return dataclasses.replace(channel, t=channel.t[kept], value=channel.value[kept])
