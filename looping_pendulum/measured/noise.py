@@ -53,22 +53,26 @@ class Noise:
         return np.asarray(self.a + self.b * np.abs(speed))
 
 
-def estimate_noise(channels: Sequence[Channel]) -> Noise:
+def estimate_noise(channels: Sequence[Channel], otherwise: Noise | None = None) -> Noise:
     """Estimate the noise law of one body from its tracked points.
 
     Parameters
     ----------
     channels
         Components of its motion, as ``Observations.bodies()`` groups them.
+    otherwise
+        Noise where there are too few points.
 
     Raises
     ------
     DataError
-        If there are too few points.
+        If there are too few points, and it is not known otherwise.
     """
     differences = [_differences(c, ORDER) for c in channels]
     count = sum(len(d) for _, d in differences)
     if count < MIN_DIFFERENCES:
+        if otherwise is not None:
+            return otherwise
         names = ", ".join(c.name for c in channels)
         raise DataError(f"{names}: found {count} runs of {ORDER + 1} points, needed {MIN_DIFFERENCES} to estimate their noise")
     difference = np.concatenate([d for _, d in differences])

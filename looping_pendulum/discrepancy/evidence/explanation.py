@@ -135,11 +135,14 @@ def explained(grid: NoiseGrid, fit: Fit, parts: Parts, library: int, settings: S
     step, variance = m.shift()
     for c in parts.effects:
         i = fit.problem.names.index(c.name)
-        x, sigma = fit.x[i] + np.clip(step[:, i], -3, 3), np.sqrt(variance[:, i])
+        # With noise of a setting at which the fit is no minimum, there is no evidence
+        is_minimum = variance[:, i] > 0
+        x, sigma = fit.x[i] + np.clip(step[:, i], -3, 3), np.sqrt(np.where(is_minimum, variance[:, i], 1.0))
         error = sigma * fit.problem.free_parameters[i].scale / c.stated_error
         # Without the Gaussian prior of the fit, the posterior's width is sigma; what the prior makes of it is `log_occam`
         of_prior = log_occam(x / sigma, error) + (math.log(2) if c.even else 0.0)
         log_z += 0.5 * (x / WIDE) ** 2 + math.log(WIDE) - np.log(sigma) + of_prior
+        log_z[~is_minimum] = -math.inf
     return Explanation(
         parts=parts,
         fit=fit,

@@ -25,6 +25,7 @@ from looping_pendulum.measured import observations as measured
 from looping_pendulum.measured.camera import Camera
 from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.measured.measurement import FIT_TOLERANCE, predict
+from looping_pendulum.measured.noise import Noise
 from looping_pendulum.measured.observations import Channel, Observations
 from looping_pendulum.measured.record_start import with_free_start
 from looping_pendulum.measured.study import Estimate, Study, Trial
@@ -384,18 +385,22 @@ def _best_length_factor(groups: Mapping[str, Sequence[Channel]], predicted: Mapp
     return product / square if square else 0.0
 
 
-def evidence_of_trial(declared: DeclaredTrial, distance: Distance, **fit: Any) -> Evidence:
+def evidence_of_trial(
+    declared: DeclaredTrial, distance: Distance, noise: Mapping[str, Noise] = MappingProxyType({}), **fit: Any
+) -> Evidence:
     """Return how probable the points are as the trial is declared, whatever its uncertain values are.
 
     Parameters
     ----------
     distance
         Distance of the same points, whose shifts the fit starts from.
+    noise
+        Body -> its noise, where there are too few points to estimate it.
     **fit
         How far and from where it is fitted: keywords of `evidence_of`.
     """
     try:
-        problem = problem_of_trial(declared, distance.shifts, CAMERA_ERRORS)
+        problem = problem_of_trial(declared, distance.shifts, CAMERA_ERRORS, noise)
         parameters = declared.study.parameters({}, problem.data[0].trial)
         units = {c.unit for c in problem.data[0].channels}
         worth = {unit: length_per_unit(unit, parameters.free_length) for unit in units}
@@ -408,6 +413,7 @@ def problem_of_trial(
     declared: DeclaredTrial,
     shifts: Mapping[str, float] = MappingProxyType({}),
     camera_errors: Mapping[str, float] = MappingProxyType({}),
+    noise: Mapping[str, Noise] = MappingProxyType({}),
 ) -> Problem:
     """Return the problem of fitting the study's uncertain values to one trial, with y up.
 
@@ -417,9 +423,11 @@ def problem_of_trial(
         Channel -> shift of its points, from which the fit begins, as from `measured_distance`.
     camera_errors
         Parameter of the camera that is fitted in any case -> its standard error where the study has none.
+    noise
+        Body -> its noise, where there are too few points to estimate it.
     """
     declared = _with_start(declared)
-    data = trial_data(declared.trial, declared.observations)
+    data = trial_data(declared.trial, declared.observations, noise)
     return Problem(declared.study, [data], _free_parameters(declared, shifts, camera_errors))
 
 

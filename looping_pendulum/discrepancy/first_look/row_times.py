@@ -38,6 +38,7 @@ from looping_pendulum.discrepancy.first_look.paths import (
 from looping_pendulum.discrepancy.first_look.prior import COMMON, EVEN_SHARE, RIVAL, UNEVEN_SHARE, UNREST
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.measured.clock import even_clock
+from looping_pendulum.measured.noise import estimate_noise
 from looping_pendulum.measured.observations import BODIES, Channel, Observations
 from looping_pendulum.measured.usable_points import usable_points
 from looping_pendulum.reference_ode.geometry import Array
@@ -142,6 +143,8 @@ class FilmTimes:
         parameters, data = search.declared.study.parameters({}, search.declared.trial), problem.data[0]
         self._rows = Rows.of(data, {c.unit: length_per_unit(c.unit, parameters.free_length) for c in data.channels})
         self._names = [c.name for c in data.channels]
+        of_bodies = {body: tuple(c for c in data.channels if c.name in names) for body, names in BODIES.items()}
+        self._noise = {body: estimate_noise(channels) for body, channels in of_bodies.items() if channels}
         self._end = END * fall_time(parameters)
         # After the end of its run the model says nothing, if it is known where that is
         explained = search.as_declared.explains_all
@@ -200,10 +203,11 @@ class FilmTimes:
             return None
         # Its fit may serve the table, too, with points left out to which the tracker slips
         self._judged(self._table, best.evidence.x, best.evidence)
-        if best.log <= self.log_of_table:
-            return None
         # Where hundreds of millimetres are missing as before, nothing is explained
-        return best if best.evidence.explains_all or declared.explains_all else None
+        judged = [j for j in self._judged_before.values() if len(j.account.time) == self._count and j.account.log_share]
+        explained = [j for j in judged if j.evidence.explains_all or declared.explains_all]
+        best = max(explained, key=lambda j: j.log, default=None)
+        return best if best is not None and best.log > self.log_of_table else None
 
     @property
     def log_of_table(self) -> float:
@@ -478,7 +482,7 @@ class FilmTimes:
         for _ in range(FITS):
             declared = self._at_own_times(account, unexplained)
             distance = measured_distance(declared) if account.family == "shifted" else self._search.distance
-            evidence = evidence_of_trial(declared, distance, end=END, start=start)
+            evidence = evidence_of_trial(declared, distance, self._noise, end=END, start=start)
             if not len(evidence.x) or evidence.problem is None:  # the model cannot run there
                 break
             motion = self._motion(evidence, float(account.time.max()) + self._rows.step)

@@ -17,13 +17,14 @@ import dataclasses
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dpttrf, dtbtrs
 
 from looping_pendulum.discrepancy.fit.event_prediction import event_times
-from looping_pendulum.measured.noise import estimate_noise, speed_at
+from looping_pendulum.measured.noise import Noise, estimate_noise, speed_at
 from looping_pendulum.measured.observations import BODIES, Channel, EventObservation, Observations
 from looping_pendulum.measured.study import Trial
 from looping_pendulum.reference_ode.geometry import Array
@@ -36,18 +37,24 @@ MIN_STEP = 1e-9
 """Time [s] by which points of one time count as apart."""
 
 
-def trial_data(trial: Trial, observations: Observations) -> TrialData:
-    """Return a trial's data: channels with noise estimated from the points alone, and events with their stated errors."""
+def trial_data(trial: Trial, observations: Observations, noise: Mapping[str, Noise] = MappingProxyType({})) -> TrialData:
+    """Return a trial's data: channels with noise estimated from the points alone, and events with their stated errors.
+
+    Parameters
+    ----------
+    noise
+        Body -> its noise, where there are too few points to estimate it.
+    """
     channels = observations.channels
     if len(channels) > 1:
         channels = tuple(c for c in channels if c.name != "angle_rate")  # computed from the angles: no new information
     parts = {}
-    for body in dataclasses.replace(observations, channels=channels).bodies().values():
-        noise = estimate_noise(body)
+    for name, body in dataclasses.replace(observations, channels=channels).bodies().items():
+        of_body = estimate_noise(body, noise.get(name))
         for c in body:
-            speed = speed_at(body, c.t, noise.a)
+            speed = speed_at(body, c.t, of_body.a)
             # A nanometre at least: data without noise would divide by zero
-            parts[c.name] = np.maximum(np.maximum(noise.sigma(speed), c.least_sigma(speed)), 1e-9)
+            parts[c.name] = np.maximum(np.maximum(of_body.sigma(speed), c.least_sigma(speed)), 1e-9)
     stated = np.array([e.sigma for e in observations.events], dtype=float)
     sigma = np.concatenate([*(parts[c.name] for c in channels), stated])
     return TrialData(trial=trial, channels=channels, events=observations.events, sigma=sigma)
