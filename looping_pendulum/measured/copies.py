@@ -80,12 +80,15 @@ def _pattern(channels: Sequence[Channel], t: Array, step: float) -> NDArray[np.b
     square, place, best = np.where(seen, square, 0.0), number[1:][seen], None
     for period in range(2, MAX_PERIOD + 1):
         turns = np.bincount(place % period, minlength=period)
-        if turns.min() < MIN_TURNS:
+        if turns.min() < MIN_COPIES:
             break
         # By the largest step nearby, as masses come to rest, and so that a leap of the tracker decides nothing
         share = square / np.maximum(maximum_filter1d(square, 2 * period + 1), np.finfo(float).tiny)
         mean = np.bincount(place % period, weights=share[seen], minlength=period) / turns
         new = mean > STILL * mean.max()
+        # Points that are equal in every digit tell more than those that hardly move
+        if turns.min() < MIN_TURNS and np.any(mean[~new]):
+            continue
         # Of pictures stored four times, every second one is stored twice, too
         if new.any() and not new.all() and (best is None or new.mean() < best.mean()):
             best = new
