@@ -317,7 +317,7 @@ def filtered(
     lacking
         Size of what the model lacks [m]; by default all sizes, those of something that begins to act later, too.
     """
-    # Of every path with all sizes and blurs. What begins later is large, or it would not be seen
+    # Of every path with all sizes and blurs, and with all that may begin later
     if lacking is None:
         at = np.linspace(0, t.shape[1], BEGINS + 1).astype(int)[1:-1]
         kinds = [(size, blur, 0) for size in LACKING for blur in BLURS]

@@ -17,8 +17,8 @@ RIVAL = 20.0
 """Largest ratio of the probability of the best account to that of another one that is named beside it."""
 LACKING = (2e-3, 20e-3, 200e-3)
 """Distances by which what the model lacks moves a mass in half a second [m]: of nothing much, an effect, a large one."""
-BEGINNING = (0.2, 2.0)
-"""Sizes of what begins to act later, as `LACKING`: smaller ones would not be seen."""
+BEGINNING = (20e-3, 200e-3, 2.0)
+"""Sizes of what begins to act later, as `LACKING`: what takes hold at once moves a mass more."""
 AT_REST = 0.01
 """Standard error of a mass's speed at the release [m/s]."""
 SMOOTH = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
