@@ -180,7 +180,9 @@ class FilmTimes:
         """Return whether a hand stops the light mass at a time [s], which wrong times look like."""
         found, t = self.found, self._rows.t[: self._count]
         if found is None:
-            return True
+            # A mark that only stays for a while goes on as the model says
+            left = self._as_declared.filtered
+            return left is None or not self.explains_table or bool(left.unexplained[t > stop].any(axis=1).mean() > 0.5)
         # A mass that a hand stops is where it was before, row by row, and a hand changes nothing before it stops it
         if (t > stop).any() and float(found.account.copied[t > stop].mean()) > MAX_COPIES:
             return True
@@ -253,9 +255,8 @@ class FilmTimes:
                     texts.setdefault(rival.account.family, rival.account.text)
         said = ["; or ".join(texts.values())] if texts else []
         if self._put_right_times and (rows := np.flatnonzero(self._stays)).size:
-            said.append(
-                f"at {_places(rows, self._rows)} the light mass's mark stays where it was, though it moves on: left out"
-            )
+            where = _places(rows, self._rows)
+            said.append(f"at {where} the light mass's mark stays where it was, though the mass moves on: left out")
         return "; ".join(said)
 
     @property
@@ -279,7 +280,9 @@ class FilmTimes:
             changed = [dataclasses.replace(c, time_error=max(error, c.time_error)) for c in observations.channels]
         elif account.family == "even" and self._even_clock:
             even = dict(zip(self._rows.t.tolist(), self._even_clock.t.tolist(), strict=True))
-            changed = [dataclasses.replace(c, t=np.array([even[t] for t in c.t.tolist()])) for c in observations.channels]
+            changed = [
+                dataclasses.replace(c, t=np.array([even.get(t, t) for t in c.t.tolist()])) for c in observations.channels
+            ]
             errors = {**self._even_clock.camera_errors, **observations.camera_errors}
             observations = dataclasses.replace(observations, camera_errors=errors)
         elif account.changes and all(c.alone for c in account.changes):
