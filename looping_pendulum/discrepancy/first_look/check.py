@@ -261,7 +261,7 @@ def _exchange(search: TrialSearch, times: FilmTimes) -> str:
         return ""
     gain = times_back.log_of_table + len(exchanged.spans) * math.log(COMMON) - times.log_of_table
     # Where only noise is left, no other times explain more
-    if gain <= 0 or (not times_back.explains_table and gain < times.gain):
+    if gain <= math.log(RIVAL) or (not times_back.explains_table and gain < times.gain):
         return ""
     return (
         f"found the points of the two masses exchanged in rows {exchanged.text}; needed each mass in its own columns: "
@@ -275,7 +275,9 @@ def _smoothing(search: TrialSearch, times: FilmTimes, other: Correction | None) 
     if times.explains_table or as_declared.problem is None:
         return ""
     smoothed = smoothing_of(as_declared.problem, as_declared.x, {"m": 1.0})
-    if smoothed is None or (other and smoothed.gain < other.log_posterior - as_declared.log):
+    if smoothed is None or smoothed.gain <= math.log(RIVAL):
+        return ""
+    if other and smoothed.gain < other.log_posterior - as_declared.log:
         return ""
     # The search for other times takes seconds; it may find a better fit of the table, too
     if smoothed.gain / smoothed.rows < times.most_to_gain_of_row and (smoothed.gain < times.gain or times.explains_table):

@@ -193,9 +193,10 @@ class FilmTimes:
     @cached_property
     def found(self) -> Judged | None:
         """Return the most probable account; None: that of the table."""
-        declared = self._search.as_declared
-        if declared.misfit > MAX_GOOD_MISFIT:  # perhaps as the tracker slips
-            declared = self._as_declared.evidence
+        # Perhaps the tracker slips, or something begins to act
+        first = self._search.as_declared
+        self._judged(self._table, first.x, first)
+        declared = self._as_declared.evidence
         best = self._refined(declared)
         is_explained = declared.explains_all if best is None else best.explains_all and best.account.family != "uneven"
         if not is_explained:
@@ -209,7 +210,8 @@ class FilmTimes:
         judged = [j for j in self._judged_before.values() if len(j.account.time) == self._count and j.account.log_share]
         explained = [j for j in judged if j.evidence.explains_all or declared.explains_all]
         best = max(explained, key=lambda j: j.log, default=None)
-        return best if best is not None and best.log > self.log_of_table else None
+        # The table itself may be a rival, of which nothing is said
+        return best if best is not None and best.log > self.log_of_table + math.log(RIVAL) else None
 
     @property
     def log_of_table(self) -> float:
