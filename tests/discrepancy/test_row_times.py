@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 from looping_pendulum.discrepancy.first_look.check import take_first_look
+from looping_pendulum.discrepancy.first_look.misfit import declared_trial, measured_distance
+from looping_pendulum.discrepancy.first_look.mistakes import TrialSearch
+from looping_pendulum.discrepancy.first_look.row_times import FilmTimes
 from looping_pendulum.measured import study_io
+from looping_pendulum.measured.usable_points import read_trial
 from tests.film_faults.faults import Faulty
 from tests.film_faults.films import clean_study
 from tests.film_faults.judging import write
@@ -127,8 +131,14 @@ def test_even_frames_with_uneven_times_are_even_again(tmp_path):
     assert any("but the masses move as in equal ones" in text for text in check.warnings)
 
 
-def test_accounts_that_are_as_probable_are_named_with_or(tmp_path, monkeypatch):
-    monkeypatch.setattr("looping_pendulum.discrepancy.first_look.row_times.RIVAL", 1e300)
-    [mistake] = look(tmp_path, **without_rows(20, 21)).mistakes
-    assert "as where pictures are lost (at the first place 2)" in mistake.text
-    assert "; or " in mistake.text
+def test_accounts_that_are_as_probable_are_named_with_or(tmp_path):
+    film = dataclasses.replace(FILM, **without_rows(20, 21))
+    study = study_io.load(write(STUDY, Faulty(films=(film,)), tmp_path))
+    declared = declared_trial(study, study.trials[0], read_trial(study, study.trials[0]))
+    times = FilmTimes.of(TrialSearch(declared=declared, distance=measured_distance(declared)))
+    lost = times.text
+    assert "as where pictures are lost (at the first place 2)" in lost
+    for less, said in ((2.0, f"{lost}; or frames in turn"), (4.0, lost)):
+        rival = dataclasses.replace(times.best, family="turn", text="frames in turn")
+        times._judged_before["rival"] = dataclasses.replace(times.found, account=rival, log=times.found.log - less)
+        assert times.text == said

@@ -137,8 +137,8 @@ def _smoothing_of_rows(
 
     as_tracked = best_of(list(_as_tracked(rows)))
     smoothed = best_of(list(_smoothed(rows, half, float(np.median(np.diff(t))), inner, as_tracked.account.errors)))
-    # An account by which hundreds of millimetres are missing explains nothing
-    if smoothed.log <= as_tracked.log or smoothed.evidence.lacking == LACKING[-1]:
+    # Where an effect is missing besides, its motion may look smoothed
+    if smoothed.log <= as_tracked.log or smoothed.evidence.lacking > LACKING[0]:
         return None
     return Smoothing(text=smoothed.account.text, gain=smoothed.log - as_tracked.log, rows=len(inner))
 
