@@ -125,7 +125,8 @@ class Motion:
     def of(problem: Problem, x: Array, rows: Rows, end: float) -> Motion:
         """Return the motion from the first row's time to ``end`` [s]."""
         data, step = problem.data[0], rows.step / SUBSTEPS
-        t = np.arange(rows.t[0], end + step, step)
+        # At least to the next row, as a record may begin after the motion that is looked at
+        t = np.arange(rows.t[0], max(end, rows.t[0] + rows.step) + step, step)
         dense = tuple(dataclasses.replace(c, t=t, value=np.zeros_like(t)) for c in data.channels)
         there = problem.with_data([TrialData(trial=data.trial, channels=dense, sigma=np.ones(len(t) * len(dense)))])
         place = (there.predict(x, 0).reshape(len(dense), -1) * rows.unit[:, None]).T
