@@ -342,8 +342,7 @@ def _acts_later(explanation: Correction, search: TrialSearch) -> bool:
     """Return whether the points are more probable with the declared values and something that begins to act later."""
     if explanation.corrected.observations is not explanation.declared.observations:
         return False  # other points have another density
-    before = FilmTimes.of(search)
-    after = FilmTimes.of(TrialSearch(declared=explanation.corrected, distance=explanation.distance))
+    before, after = FilmTimes.of(search), FilmTimes.of(explanation.search)
     if before is None or after is None:
         return False
     return before.log_of_table >= after.log_of_table + math.log(explanation.mistake.share)

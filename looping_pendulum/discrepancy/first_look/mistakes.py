@@ -113,9 +113,14 @@ class Correction:
     """What the points' "lengths" and "times" must be multiplied by, from a grid or the motion before anything is fitted."""
 
     @cached_property
+    def search(self) -> TrialSearch:
+        """Return the trial without the mistake, to be looked at as any other."""
+        return TrialSearch(declared=self.corrected, distance=self.distance)
+
+    @property
     def evidence(self) -> Evidence:
         """Return how probable the points are without the mistake."""
-        return evidence_of_trial(self.corrected, self.distance)
+        return self.search.as_declared
 
     @cached_property
     def factors(self) -> dict[str, float]:
@@ -409,7 +414,8 @@ class TrialSearch:
     distance: Distance
     _tried: dict[int, list[Correction]] = field(default_factory=dict)
     """Number of steps -> the best corrections of so many."""
-    _by_mistake: dict[Mistake, Correction | None] = field(default_factory=dict)
+    _undone: dict[Mistake, Correction | None] = field(default_factory=dict)
+    """Mistake -> the trial without it, which several trials ask for."""
 
     @property
     def name(self) -> str:
@@ -433,12 +439,11 @@ class TrialSearch:
         if steps not in self._tried:
             best: dict[str, Correction] = {}
             for mistake in (m for m in MISTAKES if m.steps == steps):
-                correction = self._by_mistake.get(mistake) or self._correction(mistake)
+                correction = self._correction(mistake)
                 nearest = best[mistake.name].distance if mistake.name in best else self.distance
                 if correction is not None and correction.distance.relative < nearest.relative:
                     best[mistake.name] = correction
             self._tried[steps] = sorted(best.values(), key=lambda c: c.distance.relative)
-            self._by_mistake.update({c.mistake: c for c in self._tried[steps]})
         return self._tried[steps]
 
     def explanations(self, steps: int) -> list[Correction]:
@@ -454,15 +459,18 @@ class TrialSearch:
         nearer
             Whether it has no mistake that brings its points no nearer.
         """
-        if not nearer:
-            return self._correction(mistake)
-        if mistake not in self._by_mistake:
-            correction = self._correction(mistake)
-            is_nearer = correction is not None and correction.distance.relative < self.distance.relative
-            self._by_mistake[mistake] = correction if is_nearer else None
-        return self._by_mistake[mistake]
+        correction = self._correction(mistake)
+        if nearer and correction is not None and correction.distance.relative >= self.distance.relative:
+            return None
+        return correction
 
     def _correction(self, mistake: Mistake) -> Correction | None:
+        """Return the trial without a mistake, or None, as `_without` does, which is asked once."""
+        if mistake not in self._undone:
+            self._undone[mistake] = self._without(mistake)
+        return self._undone[mistake]
+
+    def _without(self, mistake: Mistake) -> Correction | None:
         """Return the trial without a mistake; None: it cannot have it, the factor is too near 1, or leaves too few points."""
         declared = self.declared
         corrected = mistake.undo(declared) if declared.trial.release in mistake.releases else None

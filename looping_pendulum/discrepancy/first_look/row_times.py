@@ -143,8 +143,8 @@ class FilmTimes:
         parameters, data = search.declared.study.parameters({}, search.declared.trial), problem.data[0]
         self._rows = Rows.of(data, {c.unit: length_per_unit(c.unit, parameters.free_length) for c in data.channels})
         self._names = [c.name for c in data.channels]
-        of_bodies = {body: tuple(c for c in data.channels if c.name in names) for body, names in BODIES.items()}
-        self._noise = {body: estimate_noise(channels) for body, channels in of_bodies.items() if channels}
+        bodies = dataclasses.replace(self._upright.observations, channels=data.channels).bodies()
+        self._noise = {body: estimate_noise(channels) for body, channels in bodies.items()}
         self._end = END * fall_time(parameters)
         # After the end of its run the model says nothing, if it is known where that is
         explained = search.as_declared.explains_all

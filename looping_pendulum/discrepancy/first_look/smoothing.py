@@ -122,16 +122,18 @@ def _smoothing_of_rows(
         shown, slopes = (np.concatenate([weights @ of_channel for of_channel in each]) for each in of_rows(x.tobytes()))
         return shown, slopes
 
-    def of(account: Account) -> Points:
-        return Points.of(points, length_per_unit, account.errors)
-
     def best_of(accounts: Sequence[Account]) -> Judged:
+        of_accounts = [Points.of(points, length_per_unit, account.errors) for account in accounts]
         judged = []
         for at in (x, np.zeros_like(x)):
             for _ in range(ROUNDS):
-                logs = [a.log_share + of(a).linear(*predicted(a, at), -at, prior).log for a in accounts]
-                account = accounts[int(np.argmax(logs))]
-                at, found = fitted(problem, partial(predicted, account), of(account), at)
+                logs = [
+                    account.log_share + of_account.linear(*predicted(account, at), -at, prior).log
+                    for account, of_account in zip(accounts, of_accounts, strict=True)
+                ]
+                best = int(np.argmax(logs))
+                account = accounts[best]
+                at, found = fitted(problem, partial(predicted, account), of_accounts[best], at)
                 judged.append(Judged(account=account, evidence=found, log=account.log_share + found.log))
         return max(judged, key=lambda j: j.log)
 
