@@ -40,7 +40,9 @@ COVERED = tests/scenarios tests/reference_ode/core/test_bits.py \
 	$(addprefix tests/compare/test_,baseline.py landmarks.py metrics.py metrics_by_hand.py report_cells.py \
 		result.py signs_and_units.py stories.py tables.py) \
 	$(addprefix tests/engines/test_,string_motion.py) \
-	$(addprefix tests/discrepancy/test_,held_out.py likelihood.py measurement.py readers.py readers_generated.py study.py trial_files.py)
+	$(addprefix tests/discrepancy/test_,held_out.py likelihood.py) \
+	$(addprefix tests/measured/test_,measurement.py study.py) \
+	$(addprefix tests/measured/tables/test_,readers.py readers_generated.py trial_files.py)
 # From Python 3.12 on by sys.monitoring, below by coverage's tracer in C. Both about double the time: 733 tests on 3.13 took 16.4 s of a
 # processor with the former, 17.1 s with the latter and 8.0 s without either.
 coverage: $(VENV)/coverage ## lines that quick tests of the calculating packages run; fails below the floor in pyproject.toml
@@ -59,7 +61,7 @@ mutation.sqlite: cosmic-ray.toml | $(VENV)/mutation
 	$(BIN)/cr-filter-operators $@ $<
 
 fuzz: $(VENV)/test ## try 20 000 damaged files, quantities and command lines (some minutes)
-	FUZZ_EXAMPLES=2200 $(BIN)/python -m pytest -n 2 tests/fuzz/test_damaged.py
+	FUZZ_EXAMPLES=2200 $(BIN)/python -m pytest -n 2 tests/fuzz/test_damaged.py tests/measured/tables/test_readers_generated.py
 
 lint: $(VENV)/dev $(if $(NPM),node_modules) ## style, types, and the one-way direction of the imports; the live page's JavaScript, where npm is
 	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/lint-imports

@@ -12,8 +12,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from looping_pendulum.discrepancy.first_look.check import take_first_look
 from looping_pendulum.discrepancy.identify import identify
+from looping_pendulum.discrepancy.look.check import take_first_look
 from looping_pendulum.measured.study_io import load
 from tests.blind.cases import CASES
 from tests.blind.pendulum import Pendulum

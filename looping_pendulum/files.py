@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import hashlib
 import os
 import re
 import secrets
+import stat
 import warnings
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -31,6 +33,22 @@ class SkippedOutputWarning(UserWarning):
 def utf8(text: str) -> bytes:
     r"""Encode ``text`` as UTF-8; a lone surrogate, which UTF-8 cannot hold, becomes its escape as in JSON: \ud800."""
     return text.encode("utf-8", "backslashreplace")
+
+
+def read_file(path: str | os.PathLike[str], largest: int) -> bytes:
+    """Return the content of a file that a user names; of one of more than ``largest`` bytes, one byte more than that.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read, or is a folder, a pipe or a device, which may never end.
+    """
+    mode = os.stat(path).st_mode
+    if not stat.S_ISREG(mode):  # opening a pipe would wait for its writer
+        found = "a folder" if stat.S_ISDIR(mode) else "a pipe or a device"
+        raise OSError(errno.EINVAL, f"found {found}, needed a file", os.fspath(path))
+    with Path(path).open("rb") as stream:
+        return stream.read(largest + 1)
 
 
 def write_atomically(path: Path, content: bytes | str) -> None:

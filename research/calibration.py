@@ -22,7 +22,7 @@ from typing import Any
 import looping_pendulum as lp
 from looping_pendulum.cli.terminal import ProgressBars
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.discrepancy.result import Identification, IdentifiedEffect, RankedExplanation, Verdict
+from looping_pendulum.discrepancy.result import FittedEffect, Identification, RankedExplanation, Verdict
 from looping_pendulum.files import write_atomically
 from looping_pendulum.versions import MISSING, installed_version
 from research import DATA, rates_page, rounded
@@ -216,7 +216,7 @@ def judgement(named: Sequence[Explained], right: Explained) -> str:
     return "part" if any(e <= effects and other in (None, law) for e, other in named) else "wrong"
 
 
-def _estimate(effect: IdentifiedEffect, planted: float) -> dict[str, Any]:
+def _estimate(effect: FittedEffect, planted: float) -> dict[str, Any]:
     low, high = effect.interval_95
     return {
         "name": effect.name,

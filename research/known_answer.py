@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
-from looping_pendulum.discrepancy.blas import one_blas_thread
 from looping_pendulum.discrepancy.candidates import Candidate
 from looping_pendulum.discrepancy.evidence.explanation import WIDE, Parts, explained
 from looping_pendulum.discrepancy.evidence.marginal import NoiseGrid
@@ -80,7 +80,7 @@ def _installed_laws() -> Iterator[str]:
 
 def _outcome(path: Path, values: Mapping[str, float], companions: Mapping[str, float]) -> Outcome:
     try:
-        with one_blas_thread():
+        with threadpool_limits(1, user_api="blas"):
             return {"log_posteriors": log_posteriors(path, values, companions)}
     except (HarnessError, ArithmeticError, ValueError) as error:
         return {"failed": repr(error)}

@@ -11,8 +11,9 @@ import tempfile
 from pathlib import Path
 from unittest import mock
 
+from threadpoolctl import threadpool_limits
+
 import looping_pendulum as lp
-from looping_pendulum.discrepancy.blas import one_blas_thread
 from looping_pendulum.discrepancy.evidence import search
 from looping_pendulum.discrepancy.evidence.explain import Explanations, explain
 from looping_pendulum.discrepancy.inputs import read_inputs
@@ -28,7 +29,7 @@ RESULT = DATA / "left_out.json"
 
 def solve(study: BlindStudy) -> tuple[str, Outcome]:
     """Judge a study by both limits, and return its name and what was left out."""
-    with tempfile.TemporaryDirectory() as folder, one_blas_thread():
+    with tempfile.TemporaryDirectory() as folder, threadpool_limits(1, user_api="blas"):
         try:
             inputs = read_inputs(lp.load_study(write_files(study, Path(folder))))
         except ValueError as error:  # no value of the hidden number gives the size

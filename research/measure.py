@@ -296,15 +296,17 @@ def identification_summary(result: Identification) -> dict[str, Any]:
     held_out = next((e for e in result.errors if e.held_out), None)
     return {
         "verdict": result.verdict.value,
-        "effects": {e.name: {"value": e.value, "error": e.error, "unit": e.unit} for e in result.effects},
-        "ties": [{e.name: {"value": e.value, "error": e.error, "unit": e.unit} for e in tie} for tie in result.ties],
+        "effects": {e.name: {"value": e.value, "error": e.error, "unit": e.candidate.unit} for e in result.effects},
+        "ties": [{e.name: {"value": e.value, "error": e.error, "unit": e.candidate.unit} for e in tie} for tie in result.ties],
         "explanations": {
             " + ".join(e.names) or "nothing": {"probability": e.probability, "log10_odds": e.log10_odds}
             for e in result.explanations[:2]
         },
         "held_out_before": None if held_out is None else held_out.rms_before,
         "held_out_after": None if held_out is None else held_out.rms_after,
-        "correlated_noise": {e.body: {"amplitude": e.amplitude, "points": e.points} for e in result.correlated_noise},
+        "correlated_noise": {
+            body: {"amplitude": n.amplitude, "time": n.correlation_time} for body, n in result.correlated_noise.items()
+        },
         "sentence": result.sentence,
     }
 

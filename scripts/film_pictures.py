@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from looping_pendulum.film.output import contact_sheet
-from looping_pendulum.film.track import FilmTrack, TrackSettings, track
-from tests.film.renderer import Scene, looping_motion, render, seen_from_aside
+from looping_pendulum.measured.film.output import contact_sheet
+from looping_pendulum.measured.film.record import FilmTrack, TrackSettings
+from looping_pendulum.measured.film.track import track
+from tests.measured.film.renderer import Scene, looping_motion, render, seen_from_aside
 
 FOLDER = Path(__file__).parents[1] / "docs" / "img"
 WIDTH = 900

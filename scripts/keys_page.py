@@ -6,13 +6,13 @@ from types import MappingProxyType
 from typing import Any
 
 from looping_pendulum.measured.camera import CAMERA
-from looping_pendulum.measured.study_file import StudyFile
+from looping_pendulum.measured.study import Study
 from looping_pendulum.pages.markdown import table
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, LIBRARY, Coefficient
 from looping_pendulum.reference_ode.effects.closure import CLOSURE
 from looping_pendulum.scenarios.fields import QUANTITY_TEXT, QuantityField, undescribed_schema
 from looping_pendulum.scenarios.quantities import file_key, quantity_kind
-from looping_pendulum.scenarios.schema import file_model
+from looping_pendulum.scenarios.schema import ScenarioFile
 from looping_pendulum.scenarios.units import pretty
 from looping_pendulum.sweep.map_file import MapFile
 from looping_pendulum.sweep.quantities import RATIOS, variables
@@ -200,14 +200,14 @@ that `looping-pendulum new` writes begin so, and the schema stands beside them.
 
 A trial: apparatus, release, and what is expected of an engine that rebuilds it. `looping-pendulum new scenario` writes one.
 
-{section(file_model(), {file_key(c.name): coefficient_default(c) for c in COEFFICIENTS.values()})}
+{section(ScenarioFile, {file_key(c.name): coefficient_default(c) for c in COEFFICIENTS.values()})}
 ## Study
 
 Measured trials, and the effects that are declared to act in them ([measured trials](measured.md)). `looping-pendulum new study`
 writes one. A standard error follows `+/-`, in a unit of the same kind or in %; without one, the value is exact. *free* says
 that nothing is known of the value.
 
-{section(StudyFile)}
+{section(Study)}
 ## Map
 
 One scenario, run again and again while one to three quantities change ([maps](maps.md)).

@@ -11,8 +11,8 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
-from looping_pendulum.discrepancy.blas import one_blas_thread
 from looping_pendulum.discrepancy.evidence.explanation import NOTHING, explained, fit_addition
 from looping_pendulum.discrepancy.evidence.search import Search
 from looping_pendulum.discrepancy.fit.calibration import calibrate
@@ -56,7 +56,7 @@ def draw_evidence(study: Path, picture: Path) -> None:
     """Draw how well some explanations of a study fit, and how probable they are."""
     inputs = read_inputs(load(study))
     problem = inputs.problem()
-    with one_blas_thread():
+    with threadpool_limits(1, user_api="blas"):
         search = Search(refit_with_estimated_noise(calibrate(problem)), inputs.library)
         search.run()
         best = search.best

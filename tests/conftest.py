@@ -1,17 +1,24 @@
 """What the whole suite needs: the longest tests first, and the backend."""
 
 import gc
+import os
 import shutil
 from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from hypothesis import settings
 
 from tests.backends import BACKENDS, current
 
 BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 """Browsers to test with, the quickest first: a window that nobody sees costs a third of the pages' time."""
 LONGEST = "tests/test_tolerances.py"
+
+# One commit says the same everywhere; `make fuzz` looks for new inputs, and what it finds becomes an example
+settings.register_profile("repeatable", derandomize=True)
+settings.register_profile("fuzz", derandomize=False, database=None)
+settings.load_profile("fuzz" if os.environ.get("FUZZ_EXAMPLES") else "repeatable")
 
 
 def pytest_collection_modifyitems(items):

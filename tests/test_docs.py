@@ -3,6 +3,7 @@
 import re
 import shutil
 from pathlib import Path
+from pydoc import locate
 
 import pytest
 import typer
@@ -27,7 +28,7 @@ ELSEWHERE = {
     r"^looping-pendulum converge": "tests/compare/test_convergence_study.py",
     r"^looping-pendulum check$": "tests/test_tolerances.py",
     r"--engine mujoco --marks": "tests/compare/test_trial.py, and docs/demo.md with one variant",
-    r"^looping-pendulum track |films\.yaml": "tests/film, with rendered films",
+    r"^looping-pendulum track |films\.yaml": "tests/measured/film, with rendered films",
     r"--install-completion": "tests/test_completion.py",
 }
 """Commands that other tests run, or whose names stand for a reader's own -> which tests."""
@@ -128,6 +129,14 @@ def test_every_command_runs_as_it_stands(tmp_path, monkeypatch):
 def test_links_of_pages_outside_the_site_lead_to_files(page):
     for target in re.findall(r"\]\(([^)#\s]+)", (PROJECT / page).read_text(encoding="utf-8")):
         assert target.startswith("https://") or (PROJECT / target).exists(), target
+
+
+def test_the_names_in_code_for_contributors_are_there():
+    names = re.findall(r"`([a-z_][\w.]*):([A-Za-z][\w.]*)`", (PROJECT / "CONTRIBUTING.md").read_text(encoding="utf-8"))
+    assert len(names) > 60
+    for module, name in names:
+        folders = ("looping_pendulum", "looping_pendulum.discrepancy.look")
+        assert any(locate(f"{folder}.{module}.{name}") is not None for folder in folders), f"{module}:{name}"
 
 
 def test_formulas_become_pictures_that_say_their_tex_and_code_stays():

@@ -1,6 +1,8 @@
 """A file that is for another command: each command says in one line what the file is, and which command takes it."""
 
+import os
 import shlex
+import signal
 from pathlib import Path
 
 import pytest
@@ -70,3 +72,29 @@ def test_another_commands_file_is_named_with_its_command(files, command, kind):
 def test_no_command_is_left_out():
     group = typer.main.get_command(app)
     assert {command[0] for command in TAKEN} | WITHOUT_FILE == set(group.commands)
+
+
+PIPES = {"scenario": "pipe.yaml", "map": "pipe.yaml", "study": "pipe.yaml", "table of numbers": "pipe.csv", "film": "pipe.mp4"}
+OF_PIPES = [(command, PIPES[kind]) for command, kinds in TAKEN.items() for kind in sorted(kinds)]
+OF_PIPES.remove((("new", "study"), PIPES["film"]))  # a film that is not tracked yet is not opened
+OF_PIPES += [
+    (("compare", "ten_to_one", "--baseline"), "pipe.yaml"),
+    (("look",), "of_a_pipe.yaml"),
+    (("identify",), "of_a_pipe.yaml"),
+]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no pipes with names")
+@pytest.mark.parametrize(("command", "name"), OF_PIPES, ids=lambda part: part if isinstance(part, str) else " ".join(part))
+def test_a_pipe_is_refused_and_not_waited_for(command, name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for pipe in set(PIPES.values()):
+        os.mkfifo(pipe)
+    Path("of_a_pipe.yaml").write_text("title: x\ntrials: [{file: pipe.csv, release: {angle: 112 deg, free_length: 58 cm}}]\n")
+    signal.alarm(60)
+    try:
+        done = here(*command, name)
+    finally:
+        signal.alarm(0)
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: ")

@@ -30,7 +30,7 @@ def test_the_package_alone_imports_no_numbers():
 
 
 def test_the_examples_run(tmp_path, monkeypatch, capsys):
-    renderer = pytest.importorskip("tests.film.renderer", reason="needs the extra film")
+    renderer = pytest.importorskip("tests.measured.film.renderer", reason="needs the extra film")
     monkeypatch.chdir(tmp_path)
     write_example(tmp_path / "example")
     renderer.render(tmp_path / "trial.mp4", renderer.Scene(before=0.1, duration=0.6), renderer.looping_motion(0.8))

@@ -10,8 +10,8 @@ import typer
 from looping_pendulum.cli.main import app
 from looping_pendulum.cli.quantities import quantity
 from looping_pendulum.errors import MissingPackageError
-from looping_pendulum.film import decode
 from looping_pendulum.installation import install_command
+from looping_pendulum.measured.film.decode import imported
 from tests.command_line import here
 
 GROUP = typer.main.get_command(app)
@@ -51,7 +51,7 @@ def test_next_commands_take_names_with_blanks(tmp_path, monkeypatch):
 def test_packages_that_read_films_are_installed_as_this_one_was(monkeypatch):
     monkeypatch.setitem(sys.modules, "av", None)
     with pytest.raises(MissingPackageError) as caught:
-        decode.decoding()
+        imported("av")
     assert f"to get it: `{install_command('opencv-python-headless', 'av')}`" in str(caught.value)
 
 
@@ -72,7 +72,7 @@ TIMES_AND_RATES = [
     (*command, option.opts[0], option.metavar)
     for command in COMMANDS
     for option in command_called(command).params
-    if option.metavar in ("TIME", "RATE") and command != ("track",)  # which reads its own, with the film
+    if option.metavar in ("TIME", "RATE")
 ]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare.harness import compare_engines
-from looping_pendulum.measured.events import find_data
+from looping_pendulum.measured.tables.events import find_data
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import loader
 

@@ -52,7 +52,7 @@ def test_the_study_names_its_own_magnet(tmp_path, library):
     (effect,) = result.effects
     assert effect.name == "magnet"
     assert abs(effect.value - dict(CASES["magnet"].effects)["magnet"]) < 3 * effect.error
-    assert effect.source == "measured with a spring balance"
+    assert effect.candidate.source == "measured with a spring balance"
     repaired = tmp_path / "repaired.yaml"
     repaired.write_text(result.scenario, encoding="utf-8")
     assert load_text(result.scenario, "repaired").parameters.coefficients["magnet"] == effect.value

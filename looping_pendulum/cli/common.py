@@ -18,13 +18,14 @@ from looping_pendulum.cli.file_kinds import takes
 from looping_pendulum.cli.quantities import quantity
 from looping_pendulum.cli.terminal import ProgressBars, choose_json, choose_quiet, note, say, say_prose, show_table
 from looping_pendulum.engines import Profile
-from looping_pendulum.errors import ScenarioError
+from looping_pendulum.errors import HarnessError, ScenarioError
 from looping_pendulum.pages.palette import KNOWN_LABELS
 
 if TYPE_CHECKING:
     from looping_pendulum.compare.result import ComparisonResult
     from looping_pendulum.compare.trial import MeasuredTrial
     from looping_pendulum.engines.trajectory import Trajectory
+    from looping_pendulum.measured.study import Study
     from looping_pendulum.scenarios.scenario import Scenario
 
 
@@ -56,6 +57,8 @@ def engine_names() -> list[str]:
     return list(dict.fromkeys([*OWN_ENGINES, *VARIANTS, *others, "all"]))
 
 
+LINE_EVERY = 10.0
+"""Time between two lines on what is done, where no bar shows it [s]."""
 OUTSIDE_TOLERANCE, BAD_INPUT, INTERRUPTED = 1, 2, 130
 """Exit statuses beside 0; 130 is the shell's own for a command that Ctrl-C ended."""
 INTERRUPTED_FOLDER = "interrupted"
@@ -178,13 +181,38 @@ MarksSettings = Annotated[
 def read_marks(files: list[str] | None, settings: list[str] | None) -> MeasuredTrial | None:
     """Read the trial of --marks; None without one."""
     from looping_pendulum.compare.trial_files import read_measured_trial
-    from looping_pendulum.errors import HarnessError
 
     if files:
         return read_measured_trial(files, settings or ())
     if settings:
         raise HarnessError("--marks-set: found it without --marks, needed the trial's file; add for example --marks trial.csv")
     return None
+
+
+TrackFilms = Annotated[
+    bool, typer.Option("--track", help="Track films that have no points, or were tracked with other values.")
+]
+KeepPoints = Annotated[bool, typer.Option("--keep", help="Take the points beside the films, whatever they were tracked with.")]
+
+
+def settle_films(study: Study, *, track: bool, keep: bool) -> None:
+    """Track a study's films, or take the points beside them all the same, as far as one of both is needed and asked for."""
+    from looping_pendulum.measured.film import is_film
+    from looping_pendulum.measured.film_points import settle_film
+    from looping_pendulum.measured.study import stated_of_film
+
+    refuse_both(track=track, keep=keep)
+    for trial in study.trials:
+        stated = stated_of_film(trial, study.estimate("rod_radius", trial))
+        for film in (study.folder / path for path, _ in trial.files if is_film(path)):
+            with ProgressBars(line_every_seconds=LINE_EVERY) as bars:
+                settle_film(film, stated, track=track, keep=keep, progress=bars.update)
+
+
+def refuse_both(*, track: bool, keep: bool) -> None:
+    """Refuse --track beside --keep."""
+    if track and keep:
+        raise HarnessError("--track: found it beside --keep, needed one of them; leave one out")
 
 
 def load_scenario(name: str) -> Scenario:

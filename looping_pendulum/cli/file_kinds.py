@@ -31,8 +31,8 @@ class WrongFileError(HarnessError, ValueError):
 
 def kind_of(path: Path) -> str | None:
     """Return the kind of a file, a key of `COMMANDS`; None if it is none of them, or none that can be read."""
-    from looping_pendulum.film.decode import is_film
-    from looping_pendulum.measured.tracker_project import is_named_project
+    from looping_pendulum.measured.film import is_film
+    from looping_pendulum.measured.tables.tracker_project import is_named_project
 
     try:
         if not path.is_file():

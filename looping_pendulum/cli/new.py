@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from looping_pendulum.cli.common import Force, scenario_names
+from looping_pendulum.cli.common import LINE_EVERY, Force, KeepPoints, TrackFilms, refuse_both, scenario_names
 from looping_pendulum.cli.file_kinds import takes
 from looping_pendulum.cli.terminal import ProgressBars, say
 from looping_pendulum.cli.usage import App
@@ -107,21 +107,25 @@ def study(
     release_angle: Annotated[
         list[str] | None, _option('Angle of the string at release, "90 deg +/- 0.5 deg" is level; once, or for each file.')
     ] = None,
+    track: TrackFilms = False,
+    keep: KeepPoints = False,
     force: Force = False,
 ) -> None:
     """Write a study: what the films and tables show, what you give here, and TODO for each value that is still to be measured.
 
     A film shows the ball's radius, and angle and hanging length of its release, given the free length. Each value has its
-    unit, and its standard error behind "+/-"; without one it is taken as exact.
+    unit, and its standard error behind "+/-"; without one it is taken as exact. A film's points are those of `track`; one that
+    was not tracked, or with another length, radius or rate, is named with what differs, and needs --track or --keep.
 
     looping-pendulum new study first.mp4 second.csv --light-mass "20 g +/- 0.1 g" --free-length "58 cm +/- 1 mm"
     """
     from looping_pendulum.files import prepare_output_file
-    from looping_pendulum.measured.study_file import json_schema
+    from looping_pendulum.measured.study_io import json_schema
     from looping_pendulum.scenarios.fields import TO_FILL_IN
     from looping_pendulum.teaching.new_file import new_study
 
     prepare_output_file(out, force=force)
+    refuse_both(track=track, keep=keep)
     radius = _radius(rod_radius, rod_diameter)
     given = _given(
         light_mass=[light_mass] if light_mass else None,
@@ -132,7 +136,7 @@ def study(
         hanging_length=hanging_length,
         release_angle=release_angle,
     )
-    text = new_study(out.stem.replace("_", " "), out.parent, files, given, _progress)
+    text = new_study(out.stem.replace("_", " "), out.parent, files, given, _progress, track=track, keep=keep)
     _write(out, text)
     _write_schema(out, "study", json_schema)
     todo = text.count(f": {TO_FILL_IN}")
@@ -168,5 +172,5 @@ def _write_schema(path: Path, kind: str, schema: Callable[[], Any]) -> None:
 
 @contextmanager
 def _progress() -> Iterator[ReportShare]:
-    with ProgressBars() as bars:
+    with ProgressBars(line_every_seconds=LINE_EVERY) as bars:
         yield bars.update

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from looping_pendulum.cli.common import AsJson, Quiet
 from looping_pendulum.cli.file_kinds import takes
+from looping_pendulum.cli.quantities import quantity
 from looping_pendulum.cli.terminal import ProgressBars, say, say_prose, show_json
+from looping_pendulum.errors import one_line, shorten
+from looping_pendulum.measured.film import FilmError
+
+if TYPE_CHECKING:
+    from looping_pendulum.measured.film.record import ScaleRule
 
 
 def track(
@@ -20,9 +27,16 @@ def track(
         str | None,
         typer.Option(metavar="LENGTH", help='String from the rod to the light mass at the release: "58 cm +/- 1 mm".'),
     ] = None,
-    rod_radius: Annotated[str, typer.Option(metavar="LENGTH", help="Radius of the rod: half its diameter.")] = "6.25 mm",
+    rod_radius: Annotated[
+        str, typer.Option(metavar="LENGTH", help='Radius of the rod, half its diameter: "6.25 mm +/- 1 %".')
+    ] = "6.25 mm +/- 50 %",
     frame_rate: Annotated[
-        str | None, typer.Option(metavar="RATE", help='True rate of slow motion whose file does not state it: "240 Hz".')
+        float | None,
+        typer.Option(
+            metavar="RATE",
+            parser=quantity("Hz", least=0.01),
+            help='True rate of slow motion whose file does not state it: "240 Hz".',
+        ),
     ] = None,
     scale: Annotated[
         str | None, typer.Option(metavar="RULE", help='A rule instead of the free length: "640,120 640,920 = 1 m".')
@@ -33,15 +47,26 @@ def track(
     ] = None,
     rod: Annotated[str | None, typer.Option(metavar="X,Y", help="Show the centre of the rod's end [pixels].")] = None,
     start: Annotated[
-        str | None, typer.Option("--from", metavar="TIME", help='Read the film from this time on: "1.5 s".')
+        float | None,
+        typer.Option(
+            "--from", metavar="TIME", parser=quantity("s", least=0.0), help='Read the film from this time on: "1.5 s".'
+        ),
     ] = None,
-    end: Annotated[str | None, typer.Option("--to", metavar="TIME", help="Read it up to this time.")] = None,
+    end: Annotated[
+        float | None, typer.Option("--to", metavar="TIME", parser=quantity("s", least=0.0), help="Read it up to this time.")
+    ] = None,
     region: Annotated[
         str | None, typer.Option(metavar="X,Y X,Y", help="Look for the masses in this rectangle only [pixels].")
     ] = None,
     readout: Annotated[
-        str | None, typer.Option(metavar="TIME", help='Of a rolling shutter, from the first row to the last: "10 ms".')
+        float | None,
+        typer.Option(
+            metavar="TIME",
+            parser=quantity("s", least=0.0),
+            help='Of a rolling shutter, from the first row to the last: "10 ms".',
+        ),
     ] = None,
+    still: Annotated[bool, typer.Option("--still", help="Take the camera as standing still.")] = False,
     plain: Annotated[bool, typer.Option("--plain", help="Follow whatever moves, without physics.")] = False,
     overlay: Annotated[bool, typer.Option("--overlay", help="Also write the film with the marks on it.")] = False,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the files; default: beside each film.")] = None,
@@ -57,29 +82,37 @@ def track(
     looping-pendulum track trial.mp4 --free-length "58 cm +/- 1 mm"
     """
     from looping_pendulum.files import prepare_output_folder
-    from looping_pendulum.film import options, output
-    from looping_pendulum.film.plain import follow_all
-    from looping_pendulum.film.track import TrackSettings
+    from looping_pendulum.measured.film import output, words
+    from looping_pendulum.measured.film.moving import follow_all
+    from looping_pendulum.measured.film.record import Shown, TrackSettings, files_of, record_tree
+    from looping_pendulum.teaching.new_file import estimate_of
 
-    length, error = (None, 0.0) if free_length is None else options.read_length("--free-length", free_length)
+    length = None if free_length is None else estimate_of("free_length", free_length)
+    radius = estimate_of("rod_radius", rod_radius)
+    light_shown, heavy_shown = numbers_of("--light", light, SHOWN), numbers_of("--heavy", heavy, SHOWN)
+    place, corners = numbers_of("--rod", rod, "790,262"), numbers_of("--region", region, "100,80 1200,700")
+    if corners is not None and not (corners[0] < corners[2] and corners[1] < corners[3]):
+        raise FilmError(f"--region: found '{region}', needed the left upper corner first; write for example 100,80 1200,700")
     settings = TrackSettings(
-        free_length=length,
-        free_length_error=error,
-        rod_radius=options.read_length("--rod-radius", rod_radius)[0],
-        frame_rate=None if frame_rate is None else options.read_rate("--frame-rate", frame_rate),
-        scale=None if scale is None else options.read_rule("--scale", scale),
-        light=None if light is None else options.read_shown("--light", light),
-        heavy=None if heavy is None else options.read_shown("--heavy", heavy),
-        rod=None if rod is None else options.read_place("--rod", rod),
-        first=None if start is None else options.read_quantity("--from", start, "s", "1.5 s"),
-        last=None if end is None else options.read_quantity("--to", end, "s", "3 s"),
-        readout=None if readout is None else options.read_quantity("--readout", readout, "s", "10 ms"),
-        region=None if region is None else options.read_region("--region", region),
+        free_length=None if length is None else length.value,
+        free_length_error=0.0 if length is None else length.sigma or 0.0,
+        rod_radius=radius.value,
+        rod_radius_error=radius.sigma or 0.0,
+        frame_rate=frame_rate,
+        scale=None if scale is None else rule_of(scale),
+        light=None if light_shown is None else Shown(light_shown[0], light_shown[1], int(light_shown[2])),
+        heavy=None if heavy_shown is None else Shown(heavy_shown[0], heavy_shown[1], int(heavy_shown[2])),
+        rod=None if place is None else (place[0], place[1]),
+        first=start,
+        last=end,
+        readout=readout,
+        region=None if corners is None else (int(corners[0]), int(corners[1]), int(corners[2]), int(corners[3])),
+        still=still,
     )
     listed = []
     for film in films:
-        files = output.files_of(film, out)
-        prepare_output_folder(files.table.parent, files=(files.table.name, files.facts.name, files.sheet.name))
+        files = files_of(film, out)
+        prepare_output_folder(files.table.parent, files=(files.table.name, files.record.name, files.sheet.name))
         with ProgressBars() as bars:
             if plain:
                 output.refuse_foreign_table(files)
@@ -87,15 +120,61 @@ def track(
                 written = output.write_plain(things, files)
                 for name, points in things.things.items():
                     say(f"{name}: {len(points.frame)} frames, from {points.frame[0]} to {points.frame[-1]}")
-                found = output.facts(things)
+                facts, tree = things.facts, record_tree(things)
             else:
-                tracked, written = output.track_and_write(film, settings, files, bars.update, overlay=overlay)
-                say_prose(output.sentence(tracked))
-                if doubt := output.doubt(tracked):
-                    say(f"warning: {doubt}")
+                found, written = output.track_and_write(film, settings, files, bars.update, overlay=overlay)
+                say_prose(words.sentence(found))
+                for warning in (*words.contradictions(found), *filter(None, [words.doubt(found)])):
+                    say_prose(f"warning: {warning}")
                 say("Check the marks on the contact sheet. In a study:")
-                say(output.study_lines(tracked, Path(film).name if out is None else files.table.name))
-                found = output.facts(tracked)
+                say(words.study_lines(found, Path(film).name if out is None else files.table.name))
+                facts, tree = found.facts, record_tree(found)
+        for note in words.film_notes(facts):
+            say_prose(f"note: {note}")
         say(f"wrote {', '.join(map(str, written))}")
-        listed.append(found | {"files": [str(path) for path in written]})
+        listed.append(tree | {"files": [str(path) for path in written]})
     show_json({"films": listed})
+
+
+SHOWN = "343,438@72"
+"""Example of a place in a frame, as it is typed."""
+NUMBER = r"(\d{1,7}(?:\.\d{1,6})?)"
+
+
+def numbers_of(option: str, text: str | None, example: str) -> tuple[float, ...] | None:
+    """Return the numbers of pixels and frames in a text of the same shape as the ``example``; None of none.
+
+    Raises
+    ------
+    FilmError
+        If it has another shape.
+    """
+    if text is None:
+        return None
+    match = re.fullmatch(re.sub(r"\d+", lambda _: NUMBER, example), " ".join(text.split()))
+    if match is None:
+        raise FilmError(one_line(f"{option}: found '{shorten(text)}', needed pixels; write for example {option} \"{example}\""))
+    return tuple(float(number) for number in match.groups())
+
+
+def rule_of(text: str) -> ScaleRule:
+    """Return the rule of --scale, "640,120 640,920 = 1 m".
+
+    Raises
+    ------
+    FilmError
+        If it is none.
+    """
+    from looping_pendulum.measured.film.record import ScaleRule
+    from looping_pendulum.teaching.new_file import NewFileError, estimate_of
+
+    places, _, length = text.partition("=")
+    try:
+        x, y, u, v = numbers_of("--scale", places, "640,120 640,920") or ()
+        rule = ScaleRule((x, y), (u, v), estimate_of("free_length", length).value)
+    except (FilmError, NewFileError):
+        rule = None
+    if rule is None or not rule.pixels:
+        needed = 'two places in pixels and their distance; write for example --scale "640,120 640,920 = 1 m"'
+        raise FilmError(one_line(f"--scale: found '{shorten(text)}', needed {needed}"))
+    return rule

@@ -15,6 +15,7 @@ from typing import Any
 from looping_pendulum.compare.json_text import JsonResult, plain
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.errors import ResultError
+from looping_pendulum.files import read_file
 from looping_pendulum.installation import command_line
 from looping_pendulum.pages.markdown import table
 from looping_pendulum.pages.numbers import DISPLAY_UNITS, GAP, DisplayUnit, number
@@ -97,9 +98,7 @@ def read_baseline(path: Path, scenario: str) -> ComparisonResult:
     """
     file = path / "result.json" if path.is_dir() else path
     try:
-        with file.open("rb") as stream:
-            # One byte more than is allowed tells that a file is too large, however large it is
-            raw = stream.read(MAX_BASELINE_BYTES + 1)
+        raw = read_file(file, MAX_BASELINE_BYTES)
         text = raw.decode("utf-8")
     except (OSError, UnicodeDecodeError) as error:
         why = (error.strerror or str(error)) if isinstance(error, OSError) else "it is not text"

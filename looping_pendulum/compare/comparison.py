@@ -35,7 +35,7 @@ from looping_pendulum.engines.trajectory import (
     finite_length,
     first_samples,
 )
-from looping_pendulum.measured.events import MeasuredEventRow, MeasuredEventTable
+from looping_pendulum.measured.tables.events import MeasuredEventRow, MeasuredEventTable
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.metrics import METRICS
 from looping_pendulum.scenarios.scenario import Scenario, Tolerance

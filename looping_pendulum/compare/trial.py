@@ -14,7 +14,7 @@ from types import MappingProxyType
 import numpy as np
 
 from looping_pendulum.engines.trajectory import Trajectory, finite_length, first_samples
-from looping_pendulum.measured.events import MeasuredEventRow
+from looping_pendulum.measured.tables.events import MeasuredEventRow
 from looping_pendulum.pages.numbers import DisplayUnit
 from looping_pendulum.reference_ode.geometry import Array
 

@@ -17,17 +17,31 @@ from looping_pendulum.compare.trial import MeasuredTrack, MeasuredTrial
 from looping_pendulum.errors import ScenarioError
 from looping_pendulum.measured import study_io
 from looping_pendulum.measured.camera import Camera
-from looping_pendulum.measured.events import MeasuredEventRow
+from looping_pendulum.measured.edits import read_trial, until_rod
 from looping_pendulum.measured.observations import Channel, DataError, Observations
 from looping_pendulum.measured.study import Trial, read_files
-from looping_pendulum.measured.usable_points import read_trial, usable_points
+from looping_pendulum.measured.tables.events import MeasuredEventRow
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.document import Document, one_line, quote
 from looping_pendulum.scenarios.fields import suggest
 
 OPTION = "--marks-set"
 """Option of the command line by which a user gives the keys of a trial."""
-KEYS = ("name", "kind", "frame_rate", "clip_rate", "tracks", "units", "run", "dropped", "mirrored", "camera", "event_errors")
+KEYS = (
+    "name",
+    "kind",
+    "frame_rate",
+    "clip_rate",
+    "tracks",
+    "units",
+    "plane",
+    "box",
+    "run",
+    "dropped",
+    "mirrored",
+    "camera",
+    "event_errors",
+)
 """Keys of a study's trial that say how its files are read."""
 STUDY_SUFFIXES = (".yaml", ".yml")
 
@@ -192,4 +206,4 @@ def _trial_of_study(files: Sequence[str], given: dict[str, str]) -> MeasuredTria
         what = f"no trial {quote(name)} among" if name else "the trials"
         raise DataError(f"{files[0]}: found {what} {', '.join(names)}, needed one of them; choose by {OPTION} name={names[0]}")
     trial = study.trial(name)
-    return measured_trial(trial, usable_points(study, trial, read_trial(study, trial)))
+    return measured_trial(trial, until_rod(study, trial, read_trial(study, trial), {}))

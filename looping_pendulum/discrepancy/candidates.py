@@ -8,9 +8,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from looping_pendulum.measured.camera import CAMERA
+from looping_pendulum.measured.camera import BENDING, CAMERA
 from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.measured.study import EARTH_GRAVITY, Study, can_act
+from looping_pendulum.measured.study_file import WRONG
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, Coefficient, Effect, EffectKind
 from looping_pendulum.reference_ode.effects.own import multiplied_coefficient
 from looping_pendulum.reference_ode.geometry import Array
@@ -24,15 +25,14 @@ APPARATUS = MappingProxyType(
     }
 )
 """Parameter that may be wrong by a factor -> meaning of the factor."""
+UNITS_OF_APPARATUS = MappingProxyType({"light_mass": "kg", "free_length": "m", "rod_radius": "m"})
+"""Parameter that may be wrong by a factor -> its unit."""
 FACTOR_BOUNDS = (0.5, 2.0)
 """Smallest and largest factor."""
 COMPANION_STARTS = 5
 """Number of initial values of a companion that are tried."""
 MIN_SHARE_OF_MULTIPLIED = 0.01
-"""Smallest value of what a candidate multiplies, as a share of its initial value, that the candidate is tried beside.
-
-In two blind studies drag that depends on attitude was missing, and the fit put the drag that it multiplies to zero.
-"""
+"""Smallest value of what a candidate multiplies, as a share of its initial value, that the candidate is tried beside."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,14 +82,7 @@ class Candidate:
     def companion_parameters(self, values: Sequence[float]) -> tuple[FreeParameter, ...]:
         """Return the companions as free parameters with the initial ``values`` [SI]."""
         return tuple(
-            FreeParameter(
-                name=c.name,
-                parameter=c.name,
-                trials=self.trials,
-                init_value=v,
-                scale=0.5 * v,
-                bounds=c.bounds,
-            )
+            FreeParameter(name=c.name, parameter=c.name, trials=self.trials, init_value=v, scale=0.5 * v, bounds=c.bounds)
             for c, v in zip(self.companions, values, strict=True)
         )
 
@@ -122,6 +115,8 @@ def candidates(study: Study, fitted: Iterable[FreeParameter], camera: Iterable[s
     """
     # By the role as well: a fitted parameter may still be wrong by a factor
     taken = {(n.parameter, n.role) for n in fitted}
+    # What a careful set-up leaves of these is fitted to films; a camera that looks from aside has more
+    taken -= {(name, ParameterRole.CAMERA) for name in BENDING}
     trials = tuple(t.name for t in study.trials)
     releases = {t.release for t in study.trials}
     nulls = {name: c.null for name, c in study.coefficients.items()}
@@ -141,46 +136,24 @@ def candidates(study: Study, fitted: Iterable[FreeParameter], camera: Iterable[s
         known = {p: [e for t in study.trials if (e := study.estimate(p, t)) is not None] for p in APPARATUS}
         listed += [
             Candidate(
-                name=f"{WRONG}{parameter}",
-                parameter=parameter,
-                role=ParameterRole.TIMES,
-                null=1.0,
-                bounds=FACTOR_BOUNDS,
-                unit="",
-                kind="wrong value",
-                acts_on="apparatus",
-                depends_on=(),
-                formula=f"{parameter} -> factor * {parameter}",
-                source=source,
-                trials=trials,
+                name=f"{WRONG}{parameter}", parameter=parameter, role=ParameterRole.TIMES, null=1.0, bounds=FACTOR_BOUNDS,
+                unit="", kind="wrong value", acts_on="apparatus", depends_on=(),
+                formula=f"{parameter} -> factor * {parameter}", source=source, trials=trials,
                 stated_error=max((e.sigma / abs(e.value) for e in known[parameter] if e.sigma), default=math.nan),
             )
             for parameter, source in APPARATUS.items()
             if known[parameter] and (parameter == "free_length" or has_both)
-        ]
+        ]  # fmt: skip
     listed += [
         Candidate(
-            name=p.name,
-            parameter=p.name,
-            role=ParameterRole.CAMERA,
-            null=p.null,
-            bounds=(p.null - p.candidate_reach, p.null + p.candidate_reach),
-            unit=p.unit,
-            kind="measurement error",
-            acts_on="camera",
-            depends_on=(),
-            formula=p.meaning,
-            source="camera and its operator",
-            trials=trials,
+            name=p.name, parameter=p.name, role=ParameterRole.CAMERA, null=p.null,
+            bounds=(p.null - p.candidate_reach, p.null + p.candidate_reach), unit=p.unit, kind="measurement error",
+            acts_on="camera", depends_on=(), formula=p.meaning, source="camera and its operator", trials=trials,
         )
         for p in map(CAMERA.__getitem__, camera)
         if p.candidate_reach
-    ]
+    ]  # fmt: skip
     return tuple(c for c in listed if (c.parameter, c.role) not in taken)
-
-
-WRONG = "wrong_"
-"""Beginning of the name of a candidate that is a declared value."""
 
 
 def in_words(name: str) -> str:
@@ -224,21 +197,10 @@ def _effect_candidate(
     if c.name == "static_friction" and known is None:  # it cannot be below the kinetic one, so it is fitted as a ratio to it
         role, null, bounds = ParameterRole.TIMES, 1.0, (1.0, 10.0)
     return Candidate(
-        name=f"{WRONG}{c.name}" if declared else c.name,
-        parameter=c.name,
-        role=role,
-        null=null,
-        bounds=bounds,
-        bounds_reason=bounds_reason,
-        unit=c.unit,
-        kind="wrong value" if declared else effect.kind.value,
-        acts_on=effect.acts_on,
-        depends_on=effect.depends_on,
-        direction=effect.direction,
-        formula=effect.formula,
-        source=effect.source,
-        trials=trials,
+        name=f"{WRONG}{c.name}" if declared else c.name, parameter=c.name, role=role, null=null, unit=c.unit,
+        bounds=bounds, bounds_reason=bounds_reason, trials=trials, even=c.even,
+        kind="wrong value" if declared else effect.kind.value, acts_on=effect.acts_on, depends_on=effect.depends_on,
+        direction=effect.direction, formula=effect.formula, source=effect.source,
         multiplies="" if effect.in_base_model else multiplied_coefficient(effect, nulls),
-        even=c.even,
         companions=() if effect.in_base_model else effect.coefficients[1:],
-    )
+    )  # fmt: skip

@@ -11,11 +11,10 @@ from looping_pendulum.discrepancy.candidates import Candidate, candidates
 from looping_pendulum.discrepancy.fit.data import TrialData, trial_data
 from looping_pendulum.discrepancy.fit.event_prediction import check_event_rows
 from looping_pendulum.discrepancy.fit.problem import Problem, free_parameters_of
+from looping_pendulum.measured.edits import read_trial, until_rod, with_ball, with_free_start
 from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.measured.observations import DataError, Observations
-from looping_pendulum.measured.record_start import with_free_start
 from looping_pendulum.measured.study import Study, Trial, refuse_seen_points
-from looping_pendulum.measured.usable_points import read_trial, usable_points, with_ball
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,21 +45,20 @@ def read_inputs(study: Study, known: Mapping[str, Observations] = MappingProxyTy
     Parameters
     ----------
     known
-        Trial -> its observations, where they have been read already.
+        Trial -> its observations as a first look has read and edited them, where it has.
 
     Raises
     ------
     DataError
         If a file cannot be used.
     """
-    observed = tuple((t, known.get(t.name) or read_trial(study, t)) for t in study.trials)
+    observed = tuple((t, known.get(t.name) or until_rod(study, t, read_trial(study, t), {})) for t in study.trials)
     for _, o in observed:
         if not o.used:
             raise DataError(f"{o.file}: found no measured value, needed at least one; leave this trial out")
         check_event_rows(o)
     refuse_seen_points(observed)
-    observed = tuple((with_free_start(study, t, o), usable_points(study, t, o)) for t, o in observed)
-    observed = tuple((with_ball(study, t, o), o) for t, o in observed)
+    observed = tuple((with_ball(study, with_free_start(study, t, o), o), o) for t, o in observed)
     study = dataclasses.replace(study, trials=tuple(t for t, _ in observed))
     training = tuple((t, o) for t, o in observed if not t.held_out)
     free_parameters = free_parameters_of(study, training)

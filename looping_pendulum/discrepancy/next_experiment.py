@@ -6,21 +6,23 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.data import TrialData
-from looping_pendulum.discrepancy.fit.problem import Problem, free_parameters_of
-from looping_pendulum.discrepancy.result import MIN_SEPARATION, Experiment
+from looping_pendulum.discrepancy.fit.problem import free_parameters_of
+from looping_pendulum.discrepancy.fit.residual import problem_of_trial
 from looping_pendulum.errors import HarnessError
-from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.measured.observations import Channel, DataError, Observations
 from looping_pendulum.measured.study import Estimate, Study, Trial
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release
 
+MIN_SEPARATION = 3.0
+"""Distance of two explanations' predictions [units of noise] up to which a trial does not tell them apart."""
 ANGLE_COUNT = 5
 """Release angles that are tried between the limits."""
 RATIO_COUNT = 3
@@ -38,10 +40,31 @@ LENGTH_FACTORS = (1.0, 0.5, 2.0)
 """Free lengths of a held pendulum that are tried, relative to that of the first trial."""
 HELD_ANGLES, HELD_ANGLE_COUNT = (math.radians(130), math.radians(170)), 3
 """Smallest and largest release angle of a held pendulum without limits [rad], and the number that is tried between them."""
-NOISE = 1e-3
-"""Standard error of a coordinate in a proposed trial [m]."""
+NOISE, LENGTH_ERROR, ANGLE_ERROR = 1e-3, 1e-3, math.radians(0.5)
+"""Standard errors of a coordinate in a proposed trial [m], and of its length [m] and angle [rad] where none is stated."""
 TRIAL_NAME = "next"
 """Name of a proposed trial in the problems that are built of it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Experiment:
+    """A trial that would separate tied explanations."""
+
+    release: str
+    release_angle: float
+    """Angle of release [rad]."""
+    mass_ratio: float | None
+    """Heavy over light mass, M2/M1; None: the heavy mass is held."""
+    free_length: float
+    """Free length at release [m]."""
+    pairs: int
+    """Number of pairs of tied explanations."""
+    separated_pairs: int
+    """How many of these the trial separates by more than `MIN_SEPARATION`."""
+    distance: float
+    """Expected distance of the closest two of these [units of noise], all else fitted to the new trial; if none, of any two."""
+    tells_apart: tuple[str, str]
+    """Those two explanations."""
 
 
 def best_experiments(study: Study, fits: Sequence[Fit], names: Sequence[tuple[str, ...]]) -> tuple[Experiment, ...]:
@@ -87,27 +110,24 @@ def _trials(study: Study) -> Iterator[Trial]:
     if template is None or light is None:
         yield from _held_trials(study)
         return
-    angles = np.linspace(*(study.limits.release_angle or (math.radians(60), math.radians(130))), ANGLE_COUNT)
-    ratios = np.geomspace(*(study.limits.mass_ratio or (4.0, 10.0)), RATIO_COUNT)
-    for release, ratio in itertools.product(study.limits.releases, ratios):
-        # a drop has no string, and where the heavy mass is held its mass does not matter
-        if release is Release.DROP or (release is Release.HELD and ratio != ratios[0]):
+    angles = np.linspace(*(study.limits.release_angle or (math.radians(60), math.radians(130))), ANGLE_COUNT).tolist()
+    ratios = np.geomspace(*(study.limits.mass_ratio or (4.0, 10.0)), RATIO_COUNT).tolist()
+    known_heavy = study.estimate("heavy_mass", template)
+    # Half a percent where no error is stated
+    error = known_heavy.sigma / known_heavy.value if known_heavy and known_heavy.sigma else 0.005
+    known_angle, length = template.estimates.get("release_angle"), study.estimate("free_length", template)
+    for release, ratio, angle in itertools.product(study.limits.releases, ratios, angles):
+        # A drop has no string, a held mass does not matter, and of a vertical release, without an angle, one turn is enough
+        is_repeated = (release is Release.HELD and ratio != ratios[0]) or (release is Release.VERTICAL and angle != angles[0])
+        if release is Release.DROP or is_repeated:
             continue
-        # A vertical release has no angle, so that one turn of the loop is enough
-        for angle in angles if release is not Release.VERTICAL else angles[:1]:
-            own = dict(template.estimates)
-            heavy = template.estimates.get("heavy_mass") or study.apparatus.get("heavy_mass")
-            # Half a percent where no error is stated
-            error = heavy.sigma / heavy.value if heavy and heavy.sigma else 0.005
-            own["heavy_mass"] = Estimate(value=float(ratio) * light.value, sigma=error * float(ratio) * light.value)
-            angle_known = own.pop("release_angle", None) or Estimate(value=0.0, sigma=math.radians(1))
-            if release is not Release.VERTICAL:
-                own["release_angle"] = Estimate(value=float(angle), sigma=angle_known.sigma or math.radians(0.5))
-            else:
-                length = study.estimate("free_length", template)
-                assert length is not None
-                own["free_length"] = Estimate(value=length.value, sigma=length.sigma or 1e-3)
-            yield dataclasses.replace(template, name=TRIAL_NAME, release=release, estimates=own, held_out=False)
+        own = {name: e for name, e in template.estimates.items() if name != "release_angle"}
+        own["heavy_mass"] = Estimate(value=ratio * light.value, sigma=error * ratio * light.value)
+        if release is not Release.VERTICAL:
+            own["release_angle"] = Estimate(value=angle, sigma=(known_angle and known_angle.sigma) or ANGLE_ERROR)
+        elif length is not None:
+            own["free_length"] = Estimate(value=length.value, sigma=length.sigma or LENGTH_ERROR)
+        yield dataclasses.replace(template, name=TRIAL_NAME, release=release, estimates=own, held_out=False)
 
 
 def _held_trials(study: Study) -> Iterator[Trial]:
@@ -116,11 +136,11 @@ def _held_trials(study: Study) -> Iterator[Trial]:
     length = study.estimate("free_length", template) if template else None
     if template is None or length is None or Release.HELD not in study.limits.releases:
         return
-    angles = np.linspace(*(study.limits.release_angle or HELD_ANGLES), HELD_ANGLE_COUNT)
+    angles = np.linspace(*(study.limits.release_angle or HELD_ANGLES), HELD_ANGLE_COUNT).tolist()
     for factor, angle in itertools.product(LENGTH_FACTORS, angles):
         own = {n: e for n, e in template.estimates.items() if n != "push_across"}
-        own["free_length"] = Estimate(value=factor * length.value, sigma=length.sigma or 1e-3)
-        own["release_angle"] = Estimate(value=float(angle), sigma=math.radians(0.5))
+        own["free_length"] = Estimate(value=factor * length.value, sigma=length.sigma or LENGTH_ERROR)
+        own["release_angle"] = Estimate(value=angle, sigma=ANGLE_ERROR)
         yield dataclasses.replace(
             template, name=TRIAL_NAME, estimates=own, camera={}, held_out=False, mirrored=False, in_mid_swing=False
         )
@@ -132,55 +152,32 @@ class _Prediction(NamedTuple):
     values: Array
     """Predicted values, in units of the noise, shape (n,)."""
     jacobian: Array
-    """Their derivatives by the free parameters of the trial's problem, shape (n, p)."""
-    covariance: Array
-    """Covariance of these parameters by the data there are, shape (p, p)."""
+    """Their derivatives by the free parameters of the trial's problem, then the rows of the prior, shape (n + p, p)."""
 
 
 def _predict(study: Study, trial: Trial, fit: Fit) -> _Prediction:
-    """Predict a possible trial by one explanation."""
+    """Predict a possible trial by one explanation; what its fit knows replaces the priors of what they share."""
     extended = dataclasses.replace(study, trials=(*study.trials, trial))
     held = trial.release is Release.HELD
     duration, frame_rate = (HELD_DURATION, HELD_FRAME_RATE) if held else (DURATION, FRAME_RATE)
     t = np.arange(1, int(duration * frame_rate)) / frame_rate
     names = ("light_x", "light_y") if held else ("light_x", "light_y", "heavy_x", "heavy_y")
     channels = tuple(Channel(name=n, t=t, value=np.zeros(len(t))) for n in names)
-    observations = Observations(name=TRIAL_NAME, file=TRIAL_NAME, channels=channels)
+    own = free_parameters_of(extended, [(trial, Observations(name=TRIAL_NAME, file=TRIAL_NAME, channels=channels))])
+    added = [dataclasses.replace(n, trials=(*n.trials, TRIAL_NAME)) for n in fit.problem.free_parameters if n.shared]
     data = TrialData(trial=trial, channels=channels, sigma=np.full(len(names) * len(t), NOISE))
-    own = free_parameters_of(extended, [(trial, observations)])
-    problem, x, covariance = _problem_of_trial(extended, data, own, fit)
-    values = problem.predict(x, 0) / data.sigma
+    problem = problem_of_trial(fit, extended, data, own, added)
+    values = problem.predict(problem.prior_mean, 0) / data.sigma
     if not np.all(np.isfinite(values)):
         raise DataError("the predictions are not finite")
-    return _Prediction(values, problem.jacobian(x)[: len(values)], covariance)
+    return _Prediction(values, problem.jacobian(problem.prior_mean))
 
 
 def _distance(first: _Prediction, second: _Prediction) -> float:
     """Return the Mahalanobis distance of two predictions; what a refit to the new trial would change is uncertainty."""
     difference = first.values - second.values
     # d' (I + J C J')^-1 d by the Woodbury identity, which inverts a matrix of the size of the parameters, not of the data
-    information = np.linalg.pinv(first.covariance, hermitian=True) + first.jacobian.T @ first.jacobian
-    projected = first.jacobian.T @ difference
-    square = float(difference @ difference - projected @ np.linalg.solve(information, projected))
+    projected = first.jacobian[: len(difference)].T @ difference
+    square = float(difference @ difference - projected @ np.linalg.solve(first.jacobian.T @ first.jacobian, projected))
     # Rounding can leave the square of a small distance slightly negative
     return math.sqrt(max(square, 0.0))
-
-
-def _problem_of_trial(study: Study, data: TrialData, own: Sequence[FreeParameter], fit: Fit) -> tuple[Problem, Array, Array]:
-    """Return the problem of a possible trial under one explanation, and the values and covariance of its fit's parameters."""
-    index = {n.name: i for i, n in enumerate(fit.problem.free_parameters)}
-    own_names = {n.name for n in own}
-    added = [
-        dataclasses.replace(n, trials=(*n.trials, TRIAL_NAME))
-        for n in fit.problem.free_parameters
-        if n.shared and n.name not in own_names
-    ]
-    parameters = [*own, *added]
-    x = np.zeros(len(parameters))
-    # What the fit knows replaces the priors; the new trial's own parameters keep them
-    covariance = np.diag([n.prior_sigma**2 for n in parameters])
-    shared = [i for i, n in enumerate(parameters) if n.name in index]
-    in_fit = [index[parameters[i].name] for i in shared]
-    x[shared] = fit.x[in_fit]
-    covariance[np.ix_(shared, shared)] = fit.covariance[np.ix_(in_fit, in_fit)]
-    return Problem(study, [data], parameters), x, covariance

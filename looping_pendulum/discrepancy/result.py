@@ -1,4 +1,4 @@
-"""The result of an identification as plain data: the report, the figures and verdict.json are made of this one object.
+"""The result of an identification as plain data: report, figures and verdict.json are made of this one object.
 
 SI and radians throughout, unless a unit is given. verdict.json has ``schema`` {id, version}, then the fields of
 `Identification` by their names, as documented there; null for what is not known or not finite. Fields marked `compare=False`
@@ -7,28 +7,132 @@ SI and radians throughout, unless a unit is given. verdict.json has ``schema`` {
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
+import contextlib
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from looping_pendulum.compare import json_text
-from looping_pendulum.discrepancy.candidates import in_words
-from looping_pendulum.discrepancy.fit.residual import ModelTest
-from looping_pendulum.errors import ResultError
-from looping_pendulum.pages.numbers import amount, quantity
+from looping_pendulum.discrepancy.candidates import Candidate, in_words
+from looping_pendulum.discrepancy.evidence.explain import Explanations, Judged
+from looping_pendulum.discrepancy.evidence.explanation import Explanation, Key
+from looping_pendulum.discrepancy.evidence.laws import Closure
+from looping_pendulum.discrepancy.evidence.prior import least_distance
+from looping_pendulum.discrepancy.evidence.templates import SmallestVisible
+from looping_pendulum.discrepancy.fit.calibration import Fit, FittedParameter
+from looping_pendulum.discrepancy.fit.data import CorrelatedNoise, TrialData
+from looping_pendulum.discrepancy.fit.likelihood import stated_interval
+from looping_pendulum.discrepancy.fit.problem import OutOfTime, time_limits
+from looping_pendulum.discrepancy.fit.residual import BLOCKS, ModelTest, failures_in_words
+from looping_pendulum.discrepancy.formulas import Unlisted
+from looping_pendulum.discrepancy.next_experiment import Experiment
+from looping_pendulum.measured.free_parameter import ParameterRole
+from looping_pendulum.measured.observations import BODIES, EventObservation
+from looping_pendulum.measured.study import Estimate
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.scenarios.document import quote
 
 if TYPE_CHECKING:
-    from looping_pendulum.discrepancy.first_look.check import DeclarationCheck
+    from looping_pendulum.discrepancy.look.check import DeclarationCheck
 
 SCHEMA_ID = "looping-pendulum/identification"
-SCHEMA_VERSION = 10
+SCHEMA_VERSION = 12
+MAX_EXPLANATIONS = 12
+"""Explanations in the result beside the best of each kind and that nothing is missing, if not more of them are credible."""
+NORMAL_95 = 1.96
+"""Standard errors that contain 95 % of a normal distribution, on either side."""
+
+
+class Verdict(StrEnum):
+    """What the data say about the declared model."""
+
+    NO_MISSING_EFFECT = "no_missing_effect"
+    """The declared model explains the data to their noise."""
+    IDENTIFIED = "identified"
+    """One explanation by listed effects has 95 % of the probability."""
+    AMBIGUOUS = "ambiguous"
+    """It takes several explanations to have 95 % of the probability."""
+    UNLISTED = "unlisted"
+    """Only with an unknown force as a function of one coordinate is a model probable."""
+    UNEXPLAINED = "unexplained"
+    """The most probable explanation fails a test: its fit has not converged, its residuals do not look like noise, or held-out
+    data are predicted neither to their noise nor better than by the declared model."""
+    INTERRUPTED = "interrupted"
+    """The search was ended by Ctrl-C or by its time limit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrongValue:
+    """A stated value of the apparatus or of gravity that is wrong, and the one that the data ask for."""
+
+    stated: Estimate
+    asked: Estimate
+
+
+@dataclass(frozen=True, kw_only=True)
+class FittedEffect:
+    """One candidate that the declared model lacks or has wrong, with its fitted value."""
+
+    candidate: Candidate
+    value: float
+    """Fitted value [unit of the candidate]."""
+    error: float
+    """Standard error [unit]."""
+    interval: tuple[float | None, float | None] | None = None
+    """Where the value lies with 95 % probability [unit]; an end that is None: the data set no limit on that side.
+
+    By its profile likelihood where the model is far from linear in the value, and with an end farther towards the null value
+    where the effect is just large enough to be named (`likelihood.stated_interval`). None in its place: 1.96 standard errors on
+    either side.
+    """
+    companions: tuple[tuple[str, float, float], ...] = ()
+    """Further coefficients that were fitted with the effect: name, value, standard error [SI]."""
+    wrong_values: tuple[WrongValue, ...] = ()
+    """The values that it says are wrong, each once if several trials share it; empty: it is a missing effect."""
+
+    @property
+    def name(self) -> str:
+        """Name of the candidate."""
+        return self.candidate.name
+
+    @property
+    def interval_95(self) -> tuple[float | None, float | None]:
+        """Return where the value lies with 95 % probability [unit]; None: the data set no limit on that side."""
+        reach = NORMAL_95 * self.error
+        return self.interval or (self.value - reach, self.value + reach)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RankedExplanation:
+    """What may be missing, beside others: listed effects, a law that no library lists, or both."""
+
+    effects: tuple[FittedEffect, ...]
+    """Listed effects; empty without a law: nothing is missing."""
+    law: Closure | None
+    probability: float | None
+    """None: it adds nothing that shows to another explanation, which is a part of it and with which it is counted."""
+    log10_odds: float
+    """Decimal logarithm of how much more probable it is than that nothing is missing."""
+    credible: bool
+    """Whether it is in the smallest set of explanations that has 95 % of the probability, or tied with one that is."""
+    checked: bool = False
+    """Whether its probability is by importance sampling, and not by a Gaussian about the best fit."""
+    held_out_error: float | None = None
+    """Its RMS error in the worst held-out trial, or in all blocks of time [noise]; None: it was not fitted without these."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of its parts."""
+        return (*(e.name for e in self.effects), *((f"unlisted {self.law.in_words}",) if self.law else ()))
+
+    @property
+    def in_words(self) -> str:
+        """Its parts in plain words; "nothing" without any."""
+        law = [f"an unlisted {self.law.in_words}"] if self.law else []
+        return " and ".join([*(in_words(e.name) for e in self.effects), *law]) or "nothing"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,10 +150,6 @@ class TrialError:
     """RMS residual of the calibrated declared model in units of the noise; 1 is the best possible."""
     standardised_rms_after: float
     """The same of the repaired model."""
-    events_before: Mapping[str, float]
-    """SI unit -> RMS of measured less predicted events of that unit, by the calibrated declared model."""
-    events_after: Mapping[str, float]
-    """The same by the repaired model."""
     unit: str = "m"
     """SI unit of the RMS residuals; empty: channels of several units together."""
 
@@ -78,199 +178,25 @@ class EventResidual:
 
     trial: str
     held_out: bool
-    quantity: str
-    index: int
-    unit: str
-    measured: float
-    """Measured value [unit]."""
-    sigma: float
-    """Standard error [unit]."""
+    event: EventObservation
     before: float | None
-    """Prediction of the calibrated declared model [unit]; None: the event does not happen in its run."""
+    """Prediction of the calibrated declared model [unit of the event]; None: the event does not happen in its run."""
     after: float | None
     """The same of the repaired model."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class RecordStart:
-    """Start of the motion in a record that begins in mid-swing, at its first tracked point, by the repaired model."""
-
-    trial: str
-    held_out: bool
-    time: float
-    """Time of the first tracked point by the file's clock [s]."""
-    angle: float
-    """Wrap angle there [rad]; pi: straight down."""
-    angle_error: float
-    """Standard error [rad]; 0: stated as exact."""
-    speed: float
-    """Speed of the light mass across its string there [m/s], positive as the wrap angle grows."""
-    speed_error: float
-    """Standard error [m/s]; 0: stated as exact."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class CorrelatedError:
-    """Errors of one body's tracked points that last longer than a frame, as of a tracker that wanders over its mark."""
-
-    body: str
-    """Body, of `observations.BODIES`."""
-    amplitude: float
-    """Standard deviation of these errors, each coordinate [unit]."""
-    unit: str
-    """SI unit of `amplitude`."""
-    correlation_time: float
-    """Time in which they change [s]."""
-    points: float
-    """The same in tracked points."""
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
-class TrialFigure:
-    """Arrays of one trial for the figures: channel -> values; residuals in units of noise."""
+class PredictedTrial:
+    """A trial beside both models: "before", the declared one, and "after", the most probable one."""
 
-    trial: str
+    data: TrialData
     held_out: bool
-    channels: tuple[str, ...]
-    t: Mapping[str, Array]
-    measured: Mapping[str, Array]
-    before: Mapping[str, Array]
-    after: Mapping[str, Array]
-    residual_before: Mapping[str, Array]
-    """NaN for outliers."""
-    residual_after: Mapping[str, Array]
-    outliers: Mapping[str, NDArray[np.bool_]]
-    """Which values were left out as outliers."""
-
-
-class Verdict(StrEnum):
-    """What the data say about the declared model."""
-
-    NO_MISSING_EFFECT = "no_missing_effect"
-    """The declared model explains the data to their noise."""
-    IDENTIFIED = "identified"
-    """One explanation by listed effects has 95 % of the probability."""
-    AMBIGUOUS = "ambiguous"
-    """It takes several explanations to have 95 % of the probability."""
-    UNLISTED = "unlisted"
-    """Only with an unknown force as a function of one coordinate is a model probable."""
-    UNEXPLAINED = "unexplained"
-    """The most probable explanation fails a test: its fit has not converged, its residuals do not look like noise, or held-out
-    data are predicted neither to their noise nor better than by the declared model."""
-    INTERRUPTED = "interrupted"
-    """The search was ended by Ctrl-C or by its time limit."""
-
-
-NORMAL_95 = 1.96
-"""Standard errors that contain 95 % of a normal distribution, on either side."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class IdentifiedEffect:
-    """One effect that the declared model lacks or has wrong, with its fitted value."""
-
-    name: str
-    kind: str
-    acts_on: str
-    depends_on: tuple[str, ...]
-    formula: str
-    source: str
-    parameter: str
-    meaning: str
-    """How the value enters: it "is" the parameter, or "multiplies" it."""
-    value: float
-    """Fitted value [unit]."""
-    error: float
-    """Standard error [unit]."""
-    interval: tuple[float | None, float | None] | None
-    """Where the value lies with 95 % probability [unit]; an end that is None: the data set no limit on that side.
-
-    By its profile likelihood where the model is far from linear in the value, and with an end farther towards the null value
-    where the effect is just large enough to be named (`likelihood.stated_interval`). None in its place: 1.96 standard errors on
-    either side.
-    """
-    null_value: float
-    """Value at which the effect is absent [unit]."""
-    unit: str
-    companions: tuple[tuple[str, float, float], ...]
-    """Further coefficients that were fitted with the effect: name, value, standard error [SI]."""
-    direction: str = ""
-    """Axis along which its force acts, "x" or "y"; empty: no fixed one."""
-
-    @property
-    def interval_95(self) -> tuple[float | None, float | None]:
-        """Return where the value lies with 95 % probability [unit]; None: the data set no limit on that side."""
-        reach = NORMAL_95 * self.error
-        return self.interval or (self.value - reach, self.value + reach)
-
-
-STRING_ON_ROD = "string on rod"
-"""What a law of the string acts on (`UnlistedLaw.acts_on`)."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class UnlistedLaw:
-    """What a law that no library lists acts on and depends on."""
-
-    acts_on: str
-    depends_on: str
-    multiplied_by: str = "constant"
-    """Factor of the force beside the function of the coordinate: "constant", or a speed."""
-
-    @property
-    def in_words(self) -> str:
-        """What it is, as part of a sentence."""
-        is_friction = self.acts_on == STRING_ON_ROD
-        law = "change of the friction of the string on the rod" if is_friction else f"force on the {self.acts_on}"
-        factor = self.multiplied_by.replace("_", " ")
-        factor = "" if factor == "constant" else f" in proportion to the {factor}, and"
-        return f"{law}{factor} as a function of the {self.depends_on.replace('_', ' ')}"
-
-
-@dataclass(frozen=True, kw_only=True)
-class RankedExplanation:
-    """What may be missing, beside others: listed effects, a law that no library lists, or both."""
-
-    effects: tuple[IdentifiedEffect, ...]
-    """Listed effects; empty without a law: nothing is missing."""
-    law: UnlistedLaw | None
-    probability: float | None
-    """None: it adds nothing that shows to another explanation, which is a part of it and with which it is counted."""
-    log10_odds: float
-    """Decimal logarithm of how much more probable it is than that nothing is missing."""
-    credible: bool
-    """Whether it is in the smallest set of explanations that has 95 % of the probability, or tied with one that is."""
-    checked: bool = False
-    """Whether its probability is by importance sampling, and not by a Gaussian about the best fit."""
-    held_out_error: float | None = None
-    """Its RMS error in the worst held-out trial, or in all blocks of time [noise]; None: it was not fitted without these."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of its parts."""
-        return (*(e.name for e in self.effects), *((f"unlisted {self.law.in_words}",) if self.law else ()))
-
-    @property
-    def in_words(self) -> str:
-        """Its parts in plain words; "nothing" without any."""
-        law = [f"an unlisted {self.law.in_words}"] if self.law else []
-        return " and ".join([*(in_words(e.name) for e in self.effects), *law]) or "nothing"
-
-
-@dataclass(frozen=True, kw_only=True)
-class FittedParameter:
-    """Value and standard error of a `FreeParameter` after a fit, beside what was known of it before."""
-
-    name: str
-    value: float
-    """Fitted value [SI]."""
-    error: float
-    """Standard error [SI]."""
-    measured: float
-    """Measured value, or the initial value where nothing was measured [SI]: `FreeParameter.init_value`."""
-    measured_error: float | None
-    """Standard error of the measured value [SI], `FreeParameter.sigma`; None: nothing was measured."""
-    at_bound: bool
+    predicted: Mapping[str, Array]
+    """Model -> its prediction of the data [SI], shape (n,); NaN: an event that does not happen."""
+    residuals: Mapping[str, Array]
+    """Model -> its residuals in units of noise, shape (n,); NaN: outliers."""
+    chi2: Mapping[str, float]
+    """Model -> chi2 per value."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -282,167 +208,15 @@ class FitReport:
     """Pairs of parameters whose correlation exceeds 0.9 in size: two names, and the correlation."""
     condition_number: float
     """Condition number of the scaled Jacobian."""
-    chi2_per_dof: float
-    """Chi-square per degree of freedom (reduced chi-square)."""
-    held_out_chi2: float
-    """Largest chi2 per value on held-out data."""
-    failed_tests: tuple[str, ...]
-    """What the tests that the model fails say, in words; empty: the model explains the data to their noise."""
     start_costs: tuple[float, ...]
     """Cost (sum of squared standardised residuals) at which the fit from each start ended."""
-    tests: tuple[ModelTest, ...] = ()
+    tests: tuple[ModelTest, ...]
     """Every test of the model, with its value and limit."""
 
-
-MIN_SEPARATION = 3.0
-"""Distance of two explanations' predictions [units of noise] up to which a trial does not tell them apart."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Experiment:
-    """A trial that would separate tied explanations."""
-
-    release: str
-    release_angle: float
-    """Angle of release [rad]."""
-    mass_ratio: float | None
-    """Heavy over light mass, M2/M1; None: the heavy mass is held."""
-    free_length: float
-    """Free length at release [m]."""
-    pairs: int
-    """Number of pairs of tied explanations."""
-    separated_pairs: int
-    """How many of these the trial separates by more than `MIN_SEPARATION`."""
-    distance: float
-    """Expected distance of the closest two of these [units of noise], all else fitted to the new trial; if none, of any two."""
-    tells_apart: tuple[str, str]
-    """Those two explanations."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ForceProfile:
-    """An unknown force in one direction, as a function of one coordinate."""
-
-    side: str
-    """"along" the light mass's string towards the rod, "across" it, or on the "heavy" mass upward."""
-    coordinate: tuple[float, ...]
-    """Coordinates of the points of the profile [`Unlisted.unit`]."""
-    value: tuple[float, ...]
-    """Force at each point, as radial basis functions [N], or [N s/m] if multiplied by a speed."""
-    error: tuple[float, ...]
-    """Standard error of each value."""
-    largest: float
-    """Value of largest size of the formula, or of the radial basis functions where no formula is accepted."""
-    largest_at: float
-    """Coordinate of the largest value."""
-    significant_from: float | None
-    """Smallest coordinate at which the force exceeds two standard errors; None: nowhere."""
-    significant_to: float | None
-    """Largest coordinate at which the force exceeds two standard errors; None: nowhere."""
-    formula: str
-    """Force in this direction in the repaired model: the refitted formula, or words for the radial basis functions where no
-    formula is accepted; s is the coordinate, u and w the light mass's speeds."""
-    fitted_formula_values: tuple[float, ...] | None
-    """Values of the refitted formula along the coordinate; None: no formula is accepted."""
-
-
-def value_unit(acts_on: str, multiplied_by: str) -> str:
-    """Return the unit of an unknown law's profile; '' for a change of the friction coefficient."""
-    if acts_on == STRING_ON_ROD:
-        return ""
-    return "N" if multiplied_by == "constant" else "N s/m"
-
-
-@dataclass(frozen=True, kw_only=True)
-class FormulaParameter:
-    """One parameter of a formula, fitted to the trajectories together with all parameters of the declared model."""
-
-    name: str
-    """"place", "width", or the side and what the parameter is there: "across_height"."""
-    value: float
-    """Fitted value [unit]."""
-    error: float
-    """Standard error [unit]."""
-    unit: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Formula:
-    """A formula of the unknown force, refitted by trajectory."""
-
-    form: str
-    depends_on: str
-    multiplied_by: str
-    parameters: tuple[FormulaParameter, ...]
-    delta_bic: float
-    """Decrease of the Bayesian information criterion from the declared model to the formula."""
-    delta_bic_of_profile: float
-    """The same of the radial basis functions that the formula was fitted to, by their effective number of parameters."""
-    held_out_chi2: float | None
-    """Largest chi2 per value on held-out data; None: not judged, since a better formula was accepted or its delta BIC is too
-    far behind."""
-    held_out_chi2_of_profile: float
-    """The same of the radial basis functions that the formula was fitted to."""
-    accepted: bool
-    """Whether the formula has a larger delta BIC than its radial basis functions, and explains held-out data as well as the
-    best of all radial basis functions do."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Unlisted(UnlistedLaw):
-    """An unknown force, which no effect of the library is."""
-
-    unit: str
-    """Unit of the coordinate."""
-    profiles: tuple[ForceProfile, ...]
-    """The force in each direction in which it acts."""
-    formula: Formula | None
-    """Formula in the repaired model; None: no simple formula explains held-out data as well as the radial basis functions."""
-    formulas: tuple[Formula, ...]
-    """Every formula that was refitted, the best first."""
-    phase: str
-    """Phase of the motion in which most of the force acts."""
-    log_bayes_factor: float
-    """Natural logarithm of the factor by which it makes the data more probable."""
-    held_out_chi2_before: float
-    """Largest chi2 per value on held-out data of the declared model."""
-    held_out_chi2_after: float
-    """The same of the repaired model."""
-    point: tuple[float, float] | None = None
-    """Point (x, y) from which the coordinate "distance" is measured [m]; None for other coordinates."""
-
     @property
-    def value_unit(self) -> str:
-        """Unit of the profiles; '' for a change of the friction coefficient."""
-        return value_unit(self.acts_on, self.multiplied_by)
-
-    @property
-    def in_words(self) -> str:
-        """What it is and what it depends on, as part of a sentence."""
-        place = "" if self.point is None else f" from x = {self.point[0]:.3f} m, y = {self.point[1]:.3f} m"
-        return f"{super().in_words}{place}"
-
-
-@dataclass(frozen=True, kw_only=True)
-class SmallestVisible:
-    """The smallest size of a candidate that these data would show."""
-
-    name: str
-    value: float
-    """Change of the value [unit] that is four standard errors large (`evidence.prior.VISIBLE`)."""
-    unit: str
-    acts_on: str
-    null_value: float
-    """Value at which the effect is absent [unit]; 1 for a factor."""
-    motion: float
-    """RMS change of the predictions by this change, all else unchanged [units of noise]: what the fitted parameters hide."""
-    can_hide: bool = field(default=False, compare=False)
-    """Whether it changes nothing, however large it is, at the fit or with some of its companions' initial values."""
-
-    @property
-    def in_words(self) -> str:
-        """The value with its unit; of a factor, as a percentage."""
-        return f"{amount(self.value, 100)} %" if not self.unit and self.null_value == 1 else quantity(self.value, self.unit)
+    def failed_tests(self) -> tuple[str, ...]:
+        """What the tests that the model fails say, in words; empty: the model explains the data to their noise."""
+        return failures_in_words(self.tests)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -457,7 +231,7 @@ class Identification:
     """The verdict in one sentence."""
     notes: tuple[str, ...] = ()
     """Further sentences: what was ruled out, what nearly shows, errors of the tracked points, outliers."""
-    effects: tuple[IdentifiedEffect, ...]
+    effects: tuple[FittedEffect, ...]
     """Effects that were added to the model: those of the most probable explanation; none if it is not said to explain."""
     explanations: tuple[RankedExplanation, ...]
     """The most probable of all that were fitted, in their order, the best of each kind, and that nothing is missing."""
@@ -465,13 +239,11 @@ class Identification:
     """Number of explanations that were fitted."""
     unlisted: Unlisted | None
     """The unknown force of the most probable explanation that has one, if that is credible."""
-    correlated_noise: tuple[CorrelatedError, ...]
-    """Errors of the tracked points that last longer than a frame, under the model of `after`; empty: they are white noise."""
+    correlated_noise: Mapping[str, CorrelatedNoise]
+    """Body -> errors of its tracked points that last longer than a frame, as of a tracker that wanders over its mark, under the
+    model of `after`; empty: they are white noise."""
     smallest_visible: tuple[SmallestVisible, ...]
     """For each candidate that was not added, the smallest size that these data would show beside the repaired model."""
-    can_hide: tuple[str, ...] = ()
-    """Candidates without such a size: what is fitted with them can keep them from acting, as friction holds a rod's bearing, or
-    where they multiply a drag of zero."""
     next_experiments: tuple[Experiment, ...]
     """Trials that would separate tied explanations, the best first."""
     errors: tuple[TrialError, ...]
@@ -479,8 +251,6 @@ class Identification:
     """Every row of every event table."""
     outliers: tuple[Outliers, ...]
     """For each trial and body that has some, the tracked points that were left out as outliers."""
-    record_starts: tuple[RecordStart, ...] = ()
-    """For each trial whose record begins in mid-swing, how its motion begins."""
     before: FitReport
     """Fit of the declared model."""
     after: FitReport
@@ -493,8 +263,8 @@ class Identification:
     """Package -> version."""
     scenario: str = field(compare=False)
     """The repaired model of the first trial as a scenario file."""
-    trial_figures: tuple[TrialFigure, ...] = field(default=(), compare=False)
-    """Arrays for the figure of each trial that was tracked."""
+    trial_figures: tuple[PredictedTrial, ...] = field(default=(), compare=False)
+    """Every trial that was tracked, for its figure."""
     first_look: DeclarationCheck | None = field(default=None, compare=False)
     """Comparison of the points with the declaration before any fit; what looked wrong there is among the notes."""
 
@@ -519,7 +289,7 @@ class Identification:
         return tuple(e for e in self.explanations if e.credible)
 
     @property
-    def ties(self) -> tuple[tuple[IdentifiedEffect, ...], ...]:
+    def ties(self) -> tuple[tuple[FittedEffect, ...], ...]:
         """Effects of every explanation by listed ones that these data cannot tell from the best; empty unless ambiguous."""
         if self.verdict is not Verdict.AMBIGUOUS:
             return ()
@@ -531,22 +301,203 @@ def dump(result: Identification) -> str:
     return json_text.dump(result, SCHEMA_ID, SCHEMA_VERSION)
 
 
-def load(text: str) -> dict[str, Any]:
-    """Read the text of a verdict.json as plain data, under the field names of its `Identification`.
+def ranked_explanations(found: Explanations, held_out: Mapping[Key, float], until: float) -> tuple[RankedExplanation, ...]:
+    """Return the most probable explanations, the best of each number of effects with and without a law, and nothing.
 
-    Raises
-    ------
-    ResultError
-        If the text is no JSON, is no verdict.json, or is of another version.
+    Parameters
+    ----------
+    held_out
+        What an explanation adds -> its error of the worst held-out trial [noise], where it was judged.
+    until
+        Time by the clock `time.monotonic` [s] from which on no interval is computed, so that standard errors have to do.
     """
-    try:
-        tree = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise ResultError(f"verdict.json: {error}; write it again with `looping-pendulum identify`") from None
-    schema = tree.pop("schema", None) if isinstance(tree, dict) else None
-    if not isinstance(schema, dict) or schema.get("id") != SCHEMA_ID:
-        raise ResultError(f"verdict.json: schema: found {quote(schema)}, needed the id {SCHEMA_ID!r}")
-    if schema.get("version") != SCHEMA_VERSION:
-        problem = f"found version {quote(schema.get('version'))}, needed {SCHEMA_VERSION}"
-        raise ResultError(f"verdict.json: schema: {problem}; write it again with `looping-pendulum identify`")
-    return cast(dict[str, Any], tree)
+    best_of_kind: dict[tuple[int, bool], Explanation] = {}
+    for e in found.ranked:
+        best_of_kind.setdefault(e.parts.kind, e)
+    first = found.ranked[: max(MAX_EXPLANATIONS, len(found.credible))]
+    return tuple(
+        RankedExplanation(
+            effects=tuple(_fitted_effect(found, e, c, until) for c in sorted(e.parts.effects, key=lambda c: c.name)),
+            law=e.parts.law,
+            probability=found.probabilities.get(e.key),
+            log10_odds=(e.log_posterior - found.nothing.log_posterior) / math.log(10),
+            credible=e.key in found.credible,
+            checked=e.checked,
+            held_out_error=held_out.get(e.key),
+        )
+        for e in found.ranked
+        if e in first or e in best_of_kind.values()
+    )
+
+
+def _fitted_effect(found: Explanations, e: Explanation, c: Candidate, until: float) -> FittedEffect:
+    """Return an effect of an explanation with its fitted values."""
+    fit, interval = found.fit(e), None
+    values, errors = fit.values, fit.errors
+    # Where the model is far from linear in an effect, a standard error misleads: of static friction that holds, all that is
+    # known is that it is large enough. So it does where the evidence only just suffices: noise has enlarged most of these.
+    if e.key in found.credible and not found.interrupted:
+        with contextlib.suppress(OutOfTime), time_limits(stop=until):
+            interval = stated_interval(fit, c.name, c.null, least_distance(len(found.search.library)))
+    return FittedEffect(
+        candidate=c,
+        value=values[c.name],
+        error=errors[c.name],
+        interval=interval,
+        companions=tuple((k.name, values[k.name], errors[k.name]) for k in c.companions),
+        wrong_values=_wrong_values(c, fit) if c.kind == "wrong value" else (),
+    )
+
+
+def _wrong_values(c: Candidate, fit: Fit) -> tuple[WrongValue, ...]:
+    """Return the stated values that a candidate says are wrong, and what the data ask for in their place.
+
+    A factor is known no better than the value that it multiplies, which is fitted by its stated error; their product is.
+    """
+    p = fit.problem
+    rows: dict[Estimate, WrongValue] = {}
+    for trial in (t for t in p.study.trials if t.name in c.trials):
+        known = p.study.estimate(c.parameter, trial)
+        if known is None or known in rows:
+            continue
+        # The candidate itself, and the stated value where that is fitted
+        parts = [n for n in p.free_parameters if n.parameter == c.parameter and trial.name in n.trials]
+        index = [p.names.index(n.name) for n in parts]
+        values = np.array([fit.values[n.name] for n in parts])
+        is_factor = c.role is ParameterRole.TIMES
+        asked = float(np.prod(values)) if is_factor else fit.values[c.name]
+        if is_factor and len(parts) == 1:
+            asked *= known.value
+        # Relative errors of factors add, with their correlation
+        slope = np.array([n.scale for n in parts]) * (asked / values if is_factor else [n.name == c.name for n in parts])
+        error = math.sqrt(max(float(slope @ fit.covariance[np.ix_(index, index)] @ slope), 0.0))
+        rows[known] = WrongValue(stated=known, asked=Estimate(value=asked, sigma=error))
+    return tuple(rows.values())
+
+
+def predicted_trials(before: Judged, after: Judged) -> tuple[PredictedTrial, ...]:
+    """Return all trials beside both models, the training trials first."""
+    trials = [(before.training, after.training, k, False) for k in range(len(before.training.problem.data))]
+    trials += [(b, a, 0, True) for b, a in zip(before.held_out.fits, after.held_out.fits, strict=True)]
+    return tuple(
+        _predicted({"before": by_declared, "after": by_repaired}, k, held_out=held_out)
+        for by_declared, by_repaired, k, held_out in trials
+    )
+
+
+def _predicted(fits: Mapping[str, Fit], k: int, *, held_out: bool) -> PredictedTrial:
+    data = fits["after"].problem.data[k]
+    predicted, residuals, chi2 = {}, {}, {}
+    for model, fit in fits.items():
+        own = fit.problem.data[k]  # with the noise that this model leaves
+        values = fit.problem.predict(fit.x, k)
+        standardised = own.standardise(own.value - values)
+        # Values that are left out have an infinite sigma, so that their zeros would lower the mean
+        of_data = float(np.mean(standardised[np.isfinite(own.sigma)] ** 2))
+        chi2[model] = fit.cost / fit.problem.count if held_out else of_data
+        # `predict` puts an event that does not happen far off, for the fit's sake
+        values[data.event_slice] = fit.problem.predict_events(fit.x, k) if data.events else []
+        predicted[model], residuals[model] = values, np.where(data.is_outlier, np.nan, standardised)
+    return PredictedTrial(data=data, held_out=held_out, predicted=predicted, residuals=residuals, chi2=chi2)
+
+
+def trial_errors(trials: Sequence[PredictedTrial], before: Judged, after: Judged) -> tuple[TrialError, ...]:
+    """Return the errors of both models for every trial, and for all held-out blocks of time together."""
+    rows = [
+        TrialError(
+            trial=t.data.trial.name,
+            held_out=t.held_out,
+            rms_before=_rms(t, "before"),
+            rms_after=_rms(t, "after"),
+            standardised_rms_before=math.sqrt(t.chi2["before"]),
+            standardised_rms_after=math.sqrt(t.chi2["after"]),
+            unit=_unit_of_position(t.data),
+        )
+        for t in trials
+    ]
+    if not before.held_out.fits:  # blocks of time are judged together and have no fits of their own
+        units = {_unit_of_position(t.data) for t in trials if t.data.channels}
+        rows.append(
+            TrialError(
+                trial=BLOCKS,
+                held_out=True,
+                rms_before=before.held_out.rms_of_blocks,
+                rms_after=after.held_out.rms_of_blocks,
+                standardised_rms_before=math.sqrt(before.held_out.worst.value),
+                standardised_rms_after=math.sqrt(after.held_out.worst.value),
+                unit=units.pop() if len(units) == 1 else "",
+            )
+        )
+    return tuple(rows)
+
+
+def _position_channels(d: TrialData) -> list[str]:
+    """Return the channels that errors are reported for: the light mass's coordinates or, without them, all."""
+    return [n for n in BODIES["light"] if n in d.slices] or list(d.slices)
+
+
+def _rms(t: PredictedTrial, model: str) -> float | None:
+    """Return the RMS residual of the light mass's position, or of all channels [SI]; None: there are only events."""
+    if not t.data.channels:
+        return None
+    residual, used = t.data.value - t.predicted[model], np.isfinite(t.data.sigma)
+    parts = [t.data.slices[name] for name in _position_channels(t.data)]
+    return math.sqrt(sum(float(np.mean(residual[part][used[part]] ** 2)) for part in parts))
+
+
+def _unit_of_position(d: TrialData) -> str:
+    """Return the SI unit of these residuals; empty: there are several, or no channels."""
+    units = {c.unit for c in d.channels if c.name in _position_channels(d)}
+    return units.pop() if len(units) == 1 else ""
+
+
+def outliers_of(trials: Sequence[PredictedTrial]) -> tuple[Outliers, ...]:
+    """Return the tracked points of each trial and body that the fits left out as outliers."""
+    rows = []
+    for t in trials:
+        d = t.data
+        residual = d.value - t.predicted["after"]
+        for names in BODIES.values():
+            channels = [c for c in d.channels if c.name in names and d.is_outlier[d.slices[c.name]].any()]
+            if not channels:
+                continue
+            # One coordinate of a point may be missing, or stand in another row
+            times = np.unique(np.concatenate([c.t for c in channels]))
+            is_outlier, distance = np.zeros(len(times), dtype=bool), np.zeros(len(times))
+            for c in channels:
+                at, part = np.searchsorted(times, c.t), d.slices[c.name]
+                is_outlier[at] |= d.is_outlier[part]
+                distance[at] = np.hypot(distance[at], residual[part])
+            index = np.flatnonzero(is_outlier)
+            # Cut where an index is left out, so that each run is one interval of time
+            runs = np.split(index, 1 + np.flatnonzero(np.diff(index) > 1))
+            rows.append(
+                Outliers(
+                    trial=d.trial.name,
+                    held_out=t.held_out,
+                    channels=tuple(c.name for c in channels),
+                    count=len(index),
+                    of=len(times),
+                    intervals=tuple((float(times[run[0]]), float(times[run[-1]])) for run in runs),
+                    largest_distance=float(np.max(distance[index])),
+                    unit=channels[0].unit,
+                )
+            )
+    return tuple(rows)
+
+
+def event_residuals(trials: Sequence[PredictedTrial]) -> tuple[EventResidual, ...]:
+    """Return every row of every event table beside the predictions of both models."""
+    return tuple(
+        EventResidual(
+            trial=t.data.trial.name,
+            held_out=t.held_out,
+            event=event,
+            before=before if math.isfinite(before) else None,
+            after=after if math.isfinite(after) else None,
+        )
+        for t in trials
+        for event, before, after in zip(
+            t.data.events, *(t.predicted[model][t.data.event_slice].tolist() for model in ("before", "after")), strict=True
+        )
+    )

@@ -21,13 +21,11 @@ An angular velocity is measured per second of the file's clock, plus rate_offset
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from looping_pendulum.measured.observations import DataError
 from looping_pendulum.reference_ode.effects import Coefficient
@@ -67,14 +65,14 @@ def _coefficient(
 
 _ANGLE = math.radians(0.5)
 NEWTON_STEPS = 8
-"""Newton steps of `Camera.true_position`: from an error of some centimetres they reach rounding in four or five."""
+"""Newton steps by which `Camera.true_position` takes the lens's distortion out; they reach rounding in four or five."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Camera:
     """Camera of one trial; the default is a perfect one. `CAMERA` has the meaning and the unit of each value.
 
-    Values may be arrays, with as many dimensions as positions have before their last one: many cameras at once (`of_many`).
+    A value may have an imaginary part, by which what is pictured is differentiated.
     """
 
     # The origin is no candidate, because a fit of the declared model has that of each camera already
@@ -92,32 +90,21 @@ class Camera:
         error=_ANGLE, title="a tilted camera", reach=math.radians(20), changes=("positions", "angle", "events"),
     )  # fmt: skip
     foreshortening: float = _coefficient(
-        "",
-        1.0,
-        (0.2, 5.0),
-        "horizontal length in the picture per equally long vertical one",
-        error=0.005,
-        title="a camera that looks from one side",
-        reach=0.3,
-    )
+        "", 1.0, (0.2, 5.0), "horizontal length in the picture per equally long vertical one",
+        error=0.005, title="a camera that looks from one side", reach=0.3,
+    )  # fmt: skip
     shear: float = _coefficient(
         "", 0.0, (-1.0, 1.0), "rise in the picture per length to the right, while upright lines stay upright",
         error=0.005, title="a sheared picture", reach=0.3,
     )  # fmt: skip
     perspective_x: float = _coefficient(
-        "1/m", 0.0, (-1.0, 1.0),
-        "relative growth of the distance from the camera, per length to the right",
+        "1/m", 0.0, (-1.0, 1.0), "relative growth of the distance from the camera, per length to the right",
         error=0.005, title="a perspective from left to right", reach=0.3,
     )  # fmt: skip
     perspective_y: float = _coefficient(
-        "1/m",
-        0.0,
-        (-1.0, 1.0),
-        "relative growth of the distance from the camera, per length upwards",
-        error=0.005,
-        title="a perspective from top to bottom",
-        reach=0.3,
-    )
+        "1/m", 0.0, (-1.0, 1.0), "relative growth of the distance from the camera, per length upwards",
+        error=0.005, title="a perspective from top to bottom", reach=0.3,
+    )  # fmt: skip
     distortion: float = _coefficient(
         "1/m^2", 0.0, (-1.0, 1.0),
         "relative growth of distances from the picture's centre by the lens, per square of the distance",
@@ -131,15 +118,9 @@ class Camera:
         error=4e-3, title="a clock that starts early or late", reach=0.1, changes=MEASURED,
     )  # fmt: skip
     clock_ratio: float = _coefficient(
-        "",
-        1.0,
-        (0.01, 100.0),
-        "true time per measured time",
-        error=0.002,
-        title="a wrong frame rate",
-        reach=0.3,
-        changes=MEASURED,
-    )
+        "", 1.0, (0.01, 100.0), "true time per measured time",
+        error=0.002, title="a wrong frame rate", reach=0.3, changes=MEASURED,
+    )  # fmt: skip
     readout: float = _coefficient(
         "s/m", 0.0, (-0.1, 0.1), "delay of the picture's rows, per length downwards (rolling shutter)",
         error=2e-4, title="a rolling shutter", reach=0.04, if_stated=True,
@@ -155,42 +136,10 @@ class Camera:
 
     def __post_init__(self) -> None:
         """Refuse values out of their bounds."""
-        values = self.__dict__  # quicker than an attribute by its name, and a fit makes a camera for every run
         for name, (low, high) in _BOUNDS:
-            if not low <= values[name] <= high:
-                raise DataError(f"camera {name}: found {values[name]:g}, needed between {low:g} and {high:g}")
-
-    @classmethod
-    def of_many(cls, values: Mapping[str, Array], n: int) -> tuple[Camera, NDArray[np.bool_]]:
-        """Return many cameras as one, and which of them have values within their bounds, shape (n,); others get null values.
-
-        Parameters
-        ----------
-        values
-            Name -> one value for each camera, shape (n,). The cameras' values have shape (n, 1), for positions (n, times, 2).
-        """
-        valid = np.ones(n, dtype=bool)
-        columns = {}
-        for name, given in values.items():
-            low, high = CAMERA[name].bounds
-            within = (given >= low) & (given <= high)
-            valid &= within
-            columns[name] = np.broadcast_to(np.where(within, given, CAMERA[name].null), n)[:, None]
-        return cls._unchecked({name: c.null for name, c in CAMERA.items()} | columns), valid
-
-    @classmethod
-    def _unchecked(cls, values: Mapping[str, Any]) -> Camera:
-        many = object.__new__(cls)  # without the check, which refuses all for one
-        many.__dict__.update(values)
-        return many
-
-    def stepped(self, names: Sequence[str], steps: NDArray[Any]) -> Camera:
-        """Return many cameras, the value of each name changed by its ``steps``, shape (names, cameras, 1), maybe complex."""
-        return self._unchecked(self.__dict__ | {n: getattr(self, n) + s for n, s in zip(names, steps, strict=True)})
-
-    def take(self, cameras: NDArray[np.intp]) -> Camera:
-        """Return some of many cameras."""
-        return self._unchecked({name: v[cameras] if np.ndim(v) else v for name, v in self.__dict__.items()})
+            value = getattr(self, name)
+            if not low <= value.real <= high:
+                raise DataError(f"camera {name}: found {value.real:g}, needed between {low:g} and {high:g}")
 
     def true_time(self, t: Array) -> Array:
         """Return the times since release [s] of the file's times ``t`` [s]."""
@@ -199,26 +148,32 @@ class Camera:
     def project(self, position: Array) -> Array:
         """Return measured positions [m] of true ones [m], shape (..., 2).
 
-        Of many cameras those behind which a position lies have no number there (nan).
-
         Raises
         ------
         DataError
-            If a position lies behind the only camera.
+            If a position lies behind the camera.
         """
         turned = self._scaled_and_turned(self._image(position))
         return xy_pairs(turned[..., 0] + self.origin_x, turned[..., 1] + self.origin_y)
 
     def true_position(self, measured: Array) -> Array:
-        """Return the true positions [m] that `project` maps to measured ones [m], shape (n, 2)."""
+        """Return the true positions [m] that `project` maps to measured ones [m], shape (..., 2)."""
         cosine, sine = math.cos(self.tilt), math.sin(self.tilt)
         position: Array = (measured - [self.origin_x, self.origin_y]) / self.scale @ np.array([[cosine, -sine], [sine, cosine]])
         if self._looks_straight:
             return position
-        for _ in range(NEWTON_STEPS):
-            jacobian = np.stack([self.project_displacement(position, np.eye(2)[k]) for k in (0, 1)], axis=-1)
-            position = position + np.linalg.solve(jacobian, (measured - self.project(position))[..., np.newaxis])[..., 0]
-        return position
+        # The lens moves points along lines from the picture's centre, at the distances r to r (1 + distortion r^2)
+        centre, k = np.array([self.centre_x, self.centre_y]), self.distortion
+        d = position - (1 + k * _square(centre)) * centre
+        moved = np.sqrt(_square(d))
+        r = moved
+        for _ in range(NEWTON_STEPS if k else 0):
+            r = r - (r * (1 + k * r * r) - moved) / (1 + 3 * k * r * r)
+        u, v = np.moveaxis(centre + d / (1 + k * r * r), -1, 0)
+        # (u, v) (1 + p x + q y) = (f x, y + s x), solved for x and y
+        a, b = self.foreshortening - self.perspective_x * u, -self.perspective_y * u
+        c, e = self.shear - self.perspective_x * v, 1 - self.perspective_y * v
+        return xy_pairs((e * u - b * v) / (a * e - b * c), (a * v - c * u) / (a * e - b * c))
 
     def project_displacement(self, position: Array, displacement: Array) -> Array:
         """Return the displacement [m] in the picture of small true ones [m] at true positions [m].
@@ -242,26 +197,20 @@ class Camera:
     @property
     def _looks_straight(self) -> bool:
         """Return whether lengths are in proportion all over the picture, as mostly in a fit."""
-        values = self.__dict__
-        return not any(np.ndim(values[name]) or values[name] != CAMERA[name].null for name in _BENDING)
+        return all(getattr(self, name) == CAMERA[name].null for name in BENDING)
 
     def _stretched(self, v: Array) -> Array:
         """Return what a camera far away makes of positions or displacements, shape (..., 2)."""
         return xy_pairs(self.foreshortening * v[..., 0], self.shear * v[..., 0] + v[..., 1])
-
-    @property
-    def _centre(self) -> Array:
-        """Return the picture's centre, shape (2,), or (..., 2) of many cameras."""
-        return np.stack(np.broadcast_arrays(self.centre_x, self.centre_y), axis=-1)
 
     def _image(self, position: Array) -> Array:
         """Return the image v of true positions [m], shape (n, 2), before scale and tilt."""
         if self._looks_straight:
             return position
         u = self._stretched(position) / self._relative_depth(position)
-        centre = self._centre
+        centre = np.array([self.centre_x, self.centre_y])
         d = u - centre
-        return np.asarray(u + _column(self.distortion) * (_square(d) * d + _square(centre) * centre))
+        return np.asarray(u + self.distortion * (_square(d) * d + _square(centre) * centre))
 
     def _image_of_displacement(self, position: Array, displacement: Array) -> Array:
         """Return the derivative of `_image` in the direction of ``displacement``."""
@@ -270,21 +219,19 @@ class Camera:
         depth = self._relative_depth(position)
         u = self._stretched(position) / depth
         du = (self._stretched(displacement) - u * self._depth(displacement)) / depth
-        d = u - self._centre
+        d = u - np.array([self.centre_x, self.centre_y])
         along = np.sum(d * du, axis=-1, keepdims=True)
-        return np.asarray(du + _column(self.distortion) * (_square(d) * du + 2 * along * d))
+        return np.asarray(du + self.distortion * (_square(d) * du + 2 * along * d))
 
     def _relative_depth(self, position: Array) -> Array:
         """Return the distance of true positions [m] from the camera, along its axis, over that of the rod, shape (..., 1)."""
         depth = 1 + self._depth(position)
-        if not np.any(depth <= 0):  # where a run went astray, there is no position, and so no depth
-            return depth
-        if np.ndim(self.perspective_x) or np.ndim(self.perspective_y):  # many cameras
-            return np.where(depth > 0, depth, np.nan)
-        raise DataError(
-            f"camera perspective: found {self.perspective_x:g} 1/m and {self.perspective_y:g} 1/m, with which a mass is "
-            "behind the camera; needed smaller ones"
-        )
+        if np.any(depth.real <= 0):  # where a run went astray, there is no position, and so no depth
+            raise DataError(
+                f"camera perspective: found {self.perspective_x:g} 1/m and {self.perspective_y:g} 1/m, with which a mass is "
+                "behind the camera; needed smaller ones"
+            )
+        return depth
 
     def _depth(self, v: Array) -> Array:
         """Return how much farther than the rod positions or displacements are, relatively, shape (..., 1)."""
@@ -293,15 +240,11 @@ class Camera:
 
 CAMERA = MappingProxyType({f.name: CameraCoefficient(name=f.name, **f.metadata) for f in fields(Camera)})
 """Coefficients of the camera model, by name; the null values are those of a perfect camera."""
-_BENDING = ("foreshortening", "shear", "perspective_x", "perspective_y", "distortion")
+BENDING = ("foreshortening", "shear", "perspective_x", "perspective_y", "distortion")
+"""Values by which lengths are not in proportion all over the picture."""
 _BOUNDS = tuple((c.name, c.bounds) for c in CAMERA.values())
 
 
 def _square(v: Array) -> Array:
     """Return the squared length of vectors, shape (..., 2), as shape (..., 1)."""
     return np.asarray(np.sum(v * v, axis=-1, keepdims=True))
-
-
-def _column(value: Any) -> Any:
-    """Return a number as it is, or values of many cameras with one more axis, as for vectors."""
-    return value if np.ndim(value) == 0 else value[..., np.newaxis]

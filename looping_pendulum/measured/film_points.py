@@ -1,19 +1,33 @@
-"""Points of a film straight into `Observations`, with the errors and the times that the tracker and the decoder know."""
+"""Points of films as `Observations`: reading takes the record beside a film and never tracks; tracking is asked for."""
 
 from __future__ import annotations
 
 import dataclasses
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from looping_pendulum.errors import HarnessError
-from looping_pendulum.measured.observations import Channel, DataError, Observations, UnusedValues
+from looping_pendulum.files import read_file, write_atomically
+from looping_pendulum.installation import command_line
+from looping_pendulum.measured.film.record import FilmTrack, TrackSettings, files_of, read_record, record_text
+from looping_pendulum.measured.observations import DataError, Observations
 
 if TYPE_CHECKING:
     from looping_pendulum.processes import ReportShare
+
+OPTIONS = {"free_length": "cm", "rod_radius": "mm", "frame_rate": "Hz", "first": "s", "last": "s", "readout": "ms"}
+"""Field of `TrackSettings` that is a quantity -> unit in which it is shown and typed."""
+FACTORS = {"cm": 1e2, "mm": 1e3, "Hz": 1.0, "s": 1.0, "ms": 1e3}
+"""Unit -> how many of it an SI unit has."""
+
+MAX_RECORD_SIZE = 64 * 1024**2
+"""Largest record that is read [bytes]: one of ten minutes at 240 Hz has 40 million."""
+
+
+class TrackingNeededError(DataError):
+    """A film has no points with what is stated; the message says why, what tracking costs, and what to type."""
 
 
 def track(film: str | Path, *, progress: ReportShare | None = None, **known: Any) -> Observations:
@@ -24,7 +38,7 @@ def track(film: str | Path, *, progress: ReportShare | None = None, **known: Any
     progress
         Called with what is being done, and the share of it that is done.
     **known
-        What is known of the film, in SI units: fields of `looping_pendulum.film.track.TrackSettings`, such as
+        What is known of the film, in SI units: fields of `looping_pendulum.measured.film.record.TrackSettings`, such as
         ``free_length=0.58`` (string from the rod to the light mass at the release [m]), ``free_length_error``, ``rod_radius``
         and ``frame_rate``.
 
@@ -33,16 +47,14 @@ def track(film: str | Path, *, progress: ReportShare | None = None, **known: Any
     FilmError
         If the film cannot be read, or the masses are not found in it beyond doubt.
     """
-    from looping_pendulum.film import output
-    from looping_pendulum.film.track import TrackSettings, track
+    # Here, as OpenCV takes a while to import, and reading needs none
+    from looping_pendulum.measured.film.track import track
 
-    return _observations(output.facts(track(film, TrackSettings(**known), progress)), Path(film).stem, str(film))
+    return track(film, TrackSettings(**known), progress).observations(Path(film).stem)
 
 
-def read_film(film: Path, stated: Mapping[str, Any], name: str, progress: ReportShare | None = None) -> Observations:
-    """Return the points of a study's film: those of its last tracking, or of one that is done now.
-
-    Tracking writes its facts beside the film; they are taken as long as they are newer and what is stated has not changed.
+def read_film(film: Path, stated: Mapping[str, float], name: str) -> Observations:
+    """Return the points of a study's film, as its last tracking left them beside it.
 
     Parameters
     ----------
@@ -53,58 +65,131 @@ def read_film(film: Path, stated: Mapping[str, Any], name: str, progress: Report
 
     Raises
     ------
-    DataError
-        If the film cannot be tracked.
+    TrackingNeededError
+        If there are none, or if the film was tracked with other values.
     """
-    # Here, as OpenCV takes a while to import, and no other study needs it
-    from looping_pendulum.film import output
-
-    files = output.files_of(film)
-    facts = facts_of_film(film, stated, progress)
+    found, files = read_track(film, stated), files_of(film)
     note = f"the film's points are those of its tracking; {files.sheet.name} shows the marks on it"
-    if output.is_edited(files):
+    # The record is written after the table
+    if files.table.exists() and files.table.stat().st_mtime_ns > files.record.stat().st_mtime_ns:
         note += f"; {files.table.name} was changed since: name it in place of the film if it is what counts"
-    return _observations(facts, name, str(film), note)
+    return found.observations(name, note)
 
 
-def facts_of_film(film: Path, stated: Mapping[str, Any], progress: ReportShare | None = None) -> dict[str, Any]:
-    """Return `looping_pendulum.film.output.facts` of a film, as `read_film` takes them.
+def read_track(film: Path, stated: Mapping[str, float]) -> FilmTrack:
+    """Return what the last tracking of a film found, if it was tracked with what is stated.
 
     Raises
     ------
+    TrackingNeededError
+        As `read_film` does.
+    """
+    found, why = _stored(film)
+    if found is None and not film.exists():
+        raise TrackingNeededError(f"{film}: {why}, needed a film; correct the path")
+    settings = TrackSettings() if found is None else found.settings
+    differing = [] if found is None else found.stated_otherwise(stated)
+    if found is not None and not differing:
+        return found
+    why = why or "; ".join(
+        f"{name.replace('_', ' ')}: tracked with {_shown(name, getattr(settings, name))}, now {_shown(name, stated[name])}"
+        for name in differing
+    )
+    from looping_pendulum.measured.film.decode import cost_in_words
+
+    again = " again" if differing else ""
+    raise TrackingNeededError(f"{film}: {why}; track it{again} ({cost_in_words(film)}): {_command(film, stated, settings)}")
+
+
+def settle_film(
+    film: Path, stated: Mapping[str, float], *, track: bool, keep: bool, progress: ReportShare | None = None
+) -> FilmTrack:
+    """Return what tracking found in a film, as a command asks for it, and leave it beside the film for those that follow.
+
+    Parameters
+    ----------
+    track
+        Whether to track a film that has no points, or was tracked with other values than the stated ones.
+    keep
+        Whether to take the points that are there, whatever they were tracked with.
+
+    Raises
+    ------
+    TrackingNeededError
+        As `read_track` does, where neither helps.
     DataError
         If the film cannot be tracked.
     """
-    from looping_pendulum.film import output
-
-    files = output.files_of(film)
-    stored = output.stored_facts(files, film, stated)
-    if stored is not None:
-        return stored
-    # What a person has shown in the film stays
-    settings = dataclasses.replace(output.stored_settings(files), **stated)
     try:
-        found, _ = output.track_and_write(film, settings, files, progress)
+        return read_track(film, stated)
+    except TrackingNeededError as error:
+        found, _ = _stored(film)
+        if not film.exists():
+            raise
+        if not track and (found is None or not keep):
+            ways_out = ", or add --track" if found is None else ", or add --track, or --keep for the points that are there"
+            raise TrackingNeededError(f"{error}{ways_out}") from None
+    if keep and found is not None:
+        found = dataclasses.replace(found, kept_for={**found.kept_for, **stated})
+        record = files_of(film).record
+        written = record.stat().st_mtime_ns
+        write_atomically(record, record_text(found))
+        # Its points are as old as before, so that a table that was changed since is still newer
+        os.utime(record, ns=(written, written))
+        return found
+    from looping_pendulum.measured.film.output import track_and_write
+
+    # What a person has shown in the film stays
+    settings = (TrackSettings() if found is None else found.settings).with_stated(stated)
+    try:
+        return track_and_write(film, settings, files_of(film), progress)[0]
     except HarnessError as error:
         raise DataError(str(error)) from None
-    return output.facts(found)
 
 
-def _observations(facts: Mapping[str, Any], name: str, film: str, *notes: str) -> Observations:
-    channels = []
-    for mass, points in facts["points"].items():
-        t = np.array(points["t"])
-        for axis in ("x", "y"):
-            error = np.array(points[f"{axis}_error"])
-            value = np.array(points[axis])
-            channel = f"{mass}_{axis}"
-            channels.append(Channel(name=channel, t=t, value=value, column=channel, stated_error=(t, error)))
-    return Observations(
-        name=name,
-        file=film,
-        channels=tuple(channels),
-        unused=tuple(UnusedValues(count=count, reason=reason) for reason, count in facts["skipped"].items() if count),
-        assumptions=notes,
-        camera_errors=facts["camera_errors"],
-        light_radius=(facts["points"]["light"]["radius"], facts["points"]["light"]["radius_error"]),
-    )
+def _stored(film: Path) -> tuple[FilmTrack | None, str]:
+    """Return the record beside a film, or None and why it cannot be taken."""
+    record = files_of(film).record
+    try:
+        filmed = film.stat().st_mtime_ns
+    except OSError:
+        return None, "found no such file"
+    try:
+        raw = read_file(record, MAX_RECORD_SIZE)
+        if record.stat().st_mtime_ns < filmed:
+            return None, "found a film that is newer than the points beside it"
+        if len(raw) > MAX_RECORD_SIZE:
+            raise OSError(f"{record} is no record")
+        return dataclasses.replace(read_record(raw), path=str(film)), ""
+    except FileNotFoundError:
+        return None, "found no points beside it, as it was not tracked yet"
+    # Whoever changed or cut the record, tracking the film again puts it right
+    except (OSError, ValueError):
+        return None, f"found {record.name} changed or not complete"
+
+
+def _shown(name: str, value: float | None) -> str:
+    """Return a setting [SI] with a usual unit."""
+    if not value:
+        return "none"
+    unit = "mm" if name.endswith("_error") else OPTIONS[name]
+    return f"{FACTORS[unit] * value:.6g} {unit}"
+
+
+def _command(film: Path, stated: Mapping[str, float], settings: TrackSettings) -> str:
+    """Return the command that tracks a film with what is stated, and with what a person has shown in it before."""
+    now = settings.with_stated(stated)
+    words: list[str] = []
+    for name in OPTIONS:
+        value, error = getattr(now, name), getattr(now, f"{name}_error", 0.0)
+        if name in stated or error or value != getattr(TrackSettings(), name):
+            option = {"first": "from", "last": "to"}.get(name, name.replace("_", "-"))
+            words += [f"--{option}", _shown(name, value) + (f" +/- {_shown(f'{name}_error', error)}" if error else "")]
+    for option, mass in (("--light", now.light), ("--heavy", now.heavy)):
+        words += [] if mass is None else [option, f"{mass.x:g},{mass.y:g}@{mass.frame}"]
+    words += [] if now.rod is None else ["--rod", "{:g},{:g}".format(*now.rod)]
+    words += [] if now.region is None else ["--region", "{},{} {},{}".format(*now.region)]
+    if now.scale is not None:
+        words += ["--scale", "{:g},{:g} {:g},{:g} = {:g} m".format(*now.scale.start, *now.scale.end, now.scale.length)]
+    words += ["--still"] if now.still else []
+    return command_line("track", film, *words)

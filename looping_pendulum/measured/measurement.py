@@ -1,16 +1,14 @@
-"""Predict what is measured of a run: the camera's picture of it at the measured times, and the noise of tracked points.
-
-The noise is sigma = a + b |v|, because a moving mass is blurred along its path.
-"""
+"""Predict what is measured of a run: the camera's picture of it at the measured times."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from types import SimpleNamespace
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +25,7 @@ from looping_pendulum.reference_ode.solution import (
     light_mass_position,
     string_overlap,
 )
+from looping_pendulum.reference_ode.solve import carried_out
 from looping_pendulum.reference_ode.state import Effects, State
 
 # Of ten_to_one, two_to_one and static_friction: positions to their ends within 4e-9 m of those at 1e-13, derivatives by masses,
@@ -69,188 +68,173 @@ def predict(sample: SampleFunction, camera: Camera, channels: Sequence[Channel],
     DataError
         If a channel has points, but none of them during the run.
     """
-    times = sample_times(camera.clock_offset, camera.clock_ratio, camera.readout, tuple(channels))
+    times = sample_times(camera, channels)
     samples = sample(times.times)
-    known = len(samples.t)
-    ends_early = known < len(times.times)
-    if ends_early:
-        # Not the last sample: within a frame of its end the light mass moves by centimetres
-        samples = samples.and_end()
-    series = _series(samples, camera, dropped, set(times.index))
-    values = {}
-    for name, index in times.index.items():
-        # np.take is several times faster than indexing with an array
-        values[name] = np.take(series[name], np.minimum(index, known) if ends_early else index)
-        if ends_early and len(index) and np.min(index) >= known:
-            raise DataError("found no point during the run, needed some; check the times and the clock offset")
-        if name == "angle_rate":
-            # before its release the mass is at rest, but the run's first sample may have the speed of a push
-            values[name][: times.before_release[name]] = camera.rate_offset
-    return values
+    p, known = samples.run.parameters, len(samples.t)
+    ends = samples.run.end.state
+    state = State(*(np.append(v, np.full(len(times.times) - known, end)) for v, end in zip(samples.state, ends, strict=True)))
+    return _measured(SampledRun(state, known, p.values(), p.effects), camera, channels, times, dropped)
 
 
-def predict_many(samples: SampledRuns, camera: Camera, channels: Sequence[Channel], times: SampleTimes, dropped: str) -> Array:
-    """Predict the same for many cameras by one clock, as one vector: shape (m, n), the channels end to end.
+def predict_run(parameters: Parameters, camera: Camera, channels: Sequence[Channel], dropped: str) -> Array:
+    """Return the values that `predict` returns of the run with these parameters, its channels end to end, shape (n,).
 
-    Where `predict` would raise, a row is nan.
-
-    Parameters
-    ----------
-    samples
-        Run that each camera films, at ``times``; past a run's end its end.
-    camera
-        Many cameras, as `Camera.of_many` makes them.
+    Raises
+    ------
+    HarnessError
+        If the model cannot run, or as `predict` does.
     """
-    series = _series(samples, camera, dropped, set(times.index))
-    parts = []
-    for channel in channels:
-        index = times.index[channel.name]
-        values = np.broadcast_to(series[channel.name], (len(samples.known), len(times.times))).take(index, axis=1)
-        if len(index):
-            values[samples.known <= index.min()] = np.nan  # no point during the run
-        if channel.name == "angle_rate":
-            values[:, : times.before_release[channel.name]] = camera.rate_offset
-        parts.append(values)
-    return np.concatenate(parts, axis=1)
+    times = sample_times(camera, channels)
+    runs = carried_out(
+        parameters, parameters.effects, times.times, times.duration, FIT_TOLERANCE, max_steps=FIT_STEPS
+    )  # past its end the driver returns samples of the end
+    run = SampledRun(State(*runs.samples.T), int(runs.counts[0]), parameters.values(), parameters.effects)
+    return np.concatenate([*_measured(run, camera, channels, times, dropped).values()])
 
 
 def predict_with_derivatives(
     parameters: Parameters,
     camera: Camera,
-    channels: tuple[Channel, ...],
+    channels: Sequence[Channel],
     dropped: str,
     wrt: Sequence[str],
     camera_wrt: Sequence[str],
 ) -> tuple[Array, Array]:
-    """Predict the same of one run, with derivatives by parameters of the model and by values of the camera.
+    """Predict the same, with derivatives by parameters of the model and by values of the camera.
 
     Returns
     -------
     The values, shape (n,), and their derivatives by ``wrt`` and then by ``camera_wrt``, shape (n, m); nan where none exists
     (`run_with_derivatives`).
     """
-    times = sample_times(camera.clock_offset, camera.clock_ratio, camera.readout, channels)
+    times = sample_times(camera, channels)
     run = run_with_derivatives(
-        parameters, times.times, wrt, duration=duration_of(times.times), tolerance=FIT_TOLERANCE, max_steps=FIT_STEPS
+        parameters, times.times, wrt, duration=times.duration, tolerance=FIT_TOLERANCE, max_steps=FIT_STEPS
     )
+    known = int(run.runs.counts[0])
 
-    def measured(state: State, places: SimpleNamespace, camera: Camera) -> NDArray[Any]:
-        count = np.broadcast_shapes(*map(np.shape, state))[0]
-        samples = SampledRuns(state, run.runs.counts.repeat(count), places, run.effects)
-        return predict_many(samples, camera, channels, times, dropped)
+    def measured(state: State, p: SimpleNamespace, camera: Camera) -> Array:
+        values = _measured(SampledRun(state, known, p, run.effects), camera, channels, times, dropped)
+        return np.concatenate([*values.values()], axis=-1)
 
     rows = np.concatenate([times.index[c.name] for c in channels])
     entries = {"across_speed", *PLACING_ENTRIES} if "angle_rate" in times.index else PLACING_ENTRIES
-    found = differentiate(measured, run, rows, entries, camera, camera_wrt)
-    for name in CLOCK:
-        if name in camera_wrt:
-            found.derivatives[:, len(wrt) + camera_wrt.index(name)] += found.by_time * times.delays(name, channels)
-    return found.values, found.derivatives
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Differentiated:
-    """What is measured in n samples of a run, and its derivatives."""
-
-    run: DifferentiatedRun
-    rows: NDArray[np.intp]
-    """Samples, shape (n,)."""
-    values: Array
-    """Shape (n,)."""
-    derivatives: Array
-    """By the run's parameters ``wrt`` and then by values of the camera, at fixed time, shape (n, m)."""
-    by_entry: Mapping[int, Array]
-    """By entries of the state, shape (n,) each; by all others they are 0."""
-
-    @property
-    def by_time(self) -> Array:
-        """By time, shape (n,)."""
-        return np.asarray(sum(slope * self.run.rates[i][self.rows] for i, slope in self.by_entry.items()))
+    clock = [name for name in CLOCK if name in camera_wrt]
+    values, derivatives, by_time = differentiate(measured, run, rows, entries, camera, camera_wrt, by_time_too=bool(clock))
+    for name in clock:
+        derivatives[:, len(wrt) + camera_wrt.index(name)] += by_time * times.delays(name, channels)
+    return values, derivatives
 
 
 def differentiate(
-    function: Callable[[State, SimpleNamespace, Camera], NDArray[Any]],
+    function: Callable[[State, SimpleNamespace, Camera], Array],
     run: DifferentiatedRun,
     rows: NDArray[np.intp],
     entries: Collection[str],
     camera: Camera,
     camera_wrt: Sequence[str],
-) -> Differentiated:
-    """Return what a function has for n samples of a run, and its derivatives, by complex steps in all that it depends on.
+    *,
+    by_time_too: bool = True,
+) -> tuple[Array, Array, Array]:
+    """Return what is measured in n samples of a run, and its derivatives, by complex steps in all that it depends on.
 
     Parameters
     ----------
     function
-        Of the state, whose entries have the shape (m, all samples), or (all samples,) where it is real; of `PLACES`, numbers or
-        of shape (m, 1); and of many cameras. It returns the values at ``rows``, shape (m, n).
+        Function of the state at all samples, of `PLACES`, and of the camera. It returns the values at the samples ``rows``,
+        shape (n,). Entries of the state may have the shape (m, samples), and places (m, 1): then it returns the shape (m, n).
     entries
         Entries of the state on which it depends.
     camera_wrt
         Values of the camera by which derivatives are wanted.
+    by_time_too
+        Whether derivatives by time are wanted.
+
+    Returns
+    -------
+    values
+        Shape (n,).
+    derivatives
+        By the run's parameters ``wrt`` and then by those of the camera, at fixed time, shape (n, m).
+    by_time
+        Derivatives by time, shape (n,); 0 if they are not wanted.
     """
-    runs, wrt, values = run.runs, run.wrt, vars(run.parameters.values())
-    moving = [
-        i for i, name in enumerate(State._fields)
-        if name in entries and (runs.samples[:, i].any() or runs.partials[:, i].any())
-    ]  # fmt: skip
+    wrt, partials = run.wrt, run.runs.partials
+    state, p = State(*run.runs.samples.T), run.parameters.values()
+    moving = [i for i, name in enumerate(State._fields) if name in entries and (state[i].any() or partials[:, i].any())]
     places = [name for name in PLACES if name in wrt and moves_with(run.parameters, name, wrt)]
-    count = len(moving) + len(places) + len(camera_wrt)
-    steps = 1j * COMPLEX_STEP * np.eye(count)[:, :, None]
-    of_state, of_places, of_camera = np.split(steps, np.cumsum([len(moving), len(places)]))
-    state = list(runs.samples.T)
-    for i, step in zip(moving, of_state, strict=True):
-        state[i] = state[i] + step
-    moved = {name: values[name] + step for name, step in zip(places, of_places, strict=True)}
-    at = SimpleNamespace(**{name: values[name] for name in PLACES} | moved)
-    found = function(State(*state), at, camera.stepped(camera_wrt, of_camera))
-    slopes = found.imag / COMPLEX_STEP
-    derivatives = np.zeros((len(rows), len(wrt) + len(camera_wrt)))
+    steps = 1j * COMPLEX_STEP * np.eye(len(moving) + len(places))[:, :, None]
+    moved = state._replace(**{State._fields[i]: state[i] + step for i, step in zip(moving, steps, strict=False)})
+    at = SimpleNamespace(**{name: getattr(p, name) for name in PLACES})
+    for name, step in zip(places, steps[len(moving) :], strict=True):
+        setattr(at, name, getattr(p, name) + step)
+    # Times alone do not depend on the state, and so have no row for each step
+    slopes = np.broadcast_to(function(moved, at, camera).imag / COMPLEX_STEP, (len(steps), len(rows)))
+    derivatives, by_time = np.zeros((len(rows), len(wrt) + len(camera_wrt))), np.zeros(len(rows))
     for i, slope in zip(moving, slopes, strict=False):
-        derivatives[:, : len(wrt)] += slope[:, None] * runs.partials[rows, i]
-    for name, slope in zip(places, slopes[len(moving) :], strict=False):
+        derivatives[:, : len(wrt)] += slope[:, None] * partials[rows, i]
+        if by_time_too:
+            by_time += slope * run.rates[i][rows]
+    for name, slope in zip(places, slopes[len(moving) :], strict=True):
         derivatives[:, wrt.index(name)] += slope
-    derivatives[:, len(wrt) :] = slopes[len(moving) + len(places) :].T
-    return Differentiated(
-        run=run, rows=rows, values=found[0].real, derivatives=derivatives, by_entry=dict(zip(moving, slopes, strict=False))
-    )
+    for i, name in enumerate(camera_wrt, start=len(wrt)):
+        moved_camera = dataclasses.replace(camera, **{name: getattr(camera, name) + 1j * COMPLEX_STEP})
+        derivatives[:, i] = function(state, p, moved_camera).imag / COMPLEX_STEP
+    return function(state, p, camera), derivatives, by_time
 
 
-class SampledRuns:
-    """Many runs at the same times: what `Samples` is of one run, for n of them."""
+class SampledRun(NamedTuple):
+    """A run at n times, past its end at rest where it ended."""
 
-    def __init__(
-        self, state: State, known: NDArray[np.integer[Any]], parameters: SimpleNamespace, effects: Effects = ()
-    ) -> None:
-        """Keep the samples.
+    state: State
+    """Entries of shape (n,), or (m, n) in m runs; maybe complex."""
+    known: int
+    """How many of the times lie within the run."""
+    parameters: SimpleNamespace
+    """Parameters as the equations read them, at least `PLACES`."""
+    effects: Effects
 
-        Parameters
-        ----------
-        state
-            Entries of the state, shape (n, times), or (times,) where they are the same in all runs; they may be complex.
-        known
-            How many of the times lie within each run, shape (n,).
-        parameters
-            Parameters that the equations read, numbers or arrays of shape (n, 1).
-        effects
-            Effects that say where the masses are.
-        """
-        self.state, self.known, self._p, self._effects = state, known, parameters, effects
 
-    @cached_property
-    def light_position(self) -> Array:
-        """Position of the light mass [m], shape (n, times, 2)."""
-        overlap = string_overlap(self.state, self._effects)
-        return xy_pairs(*light_mass_position(np, self.state, overlap, self._p, self._effects))
+def _measured(
+    run: SampledRun, camera: Camera, channels: Sequence[Channel], times: SampleTimes, dropped: str
+) -> dict[str, Array]:
+    """Return the measured values of each channel, as `predict` has them."""
+    series, values = _series(run, camera, dropped, times.index.keys()), {}
+    for name, index in times.index.items():
+        if len(index) and run.known <= index.min():
+            raise DataError("found no point during the run, needed some; check the times and the clock offset")
+        # np.take is several times faster than indexing with an array
+        values[name] = np.take(series[name], index, axis=-1)
+        if name == "angle_rate":
+            # before its release the mass is at rest, but the run's first sample may have the speed of a push
+            values[name][..., : times.before_release[name]] = camera.rate_offset
+    return values
 
-    @cached_property
-    def heavy_position(self) -> Array:
-        """Position of the heavy mass [m], shape (n, times, 2)."""
-        overlap = string_overlap(self.state, self._effects)
-        return xy_pairs(*heavy_mass_position(np, self.state, overlap, self._p, self._effects))
 
-    def height_at_release(self, mass: str) -> Any:
-        """Return the height of a mass at release, "light" or "heavy" [m], a number or shape (n, 1)."""
-        return height_at_release(self._p, self._effects, mass)
+def _series(run: SampledRun, camera: Camera, dropped: str, names: Collection[str]) -> dict[str, Array]:
+    """Return measured values of the channels ``names`` at the sampled times, before the release as at it."""
+    state, p, effects = run.state, run.parameters, run.effects
+    series: dict[str, Array] = {}
+
+    def position(mass: str) -> Array:
+        place = light_mass_position if mass == "light" else heavy_mass_position
+        return xy_pairs(*place(np, state, string_overlap(state, effects), p, effects))
+
+    for mass in ("light", "heavy"):
+        if f"{mass}_x" in names or f"{mass}_y" in names:
+            shown = camera.project(position(mass))
+            series[f"{mass}_x"], series[f"{mass}_y"] = shown[..., 0], shown[..., 1]
+            if mass == "heavy":
+                series["heavy_x"] = series["heavy_x"] + camera.heavy_offset_x
+    if "angle" in names:
+        series["angle"] = state.wrap_angle - math.pi + camera.tilt
+    if "angle_rate" in names:
+        # The file's rates are per second of its own clock
+        series["angle_rate"] = state.across_speed / state.free_length * camera.clock_ratio + camera.rate_offset
+    if "height" in names:
+        rise = position(dropped)[..., 1] - height_at_release(p, effects, dropped)
+        series["height"] = camera.scale * rise + camera.origin_y
+    return series
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -264,7 +248,12 @@ class SampleTimes:
     before_release: Mapping[str, int]
     """Channel -> number of its points before the release."""
 
-    def delays(self, name: str, channels: tuple[Channel, ...]) -> Array:
+    @property
+    def duration(self) -> float:
+        """Time limit of a run that is sampled at these times [s]: a millisecond more, lest it end before the last."""
+        return float(self.times[-1]) + 1e-3
+
+    def delays(self, name: str, channels: Sequence[Channel]) -> Array:
         """Return the derivatives of the sample times of all points by a value of `CLOCK`, shape (n,); 0 up to the release."""
         by_channel = {
             c.name: 1.0 if name == "clock_offset" else c.t if name == "clock_ratio" else -_height(c, channels) for c in channels
@@ -272,13 +261,17 @@ class SampleTimes:
         return np.concatenate([np.where(self.index[c.name] > 0, by_channel[c.name], 0.0) for c in channels])
 
 
-# A fit predicts the same channels thousands of times, mostly by the same clock
-@lru_cache(maxsize=64)
-def sample_times(clock_offset: float, clock_ratio: float, readout: float, channels: tuple[Channel, ...]) -> SampleTimes:
-    """Return the times at which a run is sampled for the points of channels by a clock.
+def sample_times(camera: Camera, channels: Sequence[Channel]) -> SampleTimes:
+    """Return the times at which a run is sampled for the points of channels by the clock of a camera.
 
     With a rolling shutter, a point's own time follows from the height at which it was measured, which is known well enough.
     """
+    return _sample_times(camera.clock_offset, camera.clock_ratio, camera.readout, tuple(channels))
+
+
+# A fit predicts the same channels thousands of times, mostly by the same clock
+@lru_cache(maxsize=64)
+def _sample_times(clock_offset: float, clock_ratio: float, readout: float, channels: tuple[Channel, ...]) -> SampleTimes:
     camera = Camera(clock_offset=clock_offset, clock_ratio=clock_ratio)
     channel_times = {c.name: camera.true_time(c.t) - (readout * _height(c, channels) if readout else 0.0) for c in channels}
     # With 0, because heights are measured from the release
@@ -290,34 +283,8 @@ def sample_times(clock_offset: float, clock_ratio: float, readout: float, channe
     )
 
 
-def duration_of(t: Array) -> float:
-    """Return the time limit of a run that is sampled at ascending times: a millisecond more, lest it end before the last."""
-    return float(t[-1]) + 1e-3
-
-
-def _height(channel: Channel, channels: tuple[Channel, ...]) -> Array | float:
+def _height(channel: Channel, channels: Sequence[Channel]) -> Array | float:
     """Return the measured height of the mass at the points of a channel [m], shape (n,); 0 where it was not measured."""
     mass = channel.name.partition("_")[0]
     beside = next((c for c in channels if c.name == f"{mass}_y"), None)
     return 0.0 if beside is None else np.asarray(np.interp(channel.t, beside.t, beside.value))
-
-
-def _series(samples: Samples | SampledRuns, camera: Camera, dropped: str, names: set[str]) -> dict[str, Array]:
-    """Return measured values of each channel at the sampled times."""
-    series: dict[str, Array] = {}
-    for mass, position in (("light", "light_position"), ("heavy", "heavy_position")):
-        if f"{mass}_x" in names or f"{mass}_y" in names:
-            shown = camera.project(getattr(samples, position))
-            series[f"{mass}_x"], series[f"{mass}_y"] = shown[..., 0], shown[..., 1]
-            if mass == "heavy":
-                series["heavy_x"] = series["heavy_x"] + camera.heavy_offset_x
-    if "angle" in names:
-        series["angle"] = samples.state.wrap_angle - math.pi + camera.tilt
-    if "angle_rate" in names:
-        angle_rate = samples.state.across_speed / samples.state.free_length
-        # The file's rates are per second of its own clock
-        series["angle_rate"] = angle_rate * camera.clock_ratio + camera.rate_offset
-    if "height" in names:
-        path = samples.heavy_position if dropped == "heavy" else samples.light_position
-        series["height"] = camera.scale * (path[..., 1] - samples.height_at_release(dropped)) + camera.origin_y
-    return series

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.optimize import nnls
 
 from looping_pendulum.measured.observations import Channel, DataError
 from looping_pendulum.reference_ode.geometry import Array
@@ -53,32 +54,28 @@ class Noise:
         return np.asarray(self.a + self.b * np.abs(speed))
 
 
-def estimate_noise(channels: Sequence[Channel], otherwise: Noise | None = None) -> Noise:
+def estimate_noise(channels: Sequence[Channel]) -> Noise:
     """Estimate the noise law of one body from its tracked points.
 
     Parameters
     ----------
     channels
         Components of its motion, as ``Observations.bodies()`` groups them.
-    otherwise
-        Noise where there are too few points.
 
     Raises
     ------
     DataError
-        If there are too few points, and it is not known otherwise.
+        If there are too few points.
     """
     differences = [_differences(c, ORDER) for c in channels]
     count = sum(len(d) for _, d in differences)
     if count < MIN_DIFFERENCES:
-        if otherwise is not None:
-            return otherwise
         names = ", ".join(c.name for c in channels)
         raise DataError(f"{names}: found {count} runs of {ORDER + 1} points, needed {MIN_DIFFERENCES} to estimate their noise")
     difference = np.concatenate([d for _, d in differences])
     typical_sigma = _robust_standard_deviation(difference)
     speed = np.concatenate([speed_at(channels, t, typical_sigma) for t, _ in differences])
-    a, b = _fit_noise_law(difference, speed, typical_sigma)
+    a, b = fit_noise_law(difference, speed)
     return Noise(a=a, b=b)
 
 
@@ -129,40 +126,32 @@ def _robust_standard_deviation(difference: Array) -> float:
     return max(GAUSSIAN_MAD * float(np.median(np.abs(difference))), MIN_SCALE)
 
 
-def _fit_noise_law(difference: Array, speed: Array, typical_sigma: float) -> tuple[float, float]:
-    """Solve sum (1, v) chi(d / sigma) / sigma = 0 for a, b >= 0; chi(z) is min(z^2, CLIP_SIGMAS^2) less its Gaussian mean."""
-    tail = math.erfc(CLIP_SIGMAS / math.sqrt(2))
-    density = math.exp(-(CLIP_SIGMAS**2) / 2) / math.sqrt(2 * math.pi)
-    mean = 1 - tail - 2 * CLIP_SIGMAS * density + CLIP_SIGMAS**2 * tail
+def fit_noise_law(difference: Array, speed: Array, clip: float = CLIP_SIGMAS) -> tuple[float, float]:
+    """Fit sigma = a + b v with a, b >= 0 to differences that scatter by sigma; return a and b.
+
+    It solves sum (1, v) chi(d / sigma) / sigma = 0, where chi(z) is min(z^2, clip^2) less its Gaussian mean: a smaller clip
+    gives outliers less weight, a larger one estimates better.
+
+    Parameters
+    ----------
+    difference
+        Differences d [unit of the channel], shape (n,).
+    speed
+        Speeds v of the body at these [unit/s], shape (n,).
+    """
+    tail, density = math.erfc(clip / math.sqrt(2)), math.exp(-(clip**2) / 2) / math.sqrt(2 * math.pi)
+    mean = 1 - tail - 2 * clip * density + clip**2 * tail
+    typical_sigma = _robust_standard_deviation(difference)
     a, b = typical_sigma, 0.0
     for _ in range(200):
         sigma = np.maximum(a + b * speed, 1e-3 * typical_sigma)
-        clipped = sigma**2 * np.minimum((difference / sigma) ** 2, CLIP_SIGMAS**2) / mean
+        clipped = np.minimum(difference**2, (clip * sigma) ** 2) / mean
         # Linearised, the estimating equation is a weighted line through (sigma + clipped / sigma) / 2.
         target = 0.5 * (sigma + clipped / sigma)
-        new_a, new_b = weighted_line(speed, target, 1 / sigma**2)
+        (new_a, new_b), _ = nnls(np.stack([1 / sigma, speed / sigma], axis=1), target / sigma)
         # Both in the unit of sigma, b by what it adds at a typical speed
         change = abs(new_a - a) + abs(new_b - b) * float(np.median(speed))
         a, b = new_a, new_b
         if change < 1e-9 * typical_sigma:
             break
-    return a, b
-
-
-def weighted_line(v: Array, y: Array, weight: Array) -> tuple[float, float]:
-    """Fit a weighted line y = a + b v with a, b >= 0."""
-    total = float(weight.sum())
-    flat = max(float(weight @ y) / total, MIN_SCALE)
-    mean_time = float(weight @ v) / total
-    spread = float(weight @ (v - mean_time) ** 2)
-    # Points at one speed do not tell a from b
-    if spread <= 1e-12 * total * (mean_time**2 + MIN_SCALE):
-        return flat, 0.0
-    b = float(weight @ ((v - mean_time) * y)) / spread
-    a = float(weight @ y) / total - b * mean_time
-    # Where the line leaves the allowed values, one coefficient is zero and the other is fitted alone
-    if b < 0:
-        return flat, 0.0
-    if a < 0:
-        return MIN_SCALE, float(weight @ (v * y)) / float(weight @ v**2)
-    return a, b
+    return max(float(a), MIN_SCALE), float(b)

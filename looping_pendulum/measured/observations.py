@@ -13,6 +13,12 @@ import numpy as np
 from looping_pendulum.errors import HarnessError, WayOut, one_line
 from looping_pendulum.reference_ode.geometry import Array
 
+KINDS = ("auto", "positions", "angle", "drop", "events")
+"""Kinds of files; "positions" stands for tracked points of every form, "auto" tells the kind by the names of the columns."""
+PLANES = ("xy", "xz", "yx", "yz", "zx", "zy")
+"""Axes of a table that are horizontal and vertical in the plane of the motion."""
+BOXES = ("centre", "corner")
+"""What x and y of a box are: its middle, or its corner of smallest x and y, from which width and height count."""
 UNITS = MappingProxyType(
     {"light_x": "m", "light_y": "m", "heavy_x": "m", "heavy_y": "m", "angle": "rad", "angle_rate": "rad/s", "height": "m"}
 )
@@ -54,11 +60,13 @@ class ImplausibleLengthError(DataError):
 
 
 @dataclass(frozen=True, kw_only=True)
-class UnusedValues:
-    """How many values of a file were not used, and why."""
+class Edit:
+    """One way in which observations differ from what the file says: values left out or moved, or what was assumed."""
 
-    count: int
     reason: str
+    """What was done and why, in words."""
+    count: int = 0
+    """Number of values that were left out; 0: none, their times or meaning changed."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -164,6 +172,11 @@ class ReadingNotes:
     length_unit: str = ""
     """Unit of length that the file names itself; '' if it names none."""
 
+    def edits(self) -> tuple[Edit, ...]:
+        """Return what was left out, and what was assumed."""
+        left_out = (Edit(reason=reason, count=count) for reason, count in self.unused.items() if count)
+        return (*left_out, *(Edit(reason=assumption) for assumption in dict.fromkeys(self.assumptions)))
+
 
 @dataclass(frozen=True, kw_only=True)
 class EventObservation:
@@ -190,10 +203,8 @@ class Observations:
     """Path that it was read from; several are joined by ' + '."""
     channels: tuple[Channel, ...] = ()
     events: tuple[EventObservation, ...] = ()
-    unused: tuple[UnusedValues, ...] = ()
-    """Values that were left out, and why."""
-    assumptions: tuple[str, ...] = ()
-    """What the reader assumed because the file does not say it, and what it put right."""
+    edits: tuple[Edit, ...] = ()
+    """All that was done to what the file says, in its order."""
     camera_errors: Mapping[str, float] = field(default_factory=dict)
     """Parameter of the camera -> standard error that it has by what was put right in reading [SI]."""
     light_radius: tuple[float, float] | None = None
@@ -202,6 +213,16 @@ class Observations:
     """Mass -> name of its track in the file."""
     length_unit: str = ""
     """Unit of length that the first file names itself; '' if it names none."""
+
+    @property
+    def unused(self) -> tuple[Edit, ...]:
+        """Return the edits that left values out."""
+        return tuple(e for e in self.edits if e.count)
+
+    @property
+    def assumptions(self) -> tuple[str, ...]:
+        """Return what was assumed because the file does not say it, and what was put right."""
+        return tuple(e.reason for e in self.edits if not e.count)
 
     @property
     def used(self) -> int:
@@ -257,8 +278,10 @@ def merge(name: str, parts: tuple[Observations, ...]) -> Observations:
         file=" + ".join(dict.fromkeys(p.file for p in parts)),
         channels=tuple(c for c, _ in channels.values()),
         events=tuple(e for p in parts for e in p.events),
-        unused=tuple(u for p in parts for u in p.unused),
-        assumptions=tuple(dict.fromkeys(a for p in parts for a in p.assumptions)),
+        edits=(
+            *(e for p in parts for e in p.unused),
+            *dict.fromkeys(e for p in parts for e in p.edits if not e.count),  # several files of one form say the same
+        ),
         camera_errors={name: sigma for p in parts for name, sigma in p.camera_errors.items()},
         light_radius=next((p.light_radius for p in parts if p.light_radius is not None), None),
         tracks={mass: track for p in parts for mass, track in p.tracks.items()},
@@ -314,8 +337,8 @@ def rates_from_release(observations: Observations, small_swing_period: float, re
     speed = np.abs(rates.value)
     first = int(np.argmax(speed > MAX_RATE_AT_REST * speed.max()))
     if rates.t[first] - rates.t[0] >= MIN_REST * small_swing_period:
-        at_rest = UnusedValues(count=first, reason="angle_rate: at rest, before the release")
+        at_rest = Edit(count=first, reason="angle_rate: at rest, before the release")
         rates = replace(rates, t=rates.t[first:], value=rates.value[first:])
-        observations = replace(observations, channels=(rates,), unused=(*observations.unused, at_rest))
+        observations = replace(observations, channels=(rates,), edits=(*observations.edits, at_rest))
     first_swing = rates.value[np.argmax(np.abs(rates.value) > speed.max() / 2)]
     return mirrored(observations) if release_angle is not None and first_swing * math.sin(release_angle) < 0 else observations

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import AfterValidator, Field, ValidationInfo, model_validator
+from pydantic.dataclasses import dataclass
 
 from looping_pendulum.measured.camera import CAMERA
 from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.measured.observations import (
+    BOXES,
+    KINDS,
+    PLANES,
     DataError,
     Observations,
     merge,
@@ -22,17 +27,38 @@ from looping_pendulum.measured.observations import (
     rates_from_release,
     with_event_errors,
 )
+from looping_pendulum.measured.study_file import (
+    CAMERA_ERRORS,
+    EVENT_ERRORS,
+    FILES,
+    MEASURED_APPARATUS,
+    MEASURED_IN_TRIAL,
+    RELEASE,
+    RELEASE_OF_TRIAL,
+    UNITS,
+    DeclaredEffects,
+    low_and_high,
+)
+
+# `as` exports it once more, as a part of a study
+from looping_pendulum.measured.study_file import Estimate as Estimate
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Coefficient, Effect
-from looping_pendulum.reference_ode.effects.own import OwnEffect
 from looping_pendulum.reference_ode.parameters import Parameters, Release, effect_tables, is_possible
+from looping_pendulum.scenarios.fields import (
+    FILE_CONFIG,
+    Flag,
+    QuantityField,
+    Text,
+    gathered,
+    in_brackets,
+    in_no_file,
+    one_of,
+)
+from looping_pendulum.scenarios.own_effects import KEY_IN_STUDY, OwnEffects
 from looping_pendulum.scenarios.quantities import APPARATUS, QUANTITIES
+from looping_pendulum.scenarios.units import QuantityKind
 
-if TYPE_CHECKING:
-    from looping_pendulum.processes import ReportShare
-
-RELEASE = ("release_angle", "free_length", "hanging_length", "push_across")
-"""Parameters of a release; a study gives the speed of a push with them, not under ``effects``."""
 FREE_SCALE = 1 / 3
 """Scale of a parameter that was not measured, relative to its initial value."""
 PLACEHOLDERS = MappingProxyType(
@@ -51,102 +77,111 @@ REQUIRED = MappingProxyType(
 
 The angle of a held pendulum follows from its first points, if it is not stated.
 """
-_EFFECT_OF = MappingProxyType({c.name: effect for effect in effect_library.EFFECTS.values() for c in effect.coefficients})
-"""Coefficient -> its effect."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Estimate:
-    """Measured value of one parameter with its standard error, or an initial value if nothing is known."""
-
-    value: float
-    """Measured value, or initial value of a free parameter [SI]."""
-    sigma: float | None = None
-    """Standard error [SI]; None: the value is exact, or free."""
-    free: bool = False
-    """Whether nothing is known of the parameter, so that only the fit determines it."""
-
-    @property
-    def uncertain(self) -> bool:
-        """Return whether a fit may change the value."""
-        return self.free or self.sigma is not None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Trial:
-    """One trial: its files, its release and its camera."""
-
-    name: str
-    files: tuple[tuple[str, Mapping[str, str]], ...]
-    """Path from the study's folder, and mass -> name of its track in that file (an empty name: the only track)."""
-    events: str | None = None
-    """Path of a table of events beside the files; a table that stands alone is one of `files`."""
-    kind: str = "auto"
-    """Kind of the files, one of `readers.KINDS`."""
-    frame_rate: float | None = None
-    """True frame rate [Hz]."""
-    clip_rate: float | None = None
-    """Frame rate that the file's times were computed with [Hz]."""
-    units: Mapping[str, str] = field(default_factory=dict)
-    """Units of columns whose header names none, by "length", "time" and "angle"."""
-    run: str | None = None
-    """Number of the run or drop, if the file has several."""
-    dropped: str = "heavy"
-    """Mass that a channel "height" shows."""
-    mirrored: bool = False
-    """Whether the camera stood on the other side, where the light mass is seen to loop the other way."""
-    held_out: bool = False
-    """Whether the trial is kept from all fits, to judge them by."""
-    in_mid_swing: bool = False
-    """Whether the motion begins at the first tracked point, in mid-swing (`record_start`); the data decide, not the study."""
-    release: Release = Release.LOOPING
-    estimates: Mapping[str, Estimate] = field(default_factory=dict)
-    """Parameter -> measured value in this trial: of the release, and of parts that differ from the apparatus."""
-    camera: Mapping[str, Estimate] = field(default_factory=dict)
-    """Camera parameter -> estimate that replaces the usual prior."""
-    event_errors: Mapping[str, float] = field(default_factory=dict)
-    """SI unit -> standard error of the events of that unit [SI]."""
-
-
 EARTH_GRAVITY = (9.764, 9.834)
 """Smallest and largest acceleration of free fall on the Earth's surface [m/s^2].
 
 On Huascaran and on the Arctic Ocean (Hirt et al., Geophys. Res. Lett. 40 (2013) 4279).
 """
+_RATE = QuantityField(QUANTITIES["frame_rate"].kind)
+_LOW_AND_HIGH = {
+    "release_angle": low_and_high(QUANTITIES["release_angle"].kind, "[60 deg, 130 deg]"),
+    "mass_ratio": low_and_high(QUANTITIES["mass_ratio"].kind, "[2, 10]"),
+    "gravity": low_and_high(QuantityKind(unit="m/s**2", low=0.0), "[1.61 m/s^2, 1.64 m/s^2]"),
+}
 
 
-@dataclass(frozen=True, kw_only=True)
+def _name(name: str, info: ValidationInfo) -> str:
+    """Return the name of a trial, by default that of its file."""
+    return name or Path(info.data["files"][0][0]).stem if "files" in info.data else name
+
+
+# The text under a field describes it in the program, in docs/keys.md and in an editor; in the program all values are in SI. A
+# field whose alias is in brackets is several keys of a file, which its type describes, or none.
+@dataclass(frozen=True, kw_only=True, config=FILE_CONFIG)
+class Trial:
+    """A trial: its file of tracked points or measured events, its release and its camera."""
+
+    files: Annotated[tuple[tuple[str, Mapping[str, str]], ...], FILES, in_brackets("files")]
+    """Path from the study's folder, and mass -> name of its track in that file (an empty name: the only track)."""
+    name: Annotated[Text, AfterValidator(_name), Field(validate_default=True)] = ""
+    """Name in reports; that of the file if not given."""
+    events: Text | None = None
+    """Table of measured events beside the tracked points; one that stands alone is the trial's file."""
+    kind: Annotated[str, one_of(*KINDS)] = "auto"
+    """What the file holds; auto: as its header says."""
+    frame_rate: Annotated[float, _RATE] | None = None
+    """True frame rate of the camera; the file's times then only count frames."""
+    clip_rate: Annotated[float, _RATE] | None = None
+    """Frame rate by which the file's times were computed, for slow motion; not given: one row is one frame."""
+    units: Annotated[Mapping[str, str], UNITS] = field(default_factory=dict)
+    """Units of the columns whose header has none."""
+    plane: Annotated[str, one_of(*PLANES)] | None = None
+    """Axes of a table in space that are to the right and up in the plane of the motion; x and y if not given."""
+    box: Annotated[str, one_of(*BOXES)] | None = None
+    """What x and y of a table of boxes are: the middle of each, or its corner of smallest x and y."""
+    run: Text | None = None
+    """Number of the run or drop, in a file of several."""
+    dropped: Annotated[str, one_of("light", "heavy")] = "heavy"
+    """Mass whose height the file has, or that a drop lets fall."""
+    mirrored: Flag = False
+    """Whether the light mass starts on the right: the camera stood on the other side."""
+    held_out: Flag = False
+    """Whether the error before and after is judged on the trial, by fits to the others alone."""
+    in_mid_swing: Annotated[bool, in_no_file("in_mid_swing")] = False
+    """Whether the motion begins at the first tracked point, in mid-swing (`edits.with_free_start`); the data decide."""
+    release: Annotated[Release, RELEASE_OF_TRIAL, in_brackets("release")] = Release.LOOPING
+    """Kind of release."""
+    estimates: Annotated[Mapping[str, Estimate], MEASURED_IN_TRIAL, in_brackets("estimates")] = field(default_factory=dict)
+    """Parameter -> measured value in this trial: of the release, and of parts that differ from the apparatus."""
+    camera: Annotated[Mapping[str, Estimate], CAMERA_ERRORS] = field(default_factory=dict)
+    """Errors of the camera, with what is known of each; it replaces the usual prior."""
+    event_errors: Annotated[Mapping[str, float], EVENT_ERRORS] = field(default_factory=dict)
+    """Standard errors of events, for tables that do not print them."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _gather(cls, keys: Any) -> Any:
+        """Put the keys of a file together that make up one field."""
+        places = {"<files>": FILES.keys, "<release>": ("release",), "<estimates>": MEASURED_IN_TRIAL.keys}
+        return gathered(keys, places)
+
+
+@dataclass(frozen=True, kw_only=True, config=FILE_CONFIG)
 class ExperimentLimits:
-    """Limits of trials that the experimenter could do next; None: no limit."""
+    """Limits of the trials that could be done next, for the proposal of the next experiment."""
 
-    release_angle: tuple[float, float] | None = None
-    """Smallest and largest release angle [rad]."""
-    mass_ratio: tuple[float, float] | None = None
+    release_angle: Annotated[tuple[float, float], _LOW_AND_HIGH["release_angle"]] | None = None
+    """Smallest and largest angle of release."""
+    mass_ratio: Annotated[tuple[float, float], _LOW_AND_HIGH["mass_ratio"]] | None = None
     """Smallest and largest ratio M2/M1."""
-    releases: tuple[Release, ...] = tuple(Release)
-    """Kinds of release that are possible."""
+    releases: Annotated[tuple[Annotated[Release, one_of(*Release)], ...], Field(min_length=1)] = tuple(Release)
+    """Kinds of release that are possible; all if not given."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, config=FILE_CONFIG)
 class Study:
-    """Trials of one apparatus, with the measured values and effects that are declared for it."""
+    """Trials of one apparatus, and the effects that are declared to act in them."""
 
-    name: str
-    title: str
-    folder: Path = field(compare=False)
+    name: Annotated[str, in_no_file("name")]
+    """Name of the file, without its ending."""
+    title: Text
+    """A few words."""
+    folder: Annotated[Path, in_no_file("folder")] = field(compare=False)
     """Folder that the trials' paths are relative to."""
-    apparatus: Mapping[str, Estimate]
-    """Parameter of the apparatus -> its measured value."""
-    effects: Mapping[str, Estimate]
-    """Coefficient of a declared effect -> its value."""
-    own_effects: tuple[OwnEffect, ...] = ()
-    """Effects that the library lacks; candidates, as those of the library are, unless `effects` declares them."""
-    fit: tuple[str, ...] | None = None
-    """Parameters and coefficients that may be fitted; None: all that are free or have a standard error."""
-    trials: tuple[Trial, ...]
-    limits: ExperimentLimits = ExperimentLimits()
-    gravity_range: tuple[float, float] = EARTH_GRAVITY
-    """Smallest and largest acceleration of free fall that there may be where the trials were made [m/s^2]."""
+    apparatus: Annotated[Mapping[str, Estimate], MEASURED_APPARATUS] = field(default_factory=dict)
+    """The apparatus, as measured for all trials; a trial may give another value."""
+    own_effects: Annotated[OwnEffects, Field(validation_alias=KEY_IN_STUDY, serialization_alias=KEY_IN_STUDY)] = ()
+    """Effects that the library lacks, each with its formula: candidates, unless `effects` declares them."""
+    effects: Annotated[Mapping[str, Estimate], DeclaredEffects()] = field(default_factory=dict)
+    """Effects that are declared to act: each coefficient, by the name that `identify` gives it, with its value."""
+    fit: Annotated[tuple[Text, ...], Field(min_length=1)] | None = None
+    """Names of what a fit may change; if not given, all that is free or has a standard error."""
+    trials: Annotated[tuple[Trial, ...], Field(min_length=1)]
+    """The trials; at least one is not held out."""
+    limits: ExperimentLimits = field(default_factory=ExperimentLimits)
+    """Limits of the trials that could be done next, for the proposal of the next experiment."""
+    gravity_range: Annotated[tuple[float, float], _LOW_AND_HIGH["gravity"]] = EARTH_GRAVITY
+    """Acceleration of free fall that there may be where the trials were made; that on Earth if not given."""
 
     def trial(self, name: str) -> Trial:
         """Return the trial of that name."""
@@ -208,14 +243,14 @@ class Study:
     def _names(self) -> dict[str, dict[str, str]]:
         """Trial -> parameter that a fit may change in it -> name of the `FreeParameter`."""
         names: dict[str, dict[str, str]] = {}
-        brought = {c.name: e for e in self.known_effects if e not in effect_library.LIBRARY for c in e.coefficients}
+        effect_of = {c.name: effect for effect in self.known_effects for c in effect.coefficients}
         owners: dict[tuple[str, Estimate], str] = {}
         # The training trials first, so that a parameter that both share is named after one of these
         for trial in (*self.training, *self.held_out):
             names[trial.name] = {}
             for parameter in (*self.effects, *APPARATUS, *RELEASE):
                 known = self.estimate(parameter, trial)
-                acts = _effect_acts_in(brought[parameter], trial) if parameter in brought else _acts_in(parameter, trial)
+                acts = _acts_in(parameter, effect_of.get(parameter), trial)
                 if known is None or not self._is_fitted(parameter, known, trial) or not acts:
                     continue
                 name = parameter
@@ -232,10 +267,6 @@ class Study:
             return known.uncertain
         return parameter in self.fit
 
-    def changes_of_model(self, changes: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return the parameters of the model, numbers or arrays, that a fit changes by these changes of its parameters."""
-        return changes
-
     def parameters(self, values: Mapping[str, float], trial: Trial) -> Parameters:
         """Return the reference's parameters for a trial.
 
@@ -250,11 +281,7 @@ class Study:
         ParameterError
             If they are impossible together.
         """
-        here = {
-            n.parameter: values[n.name]
-            for n in self.free_parameters((*self.trials,))
-            if trial.name in n.trials and n.name in values
-        }
+        here = {parameter: values[name] for parameter, name in self._names.get(trial.name, {}).items() if name in values}
         fields: dict[str, Any] = {"release": trial.release}
         coefficients = {}
         for name in (*APPARATUS, *RELEASE, *self.coefficients):
@@ -308,13 +335,18 @@ def can_act(effect: Effect, release: Release) -> bool:
     return is_possible(effect, release) and not (release is Release.HELD and hidden)
 
 
-def _acts_in(parameter: str, trial: Trial) -> bool:
-    """Return whether a parameter influences the motion or the measurement of a trial."""
+def _acts_in(parameter: str, effect: Effect | None, trial: Trial) -> bool:
+    """Return whether a parameter, of an effect if it is a coefficient, influences the motion or the measurement of a trial."""
+    if effect is not None and effect not in effect_library.LIBRARY:
+        on_light = effect.force_on_light_mass is not None or effect.inertia_of_light_mass is not None
+        on_heavy = effect.force_on_heavy_mass is not None or effect.inertia_of_heavy_mass is not None
+        if trial.release is Release.DROP:
+            return not effect.needs_string and (on_light if trial.dropped == "light" else on_heavy)
+        return on_light or trial.release is not Release.HELD
     if trial.release is Release.DROP:
         other = "light" if trial.dropped == "heavy" else "heavy"
         if parameter.startswith((other, "rod", "string", "kinetic", "static", "release", "free_length", "hanging")):
             return False
-    effect = _EFFECT_OF.get(parameter)
     if effect is not None:
         return can_act(effect, trial.release)
     if trial.release is Release.HELD:
@@ -322,37 +354,26 @@ def _acts_in(parameter: str, trial: Trial) -> bool:
     return not (trial.release is Release.VERTICAL and parameter == "release_angle")
 
 
-def _effect_acts_in(effect: Effect, trial: Trial) -> bool:
-    """Return whether an effect that is not of the library influences the motion of a trial."""
-    on_light = effect.force_on_light_mass is not None or effect.inertia_of_light_mass is not None
-    on_heavy = effect.force_on_heavy_mass is not None or effect.inertia_of_heavy_mass is not None
-    if trial.release is Release.DROP:
-        return not effect.needs_string and (on_light if trial.dropped == "light" else on_heavy)
-    return on_light or trial.release is not Release.HELD
-
-
-def read_files(
-    folder: Path, trial: Trial, rod_radius: float | None = None, progress: ReportShare | None = None
-) -> Observations:
-    """Read a trial's files, whose paths are relative to ``folder``; a film needs the rod's radius [m].
+def read_files(folder: Path, trial: Trial, rod_radius: Estimate | None = None) -> Observations:
+    """Read a trial's files, whose paths are relative to ``folder``; of a film, the points that tracking left beside it.
 
     Parameters
     ----------
-    progress
-        Called while a film is tracked, which takes some seconds.
+    rod_radius
+        As a film needs to have been tracked with it.
 
     Raises
     ------
     DataError
         If a file cannot be used.
     """
-    from looping_pendulum.film.decode import is_film
+    from looping_pendulum.measured.film import is_film
     from looping_pendulum.measured.film_points import read_film
-    from looping_pendulum.measured.readers import read  # imports units, which takes a while and which fits do not need
+    from looping_pendulum.measured.tables.readers import read  # imports much that fits do not need
 
     has_film = any(is_film(path) for path, _ in trial.files)
     parts = tuple(
-        read_film(folder / path, _stated_of_film(trial, rod_radius), trial.name, progress)
+        read_film(folder / path, stated_of_film(trial, rod_radius), trial.name)
         if is_film(path)
         else read(
             folder / path,
@@ -361,6 +382,8 @@ def read_files(
             tracks=tracks or None,
             kind=trial.kind,
             units=trial.units,
+            plane=trial.plane,
+            box=trial.box,
             run=trial.run,
             name=trial.name,
             starts_at_release="clock_offset" not in trial.camera and trial.events is None,
@@ -414,13 +437,14 @@ def _rows(observations: Observations) -> set[tuple[object, ...]]:
     return rows
 
 
-def _stated_of_film(trial: Trial, rod_radius: float | None) -> dict[str, float]:
+def stated_of_film(trial: Trial, rod_radius: Estimate | None) -> dict[str, float]:
     """Return what a study states of a film: fields of `TrackSettings` and their values [SI]."""
     length = trial.estimates.get("free_length")
     stated = {
         "free_length": None if length is None else length.value,
         "free_length_error": None if length is None else length.sigma,
-        "rod_radius": rod_radius,
+        "rod_radius": None if rod_radius is None else rod_radius.value,
+        "rod_radius_error": None if rod_radius is None else rod_radius.sigma,
         "frame_rate": trial.frame_rate,
     }
     return {name: value for name, value in stated.items() if value is not None}

@@ -1,65 +1,75 @@
-"""Schema of a study file, as pydantic models, and the messages for faulty files."""
+"""What the keys of a study file take: measured values with their errors, declared effects, the files of a trial."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
-from typing import Annotated, Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
-from pydantic import (
-    Field,
-    GetCoreSchemaHandler,
-    PlainValidator,
-    ValidationError,
-    ValidationInfo,
-    WithJsonSchema,
-)
+from pydantic import ValidationInfo
 from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema, ErrorDetails, PydanticCustomError, core_schema
 
 from looping_pendulum.measured.camera import CAMERA
-from looping_pendulum.measured.readers import KINDS
-from looping_pendulum.measured.study import EARTH_GRAVITY, RELEASE, Estimate
 from looping_pendulum.reference_ode import effects as effect_library
-from looping_pendulum.reference_ode.effects import Coefficient
-from looping_pendulum.reference_ode.effects.own import OwnEffect, effect_of
-from looping_pendulum.reference_ode.parameters import Release
-from looping_pendulum.scenarios import own_effects as own_effects_of_file
-from looping_pendulum.scenarios.document import Document, Path, quote
+from looping_pendulum.reference_ode.effects import Coefficient, Effect, EffectKind
+from looping_pendulum.reference_ode.effects.own import effect_of
+from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.fields import (
     NUMBER_PATTERN,
     QUANTITY_TEXT,
+    TEXT,
     FieldType,
-    Flag,
-    Group,
+    Key,
+    KeyGroup,
     QuantityField,
-    Text,
-    first_error,
+    SimpleField,
     input_error,
-    keys_below,
-    made_group,
-    model_schema,
-    one_of,
     suggest,
 )
-from looping_pendulum.scenarios.own_effects import KEY, KEY_IN_STUDY, OwnEffects
-from looping_pendulum.scenarios.quantities import APPARATUS, QUANTITIES, Quantity, group_of, quantity_kind
+from looping_pendulum.scenarios.quantities import APPARATUS, QUANTITIES, quantity_kind
+from looping_pendulum.scenarios.schema import with_kind
 from looping_pendulum.scenarios.units import QuantityKind, UnitError, show, to_si
 
+RELEASE = ("release_angle", "free_length", "hanging_length", "push_across")
+"""Parameters of a release; a study gives the speed of a push with them, not under ``effects``."""
+PLACES = {n: QUANTITIES[n].key for n in (*APPARATUS, *RELEASE)} | {"push_across": "release.speed"}
+"""Measured parameter -> its key, in the apparatus or in a trial: "rod_radius" -> "rod.radius"."""
 MAX_RELATIVE_ERROR = 1000
 """Largest standard error of a value of a range without an end, in units of the value."""
+WRONG = "wrong_"
+"""Beginning of the name by which `identify` calls a declared value that is wrong."""
 _PLUS_MINUS = re.compile(r"\+/-|\+-|±")
 
 
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """Measured value of one parameter with its standard error, or an initial value if nothing is known."""
+
+    value: float
+    """Measured value, or initial value of a free parameter [SI]."""
+    sigma: float | None = None
+    """Standard error [SI]; None: the value is exact, or free."""
+    free: bool = False
+    """Whether nothing is known of the parameter, so that only the fit determines it."""
+
+    @property
+    def uncertain(self) -> bool:
+        """Return whether a fit may change the value."""
+        return self.free or self.sigma is not None
+
+
 class MeasuredField(QuantityField):
-    """Pydantic field of a quantity with its standard error."""
+    """A quantity with its standard error: an `Estimate` in the program."""
 
     def __init__(self, kind: QuantityKind, start: float | None = None) -> None:
         super().__init__(kind)
         self.start = start
+        """Initial value [SI] of one that is "free"; None: it has to be given."""
 
-    def estimate(self, raw: object) -> Estimate:
+    def read(self, raw: object, /) -> Estimate:
         """Return value and standard error [SI] of an entry of the file."""
         text = raw.strip() if isinstance(raw, str) else ""
         if text == "free" or text.startswith("free from "):
@@ -71,8 +81,15 @@ class MeasuredField(QuantityField):
         parts = [part + unit for part in parts]  # in "(65 +/- 1) cm" the unit belongs to both
         if len(parts) > 2:
             raise input_error(f"expected one '+/-', got {quote(raw)}; write for example '{self.way_out}'")
-        value = self.read(parts[0] if isinstance(raw, str) else raw)
+        value = super().read(parts[0] if isinstance(raw, str) else raw)
         return Estimate(value=value, sigma=self._error(parts[1], value, parts[0]) if len(parts) == 2 else None)
+
+    def write(self, value: Any, /) -> str:
+        """Write an estimate as a study file has it."""
+        text = show(value.value, self.kind.unit)
+        if value.free:
+            return f"free from {text}"
+        return text if value.sigma is None else f"{text} +/- {show(value.sigma, self.kind.unit)}"
 
     @property
     def way_out(self) -> str:
@@ -81,7 +98,7 @@ class MeasuredField(QuantityField):
 
     def _free(self, text: str) -> Estimate:
         if text != "free":
-            return Estimate(value=self.read(text.removeprefix("free from ")), free=True)
+            return Estimate(value=super().read(text.removeprefix("free from ")), free=True)
         if self.start is None:
             raise input_error(
                 f"found 'free' without a start, needed one; write for example 'free from {self.kind.example_text}'"
@@ -110,9 +127,6 @@ class MeasuredField(QuantityField):
             raise input_error(f"{message}; if nothing is known of the value, write 'free from {value_text}'")
         return sigma
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return core_schema.no_info_plain_validator_function(self.estimate)
-
     @property
     def json_schema(self) -> JsonSchemaValue:
         """Return the JSON Schema of such a value."""
@@ -131,25 +145,7 @@ def _split(text: str) -> list[str]:
     return [part.strip() for part in _PLUS_MINUS.split(text)]
 
 
-def text_by_key(expected: str, keys: Mapping[str, str]) -> FieldType:
-    """Return the type of a mapping from known keys to text; ``keys`` has the meaning of each."""
-
-    def read(raw: object) -> dict[str, str]:
-        example = f"'{{{next(iter(keys))}: ...}}'"
-        if not isinstance(raw, dict) or not raw:
-            raise input_error(f"expected {expected}, got {quote(raw)}; write for example {example}")
-        for key, value in raw.items():
-            if key not in keys:
-                raise input_error(f"found an unknown key, needed one of: {', '.join(keys)}{suggest(key, keys)}", key)
-            if not isinstance(value, str):
-                raise input_error(f"expected text, got {quote(value)}; write for example {example}", key)
-        return dict(raw)
-
-    properties = {key: {"type": "string", "description": meaning} for key, meaning in keys.items()}
-    return FieldType(read=read, json_schema={"minProperties": 1} | _group_schema(properties))
-
-
-def low_and_high(kind: QuantityKind, example: str) -> FieldType:
+def low_and_high(kind: QuantityKind, example: str) -> SimpleField:
     """Return the type of a pair of a lowest and a highest value."""
 
     def read(raw: object) -> tuple[float, float]:
@@ -162,271 +158,224 @@ def low_and_high(kind: QuantityKind, example: str) -> FieldType:
 
     words = f"the lowest and the highest value, each {kind.requirement}"
     schema = {"type": "array", "minItems": 2, "maxItems": 2, "examples": [example], QUANTITY_TEXT: words}
-    return FieldType(read=read, json_schema=schema)
+    return SimpleField(read, schema, write=lambda pair: [QuantityField(kind).write(each) for each in pair])
 
 
-def _group_schema(properties: JsonSchemaValue, *, further: bool = False) -> JsonSchemaValue:
-    """Return the JSON Schema of a group of keys; ``further`` allows keys of any other name."""
-    return {"type": "object", "properties": properties, "additionalProperties": {} if further else False}
+def _by_parameter(groups: Mapping[str, Mapping[str, Any]]) -> dict[str, Estimate]:
+    """Return parameter -> estimate of groups of measured values."""
+    split = {name: place.split(".") for name, place in PLACES.items()}
+    return {name: groups[group][key] for name, (group, key) in split.items() if key in groups.get(group, ())}
 
 
-def _coefficient_field(c: Coefficient) -> MeasuredField:
-    known = QUANTITIES.get(c.name)
-    return MeasuredField(quantity_kind(c), c.default if known is None or known.free_start is None else known.free_start)
+def _by_place(estimates: Mapping[str, Estimate]) -> dict[str, dict[str, Estimate]]:
+    """Return the groups of measured values; the inverse of `_by_parameter`."""
+    groups: dict[str, dict[str, Estimate]] = {}
+    for name, estimate in estimates.items():
+        group, _, key = PLACES[name].partition(".")
+        groups.setdefault(group, {})[key] = estimate
+    return groups
 
 
-_CAMERA_FIELDS = {c.name: MeasuredField(quantity_kind(c, example=show(c.null, c.unit)), c.null) for c in CAMERA.values()}
-
-
-def _estimates(group: Mapping[str, object], known: Mapping[str, MeasuredField], place: str) -> dict[str, Estimate]:
-    """Return coefficient -> estimate of a group of the file; ``place`` has "{}" where its key stands in that of an error."""
-    values = {}
-    for name, each in group.items():
-        key = place.format(name)
-        if name not in known:
-            raise input_error(f"found an unknown key, needed one of: {', '.join(known)}{suggest(name, known)}", key)
-        try:
-            values[name] = known[name].estimate(each)
-        except PydanticCustomError as error:
-            raise input_error(str(error), key) from None
+def _in_trial(groups: Mapping[str, Mapping[str, Any]]) -> dict[str, Estimate]:
+    """Return parameter -> estimate of a trial's groups, beside which its release is."""
+    values, release = _by_parameter(groups), groups.get("release", {}).get("kind", Release.LOOPING)
+    if release is Release.VERTICAL and "release_angle" in values:
+        message = "found an angle, needed none: a vertical release hangs at 180 deg; leave it out"
+        raise input_error(message, "release", "angle")
+    if release in (Release.LOOPING, Release.VERTICAL) and "hanging_length" not in values:
+        # It does not influence the motion: it only shifts the measured height of the heavy mass
+        values["hanging_length"] = Estimate(value=Parameters.hanging_length, free=True)
     return values
 
 
-def _effects(raw: object, info: ValidationInfo) -> dict[str, Estimate]:
-    """Return coefficient -> estimate of every declared effect; the context gives the file's own effects."""
-    library = effect_library.EFFECTS | {own.name: effect_of(own) for own in info.context or ()}
-    if not isinstance(raw, dict):
-        raise input_error(f"expected effects with their values, got {quote(raw)}; write for example 'light_drag: free'")
-    values: dict[str, Estimate] = {}
-    for effect, content in raw.items():
-        if effect not in library:
-            near = suggest(effect, library)
-            raise input_error(f"found an unknown effect, needed one of: {', '.join(library)}{near}", effect)
-        known = {c.name: _coefficient_field(c) for c in library[effect].coefficients}
-        if isinstance(content, dict):
-            values |= _estimates(content, known, effect + ".{}")
-        else:
-            # A single value is that of the effect's first coefficient, which switches it on
-            values |= _estimates({next(iter(known)): content}, known, effect)
-    return values
+def _measured_group(name: str, description: str) -> KeyGroup:
+    """Return the type of a group of measured quantities, by its name in a file."""
+    keys = {place.partition(".")[2]: QUANTITIES[q] for q, place in PLACES.items() if place.partition(".")[0] == name}
+    speed = "Speed of the light mass across the string as the motion begins, positive the way it loops; at rest if not given."
+    known = {
+        key: Key(MeasuredField(q.kind), speed if key == "speed" else q.description(in_study=True)) for key, q in keys.items()
+    }
+    return KeyGroup(keys=known, description=description)
 
 
-def _camera(raw: object) -> dict[str, Estimate]:
-    """Return coefficient -> estimate of every declared error of a camera, which replaces its usual prior."""
-    if not isinstance(raw, dict):
-        raise input_error(f"expected a group of keys ({', '.join(CAMERA)}), got {quote(raw)}; write them indented below it")
-    return _estimates(raw, _CAMERA_FIELDS, "{}")
+_LIGHT = _measured_group("light", "The light mass, which whips round the rod.")
+_HEAVY = _measured_group("heavy", "The heavy mass, which falls and is caught.")
+_ROD = _measured_group("rod", "The rod.")
+_RELEASE = with_kind(_measured_group("release", "How the masses were let go."))
+MEASURED_APPARATUS = KeyGroup(
+    keys={"light": Key(_LIGHT), "heavy": Key(_HEAVY), "rod": Key(_ROD)},
+    from_keys=_by_parameter,
+    to_keys=_by_place,
+)
+"""Measured parameters of the apparatus: groups of keys in a file, parameter -> estimate in the program."""
+MEASURED_IN_TRIAL = KeyGroup(
+    keys={"light": Key(_LIGHT), "heavy": Key(_HEAVY), "release": Key(_RELEASE)},
+    from_keys=_in_trial,
+    to_keys=_by_place,
+)
+"""The same of a trial."""
 
 
-def _effects_schema() -> JsonSchemaValue:
-    """Return the JSON Schema of the declared effects; those that a file defines itself may be declared, too."""
-    properties: JsonSchemaValue = {}
-    for effect in effect_library.EFFECTS.values():
-        values = {c.name: _coefficient_field(c).json_schema | {"description": c.meaning} for c in effect.coefficients}
-        properties[effect.name] = {"anyOf": [next(iter(values.values())), _group_schema(values)]}
-    return _group_schema(properties, further=True)
+def _release(raw: Any) -> Release:
+    """Return the kind of a release; a faulty one is refused where its group is read."""
+    group = raw.get("release", {})
+    kind = group.get("kind") if isinstance(group, dict) else None
+    return Release(kind) if kind in tuple(Release) else Release.LOOPING
 
 
-Effects = Annotated[
-    dict[str, Estimate],
-    PlainValidator(_effects, json_schema_input_type=Annotated[Any, WithJsonSchema(_effects_schema())]),
-]
-"""Field type of the declared effects: coefficient -> estimate."""
-Camera = Annotated[
-    dict[str, Estimate],
-    FieldType(
-        read=_camera,
-        json_schema=_group_schema({n: f.json_schema | {"description": CAMERA[n].meaning} for n, f in _CAMERA_FIELDS.items()}),
-    ),
-]
-"""Field type of the declared errors of a camera: coefficient -> estimate."""
+RELEASE_OF_TRIAL = SimpleField(_release, {}, write=lambda release: {"release": {"kind": str(release)}})
+"""Kind of a release, whose schema is that of its group in `MEASURED_IN_TRIAL`."""
 
 
-_RELEASES = tuple(r.value for r in Release)
-_RATE = QuantityField(QUANTITIES["frame_rate"].kind)
-_TIME_ERROR = QuantityField(QuantityKind(unit="s", low=0.0, exclusive_low=True, example="8 ms"))
-_LENGTH_ERROR = QuantityField(QuantityKind(unit="m", low=0.0, exclusive_low=True, example="1 cm"))
-_ANGLE_ERROR = QuantityField(QuantityKind(unit="rad", low=0.0, exclusive_low=True, example="2 deg"))
+class DeclaredEffects(FieldType):
+    """Declared effects: coefficient -> estimate in the program. A file may name effects that it defines itself.
+
+    A coefficient has the name by which `identify`, a scenario file and the reports know it. The friction, of whose two
+    coefficients neither switches it on, is a group besides, and so is what is not of the library, which may have any names.
+    """
+
+    def validate(self, value: object, info: ValidationInfo) -> Any:
+        """Return coefficient -> estimate."""
+        if info.context is None:
+            return value
+        if "own_effects" not in info.data:  # faulty, so that nobody knows which names there are
+            return {}
+        if not isinstance(value, dict):
+            raise input_error(f"expected effects with their values, got {quote(value)}; write for example 'light_drag: free'")
+        known = _effects([effect_of(own) for own in info.data["own_effects"]])
+        for key in value:
+            if key not in known.keys:
+                listed = f", needed one of: {', '.join(known.keys)}{suggest(key, known.keys)}"
+                raise input_error(f"found an unknown effect{_hint_for_effect(key, known.keys) or listed}", key)
+        return known.read(value)
+
+    @property
+    def json_schema(self) -> JsonSchemaValue:
+        """Return the JSON Schema of the library's effects; those that a file defines itself may be declared, too."""
+        return _effects(()).json_schema | {"additionalProperties": {}}
 
 
-class _Release(Group):
-    """How the masses were let go."""
-
-    kind: Annotated[str, one_of(*_RELEASES)] = Release.LOOPING.value
-    """looping: as in the demonstration; vertical: both hang; held: the heavy mass is clamped; drop: no string."""
-
-
-def _measured(q: Quantity, description: str = "") -> Any:
-    """Return type and default of a measured quantity's key, as pydantic makes a model of them."""
-    return Annotated[Estimate, MeasuredField(q.kind)] | None, Field(
-        None, description=description or q.description(in_study=True)
+def _effect_field(effect: Effect) -> SimpleField:
+    """Return the type of an effect: a group of its coefficients, or the value of the first, which switches it on."""
+    first = effect.coefficients[0].name
+    group = KeyGroup(keys={c.name: _coefficient_key(c) for c in effect.coefficients})
+    schema = group.json_schema
+    return SimpleField(
+        lambda raw: group.read(raw if isinstance(raw, dict) else {first: raw}),
+        {"anyOf": [schema["properties"][first], schema]},
     )
 
 
-def _group(name: str, meaning: str = "", base: type[Group] = Group, **further: Any) -> Any:
-    """Return the model of a group of measured quantities, by its name in the file."""
-    keys = {q.last_key: _measured(q) for q in group_of(name) if q.name in (*APPARATUS, *RELEASE)} | further
-    return made_group(f"Study{name.capitalize()}Group", meaning or base.__doc__, base, **keys)
+def _effects(own: Sequence[Effect]) -> KeyGroup:
+    """Return the type of a group of all effects that there are."""
+    effects = (*effect_library.EFFECTS.values(), *own)
+    grouped = [e for e in effects if e is effect_library.CAPSTAN or e not in effect_library.LIBRARY]
+    groups = {e.name: Key(_effect_field(e)) for e in grouped}
+    keys = {c.name: _coefficient_key(c) for e in effects if e.kind is not EffectKind.CLOSURE for c in e.coefficients}
+    return KeyGroup(keys={"gravity": keys["gravity"]} | groups | keys | groups, from_keys=_each_once)
 
 
-StudyLightGroup = _group("light", "The light mass, which whips round the rod.")
-StudyHeavyGroup = _group("heavy", "The heavy mass, which falls and is caught.")
-StudyRodGroup = _group("rod", "The rod.")
-_SPEED = "Speed of the light mass across the string as the motion begins, positive the way it loops; at rest if not given."
-StudyReleaseGroup = _group("release", base=_Release, speed=_measured(QUANTITIES["push_across"], _SPEED))
+def _each_once(keys: Mapping[str, Any]) -> dict[str, Estimate]:
+    """Return coefficient -> estimate, and refuse a second value of one."""
+    values: dict[str, Estimate] = {}
+    for key, content in keys.items():
+        found = {key: content} if isinstance(content, Estimate) else content
+        if twice := [name for name in found if name in values]:
+            raise input_error(f"found a second value of {twice[0]}, needed one; leave one out", key)
+        values |= found
+    return values
 
 
-class ApparatusGroup(Group):
-    """The apparatus, as measured for all trials; a trial may give another value."""
-
-    light: StudyLightGroup = StudyLightGroup()  # type: ignore[valid-type]
-    heavy: StudyHeavyGroup = StudyHeavyGroup()  # type: ignore[valid-type]
-    rod: StudyRodGroup = StudyRodGroup()  # type: ignore[valid-type]
+def _coefficient_key(c: Coefficient) -> Key:
+    known = QUANTITIES.get(c.name)
+    start = c.default if known is None or known.free_start is None else known.free_start
+    return Key(MeasuredField(quantity_kind(c), start), c.meaning)
 
 
-class EventErrorsGroup(Group):
-    """Standard errors of events, for tables that do not print them."""
+def _hint_for_effect(name: str, known: Mapping[str, object]) -> str:
+    """Return which key is meant by one that is no effect's, '' if nobody can tell.
 
-    time: Annotated[float, _TIME_ERROR] | None = None
-    """Of times; one unit of the last printed digit if not given."""
-    length: Annotated[float, _LENGTH_ERROR] | None = None
-    """Of lengths; one unit of the last printed digit if not given."""
-    angle: Annotated[float, _ANGLE_ERROR] | None = None
-    """Of angles; one unit of the last printed digit if not given."""
-
-
-class TrialGroup(Group):
-    """A trial: its file of tracked points or measured events, its release and its camera."""
-
-    name: Text | None = None
-    """Name in reports; that of the file if not given."""
-    file: Text | None = None
-    """Its data: a Tracker export, a table, or events. Its path begins at the study's folder. Either this or `files`."""
-    files: (
-        Annotated[
-            dict[str, str],
-            text_by_key("a file for each mass", {"light": "File of the light mass.", "heavy": "File of the heavy mass."}),
-        ]
-        | None
-    ) = None
-    """A file for each mass, instead of `file`."""
-    events: Text | None = None
-    """Table of measured events beside the tracked points."""
-    kind: Annotated[str, one_of(*KINDS)] = "auto"
-    """What the file holds; auto: as its header says."""
-    frame_rate: Annotated[float, _RATE] | None = None
-    """True frame rate of the camera; the file's times then only count frames."""
-    clip_rate: Annotated[float, _RATE] | None = None
-    """Frame rate by which the file's times were computed, for slow motion; not given: one row is one frame."""
-    tracks: (
-        Annotated[
-            dict[str, str],
-            text_by_key("the track of each mass", {"light": "Track of the light mass.", "heavy": "Track of the heavy mass."}),
-        ]
-        | None
-    ) = None
-    """Names of the tracks in the file; not needed where they say light and heavy."""
-    units: (
-        Annotated[
-            dict[str, str],
-            text_by_key(
-                "units",
-                {
-                    "length": "Unit of lengths; m if not given.",
-                    "time": "Unit of times; s if not given.",
-                    "angle": "Unit of angles; rad if not given.",
-                },
-            ),
-        ]
-        | None
-    ) = None
-    """Units of the columns whose header has none."""
-    run: Text | None = None
-    """Number of the run or drop, in a file of several."""
-    dropped: Annotated[str, one_of("light", "heavy")] = "heavy"
-    """Mass whose height the file has, or that a drop lets fall."""
-    mirrored: Flag = False
-    """Whether the light mass starts on the right: the camera stood on the other side."""
-    held_out: Flag = False
-    """Whether the error before and after is judged on the trial, by fits to the others alone."""
-    light: StudyLightGroup = StudyLightGroup()  # type: ignore[valid-type]
-    heavy: StudyHeavyGroup = StudyHeavyGroup()  # type: ignore[valid-type]
-    release: StudyReleaseGroup = StudyReleaseGroup()  # type: ignore[valid-type]
-    camera: Camera = {}
-    """Errors of the camera, with what is known of each."""
-    event_errors: EventErrorsGroup = EventErrorsGroup()
-
-
-class LimitsGroup(Group):
-    """Limits of the trials that could be done next, for the proposal of the next experiment."""
-
-    release_angle: (
-        Annotated[tuple[float, float], low_and_high(QUANTITIES["release_angle"].kind, "[60 deg, 130 deg]")] | None
-    ) = None
-    """Smallest and largest angle of release."""
-    mass_ratio: Annotated[tuple[float, float], low_and_high(QUANTITIES["mass_ratio"].kind, "[2, 10]")] | None = None
-    """Smallest and largest ratio M2/M1."""
-    releases: Annotated[list[Annotated[str, one_of(*_RELEASES)]], Field(min_length=1)] | None = None
-    """Kinds of release that are possible; all if not given."""
-
-
-class StudyFile(Group):
-    """Trials of one apparatus, and the effects that are declared to act in them."""
-
-    title: Text
-    """A few words."""
-    apparatus: ApparatusGroup = ApparatusGroup()
-    effects: Effects = {}
-    """Effects that are declared to act, each with the value of its first coefficient, or a group of its coefficients."""
-    candidates: OwnEffects = {}
-    """Effects that the library lacks, each with its formula: candidates, unless `effects` declares them."""
-    fit: Annotated[list[Text], Field(min_length=1)] | None = None
-    """Names of what a fit may change; if not given, all that is free or has a standard error."""
-    trials: Annotated[list[TrialGroup], Field(min_length=1)]
-    """The trials; at least one is not held out."""
-    limits: LimitsGroup = LimitsGroup()
-    gravity_range: Annotated[
-        tuple[float, float], low_and_high(QuantityKind(unit="m/s**2", low=0.0), "[1.61 m/s^2, 1.64 m/s^2]")
-    ] = EARTH_GRAVITY
-    """Acceleration of free fall that there may be where the trials were made; that on Earth if not given."""
-
-
-def json_schema() -> dict[str, Any]:
-    """Return the JSON Schema (draft 2020-12) of a study file, for editors that complete and check YAML."""
-    return model_schema(StudyFile, "Looping pendulum study")
-
-
-def check(doc: Document) -> StudyFile:
-    """Check a document against the schema.
-
-    Raises
-    ------
-    ScenarioError
-        In one line, with the file's line and the key.
+    It may be the name of an effect whose key is that of its coefficient, or what `identify` calls a wrong value or an error of
+    the camera.
     """
-    try:
-        return StudyFile.model_validate(doc.data, context=_own_effects(doc))
-    except ValidationError as error:
-        raise first_error(error, doc, StudyFile, _own_words) from None
+    parameter = name.removeprefix(WRONG)
+    if name in effect_library.EFFECTS and effect_library.EFFECTS[name].kind is not EffectKind.CLOSURE:
+        keys = " and ".join(f"'{c.name}'" for c in effect_library.EFFECTS[name].coefficients)
+        return f", needed its key {keys}, as `identify` names it"
+    if parameter in CAMERA:
+        example = show(CAMERA[parameter].null, CAMERA[parameter].unit)
+        return f", needed it in a trial, as it is an error of the camera; write 'camera: {{{parameter}: free from {example}}}'"
+    if parameter in (*APPARATUS, *RELEASE):
+        group, _, key = (QUANTITIES[parameter].key if parameter != "push_across" else "release.speed").partition(".")
+        place = "the apparatus" if parameter in APPARATUS else "the trials"
+        value = QUANTITIES[parameter].measured_example if QUANTITIES[parameter].usual_error else "free from 0 m/s"
+        needed = f"needed it among the values of {place}"
+        return f", {needed}; measure {group}.{key} again, and write there for example '{group}: {{{key}: {value}}}'"
+    if parameter in known:
+        effect = next((e.name for e in (effect_library.CAPSTAN,) if parameter == e.coefficients[0].name), parameter)
+        return f", needed the effect itself, whose value a fit may change; write for example '{effect}: free'"
+    return ""
 
 
-def _own_effects(doc: Document) -> tuple[OwnEffect, ...]:
-    """Return the effects that a study defines; they share a namespace with the camera's parameters."""
-    own_effects = own_effects_of_file.read(doc.data, KEY_IN_STUDY)
-    for own in own_effects:
-        if own.name in CAMERA:
-            message = f"found the name '{own.name}', which a camera's parameter has already; needed another"
-            raise doc.error((KEY_IN_STUDY, own.name), f"{message}, such as 'my_{own.name}'")
-    return own_effects
+def _by_mass(description: str, what: str) -> KeyGroup:
+    """Return the type of a group with a text for each mass."""
+    keys = {mass: Key(TEXT, f"{what} of the {mass} mass.") for mass in ("light", "heavy")}
+    return KeyGroup(keys=keys, description=description)
 
 
-def _own_words(each: ErrorDetails, path: Path) -> str:
-    """Return a message of a study's own for an error of pydantic, '' if it is that of other files."""
-    if each["type"] == "extra_forbidden":
-        if path == (KEY,):
-            return f"found a key of scenarios, needed '{KEY_IN_STUDY}'"
-        known = keys_below(StudyFile, path[:-1])
-        return f"found an unknown key, needed one of: {', '.join(known)}{suggest(str(path[-1]), known)}"
-    if each["type"] == "missing":
-        return f"missing, needed {'a list of trials, each begun with ' + repr('- ') if path == ('trials',) else 'text'}"
-    return "found an empty list, needed at least one entry" if each["type"] == "too_short" else ""
+def _files(keys: Mapping[str, Any]) -> tuple[tuple[str, Mapping[str, str]], ...]:
+    """Return (path, {mass: track}) for each file of a trial."""
+    file, files, tracks = keys.get("file"), keys.get("files", {}), keys.get("tracks", {})
+    if (file is None) == (not files):
+        text = "both 'file' and 'files'" if files else "nothing"
+        raise input_error(f"found {text}, needed one of them; write for example 'file: first.csv'", "file")
+    if files and tracks:
+        raise input_error("found tracks beside a file for each mass, needed one of them; leave one out", "tracks")
+    return tuple((path, {mass: ""}) for mass, path in files.items()) or ((str(file), tracks),)
+
+
+def _keys_of_files(files: Sequence[tuple[str, Mapping[str, str]]]) -> dict[str, Any]:
+    """Return the keys of a trial's files; the inverse of `_files`."""
+    if all(list(tracks.values()) == [""] for _, tracks in files):
+        return {"files": {mass: path for path, tracks in files for mass in tracks}}
+    ((path, tracks),) = files
+    return {"file": path} | ({"tracks": tracks} if tracks else {})
+
+
+FILES = KeyGroup(
+    keys={
+        "file": Key(
+            TEXT,
+            "Its data: a Tracker export, a table, or events. Its path begins at the study's folder. Either this or `files`.",
+        ),
+        "files": Key(_by_mass("A file for each mass, instead of `file`.", "File")),
+        "tracks": Key(_by_mass("Names of the tracks in the file; not needed where they say light and heavy.", "Track")),
+    },
+    from_keys=_files,
+    to_keys=_keys_of_files,
+)
+UNITS = KeyGroup(
+    keys={
+        "length": Key(TEXT, "Unit of lengths; m if not given."),
+        "time": Key(TEXT, "Unit of times; s if not given."),
+        "angle": Key(TEXT, "Unit of angles; rad if not given."),
+    }
+)
+CAMERA_ERRORS = KeyGroup(
+    keys={n: Key(MeasuredField(quantity_kind(c, example=show(c.null, c.unit)), c.null), c.meaning) for n, c in CAMERA.items()}
+)
+_EVENT_KINDS = {
+    "time": QuantityKind(unit="s", low=0.0, exclusive_low=True, example="8 ms"),
+    "length": QuantityKind(unit="m", low=0.0, exclusive_low=True, example="1 cm"),
+    "angle": QuantityKind(unit="rad", low=0.0, exclusive_low=True, example="2 deg"),
+}
+EVENT_ERRORS = KeyGroup(
+    keys={
+        name: Key(QuantityField(kind), f"Of {name}s; one unit of the last printed digit if not given.")
+        for name, kind in _EVENT_KINDS.items()
+    },
+    description="Standard errors of events, for tables that do not print them.",
+    from_keys=lambda errors: {_EVENT_KINDS[name].unit: error for name, error in errors.items()},
+    to_keys=lambda errors: {name: errors[kind.unit] for name, kind in _EVENT_KINDS.items() if kind.unit in errors},
+)
+"""Standard errors of events: by what is measured in a file, SI unit -> error [SI] in the program."""

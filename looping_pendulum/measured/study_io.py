@@ -3,36 +3,21 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
-import yaml
-
 from looping_pendulum.errors import FileKeyError, ParameterError, ScenarioError
-from looping_pendulum.measured import study_file
 from looping_pendulum.measured.camera import CAMERA
-from looping_pendulum.measured.events import DATA_VARIABLE, data_folders
-from looping_pendulum.measured.study import (
-    EARTH_GRAVITY,
-    RELEASE,
-    REQUIRED,
-    Estimate,
-    ExperimentLimits,
-    Study,
-    Trial,
-)
-from looping_pendulum.measured.study_file import StudyFile, TrialGroup
-from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.measured.study import EARTH_GRAVITY, REQUIRED, Study, Trial
+from looping_pendulum.measured.study_file import RELEASE, MeasuredField
+from looping_pendulum.measured.tables.events import DATA_VARIABLE, data_folders
+from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import document, own_effects
-from looping_pendulum.scenarios.document import Document, one_line
-from looping_pendulum.scenarios.fields import suggest
-from looping_pendulum.scenarios.quantities import APPARATUS, QUANTITIES
-from looping_pendulum.scenarios.units import show
-
-_EVENT_UNITS = MappingProxyType({"time": "s", "length": "m", "angle": "rad"})
-"""Key of an event's standard error -> SI unit."""
+from looping_pendulum.scenarios.document import Document
+from looping_pendulum.scenarios.fields import file_keys, model_schema, read_model, suggest
+from looping_pendulum.scenarios.quantities import APPARATUS, QUANTITIES, quantity_kind
 
 
 class StudyError(FileKeyError):
@@ -47,54 +32,45 @@ def load(path: str | Path) -> Study:
     StudyError
         If the file is no study; the message has one line with file, line, key, what was found and needed, and a way out.
     """
-    shown = os.fspath(path)
-    try:
-        with Path(path).open("rb") as stream:
-            # One byte more than is allowed tells the parser that a file is too large, however large it is
-            raw = stream.read(document.MAX_FILE_SIZE + 1)
-    except OSError as error:
-        raise StudyError(one_line(f"{shown}: cannot be read: {error.strerror}")) from None
-    return _load(raw, shown, Path(path).stem, Path(path).parent)
+    with _as_study_errors():
+        doc = document.parse(document.read(path), os.fspath(path), "a study")
+        return _study(doc, Path(path).stem, Path(path).parent)
 
 
 def load_text(text: str, name: str, folder: Path | None = None) -> Study:
     """Load a study from YAML text; paths in it are relative to ``folder``, by default the current one."""
-    # Half characters reach the parser, which refuses them as it does in a file
-    return _load(text.encode("utf-8", "surrogatepass"), name, Path(name).stem, folder or Path())
+    with _as_study_errors():
+        # Half characters reach the parser, which refuses them as it does in a file
+        doc = document.parse(text.encode("utf-8", "surrogatepass"), name, "a study")
+        return _study(doc, Path(name).stem, folder or Path())
 
 
-def _load(raw: bytes, file: str, name: str, folder: Path) -> Study:
+@contextmanager
+def _as_study_errors() -> Iterator[None]:
+    """Turn the errors of the parser and the checks, which scenarios share, into those of studies."""
     try:
-        doc = document.parse(raw, file, "a study")
-        return _study(study_file.check(doc), doc, name, folder)
-    except ScenarioError as error:  # the parser is shared with scenarios
+        yield
+    except ScenarioError as error:
         raise StudyError(str(error), error.path, error.problem) from None
 
 
-def _study(content: StudyFile, doc: Document, name: str, folder: Path) -> Study:
-    apparatus = _estimates(content.apparatus, APPARATUS)
-    study = Study(
-        name=name,
-        title=content.title,
-        folder=folder,
-        apparatus=apparatus,
-        effects=content.effects,
-        own_effects=own_effects.read(doc.data, own_effects.KEY_IN_STUDY),
-        fit=None if content.fit is None else tuple(content.fit),
-        trials=tuple(_trial(group, doc, i) for i, group in enumerate(content.trials)),
-        limits=ExperimentLimits(
-            release_angle=content.limits.release_angle,
-            mass_ratio=content.limits.mass_ratio,
-            releases=tuple(Release(r) for r in content.limits.releases or Release),
-        ),
-        gravity_range=content.gravity_range,
-    )
+def _study(doc: Document, name: str, folder: Path) -> Study:
+    own_effects.warn_of_faulty_packages()
+    study = read_model(Study, doc, {"<name>": name, "<folder>": folder})
+    _check_own_effects(study, doc)
     _check_gravity(study, doc)
     _check_names(study, doc)
     for i, trial in enumerate(study.trials):
         _check_file_locations(folder, trial, doc, i)
         _check_trial(study, trial, doc, i)
     return study
+
+
+def _check_own_effects(study: Study, doc: Document) -> None:
+    """Refuse an effect of a camera parameter's name, as they share a namespace."""
+    for name in (own.name for own in study.own_effects if own.name in CAMERA):
+        message = f"found the name '{name}', which a camera's parameter has already; needed another, such as 'my_{name}'"
+        raise doc.error((own_effects.KEY_IN_STUDY, name), message)
 
 
 def _check_gravity(study: Study, doc: Document) -> None:
@@ -122,34 +98,17 @@ def _check_file_locations(folder: Path, trial: Trial, doc: Document, index: int)
     key_and_path += [("events", trial.events)] if trial.events is not None else []
     for key, path in key_and_path:
         where: tuple[str | int, ...] = ("trials", index, *((key,) if isinstance(key, str) else key))
+        whole = path + doc.line_of(where).partition(path)[2].rstrip()
         try:
             target = Path(os.path.realpath(folder / path))
-        except ValueError:
+            is_cut = not target.exists() and (folder / whole).exists()
+        except (OSError, ValueError):  # too long, or with a null character
             raise doc.error(where, f"found {document.quote(path)}, which is not a valid file name; needed one") from None
-        whole = path + doc.line_of(where).partition(path)[2].rstrip()
-        if not target.exists() and (folder / whole).exists():
+        if is_cut:
             raise doc.error(where, f"found {document.quote(path)}, which is no file; {document.QUOTE_COMMENT_SIGN}, '{whole}'")
         if not any(target.is_relative_to(each) for each in allowed):
             message = f"found {document.quote(path)}, needed a file below the study's folder or the current one"
             raise doc.error(where, f"{message}; put it there, or name its folder in ${DATA_VARIABLE}")
-
-
-def _estimates(group: Any, names: Iterable[str]) -> dict[str, Estimate]:
-    """Return the estimates of those parameters ``names`` that a group of the file gives."""
-    estimates = {}
-    for name in names:
-        value = group
-        for part in _path(name):
-            value = getattr(value, part, None)
-        if value is not None:
-            estimates[name] = value
-    return estimates
-
-
-def _path(parameter: str) -> tuple[str, str]:
-    """Return group and key of a parameter in a study file."""
-    group, key = ("release", "speed") if parameter == "push_across" else QUANTITIES[parameter].key.split(".")
-    return group, key
 
 
 def trial_of(doc: Document) -> Trial:
@@ -160,39 +119,7 @@ def trial_of(doc: Document) -> Trial:
     ScenarioError
         If a key of it has an error.
     """
-    return _trial(study_file.check(doc).trials[0], doc, 0)
-
-
-def _trial(group: TrialGroup, doc: Document, index: int) -> Trial:
-    path = ("trials", index)
-    if (group.file is None) == (group.files is None):
-        text = "nothing" if group.file is None else "both 'file' and 'files'"
-        raise doc.error((*path, "file"), f"found {text}, needed one of them; write for example 'file: first.csv'")
-    if group.files and group.tracks:
-        raise doc.error((*path, "tracks"), "found tracks beside a file for each mass, needed one of them; leave one out")
-    files = [(file, {mass: ""}) for mass, file in (group.files or {}).items()]
-    files = files or [(str(group.file), dict(group.tracks or {}))]
-    release = Release(vars(group.release)["kind"])
-    estimates = _estimates(group, (*APPARATUS, *RELEASE))
-    if release is Release.VERTICAL and "release_angle" in estimates:
-        raise doc.error(
-            (*path, "release", "angle"), "found an angle, needed none: a vertical release hangs at 180 deg; leave it out"
-        )
-    if release in (Release.LOOPING, Release.VERTICAL) and "hanging_length" not in estimates:
-        # It does not influence the motion: it only shifts the measured height of the heavy mass
-        estimates["hanging_length"] = Estimate(value=Parameters.hanging_length, free=True)
-    errors = {_EVENT_UNITS[n]: s for n, s in group.event_errors.model_dump(exclude_none=True).items()}
-    return Trial(
-        name=group.name or Path(files[0][0]).stem,
-        files=tuple(files),
-        events=group.events,
-        **{n: getattr(group, n) for n in ("kind", "frame_rate", "clip_rate", "run", "dropped", "mirrored", "held_out")},
-        units=group.units or {},
-        release=release,
-        estimates=estimates,
-        camera={n: group.camera[n] for n in CAMERA if n in group.camera},
-        event_errors=errors,
-    )
+    return read_model(Study, doc, {"<name>": "", "<folder>": Path()}).trials[0]
 
 
 def _check_names(study: Study, doc: Document) -> None:
@@ -230,74 +157,12 @@ def _check_trial(study: Study, trial: Trial, doc: Document, index: int) -> None:
 
 def dump(study: Study) -> str:
     """Write ``study`` as YAML with units, which loads back to an equal one."""
-    data: dict[str, Any] = {"title": study.title, "apparatus": _tree(study.apparatus)}
-    data["effects"] = {
-        effect.name: given
-        for effect in study.known_effects
-        if (
-            given := {
-                c.name: estimate_text(study.effects[c.name], c.unit) for c in effect.coefficients if c.name in study.effects
-            }
-        )
-    }
-    data[own_effects.KEY_IN_STUDY] = own_effects.tree(study.own_effects)
-    data["fit"] = list(study.fit) if study.fit is not None else None
-    data["trials"] = [_trial_tree(trial) for trial in study.trials]
-    limits = study.limits
-    data["limits"] = {
-        "release_angle": [show(a, "rad") for a in limits.release_angle] if limits.release_angle else None,
-        "mass_ratio": list(limits.mass_ratio) if limits.mass_ratio else None,
-        "releases": [r.value for r in limits.releases],
-    }
-    if study.gravity_range != EARTH_GRAVITY:
-        data["gravity_range"] = [show(g, "m/s**2") for g in study.gravity_range]
-    return str(yaml.dump(_without_empty(data), Dumper=yaml.SafeDumper, sort_keys=False, allow_unicode=True, width=100))
+    # Which unit a coefficient has, only the study knows: it may be of an effect that the study defines
+    effects = {name: MeasuredField(quantity_kind(study.coefficients[name])).write(e) for name, e in study.effects.items()}
+    keys = file_keys(study) | ({"effects": effects} if effects else {})
+    return document.to_yaml(keys)
 
 
-def estimate_text(estimate: Estimate, unit: str) -> str:
-    """Write an estimate as a study file has it."""
-    value = show(estimate.value, unit)
-    if estimate.free:
-        return f"free from {value}"
-    return value if estimate.sigma is None else f"{value} +/- {show(estimate.sigma, unit)}"
-
-
-def _tree(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
-    tree: dict[str, Any] = {}
-    for name, estimate in estimates.items():
-        group, key = _path(name)
-        tree.setdefault(group, {})[key] = estimate_text(estimate, QUANTITIES[name].kind.unit)
-    return tree
-
-
-def _trial_tree(trial: Trial) -> dict[str, Any]:
-    """Return a trial as nested keys and texts of a study file."""
-    by_mass = all(list(tracks.values()) == [""] for _, tracks in trial.files)
-    tree = _tree(trial.estimates)
-    tree["release"] = {"kind": trial.release.value} | tree.get("release", {})
-    names = {unit: name for name, unit in _EVENT_UNITS.items()}
-    return {
-        "name": trial.name,
-        "file": None if by_mass else trial.files[0][0],
-        "files": {mass: path for path, tracks in trial.files for mass in tracks} if by_mass else None,
-        "events": trial.events,
-        "kind": trial.kind,
-        "frame_rate": show(trial.frame_rate, "Hz") if trial.frame_rate else None,
-        "clip_rate": show(trial.clip_rate, "Hz") if trial.clip_rate else None,
-        "tracks": None if by_mass else dict(trial.files[0][1]),
-        "units": dict(trial.units),
-        "run": trial.run,
-        "dropped": trial.dropped,
-        "mirrored": trial.mirrored,
-        "held_out": trial.held_out,
-        **tree,
-        "camera": {n: estimate_text(e, CAMERA[n].unit) for n, e in trial.camera.items()},
-        "event_errors": {names[u]: show(s, u) for u, s in trial.event_errors.items()},
-    }
-
-
-def _without_empty(data: Any) -> Any:
-    """Return nested keys and texts without those that have no content."""
-    if isinstance(data, dict):
-        return {k: kept for k, v in data.items() if (kept := _without_empty(v)) not in (None, {}, [])}
-    return [_without_empty(v) for v in data] if isinstance(data, list) else data
+def json_schema() -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of a study file, for editors that complete and check YAML."""
+    return model_schema(Study, "Looping pendulum study")

@@ -50,14 +50,21 @@ def next_string_coordinates(x: float, y: float, rod_radius: float, wrap_angle: f
     return free_length, wrap_angle + ((angle - wrap_angle + math.pi) % (2 * math.pi) - math.pi)
 
 
+def string_from_rod(x: Any, y: Any, rod_radius: Any) -> tuple[Any, Any]:
+    """Return free length and bearing [rad] at which a taut string leaves the rod, whose centre is the origin, to a place x, y.
+
+    The unit of length is that of the arguments, numbers or arrays. The bearing has no turns: -1.5 pi to pi.
+    """
+    free_length = np.sqrt(np.maximum(x * x + y * y - rod_radius**2, 0.0))
+    return free_length, np.arctan2(y, x) - np.arctan2(free_length, rod_radius)
+
+
 def string_coordinates(light_position: Array, rod_radius: float, release_angle: float) -> tuple[Array, Array]:
     """Return free length [m] and wrap angle [rad], turns counted, of a light mass at ``light_position`` (n, 2) [m].
 
     This is the inverse of :func:`light_position` for a taut string. Samples must be closer than half a turn.
     """
-    x, y = light_position[:, 0], light_position[:, 1]
-    free_length = np.sqrt(np.maximum(x * x + y * y - rod_radius**2, 0.0))
-    angle = np.arctan2(y, x) - np.arctan2(free_length, rod_radius)
+    free_length, angle = string_from_rod(light_position[:, 0], light_position[:, 1], rod_radius)
     # The release angle stands first, as NumPy counts turns from the first value
     unwrapped = np.unwrap(np.concatenate([[release_angle], angle]))[1:]
     return free_length, unwrapped

@@ -2,42 +2,38 @@
 
 from __future__ import annotations
 
-import dataclasses
 import difflib
 import functools
-import math
 import os
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
-import yaml
-from pydantic import ValidationError
-
 from looping_pendulum.errors import ParameterError, ScenarioError
 from looping_pendulum.reference_ode import effects as effect_library
-from looping_pendulum.reference_ode.effects.own import OwnEffect, effect_of
+from looping_pendulum.reference_ode.effects.own import effect_of
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-from looping_pendulum.scenarios import document, own_effects, schema
-from looping_pendulum.scenarios.document import Document, one_line
-from looping_pendulum.scenarios.fields import first_error
-from looping_pendulum.scenarios.metrics import METRICS
-from looping_pendulum.scenarios.quantities import FILE_KEYS, file_key, unit_of
+from looping_pendulum.scenarios import document, own_effects
+from looping_pendulum.scenarios.document import Document, one_line, quote, to_yaml
+from looping_pendulum.scenarios.fields import QuantityField, file_keys, read_model, suggest
+from looping_pendulum.scenarios.quantities import FILE_KEYS, file_key, quantity_kind
 from looping_pendulum.scenarios.scenario import (
-    PROFILES,
     Inference,
     MeasuredTable,
     Scenario,
     Tolerance,
 )
-from looping_pendulum.scenarios.schema import ScenarioFile, json_schema
-from looping_pendulum.scenarios.units import show
+from looping_pendulum.scenarios.schema import (
+    InferredGroup,
+    MeasuredGroup,
+    ProfilesGroup,
+    ScenarioFile,
+    json_schema,
+)
 
 __all__ = ["dump", "json_schema", "load", "load_text", "shipped"]
 
-AIR_DENSITY = 1.2
-"""Density of air [kg/m^3] for a drag shape that does not give it (paper, sec. IV)."""
 SUFFIXES = (".yaml", ".yml")
 """File name extensions that are not part of a scenario's name."""
 
@@ -93,18 +89,12 @@ def read_source(name_or_path: str | Path, folder: Traversable, kind: str = "scen
         return (folder / file).read_bytes(), file, name_or_path
     path, shown = Path(name_or_path), os.fspath(name_or_path)
     try:
-        is_file = path.is_file()
+        is_file = path.exists() and not path.is_dir()
     except (OSError, ValueError):  # too long for the file system, or with a null character
         is_file = False
     if not is_file:
         raise ScenarioError(one_line(_not_found(path, shown, names_in(folder), kind)))
-    try:
-        with path.open("rb") as stream:
-            # One byte more than is allowed: enough to refuse a larger file, without reading all of it
-            raw = stream.read(document.MAX_FILE_SIZE + 1)
-    except OSError as error:
-        raise ScenarioError(one_line(f"{shown}: cannot be read: {error.strerror}")) from None
-    return raw, shown, path.stem
+    return document.read(path), shown, path.stem
 
 
 def load_text(text: str, name: str) -> Scenario:
@@ -137,15 +127,17 @@ def _not_found(path: Path, shown: str, names: list[str], kind: str) -> str:
 
 def _scenario(doc: Document, name: str) -> Scenario:
     """Validate a document and return its scenario."""
-    model = ScenarioFile
+    own_effects.warn_of_faulty_packages()
+    file = read_model(ScenarioFile, doc)
+    own = [c.name for effect in file.own_effects for c in effect_of(effect).coefficients]
+    known = [*FILE_KEYS.values(), *map(file_key, (*effect_library.COEFFICIENTS, *own))]
+    for i, inference in enumerate(file.inferred):
+        for j, key in enumerate(inference.parameters):
+            if key not in known:
+                message = f"expected a key of this file such as 'release.angle', got {quote(key)}{suggest(key, known)}"
+                raise doc.error(("inferred", i, "parameters", j), message)
     try:
-        own = own_effects.read(doc.data)
-        model = schema.file_model(c for each in own for c in effect_of(each).coefficients)
-        file = model.model_validate(doc.data, context=[each.name for each in own])
-    except ValidationError as error:
-        raise first_error(error, doc, model) from None
-    try:
-        parameters = _parameters(file, own)
+        parameters = _parameters(file)
     except ParameterError as error:
         parameter, _, message = str(error).partition(": ")
         raise doc.error(tuple(file_key(parameter).split(".")), message) from None
@@ -161,102 +153,76 @@ def _scenario(doc: Document, name: str) -> Scenario:
     )
 
 
-def _parameters(file: ScenarioFile, own: tuple[OwnEffect, ...]) -> Parameters:
+def _parameters(file: ScenarioFile) -> Parameters:
     """Return the parameters of a validated file; those that it leaves out keep their default."""
-    fields: dict[str, Any] = {}
-    coefficients: dict[str, float] = file.effects.model_dump(exclude_none=True)
-    for parameter, key in FILE_KEYS.items():
-        value: Any = file
-        for part in key.split("."):
-            value = getattr(value, part)
-        if isinstance(value, schema.DragShape):
-            density = AIR_DENSITY if value.air_density is None else value.air_density
-            value = effect_library.drag_coefficient(value.shape_factor, density, value.area)
-        if value is not None:
-            (coefficients if parameter in effect_library.COEFFICIENTS else fields)[parameter] = value
-    if fields["release"] == Release.VERTICAL.value:
-        # `Parameters` requires an angle, though this release determines it
-        fields["release_angle"] = math.pi
-    return Parameters(**fields, coefficients=coefficients, own_effects=own)
+    groups = {"light": file.light, "heavy": file.heavy, "rod": file.rod, "string": file.string, "release": file.release}
+    given = {f"{group}.{key}": value for group, values in groups.items() for key, value in values.items()}
+    given |= {} if file.gravity is None else {"gravity": file.gravity}
+    values = {parameter: given[key] for parameter, key in FILE_KEYS.items() if key in given}
+    coefficients = {name: value for name, value in values.items() if name in effect_library.COEFFICIENTS}
+    fields = {name: value for name, value in values.items() if name not in coefficients}
+    return Parameters(**fields, coefficients=file.effects | coefficients, own_effects=file.own_effects)
 
 
 def _tolerances(file: ScenarioFile) -> tuple[Tolerance, ...]:
     """Return the tolerances of a validated file."""
-    tolerances: list[Tolerance] = []
-    for engine, profiles in file.tolerances.items():
-        for profile in PROFILES:
-            limits = getattr(profiles, profile)
-            given = limits.model_dump(by_alias=True, exclude_none=True) if limits else {}
-            tolerances += [Tolerance(engine=engine, profile=profile, metric=metric, **limit) for metric, limit in given.items()]
-    return tuple(tolerances)
-
-
-class _Dumper(yaml.SafeDumper):
-    """PyYAML's dumper, but with unprintable text in double quotes.
-
-    Outside them it writes some line breaks that YAML folds on reading, so that the text would change.
-    """
-
-
-def _text_node(dumper: yaml.SafeDumper, text: str) -> yaml.Node:
-    """Return the YAML node of a text."""
-    unprintable = not text.replace("\n", " ").isprintable()
-    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style='"' if unprintable else None)
-
-
-_Dumper.add_representer(str, _text_node)
+    return tuple(
+        Tolerance(
+            engine=engine,
+            profile=profile,
+            metric=metric,
+            limit=given["limit"],
+            reason=given["reason"],
+            expected_failure=given.get("expected_failure", ""),
+        )
+        for engine, profiles in file.tolerances.items()
+        for profile, limits in (("quick", profiles.quick), ("accurate", profiles.accurate))
+        for metric, given in limits.items()
+    )
 
 
 def dump(scenario: Scenario) -> str:
     """Return ``scenario`` as YAML with units; loading it gives an equal scenario."""
     p = scenario.parameters
-    data: dict[str, Any] = {"title": scenario.title, "description": scenario.description}
     values = vars(p.values())
+    groups: dict[str, dict[str, Any]] = {}
     for parameter, key in FILE_KEYS.items():
         is_default = parameter == "static_friction" and values[parameter] == values["kinetic_friction"]
         vertical = parameter == "release_angle" and p.release is Release.VERTICAL
-        if is_default or vertical or (parameter == "light_radius" and not p.light_radius):
-            continue
-        group, _, name = key.rpartition(".")
-        (data.setdefault(group, {}) if group else data)[name] = _yaml_value(parameter, values[parameter])
-    data["duration"] = show(scenario.duration, "s")
+        if not (is_default or vertical or (parameter == "light_radius" and not p.light_radius)):
+            group, _, name = key.rpartition(".")
+            groups.setdefault(group, {})[name] = values[parameter]
     known = effect_library.COEFFICIENTS | {c.name: c for own in p.own_effects for c in effect_of(own).coefficients}
-    others = {
-        name: show(value, known[name].unit) if known[name].unit else float(value)
+    others: Any = {
+        name: QuantityField(quantity_kind(known[name])).write(value)
         for name, value in p.coefficients.items()
         if name not in FILE_KEYS and value != known[name].default
     }
-    measured = dataclasses.asdict(scenario.measured) if scenario.measured else {}
-    # Without a script the key is left out
-    inferred = [
-        {"parameters": list(i.parameters), "how": i.how} | ({"script": i.script} if i.script else {}) for i in scenario.inferred
-    ]
-    optional = {
-        own_effects.KEY: own_effects.tree(p.own_effects),
-        "effects": others,
-        "inferred": inferred,
-        "measured": measured,
-        "tolerances": _tolerance_tree(scenario),
-    }
-    data |= {key: value for key, value in optional.items() if value}
-    return str(yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100))
+    measured = scenario.measured
+    file = ScenarioFile(
+        title=scenario.title,
+        description=scenario.description,
+        light=groups["light"],
+        heavy=groups["heavy"],
+        rod=groups["rod"],
+        string=groups["string"],
+        gravity=groups[""]["gravity"],
+        release=groups["release"],
+        duration=scenario.duration,
+        inferred=[InferredGroup(parameters=list(i.parameters), how=i.how, script=i.script) for i in scenario.inferred],
+        measured=MeasuredGroup(file=measured.file, sha256=measured.sha256, source=measured.source) if measured else None,
+        tolerances={
+            engine: ProfilesGroup(quick=_limits(scenario, engine, "quick"), accurate=_limits(scenario, engine, "accurate"))
+            for engine in dict.fromkeys(t.engine for t in scenario.tolerances)
+        },
+        own_effects=p.own_effects,
+        effects=others,
+    )
+    return to_yaml(file_keys(file))
 
 
-def _yaml_value(parameter: str, value: Any) -> Any:
-    """Return the value of a parameter as a file has it, with its unit."""
-    if parameter == "release":
-        return str(value.value)
-    unit = unit_of(parameter)
-    return show(value, unit) if unit else float(value)
-
-
-def _tolerance_tree(scenario: Scenario) -> dict[str, Any]:
-    """Return the tolerances as nested groups: engine, profile, metric."""
-    tree: dict[str, Any] = {}
-    for t in scenario.tolerances:
-        unit = METRICS[t.metric].unit
-        entry: dict[str, Any] = {"limit": show(t.limit, unit) if unit else float(t.limit), "reason": t.reason}
-        if t.expected_failure:
-            entry["expected_failure"] = t.expected_failure
-        tree.setdefault(t.engine, {}).setdefault(t.profile, {})[t.metric] = entry
-    return tree
+def _limits(scenario: Scenario, engine: str, profile: str) -> dict[str, Any]:
+    """Return metric -> limit of an engine's tolerances with a profile, as the models of a file have it."""
+    here = [t for t in scenario.tolerances if (t.engine, t.profile) == (engine, profile)]
+    failure = {t.metric: {"expected_failure": t.expected_failure} if t.expected_failure else {} for t in here}
+    return {t.metric: {"limit": t.limit, "reason": t.reason} | failure[t.metric] for t in here}

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, cast
+from collections.abc import Sequence
+from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, PlainValidator, WithJsonSchema, create_model
 from pydantic_core import PydanticCustomError
 
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects.own import (
+    DIRECTIONS,
     OwnEffect,
     check_name,
     check_unit,
@@ -22,8 +22,17 @@ from looping_pendulum.reference_ode.effects.own import (
 )
 from looping_pendulum.reference_ode.parameters import effect_tables
 from looping_pendulum.scenarios.document import quote
-from looping_pendulum.scenarios.fields import Group, QuantityField, Text, input_error
-from looping_pendulum.scenarios.units import QuantityKind, pretty, show
+from looping_pendulum.scenarios.fields import (
+    TEXT,
+    Key,
+    KeyGroup,
+    QuantityField,
+    SimpleField,
+    input_error,
+    no_group,
+    read_key,
+)
+from looping_pendulum.scenarios.units import QuantityKind, pretty
 
 KEY = "own_effects"
 """Key of the group in a scenario."""
@@ -37,69 +46,67 @@ def _pair(raw: object) -> list[str]:
     raise input_error(f"expected a lowest and a highest value, got {quote(raw)}; write for example '[-1 N, 1 N]'")
 
 
-class OwnForceGroup(Group):
-    """Formulas of a force [N], by the direction in which it acts."""
-
-    light_along_string: Text | None = None
-    """On the light mass along the string, towards the rod."""
-    light_across_string: Text | None = None
-    """On the light mass across the string, the way it loops."""
-    light_along_velocity: Text | None = None
-    """On the light mass along its velocity; a drag is negative."""
-    light_horizontal: Text | None = None
-    """On the light mass along x, to the right."""
-    light_vertical: Text | None = None
-    """On the light mass along y, upward."""
-    heavy_vertical: Text | None = None
-    """On the heavy mass, upward."""
-
-
-class OwnEffectGroup(Group):
-    """A force that the library lacks. Its one coefficient has the effect's name, and the force vanishes where that is 0."""
-
-    meaning: Text = ""
-    """What it is, in a few words."""
-    unit: Text
-    """SI unit of the coefficient, for example N or kg/s; 1 for a pure number."""
-    bounds: Annotated[list[str], PlainValidator(_pair), WithJsonSchema({"type": "array", "minItems": 2, "maxItems": 2})]
-    """Lowest and highest value of the coefficient, with units."""
-    force: OwnForceGroup
-    source: Text = ""
-    """Where the formula is from."""
+OWN_FORCE = KeyGroup(
+    keys={
+        "light_along_string": Key(TEXT, "On the light mass along the string, towards the rod."),
+        "light_across_string": Key(TEXT, "On the light mass across the string, the way it loops."),
+        "light_along_velocity": Key(TEXT, "On the light mass along its velocity; a drag is negative."),
+        "light_horizontal": Key(TEXT, "On the light mass along x, to the right."),
+        "light_vertical": Key(TEXT, "On the light mass along y, upward."),
+        "heavy_vertical": Key(TEXT, "On the heavy mass, upward."),
+    },
+    description="Formulas of a force [N], by the direction in which it acts.",
+)
+"""Type of the key ``force``."""
+_BOUNDS = SimpleField(_pair, {"type": "array", "minItems": 2, "maxItems": 2})
+_OWN_EFFECT = KeyGroup(
+    keys={
+        "meaning": Key(TEXT, "What it is, in a few words."),
+        "unit": Key(TEXT, "SI unit of the coefficient, for example N or kg/s; 1 for a pure number.", required=True),
+        "bounds": Key(_BOUNDS, "Lowest and highest value of the coefficient, with units.", required=True),
+        "force": Key(OWN_FORCE, required=True),
+        "source": Key(TEXT, "Where the formula is from."),
+    },
+    description="A force that the library lacks. Its one coefficient has the effect's name, and the force vanishes where that "
+    "is 0.",
+)
 
 
-def _own_effects(groups: dict[str, OwnEffectGroup]) -> tuple[OwnEffect, ...]:
-    own = tuple(_own_effect(name, group) for name, group in groups.items())
+def _own_effects(raw: object) -> tuple[OwnEffect, ...]:
+    """Return the effects that a file defines, by their names."""
+    if not isinstance(raw, dict):
+        raise input_error(no_group((), raw))
+    own = tuple(_own_effect(name, read_key(_OWN_EFFECT, content, name)) for name, content in raw.items())
     effect_tables(own)  # what one group alone does not show
     return own
 
 
-def _own_effect(name: str, group: OwnEffectGroup) -> OwnEffect:
+def _own_effect(name: str, keys: dict[str, Any]) -> OwnEffect:
     """Return the effect of a group, after checking one entry after another, so that an error has the key of its cause."""
-    key = name
+    entry = [name]
     try:
         check_name(name, taken_names(effect_library.EFFECTS.values()))
-        key = f"{name}.unit"
-        unit = "" if group.unit == "1" else re.sub(r" ?([*/]) ?", r"\1", group.unit).replace("^", "**")
+        entry = [name, "unit"]
+        unit = "" if keys["unit"] == "1" else re.sub(r" ?([*/]) ?", r"\1", keys["unit"]).replace("^", "**")
         check_unit(unit)
-        key = f"{name}.bounds"
-        low, high = _bounds(group.bounds, unit)
-        force = {direction: " ".join(text.split()) for direction, text in group.force if text is not None}
+        entry = [name, "bounds"]
+        low, high = _bounds(keys["bounds"], unit)
+        force = {direction: " ".join(text.split()) for direction, text in keys["force"].items()}
         for direction, formula in force.items():
-            key = f"{name}.force.{direction}"
+            entry = [name, "force", direction]
             force_formula(formula, name)
-        key = f"{name}.force"
+        entry = [name, "force"]
         own = OwnEffect(
             name=name,
             unit=unit,
             bounds=(low, high),
-            force=tuple(force.items()),
-            meaning=group.meaning,
-            source=group.source,
+            force=tuple((direction, force[direction]) for direction in DIRECTIONS if direction in force),
+            meaning=keys.get("meaning", ""),
+            source=keys.get("source", ""),
         )
         effect_of(own)
     except (HarnessError, PydanticCustomError) as error:
-        raise input_error(str(error).removeprefix(f"{KEY}: {name}: "), key) from None
+        raise input_error(str(error).removeprefix(f"{KEY}: {name}: "), *entry) from None
     return own
 
 
@@ -113,42 +120,30 @@ def _bounds(texts: Sequence[str], unit: str) -> tuple[float, float]:
     return low, high
 
 
-OwnEffects = Annotated[dict[str, OwnEffectGroup], AfterValidator(_own_effects)]
+def _keys_of(own: OwnEffect) -> dict[str, Any]:
+    """Return an effect as nested keys and texts of a file."""
+    keys = {
+        "meaning": own.meaning,
+        "unit": pretty(own.unit) or 1,
+        "bounds": [QuantityField(QuantityKind(unit=own.unit)).write(bound) for bound in own.bounds],
+        "force": dict(own.force),
+        "source": own.source,
+    }
+    return {key: value for key, value in keys.items() if value != ""}
+
+
+OwnEffects = Annotated[
+    tuple[OwnEffect, ...],
+    SimpleField(
+        _own_effects,
+        {"type": "object", "additionalProperties": _OWN_EFFECT.json_schema},
+        write=lambda effects: {own.name: _keys_of(own) for own in effects},
+    ),
+]
 """Field type of the group: keys and texts in a file, a tuple of `OwnEffect` in the program."""
 
 
-# The group has to be read before the others, which may name what it defines
-_FILES: dict[str, type[BaseModel]] = {
-    key: create_model(f"file with {key}", **{key: (OwnEffects, {})})  # type: ignore[call-overload]
-    for key in (KEY, KEY_IN_STUDY)
-}
-"""Key of the group -> model of a file of which only that group is read."""
-
-
-def read(data: Mapping[str, Any], key: str = KEY) -> tuple[OwnEffect, ...]:
-    """Return the effects that the content of a file defines below a key, and warn of packages whose effects cannot be used.
-
-    Raises
-    ------
-    pydantic.ValidationError
-        If they are faulty.
-    """
+def warn_of_faulty_packages() -> None:
+    """Warn of installed packages whose effects cannot be used."""
     for fault in effect_library.FAULTS:
         warn_of(fault)
-    # A type checker does not see what a validator gives; without the key it is the empty default
-    return cast("tuple[OwnEffect, ...]", tuple(getattr(_FILES[key].model_validate(data), key)))
-
-
-def tree(own_effects: Sequence[OwnEffect]) -> dict[str, Any]:
-    """Return effects as nested keys and texts of a file, which `read` reads."""
-    groups = {
-        own.name: {
-            "meaning": own.meaning,
-            "unit": pretty(own.unit) or 1,
-            "bounds": [show(bound, own.unit) if own.unit else bound for bound in own.bounds],
-            "force": dict(own.force),
-            "source": own.source,
-        }
-        for own in own_effects
-    }
-    return {name: {key: value for key, value in group.items() if value != ""} for name, group in groups.items()}

@@ -6,41 +6,39 @@ Their docstrings become descriptions in the JSON Schema for editors.
 
 from __future__ import annotations
 
-import functools
 import math
 import re
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Annotated, Any
 
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    Discriminator,
-    Field,
-    Tag,
-    ValidationInfo,
-    model_validator,
-)
+from pydantic import Field, ValidationInfo
+from pydantic.json_schema import JsonSchemaValue
 
 from looping_pendulum.reference_ode import effects as effect_library
-from looping_pendulum.reference_ode import parameters
-from looping_pendulum.reference_ode.effects import Coefficient
+from looping_pendulum.reference_ode.effects.own import OwnEffect, effect_of
+from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.document import quote
-from looping_pendulum.scenarios.fields import Group, QuantityField, Text, input_error, made_group, model_schema, one_of, suggest
-from looping_pendulum.scenarios.metrics import METRICS
+from looping_pendulum.scenarios.fields import (
+    TEXT,
+    FieldType,
+    Group,
+    Key,
+    KeyGroup,
+    QuantityField,
+    SimpleField,
+    Text,
+    input_error,
+    model_schema,
+    one_of,
+)
+from looping_pendulum.scenarios.metrics import METRICS, Metric
 from looping_pendulum.scenarios.own_effects import OwnEffects
-from looping_pendulum.scenarios.quantities import FILE_KEYS, QUANTITIES, Quantity, file_key, group_of, quantity_kind
+from looping_pendulum.scenarios.quantities import FILE_KEYS, QUANTITIES, group_of, quantity_kind
 from looping_pendulum.scenarios.units import QuantityKind
 
-
-def _parameter_key(value: object, info: ValidationInfo) -> str:
-    """Validate a key of a scenario file, "release.angle"; the context gives the file's own coefficients."""
-    coefficients = (*effect_library.COEFFICIENTS, *(info.context or ()))
-    known = [*FILE_KEYS.values(), *map(file_key, coefficients)]
-    if isinstance(value, str) and value in known:
-        return value
-    hint = suggest(value, known) if isinstance(value, str) else ""
-    raise input_error(f"expected a key of this file such as 'release.angle', got {quote(value)}{hint}")
+AIR_DENSITY = 1.2
+"""Density of air [kg/m^3] for a drag shape that does not give it (paper, sec. IV)."""
 
 
 def _data_path(value: object) -> str:
@@ -59,81 +57,109 @@ def _sha256(value: object) -> str:
     raise input_error(f"expected 64 hexadecimal digits, got {quote(value)}; copy what 'sha256sum FILE' prints")
 
 
-class DragShape(Group):
-    """Quadratic drag by shape, gamma = C rho A / 2."""
-
-    shape_factor: Annotated[float, QuantityField(QuantityKind(unit="", low=0.0, high=10.0, example="1.0"))]
-    """Drag coefficient C: about 0.5 for a ball, 1 for a cylinder."""
-    area: Annotated[float, QuantityField(QuantityKind(unit="m**2", low=0.0, high=1.0, exclusive_low=True))]
-    """Area across the motion: pi r^2 for a ball, height times diameter for a cylinder."""
-    air_density: Annotated[float, QuantityField(QuantityKind(unit="kg/m**3", low=0.0, high=2000.0))] | None = None
-    """Density of the air; 1.2 kg/m^3 if not given."""
-
-
-def _annotation(q: Quantity) -> Any:
-    """Return the type of a quantity's key; a quadratic drag may be given by a shape, too."""
-    number = Annotated[float, QuantityField(q.kind)]
-    if q.name not in ("light_drag", "heavy_drag"):
-        return number
-    # Tags in brackets, as no key has them: `fields.first_error` takes them out of the paths that it shows
-    return Annotated[
-        Annotated[number, Tag("<direct>")] | Annotated[DragShape, Tag("<shape>")],
-        Discriminator(lambda value: "<shape>" if isinstance(value, dict) else "<direct>"),
-    ]
-
-
-def _key_of(q: Quantity) -> Any:
-    """Return type and default of a quantity's key, as pydantic makes a model of them."""
-    shape = ", or the shape from which it follows" if q.name in ("light_drag", "heavy_drag") else ""
-    description = f"{q.description().removesuffix('.')}{shape}."
-    if q.required:
-        return _annotation(q), Field(description=description)
-    return _annotation(q) | None, Field(None, description=description)
+_DRAGS = ("light_drag", "heavy_drag")
+_SHAPE = KeyGroup(
+    keys={
+        "shape_factor": Key(
+            QuantityField(QuantityKind(unit="", low=0.0, high=10.0, example="1.0")),
+            "Drag coefficient C: about 0.5 for a ball, 1 for a cylinder.",
+            required=True,
+        ),
+        "area": Key(
+            QuantityField(QuantityKind(unit="m**2", low=0.0, high=1.0, exclusive_low=True)),
+            "Area across the motion: pi r^2 for a ball, height times diameter for a cylinder.",
+            required=True,
+        ),
+        "air_density": Key(
+            QuantityField(QuantityKind(unit="kg/m**3", low=0.0, high=2000.0)),
+            f"Density of the air; {AIR_DENSITY:g} kg/m^3 if not given.",
+        ),
+    },
+    description="Quadratic drag by shape, gamma = C rho A / 2.",
+)
 
 
-def _group(name: str, meaning: str = "", base: type[Group] = Group) -> Any:
-    """Return the model of a group of quantities, by its name in the file."""
-    keys: dict[str, Any] = {q.last_key: _key_of(q) for q in group_of(name)}
-    return made_group(f"{name.capitalize()}Group", meaning or base.__doc__, base, **keys)
+def _drag_or_shape(number: QuantityField) -> SimpleField:
+    """Return the type of a quadratic drag, by its coefficient or by the shape from which this follows."""
+
+    def read(raw: object) -> float:
+        if not isinstance(raw, dict):
+            coefficient: float = number.read(raw)
+            return coefficient
+        shape = {"air_density": AIR_DENSITY} | _SHAPE.read(raw)
+        return effect_library.drag_coefficient(shape["shape_factor"], shape["air_density"], shape["area"])
+
+    return SimpleField(read, {"anyOf": [number.json_schema, _SHAPE.json_schema]}, write=number.write)
 
 
-class _Release(Group):
-    """How the masses are let go."""
-
-    kind: Annotated[str, one_of(*(r.value for r in parameters.Release))] = parameters.Release.LOOPING.value
-    """looping: as in the demonstration; vertical: both hang; held: the heavy mass is clamped; drop: no string."""
-    # A placeholder for the quantity that is checked here; the table of quantities has its type
-    angle: Any = None
-
-    @model_validator(mode="after")
-    def _check_angle(self) -> _Release:
-        """Require an angle, except for a vertical release, which hangs at 180 deg."""
-        vertical = self.kind == parameters.Release.VERTICAL.value
-        if self.angle is None and not vertical:
-            raise input_error(
-                f"missing, and a {self.kind} release needed an angle; write for example 'angle: 112 deg'", "angle"
-            )
-        if self.angle is not None and vertical and self.angle != math.pi:
-            degrees = math.degrees(self.angle)
-            raise input_error(
-                f"found {degrees:g} deg, needed no angle: a vertical release hangs at 180 deg; leave it out", "angle"
-            )
-        return self
+def _field_of(name: str) -> FieldType:
+    """Return the type of a quantity."""
+    number = QuantityField(QUANTITIES[name].kind)
+    return _drag_or_shape(number) if name in _DRAGS else number
 
 
-LightGroup = _group("light", "The light mass, which whips round the rod.")
-HeavyGroup = _group("heavy", "The heavy mass, which falls and is caught.")
-RodGroup = _group("rod", "The rod.")
-StringGroup = _group("string", "The string, and its friction on the rod.")
-ReleaseGroup = _group("release", base=_Release)
-Gravity = _annotation(QUANTITIES["gravity"])
-Duration = _annotation(QUANTITIES["duration"])
+def _group(name: str, description: str) -> KeyGroup:
+    """Return the type of a group of quantities, by its name in the file."""
+    keys = {}
+    for q in group_of(name):
+        shape = ", or the shape from which it follows" if q.name in _DRAGS else ""
+        keys[q.last_key] = Key(_field_of(q.name), f"{q.description().removesuffix('.')}{shape}.", q.required)
+    return KeyGroup(keys=keys, description=description)
+
+
+def with_kind(group: KeyGroup, **changes: Any) -> KeyGroup:
+    """Return the type of a group of quantities of a release, with its kind and other changes."""
+    meaning = (
+        "looping, if not given: as in the demonstration; vertical: both hang; held: the heavy mass is clamped; drop: no string."
+    )
+    return replace(group, keys={"kind": Key(one_of(*Release), meaning), **group.keys}, **changes)
+
+
+def _release(keys: dict[str, Any]) -> dict[str, Any]:
+    """Require an angle, except for a vertical release, which hangs at 180 deg."""
+    keys = {"kind": Release.LOOPING} | keys
+    is_vertical, angle = keys["kind"] is Release.VERTICAL, keys.get("angle")
+    if angle is None and not is_vertical:
+        message = f"missing, and a {keys['kind']} release needed an angle; write for example 'angle: 112 deg'"
+        raise input_error(message, "angle")
+    if angle not in (None, math.pi) and is_vertical:
+        found = f"found {math.degrees(angle):g} deg"
+        raise input_error(f"{found}, needed no angle: a vertical release hangs at 180 deg; leave it out", "angle")
+    # `Parameters` requires an angle, though a vertical release determines it
+    return keys | {"angle": math.pi if angle is None else angle}
+
+
+class _Effects(FieldType):
+    """Coefficients of effects: of those of the library that have no other key, and of the file's own."""
+
+    def group(self, own: Iterable[OwnEffect] = ()) -> KeyGroup:
+        """Return the group of all of them."""
+        known = {name: c for name, c in effect_library.COEFFICIENTS.items() if name not in FILE_KEYS}
+        known |= {c.name: c for each in own for c in effect_of(each).coefficients}
+        keys = {name: Key(QuantityField(quantity_kind(c)), c.meaning) for name, c in known.items()}
+        return KeyGroup(keys=keys, description="Coefficients of further effects.")
+
+    def validate(self, value: object, info: ValidationInfo) -> Any:
+        """Return coefficient -> value [SI]."""
+        if info.context is None:
+            return value
+        # The file's own may be faulty, so that nobody knows which names there are
+        return self.group(info.data["own_effects"]).read(value) if "own_effects" in info.data else {}
+
+    @property
+    def json_schema(self) -> JsonSchemaValue:
+        """Return the JSON Schema of those of the library."""
+        return self.group().json_schema
+
+
+Values = dict[str, Any]
+"""Key of a group -> value [SI]."""
 
 
 class InferredGroup(Group):
     """Values that the source does not print."""
 
-    parameters: Annotated[list[Annotated[str, BeforeValidator(_parameter_key)]], Field(min_length=1)]
+    parameters: Annotated[list[Text], Field(min_length=1)]
     """Keys of this file, as "release.angle"."""
     how: Text
     """How they were found."""
@@ -144,49 +170,37 @@ class InferredGroup(Group):
 class MeasuredGroup(Group):
     """The measured event table of this trial."""
 
-    file: Annotated[str, BeforeValidator(_data_path)]
+    file: Annotated[str, SimpleField(_data_path, TEXT.json_schema)]
     """Path below a data folder; the data is not part of the package."""
-    sha256: Annotated[str, BeforeValidator(_sha256)]
+    sha256: Annotated[str, SimpleField(_sha256, TEXT.json_schema)]
     """Checksum of that file."""
     source: Text
     """Who measured it and where it is printed."""
 
 
-class Limit(Group):
-    """What an engine must keep."""
-
-    limit: float
-    """Largest magnitude of the metric that is accepted, or for a few metrics the smallest value."""
-    reason: Text
-    """Why this much: its source."""
-    expected_failure: Text = ""
-    """Measured reason why it is not kept; then keeping it is the surprise."""
-
-
-def _limit_of(unit: str) -> type[Limit]:
-    """Return the model of a limit on a metric with this SI unit."""
-    example = {"m": "0.6 mm", "s": "8 ms", "rad": "0.01 rad", "": "0.003"}.get(unit, "")
-    quantity = QuantityField(QuantityKind(unit=unit, low=0.0, example=example))
-    limit: Any = (Annotated[float, quantity], Field(description=Limit.model_fields["limit"].description))
-    return made_group(f"Limit of {unit or 'a number'}", None, Limit, limit=limit)
+def _limit_of(metric: Metric) -> KeyGroup:
+    """Return the type of the limit on a metric."""
+    example = {"m": "0.6 mm", "s": "8 ms", "rad": "0.01 rad", "": "0.003"}.get(metric.unit, "")
+    quantity = QuantityField(QuantityKind(unit=metric.unit, low=0.0, example=example))
+    meaning = "Largest magnitude of the metric that is accepted, or for a few metrics the smallest value."
+    return KeyGroup(
+        keys={
+            "limit": Key(quantity, meaning, required=True),
+            "reason": Key(TEXT, "Why this much: its source.", required=True),
+            "expected_failure": Key(TEXT, "Measured reason why it is not kept; then keeping it is the surprise."),
+        }
+    )
 
 
-_LIMITS = {unit: _limit_of(unit) for unit in dict.fromkeys(metric.unit for metric in METRICS.values())}
-
-# Names such as rms_0.35s are not valid Python names, so they are aliases of the fields.
-_METRIC_FIELDS: dict[str, Any] = {
-    f"metric_{i}": (_LIMITS[metric.unit] | None, Field(None, alias=metric.name, description=metric.description))
-    for i, metric in enumerate(METRICS.values())
-}
-Limits: type[BaseModel] = made_group("Limits", None, Group, **_METRIC_FIELDS)
+_LIMITS = KeyGroup(keys={name: Key(_limit_of(metric), metric.description) for name, metric in METRICS.items()})
 
 
 class ProfilesGroup(Group):
     """One engine's limits, by profile."""
 
-    quick: Limits | None = None  # type: ignore[valid-type]
+    quick: Annotated[Values, _LIMITS] = {}
     """Limits with the settings of the profile quick."""
-    accurate: Limits | None = None  # type: ignore[valid-type]
+    accurate: Annotated[Values, _LIMITS] = {}
     """Limits with the settings of the profile accurate."""
 
 
@@ -197,46 +211,24 @@ class ScenarioFile(Group):
     """A few words."""
     description: Text = ""
     """What there is to see, for a reader who has not seen it."""
-    light: LightGroup  # type: ignore[valid-type]
-    heavy: HeavyGroup  # type: ignore[valid-type]
-    rod: RodGroup  # type: ignore[valid-type]
-    string: StringGroup = StringGroup()  # type: ignore[valid-type]
-    gravity: Gravity | None = _key_of(QUANTITIES["gravity"])[1]  # type: ignore[valid-type]
-    release: ReleaseGroup  # type: ignore[valid-type]
-    duration: Duration = _key_of(QUANTITIES["duration"])[1]  # type: ignore[valid-type]
+    light: Annotated[Values, _group("light", "The light mass, which whips round the rod.")]
+    heavy: Annotated[Values, _group("heavy", "The heavy mass, which falls and is caught.")]
+    rod: Annotated[Values, _group("rod", "The rod.")]
+    string: Annotated[Values, _group("string", "The string, and its friction on the rod.")] = {}
+    gravity: Annotated[float, _field_of("gravity")] | None = Field(None, description=QUANTITIES["gravity"].description())
+    release: Annotated[Values, with_kind(_group("release", "How the masses are let go."), from_keys=_release)]
+    duration: Annotated[float, _field_of("duration")] = Field(description=QUANTITIES["duration"].description())
     inferred: list[InferredGroup] = []
     """What the source does not print, and how it was inferred."""
     measured: MeasuredGroup | None = None
     tolerances: dict[str, ProfilesGroup] = {}
     """Engine and variant ("pymunk:chain"), profile and metric -> limit."""
-    own_effects: OwnEffects = {}
+    own_effects: OwnEffects = ()
     """Effects that the library lacks, each with its formula; their coefficients stand under effects, too."""
-    # A placeholder: `_file_model` puts a group with the library's coefficients here
-    effects: Any = None
+    effects: Annotated[dict[str, float], _Effects()] = {}
     """Coefficients of further effects."""
-
-
-def file_model(own: Iterable[Coefficient] = ()) -> type[ScenarioFile]:
-    """Return the model of a whole file, with a key under ``effects`` for each coefficient that is in no other group.
-
-    Parameters
-    ----------
-    own
-        Coefficients of the effects that the file defines.
-    """
-    return _file_model((*(c for name, c in effect_library.COEFFICIENTS.items() if name not in FILE_KEYS), *own))
-
-
-@functools.lru_cache(maxsize=8)
-def _file_model(others: tuple[Coefficient, ...]) -> type[ScenarioFile]:
-    """Return the model of a whole file with these coefficients under ``effects``; cached, because building it is slow."""
-    fields: dict[str, Any] = {
-        c.name: (Annotated[float, QuantityField(quantity_kind(c))] | None, Field(None, description=c.meaning)) for c in others
-    }
-    effects = made_group("EffectsGroup", "Coefficients of further effects.", Group, **fields)
-    return made_group("ScenarioFile", ScenarioFile.__doc__, ScenarioFile, effects=(effects, effects()))
 
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a scenario file, for editors that complete and check YAML."""
-    return model_schema(file_model(), "Looping pendulum scenario")
+    return model_schema(ScenarioFile, "Looping pendulum scenario")

@@ -32,6 +32,8 @@ degree = {DEGREE} * radian = deg = °
 turn = 6.283185307179586476925286766559005768394 * radian = _ = revolution
 percent = 0.01 = %
 minute = 60 * second = min
+hour = 60 * minute = h
+day = 24 * hour = _
 hertz = 1 / second = Hz
 newton = kilogram * meter / second ** 2 = N
 pascal = newton / meter ** 2 = Pa

@@ -89,7 +89,7 @@ def read_axis(variable: Variable, content: object, *, sampled: bool) -> Axis:
     )
 
 
-def _read(field: QuantityField | FieldType, group: dict[str, Any], key: str) -> Any:
+def _read(field: FieldType, group: dict[str, Any], key: str) -> Any:
     """Return the value of a key of a range, whose error names the key."""
     try:
         return field.read(group[key])

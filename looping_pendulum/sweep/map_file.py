@@ -8,7 +8,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, ValidationError, WithJsonSchema
+from pydantic import BeforeValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 from looping_pendulum.engines.protocol import Profile
@@ -22,10 +22,10 @@ from looping_pendulum.scenarios.fields import (
     Group,
     QuantityField,
     Text,
-    first_error,
     input_error,
     model_schema,
     one_of,
+    read_model,
     suggest,
     whole_number,
 )
@@ -126,10 +126,7 @@ def load_text(raw: bytes | str, *, file: str = "map.yaml", name: str = "map", fo
     # Half characters reach the parser, which refuses them as it does in a file
     data = raw.encode("utf-8", "surrogatepass") if isinstance(raw, str) else raw
     doc = document.parse(data, file)
-    try:
-        checked = MapFile.model_validate(doc.data)
-    except ValidationError as error:
-        raise first_error(error, doc, MapFile) from None
+    checked = read_model(MapFile, doc)
     scenario = _scenario(doc, checked.scenario, folder)
     axes = _axes(doc, checked, scenario)
     plan = MapPlan(
@@ -223,8 +220,7 @@ def _axes(doc: Document, checked: MapFile, scenario: Scenario) -> tuple[Axis, ..
             axes.append(read_axis(variable, content, sampled=checked.sample is not None))
         except PydanticCustomError as error:
             # `input_error` notes the key inside the range, for its line
-            below = (error.context or {}).get("key")
-            raise doc.error(("parameters", key, below) if below else ("parameters", key), str(error)) from None
+            raise doc.error(("parameters", key, *(error.context or {}).get("keys", ())), str(error)) from None
     return tuple(axes)
 
 

@@ -14,20 +14,18 @@ import yaml
 from pydantic_core import PydanticCustomError
 
 from looping_pendulum.errors import HarnessError, ParameterError
-from looping_pendulum.film.decode import is_film
-from looping_pendulum.measured.film_points import facts_of_film
+from looping_pendulum.measured.film import is_film
+from looping_pendulum.measured.film_points import settle_film
 from looping_pendulum.measured.observations import DataError
-from looping_pendulum.measured.readers import FileSurvey, mass_in_name, survey
-from looping_pendulum.measured.study import REQUIRED, Estimate
-from looping_pendulum.measured.study_file import MeasuredField
-from looping_pendulum.measured.study_io import estimate_text
+from looping_pendulum.measured.study import REQUIRED
+from looping_pendulum.measured.study_file import Estimate, MeasuredField
+from looping_pendulum.measured.tables.readers import FileSurvey, mass_in_name, survey
 from looping_pendulum.processes import ReportShare
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.fields import TO_FILL_IN, QuantityField
 from looping_pendulum.scenarios.quantities import QUANTITIES
-from looping_pendulum.scenarios.units import UnitError, to_si
 
 PLAYBACK_RATE = 61.0
 """Rate at or below which a table may be of slow motion as it plays [Hz]: films play at 24 to 60 frames a second."""
@@ -91,9 +89,10 @@ def new_scenario(name: str, *, like: str, given: Mapping[str, str]) -> str:
 
 def _scenario_value(quantity: str, text: str) -> float:
     try:
-        return QuantityField(QUANTITIES[quantity].kind).read(text)
+        value: float = QuantityField(QUANTITIES[quantity].kind).read(text)
     except PydanticCustomError as error:
         raise NewFileError(f"{_option(quantity)}: {error}") from None
+    return value
 
 
 def _commented(tree: Mapping[str, Any], group: str = "", indent: str = "") -> list[str]:
@@ -115,6 +114,9 @@ def new_study(
     files: Sequence[Path],
     given: Mapping[str, Sequence[str]],
     reporting: Reporting,
+    *,
+    track: bool = False,
+    keep: bool = False,
 ) -> str:
     """Return the YAML of a study, in which `TO_FILL_IN` stands for each value that is neither given nor shown by a file.
 
@@ -128,6 +130,9 @@ def new_study(
         Name of a quantity -> its value with its unit and standard error, one for all files or one for each.
     reporting
         Context in which films are tracked, for what they show of the release.
+    track, keep
+        Of a film that has no points, or was tracked with other values than the given ones: whether to track it, or to take the
+        points that are there.
 
     Raises
     ------
@@ -136,14 +141,14 @@ def new_study(
     """
     for quantity, texts in given.items():
         for text in texts:
-            _estimate(quantity, text)  # refused here, before a film is tracked
+            estimate_of(quantity, text)  # refused here, before a film is tracked
         if len(texts) not in ((1,) if quantity in SHARED else (1, len(files))):
             count = "one" if quantity in SHARED else f"one for all files, or {len(files)}"
             raise NewFileError(f"{_option(quantity)}: found {len(texts)} values, needed {count}")
     trials: list[_Trial] = []
     for i, file in enumerate(files):
         mine = {quantity: texts[i if len(texts) > 1 else 0] for quantity, texts in given.items()}
-        trials += _trials_of(file, mine, reporting)
+        trials += _trials_of(file, mine, reporting, track=track, keep=keep)
     shared = {quantity: texts[0] for quantity, texts in given.items()}
     releases = {trial.release for trial in trials}
     names = _different_names(trials)
@@ -211,13 +216,13 @@ def _different_names(trials: Sequence[_Trial]) -> list[str]:
     return names
 
 
-def _trials_of(file: Path, given: Mapping[str, str], reporting: Reporting) -> list[_Trial]:
+def _trials_of(file: Path, given: Mapping[str, str], reporting: Reporting, *, track: bool, keep: bool) -> list[_Trial]:
     """Return the trial of a film or table, or that of each run in it."""
     if not file.exists():
         raise NewFileError(f"found no file {quote(str(file))}, needed a film or a table of tracked points; correct the path")
     if is_film(file):
         says = f"a film; {file.stem}.track.png beside it shows what was tracked: check it"
-        shown = _shown_by_film(file, given, reporting)
+        shown = _shown_by_film(file, given, reporting, track=track, keep=keep)
         measured = _measured_lines(Release.LOOPING, given, shown)
         return [_Trial(file=file, says=says, release=Release.LOOPING, measured=measured, ball=shown.get("light_radius", ""))]
     try:
@@ -238,31 +243,30 @@ def _trials_of(file: Path, given: Mapping[str, str], reporting: Reporting) -> li
     ]
 
 
-def _shown_by_film(film: Path, given: Mapping[str, str], reporting: Reporting) -> dict[str, str]:
+def _shown_by_film(film: Path, given: Mapping[str, str], reporting: Reporting, *, track: bool, keep: bool) -> dict[str, str]:
     """Return what a film shows of ball and release, by the names of quantities; nothing without the free length, its scale."""
     if "free_length" not in given:
         return {}
-    length = _estimate("free_length", given["free_length"])
+    length = estimate_of("free_length", given["free_length"])
     stated = {"free_length": length.value, "free_length_error": length.sigma or 0.0}
     if "rod_radius" in given:
-        stated["rod_radius"] = _estimate("rod_radius", given["rod_radius"]).value
+        radius = estimate_of("rod_radius", given["rod_radius"])
+        stated |= {"rod_radius": radius.value, "rod_radius_error": radius.sigma or 0.0}
     try:
         with reporting() as progress:
-            facts = facts_of_film(film, stated, progress)
+            return settle_film(film, stated, track=track, keep=keep, progress=progress).shown()
     except DataError as error:
         raise NewFileError(str(error)) from None
-    release = {q.name: facts["release"].get(q.last_key) for q in QUANTITIES.values() if q.group == "release"}
-    return {name: text for name, text in release.items() if text} | {"light_radius": facts["light_radius"]}
 
 
 def _reading_lines(found: FileSurvey) -> list[str]:
     """Return the lines that say how a table is read where it does not say so itself; what is guessed has a comment."""
     lines = []
-    masses = found.proposed_masses()
+    masses = found.masses
     if any(mass_in_name(name) != mass for mass, name in masses.items()):
         lines.append("    tracks:  # by their motion, as their names do not say it: the heavy mass falls along a vertical line")
         lines += [f"      {mass}: {_scalar(name)}" for mass, name in masses.items()]
-    units = found.proposed_units()
+    units = found.units
     if units:
         lines.append("    units:  # guessed, as the file does not name them")
         lines += [f"      {kind}: {unit}" for kind, unit in units.items()]
@@ -271,7 +275,7 @@ def _reading_lines(found: FileSurvey) -> list[str]:
         lines.append(f"    frame_rate: {TO_FILL_IN}  # true frame rate of the camera, such as 240 Hz: the file has no times")
     elif found.kind == "positions" and rate is not None and 0 < rate <= PLAYBACK_RATE:
         lines.append("    # frame_rate: 240 Hz  # without the first '#', for slow motion: the camera's true rate")
-    if found.starts_on_the_right(masses):
+    if found.starts_on_the_right:
         lines.append("    mirrored: true  # the light mass starts on the right")
     return lines
 
@@ -300,23 +304,30 @@ def _measured(quantity: str, values: Mapping[str, str], indent: str) -> str:
     """Return the line of a measured quantity: its value, or the mark for one to fill in."""
     q, text = QUANTITIES[quantity], values.get(quantity, TO_FILL_IN)
     comment = q.meaning if text != TO_FILL_IN else f"{q.meaning}; for example {q.measured_example}"
-    if text != TO_FILL_IN and not _estimate(quantity, text).uncertain:
+    if text != TO_FILL_IN and not estimate_of(quantity, text).uncertain:
         comment += f"; taken as exact, as it has no standard error, such as +/- {q.usual_error}"
     return f"{indent}{q.last_key}: {_scalar(text)}  # {comment}"
 
 
-def _estimate(quantity: str, text: str) -> Estimate:
+def estimate_of(quantity: str, text: str) -> Estimate:
+    """Return value and standard error of a quantity [SI] that a user typed for the option of its name.
+
+    Raises
+    ------
+    NewFileError
+        If it is none; the message names the option.
+    """
     try:
-        return MeasuredField(QUANTITIES[quantity].kind).estimate(text)
+        return MeasuredField(QUANTITIES[quantity].kind).read(text)
     except PydanticCustomError as error:
         raise NewFileError(f"{_option(quantity)}: {error}") from None
 
 
 def radius_of(diameter: str) -> str:
     """Return a rod's radius, with its standard error, of its diameter."""
-    twice = _estimate("rod_radius", diameter)
+    twice = estimate_of("rod_radius", diameter)
     half = replace(twice, value=twice.value / 2, sigma=None if twice.sigma is None else twice.sigma / 2)
-    return estimate_text(half, "m")
+    return MeasuredField(QUANTITIES["rod_radius"].kind).write(half)
 
 
 def _option(quantity: str) -> str:
@@ -328,8 +339,7 @@ def _summary(found: FileSurvey) -> str:
     if found.kind == "events":
         return "a table of events"
     names = ", ".join(quote(t.name) if t.name else "one without a name" for t in found.tracks)
-    tracks = f"tracks {names}" if found.has_names else "two tracks, no names"
-    what = {"drop": "heights", "angle": "angles"}.get(found.kind, tracks)
+    what = {"drop": "heights", "angle": "angles"}.get(found.kind, f"tracks {names}")
     rate = _rows_per_second(found)
     rows = "no times, only frames" if rate is None else f"{rate:.4g} rows a second" if rate else "a single row"
     lengths = "" if found.kind == "angle" else f"; lengths in {found.length_unit or 'a unit that it does not name'}"
@@ -340,11 +350,7 @@ def _rows_per_second(found: FileSurvey) -> float | None:
     """Return the rate of the rows by the file's own times [Hz]; 0 if it has one row, None without times."""
     if found.time_step is None:
         return None
-    try:
-        seconds = found.time_step * to_si(f"1 {found.proposed_time_unit}", "s")
-    except UnitError:
-        seconds = found.time_step  # a unit that is none is refused where the file is read
-    return 1 / seconds if seconds > 0 else 0.0
+    return 1 / found.time_step if found.time_step > 0 else 0.0
 
 
 def _scalar(value: str | float) -> str:

@@ -18,7 +18,8 @@ from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import label, select
 from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.errors import EngineError, HarnessError
-from looping_pendulum.measured.delimited import MAX_LINE_LENGTH, numbered_lines, split_cells
+from looping_pendulum.files import read_file
+from looping_pendulum.measured.tables.delimited import MAX_LINE_LENGTH, numbered_lines
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.solve import DURATION, solve
 from looping_pendulum.scenarios import loader
@@ -208,7 +209,7 @@ def _file_of_run(folder: Path, engine: str | None) -> Path:
 def _motion_of_file(path: Path) -> TrackedMotion:
     """Return the motion in a CSV file of `compare.trajectories.trajectory_csv`."""
     names = ("t", "heavy_x", "heavy_y", "heavy_vx", "heavy_vy", "light_x", "light_y", "light_vx", "light_vy")
-    rows = [split_cells(line, ",") for _, line in numbered_lines(_read_text(path))]
+    rows = [[cell.strip() for cell in line.split(",")] for _, line in numbered_lines(_read_text(path))]
     while rows and not any(rows[-1]):
         rows.pop()  # empty lines at the end
     header = [cell.partition(" [")[0] for cell in rows[0]] if rows else []
@@ -236,8 +237,10 @@ def _read_text(path: Path) -> str:
     TrackerError
         If it is too large, is not UTF-8, or has a line that is too long.
     """
-    with path.open("rb") as stream:
-        raw = stream.read(MAX_FILE_SIZE + 1)
+    try:
+        raw = read_file(path, MAX_FILE_SIZE)
+    except OSError as error:
+        raise TrackerError(f"{path}: cannot be read: {error.strerror}") from None
     if len(raw) > MAX_FILE_SIZE:
         raise TrackerError(f"{path}: found more than {MAX_FILE_SIZE // 1024**2} MiB, needed the file of one run")
     try:

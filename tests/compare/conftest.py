@@ -31,7 +31,7 @@ from looping_pendulum.engines.trajectory import (
     TrajectoryEvent,
     from_samples,
 )
-from looping_pendulum.measured.events import MeasuredEventRow
+from looping_pendulum.measured.tables.events import MeasuredEventRow
 from looping_pendulum.pages import drawing
 from looping_pendulum.reference_ode.geometry import light_position
 from looping_pendulum.reference_ode.parameters import Parameters

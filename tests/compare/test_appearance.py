@@ -17,7 +17,7 @@ from looping_pendulum.compare import compare, figures
 from looping_pendulum.compare.convergence import report as convergence_plots
 from looping_pendulum.compare.convergence.result import SequenceKind
 from looping_pendulum.engines.trajectory import RunStatus
-from looping_pendulum.measured.events import MeasuredEventRow
+from looping_pendulum.measured.tables.events import MeasuredEventRow
 from looping_pendulum.pages.drawing import draw
 from looping_pendulum.pages.figures import on_page
 from tests.compare import fingerprint

@@ -13,7 +13,7 @@ from looping_pendulum.compare.report import residual_rows
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.compare.trajectories import residual_csv
 from looping_pendulum.compare.trial import MeasuredTrack, MeasuredTrial
-from looping_pendulum.measured.events import MeasuredEventRow
+from looping_pendulum.measured.tables.events import MeasuredEventRow
 from tests.compare.conftest import rows as closed_form_rows
 
 FRAMES = np.arange(200) / 240

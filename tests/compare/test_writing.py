@@ -5,6 +5,7 @@ import json
 import os
 import stat
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -49,7 +50,8 @@ def check_identify(result, folder):
     writing.write(result, folder)
     assert sorted(path.name for path in folder.iterdir() if path.is_file()) == sorted(writing.FILES)
     assert json.loads((folder / "verdict.json").read_text())["study"] == utf8(result.study).decode()
-    assert len(list((folder / "figures").iterdir())) == 6
+    assert [path.name for path in (folder / "figures").iterdir()] == ["motion.png"]  # the page has them all
+    assert (folder / "report.html").read_text(encoding="utf-8").count("<figure>") == 5
 
 
 @pytest.mark.long
@@ -130,10 +132,10 @@ def test_a_figure_that_cannot_be_made_is_a_warning_and_the_rest_is_there(tmp_pat
     assert "drop.png" not in report.read_text()
     monkeypatch.setattr(identify_figures, "trial_chart", fail)
     with pytest.warns(SkippedOutputWarning, match="trial-one.png"):
-        report = writing.write(made_up.identification("one"), tmp_path / "identify")
-    assert len(list((tmp_path / "identify" / "figures").iterdir())) == 5
+        writing.write(made_up.identification("one"), tmp_path / "identify")
+    assert [path.name for path in (tmp_path / "identify" / "figures").iterdir()] == ["motion.png"]
     page = (tmp_path / "identify" / "report.html").read_text()
-    assert 'id="errors"' in page
+    assert 'id="explanations"' in page
     assert 'id="trial-one"' not in page
 
 
@@ -148,16 +150,16 @@ def test_the_verdict_is_written_before_anything_is_drawn(tmp_path, monkeypatch, 
     assert {"repaired.yaml", "verdict.json"} <= {path.name for path in tmp_path.iterdir()}
 
 
-def test_a_figure_that_cannot_be_drawn_is_a_warning_and_the_others_are_there(tmp_path):
-    """Here the one of a trial with fewer residuals than times."""
+def test_a_figure_that_cannot_be_drawn_is_a_warning_and_the_report_is_there(tmp_path):
+    """Here the motion of a trial with fewer points by the model than it has."""
     whole = made_up.identification("one")
-    fewer = {channel: values[1:] for channel, values in whole.trial_figures[0].residual_after.items()}
-    broken = dataclasses.replace(whole.trial_figures[0], trial="two", residual_after=fewer)
-    result = dataclasses.replace(whole, trial_figures=(broken, *whole.trial_figures))
-    with pytest.warns(SkippedOutputWarning, match="trial-two.png is left out: ValueError"):
-        report = writing.write(result, tmp_path).read_text()
-    assert "trial-one.png" in report
-    assert "trial-two.png" not in report
+    t = np.arange(50.0)
+    picture = made_up.tracked("one", {"height": t}, t)
+    broken = dataclasses.replace(picture, predicted={"before": t[1:], "after": t[1:]})
+    with pytest.warns(SkippedOutputWarning, match="trial-one.png is left out: "):
+        report = writing.write(dataclasses.replace(whole, trial_figures=(broken,)), tmp_path).read_text()
+    assert "trial-one.png" not in report
+    assert "## What to do next" in report
 
 
 def test_a_link_planted_at_a_temporary_name_is_not_followed(tmp_path):

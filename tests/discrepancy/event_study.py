@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from looping_pendulum.measured.events import find_data
+from looping_pendulum.measured.tables.events import find_data
 from tests.blind import Apparatus, Effects, cases
 from tests.blind.cases import Case
 from tests.blind.simulator import Motion, simulate

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable
 
-from looping_pendulum.discrepancy.evidence.prior import body_of
+from looping_pendulum.discrepancy.evidence.laws import body_of
 from looping_pendulum.discrepancy.result import RankedExplanation
 from tests.blind.cases import CASES, Case
 
@@ -93,4 +93,4 @@ def truth(hidden: Iterable[str]) -> Explained:
 
 def parts_of(e: RankedExplanation) -> Explained:
     """Return the effects of an explanation, and the body and coordinate of its law, whatever its direction and factor."""
-    return frozenset(effect.name for effect in e.effects), (body_of(e.law.acts_on), e.law.depends_on) if e.law else None
+    return frozenset(effect.name for effect in e.effects), (body_of(e.law.target), e.law.coordinate) if e.law else None

@@ -7,7 +7,7 @@ import yaml
 from typer.testing import CliRunner
 
 from looping_pendulum.cli.main import app
-from looping_pendulum.measured.readers import DataError, read
+from looping_pendulum.measured.tables.readers import DataError, read
 from looping_pendulum.scenarios.units import to_si
 
 MAX_STEPS = 3

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from looping_pendulum.measured.events import find_data
+from looping_pendulum.measured.tables.events import find_data
 
 ROOT = Path(__file__).parents[2]
 

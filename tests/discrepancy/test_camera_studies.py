@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from looping_pendulum.discrepancy.evidence.prior import body_of
+from looping_pendulum.discrepancy.evidence.laws import body_of
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.measured.study_io import load, load_text
@@ -70,7 +70,7 @@ def test_a_force_that_the_fitted_parameters_hide_is_found_where_the_declared_mod
         load(write_files(BlindStudy(hidden=("thrust",), size=0.016, noise=2e-3, trials=3, seed=2079870536), tmp_path))
     )
     assert result.verdict is Verdict.UNLISTED
-    assert body_of(result.unlisted.acts_on) == "light mass"
+    assert body_of(result.unlisted.law.target) == "light mass"
 
 
 BRAKE = BlindStudy(hidden=("brake",), size=0.05, noise=1e-3, trials=3, seed=90001)
@@ -82,7 +82,7 @@ def test_a_brake_at_a_height_is_no_drag_of_the_heavy_mass(tmp_path):
     """Oracle: the separate simulator; a linear drag of the heavy mass passed every test and was named alone."""
     result = identify(load(write_files(BRAKE, tmp_path)))
     assert result.verdict is Verdict.UNLISTED
-    assert (result.unlisted.acts_on, result.unlisted.depends_on) == PLANTED_LAWS["brake"]
+    assert (result.unlisted.law.target, result.unlisted.law.coordinate) == PLANTED_LAWS["brake"]
 
 
 @pytest.mark.accurate  # half a minute
@@ -138,7 +138,7 @@ def test_two_listed_effects_do_not_stand_for_an_unlisted_force(tmp_path, law, no
     study = BlindStudy(hidden=(law,), size=0.016, noise=noise, trials=trials, seed=seed)
     result = identify(load(write_files(study, tmp_path)))
     assert result.verdict is Verdict.UNLISTED
-    assert result.unlisted.acts_on.startswith("light mass")
+    assert result.unlisted.law.target.startswith("light mass")
 
 
 def drag_by_attitude(folder):

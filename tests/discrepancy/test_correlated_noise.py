@@ -79,8 +79,8 @@ def test_nothing_is_missing_where_the_tracker_wanders(tmp_path, seed, library):
     with only_candidates(library):
         result = identify(study_with_wander(tmp_path, CLEAN, seed))
     assert result.verdict is Verdict.NO_MISSING_EFFECT
-    assert {e.body for e in result.correlated_noise} <= {"light", "heavy"}
-    assert all(2e-4 < e.amplitude < 1e-3 for e in result.correlated_noise)
+    assert set(result.correlated_noise) <= {"light", "heavy"}
+    assert all(2e-4 < e.amplitude < 1e-3 for e in result.correlated_noise.values())
     assert any("as when a tracker wanders over its mark" in note for note in result.notes)
     report = identification_markdown(result)
     assert "## Errors that last longer than a frame" in report

@@ -9,8 +9,9 @@ import re
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.first_look.check import take_first_look
+from looping_pendulum.discrepancy.look.check import take_first_look
 from looping_pendulum.measured import study_io
+from looping_pendulum.measured.edits import read_trial
 from looping_pendulum.measured.observations import DataError
 from looping_pendulum.measured.study import read_files
 from tests.discrepancy.follow_advice import follow_advice, follow_advice_of_look
@@ -42,7 +43,7 @@ def read(form, **changes):
     [
         ("01-times-rounded-to-milliseconds", {}, 1e-4, "times printed to 0.001 s, which is coarse: put back on 240 frames"),
         ("03-browser-tracker-objects-1-and-2", {"tracks": {"light": "2", "heavy": "1"}}, 1e-3, "put back on 240 frames"),
-        ("04-quoted-cells-and-a-row-of-settings", {}, 1e-5, "setting in the table left out: Frame rate [Hz] = 240,000"),
+        ("04-quoted-cells-and-a-row-of-settings", {}, 1e-5, "setting in the table left out: Frame rate [Hz] = 240.000"),
         ("06-missing-point-shifts-the-row", {"tracks": CLICKED}, 1e-5, "they have fewer cells than there are names"),
         ("07-slashes-in-names-nan-and-milliseconds", {}, 1e-5, "lengths without a unit taken in cm"),
         ("08-names-with-a-run-before-the-colon", {"tracks": CLICKED}, 1e-5, ""),
@@ -132,7 +133,8 @@ def test_what_a_file_does_not_say_is_asked_with_the_names_that_it_has(form, mess
 
 @pytest.mark.parametrize("form", ["12-every-third-frame-is-new", "controls/triple"])
 def test_pictures_that_are_stored_three_times_are_kept_once(form):
-    for found in read(form):
+    study, both = trials(form)
+    for found in (read_trial(study, trial) for trial in both):
         assert "every picture is stored 3 times: one row of each is kept" in found.summary()
         assert np.diff(found.channels[0].t).min() == pytest.approx(1 / 80, rel=1e-5)
 
@@ -151,7 +153,13 @@ def test_the_rates_of_a_phone_that_swings():
 
 def files_of_forms():
     forms = real("forms/10-time-in-the-last-column/study.yaml").parents[1]
-    return sorted(path for path in forms.glob("[0-9]*/*") if path.suffix != ".yaml" and path.name != "atwood.csv")
+    others = (".yaml", ".md", ".mp4")
+    return sorted(path for path in forms.glob("[0-9]*/*") if path.suffix not in others and path.name != "atwood.csv")
+
+
+def says_how_to_export(message):
+    """Two kinds of damage that no key undoes: times with too few decimals, and numbers turned into dates."""
+    return "export them with more decimals" in message or "import the measured table again" in message
 
 
 @pytest.mark.parametrize("is_declared", [False, True])
@@ -160,19 +168,21 @@ def test_advice_that_is_followed_leads_to_points_or_names_the_export(is_declared
     for path in files_of_forms():
         options = {}
         if is_declared:
+            if not (path.parent / "study.yaml").exists():
+                continue
             declared = [t for t in trials(path.parent.name)[1] if path.name in dict(t.files)]
             if not declared:
                 continue
             [trial] = declared
             options = {"tracks": dict(trial.files)[path.name], "units": trial.units, "frame_rate": trial.frame_rate}
         observations, said = follow_advice(path, **options)
-        assert observations is not None or "export them with more decimals" in said[-1]
+        assert observations is not None or says_how_to_export(said[-1])
 
 
 def test_advice_of_look_is_typed_as_it_stands():
     for path in files_of_forms():
         [*_, last] = follow_advice_of_look(path)
-        assert f"{path.stem}: used " in last or "export them with more decimals" in last
+        assert f"{path.stem}: used " in last or says_how_to_export(last)
 
 
 def test_a_table_of_one_trial_in_each_row_says_so():

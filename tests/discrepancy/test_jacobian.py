@@ -5,12 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.evidence.motions import Closure, weight_parameters
+from looping_pendulum.discrepancy.evidence.laws import Closure, weight_parameters
 from looping_pendulum.discrepancy.fit import event_prediction
-from looping_pendulum.discrepancy.fit import problem as fit_problem
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.measured import study_io
+from looping_pendulum.measured import measurement, study_io
 from looping_pendulum.measured.camera import CAMERA
 from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.measured.study_io import load
@@ -51,13 +50,13 @@ def with_errors_of_the_camera(problem, names):
 def differences(problem, x, step, monkeypatch):
     """Minus the derivative of the residuals by fourth-order differences of runs at `FINE`."""
     with monkeypatch.context() as patch:
-        patch.setattr(fit_problem, "FIT_TOLERANCE", FINE)
+        patch.setattr(measurement, "FIT_TOLERANCE", FINE)
         patch.setattr(event_prediction, "FIT_TOLERANCE", FINE)
         columns = []
         for i in range(len(x)):
             rows = np.tile(x, (4, 1))
             rows[:, i] += step * np.array([-2, -1, 1, 2])
-            r = [problem.residuals_of(*row) for row in zip(rows, problem.predict_many(rows), strict=True)]
+            r = [problem.residuals(row) for row in rows]
             columns.append((r[3] - r[0] + 8 * (r[1] - r[2])) / (12 * step))
         return np.stack(columns, axis=1)
 

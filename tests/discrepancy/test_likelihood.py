@@ -1,5 +1,6 @@
 """The interval of a fitted number: 1.96 standard errors where the model is linear, and the cost's own rise where it is not."""
 
+import dataclasses
 import math
 from types import SimpleNamespace
 
@@ -19,11 +20,12 @@ from looping_pendulum.discrepancy.fit.likelihood import (
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.discrepancy.verdict_sentence import effect_in_words
+from looping_pendulum.discrepancy.verdict import effect_in_words
 from looping_pendulum.measured.study_io import load
 from tests.blind.cases import CLEAN
 from tests.discrepancy.blind_sample import BlindStudy, planted_values, write_files
 from tests.discrepancy.blind_study import only_candidates, write_study
+from tests.pages import made_up as pages
 
 
 @pytest.fixture(scope="module")
@@ -141,7 +143,8 @@ def test_of_static_friction_that_holds_the_interval_has_the_planted_value(tmp_pa
 
 
 def effect(interval):
-    return SimpleNamespace(name="static_friction", value=1.2345, error=1e-3, unit="", null_value=1.0, interval=interval)
+    made = pages.named(pages.identification("swing").effects[0], "static_friction", unit="", null=1.0)
+    return dataclasses.replace(made, value=1.2345, error=1e-3, interval=interval)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from looping_pendulum.discrepancy import next_experiment
-from looping_pendulum.discrepancy.result import MIN_SEPARATION
+from looping_pendulum.discrepancy.next_experiment import MIN_SEPARATION
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.parameters import Release
 
@@ -25,7 +25,7 @@ def best(monkeypatch, predictions):
         if predictions[trial.name] is None:
             raise HarnessError("the run does not end")
         value = np.array([predictions[trial.name][number]])
-        return SimpleNamespace(values=value, covariance=np.eye(1), jacobian=np.zeros((1, 1)))
+        return SimpleNamespace(values=value, jacobian=np.array([[0.0], [1.0]]))
 
     monkeypatch.setattr(next_experiment, "_trials", lambda study: trials)
     monkeypatch.setattr(next_experiment, "_predict", predict)

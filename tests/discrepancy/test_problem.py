@@ -53,17 +53,22 @@ def with_every_error_of_the_camera(problem):
     return problem.with_parameters(*(error_of_camera(name, trials, CAMERA[name].error) for name in sorted(names)))
 
 
-def test_many_predictions_are_those_of_each_alone(inputs, problem):
-    """Oracle: `solve_at` and one camera at a time, which share no array with the vectorised measurement."""
+def together(problem, rows):
+    """Predictions of all trials end to end, shape (rows, n)."""
+    return np.array([np.concatenate([problem.predict(x, k) for k in range(len(problem.data))]) for x in rows])
+
+
+def test_predictions_are_those_of_samples_one_by_one(inputs, problem):
+    """Oracle: `solve_at`, which keeps no sample past a run's end, and `predict`, which adds them."""
     rng = np.random.default_rng(5)
     for c in inputs.library:
         extended, x = with_candidate(problem, c, c.companion_grid()[0])
         rows = x + rng.normal(0, 0.3, (2, len(x)))
         rows[:, len(problem.names) :] = x[len(problem.names) :]
-        np.testing.assert_allclose(extended.predict_many(rows), singly(extended, rows), atol=1e-9, rtol=0, err_msg=c.name)
+        np.testing.assert_allclose(together(extended, rows), singly(extended, rows), atol=1e-9, rtol=0, err_msg=c.name)
     extended = with_every_error_of_the_camera(problem)
     rows = rng.normal(0, 0.5, (3, len(extended.names)))
-    np.testing.assert_allclose(extended.predict_many(rows), singly(extended, rows), atol=1e-9, rtol=0)
+    np.testing.assert_allclose(together(extended, rows), singly(extended, rows), atol=1e-9, rtol=0)
 
 
 def test_where_the_model_or_the_camera_cannot_be_there_is_no_number(problem):
@@ -75,12 +80,7 @@ def test_where_the_model_or_the_camera_cannot_be_there_is_no_number(problem):
     ]
     extended = Problem(problem.study, problem.data, own)
     rows = np.array([[0, 0, 0], [-1, 0, 0], [9, 0, 0], [0, 5, 0], [0, 0, 50], [0, 0, 90], [0, 0.1, 0.01], [1e-3, 0, 0.0]])
-    found = extended.predict_many(rows)
+    found = together(extended, rows)
     assert np.isnan(found).all(axis=1).tolist() == [False, True, True, True, True, True, False, False]
     np.testing.assert_allclose(found, singly(extended, rows), atol=1e-9, rtol=0)
     assert extended.residuals(rows[1]) is None
-
-
-def test_a_prediction_depends_on_no_other_in_any_bit(problem):
-    rows = np.random.default_rng(7).normal(0, 0.5, (40, len(problem.names)))
-    assert np.array_equal(problem.predict_many(rows)[11:23], problem.predict_many(rows[11:23]))

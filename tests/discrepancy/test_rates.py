@@ -21,6 +21,7 @@ from tests.apparatus import sampler
 from tests.blind.pendulum import Pendulum, motion, write_gyroscope
 from tests.discrepancy.blind_study import only_candidates
 from tests.discrepancy.held_study import write_held_study
+from tests.discrepancy.test_held_pendulum import fitted_start
 
 PHONE = Pendulum(mass=0.15, length=0.4, angle=0.3, rate=-4.0, quadratic_drag=4e-3)
 """An amplitude of 50 degrees."""
@@ -42,7 +43,7 @@ def identified(folder, *pendulums, names=RIVALS, **options):
 
 
 def fitted(result):
-    return {n.name.removeprefix("swing_0."): n for n in result.after.parameters}
+    return {n.parameter.name.removeprefix("swing_0."): n for n in result.after.parameters}
 
 
 def rates(*values, t=None, **more):
@@ -60,9 +61,9 @@ def test_what_a_phone_measures_in_mid_swing_tells_drag_length_and_offset(tmp_pat
     offset = math.copysign(OFFSET, found["rate_offset"].value)
     for name, value in {"light_drag": PHONE.quadratic_drag, "free_length": PHONE.length, "rate_offset": offset}.items():
         assert abs(found[name].value - value) < 3 * found[name].error, name
-    (start,) = result.record_starts
-    assert abs(abs(start.angle - math.pi) - PHONE.angle) < 3 * start.angle_error
-    assert abs(abs(start.speed) + PHONE.rate * PHONE.length) < 3 * start.speed_error
+    angle, speed = fitted_start(result)
+    assert abs(abs(angle.value - math.pi) - PHONE.angle) < 3 * angle.error
+    assert abs(abs(speed.value) + PHONE.rate * PHONE.length) < 3 * speed.error
     assert "rad/s (RMS)" in result.sentence
     text = markdown.identification_markdown(result)
     assert "RMS before [mrad/s]" in text

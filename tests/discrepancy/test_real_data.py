@@ -73,7 +73,7 @@ def test_the_wiffle_ball_is_braked_by_the_air(wiffle):
     first, *others = [e for e in wiffle.explanations if e.credible]
     assert first.names == ("heavy_linear_drag",)  # not quadratic: its coefficient falls as the speed grows
     # Two drops may leave its form open, but nothing else
-    assert all(not e.effects and e.law.acts_on == "heavy mass" for e in others)
+    assert all(not e.effects and e.law.target == "heavy mass" for e in others)
     # The clock and the scale of each drop are only known to errors within which they stand for half of the drag
     assert held_out_error(wiffle).rms_before > 0.3
     assert held_out_error(wiffle).rms_after <= 0.3 * held_out_error(wiffle).rms_before
@@ -81,11 +81,10 @@ def test_the_wiffle_ball_is_braked_by_the_air(wiffle):
 
 @pytest.mark.accurate  # daily, no drag is claimed of the bowling ball
 def test_the_errors_of_the_wiffle_balls_marks_are_reported(wiffle):
-    (error,) = wiffle.correlated_noise
-    assert error.body == "height"
+    ((body, error),) = wiffle.correlated_noise.items()
+    assert body == "height"
     assert 0.02 < error.amplitude < 0.36  # quadratic drag fitted to each drop by itself leaves 0.18 to 0.36 m
-    assert error.unit == "m"
-    assert error.points > 2
+    assert error.correlation_time > 2 / 15  # at 15 frames/s
     assert any("as when a tracker wanders over its mark" in note for note in wiffle.notes)
     assert "## Errors that last longer than a frame" in markdown.identification_markdown(wiffle)
 

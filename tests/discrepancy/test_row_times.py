@@ -5,12 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.first_look.check import take_first_look
-from looping_pendulum.discrepancy.first_look.misfit import declared_trial, measured_distance
-from looping_pendulum.discrepancy.first_look.mistakes import TrialSearch
-from looping_pendulum.discrepancy.first_look.row_times import FilmTimes
+from looping_pendulum.discrepancy.look.check import take_first_look
 from looping_pendulum.measured import study_io
-from looping_pendulum.measured.usable_points import read_trial
 from tests.film_faults.faults import Faulty
 from tests.film_faults.films import clean_study
 from tests.film_faults.judging import write
@@ -69,7 +65,7 @@ def test_frames_that_are_uneven_in_turn_are_named(tmp_path):
     late = np.where(np.arange(len(FILM.t)) % 2, 0.3, 0.0) * STEP
     moved = FILM.motion(FILM.t + late) - FILM.motion(FILM.t)
     [mistake] = look(tmp_path, written=FILM.written + moved).mistakes
-    assert mistake.text.startswith("trial 'first': frames in turn last 1.3 and 0.7 of their mean")
+    assert "one of 2 frames in turn lasts longer than their times say" in mistake.text
 
 
 def test_uneven_times_become_an_error_of_each(tmp_path):
@@ -131,14 +127,21 @@ def test_even_frames_with_uneven_times_are_even_again(tmp_path):
     assert any("but the masses move as in equal ones" in text for text in check.warnings)
 
 
-def test_accounts_that_are_as_probable_are_named_with_or(tmp_path):
-    film = dataclasses.replace(FILM, **without_rows(20, 21))
-    study = study_io.load(write(STUDY, Faulty(films=(film,)), tmp_path))
-    declared = declared_trial(study, study.trials[0], read_trial(study, study.trials[0]))
-    times = FilmTimes.of(TrialSearch(declared=declared, distance=measured_distance(declared)))
-    lost = times.text
-    assert "as where pictures are lost (at the first place 2)" in lost
-    for less, said in ((2.0, f"{lost}; or frames in turn"), (4.0, lost)):
-        rival = dataclasses.replace(times.best, family="turn", text="frames in turn")
-        times._judged_before["rival"] = dataclasses.replace(times.found, account=rival, log=times.found.log - less)
-        assert times.text == said
+def test_the_errors_of_a_row_are_one(tmp_path):
+    """As errors of each point, uneven times of 0.1 steps at 60/s were taken in by the noise of moving masses."""
+    late = np.random.default_rng(7).uniform(-0.25, 0.25, len(FILM.t)) * STEP
+    moved = FILM.motion(np.maximum(FILM.t + late, 0.0)) - FILM.motion(FILM.t)
+    check = look(tmp_path, written=FILM.written + moved)
+    assert not check.mistakes
+    assert any("taken unevenly" in text for text in check.warnings)
+
+
+def test_a_hand_ends_the_record_where_the_fitted_motion_ends(tmp_path):
+    """What a hand does to the masses is said, and nothing after it is fitted."""
+    held, written = 40, FILM.written.copy()
+    written[held:] = written[held] + 3e-4 * np.random.default_rng(5).standard_normal(written[held:].shape)
+    check = look(tmp_path, written=written)
+    assert not check.mistakes
+    [name] = check.put_right
+    assert FILM.t[held - 3] <= check.observations[name].channel("light_x").t[-1] <= FILM.t[held + 1]
+    assert any("something other than its string" in text for text in check.warnings)

@@ -1,19 +1,13 @@
-"""Shortcuts of a fit change no result: parameters that are only partly checked, runs that are only partly sampled."""
+"""Shortcuts of a fit change no result: parameters that are only partly checked."""
 
 import dataclasses
 import math
 
-import numpy as np
 import pytest
 
-from looping_pendulum.compare.landmarks import EVENT_QUANTITIES
-from looping_pendulum.discrepancy.fit import event_prediction as prediction
 from looping_pendulum.errors import ParameterError
-from looping_pendulum.measured.camera import Camera
-from looping_pendulum.measured.observations import EventObservation
 from looping_pendulum.reference_ode.effects import COEFFICIENTS
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-from looping_pendulum.scenarios import loader
 from tests.apparatus import TEN_TO_ONE
 
 FIELDS = [f.name for f in dataclasses.fields(Parameters) if f.name not in ("release", "coefficients", "own_effects")]
@@ -67,40 +61,3 @@ def test_a_copy_that_cannot_be_is_refused_as_by_the_constructor(changes):
     with pytest.raises(ParameterError) as by_copy:
         TEN_TO_ONE.replace(**changes)
     assert str(by_copy.value) == str(by_constructor.value)
-
-
-def row(quantity, index=1, value=0.0):
-    return EventObservation(quantity=quantity, index=index, value=value, sigma=0.01, unit=EVENT_QUANTITIES[quantity].unit)
-
-
-@pytest.mark.parametrize("name", ["ten_to_one", "two_to_one"])
-def test_a_run_that_is_sampled_in_part_tells_of_the_same_events(name):
-    parameters = loader.load(name).parameters
-    whole = prediction.run_for_events(parameters)
-    count = len(prediction.landmarks(whole, Camera()).x1_extrema)
-    rows = [row("x1_extremum", i) for i in range(1, count + 2)] + [row("halting_time"), row("drop_at_halt")]
-    exact = prediction.measured_values(prediction.landmarks(whole, Camera()), Camera(), rows)
-    assert np.isnan(exact).tolist() == [False] * count + [True, False, False]  # one turn more than there are
-    first_rows, all_turns = rows[: (count + 1) // 2], rows[:count]
-    for requested, table_ends in (
-        (first_rows, exact[len(first_rows) - 1]),
-        (all_turns, 0.3 * exact[count - 1]),
-        (rows, 0.3 * exact[count - 1]),
-    ):
-        timed = [dataclasses.replace(r, value=float(table_ends)) for r in requested]
-        run = prediction.EventRun(parameters, timed)
-        expected = [exact[rows.index(r)] for r in requested]
-        assert run.predict(Camera()) == pytest.approx(expected, rel=1e-10, nan_ok=True)
-        tilted = Camera(tilt=0.1)  # another camera sees other turns of the same run
-        expected = prediction.measured_values(prediction.landmarks(whole, tilted), tilted, requested)
-        assert run.predict(tilted) == pytest.approx(expected, rel=1e-10, nan_ok=True)
-        assert run.samples.t[-1] == pytest.approx(whole.t[-1])
-
-
-def test_only_what_a_table_covers_is_sampled_at_first():
-    parameters = loader.load("two_to_one").parameters
-    first = prediction.landmarks(prediction.run_for_events(parameters), Camera()).x1_extrema[0].time
-    run = prediction.EventRun(parameters, [row("x1_extremum", value=first)])
-    assert run.predict(Camera()) == pytest.approx([first], rel=1e-10)
-    assert run._samples.t[-1] == pytest.approx(prediction.SAMPLING_MARGIN * first, abs=prediction.SAMPLE_STEP)
-    assert run._samples.run.end_time > 1.01 * prediction.SAMPLING_MARGIN * first

@@ -1,6 +1,6 @@
 """Write a film's table: in plain columns or as Tracker does, with the digits that a program prints.
 
-Other forms of tables are in tests/discrepancy/test_readers.py.
+Other forms of tables are in tests/measured/tables/test_readers.py.
 """
 
 import math

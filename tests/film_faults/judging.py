@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import yaml
 
-from looping_pendulum.discrepancy.first_look.check import DeclarationCheck, take_first_look
 from looping_pendulum.discrepancy.identify import identify
+from looping_pendulum.discrepancy.look.check import DeclarationCheck, take_first_look
 from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured import study_io
@@ -38,7 +38,7 @@ MAX_FOLLOWED = 4
 """Largest number of refusals of one trial whose way out is followed."""
 IDENTIFY_LIMIT = 60.0
 """Longest search [s]: that for an unlisted force, in a fault that nobody named, takes minutes."""
-USUAL_ASSUMPTION = "lengths without a unit taken in "
+USUAL_ASSUMPTION = " without a unit taken in "
 """What is said of every table without units."""
 _KEYS = re.compile(r"'((?:tracks|units|run|frame_rate|clip_rate|mirrored|camera|release|light|heavy|rod): ?[^']*)'")
 _WITHOUT_VALUE = re.compile(r"give 'frame_rate'|give the camera's 'frame_rate'")
@@ -164,15 +164,15 @@ def _judge(study: CleanStudy, faulty: Faulty, kind: str, path: Path, *, with_ide
         return result | {"outcome": Outcome.NAMED, "message": refusals[-1]}
     asked = f"after the answer to: {refusals[-1]}; " if refusals else ""
     check = take_first_look(study_io.load(path))
-    # What the first look puts right is what is fitted
-    put_right = {name: found for name, found in check.observations.items() if name in check.put_right}
+    # What the first look has edited is what is fitted
+    edited = [check.observations.get(film.trial.name) for film in faulty.films]
     readings = [
-        _reading(film, faulty, put_right[film.trial.name]) if film.trial.name in put_right else reading
-        for film, reading in zip(faulty.films, readings, strict=True)
+        reading if found is None else _reading(film, faulty, found)
+        for film, found, reading in zip(faulty.films, edited, readings, strict=True)
     ]
     moved, share = max(r.moved for r in readings), min(r.share for r in readings)
     faults = [m.text for m in check.mistakes]
-    said = [*check.warnings, *(a for r in readings for a in r.observations.assumptions)]
+    said = [*check.warnings, *(e.reason for r in readings for e in r.observations.edits)]
     strange = next((text for text in faults if not re.search(faulty.words, text)), None)
     read = f"points up to {moved:.3g} sigma from where they should be, {share:.0%} read"
     if strange is not None:

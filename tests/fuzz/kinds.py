@@ -16,17 +16,18 @@ from looping_pendulum.compare import baseline
 from looping_pendulum.compare.comparison import compare
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.compare.trajectories import stored_result, trajectory_csv
-from looping_pendulum.discrepancy.first_look.check import take_first_look
 from looping_pendulum.discrepancy.inputs import read_inputs
+from looping_pendulum.discrepancy.look.check import take_first_look
 from looping_pendulum.engines.isolation import parse_memory
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import ReferenceEngine
 from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import file_stem
-from looping_pendulum.measured import readers, study_io
-from looping_pendulum.measured.events import read_event_table
+from looping_pendulum.measured import study_io
 from looping_pendulum.measured.study_file import MeasuredField
+from looping_pendulum.measured.tables import readers
+from looping_pendulum.measured.tables.events import read_event_table
 from looping_pendulum.scenarios import dump, load, load_text
 from looping_pendulum.scenarios.fields import QuantityField
 from looping_pendulum.scenarios.scenario import Scenario
@@ -79,8 +80,8 @@ def run_quantity(data: bytes) -> None:
             assert math.isfinite(value)
             assert to_si(show(value, unit), unit) == value
     attempts: list[Callable[[], object]] = [
-        lambda: MeasuredField(QuantityKind(unit="kg"), start=1.0).estimate(text),
-        lambda: MeasuredField(QuantityKind(unit="m")).estimate(text),
+        lambda: MeasuredField(QuantityKind(unit="kg"), start=1.0).read(text),
+        lambda: MeasuredField(QuantityKind(unit="m")).read(text),
         lambda: radius_of(text),
         lambda: parse_memory(text),
     ]
@@ -241,6 +242,14 @@ def _table_seeds() -> list[bytes]:
         b"frame,x,y\n" + b"".join(b"%d,%g,%g\n" % (k, *row[1:]) for k, row in enumerate(plain)),
         b"".join(b"%g %g %g\n" % row for row in plain),
         b"t,angle [deg],rate\n" + b"".join(b"%g,%g,%g\n" % (t, 10 * t, 0.17) for t in times),
+        b"frame,id,x,y,w,h\n"
+        + b"".join(b"%d,%s,%g,%g,2,3\n" % (k, m, *row[1:]) for k, row in enumerate(plain) for m in (b"light", b"b")),
+        b"frame,id,x1,y1,x2,y2\n"
+        + b"".join(b"%d,1,%g,%g,%g,%g\n" % (k, x, y, x + 1, y + 1) for k, (_, x, y) in enumerate(plain)),
+        b"".join(b"%d,%d,%g,%g,2,3,1,-1,-1,-1\n" % (k, n, *row[1:]) for k, row in enumerate(plain) for n in (1, 2)),
+        b"t,light r,light theta,heavy r,heavy theta\n" + b"".join(b"%g,%g,%g,1,2\n" % row for row in plain),
+        b"Frame,Time,light X,light Y,light Z\n" + b"".join(b"%d,%g,%g,-0.2,%g\n" % (k, *row) for k, row in enumerate(plain)),
+        b"t,light_x [cm],light_y [cm]\n" + b"".join(b"%.4f,%.2f,03. Aug\n" % row[:2] for row in plain),
         b"drop,time,height [m]\n" + b"".join(b"%d,%g,%g\n" % (1 + k // 4, 0.1 * (k % 4), -k) for k, _ in enumerate(times)),
         b"\n".join((EXAMPLE / "trials" / "first.csv").read_bytes().split(b"\n")[:12]),
     ]
@@ -251,6 +260,7 @@ READER_OPTIONS: tuple[dict[str, object], ...] = (
     {"tracks": {"light": "mass A", "heavy": "mass B"}},
     {"tracks": {"light": ""}, "frame_rate": 240.0},
     {"tracks": {"light": "light"}, "frame_rate": 240.0, "clip_rate": 30.0, "units": {"length": "cm", "time": "ms"}},
+    {"tracks": {"light": "1"}, "frame_rate": 240.0, "units": {"length": "mm", "angle": "deg"}, "box": "corner", "plane": "xz"},
     {"kind": "angle"},
     {"kind": "drop", "run": "1"},
 )

@@ -18,9 +18,9 @@ from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.live.write import live_settings
 from looping_pendulum.measured.camera import CAMERA
-from looping_pendulum.measured.plain_table import plain_table
-from looping_pendulum.measured.readers import read
 from looping_pendulum.measured.study_io import load, load_text
+from looping_pendulum.measured.tables.plain_table import plain_table
+from looping_pendulum.measured.tables.readers import read
 from looping_pendulum.reference_ode.solve import solve_at
 from looping_pendulum.teaching.example_folder import write_example
 from tests.apparatus import TEN_TO_ONE

@@ -8,14 +8,15 @@ import pytest
 pytest.importorskip("cv2", reason="needs the extra film")
 pytest.importorskip("av", reason="needs the extra film")
 
-from looping_pendulum.film import output
-from looping_pendulum.film.track import TrackSettings, track
 from looping_pendulum.live.write import live_settings
 from looping_pendulum.measured.camera import CAMERA
+from looping_pendulum.measured.film import output
+from looping_pendulum.measured.film.record import TrackSettings
+from looping_pendulum.measured.film.track import track
 from tests.apparatus import TEN_TO_ONE
 from tests.blind import Apparatus
-from tests.film.conftest import SHORT
-from tests.film.renderer import Scene, looping_motion, render
+from tests.measured.film.conftest import SHORT
+from tests.measured.film.renderer import Scene, looping_motion, render
 
 STATED = {"light_mass": 0.005, "heavy_mass": 0.005, "rod_radius": 0.01, "scale": 0.005}
 """Relative standard errors that the page takes by default."""

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from looping_pendulum.film.decode import CAPTURE_RATE_KEY
+from looping_pendulum.measured.film.decode import CAPTURE_RATE_KEY
 
 av = pytest.importorskip("av", reason="PyAV, which writes films, is not installed (extra `film`)")
-renderer = pytest.importorskip("tests.film.renderer", reason="OpenCV, which draws films, is not installed (extra `film`)")
+renderer = pytest.importorskip("tests.measured.film.renderer", reason="OpenCV is not installed (extra `film`)")
 
 
 TINY = renderer.Scene(size=(320, 180), scale=200.0, rod=(190.0, 65.0), frame_rate=60, before=0.05, duration=0.5, crf=32)

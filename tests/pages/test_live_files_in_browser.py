@@ -13,13 +13,13 @@ from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.errors import ScenarioError
 from looping_pendulum.live.write import render
-from looping_pendulum.measured import readers
 from looping_pendulum.measured.study import Estimate
 from looping_pendulum.measured.study_io import load as load_study
+from looping_pendulum.measured.tables import readers
 from looping_pendulum.reference_ode.solve import solve, solve_at
 from looping_pendulum.scenarios import load, shipped
 from looping_pendulum.teaching.example_folder import write_example
-from tests.discrepancy.test_clock import motion
+from tests.measured.test_clock import motion
 from tests.pages.conftest import until
 from tests.pages.live_page import preset, settled, value
 

@@ -114,8 +114,8 @@ def test_identification_draws_every_figure(identified):
     until(identified.page, DRAWN)
     result = identification(HOSTILE)
     drawn = [chart.id for chart in figures.charts(result)]
-    assert drawn == ["motion", "errors", drawn[2], "events", "explanations", "unlisted-force"]
-    assert drawn[2].startswith("trial-")
+    assert drawn == ["motion", drawn[1], "events", "explanations", "unlisted-force"]
+    assert drawn[1].startswith("trial-")
     assert identified.page.eval_on_selector_all(".figure", "(all) => all.map((one) => one.id)") == drawn
     for name in drawn:
         assert identified.page.locator(f"#{name} .trace").count() > 0

@@ -1,5 +1,7 @@
 """Every faulty file gives one line: file, line, key, what was found, what was needed, and a way out."""
 
+import os
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -132,7 +134,12 @@ APPENDED = [
     ("q: \x07", ":11: found the character '\\x07', needed plain text"),
     ('"\\e[31mred": 1', ":11: \\x1b[31mred: found an unknown key"),
     ("a: " + "[" * 50_000, ":11: found more than 12 levels of nesting"),
+    # A key that begins with a digit was taken for the rest of a number, even after a group: a TypeError
+    ("lights: {a: {b: c}, 0x10: d}", ":11: lights: found an unknown key"),
+    # A point in a key is no group's
+    ("tolerances: {a:b: {quick: {\n  rms_0.5s: {limit: 1 s, reason: r}}}}", ":12: tolerances.a:b.quick.rms_0.5s: found an unk"),
     ("<<: {a: b}", ":11: <<: found an unknown key"),
+    ("<effects>: {}", ":11: found the unknown key '<effects>', needed one without brackets"),
 ]
 
 
@@ -178,7 +185,7 @@ def test_unreadable_bytes_are_named(tmp_path, raw, message):
     assert str(caught.value).startswith(f"{path}{message}")
 
 
-@pytest.mark.parametrize("name", ["tento_one", "ten_to_one.yml", "", "x\0", "a" * 10_000, "/nowhere/x.yaml", "/dev/zero", "."])
+@pytest.mark.parametrize("name", ["tento_one", "ten_to_one.yml", "", "x\0", "a" * 10_000, "/nowhere/x.yaml", "."])
 def test_an_unknown_name_lists_what_there_is(name):
     with pytest.raises(ScenarioError) as caught:
         load(name)
@@ -187,6 +194,13 @@ def test_an_unknown_name_lists_what_there_is(name):
     assert len(line) < 400
     assert all(known in line for known in shipped())
     assert ("did you mean 'ten_to_one'?" in line) == ("to_one" in name)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no pipes with names")
+def test_a_pipe_is_no_scenario(tmp_path):
+    os.mkfifo(tmp_path / "pipe.yaml")
+    with pytest.raises(ScenarioError, match="found a pipe or a device, needed a file"):
+        load(tmp_path / "pipe.yaml")
 
 
 @settings(max_examples=200, deadline=None)

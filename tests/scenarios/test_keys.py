@@ -7,15 +7,15 @@ from typing import Any
 
 import pytest
 import yaml
-from pydantic import BaseModel
 
-from looping_pendulum.measured import study_file
-from looping_pendulum.measured.study_file import StudyFile
+from looping_pendulum.measured import study_io
+from looping_pendulum.measured.study import Study
 from looping_pendulum.scenarios import dump, json_schema, load
-from looping_pendulum.scenarios.schema import Limits, file_model
+from looping_pendulum.scenarios.fields import KeyGroup
+from looping_pendulum.scenarios.schema import ScenarioFile
 from looping_pendulum.sweep import map_file
 from looping_pendulum.sweep.map_file import MapFile
-from scripts.keys_page import page
+from scripts.keys_page import ELSEWHERE, page
 from tests.command_line import here
 from tests.scenarios.test_shipped import NAMES
 
@@ -23,7 +23,7 @@ PACKAGE = Path(__file__).parents[2] / "looping_pendulum"
 SCENARIO = (PACKAGE / "scenarios" / "ten_to_one.yaml").read_text(encoding="utf-8")
 STUDY = (PACKAGE / "teaching" / "example" / "study.yaml").read_text(encoding="utf-8")
 MAP = (PACKAGE / "sweep" / "maps" / "quick.yaml").read_text(encoding="utf-8")
-SECTIONS = {"Scenario": file_model(), "Study": StudyFile, "Map": MapFile}
+SECTIONS = {"Scenario": ScenarioFile, "Study": Study, "Map": MapFile}
 
 
 class EditorLoader(yaml.SafeLoader):
@@ -69,20 +69,29 @@ def problems(schema: dict, data: object, root: dict, at: str = "") -> list[str]:
     return faults
 
 
-def models_in(annotation: Any) -> list[type[BaseModel]]:
-    """Every group inside an annotation such as ``list[TrialGroup] | None``."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+def models_in(annotation: Any) -> list[type]:
+    """Every group inside an annotation such as ``tuple[Trial, ...] | None``."""
+    if hasattr(annotation, "__pydantic_fields__"):
         return [annotation]
     return [model for inner in getattr(annotation, "__args__", ()) for model in models_in(inner)]
 
 
-def last_keys(model: type[BaseModel]) -> set[str]:
+def keys_of(group: KeyGroup) -> set[str]:
+    """Every key at any depth of a group."""
+    inner = [key.field for key in group.keys.values() if isinstance(key.field, KeyGroup)]
+    return set(group.keys).union(*map(keys_of, inner))
+
+
+def last_keys(model: Any) -> set[str]:
     """Every key at any depth of a file, as the models themselves have it, apart from the metrics and coefficients."""
     keys = set()
-    for name, field in model.model_fields.items():
-        keys.add(name)
+    for name, field in model.__pydantic_fields__.items():
+        alias = field.validation_alias or name
+        keys |= {alias} - {f"<{name}>"}
+        for group in (each for each in field.metadata if isinstance(each, KeyGroup) and alias not in ELSEWHERE):
+            keys |= keys_of(group)
         for inner in models_in(field.annotation):
-            keys |= set() if inner is Limits or inner.__name__ == "EffectsGroup" else last_keys(inner)
+            keys |= last_keys(inner)
     return keys
 
 
@@ -105,14 +114,14 @@ def test_each_command_prints_the_schema_of_its_files(command, name):
     assert "x-words" not in done.stdout
 
 
-SCHEMAS = {SCENARIO: json_schema, STUDY: study_file.json_schema, MAP: map_file.json_schema}
+SCHEMAS = {SCENARIO: json_schema, STUDY: study_io.json_schema, MAP: map_file.json_schema}
 
 
 def test_the_schemas_accept_what_is_shipped():
     scenarios = [(PACKAGE / "scenarios" / f"{name}.yaml").read_text(encoding="utf-8") for name in NAMES]
     maps = [path.read_text(encoding="utf-8") for path in (PACKAGE / "sweep" / "maps").glob("*.yaml")]
     shipped = {json_schema: [*scenarios, *(dump(load(name)) for name in NAMES)], map_file.json_schema: maps}
-    for made, texts in (shipped | {study_file.json_schema: [STUDY]}).items():
+    for made, texts in (shipped | {study_io.json_schema: [STUDY]}).items():
         schema = made()
         for text in texts:
             assert problems(schema, as_an_editor_reads(text), schema) == [], text
@@ -129,7 +138,7 @@ def test_the_schemas_accept_what_is_shipped():
         (STUDY, "title:", "titel:", ".title: missing"),
         (STUDY, "10 g +/- 0.05 g", "ten g", ".apparatus.light.mass: pattern"),
         (STUDY, "held_out: true", "held_out: maybe", ".trials[1].held_out: not a boolean"),
-        (STUDY, "light_drag: free", "light_drag: unknown", ".effects.light_drag: none of anyOf"),
+        (STUDY, "light_drag: free", "light_drag: unknown", ".effects.light_drag: pattern"),
         (STUDY, "held_out:", "heldout:", ".trials[1].heldout: unknown"),
         (MAP, "mass_ratio:", "mass_ration:", ".parameters.mass_ration: unknown"),
         (MAP, "to: 12", "to: 12 kg", ".parameters.mass_ratio: none of anyOf"),
@@ -145,9 +154,10 @@ def test_the_schemas_refuse_what_the_loaders_refuse(text, old, new, problem):
 def test_json_schema_describes_units_with_examples():
     schema = json_schema()
     assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
-    radius = schema["$defs"]["RodGroup"]["properties"]["radius"]
+    radius = schema["properties"]["rod"]["properties"]["radius"]
     assert "a length above 0, with its unit" in radius["description"]
     assert radius["examples"] == ["6.25 mm"]
-    for group in schema["$defs"].values():
+    groups = [*schema["$defs"].values(), *(schema["properties"][name] for name in ("light", "rod", "release", "effects"))]
+    for group in groups:
         assert group.get("additionalProperties") is False
     assert "null" not in str(schema)

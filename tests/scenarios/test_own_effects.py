@@ -6,7 +6,7 @@ from looping_pendulum.errors import ScenarioError
 from looping_pendulum.measured import study_io
 from looping_pendulum.reference_ode.effects.own import DIRECTIONS
 from looping_pendulum.scenarios import dump, json_schema, load_text
-from looping_pendulum.scenarios.own_effects import OwnForceGroup
+from looping_pendulum.scenarios.own_effects import OWN_FORCE
 
 from .test_errors import GOOD
 
@@ -66,6 +66,13 @@ def test_a_faulty_effect_is_refused_with_its_key(changes, key, message):
         assert "\n" not in text
 
 
+def test_a_faulty_effect_is_named_before_its_coefficient_which_nobody_knows_then():
+    with pytest.raises(ScenarioError, match=r"own_effects.brake.unit: found 'mN'"):
+        load_text(GOOD + block(unit="mN") + "effects: {brake: 0.1 kg/s}\n", "my.yaml")
+    with pytest.raises(study_io.StudyError, match=r"candidates.brake.unit: found 'mN'"):
+        study("brake: free from 0.1 kg/s", unit="mN")
+
+
 def test_a_study_refuses_the_name_of_a_camera_parameter():
     with pytest.raises(study_io.StudyError, match="candidates.scale: found the name 'scale', which a camera's parameter has"):
         study(name="scale", formula="-scale * heavy_speed")
@@ -73,7 +80,7 @@ def test_a_study_refuses_the_name_of_a_camera_parameter():
 
 def test_a_study_with_the_key_of_a_scenario_is_told_its_own():
     text = STUDY.replace("EFFECT", "light_drag: free") + block()
-    with pytest.raises(study_io.StudyError, match="own_effects: found a key of scenarios, needed 'candidates'"):
+    with pytest.raises(study_io.StudyError, match="own_effects: found an unknown key, .*; write it as 'candidates'"):
         study_io.load_text(text, "my.yaml")
 
 
@@ -111,5 +118,7 @@ def test_an_effect_on_the_heavy_mass_is_not_fitted_where_that_is_clamped():
 
 
 def test_editors_know_every_direction():
-    assert tuple(OwnForceGroup.model_fields) == DIRECTIONS
-    assert set(json_schema()["$defs"]["OwnForceGroup"]["properties"]) == set(DIRECTIONS)
+    assert tuple(OWN_FORCE.keys) == DIRECTIONS
+    assert set(json_schema()["properties"]["own_effects"]["additionalProperties"]["properties"]["force"]["properties"]) == set(
+        DIRECTIONS
+    )

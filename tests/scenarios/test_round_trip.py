@@ -176,7 +176,7 @@ def test_an_effect_added_to_the_library_needs_no_change_here():
     scenario = load_text(GOOD + extra, "my")
     assert scenario.parameters.coefficients["wind_speed"] == 0.36
     assert load_text(dump(scenario), "my") == scenario
-    assert "wind_speed" in json_schema()["$defs"]["EffectsGroup"]["properties"]
+    assert "wind_speed" in json_schema()["properties"]["effects"]["properties"]
     for text, line in [
         ("36 cm", "expected a speed, got '36 cm'"),
         ("10 m/s", "expected a speed from -9 m/s to 9 m/s, got '10 m/s'"),

@@ -8,7 +8,7 @@ from importlib import resources
 
 import pytest
 
-from looping_pendulum.measured.events import find_data, read_event_table
+from looping_pendulum.measured.tables.events import find_data, read_event_table
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import dump, load, load_text, shipped
 from looping_pendulum.scenarios.document import parse

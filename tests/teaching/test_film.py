@@ -12,7 +12,7 @@ from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import select
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import file_stem
-from looping_pendulum.measured.readers import read
+from looping_pendulum.measured.tables.readers import read
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import load
 from looping_pendulum.teaching import film

@@ -13,8 +13,8 @@ from looping_pendulum.cli.main import app
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured import study_io
-from looping_pendulum.measured.readers import read, survey
 from looping_pendulum.measured.study import read_files
+from looping_pendulum.measured.tables.readers import read, survey
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.loader import shipped
@@ -214,7 +214,7 @@ def test_a_vertical_release_is_told_by_the_fall_and_outliers_do_not_count(here):
     light[17] = heavy[40] = (0.7, 0.2)  # the tracker slipped
     rows = [",".join(f"{v:.5f}" for v in row) for row in np.c_[t, heavy, light]]
     Path("drop.csv").write_text("\n".join([*TRACKS, *rows]) + "\n")
-    assert survey("drop.csv").proposed_masses() == {"light": "mass B", "heavy": "mass A"}
+    assert survey("drop.csv").masses == {"light": "mass B", "heavy": "mass A"}
 
 
 def test_every_usual_range_is_inside_what_the_file_takes():

@@ -1,4 +1,7 @@
-"""Explanations: what is added to the declared model, its exact fit, and the log evidence of that."""
+"""Explanations: what is added to the declared model, its exact fit, and the log evidence of that.
+
+The evidence is by Laplace's method, a Gaussian about the best fit, and where that decides, by importance sampling, too.
+"""
 
 from __future__ import annotations
 
@@ -13,15 +16,13 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from looping_pendulum.discrepancy.candidates import Candidate
-from looping_pendulum.discrepancy.evidence.laws import Law, Prior, Weighing, best_prior, prior_root, weighed, with_law
+from looping_pendulum.discrepancy.evidence.laws import Closure, Law, Prior, best_prior, log_share, prior_root, weighed, with_law
 from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid, sigma_of
-from looping_pendulum.discrepancy.evidence.motions import Closure
-from looping_pendulum.discrepancy.evidence.prior import log_occam, log_prior
+from looping_pendulum.discrepancy.evidence.prior import log_density, log_occam, log_prior
 from looping_pendulum.discrepancy.evidence.templates import Template
-from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, NeedlessFit, calibrate, minimise
+from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate, minimise
 from looping_pendulum.discrepancy.fit.data import TrialData
 from looping_pendulum.discrepancy.fit.problem import Problem
-from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.reference_ode.geometry import Array
 
 Key = frozenset[str]
@@ -31,13 +32,12 @@ WIDE = 1e3
 """Prior standard deviation of an added effect [scales]: the fit is by the data alone, and the prior of its size by `prior`."""
 COST_ERROR = 0.1
 """Decrease of the cost below which a fit has converged."""
-LEAST_WORTH, FEW_ITERATIONS = 10.0, 10
-"""Decrease of the cost that pays for no effect: for less, a fit is not begun a third time, and has so many iterations.
-
-A fit of how much a string stretches goes to ever stiffer ones, whose runs take a hundred times as long.
-"""
 MAX_PRIORS = 2
 """Largest number of priors by which a law is fitted, one after another."""
+SAMPLES = 300
+"""Number of runs of each trial by which an evidence is checked."""
+LEAST_EFFECTIVE = 0.05
+"""Effective share of the samples below which they say nothing: a few of them have nearly all the weight."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,17 +52,21 @@ class Parts:
     @cached_property
     def key(self) -> Key:
         """Names of all parts."""
-        return frozenset([c.name for c in self.effects] + ([law_name(self.law)] if self.law else []))
+        return frozenset([c.name for c in self.effects] + ([self.law.name] if self.law else []))
+
+    @property
+    def kind(self) -> tuple[int, bool]:
+        """Number of effects, and whether there is a law."""
+        return len(self.effects), self.law is not None
 
     def without(self, part: str) -> Parts:
         """Return all parts but one, by its name."""
-        if self.law and law_name(self.law) == part:
-            return Parts(effects=self.effects)
-        return dataclasses.replace(self, effects=tuple(c for c in self.effects if c.name != part))
+        law = None if self.law is None or self.law.name == part else self.law
+        return dataclasses.replace(self, effects=tuple(c for c in self.effects if c.name != part), law=law)
 
     def parameters_of(self, part: str) -> set[str]:
         """Return the names of a part's free parameters."""
-        if self.law and law_name(self.law) == part:
+        if self.law and self.law.name == part:
             return {*self.law.point_coefficients, *self.law.names}
         return {name for c in self.effects if c.name == part for name in (c.name, *(k.name for k in c.companions))}
 
@@ -76,8 +80,8 @@ class Explanation:
     """With white noise."""
     log_z: float
     """Log evidence, the noise marginalised."""
-    settings: tuple[int, ...]
-    """Settings of the noise that were looked at, the most probable first."""
+    setting: int
+    """Most probable setting of the noise."""
     log_prior: float
     checked: bool = False
     """Whether its evidence is by sampling, too, not by Laplace's method alone."""
@@ -88,20 +92,9 @@ class Explanation:
         return self.parts.key
 
     @property
-    def setting(self) -> int:
-        """Most probable setting of the noise."""
-        return self.settings[0]
-
-    @property
     def log_posterior(self) -> float:
         """Log posterior probability but for a constant."""
         return self.log_z + self.log_prior
-
-
-def law_name(law: Closure) -> str:
-    """Return the name of a law as a part of an explanation."""
-    by = "" if law.factor == "constant" else f" times {law.factor}"
-    return f"law: {law.target} by {law.coordinate}{by}"
 
 
 def raw(fit: Fit) -> Array:
@@ -109,11 +102,6 @@ def raw(fit: Fit) -> Array:
     rows = np.column_stack([fit.residuals, fit.jacobian])
     rows[: fit.problem.measured_rows] *= sigma_of(fit.problem.data)[:, None]
     return rows
-
-
-def bounded(fit: Fit) -> list[int]:
-    """Return the indices of the parameters of a fit that are on a bound."""
-    return [fit.problem.names.index(n) for n in fit.at_bounds]
 
 
 def explained(grid: NoiseGrid, fit: Fit, parts: Parts, library: int, settings: Sequence[int] | None = None) -> Explanation:
@@ -128,7 +116,7 @@ def explained(grid: NoiseGrid, fit: Fit, parts: Parts, library: int, settings: S
     settings
         Settings of the noise that are looked at; None: all.
     """
-    m = Marginal(grid, raw(fit), at_bounds=bounded(fit), settings=settings)
+    m = Marginal(grid, raw(fit), at_bounds=fit.at_bounds, settings=settings)
     log_z = m.log_z_of_settings.copy()
     if parts.law is not None:
         log_z += _all_priors(fit, parts, m, int(np.argmax(log_z)))
@@ -147,28 +135,56 @@ def explained(grid: NoiseGrid, fit: Fit, parts: Parts, library: int, settings: S
         parts=parts,
         fit=fit,
         log_z=float(np.logaddexp.reduce(log_z)),
-        settings=tuple(m.settings[np.argsort(-log_z, kind="stable")].tolist()),
-        log_prior=log_prior(len(parts.effects), library, parts.law),
+        setting=int(m.settings[np.argmax(log_z)]),
+        log_prior=log_prior(len(parts.effects), library, log_share(parts.law) if parts.law else None),
     )
-
-
-def _weighed(fit: Fit, law: Closure, prior: Prior, gram: Array) -> Weighing:
-    free = [i for i, name in enumerate(fit.problem.names) if name not in fit.at_bounds]
-    return weighed(law, prior, fit.problem, fit.x, gram, free)
 
 
 def _all_priors(fit: Fit, parts: Parts, m: Marginal, setting: int) -> float:
     """Return the log evidence of a fitted law by all priors of its weights, less that by the prior of its fit."""
     assert parts.law is not None
-    weighing = _weighed(fit, parts.law, parts.prior, m.gram[setting])
-    log_bf = weighing.log_bayes_factors
-    return float(np.logaddexp.reduce(log_bf, axis=None)) - math.log(log_bf.size) - weighing.log_bayes_factor(parts.prior)
+    weighing = weighed(fit, parts.law, parts.prior, m.gram[setting])
+    own = weighing.log_bayes_factor(parts.prior)
+    # What the linear model promises by another prior beyond this, no fit has kept: see `_with_best_prior`
+    log_bf = np.minimum(weighing.log_bayes_factors, own)
+    return float(np.logaddexp.reduce(log_bf, axis=None)) - math.log(log_bf.size) - own
 
 
-def free_parameters(t: Template, value: float) -> tuple[FreeParameter, ...]:
-    """Return an effect and its companions as free parameters; ``value`` is about its own, less the null value [SI]."""
-    scale = max(t.scale, abs(value))
-    return dataclasses.replace(t.candidate.free_parameter(scale), prior=WIDE), *t.companions
+def checked(e: Explanation, fit: Fit, seed: int = 0) -> Explanation:
+    """Return an explanation with its evidence by sampling around its optimum; unchanged where too few samples count.
+
+    Samples are Gaussian, as Laplace's method takes the posterior to be. Each counts by the ratio of the posterior density there
+    to that: beyond a bound it counts nothing, and the prior of an effect is the one at its own size.
+
+    Parameters
+    ----------
+    fit
+        The explanation's fit with its most probable noise.
+    """
+    p = fit.problem
+    values, vectors = np.linalg.eigh(fit.jacobian.T @ fit.jacobian)
+    # The widest prior is a bound, which rounding loses beside what is known a billion times as well
+    values = np.maximum(values, WIDE**-2)
+    z = np.random.default_rng(seed).standard_normal((SAMPLES, len(values)))
+    x = fit.x + (z / np.sqrt(values)) @ vectors.T
+    inside = np.all((x >= p.low) & (x <= p.high), axis=1)
+    log_weights = np.full(SAMPLES, -np.inf)
+    residuals = [p.residuals(row) for row in x[inside]]
+    rise = np.array([math.inf if r is None else float(r @ r) - fit.cost for r in residuals])
+    log_weights[inside] = 0.5 * (np.sum(z[inside] ** 2, axis=1) - rise)
+    sigma = np.sqrt(np.sum(vectors**2 / values, axis=1))
+    for c in e.parts.effects:
+        i = p.names.index(c.name)
+        error = float(sigma[i]) * p.free_parameters[i].scale / c.stated_error
+        # The log prior density less that of the fit's wide one, but for a constant, as `explained` has it
+        density = np.minimum(log_density(np.append(x[:, i], fit.x[i]) / sigma[i], error), -0.5 * math.log(2 * math.pi))
+        of_prior = density + 0.5 * (np.append(x[:, i], fit.x[i]) / WIDE) ** 2
+        log_weights += of_prior[:-1] - of_prior[-1]
+    most = float(log_weights.max())
+    weights = np.exp(log_weights - most) if most > -math.inf else np.zeros(SAMPLES)
+    if float(weights.sum()) ** 2 < LEAST_EFFECTIVE * SAMPLES * float(np.sum(weights**2)) or most == -math.inf:
+        return e
+    return dataclasses.replace(e, log_z=e.log_z + most + math.log(float(weights.mean())), checked=True)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -176,18 +192,18 @@ class Addition:
     """What may be added to an explanation, by a linear model beside its fit."""
 
     parent: Explanation
-    templates: tuple[Template, ...]
-    amounts: tuple[float, ...]
+    templates: tuple[Template, ...] = ()
+    amounts: tuple[float, ...] = ()
     """Amount of each template."""
-    law: Law | None
+    law: Law | None = None
     step: Array
     """Change of the parent's parameters."""
     gain: float
     """Gain of log evidence over the parent."""
     decrease: float
     """Decrease of the cost with white noise."""
-    log_prior: float
-    """That of the explanation which it makes."""
+    library: int
+    """Number of listed effects that there are."""
 
     @cached_property
     def key(self) -> Key:
@@ -206,7 +222,8 @@ class Addition:
     @property
     def log_posterior(self) -> float:
         """Log posterior probability of that explanation, as `Explanation.log_posterior`."""
-        return self.parent.log_z + self.gain + self.log_prior
+        of_law = log_share(self.parts.law) if self.parts.law else None
+        return self.parent.log_z + self.gain + log_prior(len(self.parts.effects), self.library, of_law)
 
 
 def fit_addition(a: Addition, needless_below: float = -math.inf) -> tuple[Fit, Parts] | None:
@@ -218,57 +235,45 @@ def fit_addition(a: Addition, needless_below: float = -math.inf) -> tuple[Fit, P
         Log posterior with which nobody wants the explanation.
     """
     parent = a.parent.fit
-    p, weights = parent.problem, np.zeros(0)
+    p, of_law = parent.problem, np.zeros(0)
     if a.law:
         p = with_law(p, a.law.closure, a.law.prior)
-        weights = np.append(np.zeros(len(a.law.closure.point_coefficients)), a.law.weights / a.law.prior[0])
-    values = [t.value(amount) or t.delta for t, amount in zip(a.templates, a.amounts, strict=True)]
-    groups = [free_parameters(t, v) for t, v in zip(a.templates, values, strict=True)]
-    more = [n for group in groups for n in group]
+        of_law = np.append(np.zeros(len(a.law.closure.point_coefficients)), a.law.weights / a.law.prior[0])
+    more, amounts, at = [], [], parent.x
+    for t, amount in zip(a.templates, a.amounts, strict=True):
+        value = t.value(amount) or t.delta
+        effect = dataclasses.replace(t.candidate.free_parameter(max(t.scale, abs(value))), prior=WIDE)
+        more += [effect, *t.companions]
+        amounts += [value / effect.scale, *(0.0 for _ in t.companions)]
+        at = t.candidate.where_it_acts(parent.problem.free_parameters, at)
     root = block_diag(p.prior_weights, np.diag([1 / n.prior_sigma for n in more]))
     prior = np.append(p.prior_mean, np.zeros(len(more))), root
     problem = Problem(p.study, p.data, (*p.free_parameters, *more), prior)
-    own = [[v / group[0].scale, *(0.0 for _ in group[1:])] for v, group in zip(values, groups, strict=True)]
-    added = np.concatenate([weights, *own])
-    at = parent.x
-    for t in a.templates:
-        at = t.candidate.where_it_acts(parent.problem.free_parameters, at)
+    added = np.append(of_law, amounts)
     starts: list[tuple[Callable[..., Fit], Array, Array]] = [
         (minimise, at + np.clip(a.step, -3, 3), added),
         (minimise, at, added),
         (calibrate, parent.problem.prior_mean, added),
+        (minimise, parent.x, np.zeros(len(added))),
     ]
     if p.is_swing:  # the amplitude alone, before the other parameters follow it, would put a long swing out of phase
         starts = [(minimise, at, np.zeros(len(added))), starts[0]]
-    fits: list[Fit] = []
     # The cost of a fit, with white noise, that gives this log posterior
     needless_above = parent.cost - a.decrease + 2 * (a.log_posterior - needless_below)
-    limit = {}
-    if a.decrease < LEAST_WORTH:
-        starts, limit = starts[:2], {"max_iterations": FEW_ITERATIONS}
+    fits: list[Fit] = []
     for i, (fit_from, start, beside) in enumerate(starts):
-        try:
-            x = np.concatenate([start, beside])
-            fits.append(fit_from(problem, x, cost_tolerance=enough_cost(parent), needless_above=needless_above, **limit))
-        except NeedlessFit:
-            return None
-        except FitError:
-            continue
+        with contextlib.suppress(FitError):
+            x = np.append(start, beside)
+            fits.append(fit_from(problem, x, cost_tolerance=enough_cost(parent), needless_above=needless_above))
+            # From where it explains less than its parent, the linear model says nothing of how far a fit will come
+            if needless_above < fits[-1].cost <= parent.cost and not fits[-1].converged:
+                return None
         decrease = parent.cost - min((f.cost for f in fits), default=math.inf)
         if decrease > 0.9 * a.decrease or (i and decrease > 0):
             break
     if not fits:
         return None
     fit = min(fits, key=lambda f: f.cost)
-    if limit and parent.cost - fit.cost > LEAST_WORTH:  # more than the linear model knew of
-        try:
-            fit = minimise(problem, fit.x, cost_tolerance=enough_cost(parent), needless_above=needless_above)
-        except NeedlessFit:
-            return None
-    if fit.cost > parent.cost:
-        with contextlib.suppress(FitError):
-            again = minimise(problem, np.concatenate([parent.x, np.zeros(len(added))]), cost_tolerance=enough_cost(parent))
-            fit = min(fit, again, key=lambda f: f.cost)
     return (fit, a.parts) if a.law is None else _with_best_prior(fit, a.parts)
 
 
@@ -280,7 +285,7 @@ def _with_best_prior(fit: Fit, parts: Parts) -> tuple[Fit, Parts]:
     assert parts.law is not None
     for _ in range(MAX_PRIORS):
         rows = np.column_stack([fit.residuals, fit.jacobian])
-        weighing = _weighed(fit, parts.law, parts.prior, rows.T @ rows)
+        weighing = weighed(fit, parts.law, parts.prior, rows.T @ rows)
         prior = best_prior(weighing.log_bayes_factors)
         if weighing.log_bayes_factor(prior) - weighing.log_bayes_factor(parts.prior) < COST_ERROR:
             break
@@ -292,21 +297,20 @@ def _with_best_prior(fit: Fit, parts: Parts) -> tuple[Fit, Parts]:
         problem = Problem(p.study, p.data, parameters, (p.prior_mean, root))
         x = np.where(is_weight, fit.x * parts.prior[0] / prior[0], fit.x)
         try:
-            fit, parts = minimise(problem, x, cost_tolerance=enough_cost(fit)), dataclasses.replace(parts, prior=prior)
+            again = minimise(problem, x, cost_tolerance=enough_cost(fit))
         except FitError:
             break
+        # Far from linear, the linear model may promise tens by large weights, with which the fit is worse
+        if _log_evidence(again) < _log_evidence(fit):
+            break
+        fit, parts = again, dataclasses.replace(parts, prior=prior)
     return fit, parts
 
 
-def fit_again(e: Explanation) -> Fit | None:
-    """Fit an explanation again from where its other parameters are as likely as can be before the data are seen."""
-    p = e.fit.problem
-    added = {name for part in e.key for name in e.parts.parameters_of(part)}
-    start = np.where([name in added for name in p.names], e.fit.x, p.prior_mean)
-    try:
-        return calibrate(p, start, cost_tolerance=enough_cost(e.fit))
-    except FitError:
-        return None
+def _log_evidence(fit: Fit) -> float:
+    """Return the log evidence of a fit by its own noise and prior, but for a constant of the data."""
+    log_normal = float(np.linalg.slogdet(fit.jacobian.T @ fit.jacobian)[1])
+    return -0.5 * (fit.cost + log_normal) + float(np.linalg.slogdet(fit.problem.prior_weights)[1])
 
 
 def enough_cost(fit: Fit) -> float:
@@ -319,9 +323,8 @@ def enough_cost(fit: Fit) -> float:
 
 def fit_without(e: Explanation, part: str) -> Fit | None:
     """Fit an explanation again without one of its parts; None: it cannot run."""
-    p, dropped = e.fit.problem, e.parts.parameters_of(part)
-    kept = [i for i, n in enumerate(p.names) if n not in dropped]
-    return _refit(e.fit, kept, p.data)
+    dropped = e.parts.parameters_of(part)
+    return _refit(e.fit, [i for i, n in enumerate(e.fit.problem.names) if n not in dropped], e.fit.problem.data)
 
 
 def _refit(fit: Fit, kept: Sequence[int], data: Sequence[TrialData]) -> Fit | None:

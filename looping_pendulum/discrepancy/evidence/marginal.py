@@ -12,10 +12,11 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.evidence.prior import AMPLITUDES, P_LASTING
 from looping_pendulum.discrepancy.fit.calibration import MAX_DECREASE
-from looping_pendulum.discrepancy.fit.data import FRAMES, CorrelatedNoise, TrialData, Whitening
+from looping_pendulum.discrepancy.fit.data import FRAMES, CorrelatedNoise, TrialData
 from looping_pendulum.measured.observations import BODIES
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -34,32 +35,56 @@ class NoiseGrid:
 
     def __init__(self, data: Sequence[TrialData]) -> None:
         self.data = tuple(data)
-        edges = np.cumsum([0] + [len(d.t) for d in data])
-        self.count = int(edges[-1])
-        self._sigma = sigma = np.concatenate([d.sigma for d in data])
-        log_white = float(2 * np.sum(np.log(sigma[np.isfinite(sigma)])))
-        self._tracks: dict[str, _Tracks] = {}
+        self._edges = np.cumsum([0] + [len(d.t) for d in data]).tolist()
+        self.count = int(self._edges[-1])
+        self._rows: dict[str, NDArray[np.bool_]] = {}
+        """Body -> which values are its points, of those whose noise may be correlated."""
+        self._noises: dict[str, list[CorrelatedNoise | None]] = {}
+        """Body -> its noise by each of `SETTINGS`."""
+        sigma = np.concatenate([d.sigma for d in data])
         for body, names in BODIES.items():
-            found = [(k, c) for k, d in enumerate(data) for c in d.channels if c.name in names and len(c) > 1]
-            rows = [np.arange(self.count)[edges[k] : edges[k + 1]][data[k].slices[c.name]] for k, c in found]
-            if found and sum(map(len, rows)) >= MIN_POINTS:
-                t = np.concatenate([c.t - c.t[0] for _, c in found])
-                steps = np.concatenate([np.full(len(c), c.time_step) for _, c in found])
-                self._tracks[body] = _Tracks(t, sigma[np.concatenate(rows)], steps, np.concatenate(rows))
-        of_tracks = np.concatenate([np.zeros(0, dtype=int), *(t.rows for t in self._tracks.values())]).astype(int)
-        rest = np.ones(self.count, dtype=bool)
-        rest[of_tracks] = False
-        self._rest = rest
-        self.combinations = list(itertools.product(range(len(SETTINGS)), repeat=len(self._tracks)))
+            rows, steps = np.zeros(self.count, dtype=bool), np.zeros(self.count)
+            for d, start in zip(data, self._edges, strict=False):
+                for c in d.channels:
+                    if c.name in names and len(c) > 1:
+                        part = slice(start + d.slices[c.name].start, start + d.slices[c.name].stop)
+                        rows[part], steps[part] = True, c.time_step
+            if rows.sum() >= MIN_POINTS:
+                known = sigma[rows & np.isfinite(sigma)]
+                typical, step = float(np.median(known)) if len(known) else 1.0, float(np.median(steps[rows]))
+                self._rows[body] = rows
+                self._noises[body] = [
+                    s and CorrelatedNoise(amplitude=s[0] * typical, correlation_time=s[1] * step) for s in SETTINGS
+                ]
+        self.combinations = list(itertools.product(range(len(SETTINGS)), repeat=len(self._rows)))
         """Indices into `SETTINGS` of every body, white for all first."""
         n = len(self.combinations)
         self.log_prior = np.log(np.array([1 - P_LASTING, *(P_LASTING / max(n - 1, 1) for _ in range(n - 1))]))
-        self.log_determinant = np.array(
-            [
-                log_white + sum(t.log_determinant(i) for t, i in zip(self._tracks.values(), c, strict=True))
-                for c in self.combinations
-            ]
-        )
+
+    @cached_property
+    def log_determinant(self) -> Array:
+        """Log determinants of the noise's covariance, shape (combinations,)."""
+        white = sum(d.log_determinant for d in self.data)
+        beyond = {
+            body: [sum(d.log_determinant for d in self._data[body, i]) - white for i in range(len(SETTINGS))]
+            for body in self._rows
+        }
+        return np.array([white + sum(beyond[body][i] for body, i in zip(beyond, c, strict=True)) for c in self.combinations])
+
+    @cached_property
+    def _data(self) -> dict[tuple[str, int], tuple[TrialData, ...]]:
+        """Body and index into `SETTINGS` -> the data with this noise of the body."""
+        return {
+            (body, i): tuple(d.with_noises({body: noise} if noise else {}) for d in self.data)
+            for body, noises in self._noises.items()
+            for i, noise in enumerate(noises)
+        }
+
+    def _gram(self, data: Sequence[TrialData], columns: Array, rows: NDArray[np.bool_]) -> Array:
+        """Return the Gram matrix of some rows of columns, standardised by the noise of the data, shape (m, m)."""
+        parts = zip(data, itertools.pairwise(self._edges), strict=True)
+        standardised = np.concatenate([d.standardise(columns[begin:end]) for d, (begin, end) in parts])[rows]
+        return np.asarray(standardised.T @ standardised)
 
     def grams(self, columns: Array, settings: Sequence[int]) -> Array:
         """Return the Gram matrices of standardised columns, shape (settings, m, m).
@@ -71,56 +96,18 @@ class NoiseGrid:
         settings
             Indices into `combinations`.
         """
-        part = columns[self._rest] / self._sigma[self._rest, None]
-        fixed = part.T @ part
-        found = np.tile(fixed, (len(settings), 1, 1))
-        for place, tracks in enumerate(self._tracks.values()):
+        rest = ~np.any([np.zeros(self.count, dtype=bool), *self._rows.values()], axis=0)
+        found = np.tile(self._gram(self.data, columns, rest), (len(settings), 1, 1))
+        for place, (body, rows) in enumerate(self._rows.items()):
             own = [self.combinations[s][place] for s in settings]
-            used, places = np.unique(own, return_inverse=True)
-            found += tracks.grams(columns, used.tolist())[places]
+            by_setting = {i: self._gram(self._data[body, i], columns, rows) for i in set(own)}
+            found += np.array([by_setting[i] for i in own])
         return found
 
     def noises(self, setting: int) -> dict[str, CorrelatedNoise]:
         """Return body -> correlated noise of one of `combinations`; bodies with white noise are left out."""
-        pairs = zip(self._tracks.items(), self.combinations[setting], strict=True)
-        return {body: noise for (body, tracks), i in pairs if (noise := tracks.noise(i))}
-
-
-class _Tracks:
-    """All tracks of a body's coordinates, one after the other."""
-
-    def __init__(self, t: Array, sigma: Array, steps: Array, rows: Array) -> None:
-        self._t, self._sigma, self._steps, self.rows = t, sigma, steps, rows
-        self._typical = float(np.median(sigma[np.isfinite(sigma)])) if np.isfinite(sigma).any() else 1.0
-        self._known: dict[int, Whitening] = {}
-
-    def noise(self, i: int) -> CorrelatedNoise | None:
-        """Return the correlated noise of a setting."""
-        setting = SETTINGS[i]
-        if setting is None:
-            return None
-        return CorrelatedNoise(
-            amplitude=setting[0] * self._typical, correlation_time=setting[1] * float(np.median(self._steps))
-        )
-
-    def _whitening(self, i: int) -> Whitening:
-        if i not in self._known:
-            noise = self.noise(i)
-            assert noise is not None
-            self._known[i] = Whitening(self._t, noise.white_sigma(self._sigma, self._steps), noise)
-        return self._known[i]
-
-    def log_determinant(self, i: int) -> float:
-        """Return the log determinant of the noise of a setting less that of white noise."""
-        if i == 0:
-            return 0.0
-        return self._whitening(i).log_determinant - float(2 * np.sum(np.log(self._sigma[np.isfinite(self._sigma)])))
-
-    def grams(self, columns: Array, settings: Sequence[int]) -> Array:
-        """Return the Gram matrices of the body's rows of columns, standardised by settings, shape (settings, m, m)."""
-        own = np.asfortranarray(columns[self.rows])  # as the filters want them
-        standardised = (own / self._sigma[:, None] if i == 0 else self._whitening(i)(own) for i in settings)
-        return np.array([rows.T @ rows for rows in standardised])
+        pairs = zip(self._noises.items(), self.combinations[setting], strict=True)
+        return {body: noise for (body, noises), i in pairs if (noise := noises[i])}
 
 
 class Marginal:
@@ -192,13 +179,14 @@ class Marginal:
         inverse = self._factors[0] if len(self._free) == self.p else np.linalg.inv(self.gram[:, fitted, fitted])
         return step, np.einsum("gii->gi", inverse).copy()
 
-    def solution(self, chosen: Sequence[int]) -> tuple[Array, Array]:
-        """Return the step of the fitted parameters, and the amounts of templates, that fit best by the first setting."""
+    def step(self, chosen: Sequence[int]) -> Array:
+        """Return the step of the fitted parameters that fits best beside some templates, by the first setting, shape (p,)."""
         index = np.array([*(1 + self._free), *(1 + self.p + t for t in chosen)])
-        found = np.linalg.lstsq(self.gram[0][np.ix_(index, index)], self.gram[0][index, 0], rcond=None)[0]
         step = np.zeros(self.p)
-        step[self._free] = found[: len(self._free)]
-        return step, found[len(self._free) :]
+        step[self._free] = np.linalg.lstsq(self.gram[0][np.ix_(index, index)], self.gram[0][index, 0], rcond=None)[0][
+            : len(self._free)
+        ]
+        return step
 
     def decrease(self, chosen: Sequence[int]) -> float:
         """Return by how much the cost decreases with templates, by the first setting."""

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy import optimize, stats
 
-from looping_pendulum.discrepancy.evidence.motions import COORDINATES_OF, TARGETS, Closure, factors_of
 from looping_pendulum.reference_ode.geometry import Array
 
 # How likely
@@ -29,12 +29,8 @@ From tenths of a millimetre, which hardly any tracker shows, to decimetres of th
 T_FREEDOM = 3.0
 """Degrees of freedom of Student's t, by which a value of the apparatus is wrong in units of its stated error.
 
-Differences of 41 000 measurements in units of their stated errors have such tails, often nearly those of Cauchy's distribution
-(Bailey, Royal Society Open Science 4 (2017) 160600). A value 5 errors off is a third as plausible as one by the range above,
-28 errors off a five hundredth.
+Measurements differ so in units of their stated errors, often more (Bailey, Royal Society Open Science 4 (2017) 160600).
 """
-T_CONSTANT = math.lgamma(0.5 * (T_FREEDOM + 1)) - math.lgamma(0.5 * T_FREEDOM) - 0.5 * math.log(T_FREEDOM * math.pi)
-"""Log of its density at 0."""
 # From 10 uN, which move 10 g by a tenth of a millimetre in half a second, to 1 N, about the heavy mass's weight
 RIDGES = np.logspace(-5, 0, 41)
 """Standard deviations of a law's weights, all alike [N, or 1 for friction]."""
@@ -52,11 +48,21 @@ VISIBLE = 4.0
 """Standard errors from which on an effect is large enough to be seen, by the sizes that a report calls visible."""
 CREDIBLE = 0.95
 """Probability of the explanations that a verdict names."""
-LAW_PREDICTS = math.log(1000.0)
-"""Least log of the factor by which a law, fitted to the training trials, makes the held-out ones more probable.
+DECISIVE = math.log(CREDIBLE / (1 - CREDIBLE))
+"""Log of the factor from which on the held-out trials by themselves confirm an explanation, or below 0 contradict it.
 
-A law can take any form, and what two trials of one camera have in common may be the camera's: of a basketball that falls from a
-bridge, tracked by hand, a law explained 14 nats, 5 of them in the drop that was held out.
+Of densities of the same data, this is its own uncertainty: whichever of two explanations is right, the probability that the
+held-out trials favour the other one by a factor k is at most 1 / k.
+"""
+LAW_PREDICTS = math.log(1000.0)
+"""The same for a law, which they have to confirm.
+
+A law can take any form, and what two trials of one camera have in common may be the camera's.
+"""
+LEAST_FALL = 2.0
+"""Standard deviations of itself by which a law must let the error of a held-out trial fall, fitted to the training trials.
+
+By white noise of the points. A wide law makes a trial more probable, too, by what it leaves open.
 """
 TIE = 3.0
 """Factor by which the probability of all others may be below that of `CREDIBLE` and still be a tie, as priors are not known
@@ -66,14 +72,12 @@ CHECKED = math.log(1000.0)
 MARGIN = 6.0
 """Log odds to the best explanation within which others are fitted exactly.
 
-With limits up to two and a half times as wide as this, `LINEAR_ERROR` and `BEAM`, half as many explanations again were fitted
-in 111 blind studies, and one of these was credible in one study, with 0.2 % (`research.left_out`).
+What this, `LINEAR_ERROR` and `BEAM` leave out is measured by `research.left_out`.
 """
 LINEAR_ERROR = 0.35
 """Share of what is left to explain by which the linear model may be wrong.
 
-Beside the declared model its gains are right to a twentieth. Beside a wrong clock, of two effects in blind studies, it said
-little more than half of what the pair gained.
+Beside the declared model its gains are right to a twentieth, beside a wrong clock sometimes to a half.
 """
 BEAM = 3
 """Best explanations of each kind to which everything is added while the best one leaves a misfit."""
@@ -81,20 +85,20 @@ MAX_EFFECTS = 3
 """Listed effects of an explanation at most."""
 
 
-def log_prior(count: int, library: int, law: Closure | None = None) -> float:
+def log_prior(count: int, library: int, log_share_of_law: float | None = None) -> float:
     """Return the log of the prior probability of one explanation.
 
     Parameters
     ----------
     count, library
         Number of its listed effects, and of those that there are.
-    law
-        Its law; None: it has none.
+    log_share_of_law
+        Log of its law's share of the prior of all laws; None: it has none.
     """
     ways = math.log(math.comb(library, count))
-    if law is None:
+    if log_share_of_law is None:
         return math.log(P_OF_EFFECTS[count]) - ways
-    return math.log(P_OF_LAW[count]) - ways + log_share(law)
+    return math.log(P_OF_LAW[count]) - ways + log_share_of_law
 
 
 def least_distance(library: int) -> float:
@@ -105,23 +109,8 @@ def least_distance(library: int) -> float:
     library
         Number of listed effects that there are.
     """
-    from scipy.optimize import brentq
-
     odds = log_prior(1, library) - log_prior(0, library)
-    return float(brentq(lambda z: 0.5 * z**2 + float(log_occam(np.array(z))) + odds, 1.0, 10.0))
-
-
-def log_share(law: Closure) -> float:
-    """Return the log of a law's share of the prior of all laws: bodies alike, then targets and coordinates, then factors."""
-    body = body_of(law.target)
-    targets = [t for t in TARGETS if body_of(t) == body]
-    ways = sum(len(COORDINATES_OF[t]) for t in targets) * len(factors_of(law.target))
-    return -math.log(len({body_of(t) for t in TARGETS}) * ways)
-
-
-def body_of(target: str) -> str:
-    """Return what a target is a part of: "light mass", "heavy mass" or "string on rod"."""
-    return target.split(",")[0]
+    return float(optimize.brentq(lambda z: 0.5 * z**2 + float(log_occam(np.array(z))) + odds, 1.0, 10.0))
 
 
 def log_occam(z: Array, error: Array | float = math.nan) -> Array:
@@ -144,5 +133,5 @@ def log_density(z: Array, error: Array | float = math.nan) -> Array:
     """
     size = np.maximum(np.abs(z), 1e-9)
     of_size = -np.log(size) - math.log(2 * LOG_RANGE)
-    of_error = T_CONSTANT - 0.5 * (T_FREEDOM + 1) * np.log1p((size * error) ** 2 / T_FREEDOM) + np.log(error)
+    of_error = stats.t.logpdf(size * error, T_FREEDOM) + np.log(error)
     return np.asarray(np.where(np.isnan(error), of_size, of_error))

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.candidates import Candidate
 from looping_pendulum.discrepancy.evidence.explanation import (
@@ -15,43 +16,28 @@ from looping_pendulum.discrepancy.evidence.explanation import (
     Explanation,
     Key,
     Parts,
-    bounded,
     explained,
     fit_addition,
-    fit_again,
     fit_to_data,
     fit_without,
     raw,
 )
-from looping_pendulum.discrepancy.evidence.laws import Law, laws_beside
+from looping_pendulum.discrepancy.evidence.laws import laws_beside
 from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid
-from looping_pendulum.discrepancy.evidence.prior import (
-    BEAM,
-    LINEAR_ERROR,
-    MARGIN,
-    MAX_EFFECTS,
-    VISIBLE,
-    log_occam,
-    log_prior,
+from looping_pendulum.discrepancy.evidence.prior import BEAM, LINEAR_ERROR, MARGIN, MAX_EFFECTS, VISIBLE, log_occam
+from looping_pendulum.discrepancy.evidence.templates import (
+    Case,
+    SmallestVisible,
+    Template,
+    columns,
+    smallest_visible,
+    templates,
 )
-from looping_pendulum.discrepancy.evidence.templates import Case, Template, columns, smallest_visible, templates
 from looping_pendulum.discrepancy.fit.calibration import Fit
+from looping_pendulum.discrepancy.fit.problem import refuse_if_time_is_over
 from looping_pendulum.discrepancy.fit.residual import ResidualTests, check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import data_with_noise_of_residuals
-from looping_pendulum.discrepancy.result import SmallestVisible
 from looping_pendulum.reference_ode.geometry import Array
-
-MAX_SETTINGS = 5
-"""Settings of the noise by which explanations are compared at first: white, and the most probable ones of the best so far."""
-
-FAR = 50.0
-"""Log posterior below the best so far from which on no other settings are looked at: they may add half of that distance."""
-SETTINGS_OF_LAWS = 2
-"""How many of these laws are looked at by, where their fits begin."""
-
-
-class OutOfTime(Exception):
-    """Raised within the search where its time is over."""
 
 
 class Search:
@@ -65,8 +51,8 @@ class Search:
         Listed effects that may be missing.
     report
         Called with a description of each step that begins.
-    is_time_over
-        Asked before each fit whether to end.
+    report_fit
+        Called with a description of each fit that begins, of which a step may have hundreds.
     """
 
     def __init__(
@@ -74,16 +60,16 @@ class Search:
         base: Fit,
         library: Sequence[Candidate],
         report: Callable[[str], None] = lambda what: None,
-        is_time_over: Callable[[], bool] = lambda: False,
+        report_fit: Callable[[str], None] = lambda what: None,
     ) -> None:
-        self.library, self.report, self._is_time_over = tuple(library), report, is_time_over
+        self.library, self.report, self.report_fit = tuple(library), report, report_fit
         self.grid = NoiseGrid(base.problem.data)
         self.fitted: dict[Key, Explanation] = {}
         """What an explanation adds -> the explanation, of all that were fitted exactly."""
         self.ruled_out: list[Candidate] = []
         """Listed effects that would explain much with a value that is known to be impossible."""
         self.tried: set[Key] = {NOTHING}
-        """What was added in any exact fit, those that were given up as needless or could not run included."""
+        """What was added in any exact fit, those that could not run included."""
         self._expanded: set[Key] = set()
         self._dropped: set[tuple[Key, str]] = set()
         """What was added, and the part that was dropped again."""
@@ -93,12 +79,11 @@ class Search:
         self._templates: dict[Key, list[Template]] = {}
         self._finite: dict[Case, list[Template]] = {}
         self._tested: dict[Key, tuple[Fit, ResidualTests]] = {}
-        self._settings: Sequence[int] | None = None
         self._add(base, Parts())
 
     @property
     def best(self) -> Explanation:
-        """Return the most probable explanation."""
+        """The most probable explanation."""
         return max(self.fitted.values(), key=lambda e: e.log_posterior)
 
     def tested(self, e: Explanation) -> tuple[Fit, ResidualTests]:
@@ -117,94 +102,78 @@ class Search:
     def smallest_visible(self, e: Explanation) -> list[SmallestVisible]:
         """Return the smallest size of every listed effect that the data would show beside an explanation."""
         found = self._templates_beside(e)
-        m = Marginal(self.grid, raw(e.fit), columns(found, self.grid.count), bounded(e.fit), [e.setting])
+        m = Marginal(self.grid, raw(e.fit), columns(found, self.grid.count), e.fit.at_bounds, [e.setting])
         return smallest_visible(e.fit, found, m.complement[0])
 
     @property
     def settled(self) -> bool:
-        """Return whether the best explanation has no law and white noise, and passes the test.
+        """Whether the best explanation has no law and white noise, and passes the test.
 
         A law of any form passes too easily, and so does noise that lasts longer than a frame.
         """
         return not self.best.parts.law and not self.best.setting and self.passes(self.best)
 
-    def run(self) -> bool:
-        """Fit explanations until no other comes near the best; return whether none does, or False: time was over before."""
-        try:
+    def run(self) -> None:
+        """Fit explanations until no other comes near the best."""
+        self._go_on()
+        if self.best.key != NOTHING:  # whose noise is known
+            self._with_noise_of(self.best)
             self._go_on()
-            if not self.passes(self.best):
-                # Once more, from other starts: where none is right, a fit may have gone astray
-                for e in sorted((e for e in self.fitted.values() if e.key), key=lambda e: -e.log_posterior)[:BEAM]:
-                    self._refuse_if_time_is_over()
-                    fit = fit_again(e)
-                    if fit is not None:
-                        self._add(fit, e.parts)
-                self._go_on()
-            if self.best.key != NOTHING:  # whose noise is known
-                self._with_noise_of(self.best)
-                self._go_on()
-        except OutOfTime:
-            return False
-        # What may be said, by all settings of the noise
-        for e in (*self._near_best(), self.fitted[NOTHING]):
+        for e in self._near_best():
             self.fitted[e.key] = explained(self.grid, e.fit, e.parts, len(self.library))
-        return True
-
-    def _refuse_if_time_is_over(self) -> None:
-        if self._is_time_over():
-            raise OutOfTime
+            self._tested.pop(e.key, None)
 
     def _go_on(self) -> None:
         """Add to what is near the best whatever may come near it, until nothing new is."""
         while True:
             self._fit_without_parts()
-            new = [e for e in self._near() if e.key not in self._expanded]
+            new = [e for e in self._worth_expanding() if e.key not in self._expanded]
             if not new:
                 return
             self._expand(max(new, key=lambda e: e.log_posterior))
 
-    def _add(self, fit: Fit, parts: Parts) -> Explanation:
-        """Keep an explanation unless a better fit of it is known; return it."""
-        e = explained(self.grid, fit, parts, len(self.library), self._settings)
-        # Which lasting noise hides a misfit best, depends on the misfit
-        if e.setting and self._settings is not None and e.log_posterior > self.best.log_posterior - FAR:
-            e = explained(self.grid, fit, parts, len(self.library))
+    def _add(self, fit: Fit, parts: Parts) -> None:
+        """Keep an explanation unless a better fit of it is known."""
+        # Those settings alone that matter so far: all of them, for what may be said in the end
+        settings = sorted({0, self.best.setting, self.fitted[NOTHING].setting}) if self.fitted else None
+        e = explained(self.grid, fit, parts, len(self.library), settings)
         known = self.fitted.get(e.key)
         if known is None or e.log_posterior > known.log_posterior:
             self.fitted[e.key] = e
             self._tested.pop(e.key, None)
-        if e is self.best:
-            self._settings = list(dict.fromkeys(i for one in (e, self.fitted[NOTHING]) for i in _likely_settings(one)))
-        return e
 
-    def _is_needless(self, e: Explanation) -> bool:
-        """Return whether a part of an explanation is as probable as the whole."""
-        return any(key < e.key and part.log_posterior >= e.log_posterior for key, part in self.fitted.items())
+    def _needed(self) -> list[Explanation]:
+        """Return the explanations of which no part is as probable as the whole, the most probable first."""
+        fitted = self.fitted.items()
+        return [
+            e
+            for e in sorted(self.fitted.values(), key=lambda e: -e.log_posterior)
+            if not any(key < e.key and part.log_posterior >= e.log_posterior for key, part in fitted)
+        ]
 
-    def _near_best(self) -> list[Explanation]:
-        limit = self.best.log_posterior - MARGIN
-        return [e for e in self.fitted.values() if e.log_posterior > limit and not self._is_needless(e)]
+    def _near_best(self, margin: float = MARGIN) -> list[Explanation]:
+        limit = self.best.log_posterior - margin
+        return [e for e in self._needed() if e.log_posterior > limit]
 
-    def _near(self) -> list[Explanation]:
+    def _by_kind(self) -> list[list[Explanation]]:
+        """Return the needed explanations of each kind, by their number of effects and whether they have a law."""
+        kinds: dict[tuple[int, bool], list[Explanation]] = {}
+        for e in self._needed():
+            kinds.setdefault(e.parts.kind, []).append(e)
+        return list(kinds.values())
+
+    def _worth_expanding(self) -> list[Explanation]:
         """Return the explanations to which more is added: those near the best, and the best of each kind.
 
         Of a kind with fewer parts than the best has, once that is settled, only those that were hardly worse than the one to
         which it adds something; while it leaves a misfit, of every kind.
         """
-        near, best, is_settled = self._near_best(), self.best, self.settled
-        for of_kind in self._by_kind().values():
+        found, best, is_settled = self._near_best(), self.best, self.settled
+        for of_kind in self._by_kind():
             if not is_settled or len(of_kind[0].key) < len(best.key):
                 limit = of_kind[0].log_posterior - MARGIN if is_settled else -math.inf
-                near += [e for e in of_kind[:BEAM] if e.log_posterior > limit]
-        return near
-
-    def _by_kind(self) -> dict[tuple[int, bool], list[Explanation]]:
-        """Return the explanations of each kind, the most probable first, without what is needless."""
-        kinds: dict[tuple[int, bool], list[Explanation]] = {}
-        for e in sorted(self.fitted.values(), key=lambda e: -e.log_posterior):
-            if not self._is_needless(e):
-                kinds.setdefault(kind(e.parts), []).append(e)
-        return kinds
+                found += [e for e in of_kind[:BEAM] if e.log_posterior > limit]
+        return found
 
     def _fit_without_parts(self) -> None:
         """Fit what the explanations near the best leave if one of their parts is dropped, begun where they are.
@@ -215,92 +184,101 @@ class Search:
             for part in sorted(e.key):
                 if (e.key, part) not in self._dropped:
                     self._dropped.add((e.key, part))
-                    self._refuse_if_time_is_over()
-                    fit = fit_without(e, part)
-                    if fit is not None:
+                    refuse_if_time_is_over()
+                    self.report_fit(f"fitting {in_words(e.key)} without {part}")
+                    if fit := fit_without(e, part):
                         self._add(fit, e.parts.without(part))
 
     def _with_noise_of(self, best: Explanation) -> None:
         """Estimate the noise and the outliers beside the best explanation, and fit all that are near it again with these."""
         data = [data_with_noise_of_residuals(best.fit, k) for k in range(len(best.fit.problem.data))]
-        limit = best.log_posterior - 2 * MARGIN
-        near = {e.key for e in self.fitted.values() if e.log_posterior > limit and not self._is_needless(e)}
+        near = {e.key for e in self._near_best(2 * MARGIN)}
         # What they add to, and the best of each kind
         near |= {key for key in self.fitted for whole in near if key < whole}
-        near |= {e.key for of_kind in self._by_kind().values() for e in of_kind[:BEAM]}
+        near |= {e.key for of_kind in self._by_kind() for e in of_kind[:BEAM]}
         kept = [e for e in self.fitted.values() if e.key in near]
         self._expanded -= {e.key for e in self._near_best()}
-        self.grid, self._settings = NoiseGrid(data), None
-        self.fitted.clear()
+        before = self.grid, self.fitted
+        self.grid, self.fitted = NoiseGrid(data), {}
         self._tested.clear()
         self._at_most.clear()
-        for e in sorted(kept, key=lambda e: len(e.key)):  # nothing first
-            fit = fit_to_data(e.fit, data)
-            if fit is not None:
-                self._add(fit, e.parts)
+        try:
+            for e in sorted(kept, key=lambda e: len(e.key)):  # nothing first
+                if fit := fit_to_data(e.fit, data):
+                    self._add(fit, e.parts)
+        except KeyboardInterrupt:  # what has another noise cannot be compared
+            self.grid, self.fitted = before
+            self._tested.clear()
+            raise
 
     def _expand(self, e: Explanation) -> None:
         """Add to an explanation each effect, each law, and each pair of effects beside nothing, and fit what may matter."""
         self.report(f"looking beside {in_words(e.key)}")
         self._expanded.add(e.key)
-        self._refuse_if_time_is_over()
+        refuse_if_time_is_over()
         count = len(e.parts.effects)
         found = self._templates_beside(e) if count < (1 if e.parts.law else MAX_EFFECTS) else []
-        fitted = raw(e.fit)
-        m = Marginal(self.grid, fitted, columns(found, self.grid.count), bounded(e.fit), _likely_settings(e))
+        # Errors that last longer than a frame can hide what would explain the data by white noise
+        fitted, settings = raw(e.fit), sorted({0, e.setting})
+        m = Marginal(self.grid, fitted, columns(found, self.grid.count), e.fit.at_bounds, settings)
         if e.key == NOTHING:
             self.ruled_out = _impossible(m, found)
-        added = self._of_effects(e, m, found, _best_of_each(m, found))
+        added = self._of_effects(e, m, found, 1)
         # A second law is not looked for, nor one beside two effects
         if e.parts.law is None and count <= 1:
-            some = slice(SETTINGS_OF_LAWS)
-            laws = laws_beside(e.fit, self.grid, m.settings[some].tolist(), m.log_z_of_settings[some], fitted)
-            for law in laws.all() if laws else ():
-                gain = law.log_bayes_factor
-                added.append(self._addition(e, (), (), law, step=law.step, gain=gain, decrease=law.decrease))
+            for setting, log_z in zip(settings, m.log_z_of_settings.tolist(), strict=True):
+                added += self._of_laws(e, setting, fitted, log_z - m.log_z)
         self._fit_what_may_matter(added)
         # Where one effect shows, others are added to it; two may show together of which neither does alone
         if self.best.key == NOTHING == e.key:
-            self._fit_what_may_matter(self._of_effects(e, m, found, _best_of_each_pair(m, found)))
+            self._fit_what_may_matter(self._of_effects(e, m, found, 2))
 
     def _fit_what_may_matter(self, added: Sequence[Addition]) -> None:
-        """Fit additions, effects first and the best first: the fit of one that cannot come near the best ends early."""
+        """Fit additions, effects first and the best first."""
         for a in sorted(added, key=lambda a: (a.law is not None, -a.log_posterior)):
             if a.key not in self.fitted and self._may_matter(a):
-                self._refuse_if_time_is_over()
+                refuse_if_time_is_over()
                 self.tried.add(a.key)
-                fit = fit_addition(a, self._needless_below(a))
-                if fit is not None:
-                    self._add(*fit)
-
-    def _of_effects(
-        self, parent: Explanation, m: Marginal, found: Sequence[Template], chosen: Iterable[_Chosen]
-    ) -> list[Addition]:
-        """Return additions of effects."""
-        additions = []
-        for indices, gain, amounts in chosen:
-            step, _ = m.solution(indices)
-            of = tuple(found[i] for i in indices)
-            additions.append(self._addition(parent, of, amounts, step=step, gain=gain, decrease=m.decrease(indices)))
-        return additions
+                self.report_fit(f"fitting {in_words(a.key)}")
+                if fitted := fit_addition(a, self._needless_below(a)):
+                    self._add(*fitted)
 
     def _needless_below(self, a: Addition) -> float:
         """Return the log posterior with which neither a verdict needs an addition, nor is anything added to it."""
+        of_kind = sorted(e.log_posterior for e in self.fitted.values() if e.parts.kind == a.parts.kind)
         # With noise that lasts longer than a frame a misfit is no measure of the evidence
-        if self.best.setting:
+        if self.best.setting or len(of_kind) < BEAM:
             return -math.inf
-        of_kind = sorted((e.log_posterior for e in self.fitted.values() if kind(e.parts) == kind(a.parts)), reverse=True)
-        return min(self.best.log_posterior - 2 * MARGIN, of_kind[BEAM - 1] if len(of_kind) >= BEAM else -math.inf)
+        return min(self.best.log_posterior - 2 * MARGIN, of_kind[-BEAM])
 
-    def _addition(
-        self, parent: Explanation, added: tuple[Template, ...], amounts: tuple[float, ...], law: Law | None = None,
-        *, step: Array, gain: float, decrease: float,
-    ) -> Addition:  # fmt: skip
-        count, closure = len(parent.parts.effects) + len(added), law.closure if law else parent.parts.law
-        return Addition(
-            parent=parent, templates=added, amounts=amounts, law=law, step=step, gain=gain, decrease=decrease,
-            log_prior=log_prior(count, len(self.library), closure),
-        )  # fmt: skip
+    def _of_effects(self, parent: Explanation, m: Marginal, found: Sequence[Template], size: int) -> list[Addition]:
+        """Return the addition of each set of so many effects by those of their templates that gain most."""
+        names = [t.candidate.name for t in found]
+        sets = [chosen for chosen in combinations(range(len(found)), size) if len({names[i] for i in chosen}) == size]
+        if not sets:
+            return []
+        amounts, gain = _amounts_and_gain(m, np.array(sets), np.array([t.stated_size for t in found]))
+        best: dict[tuple[str, ...], Addition] = {}
+        for k in np.argsort(-gain).tolist():
+            chosen, key = [found[i] for i in sets[k]], tuple(names[i] for i in sets[k])
+            of_chosen = tuple(amounts[k].tolist())
+            if key not in best and all(t.value(v) is not None for t, v in zip(chosen, of_chosen, strict=True)):
+                best[key] = Addition(
+                    parent=parent, templates=tuple(chosen), amounts=of_chosen, step=m.step(sets[k]), gain=float(gain[k]),
+                    decrease=m.decrease(sets[k]), library=len(self.library),
+                )  # fmt: skip
+        return list(best.values())
+
+    def _of_laws(self, parent: Explanation, setting: int, fitted: Array, log_share: float) -> list[Addition]:
+        """Return the additions of all laws, by a setting of the noise that has a share of the parent's evidence."""
+        laws = laws_beside(parent.fit, self.grid, setting, fitted)
+        return [
+            Addition(
+                parent=parent, law=law, step=law.step, gain=law.log_bayes_factor + log_share, decrease=law.decrease,
+                library=len(self.library),
+            )
+            for law in (laws.all() if laws else ())
+        ]  # fmt: skip
 
     def _may_matter(self, a: Addition) -> bool:
         """Return whether an addition is fitted exactly: others than single effects if they may come near the best.
@@ -315,8 +293,7 @@ class Search:
         # The more its parent explains, the less is left to the linear model
         said = max(self._at_most.get(a.key, (-math.inf, 0.0)), (a.parent.log_z, a.log_posterior + LINEAR_ERROR * missing))
         self._at_most[a.key] = said
-        parts = [frozenset(part) for size in range(len(a.key)) for part in combinations(a.key, size)]
-        best_part = max((self.fitted[part].log_posterior for part in parts if part in self.fitted), default=-math.inf)
+        best_part = max((e.log_posterior for key, e in self.fitted.items() if key < a.key), default=-math.inf)
         return said[1] > max(self.best.log_posterior - MARGIN, best_part)
 
     def _templates_beside(self, e: Explanation) -> list[Template]:
@@ -345,16 +322,6 @@ def posterior(fitted: Mapping[Key, Explanation]) -> list[tuple[Key, float]]:
     return sorted(((key, v / total) for key, v in p.items()), key=lambda one: -one[1])
 
 
-def _likely_settings(e: Explanation) -> list[int]:
-    """Return white noise and the most probable other settings of an explanation."""
-    return [0, *(i for i in e.settings if i)][:MAX_SETTINGS]
-
-
-def kind(parts: Parts) -> tuple[int, bool]:
-    """Return how many effects an explanation adds, and whether it adds a law."""
-    return len(parts.effects), parts.law is not None
-
-
 def in_words(key: Key) -> str:
     """Return what an explanation adds, in words."""
     return " + ".join(sorted(key)) or "nothing"
@@ -373,47 +340,23 @@ def _impossible(m: Marginal, found: Sequence[Template]) -> list[Candidate]:
     return [c for name, c in held.items() if beyond[name] > within[name]]
 
 
-_Chosen = tuple[tuple[int, ...], float, tuple[float, ...]]
-"""Indices of templates, gain of log evidence by them, and their amounts."""
+def _amounts_and_gain(m: Marginal, sets: NDArray[np.intp], stated_sizes: Array) -> tuple[Array, Array]:
+    """Return the amounts of the templates of each set by the first setting, shape (sets, size), and the gain of log evidence.
 
-
-def _best_of_each(m: Marginal, found: Sequence[Template]) -> list[_Chosen]:
-    """Return the best template of each candidate."""
-    if not found:
-        return []
-    s, base, sizes = m.complement, m.log_z_of_settings[:, None], np.array([t.stated_size for t in found])
-    square = np.maximum(np.einsum("gii->gi", s)[:, 1:], 1e-12)
-    z = s[:, 0, 1:] / np.sqrt(square)
-    gain = np.logaddexp.reduce(base + 0.5 * z**2 + log_occam(z, sizes / np.sqrt(square)), axis=0) - m.log_z
-    amounts = s[0, 0, 1:] / square[0]
-    best: dict[str, _Chosen] = {}
-    for i in np.argsort(-gain).tolist():
-        name = found[i].candidate.name
-        if name not in best and found[i].value(float(amounts[i])) is not None:
-            best[name] = (i,), float(gain[i]), (float(amounts[i]),)
-    return list(best.values())
-
-
-def _best_of_each_pair(m: Marginal, found: Sequence[Template]) -> list[_Chosen]:
-    """Return the best templates of each pair of candidates."""
-    s, base, names = m.complement, m.log_z_of_settings[:, None], [t.candidate.name for t in found]
-    sizes = np.array([t.stated_size for t in found])
-    i, j = np.triu_indices(len(found), 1)
-    of_candidate = np.unique(names, return_inverse=True)[1]
-    i, j = (a[of_candidate[i] != of_candidate[j]] for a in (i, j))
-    aa, bb, ab = s[:, 1 + i, 1 + i], s[:, 1 + j, 1 + j], s[:, 1 + i, 1 + j]
-    along = s[:, 0, 1 + i], s[:, 0, 1 + j]
-    determinant = np.maximum(aa * bb - ab**2, 1e-9 * aa * bb + 1e-30)
-    x = (bb * along[0] - ab * along[1]) / determinant, (aa * along[1] - ab * along[0]) / determinant
-    widths = np.sqrt(bb / determinant), np.sqrt(aa / determinant)
-    # The widths are those of each amount by itself; both together have less room by their correlation
-    together = 0.5 * np.log(determinant / np.maximum(aa * bb, 1e-30))
-    occam = sum(log_occam(x[k] / widths[k], sizes[(i, j)[k]] * widths[k]) for k in (0, 1))
-    log_bf = 0.5 * (x[0] * along[0] + x[1] * along[1]) + occam + together
-    gain = np.logaddexp.reduce(base + log_bf, axis=0) - m.log_z
-    best: dict[tuple[str, str], _Chosen] = {}
-    for k in np.argsort(-gain).tolist():
-        pair, values = (names[i[k]], names[j[k]]), (float(x[0][0, k]), float(x[1][0, k]))
-        if pair not in best and found[i[k]].value(values[0]) is not None and found[j[k]].value(values[1]) is not None:
-            best[pair] = (int(i[k]), int(j[k])), float(gain[k]), values
-    return list(best.values())
+    Parameters
+    ----------
+    sets
+        Indices of the templates of each set, shape (sets, size).
+    stated_sizes
+        `Template.stated_size` of each template.
+    """
+    along = m.complement[:, 0, 1 + sets]
+    square = m.complement[:, 1 + sets[:, :, None], 1 + sets[:, None, :]]
+    # The tiny summand keeps the matrix regular where templates do the same, or nothing
+    square = square + np.eye(sets.shape[1]) * (1e-9 * np.einsum("gsii->gsi", square) + 1e-12)[..., None]
+    inverse = np.linalg.inv(square)
+    amounts, widths = np.einsum("gsij,gsj->gsi", inverse, along), np.sqrt(np.einsum("gsii->gsi", inverse))
+    # The widths are those of each amount by itself; all together have less room by their correlation
+    together = -0.5 * np.linalg.slogdet(square)[1] - np.sum(np.log(widths), axis=2)
+    log_bf = np.sum(0.5 * amounts * along + log_occam(amounts / widths, stated_sizes[sets] * widths), axis=2) + together
+    return amounts[0], np.logaddexp.reduce(m.log_z_of_settings[:, None] + log_bf, axis=0) - m.log_z

@@ -13,8 +13,8 @@ from looping_pendulum.discrepancy.candidates import Candidate
 from looping_pendulum.discrepancy.evidence.marginal import sigma_of
 from looping_pendulum.discrepancy.evidence.prior import VISIBLE
 from looping_pendulum.discrepancy.fit.calibration import Fit
-from looping_pendulum.discrepancy.result import SmallestVisible
 from looping_pendulum.measured.free_parameter import FreeParameter
+from looping_pendulum.pages.numbers import amount, quantity
 from looping_pendulum.reference_ode.geometry import Array
 
 SCALE_SIZE = 10.0
@@ -54,11 +54,6 @@ class Template:
     """Whether it is a change by this very value, not a derivative times it."""
 
     @property
-    def square(self) -> bool:
-        """Whether the change grows with the square of the value."""
-        return self.candidate.even
-
-    @property
     def stated_size(self) -> float:
         """Size of the change in stated errors of the value, of one that may be wrong; nan: of any other effect."""
         return abs(self.delta) / self.candidate.stated_error
@@ -67,7 +62,7 @@ class Template:
         """Return the value less its null value [SI] that ``amount`` templates stand for; None: it is not possible."""
         if amount <= 0 and self.finite:
             return None
-        value = self.delta * (amount**0.5 if self.square else amount)
+        value = self.delta * (amount**0.5 if self.candidate.even else amount)
         c = self.candidate
         return float(value) if c.bounds[0] <= c.null + value <= c.bounds[1] else None
 
@@ -96,16 +91,14 @@ def templates(fit: Fit, chosen: Sequence[Candidate], finite: dict[Case, list[Tem
         return _independent_share(basis, _standardised(t.change, sigma)) >= MIN_INDEPENDENT_SHARE
 
     found = []
-    for c in chosen:
-        for values in c.companion_grid():
-            case = c, values
-            if case in derivatives and is_independent(derivatives[case]):
-                found.append(derivatives[case])
-                continue
-            # What the fitted parameters can make to first order, they cannot where it is large
-            if case not in finite:
-                finite[case] = _finite_changes(fit, c, values)
-            found += filter(is_independent, finite[case])
+    for case in ((c, values) for c in chosen for values in c.companion_grid()):
+        if case in derivatives and is_independent(derivatives[case]):
+            found.append(derivatives[case])
+            continue
+        # What the fitted parameters can make to first order, they cannot where it is large
+        if case not in finite:
+            finite[case] = _finite_changes(fit, *case)
+        found += filter(is_independent, finite[case])
     return found
 
 
@@ -142,39 +135,34 @@ def _finite_changes(fit: Fit, c: Candidate, companion_values: Sequence[float]) -
     """Return what some values of a candidate do, to either side."""
     companions = c.companion_parameters(companion_values)
     problem = fit.problem.with_parameters(c.free_parameter(1.0), *companions)
-    x = c.where_it_acts(fit.problem.free_parameters, fit.x)
-
-    def at(delta: float) -> Array:
-        return np.concatenate([x, [delta], np.zeros(len(companions))])
-
-    here, sigma = problem.residuals(at(0.0)), sigma_of(problem.data)
+    x = np.concatenate([c.where_it_acts(fit.problem.free_parameters, fit.x), np.zeros(1 + len(companions))])
+    here, sigma = problem.residuals(x), sigma_of(problem.data)
     if here is None:
         return []
-    happen = problem.events_that_happen(at(0.0))
+    happen = problem.events_that_happen(x)
 
     def change_to(side: int, size: float) -> Array | None:
         """Return the change of the standardised prediction; None: the model cannot run, or an event is lost."""
-        x_there = at(side * size)
-        moved = problem.residuals(x_there)
-        if moved is None or (len(happen) and np.any(happen & ~problem.events_that_happen(x_there))):
+        there = x.copy()
+        there[len(fit.x)] = side * size
+        moved = problem.residuals(there)
+        if moved is None or (len(happen) and np.any(happen & ~problem.events_that_happen(there))):
             return None
         return (here - moved)[: problem.measured_rows]
 
-    sides = [(side, (c.bounds[side > 0] - c.null) * side) for side in (1, -1)]
-    sizes = (SMALL_SIZE,) if problem.is_swing or c.even else FINITE_SIZES
     found = []
-    for side, reach in sides[: 1 if c.even else 2]:
-        tried: dict[float, Array | None] = {}
+    sizes = (SMALL_SIZE,) if problem.is_swing or c.even else FINITE_SIZES
+    for side in (1,) if c.even else (1, -1):
+        reach, tried = (c.bounds[side > 0] - c.null) * side, dict[float, Array | None]()
         for size in sizes if reach > 0 else ():
-            delta = _value_of_size(partial(change_to, side), reach, size, 1e-3 * abs(c.null) or 1e-6, tried)
-            if delta is not None:
-                by_value = tried[delta]
-                assert by_value is not None
-                factor = SCALE_SIZE / rms(by_value)
+            value = _value_of_size(partial(change_to, side), reach, size, 1e-3 * abs(c.null) or 1e-6, tried)
+            change = None if value is None else tried[value]
+            if value is not None and change is not None:
+                factor = SCALE_SIZE / rms(change)
                 found.append(
                     Template(
-                        candidate=c, companions=companions, delta=side * delta, change=by_value * sigma,
-                        scale=delta * (math.sqrt(factor) if c.even else factor), finite=True,
+                        candidate=c, companions=companions, delta=side * value, change=change * sigma,
+                        scale=value * (math.sqrt(factor) if c.even else factor), finite=True,
                     )
                 )  # fmt: skip
     return found
@@ -228,6 +216,31 @@ def _value_of_size(
     return reach if at_most is not None and rms(at_most) > LEAST_SIZE else None
 
 
+@dataclass(frozen=True, kw_only=True)
+class SmallestVisible:
+    """The smallest size of a candidate that these data would show."""
+
+    candidate: Candidate
+    value: float
+    """Change of the value [unit of the candidate] that is four standard errors large (`prior.VISIBLE`)."""
+    motion: float
+    """RMS change of the predictions by this change, all else unchanged [units of noise]: what the fitted parameters hide."""
+    can_hide: bool = False
+    """Whether it changes nothing, however large it is, at the fit or with some of its companions' initial values: friction
+    can hold a rod's bearing, and a drag of zero can be multiplied by anything."""
+
+    @property
+    def name(self) -> str:
+        """Name of the candidate."""
+        return self.candidate.name
+
+    @property
+    def in_words(self) -> str:
+        """The value with its unit; of a factor, as a percentage."""
+        unit = self.candidate.unit
+        return f"{amount(self.value, 100)} %" if not unit and self.candidate.null == 1 else quantity(self.value, unit)
+
+
 def smallest_visible(fit: Fit, found: Sequence[Template], complement: Array) -> list[SmallestVisible]:
     """Return the smallest visible size of every candidate that has a template, those that hide best first.
 
@@ -240,10 +253,10 @@ def smallest_visible(fit: Fit, found: Sequence[Template], complement: Array) -> 
     by_candidate: dict[str, dict[tuple[FreeParameter, ...], list[tuple[float, float]]]] = {}
     for t, square in zip(found, np.diag(complement)[1:], strict=True):
         amount = VISIBLE / math.sqrt(max(float(square), 1e-30))
-        if t.finite and not t.square:
+        if t.finite and not t.candidate.even:
             # What does nothing up to some size, as static friction may, is only known to show at what was tried
             amount = max(amount, 1.0)
-        value = abs(t.delta) * (math.sqrt(amount) if t.square else amount)
+        value = abs(t.delta) * (math.sqrt(amount) if t.candidate.even else amount)
         motion = amount * rms(_standardised(t.change, sigma))
         by_candidate.setdefault(t.candidate.name, {}).setdefault(t.companions, []).append((value, motion))
     rows = []
@@ -253,15 +266,7 @@ def smallest_visible(fit: Fit, found: Sequence[Template], complement: Array) -> 
         value, motion = max((min(of_case) for of_case in cases.values()), key=lambda one: one[0])
         acts = np.array_equal(fit.x, c.where_it_acts(fit.problem.free_parameters, fit.x))
         rows.append(
-            SmallestVisible(
-                name=c.name,
-                value=value,
-                unit=c.unit,
-                acts_on=c.acts_on,
-                null_value=c.null,
-                motion=motion,
-                can_hide=not acts or len(cases) < len(c.companion_grid()),
-            )
+            SmallestVisible(candidate=c, value=value, motion=motion, can_hide=not acts or len(cases) < len(c.companion_grid()))
         )
     return sorted(rows, key=lambda v: (-v.motion, v.name))
 

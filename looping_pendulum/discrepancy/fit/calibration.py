@@ -12,27 +12,20 @@ from functools import cached_property
 
 import numpy as np
 
-from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.discrepancy.fit.problem import Problem, fits_end_now
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.reference_ode.geometry import Array
 
-# In a prototype, on simulated trials at mass ratios of 10, 6 and 4, fits in windows converged from 40 of 40 wrong starts each,
-# and fits of the whole trials at once from 7, 3 and 1
-WINDOW_SHARES = (0.3, 0.5, 0.8, 1.0)
-"""Parts of the longest trial that are fitted one after the other."""
-FIRST_WINDOW_POINTS = 80
-"""Largest number of points of a channel in the first window.
+FIRST_WINDOW_SHARE, FIRST_WINDOW_POINTS = 0.3, 80
+"""Largest part of the longest trial, and number of points of a channel, in the first window. Each further one is twice as long.
 
 Later points of a long swing only mislead the fit until its period is known.
 """
-# Each component is clipped by itself: where the whole step was shortened, fits at a mass ratio of 4 failed (same prototype)
 MAX_STEP = 3.0
-"""Largest change of one parameter in the first iteration, in units of its scale."""
+"""Largest change of one parameter in the first iteration, in units of its scale; each is clipped by itself."""
 STEP_GROWTH, MIN_AGREEMENT = 4.0, 0.5
-"""Factor by which it grows after an iteration that decreased the cost by at least this share of what the linear model said.
-
-A drag that the data hardly determine ended 95 scales off, and went back by 3 of them in each of 30 iterations.
-"""
+"""Factor by which it grows after an iteration that decreased the cost by at least this share of what the linear model said."""
 COST_TOLERANCE, WINDOW_COST_TOLERANCE = 1e-6, 3e-4
 """Relative decrease of the cost below which a fit has converged, in the last window and in those before it."""
 MAX_DECREASE = 1.0
@@ -43,6 +36,18 @@ FIRST_DAMPING, MIN_DAMPING = 1e-3, 1e-9
 """Damping of the first step, in units of the diagonal of the normal matrix, and its least."""
 MAX_DAMPING = 1e8
 """Damping, which rises tenfold with each step that does not decrease the cost, above which none will."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FittedParameter:
+    """A free parameter with its value after a fit."""
+
+    parameter: FreeParameter
+    value: float
+    """Fitted value [SI]."""
+    error: float
+    """Standard error [SI]."""
+    at_bound: bool
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,14 +73,9 @@ class Fit:
         return self.problem.jacobian(self.x) if self.final_jacobian is None else self.final_jacobian
 
     @cached_property
-    def predicted_decrease(self) -> float:
-        """Decrease of the cost that the linear model still predicts by a whole step to its minimum, within the bounds."""
-        return _LinearModel(self.problem, self.x, self.residuals, self.jacobian).largest_decrease
-
-    @property
     def converged(self) -> bool:
-        """Return whether the fit ended near a minimum, and not because its iterations ran out far from one."""
-        return self.predicted_decrease < MAX_DECREASE
+        """Whether the fit ended near a minimum, and not because its iterations ran out far from one."""
+        return _LinearModel(self.problem, self.x, self.residuals, self.jacobian).largest_decrease < MAX_DECREASE
 
     @cached_property
     def covariance(self) -> Array:
@@ -100,28 +100,33 @@ class Fit:
         sigma = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
         return {n.name: n.scale * float(s) for n, s in zip(self.problem.free_parameters, sigma, strict=True)}
 
-    def correlations(self, above: float = 0.9) -> tuple[tuple[str, str, float], ...]:
-        """Return pairs of parameters with a correlation above ``above`` in size, and that correlation, strongest first."""
+    @property
+    def parameters(self) -> tuple[FittedParameter, ...]:
+        """Return every free parameter with its value."""
+        values, errors, at_bounds = self.values, self.errors, self.at_bounds
+        return tuple(
+            FittedParameter(parameter=p, value=values[p.name], error=errors[p.name], at_bound=i in at_bounds)
+            for i, p in enumerate(self.problem.free_parameters)
+        )
+
+    def correlations(self) -> tuple[tuple[str, str, float], ...]:
+        """Return pairs of parameters with a correlation above 0.9 in size, and that correlation, strongest first."""
         sigma = np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))
         matrix = self.covariance / np.outer(sigma, sigma)
         names = self.problem.names
         rows, columns = np.triu_indices(len(names), 1)
         pairs = [(names[i], names[j], float(matrix[i, j])) for i, j in zip(rows, columns, strict=True)]
-        return tuple(sorted((p for p in pairs if abs(p[2]) > above), key=lambda p: -abs(p[2])))
+        return tuple(sorted((p for p in pairs if abs(p[2]) > 0.9), key=lambda p: -abs(p[2])))
 
     @property
-    def at_bounds(self) -> tuple[str, ...]:
-        """Return the parameters that ended on a bound."""
-        p = self.problem
-        return tuple(n for n, v, lo, hi in zip(p.names, self.x, p.low, p.high, strict=True) if min(v - lo, hi - v) < 1e-9)
+    def at_bounds(self) -> tuple[int, ...]:
+        """Indices of the parameters that ended on a bound."""
+        distance = np.minimum(self.x - self.problem.low, self.problem.high - self.x)
+        return tuple(np.flatnonzero(distance < 1e-9).tolist())
 
 
 class FitError(HarnessError, RuntimeError):
     """Raised if no fit can be made."""
-
-
-class NeedlessFit(FitError):
-    """Raised where a fit will end with a cost that nobody wants."""
 
 
 def minimise(
@@ -143,14 +148,13 @@ def minimise(
     max_iterations
         Largest number of Jacobians that are computed.
     needless_above
-        Cost above which nobody wants the fit.
+        Cost above which nobody wants the fit: it ends where it is if the linear model, and by how much that has changed in one
+        iteration, say that the cost will stay above.
 
     Raises
     ------
     FitError
         If the model cannot run at ``x``.
-    NeedlessFit
-        If the linear model, and by how much that has changed in one iteration, say that the cost will stay needlessly large.
     """
     x = np.clip(x, problem.low, problem.high)
     r, jacobian = problem.residuals_and_jacobian(x)
@@ -160,6 +164,8 @@ def minimise(
     longest_step, least = MAX_STEP, math.inf
     model = _LinearModel(problem, x, r, jacobian)
     while iterations < max_iterations and damping <= MAX_DAMPING and model.largest_decrease >= cost_tolerance * cost:
+        if fits_end_now():
+            break
         there = model.point(damping, longest_step)
         while model.decrease(there) <= 0 and damping <= MAX_DAMPING:  # some components were clipped, and the others misled
             damping *= 10
@@ -177,7 +183,7 @@ def minimise(
         model = _LinearModel(problem, x, r, jacobian)
         least_before, least = least, cost - model.largest_decrease
         if least - max(least_before - least, 0.0) > needless_above:
-            raise NeedlessFit(f"the cost will stay above {needless_above:g}")
+            break
     return Fit(problem=problem, x=x, residuals=r, final_jacobian=jacobian)
 
 
@@ -204,8 +210,7 @@ class _LinearModel:
     @cached_property
     def largest_decrease(self) -> float:
         """Decrease of the cost that the model predicts by the whole step to its minimum."""
-        step = self._step(MIN_DAMPING, math.inf)
-        return float(2 * step @ self.gradient - step @ self._normal @ step)
+        return self.decrease(self.point(MIN_DAMPING, math.inf))
 
     def _step(self, damping: float, longest: float) -> Array:
         """Return the damped step, each component clipped; parameters that press against a bound stay.
@@ -230,27 +235,14 @@ class _LinearModel:
         return step
 
 
-def _window_shares(problem: Problem) -> tuple[float, ...]:
-    """Return the parts of the longest trial that are fitted before the whole.
-
-    For a long channel they begin with `FIRST_WINDOW_POINTS` and double up to those of `WINDOW_SHARES`; for swings, whose fits
-    cost in proportion to the time, up to the whole.
-    """
-    longest = max((len(c) for d in problem.data for c in d.channels), default=0)
-    early, share = [], FIRST_WINDOW_POINTS / max(longest, 1)
-    if problem.is_swing:
-        return tuple(share * 2**i for i in range(max(0, math.ceil(math.log2(1 / share)))))
-    while share < WINDOW_SHARES[0]:
-        early.append(share)
-        share *= 2
-    return (*early, *WINDOW_SHARES[:-1])
-
-
 def calibrate(
     problem: Problem, start: Array | None = None, *, cost_tolerance: float = COST_TOLERANCE, needless_above: float = math.inf
 ) -> Fit:
     """Fit in growing windows of time, by default from the prior's mean; the options are those of `minimise` for the whole."""
     x = problem.prior_mean.copy() if start is None else start
-    for share in _window_shares(problem):
+    longest = max((len(c) for d in problem.data for c in d.channels), default=1)
+    share = min(FIRST_WINDOW_SHARE, FIRST_WINDOW_POINTS / longest)
+    while share < 1 and not fits_end_now():
         x = minimise(problem.until(share), x, cost_tolerance=WINDOW_COST_TOLERANCE).x
+        share *= 2
     return minimise(problem, x, cost_tolerance=cost_tolerance, needless_above=needless_above)

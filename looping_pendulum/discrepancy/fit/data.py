@@ -17,14 +17,13 @@ import dataclasses
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dpttrf, dtbtrs
 
 from looping_pendulum.discrepancy.fit.event_prediction import event_times
-from looping_pendulum.measured.noise import Noise, estimate_noise, speed_at
+from looping_pendulum.measured.noise import estimate_noise, speed_at
 from looping_pendulum.measured.observations import BODIES, Channel, EventObservation, Observations
 from looping_pendulum.measured.study import Trial
 from looping_pendulum.reference_ode.geometry import Array
@@ -37,20 +36,14 @@ MIN_STEP = 1e-9
 """Time [s] by which points of one time count as apart."""
 
 
-def trial_data(trial: Trial, observations: Observations, noise: Mapping[str, Noise] = MappingProxyType({})) -> TrialData:
-    """Return a trial's data: channels with noise estimated from the points alone, and events with their stated errors.
-
-    Parameters
-    ----------
-    noise
-        Body -> its noise, where there are too few points to estimate it.
-    """
+def trial_data(trial: Trial, observations: Observations) -> TrialData:
+    """Return a trial's data: channels with noise estimated from the points alone, and events with their stated errors."""
     channels = observations.channels
     if len(channels) > 1:
         channels = tuple(c for c in channels if c.name != "angle_rate")  # computed from the angles: no new information
     parts = {}
-    for name, body in dataclasses.replace(observations, channels=channels).bodies().items():
-        of_body = estimate_noise(body, noise.get(name))
+    for body in dataclasses.replace(observations, channels=channels).bodies().values():
+        of_body = estimate_noise(body)
         for c in body:
             speed = speed_at(body, c.t, of_body.a)
             # A nanometre at least: data without noise would divide by zero
@@ -143,13 +136,13 @@ class TrialData:
         kept = self.t <= time
         if kept.all():
             return self
-        channels = tuple(
-            dataclasses.replace(c, t=c.t[: (n := int(np.searchsorted(c.t, time, side="right")))], value=c.value[:n])
-            for c in self.channels
-        )
+        channels = []
+        for c in self.channels:
+            n = int(np.searchsorted(c.t, time, side="right"))
+            channels.append(dataclasses.replace(c, t=c.t[:n], value=c.value[:n]))
         events = tuple(e for e, k in zip(self.events, kept[self.event_slice], strict=True) if k)
         outliers = None if self.outliers is None else self.outliers[kept]
-        return dataclasses.replace(self, channels=channels, events=events, sigma=self.sigma[kept], outliers=outliers)
+        return dataclasses.replace(self, channels=tuple(channels), events=events, sigma=self.sigma[kept], outliers=outliers)
 
 
 def noises_of(data: Iterable[TrialData]) -> dict[str, CorrelatedNoise]:

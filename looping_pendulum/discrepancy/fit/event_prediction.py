@@ -26,7 +26,7 @@ from looping_pendulum.measured.measurement import FIT_TOLERANCE, PLACING_ENTRIES
 from looping_pendulum.measured.observations import DataError, EventObservation, Observations
 from looping_pendulum.reference_ode.geometry import Array, light_velocity, xy_pairs
 from looping_pendulum.reference_ode.parameters import Parameters
-from looping_pendulum.reference_ode.sensitivity import COMPLEX_STEP, DifferentiatedRun, run_with_derivatives
+from looping_pendulum.reference_ode.sensitivity import DifferentiatedRun, run_with_derivatives
 from looping_pendulum.reference_ode.solution import Samples, light_mass_position, string_overlap
 from looping_pendulum.reference_ode.solve import DURATION, solve_at
 from looping_pendulum.reference_ode.state import State, heavy_drop
@@ -40,10 +40,6 @@ MISSED_EVENT_ERRORS = 100.0
 It is more than that of any event that does happen after the first iterations, so that a fit never gains by losing an event. How
 far the event would have to move to happen is not known, so the value means "qualitatively wrong" and no more.
 """
-SAMPLED_QUANTITIES = ("x1_extremum", "y1_extremum")
-"""Quantities that are computed from samples, not from the run's own events."""
-SAMPLING_MARGIN = 1.25
-"""Time up to which a run is sampled at first, in units of the time of the table's last row."""
 _SAMPLE_TIMES: Array = np.arange(round(DURATION / SAMPLE_STEP) + 1, dtype=np.float64) * SAMPLE_STEP
 
 
@@ -71,82 +67,45 @@ def check_event_rows(observations: Observations) -> None:
         earlier_rows.add((row.quantity, row.index))
 
 
-def run_for_events(parameters: Parameters, until: float = DURATION) -> Samples:
-    """Run to the end, which the halt needs, with samples up to ``until`` [s], which extrema need."""
-    times = _SAMPLE_TIMES[: np.searchsorted(_SAMPLE_TIMES, until, side="right")]
-    return solve_at(parameters, times, duration=DURATION, tolerance=FIT_TOLERANCE)
+def run_for_events(parameters: Parameters) -> Samples:
+    """Run to the end, which the halt needs, with the samples that extrema need."""
+    return solve_at(parameters, _SAMPLE_TIMES, duration=DURATION, tolerance=FIT_TOLERANCE)
 
 
-class EventRun:
-    """A run for the rows of an event table, sampled only as far as they need."""
+def predict_events(parameters: Parameters, camera: Camera, rows: Sequence[EventObservation]) -> Array:
+    """Predict the measured values of rows [SI], shape (n,); NaN: the event does not happen in this run."""
+    return measured_values(landmarks(run_for_events(parameters), camera), camera, rows)
 
-    def __init__(self, parameters: Parameters, rows: Sequence[EventObservation]) -> None:
-        self.parameters = parameters
-        self._rows = rows
-        self._until = min(SAMPLING_MARGIN * event_times(rows, 0.0).max(initial=0.0), DURATION)
-        self._samples = run_for_events(parameters, self._until)
 
-    @property
-    def samples(self) -> Samples:
-        """Return samples up to the run's end."""
-        if self._until < min(self._samples.run.end_time, DURATION):
-            self._until, self._samples = DURATION, run_for_events(self.parameters)
-        return self._samples
+def predict_events_with_derivatives(
+    parameters: Parameters, camera: Camera, rows: Sequence[EventObservation], wrt: Sequence[str], camera_wrt: Sequence[str]
+) -> tuple[Array, Array]:
+    """Predict the same, shape (n,), with derivatives, shape (n, m).
 
-    def landmarks(self, camera: Camera) -> Landmarks:
-        """Return the landmarks of the run, as far as the rows need them."""
-        found = landmarks(self._samples, camera)
-        # More samples do not change an extremum that was found; one that was not may come later.
-        sampled = [row for row in self._rows if row.quantity in SAMPLED_QUANTITIES]
-        if any(event_value(found, row.quantity, row.index) is None for row in sampled):
-            found = landmarks(self.samples, camera)
-        return found
-
-    def predict(self, camera: Camera) -> Array:
-        """Predict the measured values of the rows [SI], shape (n,); NaN: the event does not happen in this run."""
-        return measured_values(self.landmarks(camera), camera, self._rows)
-
-    def predict_with_derivatives(self, camera: Camera, wrt: Sequence[str], camera_wrt: Sequence[str]) -> tuple[Array, Array]:
-        """Predict the rows, shape (n,), and their derivatives, shape (n, m).
-
-        Derivatives are by parameters of the model and then by values of the camera: 0 of an event that does not happen, nan
-        where none exist (`run_with_derivatives`). What is measured at an event changes at fixed time, and as the event moves.
-        """
-        found = self.landmarks(camera)
-        values = measured_values(found, camera, self._rows)
-        derivatives = np.zeros((len(values), len(wrt) + len(camera_wrt)))
-        happens = [i for i, value in enumerate(values) if math.isfinite(value)]
-        if not happens:
-            return values, derivatives
-        quantities = [EVENT_QUANTITIES[self._rows[i].quantity] for i in happens]
-        times = np.array(
-            [event_value(found, q.measured_at, self._rows[i].index) for q, i in zip(quantities, happens, strict=True)]
-        )
-        t, place = np.unique(times, return_inverse=True)
-        run = run_with_derivatives(self.parameters, t, wrt, duration=DURATION, tolerance=FIT_TOLERANCE)
-        time_slopes = _slopes_of_times(run, place, quantities, camera, camera_wrt)
-
-        def true_values(state: State, p: SimpleNamespace, camera: Camera) -> NDArray[Any]:
-            drop = heavy_drop(np, state, string_overlap(state, run.effects), p, run.effects)
-            by_kind = {
-                "time": 0.0 * drop, "height": -drop, "drop": drop, "length": state.free_length, "angle": state.wrap_angle,
-            }  # fmt: skip
-            shape = np.broadcast_shapes(*map(np.shape, by_kind.values()))
-            return np.stack(
-                [np.broadcast_to(by_kind[q.kind], shape)[:, i] for q, i in zip(quantities, place, strict=True)], axis=1
-            )
-
-        true = differentiate(true_values, run, place, PLACING_ENTRIES, camera, camera_wrt)
-        is_time = np.array([q.kind == "time" for q in quantities])
-        slopes = true.derivatives + np.where(is_time, 1.0, true.by_time)[:, None] * time_slopes
-        steps = 1j * COMPLEX_STEP * np.eye(1 + len(camera_wrt))[:, :, None]
-        stepped = camera.stepped(camera_wrt, steps[1:])
-        for i, q, time, value, slope in zip(happens, quantities, times, true.values, slopes, strict=True):
-            measured = _as_measured((time if q.kind == "time" else value) + steps[0], q.kind, stepped)
-            by_value, *by_camera = np.broadcast_to(np.imag(measured)[:, 0] / COMPLEX_STEP, len(steps))
-            derivatives[i] = by_value * slope
-            derivatives[i, len(wrt) :] += by_camera
+    Derivatives are by parameters of the model and then by values of the camera: 0 of an event that does not happen, nan where
+    none exist (`run_with_derivatives`). What is measured at an event changes at fixed time, and as the event moves.
+    """
+    found = landmarks(run_for_events(parameters), camera)
+    values = measured_values(found, camera, rows)
+    derivatives = np.zeros((len(values), len(wrt) + len(camera_wrt)))
+    happens = [i for i, value in enumerate(values) if math.isfinite(value)]
+    if not happens:
         return values, derivatives
+    quantities = [EVENT_QUANTITIES[rows[i].quantity] for i in happens]
+    times = np.array([event_value(found, q.measured_at, rows[i].index) for q, i in zip(quantities, happens, strict=True)])
+    t, place = np.unique(times, return_inverse=True)
+    run = run_with_derivatives(parameters, t, wrt, duration=DURATION, tolerance=FIT_TOLERANCE)
+
+    def measured(state: State, p: SimpleNamespace, camera: Camera) -> Array:
+        drop = heavy_drop(np, state, string_overlap(state, run.effects), p, run.effects)
+        true = {"time": t, "height": -drop, "drop": drop, "length": state.free_length, "angle": state.wrap_angle}
+        values = [_as_measured(true[q.kind][..., i], q.kind, camera) for q, i in zip(quantities, place, strict=True)]
+        return np.stack(np.broadcast_arrays(*values), axis=-1)
+
+    _, slopes, by_time = differentiate(measured, run, place, PLACING_ENTRIES, camera, camera_wrt)
+    by_time = np.where([q.kind == "time" for q in quantities], 1 / camera.clock_ratio, by_time)
+    derivatives[happens] = slopes + by_time[:, None] * _slopes_of_times(run, place, quantities, camera, camera_wrt)
+    return values, derivatives
 
 
 def landmarks(samples: Samples, camera: Camera) -> Landmarks:
@@ -190,7 +149,7 @@ def _slopes_of_times(
     camera: Camera,
     camera_wrt: Sequence[str],
 ) -> Array:
-    """Return the derivatives of the times of events, shape (n, m), as `EventRun.predict_with_derivatives` has them.
+    """Return the derivatives of the times of events, shape (n, m), as `predict_events_with_derivatives` has them.
 
     Parameters
     ----------
@@ -200,19 +159,19 @@ def _slopes_of_times(
     # The extrema are zeros of a velocity in the picture
     axis = np.array([q.measured_at == "y1_extremum" for q in quantities], dtype=np.intp)
 
-    def velocity(state: State, p: SimpleNamespace, camera: Camera) -> NDArray[Any]:
+    def velocity(state: State, p: SimpleNamespace, camera: Camera) -> Array:
         position = xy_pairs(*light_mass_position(np, state, string_overlap(state, run.effects), p, run.effects))
         true = xy_pairs(*light_velocity(np, state.wrap_angle, state.retreat_speed, state.across_speed))
-        return camera.project_displacement(position, true)[:, place, axis]
+        return camera.project_displacement(position, true)[..., place, axis]
 
-    shown = differentiate(
+    _, shown, by_time = differentiate(
         velocity, run, place, {"free_length", "wrap_angle", "retreat_speed", "across_speed"}, camera, camera_wrt
     )
     own = np.abs(run.runs.events[:, 2] - run.t[place][:, None]).argmin(axis=1)
-    slopes = np.zeros_like(shown.derivatives)
+    slopes = np.zeros_like(shown)
     slopes[:, : len(run.wrt)] = run.runs.event_partials[own]
-    is_extremum = np.array([q.measured_at in SAMPLED_QUANTITIES for q in quantities])
-    slopes[is_extremum] = -shown.derivatives[is_extremum] / shown.by_time[is_extremum, None]
+    is_extremum = np.array([q.measured_at in ("x1_extremum", "y1_extremum") for q in quantities])
+    slopes[is_extremum] = -shown[is_extremum] / by_time[is_extremum, None]
     return slopes
 
 
@@ -245,36 +204,12 @@ def _as_measured(value: Any, kind: str, camera: Camera) -> Any:
 
 def _extrema_of_coordinate(t: Array, position: Array, velocity: Array) -> tuple[Extremum, ...]:
     """Return the extrema of one coordinate, by the zeros of its velocity, of those that `turning_points` counts."""
-    # A sample may fall exactly on an extremum: its zero velocity takes the sign before it, so that the sign changes once.
-    sign = np.sign(velocity)
-    if not sign[1:].all():
-        sign = sign[np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))]
-    before = np.flatnonzero(sign[:-1] * sign[1:] < 0)
-    share, value = _hermite_zero(
-        t[before + 1] - t[before], position[before], position[before + 1], velocity[before], velocity[before + 1]
-    )
-    times = t[before] + share * (t[before + 1] - t[before])
+    from scipy.interpolate import CubicHermiteSpline
+
+    path = CubicHermiteSpline(t, position, velocity)
+    times = path.derivative().roots(extrapolate=False)
+    times = times[np.isfinite(times)]
     # The ends of the run come with them, because an extremum counts by how far the coordinate turns back after it
+    value = path(times)
     chosen = turning_points(np.concatenate([position[:1], value, position[-1:]]), EXTREMUM_BAND)
     return tuple(Extremum(time=float(times[i - 1]), value=float(value[i - 1])) for i in chosen)
-
-
-def _hermite_zero(h: Array, p0: Array, p1: Array, v0: Array, v1: Array) -> tuple[Array, Array]:
-    """Return the extremum of the cubic through two positions and velocities: place in its interval, from 0 to 1, and value.
-
-    Parameters
-    ----------
-    h
-        Lengths of the intervals [s].
-    p0, p1, v0, v1
-        Positions and velocities at their ends.
-    """
-    mean = (p1 - p0) / h
-    a, b = 3 * (v0 + v1 - 2 * mean), 2 * (3 * mean - 2 * v0 - v1)
-    # the stable form of the quadratic formula: no cancellation between b and the root
-    q = -0.5 * (b + np.copysign(np.sqrt(np.maximum(b * b - 4 * a * v0, 0.0)), b))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        roots = np.stack([q / a, v0 / q])
-    inside = np.isfinite(roots) & (roots >= 0) & (roots <= 1)
-    s = np.where(inside[1], roots[1], roots[0])
-    return s, p0 + h * (v0 * s + b * s * s / 2 + a * s**3 / 3)

@@ -1,46 +1,77 @@
 """The least-squares problem of a fit: free parameters, data, priors; residuals and their derivatives.
 
 A parameter has the value init_value + scale x, with x of order one. Its prior is a further row of the residuals.
+
+Every run of a model asks whether the time is over, so that no fit, table of derivatives or sampling outlasts it.
 """
 
 from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Sequence
+import time
+from collections.abc import Iterator, Sequence
+from contextvars import ContextVar
 from dataclasses import dataclass
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.fit.data import TrialData
-from looping_pendulum.discrepancy.fit.event_prediction import EventRun, with_missed_events
+from looping_pendulum.discrepancy.fit.event_prediction import (
+    predict_events,
+    predict_events_with_derivatives,
+    run_for_events,
+    with_missed_events,
+)
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured.camera import CAMERA, Camera
 from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
-from looping_pendulum.measured.measurement import (
-    FIT_STEPS,
-    FIT_TOLERANCE,
-    PLACES,
-    SampledRuns,
-    SampleTimes,
-    duration_of,
-    predict_many,
-    predict_with_derivatives,
-    sample_times,
-)
+from looping_pendulum.measured.measurement import FIT_TOLERANCE, predict_run, predict_with_derivatives, sample_times
 from looping_pendulum.measured.study import Study, Trial
-from looping_pendulum.reference_ode.batch import sample_batch
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.sensitivity import COMPLEX_STEP, changes_kind
 from looping_pendulum.reference_ode.solution import Samples
 from looping_pendulum.reference_ode.solve import solve_at
-from looping_pendulum.reference_ode.state import State
 
-_TIMES, _CAMERA = ParameterRole.TIMES, ParameterRole.CAMERA  # for an inner loop
+_stop: ContextVar[float] = ContextVar("stop", default=math.inf)
+_settle: ContextVar[float] = ContextVar("settle", default=math.inf)
+
+
+class OutOfTime(KeyboardInterrupt):
+    """Raised by the next run of a model where the time is over: it ends a search as Ctrl-C does."""
+
+
+@contextlib.contextmanager
+def time_limits(*, stop: float = math.inf, settle: float = math.inf) -> Iterator[None]:
+    """Set when what runs within this context ends; both are of the clock `time.monotonic` [s].
+
+    Parameters
+    ----------
+    stop
+        From then on the next run of a model raises `OutOfTime`.
+    settle
+        From then on fits end where they are, with a result that has not converged.
+    """
+    tokens = _stop.set(stop), _settle.set(settle)
+    try:
+        yield
+    finally:
+        _stop.reset(tokens[0])
+        _settle.reset(tokens[1])
+
+
+def refuse_if_time_is_over() -> None:
+    """Raise `OutOfTime` where no further run of a model may begin."""
+    if time.monotonic() > _stop.get():
+        raise OutOfTime
+
+
+def fits_end_now() -> bool:
+    """Return whether fits are to end where they are."""
+    return time.monotonic() > _settle.get()
 
 
 def free_parameters_of(study: Study, trials: Sequence[tuple[Trial, Any]]) -> tuple[FreeParameter, ...]:
@@ -62,7 +93,7 @@ def free_parameters_of(study: Study, trials: Sequence[tuple[Trial, Any]]) -> tup
                 scale = known.sigma or (0.1 if name in ("origin_x", "origin_y") else 0.05)
                 parameters.append(
                     FreeParameter(
-                        name=f"{trial.name}.{name}", parameter=name, role=_CAMERA, trials=(trial.name,),
+                        name=f"{trial.name}.{name}", parameter=name, role=ParameterRole.CAMERA, trials=(trial.name,),
                         init_value=known.value, scale=scale, prior=1.0 if known.sigma else None,
                     )
                 )  # fmt: skip
@@ -92,17 +123,13 @@ class Problem:
         weights = np.diag([1 / n.prior_sigma for n in self.free_parameters])
         self.prior_mean: Array = prior[0] if prior else np.zeros(len(free_parameters))
         self.prior_weights: Array = prior[1] if prior else weights
+        self._init_values, self._scales = np.array([(n.init_value, n.scale) for n in self.free_parameters]).reshape(-1, 2).T
+        self._bounds = np.array([n.bounds for n in self.free_parameters]).reshape(-1, 2).T
         self.low, self.high = np.array([n.limits for n in self.free_parameters]).reshape(-1, 2).T
-        numbers = np.array([(n.init_value, n.scale, *n.bounds) for n in self.free_parameters])
-        self._init_values, self._scales, self._smallest, self._largest = numbers.reshape(-1, 4).T
         self._acting_in_trial = [[i for i, n in enumerate(self.free_parameters) if d.trial.name in n.trials] for d in self.data]
         # Made once, and only changed for each run: making and checking all parameters takes longer
         self.base = [study.parameters({}, d.trial) for d in self.data]
         self._camera = [{n: e.value for n, e in d.trial.camera.items()} for d in self.data]
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle what it is made of."""
-        return Problem, (self.study, self.data, self.free_parameters, (self.prior_mean, self.prior_weights))
 
     def until(self, share: float) -> Problem:
         """Return the problem with data up to ``share`` of the longest trial's time."""
@@ -148,13 +175,12 @@ class Problem:
         factors = []
         base, values = self.base[k], self._values_at(x)
         for i in self._acting_in_trial[k]:
-            n = self.free_parameters[i]
-            value = values[i]
-            if n.role is _CAMERA:
-                # A parameter of all cameras alike is an error beside what each trial states of its own
-                stated = self._camera[k].get(n.parameter) if n.shared else None
-                camera[n.parameter] = value if stated is None else stated + value - CAMERA[n.parameter].null
-            elif n.role is _TIMES:
+            n, value = self.free_parameters[i], values[i]
+            if n.role is ParameterRole.CAMERA:
+                # A parameter of all cameras alike is an error beside what each trial states or fits of its own
+                own = camera.get(n.parameter) if n.shared else None
+                camera[n.parameter] = value if own is None else own + value - CAMERA[n.parameter].null
+            elif n.role is ParameterRole.TIMES:
                 factors.append((n.parameter, value))
             else:
                 changes[n.parameter] = value
@@ -168,35 +194,33 @@ class Problem:
         if "static_friction" in changes:
             # Both may be free, and a step of the fit may take the kinetic one above it
             changes["static_friction"] = _larger(kinetic, changes["static_friction"])
-        return dict(self.study.changes_of_model(changes)), camera
+        return changes, camera
 
     def _values_at(self, x: Array) -> Sequence[Any]:
         """Return the values of the free parameters [SI] at ``x``, cut off at their bounds, numbers or arrays of shape (m,).
 
         An imaginary step from a bound is one to its inner side, and beyond it changes nothing.
         """
-        columns = (self._init_values, self._scales, self._smallest, self._largest)
-        init_values, scales, smallest, largest = columns if x.ndim == 1 else (column[:, None] for column in columns)
-        values = init_values + scales * x
-        within: NDArray[Any] = np.clip(values.real, smallest, largest)
+        values = self._init_values + self._scales * x.T
+        within: NDArray[Any] = np.clip(values.real, *self._bounds)
         if np.iscomplexobj(values):
-            inside = (x.real >= self.low[:, None]) & (x.real <= self.high[:, None])
+            inside = (x.real.T >= self.low) & (x.real.T <= self.high)
             within = within + 1j * np.where(inside, values.imag, 0.0)
-        return list(within) if x.ndim > 1 else within.tolist()  # arithmetic of Python's floats is faster than that of NumPy's
+        return within.tolist() if x.ndim == 1 else list(within.T)  # arithmetic of Python's floats is faster than NumPy's
 
     def run(self, x: Array, k: int) -> Samples:
         """Return the run of trial ``k`` at the true times of its points, or every millisecond if it has only events."""
         parameters, camera = self.parameters_and_camera(x, k)
         d = self.data[k]
         if not d.channels:
-            return EventRun(parameters, d.events).samples
-        t = sample_times(camera.clock_offset, camera.clock_ratio, camera.readout, d.channels).times
-        return solve_at(parameters, t, duration=duration_of(t), tolerance=FIT_TOLERANCE)
+            return run_for_events(parameters)
+        times = sample_times(camera, d.channels)
+        return solve_at(parameters, times.times, duration=times.duration, tolerance=FIT_TOLERANCE)
 
     def predict_events(self, x: Array, k: int) -> Array:
         """Predict the events of trial ``k`` [SI], shape (events,); NaN: the event does not happen."""
         parameters, camera = self.parameters_and_camera(x, k)
-        return EventRun(parameters, self.data[k].events).predict(camera)
+        return predict_events(parameters, camera, self.data[k].events)
 
     def events_that_happen(self, x: Array) -> NDArray[np.bool_]:
         """Return which measured events happen in the model's runs, all trials end to end, shape (events,)."""
@@ -204,33 +228,28 @@ class Problem:
         return np.concatenate([np.zeros(0, dtype=bool), *parts])
 
     def predict(self, x: Array, k: int) -> Array:
-        """Predict all values of trial ``k`` [SI], shape (n,), as `predict_many` does."""
-        (values,) = self._predict_trial(x[None], k)
-        return np.asarray(values)
-
-    def predict_many(self, x: Array) -> Array:
-        """Predict all values of all trials [SI] at many parameters of shape (m, p), shape (m, n); nan: the model cannot run.
+        """Predict all values of trial ``k`` [SI], shape (n,); nan: the model cannot run.
 
         After a run's end everything is at rest where it ended. An event that does not happen counts as missed by
         `event_prediction.MISSED_EVENT_ERRORS` standard errors.
         """
-        return np.concatenate([self._predict_trial(x, k) for k in range(len(self.data))], axis=1)
-
-    def _predict_trial(self, x: Array, k: int) -> Array:
-        """Predict trial ``k`` at many parameters of shape (m, p), shape (m, n)."""
+        refuse_if_time_is_over()
         d = self.data[k]
-        found = np.full((len(x), len(d.value)), np.nan)
-        if d.channels:
-            found[:, : d.event_slice.start] = _Rows(self, x, k).points()
-        if d.events:
-            found[:, d.event_slice] = self._events_of_many(x, k)
-        return found
+        values = np.full(len(d.value), np.nan)
+        with contextlib.suppress(HarnessError, ArithmeticError):
+            parameters, camera = self.parameters_and_camera(x, k)
+            if d.channels:
+                values[: d.event_slice.start] = predict_run(parameters, camera, d.channels, d.trial.dropped)
+            if d.events:
+                values[d.event_slice] = with_missed_events(predict_events(parameters, camera, d.events), d.events)
+        return values
 
     def predict_with_derivatives(self, x: Array, k: int) -> tuple[Array, Array]:
         """Predict all values of trial ``k`` [SI], shape (n,), as `predict` does, and their derivatives by ``x``, shape (n, p).
 
         Derivatives are 0 where none exist: after an event that is only grazed, and by what `without_derivative` names.
         """
+        refuse_if_time_is_over()
         d = self.data[k]
         values, derivatives = np.full(len(d.value), np.nan), np.zeros((len(d.value), len(x)))
         points, acting = slice(0, d.event_slice.start), self._acting_in_trial[k]
@@ -242,8 +261,7 @@ class Problem:
                 )
                 derivatives[points, acting] = np.nan_to_num(partials, copy=False, nan=0.0) @ at.slopes
             if d.events:
-                run = EventRun(at.parameters, d.events)
-                happened, partials = run.predict_with_derivatives(at.camera, at.wrt, at.camera_wrt)
+                happened, partials = predict_events_with_derivatives(at.parameters, at.camera, d.events, at.wrt, at.camera_wrt)
                 values[d.event_slice] = with_missed_events(happened, d.events)
                 derivatives[d.event_slice, acting] = np.nan_to_num(partials, copy=False, nan=0.0) @ at.slopes
         return values, derivatives
@@ -268,61 +286,43 @@ class Problem:
     def _linearised_changes(self, x: Array, k: int) -> _LinearisedChanges:
         """Return the model's parameters and the camera of trial ``k``, and how they move with ``x``."""
         acting = self._acting_in_trial[k]
-        at = np.tile(x[:, None].astype(complex), len(acting))
-        at[acting, np.arange(len(acting))] += 1j * COMPLEX_STEP
-        values: list[dict[str, float]] = []
-        moving: list[dict[str, Array]] = []
-        for changed in self.changes(at, k):
-            arrays = {name: value for name, value in changed.items() if isinstance(value, np.ndarray)}
-            values.append(changed | {name: float(value[0].real) for name, value in arrays.items()})
-            slopes = {name: value.imag / COMPLEX_STEP for name, value in arrays.items()}
-            moving.append({name: slope for name, slope in slopes.items() if slope.any()})
+        stepped = np.tile(x[:, None].astype(complex), len(acting))
+        stepped[acting, np.arange(len(acting))] += 1j * COMPLEX_STEP
+        slopes: list[dict[str, Array]] = []
+        for changed in self.changes(stepped, k):
+            imaginary = {name: np.imag(value) / COMPLEX_STEP for name, value in changed.items()}
+            slopes.append({name: slope for name, slope in imaginary.items() if np.any(slope)})
+        parameters, camera = self.parameters_and_camera(x, k)
         return _LinearisedChanges(
-            parameters=self.base[k].replace(**values[0]),
-            camera=Camera(**values[1]),
-            wrt=list(moving[0]),
-            camera_wrt=list(moving[1]),
-            slopes=np.array([*moving[0].values(), *moving[1].values()]).reshape(-1, len(acting)),
+            parameters=parameters,
+            camera=camera,
+            wrt=[*slopes[0]],
+            camera_wrt=[*slopes[1]],
+            slopes=np.array([*slopes[0].values(), *slopes[1].values()]).reshape(-1, len(acting)),
         )
-
-    def _events_of_many(self, x: Array, k: int) -> Array:
-        """Predict the events of trial ``k`` at many parameters, shape (m, events); nan where the model cannot run."""
-        rows, last = self.data[k].events, None
-        found = np.full((len(x), len(rows)), np.nan)
-        for values, row in zip(found, x, strict=True):
-            with contextlib.suppress(HarnessError, ValueError, ArithmeticError):
-                parameters, camera = self.parameters_and_camera(row, k)
-                if last is None or last.parameters != parameters:  # rows that differ by the camera alone show the same run
-                    last = EventRun(parameters, rows)
-                values[:] = with_missed_events(last.predict(camera), rows)
-        return found
 
     def residuals(self, x: Array) -> Array | None:
         """Return standardised residuals, then those of the prior, shape (n + p,); None if the model cannot run."""
-        return self.residuals_of(x, self.predict_many(x[None])[0])
+        return self._residuals_of(x, [self.predict(x, k) for k in range(len(self.data))])
 
     def residuals_and_jacobian(self, x: Array) -> tuple[Array | None, Array]:
         """Return the residuals at ``x``, None if the model cannot run, and minus their derivative, shape (n + p, p)."""
-        n = self.measured_rows
-        predicted, jacobian = np.empty(n), np.zeros((n + len(x), len(x)))
-        jacobian[n:] = self.prior_weights
-        end = 0
+        predicted, derivatives = [], []
         for k, d in enumerate(self.data):
-            part = slice(end, end := end + len(d.value))
-            predicted[part], derivatives = self.predict_with_derivatives(x, k)
-            if not np.isfinite(predicted[part]).all():  # a run that fails may take a hundred times as long as others
-                return None, jacobian
-            jacobian[part] = d.standardise(derivatives)
-        return self.residuals_of(x, predicted), jacobian
+            values, slopes = self.predict_with_derivatives(x, k)
+            if not np.isfinite(values).all():  # a run that fails may take a hundred times as long as others
+                return None, np.zeros((self.measured_rows + len(x), len(x)))
+            predicted.append(values)
+            derivatives.append(d.standardise(slopes))
+        return self._residuals_of(x, predicted), np.vstack([*derivatives, self.prior_weights])
 
     def jacobian(self, x: Array) -> Array:
         """Return minus the derivative of the residuals at ``x``, shape (n + p, p)."""
         return self.residuals_and_jacobian(x)[1]
 
-    def residuals_of(self, x: Array, predicted: Array) -> Array | None:
-        """Return the residuals at ``x`` from what is predicted there of all trials, shape (n,)."""
-        ends = np.cumsum([len(d.value) for d in self.data])[:-1]
-        parts = [d.standardise(d.value - part) for d, part in zip(self.data, np.split(predicted, ends), strict=True)]
+    def _residuals_of(self, x: Array, predicted: Sequence[Array]) -> Array | None:
+        """Return the residuals at ``x`` from what is predicted there of each trial."""
+        parts = [d.standardise(d.value - values) for d, values in zip(self.data, predicted, strict=True)]
         r = np.concatenate([*parts, -self.prior_weights @ (x - self.prior_mean)])
         return r if np.all(np.isfinite(r)) else None
 
@@ -344,75 +344,3 @@ class _LinearisedChanges:
 def _larger(a: Any, b: Any) -> Any:
     """Return the larger of two numbers, or of arrays by their real parts; ``b`` where they are equal."""
     return max(a, b) if isinstance(a, float) and isinstance(b, float) else np.where(np.real(a) > np.real(b), a, b)
-
-
-class _Rows:
-    """The tracked points of trial ``k`` at many parameters ``x``, shape (m, p)."""
-
-    def __init__(self, problem: Problem, x: Array, k: int) -> None:
-        self._data, self._base, self._count = problem.data[k], problem.base[k], len(x)
-        changes, camera = problem.changes(x.T, k)
-        self._columns = {
-            name: np.broadcast_to(np.asarray(values, dtype=float), len(x))
-            for name, values in self._base.with_static_friction(changes).items()
-        }
-        """Parameters of the model that are changed, shape (m,) each."""
-        self._camera, self._valid = Camera.of_many(camera, len(x))
-        """Camera of all rows, and which rows have possible cameras, shape (m,)."""
-        c = self._camera
-        self._clock = np.column_stack(
-            [np.broadcast_to(np.ravel(v), len(x)) for v in (c.clock_offset, c.clock_ratio, c.readout)]
-        )
-        self._effects = self._base.effects_with([name for name in self._columns if name in self._base.coefficients])
-
-    def points(self) -> Array:
-        """Predict the tracked points by a run of each row, shape (m, points); nan where the model cannot run."""
-        # Rows that differ by the camera alone show the same run
-        keys = np.column_stack([self._clock, *self._columns.values()])
-        _, first, run = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-        times = [self._times(i).times for i in first]
-        samples = sample_batch(
-            self._base,
-            self._columns_of(first),
-            times,
-            duration=np.array([duration_of(t) for t in times]),
-            tolerance=FIT_TOLERANCE,
-            max_steps=FIT_STEPS,
-        )
-        found = np.full((self._count, sum(map(len, self._data.channels))), np.nan)
-        for clock in np.unique(self._clock, axis=0):
-            rows = np.flatnonzero(np.all(self._clock == clock, axis=1))
-            runs = run[rows]
-            at = samples.start[runs][:, None] + np.arange(len(times[runs[0]]))
-            found[rows] = self._measured(rows, samples.state[:, at], samples.count[runs])
-        return found
-
-    def _measured(self, rows: NDArray[np.intp], state: Array, known: NDArray[np.int64]) -> Array:
-        """Return what the cameras of rows with one clock measure of their motions, shape (rows, points).
-
-        Parameters
-        ----------
-        state
-            Motion of each row, shape (entries, rows, times).
-        known
-            How many of the times lie within it, shape (rows,).
-        """
-        places = SimpleNamespace(**{name: self._value(name)[rows, None] for name in PLACES})
-        runs, d = SampledRuns(State(*state), known, places, self._effects), self._data
-        found = predict_many(runs, self._camera.take(rows), d.channels, self._times(rows[0]), d.trial.dropped)
-        found[~self._valid[rows]] = np.nan
-        return found
-
-    def _times(self, row: int | np.intp) -> SampleTimes:
-        return sample_times(*self._clock[row].tolist(), self._data.channels)
-
-    def _columns_of(self, rows: NDArray[np.intp]) -> dict[str, Array]:
-        """Return the parameters in which runs of these rows differ, and gravity: a batch needs at least one."""
-        return {name: self._value(name)[rows] for name in (*self._columns, "gravity")}
-
-    def _value(self, name: str) -> Array:
-        """Return a parameter of all rows, shape (m,)."""
-        if name in self._columns:
-            return self._columns[name]
-        base = self._base
-        return np.full(self._count, base.coefficients[name] if name in base.coefficients else getattr(base, name))

@@ -7,9 +7,9 @@ the plane and a part e lies anywhere in the picture, of area A (Hogg, Bovy and L
 
     p(d) = (1 - e) exp(-d^2 / 2) / (2 pi sigma^2) + e / A        d in units of sigma
 
-The share e is fitted by expectation-maximisation. A point that is an outlier with a probability above a half is left out of the
-fit altogether, as a mark on another object carries no information about the mass; all others keep their full weight. A
-Student-t law would lower the weight of every point a little off, and with it that of an effect's onset.
+A point that is an outlier with a probability above a half is left out of the fit altogether, as a mark on another object
+carries no information about the mass; all others keep their full weight. A Student-t law would lower the weight of every point
+a little off, and with it that of an effect's onset.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise
 from looping_pendulum.discrepancy.fit.data import TrialData
-from looping_pendulum.measured.noise import GAUSSIAN_MAD, weighted_line
-from looping_pendulum.measured.observations import BODIES
+from looping_pendulum.measured.noise import GAUSSIAN_MAD, fit_noise_law
+from looping_pendulum.measured.observations import BODIES, Channel
 from looping_pendulum.reference_ode.geometry import Array
 
 MIN_DIFFERENCES = 20
@@ -49,12 +49,10 @@ EDGE_POINTS = 5
 """Points before and after a block from which its expected place is interpolated."""
 MIN_BLOCK_SHARE = 0.8
 """Share of the points of a block that must be off by more than noise: the mass may cross what the tracker followed."""
-MIN_SHARE = 1e-4
-"""Smallest share of outliers that is assumed [1], so that the first one of a film can be found."""
+SHARE = 1e-3
+"""Share e of outliers before the data are seen [1]. A tenfold one moves the distance that counts by 0.4 sigma."""
 MAX_SHARE = 0.2
 """Largest share of outliers. With more of them it is not the mass that was tracked, and the residuals should show it."""
-MAX_ITERATIONS = 50
-"""Iterations of expectation-maximisation; it ends after some ten."""
 MEDIAN_VARIANCE = math.pi / 2
 """Variance of a median of many Gaussian values, in units of that of their mean."""
 
@@ -62,8 +60,7 @@ MEDIAN_VARIANCE = math.pi / 2
 def with_noise_of_residuals(fit: Fit) -> Fit:
     """Estimate each trial's noise from differences of neighbouring residuals, leave out outliers, and refit.
 
-    Such differences do not see slow misfits. With them, chi2 scatters by 1/sqrt(n); with second differences 1.5 times as much;
-    with the points' own differences of fourth order, which need no model, twice as much.
+    Such differences do not see slow misfits; with them, chi2 scatters by 1/sqrt(n).
     """
     data = [data_with_noise_of_residuals(fit, k) for k in range(len(fit.problem.data))]
     return minimise(fit.problem.with_data(data), fit.x)
@@ -85,35 +82,37 @@ def data_with_noise_of_residuals(fit: Fit, k: int) -> TrialData:
     used = np.isfinite(d.sigma) | d.is_outlier
     sigma, outliers = d.sigma.copy(), np.zeros(len(d.sigma), dtype=bool)
     for names in BODIES.values():
-        steps = {c.name: c.time_step for c in d.channels if c.name in names}
-        channels = list(steps)
+        channels = [c for c in d.channels if c.name in names]
         if not channels:
             continue
-        law = _noise_of_body(fit, k, residual, channels)
-        here = _outliers_of_body(d, residual, channels, law, used)
-        if here.any():  # they have widened the law
-            clean = dataclasses.replace(d, sigma=np.where(here, np.inf, d.sigma))
+        clean = d
+        for _ in range(2):  # outliers widen the law by which they are found
             law = _noise_of_body(fit, k, residual, channels, clean)
-            here = _outliers_of_body(d, residual, channels, law, used)
+            here = _outliers_of_body(d, residual, law, used)
+            if not here.any():
+                break
+            clean = dataclasses.replace(d, sigma=np.where(here, np.inf, d.sigma))
         outliers |= here
-        for name in channels:
-            part = d.slices[name]
-            scatter = law[name]
-            if name in d.correlated:
-                scatter = d.correlated[name].white_sigma(scatter, steps[name])
+        for c in channels:
+            part, scatter = d.slices[c.name], law[c.name]
+            if c.name in d.correlated:
+                scatter = d.correlated[c.name].white_sigma(scatter, c.time_step)
             # Values that are left out of the fit for another reason, with infinite sigma, stay so
             sigma[part] = np.where((used & ~here)[part], scatter, np.inf)
     return dataclasses.replace(d, sigma=sigma, outliers=outliers)
 
 
-def _outliers_of_body(
-    d: TrialData, residual: Array, names: Sequence[str], law: dict[str, Array], used: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
-    """Return which values do not show the body, shape of the whole vector; a point's coordinates are judged together."""
+def _outliers_of_body(d: TrialData, residual: Array, law: dict[str, Array], used: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which values do not show the body, shape of the whole vector; a point's coordinates are judged together.
+
+    Parameters
+    ----------
+    law
+        Channel of the body -> sigma of its points.
+    """
     outliers = np.zeros(len(residual), dtype=bool)
-    times = [d.t[d.slices[name]] for name in names]
-    together = all(np.array_equal(t, times[0]) for t in times)
-    for group in [list(names)] if together else [[name] for name in names]:
+    together = len({d.t[d.slices[name]].tobytes() for name in law}) == 1
+    for group in [list(law)] if together else [[name] for name in law]:
         parts = [d.slices[name] for name in group]
         kept = np.flatnonzero(np.all([used[part] for part in parts], axis=0))
         if not len(kept):
@@ -128,47 +127,38 @@ def _outliers_of_body(
     return outliers
 
 
-def _noise_of_body(fit: Fit, k: int, residual: Array, names: Sequence[str], data: TrialData | None = None) -> dict[str, Array]:
+def _noise_of_body(fit: Fit, k: int, residual: Array, channels: Sequence[Channel], d: TrialData) -> dict[str, Array]:
     """Return channel -> sigma of its points, a + b |v|, for one body, by differences of neighbouring residuals.
 
-    The values that ``data`` leaves out do not count; by default those that the fit leaves out.
+    Values that ``d`` leaves out do not count.
     """
-    d = data or fit.problem.data[k]
-    speeds = {n: _speed(fit, k, n) for n in names}
-    differences, mean_speeds = [], []
-    for n in names:
-        part = d.slices[n]
+    speeds = {c.name: _speed(fit, k, c.name) for c in channels}
+    differences, mean_speeds = [np.zeros(0)], [np.zeros(0)]
+    for name, speed in speeds.items():
+        part = d.slices[name]
         t, mode = d.t[part], modes(fit, k)[part]
         if len(t) < MIN_DIFFERENCES:
             continue
         step = np.diff(t)
         counts = np.isfinite(d.sigma[part][:-1] + d.sigma[part][1:])
+        # Only neighbours in one mode: the model's error may jump where the mode changes
         kept = counts & (mode[:-1] == mode[1:]) & (step < MAX_STEP_RATIO * np.median(step))
-        # Only neighbours in one mode: the model's error may jump where the mode changes.
         differences.append((np.diff(residual[part]) / math.sqrt(2))[kept])
-        mean_speeds.append(0.5 * (speeds[n][1:] + speeds[n][:-1])[kept])
-    if not differences or sum(map(len, differences)) < MIN_DIFFERENCES:
-        sigma = {n: d.sigma[d.slices[n]] for n in names}
+        mean_speeds.append(0.5 * (speed[1:] + speed[:-1])[kept])
+    if sum(map(len, differences)) < MIN_DIFFERENCES:
+        sigma = {name: d.sigma[d.slices[name]] for name in speeds}
         # Points that were left out have the error of the others
-        typical = {n: np.median(s[np.isfinite(s)]) for n, s in sigma.items() if np.isfinite(s).any()}
-        return {n: np.where(np.isfinite(s), s, typical.get(n, np.inf)) for n, s in sigma.items()}
-    a, b = _fit_noise_law(np.concatenate(differences), np.concatenate(mean_speeds))
-    least = {c.name: c.least_sigma(speeds[c.name]) for c in d.channels if c.name in speeds}
-    return {
-        n: np.maximum(np.maximum(a + b * speeds[n], least[n]), MIN_SIGMA_RATIO * (a + b * float(np.median(speeds[n]))))
-        for n in names
-    }
-
-
-def _fit_noise_law(difference: Array, v: Array) -> tuple[float, float]:
-    """Fit sigma = a + b v with a, b >= 0 to Gaussian differences by maximum likelihood; outliers are clipped."""
-    a, b = GAUSSIAN_MAD * float(np.median(np.abs(difference))) + 1e-12, 0.0
-    for _ in range(40):
-        sigma = np.maximum(a + b * v, 0.05 * a + 1e-12)
-        # Linearised, as in `measured.noise`, the estimating equation is a weighted line through these values
-        y = 0.5 * (sigma + np.minimum(difference**2, (MAX_DIFFERENCE_SIGMAS * sigma) ** 2) / sigma)
-        a, b = weighted_line(v, y, 1 / sigma**2)
-    return a, b
+        return {
+            name: np.where(np.isfinite(s), s, np.median(s[np.isfinite(s)]) if np.isfinite(s).any() else np.inf)
+            for name, s in sigma.items()
+        }
+    a, b = fit_noise_law(np.concatenate(differences), np.concatenate(mean_speeds), MAX_DIFFERENCE_SIGMAS)
+    law = {}
+    for c in channels:
+        speed = speeds[c.name]
+        least = np.maximum(c.least_sigma(speed), MIN_SIGMA_RATIO * (a + b * float(np.median(speed))))
+        law[c.name] = np.maximum(a + b * speed, least)
+    return law
 
 
 def sample_index(fit: Fit, k: int) -> NDArray[np.intp]:
@@ -244,22 +234,12 @@ def _improbable(distance: Array, sigma: Array, area: float, *, rough: bool = Fal
         swing that the model misses, the neighbours do not lead to the point.
     """
     components = distance.shape[1]
-    spread = math.sqrt(1 + MEDIAN_VARIANCE / (2 * HALF_WINDOW))  # the median that is subtracted scatters, too
-    standardised = distance / (spread * sigma[:, None])
+    standardised = distance / sigma[:, None]
     typical = _typical_size(standardised) if rough else np.ones(len(distance))
     square = np.asarray(np.sum((standardised / typical[:, None]) ** 2, axis=1))
-    log_noise = -0.5 * square - components * np.log(math.sqrt(2 * math.pi) * spread * typical * sigma)
-    share = MIN_SHARE
-    probability = np.zeros(len(distance))
-    for _ in range(MAX_ITERATIONS):
-        log_outlier = math.log(share) - math.log(area)
-        # Clipped, because the exponential of more than 709 is infinite in double precision
-        probability = 1 / (1 + np.exp(np.clip(log_noise + math.log1p(-share) - log_outlier, -700, 700)))
-        new = float(np.clip(probability.mean(), MIN_SHARE, MAX_SHARE))
-        if abs(new - share) < 1e-3 * share:
-            break
-        share = new
-    return square, np.asarray(probability > 0.5)
+    log_noise = -0.5 * square - components * np.log(math.sqrt(2 * math.pi) * typical * sigma)
+    log_odds = math.log(SHARE / (1 - SHARE)) - math.log(area) - log_noise
+    return square, np.asarray(log_odds > 0)
 
 
 def _typical_size(standardised: Array) -> Array:
@@ -273,38 +253,25 @@ def _typical_size(standardised: Array) -> Array:
 def _distance_from_neighbours(place: NDArray[np.int_], residual: Array) -> Array:
     """Return how far each point is from where its neighbours lead one to expect it, shape (n, components).
 
-    Of several expectations the nearest counts: the median of the neighbours on both sides, which is right where the residual
-    changes at a steady rate; that of those before and of those after, of which one is right where the residual jumps, for a
-    bumped camera or an event that the model misses; and a parabola, which is right where the residual bends. At the ends, where
-    one side lacks neighbours, a line stands for the first.
+    Distances are over the root of 1 + v, where v is the variance of the expectation in units of a point's. Of three of them the
+    nearest counts: the median of the neighbours before it, and of those after it, of which one is right where the residual
+    jumps, for a bumped camera or an event that the model misses; and a cubic through the nearest on both sides, which is right
+    where the residual bends.
     """
     n, width = len(residual), HALF_WINDOW
     padded = np.pad(residual, ((width, width), (0, 0)), constant_values=np.nan)
     windows = sliding_window_view(padded, 2 * width + 1, axis=0)
-    before, after = windows[..., :width], windows[..., width + 1 :]
-    expected = [np.median(part, axis=2) for part in (np.concatenate([before, after], axis=2), before, after)]
-    first = np.clip(np.arange(n) - width, 0, n - 2 * width - 1)
-    nearest = first[:, None] + np.arange(2 * width + 1)
+    before, after = (np.median(part, axis=2) for part in (windows[..., :width], windows[..., width + 1 :]))
+    nearest = np.clip(np.arange(n) - width, 0, n - 2 * width - 1)[:, None] + np.arange(2 * width + 1)
     others = nearest[nearest != np.arange(n)[:, None]].reshape(n, 2 * width)
-    steps, values = place[others] - place[:, None], residual[others]
-    ends = np.array([*range(width), *range(n - width, n)])
-    expected[0][ends] = _theil_sen(steps[ends], values[ends])
-    powers = steps[..., None] ** np.arange(3.0)
+    powers = ((place[others] - place[:, None]) / width)[..., None] ** np.arange(4.0)
     transposed = powers.swapaxes(1, 2)
-    expected.append(np.linalg.solve(transposed @ powers, transposed @ values)[:, 0])  # least squares
-    distance = residual - np.array(expected)
+    inverse = np.linalg.inv(transposed @ powers)[:, :1]
+    cubic = (inverse @ (transposed @ residual[others]))[:, 0]  # least squares
+    variance = np.array([np.full(n, MEDIAN_VARIANCE / width), np.full(n, MEDIAN_VARIANCE / width), inverse[:, 0, 0]])
+    distance = (residual - np.array([before, after, cubic])) / np.sqrt(1 + variance)[..., None]
     size = np.nan_to_num(np.linalg.norm(distance, axis=2), nan=np.inf)
     return np.asarray(distance[size.argmin(axis=0), np.arange(n)])
-
-
-def _theil_sen(x: NDArray[np.int_], values: Array) -> Array:
-    """Return the values at x = 0 of lines by the medians of slopes and of remainders (Theil and Sen), shape (k, components).
-
-    Each of the k lines goes through points of its own, ``x`` of shape (k, points) and ``values`` of (k, points, components).
-    """
-    i, j = np.triu_indices(x.shape[1], 1)
-    slope = np.median((values[:, j] - values[:, i]) / (x[:, j] - x[:, i])[..., None], axis=1)
-    return np.asarray(np.median(values - slope[:, None] * x[..., None], axis=1))
 
 
 def _blocks(residual: Array, sigma: Array, single: NDArray[np.bool_], area: float) -> NDArray[np.bool_]:

@@ -1,28 +1,28 @@
 """The figures of a report as data: report.md and report.html draw the same.
 
-The first is how far one trial is from the declared and from the most probable model. Where a mass's position was tracked, it
-is the motion with the residual of every point as a line, magnified; otherwise it is the residual against time. The trial is the
-one that the verdict's sentence speaks of.
+The first is of the trial that the verdict's sentence speaks of: its motion with the residual of every point as a line,
+magnified, or, where no mass's position was tracked, what was tracked over time; of a study of events alone, the events.
 """
 
 from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from looping_pendulum.compare.landmarks import quantity_label
-from looping_pendulum.discrepancy.first_look.check import DeclarationCheck
-from looping_pendulum.discrepancy.first_look.misfit import Distance
-from looping_pendulum.discrepancy.report.markdown import EVENTS, MOTION, SIDES, off_by, probability_in_words
-from looping_pendulum.discrepancy.result import Identification, TrialFigure, Unlisted
-from looping_pendulum.discrepancy.verdict_sentence import BODY_IN_WORDS, worst_trial
+from looping_pendulum.discrepancy.formulas import Unlisted
+from looping_pendulum.discrepancy.look.check import DeclarationCheck
+from looping_pendulum.discrepancy.look.mistakes import Distance
+from looping_pendulum.discrepancy.report.markdown import SIDES, off_by, probability_in_words
+from looping_pendulum.discrepancy.result import Identification, PredictedTrial
+from looping_pendulum.discrepancy.verdict import BODY_IN_WORDS, worst_trial
 from looping_pendulum.files import file_stems
-from looping_pendulum.measured.observations import BODIES, UNITS
+from looping_pendulum.measured.observations import BODIES
 from looping_pendulum.pages.chart import (
     BLACK,
     DARK_GREY,
@@ -38,16 +38,10 @@ from looping_pendulum.pages.chart import (
 from looping_pendulum.pages.palette import COLOURS, GREY
 from looping_pendulum.reference_ode.geometry import Array
 
-BOTH_MODELS = ("before", "after")
-"""Field of a figure's arrays of each model."""
 MODEL_COLOURS = {"before": COLOURS[1], "after": COLOURS[0]}
-"""Field of the model -> its colour."""
+"""Key of a model in `PredictedTrial` -> its colour."""
 VECTOR_SHARE = 0.1
 """Length of the declared model's RMS residual in the picture, as a share of the motion's size; no magnification exceeds it."""
-SHOWN_UNITS = {"m": (("mm", 1e3), ("m", 1.0)), "rad": (("mrad", 1e3), ("deg", 180 / math.pi)), "rad/s": (("rad/s", 1.0),) * 2}
-"""SI unit of a channel -> unit and its number per SI unit for small residuals, and for those of `LARGE` and above."""
-LARGE = 0.1
-"""RMS residual [SI] above which the larger unit is used."""
 CLOCK = ChartAxis(label="time by the file's clock [s]")
 POINTS: dict[str, Any] = {"marker": "o", "size": 2.4}
 """Look of tracked points and of residuals."""
@@ -70,18 +64,16 @@ TITLE_WIDTH = 42
 
 def charts(result: Identification) -> list[Chart]:
     """Return every figure that the result has data for, the first of the report first; what cannot be made is left out."""
-    look, pictures = result.first_look, result.trial_figures
-    makers: dict[str, Callable[[], Chart | None]] = {}
-    if pictures:
-        makers[MOTION] = partial(motion_chart, result)
+    look = result.first_look
+    worst = worst_trial(result.errors).trial if result.errors else ""
+    trials = sorted(result.trial_figures, key=lambda figure: figure.data.trial.name != worst)
+    stems = file_stems([("trial", figure.data.trial.name) for figure in trials])
+    of_trials = {stem: partial(trial_chart, result, figure, stem) for stem, figure in zip(stems, trials, strict=True)}
+    makers: dict[str, Callable[[], Chart | None]] = {"motion": partial(motion_chart, result), **of_trials}
     if look is not None and look.notes:
         makers[FIRST_LOOK] = partial(first_look_chart, look)
-    if result.errors:
-        makers["errors"] = partial(errors_chart, result)
-    stems = file_stems([("trial", picture.trial) for picture in pictures])
-    makers |= {stem: partial(trial_chart, result, picture, stem) for stem, picture in zip(stems, pictures, strict=True)}
     if result.events:
-        makers[EVENTS] = partial(events_chart, result)
+        makers["events"] = partial(events_chart, result)
     if len(result.explanations) > 1:
         makers["explanations"] = partial(explanations_chart, result)
     if result.unlisted is not None:
@@ -90,7 +82,7 @@ def charts(result: Identification) -> list[Chart]:
 
 
 def _models(result: Identification) -> tuple[tuple[str, str], ...]:
-    """Return field and label of each model that differs."""
+    """Return key and label of each model that differs."""
     return (("before", "declared model"), *([("after", result.other_model)] if result.has_other_model else []))
 
 
@@ -106,64 +98,49 @@ def _rows(names: Sequence[str]) -> tuple[ChartAxis, float]:
     return ChartAxis(limits=(len(names) - 0.5, -0.5), ticks=ticks), 1.8 + (0.2 + 0.15 * lines) * len(names)
 
 
-def _held_out(trial: str, held_out: bool) -> str:
-    return f"{trial} (held out)" if held_out else trial
-
-
-# The motion, or residuals over time, of the trial that the verdict speaks of
-
-
-def residual_vectors(picture: TrialFigure, body: str) -> tuple[dict[str, tuple[Array, Array]], float]:
-    """Return field of the model ("before", "after") -> residual vectors, and the factor by which they are magnified.
+def residual_vectors(picture: PredictedTrial, body: str) -> tuple[dict[str, tuple[Array, Array]], float]:
+    """Return key of the model ("before", "after") -> residual vectors, and the factor by which they are magnified.
 
     Residual vectors lead from positions by the model to these plus the magnified residual [m], both of shape (n, 2). The factor
     is one of 1, 2, 5, 10, 20, ...
     """
-    x, y = BODIES[body]
-    _, ix, iy = np.intersect1d(picture.t[x], picture.t[y], return_indices=True)
-    used = ~(picture.outliers[x][ix] | picture.outliers[y][iy])
+    data = picture.data
+    x, y = (data.slices[name] for name in BODIES[body])
+    _, ix, iy = np.intersect1d(data.t[x], data.t[y], return_indices=True)
+    used = ~(data.is_outlier[x][ix] | data.is_outlier[y][iy])
     ix, iy = ix[used], iy[used]
 
-    def both(values: Mapping[str, Array]) -> Array:
+    def both(values: Array) -> Array:
         return np.column_stack([values[x][ix], values[y][iy]])
 
-    measured = both(picture.measured)
-    paths = {side: both(getattr(picture, side)) for side in BOTH_MODELS}
+    measured = both(data.value)
+    paths = {model: both(values) for model, values in picture.predicted.items()}
     size = float(np.max(np.ptp(measured, axis=0), initial=0.0))
     rms = float(np.sqrt(np.mean(np.sum((measured - paths["before"]) ** 2, axis=1)))) if len(measured) else 0.0
     factor = 1.0
     if rms > 0 and (largest := VECTOR_SHARE * size / rms) >= 1:
         power = 10.0 ** math.floor(math.log10(largest))
         factor = power * max(step for step in (1, 2, 5) if step * power <= largest)
-    return {side: (path, path + factor * (measured - path)) for side, path in paths.items()}, factor
+    return {model: (path, path + factor * (measured - path)) for model, path in paths.items()}, factor
 
 
-def motion_chart(result: Identification) -> Chart:
-    """Return the motion with residual vectors by each model, or the residuals over time."""
+def motion_chart(result: Identification) -> Chart | None:
+    """Return the motion with residual vectors by each model; None: no mass's position was tracked in both directions."""
+    tracked = [
+        (figure, body)
+        for figure in result.trial_figures
+        for body, names in BODIES.items()
+        if len(names) == 2 and set(names) <= set(figure.data.slices)
+    ]
+    if not tracked:
+        return None
     models, name = _models(result), worst_trial(result.errors).trial
     # The trial that the verdict's sentence speaks of, or else the first that was tracked
-    picture = next((p for p in result.trial_figures if p.trial == name), result.trial_figures[0])
-    # A body whose position was tracked in both directions, the light mass first
-    body = next((b for b, names in BODIES.items() if len(names) == 2 and set(names) <= set(picture.channels)), None)
-    role = "held-out trial" if picture.held_out else "trial"
-    if body is None:
-        several = f"the declared and the {result.other_model}" if result.has_other_model else "the declared model"
-        return Chart(
-            id=MOTION,
-            caption=f"Measured less predicted by {several}, in the {role} {picture.trial}. A right model leaves only scatter "
-            "about 0.",
-            subject=picture.trial,
-            title="measured less predicted",
-            x=CLOCK,
-            panels=[_residual_panel(picture, channel, models) for channel in picture.channels],
-            size=(8.0, 1.4 + 2.6 * len(picture.channels)),
-        )
-    vectors, factor = residual_vectors(picture, body)
+    figure, body = next((one for one in tracked if one[0].data.trial.name == name), tracked[0])
+    vectors, factor = residual_vectors(figure, body)
     # The same limits for all, so that they can be compared
     shown = [part for side, _ in models for part in vectors[side]]
     x, y = with_room(*(reach([part[:, k] for part in shown]) for k in (0, 1)))
-    beside = f", of the declared and of the {result.other_model}" if result.has_other_model else ""
-    longer = f", drawn {factor:g} times as long as it is" if factor > 1 else ""
     panels = []
     for side, label in models:
         path, tips = vectors[side]
@@ -174,12 +151,15 @@ def motion_chart(result: Identification) -> Chart:
         ]
         title = label + (f"\n(residuals x {factor:g})" if factor > 1 else "")
         panels.append(Panel(curves=curves, y=ChartAxis(label="y [m]", limits=y), title=title, to_scale=True))
+    role = "held-out trial" if figure.held_out else "trial"
+    beside = f", of the declared and of the {result.other_model}" if result.has_other_model else ""
+    longer = f", drawn {factor:g} times as long as it is" if factor > 1 else ""
     return Chart(
-        id=MOTION,
-        caption=f"Motion of the {BODY_IN_WORDS[body]} in the {role} {picture.trial}{beside}. Each line leads from the model to "
-        f"the tracked point{longer}. A right model leaves lines in all directions; where neighbouring lines point the same "
-        "way, it is off.",
-        subject=picture.trial,
+        id="motion",
+        caption=f"Motion of the {BODY_IN_WORDS[body]} in the {role} {figure.data.trial.name}{beside}. Each line leads "
+        f"from the model to the tracked point{longer}. A right model leaves lines in all directions; where neighbouring "
+        "lines point the same way, it is off.",
+        subject=figure.data.trial.name,
         title=f"motion of the {BODY_IN_WORDS[body]}",
         x=ChartAxis(label="x [m]", limits=x),
         panels=panels,
@@ -188,66 +168,22 @@ def motion_chart(result: Identification) -> Chart:
     )
 
 
-def _residual_panel(picture: TrialFigure, channel: str, models: Sequence[tuple[str, str]]) -> Panel:
-    residuals = {
-        side: np.where(picture.outliers[channel], np.nan, picture.measured[channel] - getattr(picture, side)[channel])
-        for side in BOTH_MODELS
-    }
-    size = float(np.sqrt(np.nanmean(residuals["before"] ** 2)))
-    unit, per_si = SHOWN_UNITS[UNITS[channel]][size > LARGE]
-    look: dict[str, Any] = {"width": 0.8, "marker": "o", "size": 3.0, "in_legend": channel == picture.channels[0]}
-    return Panel(
-        curves=[
-            Curve(label=label, x=picture.t[channel], y=per_si * residuals[side], colour=MODEL_COLOURS[side], **look)
-            for side, label in models
-        ],
-        y=ChartAxis(label=f"{channel}: measured\nless predicted [{unit}]"),
-        guides=[Guide(y=0.0)],
-    )
-
-
-def errors_chart(result: Identification) -> Chart:
-    """Return each trial's error by each model as bars."""
-    models = _models(result)
-    rows, height = _rows([_held_out(e.trial, e.held_out) for e in result.errors])
-    thick = 0.8 / len(models)
-    bars = [
-        Curve(
-            label=label,
-            x=[getattr(e, f"standardised_rms_{side}") for e in result.errors],
-            y=np.arange(len(result.errors)) + (k - (len(models) - 1) / 2) * thick,
-            colour=MODEL_COLOURS[side],
-            bar_height=thick,
-        )
-        for k, (side, label) in enumerate(models)
-    ]
-    return Chart(
-        id="errors",
-        caption="Error of each trial before and after, in units of noise: 1 (dotted) is the best possible.",
-        subject=result.title,
-        title="error of each trial",
-        x=ChartAxis(label="RMS [noise]"),
-        panels=[Panel(curves=bars, y=rows, guides=[Guide(x=1.0, colour=BLACK, dotted=True)])],
-        size=(7.0, height),
-    )
-
-
-def trial_chart(result: Identification, picture: TrialFigure, name: str) -> Chart:
+def trial_chart(result: Identification, picture: PredictedTrial, name: str) -> Chart:
     """Return tracked points and the models of one trial over time, and below them the residuals of each channel."""
     top: list[Curve] = []
     below = []
-    for i, channel in enumerate(picture.channels):
-        t, measured, is_outlier = picture.t[channel], picture.measured[channel], picture.outliers[channel]
+    data = picture.data
+    for i, (channel, part) in enumerate(data.slices.items()):
+        t, measured, is_outlier = data.t[part], data.value[part], data.is_outlier[part]
         colour = COLOURS[i % len(COLOURS)]
         top.append(Curve(label=f"{channel}, tracked", x=t, y=measured, colour=colour, **POINTS))
         residuals = []
         for side, label in _models(result):
             look: dict[str, Any] = {"dashes": (6, 3), "colour": GREY} if side == "before" else {}
             # The models have one entry in the legend for all channels
-            top.append(Curve(label=label, x=t, y=getattr(picture, side)[channel], width=0.9, in_legend=i == 0, **look))
-            residual = getattr(picture, f"residual_{side}")[channel]
+            top.append(Curve(label=label, x=t, y=picture.predicted[side][part], width=0.9, in_legend=i == 0, **look))
             look = POINTS | {"colour": MODEL_COLOURS[side], "in_legend": i == 0}
-            residuals.append(Curve(label=f"residual, {label}", x=t, y=residual, **look))
+            residuals.append(Curve(label=f"residual, {label}", x=t, y=picture.residuals[side][part], **look))
         if is_outlier.any():
             named = any(curve.label == OUTLIER for curve in top)
             look = {"colour": colour, "marker": "x", "size": 5.0, "in_legend": not named}
@@ -256,27 +192,29 @@ def trial_chart(result: Identification, picture: TrialFigure, name: str) -> Char
         below.append(Panel(curves=residuals, y=ChartAxis(label=channel), guides=[guide], height=5))
     return Chart(
         id=name,
-        caption=f"Trial {picture.trial} ({'held out' if picture.held_out else 'training'}): tracked points and models; below, "
-        f"residuals in units of noise (band: {NOISE_BAND:g}).",
-        subject=picture.trial,
+        caption=f"Trial {data.trial.name} ({'held out' if picture.held_out else 'training'}): tracked points and models; "
+        f"below, residuals in units of noise (band: {NOISE_BAND:g}).",
+        subject=data.trial.name,
         title="tracked points and models",
         x=CLOCK,
         panels=[Panel(curves=top, y=ChartAxis(label="measured [SI]"), height=12), *below],
-        size=(9.0, 3.8 + 1.3 * len(picture.channels)),
+        size=(9.0, 3.8 + 1.3 * len(data.channels)),
     )
 
 
 def events_chart(result: Identification) -> Chart:
     """Return the residuals of all events, by trial from above."""
     events = result.events
-    names = [f"{_held_out(e.trial, e.held_out)}: {quantity_label(e.quantity, e.index)}" for e in events]
+    names = [
+        f"{e.trial}{' (held out)' if e.held_out else ''}: {quantity_label(e.event.quantity, e.event.index)}" for e in events
+    ]
     rows, height = _rows(names)
     curves = []
     for side, label in _models(result):
         predictions = [(i, e, getattr(e, side)) for i, e in enumerate(events)]
-        happens = [(i, (e.measured - v) / e.sigma) for i, e, v in predictions if v is not None]
+        happens = [(i, (e.event.value - v) / e.event.sigma) for i, e, v in predictions if v is not None]
         missing = [i for i, _, v in predictions if v is None]
-        words = [f"{name}: {off_by(e, v)}" for name, (_, e, v) in zip(names, predictions, strict=True)]
+        words = [f"{name}: {off_by(e.event, v)}" for name, (_, e, v) in zip(names, predictions, strict=True)]
         look: dict[str, Any] = {"label": label, "colour": MODEL_COLOURS[side], "size": 6.0}
         if happens:
             at = np.clip([z for _, z in happens], -AXIS_LIMIT, AXIS_LIMIT)
@@ -286,7 +224,7 @@ def events_chart(result: Identification) -> Chart:
             look |= {"marker": "x", "words": [words[i] for i in missing], "in_legend": not happens}
             curves.append(Curve(x=[AXIS_LIMIT] * len(missing), y=missing, **look))
     return Chart(
-        id=EVENTS,
+        id="events",
         caption=f"Measured less predicted events in standard errors (band: {NOISE_BAND:g}); those beyond {AXIS_LIMIT:g} are "
         "drawn at the edge; a cross: the event does not happen in that model's run.",
         subject=result.title,
@@ -327,15 +265,15 @@ def unlisted_chart(result: Identification, force: Unlisted) -> Chart:
     for i, p in enumerate(force.profiles):
         colour, band = COLOURS[i % len(COLOURS)], NOISE_BAND * np.array(p.error)
         curves.append(Curve(label=SIDES[p.side], x=p.coordinate, y=p.value, colour=colour, width=1.5, band=band))
-        if p.fitted_formula_values is not None:
+        if p.formula_values is not None:
             look: dict[str, Any] = {"colour": colour, "width": 1.5, "dashes": (4, 2)}
-            curves.append(Curve(label="its formula", x=p.coordinate, y=p.fitted_formula_values, **look))
+            curves.append(Curve(label="its formula", x=p.coordinate, y=p.formula_values, **look))
     return Chart(
         id="unlisted-force",
         caption="The unlisted force along its coordinate; bands: two standard errors.",
         subject=result.title,
         title="unlisted law",
-        x=ChartAxis(label=f"{force.depends_on.replace('_', ' ')} [{force.unit}]"),
+        x=ChartAxis(label=f"{force.law.coordinate.replace('_', ' ')} [{force.unit}]"),
         panels=[
             Panel(
                 curves=curves, y=ChartAxis(label=f"unlisted law [{force.value_unit or 1}]"), guides=[Guide(y=0.0, colour=BLACK)]

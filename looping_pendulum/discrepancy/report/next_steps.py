@@ -8,10 +8,11 @@ from collections.abc import Callable
 import numpy as np
 
 from looping_pendulum.compare.landmarks import quantity_label
-from looping_pendulum.discrepancy.candidates import in_words
-from looping_pendulum.discrepancy.result import Identification, Unlisted, Verdict
+from looping_pendulum.discrepancy.candidates import UNITS_OF_APPARATUS, in_words
+from looping_pendulum.discrepancy.formulas import Unlisted
+from looping_pendulum.discrepancy.result import FittedEffect, Identification, Verdict
 from looping_pendulum.measured.observations import UNITS
-from looping_pendulum.pages.numbers import amount, number, quantity
+from looping_pendulum.pages.numbers import amount, number, quantity, uncertain, unit_in_words
 
 EXAMPLES = 3
 """Effects that are named as examples of what could hide."""
@@ -19,6 +20,8 @@ WORST_MISFITS = 3
 """Times that are named at which a model is farthest off."""
 MIN_MISFIT = 2.0
 """Smallest misfit that is named [units of noise]."""
+PEOPLES_UNITS = {"m": ("mm", 1e3), "kg": ("g", 1e3)}
+"""SI unit -> the unit in which an apparatus is measured, and how many of them it is."""
 RUN = "looping-pendulum run repaired.yaml"
 COMPARE = "looping-pendulum compare repaired.yaml --engine mujoco:capstan --out compared"
 LOOK_FOR = {
@@ -37,14 +40,9 @@ LOOK_FOR = {
 """Coordinate of an unlisted force -> what may cause it."""
 
 
-def section(result: Identification) -> str:
-    """Return the section on what to do next."""
-    steps = STEPS[result.verdict](result)
-    return "## What to do next\n\n" + "".join(f"{i}. {step}\n" for i, step in enumerate(steps, start=1))
-
-
 def _after_no_missing_effect(result: Identification) -> list[str]:
-    examples = ", ".join(f"{in_words(v.name)} below {v.in_words}" for v in result.smallest_visible[:EXAMPLES])
+    visible = [v for v in result.smallest_visible if not v.can_hide][:EXAMPLES]
+    examples = ", ".join(f"{in_words(v.name)} below {v.in_words}" for v in visible)
     hidden = [f"Remember what could still hide: {examples}. *What these data could show* lists more."] if examples else []
     return [
         *hidden,
@@ -57,29 +55,40 @@ def _after_no_missing_effect(result: Identification) -> list[str]:
 
 def _after_identified(result: Identification) -> list[str]:
     names = " and ".join(in_words(e.name) for e in result.effects)
-    steps = [f"Ask whether it makes sense: what in your apparatus could be {names}? Remove or change it, and film again."]
-    wrong = [e for e in result.effects if e.kind == "wrong value"]
-    camera = [e for e in result.effects if e.acts_on == "camera"]
-    physics = [e for e in result.effects if e not in camera]
+    wrong = [e for e in result.effects if e.candidate.kind == "wrong value"]
+    physics = [e for e in result.effects if e.candidate.acts_on != "camera"]
+    forces = [e for e in physics if e not in wrong]
     if wrong:
-        steps[0] = f"Measure again what {names} says is wrong: the stated value and its error do not fit the film."
-    elif camera and not physics:
-        steps[0] = (
+        first = " ".join(map(_measure_again, wrong))
+    elif physics:
+        first = f"Ask whether it makes sense: what in your apparatus could be {names}? Remove or change it, and film again."
+    else:
+        first = (
             f"Look at the film: {names} is an error of the picture or of its clock. Correct it in the tracker, or film again."
         )
-    if physics:
-        steps.append(f"Use the repaired model, `repaired.yaml` beside this report: `{RUN}`, or `{COMPARE}`.")
-    forces = [e.name for e in result.effects if e.acts_on != "camera" and e.kind != "wrong value"]
+    use = f"Use the repaired model, `repaired.yaml` beside this report: `{RUN}`, or `{COMPARE}`."
+    lines = ", ".join(f"`{e.name}: free`" for e in forces)
+    last = f"Test it: film one more trial, add {lines} under `effects` of the study, and run `looping-pendulum identify` again."
     if not forces:
-        return [
-            *steps,
-            "Film one more trial, hold it out, and run `looping-pendulum identify` again with the corrected value.",
-        ]
-    lines = ", ".join(f"`{name}: free`" for name in forces)
-    return [
-        *steps,
-        f"Test it: film one more trial, add {lines} under `effects` of the study, and run `looping-pendulum identify` again.",
-    ]
+        last = "Film one more trial, hold it out, and run `looping-pendulum identify` again with the corrected value."
+    return [first, *([use] if physics else []), last]
+
+
+def _measure_again(effect: FittedEffect) -> str:
+    """Return which values to measure again, with the one that the data ask for and the stated one."""
+    si_unit = effect.candidate.unit or UNITS_OF_APPARATUS.get(effect.candidate.parameter, "")
+    unit, per_unit = PEOPLES_UNITS.get(si_unit, (unit_in_words(si_unit), 1.0))
+    said = []
+    for wrong in effect.wrong_values:
+        stated, asked = wrong.stated, wrong.asked
+        error = f" +/- {number(100 * stated.sigma / abs(stated.value))} %" if stated.sigma and stated.value else ""
+        right = uncertain(asked.value * per_unit, (asked.sigma or 0.0) * per_unit)
+        said.append(f"the data ask for {right} {unit}, stated {number(stated.value * per_unit)} {unit}{error}")
+    what = in_words(effect.name).removeprefix("a wrong value of ")
+    if not said:
+        return f"Measure again {what}."
+    ratio = " Only the ratio of the masses shows, so weigh the heavy ones, too."
+    return f"Measure again {what}: {'; '.join(said)}.{ratio if effect.candidate.parameter == 'light_mass' else ''}"
 
 
 def _after_ambiguous(result: Identification) -> list[str]:
@@ -114,7 +123,7 @@ def _after_unlisted(result: Identification) -> list[str]:
     assert force is not None
     return [
         f"Measure more of it: {_where(force)}",
-        f"Look for {LOOK_FOR.get(force.depends_on, 'what changes with this coordinate')}.",
+        f"Look for {LOOK_FOR.get(force.law.coordinate, 'what changes with this coordinate')}.",
         "If you have an idea, write it as a candidate of your own (`candidates` in the study), and run `looping-pendulum "
         "identify` again: a formula with a reason is worth more than a curve that fits.",
     ]
@@ -122,14 +131,14 @@ def _after_unlisted(result: Identification) -> list[str]:
 
 def _where(force: Unlisted) -> str:
     """Return in which trials more of the force would be seen, to the end of the sentence."""
-    name = force.depends_on.replace("_", " ")
+    name = force.law.coordinate.replace("_", " ")
     ranges = [(p.significant_from, p.significant_to) for p in force.profiles]
     lows = [low for low, _ in ranges if low is not None]
     highs = [high for _, high in ranges if high is not None]
     if not lows:
         return f"trials in which the {name} takes other values."
     low, high = (quantity(s, force.unit) for s in (min(lows), max(highs)))
-    if force.depends_on == "time":
+    if force.law.coordinate == "time":
         return f"film the same release again. Does it act again between {low} and {high}, where it is clearly not zero?"
     return (
         f"trials in which the {name} is often between {low} and {high}, where the force is clearly not zero, and some in which "
@@ -155,21 +164,18 @@ def misfits(result: Identification) -> list[str]:
     """Return where the nearest model is farthest off: trial, quantity, time and size."""
     found = []
     for p in result.trial_figures:
-        for channel in p.channels:
-            size = np.abs(np.nan_to_num(p.residual_after[channel]))
-            i = int(np.argmax(size))
-            off = float(p.measured[channel][i] - p.after[channel][i])
-            text = (
-                f"trial {p.trial} at {number(float(p.t[channel][i]))} s ({channel} off by {quantity(abs(off), UNITS[channel])})"
-            )
-            found.append((float(size[i]), text))
+        d, sizes = p.data, np.abs(np.nan_to_num(p.residuals["after"]))
+        for channel, part in d.slices.items():
+            i = part.start + int(np.argmax(sizes[part]))
+            off = quantity(abs(float(d.value[i] - p.predicted["after"][i])), UNITS[channel])
+            found.append((float(sizes[i]), f"trial {d.trial.name} at {number(float(d.t[i]))} s ({channel} off by {off})"))
     for e in result.events:
-        label = f"trial {e.trial}, {quantity_label(e.quantity, e.index)}"
+        label = f"trial {e.trial}, {quantity_label(e.event.quantity, e.event.index)}"
         if e.after is None:
             found.append((math.inf, f"{label} (does not happen in the model)"))
         else:
-            off = abs(e.measured - e.after)
-            found.append((off / e.sigma, f"{label} (off by {quantity(off, e.unit)})"))
+            distance = abs(e.event.value - e.after)
+            found.append((distance / e.event.sigma, f"{label} (off by {quantity(distance, e.event.unit)})"))
     largest = sorted((f for f in found if f[0] > MIN_MISFIT), key=lambda f: -f[0])
     return [text for _, text in largest[:WORST_MISFITS]]
 
@@ -190,3 +196,8 @@ STEPS: dict[Verdict, Callable[[Identification], list[str]]] = {
     Verdict.INTERRUPTED: _after_interrupted,
 }
 """Verdict -> what to do after it."""
+
+
+def steps(result: Identification) -> list[str]:
+    """Return what to do next, in sentences."""
+    return STEPS[result.verdict](result)

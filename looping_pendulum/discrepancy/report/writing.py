@@ -1,4 +1,4 @@
-"""Write the files of an identification to a folder: the same report as Markdown and as a page, with its figures."""
+"""Write the files of an identification to a folder: the same report as Markdown and as a page."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FILES, FOLDERS = ("verdict.json", "repaired.yaml", "report.md", "report.html"), 
 
 
 def write(result: Identification, folder: Path) -> Path:
-    """Write verdict.json, repaired.yaml, report.md with figures, and report.html; return the path of report.md.
+    """Write verdict.json, repaired.yaml, report.md with its first figure, and report.html with all; return report.md's path.
 
     The verdict is written first, so that it is there whatever else fails; a figure or a page that cannot be made is left out
     with a warning.
@@ -29,25 +29,25 @@ def write(result: Identification, folder: Path) -> Path:
     charts = figures.charts(result)
     with optional_output("report.html"):
         write_atomically(folder / "report.html", identification_page(result, charts))
-    captions = {}
-    for chart in charts:
+    picture = ""
+    for chart in charts[:1]:  # drawing each takes half a second, and the page has them all
         file = f"figures/{chart.id}.png"
         with optional_output(file):
             write_atomically(folder / file, drawing.png(drawing.draw(chart)))
-            captions[file] = chart.caption
-    write_atomically(folder / "report.md", markdown.identification_markdown(result, captions))
+            picture = f"![{chart.caption}]({file})\n\n*{chart.caption}* More figures are in `report.html`.\n"
+    write_atomically(folder / "report.md", markdown.identification_markdown(result, picture))
     return folder / "report.md"
 
 
 def identification_page(result: Identification, charts: Sequence[Chart]) -> str:
     """Return the page as HTML: the sections of report.md, and interactive figures."""
-    first = [on_page(chart) for chart in charts if chart.id == markdown.first_figure(result)]
+    shown = [on_page(chart) for chart in charts]
     return pages.report_page(
         f"{result.title}: what the model lacks",
         markdown.before_figures(result),
-        [on_page(chart) for chart in charts if chart.id != markdown.first_figure(result)],
+        shown[1:],
         markdown.after_figures(result),
         glossary("identification"),
         "Residual: measured less predicted. Grey bands: two standard errors, which contain 95 % of mere noise.",
-        first,
+        first=shown[:1],
     )

@@ -14,7 +14,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
-from looping_pendulum.reference_ode.effects.library import GRAVITY, LIBRARY
+from looping_pendulum.reference_ode.effects.library import CAPSTAN, GRAVITY, LIBRARY
 from looping_pendulum.reference_ode.effects.own import installed_effects
 from looping_pendulum.reference_ode.effects.types import Coefficient, Effect, EffectKind, Kinematics
 
@@ -22,6 +22,7 @@ __all__ = [
     "COEFFICIENTS",
     "EFFECTS",
     "FAULTS",
+    "CAPSTAN",
     "GRAVITY",
     "LIBRARY",
     "Coefficient",

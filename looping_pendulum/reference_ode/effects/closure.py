@@ -2,7 +2,7 @@
 
 It is a force on a mass or a change of the friction coefficient, and an effect like any other, so that the reference, the fit
 and the engines can all run it. Its coefficients, the weights of the basis functions, are found by
-`discrepancy.evidence.motions`.
+`discrepancy.evidence.laws`.
 """
 
 from __future__ import annotations

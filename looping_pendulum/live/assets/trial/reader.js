@@ -31,7 +31,7 @@ const MAX_TIME_STEP = 0.5;
 /** Channels of each body. */
 const BODIES = [["light_x", "light_y"], ["heavy_x", "heavy_y"], ["angle"], ["height"]];
 /** Of a body: rows that show anything, points that are left without copies, and copies, at least; the noise in which a copy tells
- * anything, as a part of the range of the values (`measured/copies.py`). */
+ * anything, as a part of the range of the values (`measured/edits.py`). */
 const [MIN_ROWS, MIN_FRESH, MIN_COPIES, MIN_NOISE] = [12, 6, 3, 5e-5];
 /** Relative difference of two frame rates that are the same. */
 const RATE_TOLERANCE = 0.01;

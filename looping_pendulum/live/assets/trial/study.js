@@ -41,10 +41,10 @@ export function studyYaml(settings, { file, tracks, length, time, rate, mirrored
   // Not from 0, which would tell identify nothing of the size of friction
   const start = tidy(kinetic || resting / 2);
   const friction = resting > kinetic ? `{kinetic_friction: free from ${start}, static_friction: ${tidy(resting)}}` : "free";
-  const further = Object.entries(FURTHER_EFFECTS).filter(([name]) => settings[name]);
+  const further = Object.keys(FURTHER_EFFECTS).filter((name) => settings[name]);
   const radius = settings.light_radius ? [", radius:", inUnit("light_radius")].join(" ") : "";
   const kind = looping ? "" : ["kind: ", settings.release, ", "].join("");
-  const others = further.map(([name, effect]) => ["  ", effect, ": ", inUnit(name), "\n"].join("")).join("");
+  const others = further.map((name) => ["  ", name, ": ", inUnit(name), "\n"].join("")).join("");
   const said = options.map((line) => ["    ", line, "\n"].join("")).join("");
   return `# Written by the page live.html. Where you have measured what is free here, write the value, +/- and its standard error.
 title: ${quoted(file)}
