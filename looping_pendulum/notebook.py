@@ -11,8 +11,8 @@ from looping_pendulum.pages import markdown
 if TYPE_CHECKING:
     from looping_pendulum.compare.result import ComparisonResult
     from looping_pendulum.discrepancy.result import Identification
-    from looping_pendulum.engines.trajectory import Trajectory
     from looping_pendulum.reference_ode.solution import Run
+    from looping_pendulum.runs.trajectory import Trajectory
     from looping_pendulum.scenarios.scenario import Scenario
 
 NOT_NUMBERS = ("title", "description", "inferred", "measured", "tolerances")
@@ -96,7 +96,7 @@ def scenario(scenario: Scenario) -> str:
 
 def trajectory(run: Trajectory) -> str:
     """Return how an engine's run ended, what happened in it, and who supplied which physics."""
-    from looping_pendulum.engines.trajectory import supplies_as_rows
+    from looping_pendulum.runs.trajectory import supplies_as_rows
 
     until = (
         f"{len(run.t)} samples to {run.t[-1]:.3f} s; the heavy mass fell {run.heavy_drop.max():.4f} m at most. "
@@ -128,7 +128,7 @@ def identification(result: Identification) -> str:
 FORMATTERS: dict[tuple[str, str], Callable[[Any], str]] = {
     ("looping_pendulum.reference_ode.solution", "Run"): reference_run,
     ("looping_pendulum.scenarios.scenario", "Scenario"): scenario,
-    ("looping_pendulum.engines.trajectory", "Trajectory"): trajectory,
+    ("looping_pendulum.runs.trajectory", "Trajectory"): trajectory,
     ("looping_pendulum.compare.result", "ComparisonResult"): comparison,
     ("looping_pendulum.discrepancy.result", "Identification"): identification,
 }

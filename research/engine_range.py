@@ -27,10 +27,10 @@ from looping_pendulum.compare.run_cache import RunCache, Runner, RunTask, run_ke
 from looping_pendulum.engines.protocol import STATIC_FRICTION, Engine, Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import label, select
-from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.engines.validated import FILE, QUANTITIES, VALIDATED_METRICS, ErrorDistribution, ValidatedRange, to_plain
 from looping_pendulum.files import write_atomically
 from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.runs.trajectory import Trajectory
 from looping_pendulum.scenarios.metrics import RMS_END_TIMES
 from looping_pendulum.scenarios.scenario import Scenario
 from research import DATA, rounded

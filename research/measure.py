@@ -27,13 +27,13 @@ from looping_pendulum.engines.landmarks import run_landmarks
 from looping_pendulum.engines.protocol import MemoryRecorder, Profile, SteppedEngine
 from looping_pendulum.engines.pybullet.world import RodShape
 from looping_pendulum.engines.registry import select
-from looping_pendulum.engines.tension import measure_capstan_exponent
-from looping_pendulum.engines.trajectory import Trajectory
+from looping_pendulum.engines.static_capstan import measure_capstan_exponent
 from looping_pendulum.errors import EngineError
 from looping_pendulum.measured.study_io import load as load_study
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import solve, solve_at
+from looping_pendulum.runs.trajectory import Trajectory
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.teaching.example_folder import write_example

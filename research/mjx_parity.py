@@ -21,9 +21,9 @@ from looping_pendulum.engines.mujoco import tendon
 from looping_pendulum.engines.mujoco.model import model_xml
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.registry import select
-from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.files import write_atomically
 from looping_pendulum.reference_ode.geometry import light_position
+from looping_pendulum.runs.trajectory import Trajectory
 from looping_pendulum.scenarios import load
 from looping_pendulum.versions import installed_version
 from research import DATA

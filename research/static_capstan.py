@@ -11,7 +11,7 @@ from typing import Any
 
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.registry import DISTRIBUTIONS, label, missing_packages, select
-from looping_pendulum.engines.tension import measure_capstan_exponent
+from looping_pendulum.engines.static_capstan import measure_capstan_exponent
 from looping_pendulum.errors import EngineError
 from looping_pendulum.files import write_atomically
 from looping_pendulum.versions import installed_version

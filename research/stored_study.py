@@ -8,7 +8,7 @@ from typing import Any
 
 from looping_pendulum.compare.convergence.result import ConvergenceResult, RunSummary, VariantStudy
 from looping_pendulum.compare.json_text import plain
-from looping_pendulum.engines.trajectory import Supplier
+from looping_pendulum.runs.trajectory import Supplier
 from research import DATA, rounded
 
 SUMMARY = DATA / "engine_study.json"

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.registry import all_engines, how_to_get, label
-from looping_pendulum.engines.trajectory import supplies_as_rows
 from looping_pendulum.pages.markdown import table
+from looping_pendulum.runs.trajectory import supplies_as_rows
 from looping_pendulum.scenarios.metrics import METRICS
 from looping_pendulum.sweep.cells import FIELDS
 from scripts import demonstrations_page, keys_page

@@ -16,7 +16,7 @@ from packaging.version import Version
 
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import select
-from looping_pendulum.engines.tension import chain_capstan_exponent, measure_capstan_exponent
+from looping_pendulum.engines.static_capstan import chain_capstan_exponent, measure_capstan_exponent
 
 FOLDER = Path(__file__).parents[1] / "engine_claims"
 INDEX = (FOLDER / "README.md").read_text(encoding="utf-8")

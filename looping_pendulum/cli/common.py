@@ -24,8 +24,8 @@ from looping_pendulum.pages.palette import KNOWN_LABELS
 if TYPE_CHECKING:
     from looping_pendulum.compare.result import ComparisonResult
     from looping_pendulum.compare.trial import MeasuredTrial
-    from looping_pendulum.engines.trajectory import Trajectory
     from looping_pendulum.measured.study import Study
+    from looping_pendulum.runs.trajectory import Trajectory
     from looping_pendulum.scenarios.scenario import Scenario
 
 
@@ -355,7 +355,7 @@ def exit_with_status(runs: Iterable[Trajectory], *, within: bool | None = None) 
     within
         Whether all tolerances are kept; None: whether all runs that could be started reached their end.
     """
-    from looping_pendulum.engines.trajectory import RunStatus
+    from looping_pendulum.runs.trajectory import RunStatus
 
     statuses = set()
     for run in runs:

@@ -33,7 +33,7 @@ def engines(
 def _list_engines(profile: Profile) -> None:
     """Print a table of the engines."""
     from looping_pendulum.engines.registry import adapter_packages, how_to_get, label, load_engines, missing_packages
-    from looping_pendulum.engines.trajectory import supplies_as_rows
+    from looping_pendulum.runs.trajectory import supplies_as_rows
 
     head = ["engine", "here", "winding", "friction law", "stick-slip", "drag", "runs", "what it is"]
     rows: list[list[str]] = []

@@ -25,7 +25,7 @@ import typer
 from looping_pendulum.errors import printable
 
 if TYPE_CHECKING:
-    from looping_pendulum.engines.trajectory import Trajectory
+    from looping_pendulum.runs.trajectory import Trajectory
 
 
 @dataclass(kw_only=True)

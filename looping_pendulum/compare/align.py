@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.engines.trajectory import UNKNOWN_MODE, Trajectory
 from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.runs.trajectory import UNKNOWN_MODE, Trajectory
 
 Reference = Callable[[Array], Trajectory]
 """Function that returns the reference's motion at the given times [s], ascending; times after its end are left out or NaN."""

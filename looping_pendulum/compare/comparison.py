@@ -29,14 +29,14 @@ from looping_pendulum.compare.stories import missing_physics, story
 from looping_pendulum.compare.trial import MeasuredTrial, compare_trial
 from looping_pendulum.engines.landmarks import Landmarks, run_landmarks
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
-from looping_pendulum.engines.trajectory import (
+from looping_pendulum.measured.tables.events import MeasuredEventRow, MeasuredEventTable
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.runs.trajectory import (
     RunStatus,
     Trajectory,
     finite_length,
     first_samples,
 )
-from looping_pendulum.measured.tables.events import MeasuredEventRow, MeasuredEventTable
-from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.metrics import METRICS
 from looping_pendulum.scenarios.scenario import Scenario, Tolerance
 

@@ -18,7 +18,6 @@ from looping_pendulum.compare.report import PAPER_COLUMN
 from looping_pendulum.compare.result import ComparisonResult, MeasuredRow, ResultSamples
 from looping_pendulum.compare.stories import events_to_show
 from looping_pendulum.compare.trial import RESIDUAL_UNITS, TrialComparison, distance
-from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.pages.chart import (
     BLACK,
     LIGHT_GREY,
@@ -35,6 +34,7 @@ from looping_pendulum.pages.chart import (
     with_room,
 )
 from looping_pendulum.pages.palette import Style, styles
+from looping_pendulum.runs.trajectory import Trajectory
 
 PRINTED_HALF_DIGIT = 0.005
 """Bars of the paper's values: half of the last digit printed, in s and in m; the paper states no uncertainty."""

@@ -14,8 +14,8 @@ from looping_pendulum.engines.isolation import MEMORY_LIMIT, TIME_LIMIT, Progres
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import expand_tolerances, label, main_engines, select
-from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.measured.tables.events import find_data, read_event_table
+from looping_pendulum.runs.trajectory import Trajectory
 from looping_pendulum.scenarios.scenario import Scenario
 
 

@@ -18,10 +18,10 @@ from looping_pendulum.compare.align import SAME_TIME, Reference, sample_referenc
 from looping_pendulum.engines.landmarks import Landmarks, Stop, extrema, run_landmarks
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
 from looping_pendulum.engines.string_motion import MIN_REST
-from looping_pendulum.engines.trajectory import RunStatus, Trajectory, TrajectoryEvent, finite_length, first_samples
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import DURATION
+from looping_pendulum.runs.trajectory import RunStatus, Trajectory, TrajectoryEvent, finite_length, first_samples
 
 LENGTH_ROUNDING = 1e-9
 """Difference of two lengths that is due to rounding [m]."""

@@ -18,13 +18,13 @@ from looping_pendulum.compare.result import (
 from looping_pendulum.compare.stories import events_to_show
 from looping_pendulum.compare.trial import RESIDUAL_UNITS, RunResidual, TrackComparison
 from looping_pendulum.engines.string_motion import FIRST_REST_RESOLUTION, RESOLUTION
-from looping_pendulum.engines.trajectory import Supplier, supplies_as_rows
 from looping_pendulum.pages import report as pages
 from looping_pendulum.pages.chart import Chart
 from looping_pendulum.pages.figures import MAX_LINE_POINTS, on_page
 from looping_pendulum.pages.markdown import plain, table
 from looping_pendulum.pages.numbers import GAP, fixed, number, quantity, signed
 from looping_pendulum.pages.report import glossary
+from looping_pendulum.runs.trajectory import Supplier, supplies_as_rows
 from looping_pendulum.scenarios.metrics import METRICS, RMS_END_TIMES, metric_called
 
 # Not "no" alone, with which "not run" and "no limits declared" begin as well

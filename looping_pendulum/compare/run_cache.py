@@ -22,10 +22,10 @@ from looping_pendulum.compare.json_text import plain
 from looping_pendulum.engines.isolation import MEMORY_LIMIT, run_isolated
 from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.engines.registry import label
-from looping_pendulum.engines.trajectory import COLUMNS, RunStatus, Trajectory, from_samples
 from looping_pendulum.engines.worker import identity
 from looping_pendulum.files import file_stem, write_atomically
 from looping_pendulum.processes import ReportShare, core_count, run_many
+from looping_pendulum.runs.trajectory import COLUMNS, RunStatus, Trajectory, from_samples
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.versions import installed_version
 

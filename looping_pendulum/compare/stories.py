@@ -12,10 +12,10 @@ from looping_pendulum.compare.result import Departure
 from looping_pendulum.engines.landmarks import Landmarks
 from looping_pendulum.engines.protocol import STATIC_FRICTION, physics_of
 from looping_pendulum.engines.string_motion import RESOLUTION
-from looping_pendulum.engines.trajectory import UNKNOWN_MODE, RunStatus, Supplier, Supplies, Trajectory
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.transitions import Mode
+from looping_pendulum.runs.trajectory import UNKNOWN_MODE, RunStatus, Supplier, Supplies, Trajectory
 
 EVENT_DESCRIPTIONS = {
     "release": "the release",

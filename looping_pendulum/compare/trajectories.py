@@ -16,16 +16,16 @@ from looping_pendulum.compare.result import ComparisonResult, ResultSamples
 from looping_pendulum.compare.run_cache import run_key
 from looping_pendulum.compare.trial import TrialComparison, residual
 from looping_pendulum.engines.protocol import Engine
-from looping_pendulum.engines.trajectory import (
+from looping_pendulum.errors import ResultError
+from looping_pendulum.files import file_stems
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.transitions import Mode
+from looping_pendulum.runs.trajectory import (
     UNKNOWN_MODE,
     RunStatus,
     Trajectory,
     TrajectoryEvent,
 )
-from looping_pendulum.errors import ResultError
-from looping_pendulum.files import file_stems
-from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.scenarios.scenario import Scenario
 
 CSV_COLUMNS = (

@@ -13,10 +13,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from looping_pendulum.engines.trajectory import Trajectory, finite_length, first_samples
 from looping_pendulum.measured.tables.events import MeasuredEventRow
 from looping_pendulum.pages.numbers import DisplayUnit
 from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.runs.trajectory import Trajectory, finite_length, first_samples
 
 LEVEL_TIME = 0.05
 """Time after the release [s] whose points give the level of a mass that hangs at an unknown height.

@@ -17,7 +17,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import looping_pendulum as lp
-from looping_pendulum.engines.tension import chain_capstan_exponent, measure_capstan_exponent
+from looping_pendulum.engines.static_capstan import chain_capstan_exponent, measure_capstan_exponent
 
 mu = 0.34
 bends = np.array([0.2, 0.4, 0.8, 1.2])  # between neighbouring links on the rod [rad]

@@ -21,9 +21,9 @@ from looping_pendulum.engines.string_motion import (
     slip_onset,
     turning_points,
 )
-from looping_pendulum.engines.trajectory import RunStatus, Trajectory, finite_length
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import HasParameters, Parameters, Release, parameters_of
+from looping_pendulum.runs.trajectory import RunStatus, Trajectory, finite_length
 
 EXTREMUM_BAND = 1e-3
 """Smallest turn of a coordinate that counts as an extremum [m]; smaller ones are noise."""

@@ -15,7 +15,12 @@ import numpy as np
 
 from looping_pendulum.engines import Profile as Profile
 from looping_pendulum.engines.studies import Studies
-from looping_pendulum.engines.trajectory import (
+from looping_pendulum.engines.validated import ValidatedRange, outside_range
+from looping_pendulum.errors import EngineError
+from looping_pendulum.reference_ode.effects import Effect, EffectKind
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.runs.trajectory import (
     COLUMNS,
     Provenance,
     RunStatus,
@@ -26,11 +31,6 @@ from looping_pendulum.engines.trajectory import (
     from_samples,
     padded_row,
 )
-from looping_pendulum.engines.validated import ValidatedRange, outside_range
-from looping_pendulum.errors import EngineError
-from looping_pendulum.reference_ode.effects import Effect, EffectKind
-from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.versions import installed_version
 

@@ -28,10 +28,10 @@ from looping_pendulum.engines.chain import (
 )
 from looping_pendulum.engines.protocol import Engine, Profile, TunedEngine, groups_per_sample
 from looping_pendulum.engines.studies import DefaultRow, Studies, studies_from_rows
-from looping_pendulum.engines.trajectory import Provenance
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import MassesAtRelease, Vector, cartesian_force, masses_at_release
 from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.runs.trajectory import Provenance
 from looping_pendulum.scenarios.scenario import Scenario
 
 DEFAULT_TIME_STEP = 1e-3

@@ -10,7 +10,13 @@ import numpy as np
 
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Abilities, Engine, MemoryRecorder, Profile, Recorder
 from looping_pendulum.engines.studies import Ladder, Studies
-from looping_pendulum.engines.trajectory import (
+from looping_pendulum.reference_ode.effects import EffectKind
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.reference_ode.solution import Run, Samples
+from looping_pendulum.reference_ode.solve import DURATION, solve, solve_at
+from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, Event, Mode
+from looping_pendulum.runs.trajectory import (
     Provenance,
     RunStatus,
     Supplier,
@@ -20,12 +26,6 @@ from looping_pendulum.engines.trajectory import (
     TrajectoryEvent,
     from_samples,
 )
-from looping_pendulum.reference_ode.effects import EffectKind
-from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.reference_ode.parameters import Release
-from looping_pendulum.reference_ode.solution import Run, Samples
-from looping_pendulum.reference_ode.solve import DURATION, solve, solve_at
-from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, Event, Mode
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.versions import installed_version
 

@@ -12,9 +12,9 @@ from importlib.util import find_spec
 from typing import Any
 
 from looping_pendulum.engines.protocol import Abilities, Engine, Profile, SteppedEngine
-from looping_pendulum.engines.trajectory import variant_label
 from looping_pendulum.errors import EngineError, MissingPackageError, ScenarioError
 from looping_pendulum.installation import install_command
+from looping_pendulum.runs.trajectory import variant_label
 from looping_pendulum.scenarios.scenario import Scenario
 
 ADAPTERS = {

@@ -12,7 +12,10 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine
-from looping_pendulum.engines.trajectory import (
+from looping_pendulum.errors import EngineError
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.transitions import Mode
+from looping_pendulum.runs.trajectory import (
     UNKNOWN_MODE,
     Provenance,
     RunStatus,
@@ -22,9 +25,6 @@ from looping_pendulum.engines.trajectory import (
     Trajectory,
     TrajectoryEvent,
 )
-from looping_pendulum.errors import EngineError
-from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.scenarios.scenario import Scenario
 
 VECTOR_FIELDS = ("light_position", "light_velocity", "heavy_position", "heavy_velocity")

@@ -8,10 +8,10 @@ from importlib.resources import files
 from typing import Any
 
 from looping_pendulum.engines.protocol import APPLIED_DRAG, FORCES_AND_RELEASE, Abilities
-from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
 from looping_pendulum.engines.validated import shipped_range
 from looping_pendulum.pages.numbers import amount
 from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.runs.trajectory import Supplier, Supplies, Supply
 
 FILE = "additions.json"
 """File beside this module with what `research.additions` measured: variant -> rows of an addition and errors.

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
-from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.runs.trajectory import Trajectory
 
 RESOLUTION = 1e-4
 """Largest motion of the string that does not count as sliding [m]: 0.1 mm, less than a pixel of a good video."""

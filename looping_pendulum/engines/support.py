@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.engines.registry import label
-from looping_pendulum.engines.trajectory import supplies_as_rows
 from looping_pendulum.engines.validated import QUANTITIES, VALIDATED_METRICS
 from looping_pendulum.pages.numbers import amount
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.runs.trajectory import supplies_as_rows
 from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.metrics import METRICS
 

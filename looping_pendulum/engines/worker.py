@@ -20,8 +20,8 @@ import numpy as np
 
 from looping_pendulum.engines.protocol import Engine, declared
 from looping_pendulum.engines.result_check import validate_trajectory
-from looping_pendulum.engines.trajectory import COLUMNS, Provenance, RunStatus, from_samples, padded_row
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.runs.trajectory import COLUMNS, Provenance, RunStatus, from_samples, padded_row
 from looping_pendulum.scenarios.scenario import Scenario
 
 ROW_BYTES = 8 * len(COLUMNS)

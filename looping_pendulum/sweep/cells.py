@@ -17,12 +17,12 @@ from looping_pendulum.engines.landmarks import Landmarks, run_landmarks
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import STATUS_OF_END
 from looping_pendulum.engines.registry import select
-from looping_pendulum.engines.trajectory import RunStatus, Trajectory
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode.batch import COLUMNS, ENDS, FAILED, RunColumn, solve_batch
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.transitions import Event
+from looping_pendulum.runs.trajectory import RunStatus, Trajectory
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.sweep.plan import REFERENCE, MapPlan, Region
 from looping_pendulum.versions import installed_version

@@ -20,8 +20,6 @@ from looping_pendulum.compare.stories import EVENT_DESCRIPTIONS, PHYSICS_DESCRIP
 from looping_pendulum.compare.trial import RESIDUAL_UNITS, distance
 from looping_pendulum.engines.landmarks import RELEASES_WITHOUT_STOPS, Landmarks
 from looping_pendulum.engines.protocol import physics_of
-from looping_pendulum.engines.tension import AVERAGING_TIME, tension_from_motion
-from looping_pendulum.engines.trajectory import UNKNOWN_MODE, Supplier, Supplies, Trajectory
 from looping_pendulum.files import write_atomically
 from looping_pendulum.live.write import render as render_live
 from looping_pendulum.pages.numbers import number, quantity
@@ -30,6 +28,8 @@ from looping_pendulum.pages.report import glossary
 from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.transitions import Mode
+from looping_pendulum.runs.tension import AVERAGING_TIME, tension_from_motion
+from looping_pendulum.runs.trajectory import UNKNOWN_MODE, Supplier, Supplies, Trajectory
 from looping_pendulum.scenarios.metrics import RMS_END_TIMES
 from looping_pendulum.scenarios.scenario import Scenario
 

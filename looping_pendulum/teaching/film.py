@@ -17,7 +17,6 @@ from matplotlib.patches import Circle
 from PIL import Image
 
 from looping_pendulum.compare.result import ComparisonResult
-from looping_pendulum.engines.trajectory import Trajectory, finite_length, first_samples
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import write_atomically
 from looping_pendulum.pages.chart import tracked_points
@@ -26,6 +25,7 @@ from looping_pendulum.pages.palette import Style, styles
 from looping_pendulum.processes import ReportShare
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.runs.trajectory import Trajectory, finite_length, first_samples
 
 SUFFIXES = (".gif", ".mp4")
 """Kinds of film."""

@@ -16,12 +16,12 @@ import numpy as np
 from looping_pendulum.engines.isolation import run_isolated
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import label, select
-from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.errors import EngineError, HarnessError
 from looping_pendulum.files import read_file
 from looping_pendulum.measured.tables.delimited import MAX_LINE_LENGTH, numbered_lines
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.solve import DURATION, solve
+from looping_pendulum.runs.trajectory import Trajectory
 from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.scenario import Scenario
 

@@ -19,7 +19,7 @@ CAPSTAN = Metric(
     unit="",
     shown_in=PERCENT,
     heading="static capstan error",
-    description="Relative error of ln(T2/T1) over half a turn, the string just sliding (`engines.tension`).",
+    description="Relative error of ln(T2/T1) over half a turn, the string just sliding (`engines.static_capstan`).",
     has_sign=True,
 )
 """The static capstan test, as one more number."""

@@ -37,11 +37,11 @@ from looping_pendulum.engines.isolation import MEMORY_LIMIT, run_isolated
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import DISTRIBUTIONS, all_engines, label, unknown_engine_message
-from looping_pendulum.engines.tension import FREE_LENGTH, measure_capstan_exponent
-from looping_pendulum.engines.trajectory import RunStatus, Trajectory
+from looping_pendulum.engines.static_capstan import FREE_LENGTH, measure_capstan_exponent
 from looping_pendulum.errors import EngineError, ResultError, shorten
 from looping_pendulum.files import file_stem, write_atomically
 from looping_pendulum.processes import Interpreter, ReportShare, run_many
+from looping_pendulum.runs.trajectory import RunStatus, Trajectory
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.versions import installed_version
 from research.releases.installers import InstallationStopped, ReleaseError, install

@@ -19,7 +19,12 @@ from looping_pendulum.compare import compare
 from looping_pendulum.compare.convergence import result as convergence_result
 from looping_pendulum.compare.convergence.study import ReferenceTarget
 from looping_pendulum.compare.result import ComparisonResult
-from looping_pendulum.engines.trajectory import (
+from looping_pendulum.measured.tables.events import MeasuredEventRow
+from looping_pendulum.pages import drawing
+from looping_pendulum.reference_ode.geometry import light_position
+from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.reference_ode.transitions import Mode
+from looping_pendulum.runs.trajectory import (
     COLUMNS,
     OPTIONAL_COLUMNS,
     Provenance,
@@ -31,11 +36,6 @@ from looping_pendulum.engines.trajectory import (
     TrajectoryEvent,
     from_samples,
 )
-from looping_pendulum.measured.tables.events import MeasuredEventRow
-from looping_pendulum.pages import drawing
-from looping_pendulum.reference_ode.geometry import light_position
-from looping_pendulum.reference_ode.parameters import Parameters
-from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.scenarios.scenario import MeasuredTable, Scenario, Tolerance
 from tests.compare import report_cells
 

@@ -16,10 +16,10 @@ import pytest
 from looping_pendulum.compare import compare, figures
 from looping_pendulum.compare.convergence import report as convergence_plots
 from looping_pendulum.compare.convergence.result import SequenceKind
-from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.measured.tables.events import MeasuredEventRow
 from looping_pendulum.pages.drawing import draw
 from looping_pendulum.pages.figures import on_page
+from looping_pendulum.runs.trajectory import RunStatus
 from tests.compare import fingerprint
 
 STORED = Path(__file__).with_name("appearance.json")

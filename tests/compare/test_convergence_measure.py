@@ -33,8 +33,8 @@ from looping_pendulum.compare.convergence.study import (
 )
 from looping_pendulum.compare.run_cache import EndedRun
 from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies
-from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import EngineError
+from looping_pendulum.runs.trajectory import RunStatus
 from tests.compare.delayed import STEPS, DelayedEngine
 
 EARLY, LATE = PATH_END_TIMES

@@ -36,7 +36,7 @@ from looping_pendulum.compare.convergence.result import (
 )
 from looping_pendulum.compare.convergence.study import reference_target
 from looping_pendulum.compare.run_cache import EndedRun
-from looping_pendulum.engines.trajectory import Provenance, Supplier, Supplies, Supply
+from looping_pendulum.runs.trajectory import Provenance, Supplier, Supplies, Supply
 from tests.apparatus import TEN_TO_ONE
 from tests.compare.delayed import DelayedEngine
 from tests.compare.golden import golden

@@ -11,9 +11,9 @@ from looping_pendulum.compare import compare, figures
 from looping_pendulum.compare.convergence import report as convergence_plots
 from looping_pendulum.compare.convergence.result import HALT, PATH_END_TIMES, SequenceKind
 from looping_pendulum.compare.result import MeasuredRow
-from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.pages import drawing
 from looping_pendulum.pages.figures import MAX_LINE_POINTS, on_page
+from looping_pendulum.runs.trajectory import RunStatus
 
 
 def row(measured=0.4, reference=None, engine=None, quantity="x1_extremum", index=1, unit="s", paper=None):

@@ -11,8 +11,8 @@ from looping_pendulum.engines.landmarks import Landmarks, arrival_time, extrema,
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Reference, ReferenceEngine
 from looping_pendulum.engines.string_motion import RESOLUTIONS, slip_distance
-from looping_pendulum.engines.trajectory import RunStatus, TrajectoryEvent, finite_length, first_samples
 from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.runs.trajectory import RunStatus, TrajectoryEvent, finite_length, first_samples
 from looping_pendulum.scenarios import load
 from tests.compare.conftest import HALT, PARAMETERS, drop
 

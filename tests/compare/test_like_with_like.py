@@ -17,8 +17,8 @@ from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Reference, ReferenceEngine
 from looping_pendulum.engines.registry import missing_packages, select
 from looping_pendulum.engines.string_motion import MIN_REST, RESOLUTION, REST_TIME, halting_time, slip_distance
-from looping_pendulum.engines.trajectory import RunStatus, finite_length
 from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.runs.trajectory import RunStatus, finite_length
 from looping_pendulum.scenarios.scenario import Scenario
 
 AT_HALT = ("halting_time_error", "drop_error", "wrap_angle_error", "free_length_error")

@@ -12,9 +12,9 @@ from looping_pendulum.compare.align import align, sample_reference
 from looping_pendulum.compare.comparison import judge_tolerance
 from looping_pendulum.compare.metrics import acceleration_error, departures, evaluate_tube, growth_rate, rms_until
 from looping_pendulum.compare.report import value_and_limit
-from looping_pendulum.engines.trajectory import UNKNOWN_MODE
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.runs.trajectory import UNKNOWN_MODE
 from looping_pendulum.scenarios import json_schema, load_text
 from looping_pendulum.scenarios.metrics import METRICS, metric_called
 

@@ -14,8 +14,8 @@ from looping_pendulum import versions
 from looping_pendulum.compare import compare, run_cache, write
 from looping_pendulum.compare.run_cache import EndedRun, RunCache, Runner, RunTask, run_key
 from looping_pendulum.compare.trajectories import stored_result
-from looping_pendulum.engines.trajectory import COLUMNS, RunStatus
 from looping_pendulum.reference_ode.transitions import Mode
+from looping_pendulum.runs.trajectory import COLUMNS, RunStatus
 from tests.compare.delayed import DelayedEngine
 
 

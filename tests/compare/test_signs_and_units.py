@@ -15,8 +15,8 @@ from looping_pendulum.compare.report import comparison_markdown, value_and_limit
 from looping_pendulum.compare.result import ToleranceOutcome
 from looping_pendulum.compare.trajectories import trajectory_csv
 from looping_pendulum.engines.landmarks import run_landmarks
-from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.reference_ode.transitions import Mode
+from looping_pendulum.runs.trajectory import RunStatus
 from looping_pendulum.scenarios.metrics import METRICS
 
 HALF_A_SAMPLE = 0.5e-3

@@ -16,7 +16,6 @@ from looping_pendulum.compare import compare, figures, write
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.discrepancy.report import figures as identify_figures
 from looping_pendulum.discrepancy.report import writing
-from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.files import (
     OutputError,
     SkippedOutputWarning,
@@ -27,6 +26,7 @@ from looping_pendulum.files import (
     write_atomically,
 )
 from looping_pendulum.pages.drawing import MAX_LABEL_LENGTH
+from looping_pendulum.runs.trajectory import RunStatus
 from tests.pages import made_up
 
 HOSTILE = ("[/x]", "[bold", "$\\frac{", "$a$", "a" * 260, "_hidden", "half a pair: \ud800", "line\nbreak", "<script>", "|")

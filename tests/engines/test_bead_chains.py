@@ -12,11 +12,11 @@ from looping_pendulum.engines.drake import DrakeChain, DrakeChainSettings
 from looping_pendulum.engines.mujoco.beads import BeadSettings, MujocoBeads
 from looping_pendulum.engines.pymunk import PymunkChain, PymunkChainSettings
 from looping_pendulum.engines.rapier import RapierChain
-from looping_pendulum.engines.tension import measure_capstan_exponent
-from looping_pendulum.engines.trajectory import RunStatus
+from looping_pendulum.engines.static_capstan import measure_capstan_exponent
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.solve import solve, solve_at
+from looping_pendulum.runs.trajectory import RunStatus
 from tests.apparatus import NO_DRAG, TEN_TO_ONE, distances, fitted_acceleration, scenario, simulated
 
 CHAINS = {chain.name: chain for chain in (MujocoBeads(), PymunkChain(), DrakeChain(), Box2dChain(), RapierChain())}

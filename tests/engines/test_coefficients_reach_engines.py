@@ -13,11 +13,11 @@ import pytest
 from looping_pendulum.engines.conformance import EFFECT_CASES
 from looping_pendulum.engines.protocol import STATIC_FRICTION, Profile
 from looping_pendulum.engines.registry import all_engines, label, main_engines, missing_packages
-from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.effects import EFFECTS, EffectKind
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import solve_at
+from looping_pendulum.runs.trajectory import RunStatus
 from looping_pendulum.scenarios.scenario import Scenario
 from tests.apparatus import TEN_TO_ONE
 

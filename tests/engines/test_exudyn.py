@@ -14,7 +14,7 @@ from looping_pendulum.engines.exudyn import (
     _velocities_at_release,
 )
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.tension import measure_capstan_exponent
+from looping_pendulum.engines.static_capstan import measure_capstan_exponent
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.cartesian import masses_at_release
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration

@@ -20,10 +20,10 @@ from looping_pendulum.engines.isolation import parse_memory, run_all, run_isolat
 from looping_pendulum.engines.protocol import MemoryRecorder, Profile
 from looping_pendulum.engines.reference import Reference, ReferenceEngine
 from looping_pendulum.engines.result_check import validate_trajectory
-from looping_pendulum.engines.trajectory import COLUMNS, Provenance, RunStatus, TrajectoryEvent, from_samples
 from looping_pendulum.engines.worker import FileRecorder, read_rows
 from looping_pendulum.errors import EngineError
 from looping_pendulum.processes import memory_in_use
+from looping_pendulum.runs.trajectory import COLUMNS, Provenance, RunStatus, TrajectoryEvent, from_samples
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.scenario import Scenario
 from tests.apparatus import TEN_TO_ONE

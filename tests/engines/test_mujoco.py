@@ -9,10 +9,10 @@ import pytest
 from looping_pendulum.engines.mujoco import engines
 from looping_pendulum.engines.mujoco.tendon import SETTINGS, MujocoTendon, TendonSettings
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import solve, solve_at
+from looping_pendulum.runs.trajectory import RunStatus
 from tests.apparatus import NO_DRAG, TEN_TO_ONE, TWO_TO_ONE, scenario
 
 pytest.importorskip("mujoco")

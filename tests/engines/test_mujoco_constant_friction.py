@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from looping_pendulum.engines.mujoco.tendon import FrictionSize, MujocoTendon, friction_loss
-from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.solve import solve, solve_at
+from looping_pendulum.runs.trajectory import RunStatus
 from tests.apparatus import NO_DRAG, TEN_TO_ONE, scenario
 
 pytest.importorskip("mujoco")

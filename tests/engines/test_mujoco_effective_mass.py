@@ -7,9 +7,9 @@ import pytest
 
 from looping_pendulum.engines.mujoco.effective_mass import SETTINGS, MujocoEffectiveMass
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.solve import solve, solve_at
+from looping_pendulum.runs.trajectory import RunStatus
 from tests.apparatus import NO_DRAG, TEN_TO_ONE, TWO_TO_ONE, distances, scenario, simulated
 
 pytest.importorskip("mujoco")

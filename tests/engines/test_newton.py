@@ -15,11 +15,11 @@ import pytest
 from looping_pendulum.engines.isolation import run_isolated
 from looping_pendulum.engines.newton import MAX_WRAP_ANGLE, SETTINGS, NewtonTendon, NewtonTendonSettings
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.trajectory import RunStatus, Supplier
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.geometry import string_coordinates
 from looping_pendulum.reference_ode.solve import solve_at
+from looping_pendulum.runs.trajectory import RunStatus, Supplier
 from looping_pendulum.scenarios import load
 from research import DATA
 from tests.apparatus import NO_DRAG, TEN_TO_ONE, scenario

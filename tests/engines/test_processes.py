@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from looping_pendulum.engines.isolation import run_isolated
-from looping_pendulum.engines.trajectory import RunStatus
+from looping_pendulum.runs.trajectory import RunStatus
 from looping_pendulum.scenarios.scenario import Scenario
 from tests.apparatus import TEN_TO_ONE
 from tests.engines.faulty import FaultyEngine, alive

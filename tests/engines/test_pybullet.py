@@ -18,7 +18,7 @@ from looping_pendulum.engines.pybullet.chain import (
     chain_at_release,
 )
 from looping_pendulum.engines.pybullet.world import DEFAULT_NEIGHBOUR_MARGIN, MAX_JOINTS, contact_friction, typical_wrap_angle
-from looping_pendulum.engines.tension import measure_capstan_exponent
+from looping_pendulum.engines.static_capstan import measure_capstan_exponent
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.cartesian import masses_at_release
 from looping_pendulum.reference_ode.geometry import light_position

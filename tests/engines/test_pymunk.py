@@ -13,12 +13,12 @@ from looping_pendulum.engines.chain import polygon_radius
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.pymunk import SETTINGS, PymunkChain, engines, velocity_on_string
 from looping_pendulum.engines.reference import Reference
-from looping_pendulum.engines.tension import chain_capstan_exponent, measure_capstan_exponent
-from looping_pendulum.engines.trajectory import RunStatus
+from looping_pendulum.engines.static_capstan import chain_capstan_exponent, measure_capstan_exponent
 from looping_pendulum.reference_ode.cartesian import masses_at_release
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import solve, solve_at
+from looping_pendulum.runs.trajectory import RunStatus
 from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.metrics import RMS_END_TIMES
 from tests.apparatus import NO_DRAG, TEN_TO_ONE, fitted_acceleration, simulated

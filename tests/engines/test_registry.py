@@ -26,8 +26,8 @@ from looping_pendulum.engines.registry import (
     missing_packages,
     select,
 )
-from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import EngineError
+from looping_pendulum.runs.trajectory import RunStatus
 from looping_pendulum.scenarios.scenario import Scenario
 from tests.apparatus import TEN_TO_ONE
 from tests.command_line import here

@@ -14,9 +14,9 @@ import pytest
 
 from looping_pendulum.engines.conformance import CHECKS, CachedEngine, skip_reason
 from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Profile
-from looping_pendulum.engines.trajectory import Supplier, Supply, Trajectory
 from looping_pendulum.reference_ode.effects import EffectKind
 from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.runs.trajectory import Supplier, Supply, Trajectory
 from tests.engines.page_example import PAGE, blocks, module
 
 SOURCE = blocks("python")[0]

@@ -21,13 +21,13 @@ from looping_pendulum.discrepancy.look.check import take_first_look
 from looping_pendulum.engines.isolation import parse_memory
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import ReferenceEngine
-from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import file_stem
 from looping_pendulum.measured import study_io
 from looping_pendulum.measured.study_file import MeasuredField
 from looping_pendulum.measured.tables import readers
 from looping_pendulum.measured.tables.events import read_event_table
+from looping_pendulum.runs.trajectory import Trajectory
 from looping_pendulum.scenarios import dump, load, load_text
 from looping_pendulum.scenarios.fields import QuantityField
 from looping_pendulum.scenarios.scenario import Scenario

@@ -13,7 +13,7 @@ from looping_pendulum.engines.isolation import run_isolated
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import select
-from looping_pendulum.engines.trajectory import Trajectory
+from looping_pendulum.runs.trajectory import Trajectory
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.scenario import Scenario
 from tests.engines.faulty import FaultyEngine

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from looping_pendulum.engines.trajectory import RunStatus
+from looping_pendulum.runs.trajectory import RunStatus
 from looping_pendulum.teaching import demo
 from tests.pages.axe import violations
 from tests.pages.conftest import PHONE, sideways, until

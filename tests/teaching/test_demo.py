@@ -12,8 +12,8 @@ from looping_pendulum.cli import common as cli_common
 from looping_pendulum.cli import main as cli
 from looping_pendulum.compare import ComparisonResult, write
 from looping_pendulum.compare.trajectories import stored_result
-from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.pages.numbers import quantity
+from looping_pendulum.runs.trajectory import RunStatus
 from looping_pendulum.scenarios import load
 from looping_pendulum.teaching import demo
 from looping_pendulum.teaching.demo import COARSE_RATE, FINE_RATE, page_data

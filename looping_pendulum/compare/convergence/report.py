@@ -22,13 +22,13 @@ from looping_pendulum.compare.convergence.result import (
     VariantStudy,
     VariationStudy,
 )
-from looping_pendulum.engines.trajectory import supplies_as_rows
 from looping_pendulum.errors import EngineError
 from looping_pendulum.files import file_stem, optional_output
 from looping_pendulum.pages.drawing import legend_below, make_figure, png, without_mathtext
 from looping_pendulum.pages.markdown import table
 from looping_pendulum.pages.numbers import DISPLAY_UNITS, GAP, fixed, number, quantity, signed
 from looping_pendulum.pages.palette import COLOURS, GREY
+from looping_pendulum.runs.trajectory import supplies_as_rows
 from looping_pendulum.scenarios.units import pretty
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from looping_pendulum.compare.json_text import JsonResult, StoredParameters
-from looping_pendulum.engines.trajectory import Provenance, variant_label
+from looping_pendulum.runs.trajectory import Provenance, variant_label
 
 FILE = "convergence.json"
 

@@ -51,12 +51,12 @@ from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import label
 from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder
-from looping_pendulum.engines.trajectory import Provenance
 from looping_pendulum.errors import EngineError
 from looping_pendulum.files import write_atomically
 from looping_pendulum.pages.numbers import DISPLAY_UNITS, number
 from looping_pendulum.processes import ReportShare
 from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.runs.trajectory import Provenance
 from looping_pendulum.scenarios.scenario import Scenario
 
 START_CHANGES = (

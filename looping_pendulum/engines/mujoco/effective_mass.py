@@ -39,11 +39,11 @@ from looping_pendulum.engines.protocol import (
 )
 from looping_pendulum.engines.shipped import shipped_abilities
 from looping_pendulum.engines.studies import Studies, default_row, studies_from_rows
-from looping_pendulum.engines.trajectory import Supplier, Supply
 from looping_pendulum.reference_ode import effects
 from looping_pendulum.reference_ode.effects import EffectKind, Kinematics
 from looping_pendulum.reference_ode.geometry import light_position, next_string_coordinates
 from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.runs.trajectory import Supplier, Supply
 from looping_pendulum.scenarios.scenario import Scenario
 
 LOCK_ROW = 0
