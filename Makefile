@@ -39,7 +39,7 @@ COVERED = tests/scenarios tests/reference_ode/core/test_bits.py \
 		sensitivity.py solution.py solve.py) \
 	$(addprefix tests/compare/test_,baseline.py landmarks.py metrics.py metrics_by_hand.py report_cells.py \
 		result.py signs_and_units.py stories.py tables.py) \
-	$(addprefix tests/engines/test_,string_motion.py) \
+	tests/runs/test_detector.py \
 	$(addprefix tests/discrepancy/test_,held_out.py likelihood.py) \
 	$(addprefix tests/measured/test_,measurement.py study.py) \
 	$(addprefix tests/measured/tables/test_,readers.py readers_generated.py trial_files.py)

@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from looping_pendulum.compare import write as write
     from looping_pendulum.compare.harness import compare_engines as compare_engines
     from looping_pendulum.discrepancy.identify import identify as identify
-    from looping_pendulum.engines.landmarks import run_landmarks as landmarks  # noqa: F401
     from looping_pendulum.engines.registry import engine as engine
     from looping_pendulum.measured.film_points import track as track
     from looping_pendulum.measured.study_io import load as load_study  # noqa: F401
     from looping_pendulum.reference_ode.batch import solve_batch as solve_batch
     from looping_pendulum.reference_ode.solve import solve as solve
     from looping_pendulum.reference_ode.solve import solve_at as solve_at
+    from looping_pendulum.runs.events import run_landmarks as landmarks  # noqa: F401
     from looping_pendulum.scenarios.loader import load as load
     from looping_pendulum.teaching.demo import write as write_demo  # noqa: F401
 
@@ -33,7 +33,7 @@ _FROM = {
     "solve_at": "reference_ode.solve:solve_at",
     "solve_batch": "reference_ode.batch:solve_batch",
     "engine": "engines.registry:engine",
-    "landmarks": "engines.landmarks:run_landmarks",
+    "landmarks": "runs.events:run_landmarks",
     "compare_engines": "compare.harness:compare_engines",
     "write": "compare:write",
     "write_demo": "teaching.demo:write",

@@ -23,7 +23,6 @@ import numpy as np
 
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.result import Identification
-from looping_pendulum.engines.landmarks import run_landmarks
 from looping_pendulum.engines.protocol import MemoryRecorder, Profile, SteppedEngine
 from looping_pendulum.engines.pybullet.world import RodShape
 from looping_pendulum.engines.registry import select
@@ -33,6 +32,7 @@ from looping_pendulum.measured.study_io import load as load_study
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import solve, solve_at
+from looping_pendulum.runs.events import run_landmarks
 from looping_pendulum.runs.trajectory import Trajectory
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.scenario import Scenario

@@ -10,9 +10,8 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from looping_pendulum.compare import metrics as measure
-from looping_pendulum.compare.align import SAME_TIME, Aligned, Reference, align
+from looping_pendulum.compare.align import Aligned, Reference, SampledReference, align, reference_landmarks, why_not_comparable
 from looping_pendulum.compare.json_text import plain
-from looping_pendulum.compare.landmarks import SampledReference, event_value, reference_landmarks, why_not_comparable
 from looping_pendulum.compare.result import (
     Clock,
     ComparisonResult,
@@ -27,11 +26,12 @@ from looping_pendulum.compare.result import (
 )
 from looping_pendulum.compare.stories import missing_physics, story
 from looping_pendulum.compare.trial import MeasuredTrial, compare_trial
-from looping_pendulum.engines.landmarks import Landmarks, run_landmarks
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
 from looping_pendulum.measured.tables.events import MeasuredEventRow, MeasuredEventTable
 from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.runs.events import Landmarks, event_value, run_landmarks
 from looping_pendulum.runs.trajectory import (
+    SAME_TIME,
+    SAMPLE_INTERVAL,
     RunStatus,
     Trajectory,
     finite_length,

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.compare.align import Aligned
-from looping_pendulum.compare.landmarks import quantity_label
 from looping_pendulum.compare.metrics import DEPARTURE_THRESHOLDS
 from looping_pendulum.compare.report import PAPER_COLUMN
 from looping_pendulum.compare.result import ComparisonResult, MeasuredRow, ResultSamples
@@ -34,6 +33,7 @@ from looping_pendulum.pages.chart import (
     with_room,
 )
 from looping_pendulum.pages.palette import Style, styles
+from looping_pendulum.runs.events import quantity_label
 from looping_pendulum.runs.trajectory import Trajectory
 
 PRINTED_HALF_DIGIT = 0.005

@@ -11,11 +11,11 @@ import numpy as np
 from looping_pendulum.compare.align import Aligned, Reference, sample_reference
 from looping_pendulum.compare.result import Departure, Tube
 from looping_pendulum.compare.stories import events_to_show, mode_description
-from looping_pendulum.engines.landmarks import Landmarks
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.effects import GRAVITY, EffectKind
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.runs.events import Landmarks
 from looping_pendulum.runs.trajectory import TrajectoryEvent, finite_length
 from looping_pendulum.scenarios.metrics import METRICS, RMS_END_TIMES
 

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from looping_pendulum.compare import baseline
-from looping_pendulum.compare.landmarks import quantity_label
 from looping_pendulum.compare.result import (
     ComparisonResult,
     EngineResult,
@@ -17,13 +16,13 @@ from looping_pendulum.compare.result import (
 )
 from looping_pendulum.compare.stories import events_to_show
 from looping_pendulum.compare.trial import RESIDUAL_UNITS, RunResidual, TrackComparison
-from looping_pendulum.engines.string_motion import FIRST_REST_RESOLUTION, RESOLUTION
 from looping_pendulum.pages import report as pages
 from looping_pendulum.pages.chart import Chart
 from looping_pendulum.pages.figures import MAX_LINE_POINTS, on_page
 from looping_pendulum.pages.markdown import plain, table
 from looping_pendulum.pages.numbers import GAP, fixed, number, quantity, signed
 from looping_pendulum.pages.report import glossary
+from looping_pendulum.runs.events import FIRST_REST_RESOLUTION, RESOLUTION, quantity_label
 from looping_pendulum.runs.trajectory import Supplier, supplies_as_rows
 from looping_pendulum.scenarios.metrics import METRICS, RMS_END_TIMES, metric_called
 

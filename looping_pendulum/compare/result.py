@@ -18,7 +18,7 @@ from pydantic import InstanceOf
 from looping_pendulum.compare.align import Aligned
 from looping_pendulum.compare.json_text import JsonResult, StoredParameters, plain
 from looping_pendulum.compare.trial import TrialComparison
-from looping_pendulum.engines.landmarks import Landmarks
+from looping_pendulum.runs.events import Landmarks
 from looping_pendulum.runs.trajectory import Provenance, RunStatus, Trajectory, variant_label
 from looping_pendulum.scenarios.scenario import Inference
 

@@ -7,15 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from looping_pendulum.compare.align import SAME_TIME
 from looping_pendulum.compare.result import Departure
-from looping_pendulum.engines.landmarks import Landmarks
 from looping_pendulum.engines.protocol import STATIC_FRICTION, physics_of
-from looping_pendulum.engines.string_motion import RESOLUTION
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.transitions import Mode
-from looping_pendulum.runs.trajectory import UNKNOWN_MODE, RunStatus, Supplier, Supplies, Trajectory
+from looping_pendulum.runs.events import RESOLUTION, Landmarks
+from looping_pendulum.runs.trajectory import SAME_TIME, UNKNOWN_MODE, RunStatus, Supplier, Supplies, Trajectory
 
 EVENT_DESCRIPTIONS = {
     "release": "the release",

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.compare.align import SAME_TIME, align
+from looping_pendulum.compare.align import align
 from looping_pendulum.compare.result import ComparisonResult, ResultSamples
 from looping_pendulum.compare.run_cache import run_key
 from looping_pendulum.compare.trial import TrialComparison, residual
@@ -21,6 +21,7 @@ from looping_pendulum.files import file_stems
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.runs.trajectory import (
+    SAME_TIME,
     UNKNOWN_MODE,
     RunStatus,
     Trajectory,

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.compare.align import SAME_TIME
 from looping_pendulum.compare.trial import MeasuredTrack, MeasuredTrial
 from looping_pendulum.errors import ScenarioError
 from looping_pendulum.measured import study_io
@@ -22,6 +21,7 @@ from looping_pendulum.measured.observations import Channel, DataError, Observati
 from looping_pendulum.measured.study import Trial, read_files
 from looping_pendulum.measured.tables.events import MeasuredEventRow
 from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.runs.trajectory import SAME_TIME
 from looping_pendulum.scenarios.document import Document, one_line, quote
 from looping_pendulum.scenarios.fields import suggest
 

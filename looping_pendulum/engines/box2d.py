@@ -11,11 +11,12 @@ from typing import Any
 
 from looping_pendulum.engines.bead_rig import BeadEngine, BeadRigSettings
 from looping_pendulum.engines.chain import CORNER_CHOICES, NO_STOP, ONE_COEFFICIENT, STRAIGHT_STRING, bead_abilities, bend_rungs
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine, Profile
+from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.studies import Studies, studies_from_rows
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import Vector
 from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL
 
 
 @dataclass(frozen=True, kw_only=True)

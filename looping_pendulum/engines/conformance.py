@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from looping_pendulum.engines.isolation import TIME_LIMIT, run_isolated
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, STATIC_FRICTION, Engine
+from looping_pendulum.engines.protocol import STATIC_FRICTION, Engine
 from looping_pendulum.engines.studies import Ladder, Studies
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode import closed_forms
@@ -31,7 +31,7 @@ from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import solve_at
-from looping_pendulum.runs.trajectory import RunStatus, Trajectory
+from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL, RunStatus, Trajectory
 from looping_pendulum.scenarios.scenario import Scenario
 
 Check = Callable[[Engine], None]

@@ -17,11 +17,12 @@ import numpy as np
 
 from looping_pendulum.engines.bead_rig import HEAVY, LIGHT, PolygonCorrection, RebuiltBeadRig, Row
 from looping_pendulum.engines.chain import NO_STOP, STRAIGHT_STRING, BeadChainSettings, Point, bead_abilities, bend_rungs
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine, Profile, TunedEngine
+from looping_pendulum.engines.protocol import Engine, Profile, TunedEngine
 from looping_pendulum.engines.studies import Studies, studies_from_rows
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL
 
 BODY_ORIGIN = np.zeros(3)
 """Point of a body at which its links are attached, in the body's frame [m]."""

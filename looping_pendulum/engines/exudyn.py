@@ -21,7 +21,7 @@ from looping_pendulum.engines.chain import (
     point_on_string,
     polygon_friction,
 )
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine, Profile, TunedEngine, steps_per_sample
+from looping_pendulum.engines.protocol import Engine, Profile, TunedEngine, steps_per_sample
 from looping_pendulum.engines.shipped import shipped_abilities
 from looping_pendulum.engines.studies import Studies, default_row, studies_from_rows
 from looping_pendulum.errors import EngineError
@@ -29,6 +29,7 @@ from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import CartesianForce, MassesAtRelease, Vector, cartesian_force, masses_at_release
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL
 from looping_pendulum.scenarios.scenario import Scenario
 
 

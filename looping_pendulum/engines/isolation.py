@@ -21,13 +21,13 @@ from pathlib import Path
 
 import numpy as np
 
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine, declared
+from looping_pendulum.engines.protocol import Engine, declared
 from looping_pendulum.engines.registry import how_to_get, missing_packages
 from looping_pendulum.engines.worker import JOB, OUTPUT, RESULT, ROW_BYTES, SAMPLES, identity, read_rows
 from looping_pendulum.errors import EngineError, one_line
 from looping_pendulum.pages.numbers import number
 from looping_pendulum.processes import POLL_INTERVAL, Interpreter, core_count, ended, memory_in_use, run_many, start_python
-from looping_pendulum.runs.trajectory import COLUMNS, RunStatus, Trajectory, from_samples
+from looping_pendulum.runs.trajectory import COLUMNS, SAMPLE_INTERVAL, RunStatus, Trajectory, from_samples
 from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.scenarios.units import UnitError, to_si

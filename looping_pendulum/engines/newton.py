@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.engines.chain import NO_STOP, ONE_COEFFICIENT, point_on_string
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine, Profile, StepGroups, TunedEngine
+from looping_pendulum.engines.protocol import Engine, Profile, StepGroups, TunedEngine
 from looping_pendulum.engines.shipped import shipped_abilities
 from looping_pendulum.engines.studies import Studies, default_row, studies_from_rows
 from looping_pendulum.errors import EngineError
@@ -20,6 +20,7 @@ from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import Vector, cartesian_force, masses_at_release
 from looping_pendulum.reference_ode.geometry import Array, string_coordinates
 from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL
 from looping_pendulum.versions import installed_version
 
 

@@ -22,6 +22,7 @@ from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.runs.trajectory import (
     COLUMNS,
+    SAMPLE_INTERVAL,
     Provenance,
     RunStatus,
     Supplier,
@@ -33,9 +34,6 @@ from looping_pendulum.runs.trajectory import (
 )
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.versions import installed_version
-
-SAMPLE_INTERVAL = 1e-3
-"""Time between samples [s]; every engine's step divides it, so that no trajectory is ever resampled."""
 
 MAX_STRETCH_FRACTION = 0.05
 """Stretch of the string, as a fraction of its rest length, that ends a run: beyond it the rig no longer is the apparatus."""

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Abilities, Engine, MemoryRecorder, Profile, Recorder
+from looping_pendulum.engines.protocol import Abilities, Engine, MemoryRecorder, Profile, Recorder
 from looping_pendulum.engines.studies import Ladder, Studies
 from looping_pendulum.reference_ode.effects import EffectKind
 from looping_pendulum.reference_ode.geometry import Array
@@ -17,6 +17,7 @@ from looping_pendulum.reference_ode.solution import Run, Samples
 from looping_pendulum.reference_ode.solve import DURATION, solve, solve_at
 from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, Event, Mode
 from looping_pendulum.runs.trajectory import (
+    SAMPLE_INTERVAL,
     Provenance,
     RunStatus,
     Supplier,

@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine
+from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.runs.trajectory import (
+    SAMPLE_INTERVAL,
     UNKNOWN_MODE,
     Provenance,
     RunStatus,

@@ -25,6 +25,12 @@ COLUMNS = (
 An engine that does not know the last one leaves it out.
 """
 
+SAMPLE_INTERVAL = 1e-3
+"""Time between samples [s]; every engine's step divides it, so that no trajectory is ever resampled."""
+
+SAME_TIME = 1e-9
+"""Largest difference of two times that count as equal [s]: sample times are multiples of a millisecond, but for rounding."""
+
 OPTIONAL_COLUMNS = 1
 """How many of the last `COLUMNS` a sample may leave out."""
 

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from looping_pendulum import __version__
 from looping_pendulum.engines.isolation import run_isolated
-from looping_pendulum.engines.landmarks import Landmarks, run_landmarks
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import STATUS_OF_END
 from looping_pendulum.engines.registry import select
@@ -22,6 +21,7 @@ from looping_pendulum.reference_ode.batch import COLUMNS, ENDS, FAILED, RunColum
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.transitions import Event
+from looping_pendulum.runs.events import Landmarks, run_landmarks
 from looping_pendulum.runs.trajectory import RunStatus, Trajectory
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.sweep.plan import REFERENCE, MapPlan, Region

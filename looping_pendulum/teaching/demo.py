@@ -18,7 +18,6 @@ from looping_pendulum.compare.report import name
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, ResultSamples
 from looping_pendulum.compare.stories import EVENT_DESCRIPTIONS, PHYSICS_DESCRIPTIONS, events_to_show
 from looping_pendulum.compare.trial import RESIDUAL_UNITS, distance
-from looping_pendulum.engines.landmarks import RELEASES_WITHOUT_STOPS, Landmarks
 from looping_pendulum.engines.protocol import physics_of
 from looping_pendulum.files import write_atomically
 from looping_pendulum.live.write import render as render_live
@@ -28,6 +27,7 @@ from looping_pendulum.pages.report import glossary
 from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.transitions import Mode
+from looping_pendulum.runs.events import RELEASES_WITHOUT_STOPS, Landmarks
 from looping_pendulum.runs.tension import AVERAGING_TIME, tension_from_motion
 from looping_pendulum.runs.trajectory import UNKNOWN_MODE, Supplier, Supplies, Trajectory
 from looping_pendulum.scenarios.metrics import RMS_END_TIMES

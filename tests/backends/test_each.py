@@ -13,9 +13,9 @@ PROJECT = Path(__file__).parents[2]
 CHECKED = (
     "tests/backends/test_decisions.py",
     "tests/reference_ode/core/test_bits.py::test_a_run_has_the_bits_that_it_has_everywhere",
-    "tests/engines/test_tension.py::test_over_half_a_turn_it_is_exact",
-    "tests/engines/test_tension.py::test_a_string_that_does_not_slide_is_no_measurement",
-    "tests/engines/test_tension.py::test_what_rounding_or_creep_moves_a_stuck_string_is_no_slide",
+    "tests/runs/test_tension.py::test_over_half_a_turn_it_is_exact",
+    "tests/runs/test_tension.py::test_a_string_that_does_not_slide_is_no_measurement",
+    "tests/runs/test_tension.py::test_what_rounding_or_creep_moves_a_stuck_string_is_no_slide",
 )
 
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Abilities, Profile
+from looping_pendulum.engines.protocol import Abilities, Profile
 from looping_pendulum.engines.reference import SUPPLIES
 from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import solve_at
-from looping_pendulum.runs.trajectory import Provenance, RunStatus, from_samples
+from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL, Provenance, RunStatus, from_samples
 
 STEPS = (8e-4, 4e-4, 2e-4, 1e-4)
 """[s]"""

@@ -4,8 +4,7 @@ import dataclasses
 
 from looping_pendulum.compare.report import events_table
 from looping_pendulum.compare.result import Departure, MeasuredRow, ToleranceOutcome, ToleranceResult
-from looping_pendulum.engines.landmarks import HaltingTimeAt, Landmarks, Rebound, Stop
-from looping_pendulum.engines.string_motion import RESOLUTIONS
+from looping_pendulum.runs.events import RESOLUTIONS, HaltingTimeAt, Landmarks, Rebound, Stop
 
 OWN = Landmarks(
     halting_time=0.41234567,

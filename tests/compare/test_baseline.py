@@ -23,8 +23,8 @@ from looping_pendulum.compare.baseline import (
 from looping_pendulum.compare.json_text import dump, load, plain
 from looping_pendulum.compare.report import comparison_markdown
 from looping_pendulum.compare.result import ComparisonResult
-from looping_pendulum.engines.landmarks import Extremum, Landmarks, Stop
 from looping_pendulum.errors import ResultError
+from looping_pendulum.runs.events import Extremum, Landmarks, Stop
 from looping_pendulum.runs.trajectory import Provenance, RunStatus
 
 RUN = "pymunk:chain, quick"

@@ -6,12 +6,19 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.compare.landmarks import SampledReference, reference_event_times, reference_landmarks
-from looping_pendulum.engines.landmarks import Landmarks, arrival_time, extrema, run_landmarks
+from looping_pendulum.compare.align import SampledReference, reference_landmarks
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Reference, ReferenceEngine
-from looping_pendulum.engines.string_motion import RESOLUTIONS, slip_distance
 from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.runs.events import (
+    RESOLUTIONS,
+    Landmarks,
+    arrival_time,
+    exact_landmarks,
+    extrema,
+    run_landmarks,
+    slip_distance,
+)
 from looping_pendulum.runs.trajectory import RunStatus, TrajectoryEvent, finite_length, first_samples
 from looping_pendulum.scenarios import load
 from tests.compare.conftest import HALT, PARAMETERS, drop
@@ -165,19 +172,32 @@ def events(*pairs):
     return tuple(TrajectoryEvent(name=name, time=time) for name, time in pairs)
 
 
+def of_events(named):
+    """Return the landmarks of a run that stands 0.1 m lower, turned by 2 rad and 0.3 m long, a second later."""
+
+    def state_at(t):
+        return tuple(np.multiply(t, per_second) for per_second in (0.1, 2.0, 0.3))
+
+    return exact_landmarks(named, state_at, x1_extrema=(), y1_extrema=())
+
+
 def test_the_references_moments_are_its_events():
-    event_times = reference_event_times(
+    found = of_events(
         events(
             ("stick", 0.0), ("stop", 0.2), ("stop", 0.4), ("stick", 0.4), ("slip_onset", 0.5), ("slip_onset", 0.7),
             ("slack", 0.8),
             ("stick", 0.9), ("halt", 0.9), ("light_reaches_rod", 1.3), ("light_reaches_rod", 1.4),
         )
     )  # fmt: skip
-    assert event_times.stops == (0.2, 0.4, 0.9)
-    assert event_times.slip_onsets == (0.5, 0.7)
-    assert (event_times.halting_time, event_times.light_reaches_rod) == (0.9, 1.3)
-    nothing = reference_event_times(())
-    assert (nothing.stops, nothing.slip_onsets, nothing.halting_time, nothing.light_reaches_rod) == ((), (), None, None)
+    assert [(stop.time, stop.height_change) for stop in found.stops] == [
+        (t, pytest.approx(-0.1 * t, rel=1e-12)) for t in (0.2, 0.4, 0.9)
+    ]
+    assert found.slip_onsets == (0.5, 0.7)
+    assert (found.halting_time, found.light_reaches_rod) == (0.9, 1.3)
+    at_halt = (found.drop_at_halt, found.wrap_angle_at_halt, found.free_length_at_halt)
+    assert at_halt == pytest.approx((0.09, 1.8, 0.27), rel=1e-12)
+    nothing = of_events(())
+    assert nothing == Landmarks()
 
 
 def test_each_stop_of_the_reference_has_its_own_height(reference, times):

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare import compare
-from looping_pendulum.compare.landmarks import SampledReference
+from looping_pendulum.compare.align import SampledReference
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Reference, ReferenceEngine
 from looping_pendulum.engines.registry import missing_packages, select
-from looping_pendulum.engines.string_motion import MIN_REST, RESOLUTION, REST_TIME, halting_time, slip_distance
 from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.runs.events import MIN_REST, RESOLUTION, REST_TIME, halting_time, slip_distance
 from looping_pendulum.runs.trajectory import RunStatus, finite_length
 from looping_pendulum.scenarios.scenario import Scenario
 

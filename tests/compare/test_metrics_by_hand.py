@@ -22,8 +22,8 @@ from looping_pendulum.compare.metrics import (
     rms_until,
 )
 from looping_pendulum.compare.result import Departure
-from looping_pendulum.engines.landmarks import Landmarks, Rebound, run_landmarks
 from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.runs.events import Landmarks, Rebound, run_landmarks
 from looping_pendulum.runs.trajectory import TrajectoryEvent
 from looping_pendulum.scenarios.metrics import METRICS
 from tests.compare.conftest import PARAMETERS

@@ -15,10 +15,9 @@ from looping_pendulum.compare.report import halting_section as render_halts
 from looping_pendulum.compare.report import measured_events_table as render_paper
 from looping_pendulum.compare.result import ToleranceOutcome, WallTime
 from looping_pendulum.compare.trajectories import trajectory_csv, trajectory_files
-from looping_pendulum.engines.landmarks import Extremum, HaltingTimeAt, Landmarks
-from looping_pendulum.engines.string_motion import RESOLUTIONS
 from looping_pendulum.pages.markdown import table as markdown
 from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.runs.events import RESOLUTIONS, Extremum, HaltingTimeAt, Landmarks
 from looping_pendulum.runs.trajectory import RunStatus, Supplier, Supplies, Supply
 from looping_pendulum.scenarios.scenario import Inference
 from tests.compare.golden import golden

@@ -14,8 +14,8 @@ from looping_pendulum.compare.metrics import DEPARTURE_THRESHOLDS, departures, g
 from looping_pendulum.compare.report import comparison_markdown, value_and_limit, verdict_rows
 from looping_pendulum.compare.result import ToleranceOutcome
 from looping_pendulum.compare.trajectories import trajectory_csv
-from looping_pendulum.engines.landmarks import run_landmarks
 from looping_pendulum.reference_ode.transitions import Mode
+from looping_pendulum.runs.events import run_landmarks
 from looping_pendulum.runs.trajectory import RunStatus
 from looping_pendulum.scenarios.metrics import METRICS
 

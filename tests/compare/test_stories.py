@@ -5,15 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from looping_pendulum.compare.align import SAME_TIME
-from looping_pendulum.compare.landmarks import why_not_comparable
+from looping_pendulum.compare.align import why_not_comparable
 from looping_pendulum.compare.result import Departure
 from looping_pendulum.compare.stories import EVENT_DESCRIPTIONS, events_to_show, missing_physics, mode_description, story
-from looping_pendulum.engines.landmarks import Landmarks, Rebound, Stop
-from looping_pendulum.engines.string_motion import MIN_REST
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.transitions import Mode
-from looping_pendulum.runs.trajectory import UNKNOWN_MODE, RunStatus, Supplier, Supplies, Supply
+from looping_pendulum.runs.events import MIN_REST, Landmarks, Rebound, Stop
+from looping_pendulum.runs.trajectory import SAME_TIME, UNKNOWN_MODE, RunStatus, Supplier, Supplies, Supply
 
 
 def supplied(winding="engine", friction="engine", stick="engine", drag="engine"):

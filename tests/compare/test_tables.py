@@ -6,10 +6,9 @@ from types import SimpleNamespace
 import pytest
 
 from looping_pendulum.compare import compare
-from looping_pendulum.compare.landmarks import EVENT_QUANTITIES, event_value, quantity_label
 from looping_pendulum.compare.report import measured_events_table
-from looping_pendulum.engines.landmarks import Extremum, Landmarks, Stop
 from looping_pendulum.measured.tables.events import MeasuredEventRow
+from looping_pendulum.runs.events import EVENT_QUANTITIES, Extremum, Landmarks, Stop, event_value, quantity_label
 
 LANDMARKS = Landmarks(
     stops=(Stop(time=0.4, height_change=-0.3), Stop(time=0.7, height_change=-0.2), Stop(time=0.9, height_change=-0.25)),

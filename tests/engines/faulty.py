@@ -10,11 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Abilities, Profile, SteppedEngine
+from looping_pendulum.engines.protocol import Abilities, Profile, SteppedEngine
 from looping_pendulum.engines.reference import SUPPLIES
 from looping_pendulum.errors import EngineError
 from looping_pendulum.processes import memory_in_use
 from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL
 
 FAULT_AT = 0.02
 """Simulated time of the fault [s]."""

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Profile
+from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.pybullet.chain import (
     HALT_DELAY,
     MAX_WAVE_FRACTION,
@@ -25,6 +25,7 @@ from looping_pendulum.engines.pybullet.chain import (
 )
 from looping_pendulum.engines.pybullet.world import ChainState, SteppedRig
 from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL
 from looping_pendulum.scenarios.scenario import Scenario
 from tests.apparatus import TEN_TO_ONE
 

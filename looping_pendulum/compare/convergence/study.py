@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.compare.align import align
+from looping_pendulum.compare.align import SampledReference, align
 from looping_pendulum.compare.convergence.ladder import (
     RefinementChange,
     SequenceFinding,
@@ -41,13 +41,11 @@ from looping_pendulum.compare.convergence.result import (
     VariantStudy,
     VariationStudy,
 )
-from looping_pendulum.compare.landmarks import SampledReference
 from looping_pendulum.compare.metrics import END_TIME_TOLERANCE, largest_stretch, rms_until
 from looping_pendulum.compare.result import stored_provenance
 from looping_pendulum.compare.run_cache import EndedRun, RunCache, Runner, RunTask, run_key
 from looping_pendulum.engines.isolation import MEMORY_LIMIT, TIME_LIMIT
-from looping_pendulum.engines.landmarks import run_landmarks
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine
+from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import label
 from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder
@@ -56,7 +54,8 @@ from looping_pendulum.files import write_atomically
 from looping_pendulum.pages.numbers import DISPLAY_UNITS, number
 from looping_pendulum.processes import ReportShare
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.runs.trajectory import Provenance
+from looping_pendulum.runs.events import run_landmarks
+from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL, Provenance
 from looping_pendulum.scenarios.scenario import Scenario
 
 START_CHANGES = (

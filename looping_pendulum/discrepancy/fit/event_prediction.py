@@ -17,10 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.compare.landmarks import EVENT_QUANTITIES, EventQuantity, event_value, reference_event_times
-from looping_pendulum.engines.landmarks import EXTREMUM_BAND, Extremum, Landmarks, Stop
 from looping_pendulum.engines.reference import event_names
-from looping_pendulum.engines.string_motion import turning_points
 from looping_pendulum.measured.camera import Camera
 from looping_pendulum.measured.measurement import FIT_TOLERANCE, PLACING_ENTRIES, differentiate
 from looping_pendulum.measured.observations import DataError, EventObservation, Observations
@@ -30,6 +27,16 @@ from looping_pendulum.reference_ode.sensitivity import DifferentiatedRun, run_wi
 from looping_pendulum.reference_ode.solution import Samples, light_mass_position, string_overlap
 from looping_pendulum.reference_ode.solve import DURATION, solve_at
 from looping_pendulum.reference_ode.state import State, heavy_drop
+from looping_pendulum.runs.events import (
+    EVENT_QUANTITIES,
+    EXTREMUM_BAND,
+    EventQuantity,
+    Extremum,
+    Landmarks,
+    event_value,
+    exact_landmarks,
+    turning_points,
+)
 from looping_pendulum.scenarios.document import quote
 
 SAMPLE_STEP = 1e-3
@@ -111,27 +118,21 @@ def predict_events_with_derivatives(
 def landmarks(samples: Samples, camera: Camera) -> Landmarks:
     """Return the landmarks of a run by its own events [SI, true time]; extrema are those in the picture."""
     run = samples.run
-    times = reference_event_times(event_names(run))
     # The times below are those of the events themselves, equal in every bit, so that they can be keys
     states = {event.time: event.state for event in run.events}
-    halt = run.halt
+
+    def state_at(times: Sequence[float]) -> tuple[Array, Array, Array]:
+        then = [states[time] for time in times]
+        values = [(run.heavy_drop(state), state.wrap_angle, state.free_length) for state in then]
+        drop, wrap_angle, free_length = np.array(values, dtype=float).reshape(-1, 3).T
+        return drop, wrap_angle, free_length
+
     # Scale and origin do not change when the extrema are
     unscaled = replace(camera, scale=1.0, origin_x=0.0, origin_y=0.0)
     position = unscaled.project(samples.light_position)
     velocity = unscaled.project_displacement(samples.light_position, samples.light_velocity)
     x1, y1 = (_extrema_of_coordinate(samples.t, position[:, i], velocity[:, i]) for i in (0, 1))
-    return Landmarks(
-        stops=tuple(Stop(time=t, height_change=-float(run.heavy_drop(states[t]))) for t in times.stops),
-        slip_onsets=times.slip_onsets,
-        halting_time=times.halting_time,
-        halting_confirmed=halt is not None,
-        drop_at_halt=None if halt is None else float(run.heavy_drop(halt.state)),
-        wrap_angle_at_halt=None if halt is None else float(halt.state.wrap_angle),
-        free_length_at_halt=None if halt is None else float(halt.state.free_length),
-        light_reaches_rod=times.light_reaches_rod,
-        x1_extrema=x1,
-        y1_extrema=y1,
-    )
+    return exact_landmarks(event_names(run), state_at, x1_extrema=x1, y1_extrema=y1)
 
 
 def measured_values(found: Landmarks, camera: Camera, rows: Sequence[EventObservation]) -> Array:

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.compare.landmarks import quantity_label
 from looping_pendulum.discrepancy.formulas import Unlisted
 from looping_pendulum.discrepancy.look.check import DeclarationCheck
 from looping_pendulum.discrepancy.look.mistakes import Distance
@@ -37,6 +36,7 @@ from looping_pendulum.pages.chart import (
 )
 from looping_pendulum.pages.palette import COLOURS, GREY
 from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.runs.events import quantity_label
 
 MODEL_COLOURS = {"before": COLOURS[1], "after": COLOURS[0]}
 """Key of a model in `PredictedTrial` -> its colour."""

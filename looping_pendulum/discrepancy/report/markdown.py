@@ -13,7 +13,6 @@ from typing import Any
 
 from jinja2 import DictLoader, Environment, StrictUndefined
 
-from looping_pendulum.compare.landmarks import quantity_label
 from looping_pendulum.discrepancy.candidates import in_words
 from looping_pendulum.discrepancy.fit.event_prediction import MISSED_EVENT_ERRORS
 from looping_pendulum.discrepancy.next_experiment import MIN_SEPARATION
@@ -23,6 +22,7 @@ from looping_pendulum.discrepancy.verdict import BODY_IN_WORDS, UNIT_OF_BODY, li
 from looping_pendulum.measured.observations import EventObservation
 from looping_pendulum.pages.numbers import DISPLAY_UNITS, GAP, number, quantity, signed, uncertain, unit_in_words
 from looping_pendulum.reference_ode.effects.types import EffectKind
+from looping_pendulum.runs.events import quantity_label
 
 HEADLINES = {
     Verdict.NO_MISSING_EFFECT: "Nothing is missing that these data could show",

@@ -7,12 +7,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from looping_pendulum.compare.landmarks import quantity_label
 from looping_pendulum.discrepancy.candidates import UNITS_OF_APPARATUS, in_words
 from looping_pendulum.discrepancy.formulas import Unlisted
 from looping_pendulum.discrepancy.result import FittedEffect, Identification, Verdict
 from looping_pendulum.measured.observations import UNITS
 from looping_pendulum.pages.numbers import amount, number, quantity, uncertain, unit_in_words
+from looping_pendulum.runs.events import quantity_label
 
 EXAMPLES = 3
 """Effects that are named as examples of what could hide."""

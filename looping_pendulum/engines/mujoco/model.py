@@ -7,13 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, steps_per_sample
+from looping_pendulum.engines.protocol import steps_per_sample
 from looping_pendulum.engines.studies import DefaultRow, LadderRow, default_row
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import cartesian_force, masses_at_release
 from looping_pendulum.reference_ode.effects import Kinematics
 from looping_pendulum.reference_ode.geometry import light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL
 
 DEFAULT_TIME_CONSTANT = 0.02
 """Default time constant of MuJoCo's constraints [s]: the first number of `solref` and `solreffriction`."""

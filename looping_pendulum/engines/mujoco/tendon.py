@@ -35,13 +35,7 @@ from looping_pendulum.engines.mujoco.model import (
     string_defaults,
     time_constant_default,
 )
-from looping_pendulum.engines.protocol import (
-    FORCES_AND_RELEASE,
-    SAMPLE_INTERVAL,
-    Abilities,
-    Profile,
-    TunedEngine,
-)
+from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities, Profile, TunedEngine
 from looping_pendulum.engines.shipped import shipped_abilities
 from looping_pendulum.engines.studies import AdapterChoice, Studies, studies_from_rows
 from looping_pendulum.pages.numbers import quantity
@@ -50,7 +44,7 @@ from looping_pendulum.reference_ode.effects import EffectKind, Kinematics
 from looping_pendulum.reference_ode.geometry import next_string_coordinates
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import DURATION, solve
-from looping_pendulum.runs.trajectory import Supplier, Supply
+from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL, Supplier, Supply
 from looping_pendulum.scenarios.scenario import Scenario
 
 SAMPLES = 2000

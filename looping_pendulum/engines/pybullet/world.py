@@ -15,13 +15,14 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.engines.chain import SlipGauge, polygon_friction
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Rig, TunedEngine, steps_per_sample
+from looping_pendulum.engines.protocol import Rig, TunedEngine, steps_per_sample
 from looping_pendulum.engines.studies import ChoiceRow, DefaultRow, LadderRow, default_row
 from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import cartesian_force, masses_at_release
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL
 from looping_pendulum.scenarios.scenario import Scenario
 
 NO_SPEED_LIMIT = 1e9

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from looping_pendulum.compare.landmarks import EVENT_QUANTITIES, event_value, reference_landmarks
+from looping_pendulum.compare.align import reference_landmarks
 from looping_pendulum.discrepancy.fit import event_prediction as prediction
 from looping_pendulum.discrepancy.fit.calibration import calibrate
 from looping_pendulum.discrepancy.fit.problem import Problem
@@ -22,6 +22,7 @@ from looping_pendulum.measured.observations import DataError, EventObservation
 from looping_pendulum.measured.study_io import load
 from looping_pendulum.measured.tables.events import find_data
 from looping_pendulum.reference_ode.solve import solve
+from looping_pendulum.runs.events import EVENT_QUANTITIES, event_value
 from looping_pendulum.scenarios import loader
 from tests.blind.cases import CASES, CLEAN
 from tests.discrepancy.blind_study import TWO_RATIOS, WHOLE_LIBRARY, only_candidates

@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Profile
+from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import select
 from looping_pendulum.engines.static_capstan import chain_capstan_exponent, measure_capstan_exponent
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.runs.tension import AVERAGING_TIME, tension_from_motion
+from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL
 from looping_pendulum.scenarios import load
 
 HALF = 0.5 * AVERAGING_TIME + SAMPLE_INTERVAL

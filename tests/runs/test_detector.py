@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.engines.string_motion import (
+from looping_pendulum.runs.events import (
     MIN_REST,
     RESOLUTION,
     RESOLUTIONS,
