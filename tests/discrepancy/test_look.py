@@ -631,13 +631,8 @@ LARGE = [s for kind in ("single", "law") for s in draw(kind, 200 if kind == "sin
 """Blind studies whose hidden effect moves the light mass by 50 mm."""
 
 
-SMOOTH = pytest.mark.xfail(strict=True, reason="between rows that are missing, the motion is as smooth as filtered points")
-
-
 @pytest.mark.accurate
-@pytest.mark.parametrize(
-    "blind", [pytest.param(s, marks=SMOOTH if s.name == "law-0071" else ()) for s in LARGE], ids=lambda blind: blind.name
-)
+@pytest.mark.parametrize("blind", LARGE, ids=lambda blind: blind.name)
 def test_a_large_hidden_effect_is_no_mistake(tmp_path, blind):
     try:
         path = write_files(blind, tmp_path)
