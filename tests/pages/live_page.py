@@ -30,9 +30,16 @@ COUNT = """([selector, colour]) => {
 page_text = cache(render)
 
 
+SETTLED = """() => new Promise((done) => {
+  const draw = () => requestAnimationFrame(() => requestAnimationFrame(done));
+  const look = () => (live.history.travels ? requestAnimationFrame(look) : draw());
+  look();
+})"""
+
+
 def settled(page):
-    """Wait until the next frame is drawn."""
-    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    """Wait until the browser has gone where Undo sent it, and the next frame is drawn."""
+    page.evaluate(SETTLED)
 
 
 def at(page, time):

@@ -321,11 +321,11 @@ def test_another_language_keeps_all_that_was_set(page):
     page.fill("#field-mass_ratio", "7")
     page.keyboard.press("Tab")
     page.evaluate("live.player.stopAt(0.2)")
-    state, past = page.evaluate("live.state"), page.evaluate("live.history.past.length")
+    state, past = page.evaluate("live.state"), page.evaluate("live.history.place")
     page.select_option("#language", "de")
     settled(page)
     assert page.evaluate("live.state") == state
-    assert page.evaluate("live.history.past.length") == past
+    assert page.evaluate("live.history.place") == past
     assert page.evaluate("live.player.time") == 0.2
     assert page.evaluate("location.hash").endswith("&lang=de")
     page.evaluate("location.hash = location.hash.replace('lang=de', 'lang=en')")

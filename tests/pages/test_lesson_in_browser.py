@@ -142,8 +142,10 @@ def test_the_lowest_ratio_is_searched_with_the_slider(predicted):
         page.keyboard.press("Tab")
         settled(page)
         page.click("#lesson-check")
-        words = table[hint].replace("{ratio}", ratio.replace(".", table["decimalSign"]))
+        # Between them may stand what came of the run
+        words, _, advice = table[hint].replace("{ratio}", ratio.replace(".", table["decimalSign"])).partition("{result}")
         until(page, f"document.getElementById('lesson-answer').textContent.includes({words!r})")
+        assert advice in page.inner_text("#lesson-answer")
     assert_told(page, table, "lowest", said, right)
     # With another length the ratio is another one
     page.fill("#field-free_length", "70")
@@ -213,7 +215,7 @@ def test_a_made_up_trial_is_fitted(predicted):
 def test_without_a_prediction_nothing_is_set(lesson):
     page, table = lesson
     before = page.evaluate("live.state")
-    page.evaluate("live.lesson.predictions.fill('')")
+    page.evaluate("live.lesson.beginAnew([...live.lesson.works.keys()])")
     for name, key in (("atwood", "lessonNoNumber"), ("static", "lessonNoPrediction")):
         open_step(page, name)
         page.click("#lesson-change")
@@ -331,7 +333,8 @@ def test_thirty_pupils_are_drawn_as_a_distribution(visit_in):
     page.evaluate("document.getElementById('class').open = true")
     page.fill("#class-lines", "\n".join([*lines, *bad]))
     # Pupil 0 is asked once, by the last line of that name
-    assert page.inner_text("#class-message") == "Pupils: 30. Lines that are of no pupil: 2."
+    message = "Pupils: 30. Several lines, of which the last counts: Pupil 0 (2). Lines that are of no pupil: 2."
+    assert page.inner_text("#class-message") == message
     assert page.locator("#class-results circle.said").count() == 30
     assert page.locator("#class-results rect.measured").count() == 29
     bars = page.locator("#class-results figure").nth(1)
@@ -344,7 +347,7 @@ def test_thirty_pupils_are_drawn_as_a_distribution(visit_in):
 def test_a_pupils_line_is_read_as_it_was_answered(visit_in):
     page, _ = opened_lesson(visit_in, "en")
     page.evaluate("document.getElementById('class').open = true")
-    page.evaluate("live.lesson.kept.fill(''); live.lesson.found.fill(''); live.lesson.open(0)")
+    page.evaluate("live.lesson.beginAnew([...live.lesson.works.keys()]); live.lesson.show(0)")
     page.fill("#lesson-number", "4,8")
     page.fill("#lesson-measured", "4.7")
     page.fill("#class-name", "Ann; B")

@@ -379,8 +379,10 @@ def test_a_fit_sets_the_sliders_says_what_is_left_and_writes_the_study(page, exa
         assert shown[label][0] * unit == pytest.approx(fit.values[name], abs=0.2 * fit.errors[name])
         assert shown[label][1] * unit == pytest.approx(fit.errors[name], rel=0.05)  # it is rounded to two digits
     page.click("#undo")
+    settled(page)
     assert value(page, "release_angle") == 113.08
     page.click("#redo")
+    settled(page)
     page.click("#trial-fit")  # again, from what it found: what was measured has not moved with it
     until(page, "document.getElementById('fit-table').children.length > 0 && !document.getElementById('trial-fit').disabled")
     again = {label: float(x) for label, x, _ in FITTED.findall(page.inner_text("#fit-table"))}

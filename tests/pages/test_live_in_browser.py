@@ -228,10 +228,12 @@ def test_undo_and_redo_go_through_all_settings(page):
     assert len(set(states)) == 4
     for state in reversed(states[:-1]):
         page.click("#undo")
+        settled(page)
         assert page.evaluate("location.hash") == state
     for state in states[1:]:
         settled(page)
         page.click("#redo")
+        settled(page)
         assert page.evaluate("location.hash") == state
     settled(page)
     assert page.is_disabled("#redo")

@@ -80,7 +80,7 @@ def test_a_saved_page_gives_a_code_that_any_copy_takes(page, tmp_path):
     """Its address, `file:///...`, is a dead link for all others."""
     preset(page, "two_to_one")
     state = page.evaluate("live.state")
-    code = page.evaluate("live.keeping.page.address.shared")
+    code = page.evaluate("live.history.shared")
     assert code.startswith("LP1:looping;")
     assert len(code) < 120
     preset(page, "drop")
@@ -124,4 +124,4 @@ def test_the_qr_code_is_the_code(page):
       return Array.from({ length: height }, (_, y) => Array.from({ length: width }, (_, x) => data[4 * (y * width + x)]));
     }""")
     picture = np.kron(np.array(modules, dtype=np.uint8), np.ones((6, 6), dtype=np.uint8))
-    assert cv2.QRCodeDetector().detectAndDecode(picture)[0] == page.evaluate("live.keeping.page.address.shared")
+    assert cv2.QRCodeDetector().detectAndDecode(picture)[0] == page.evaluate("live.history.shared")

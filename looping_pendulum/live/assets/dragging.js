@@ -17,12 +17,8 @@ const REACH = 44;
 export function listenToStage(stage, { lightMass, onTake, onMove, onLetGo }) {
   const { canvas } = stage;
   let dragged = false;
-  const place = (/** @type {PointerEvent} */ event) => {
-    const box = canvas.getBoundingClientRect();
-    return [event.clientX - box.left, event.clientY - box.top];
-  };
   const isNear = (/** @type {PointerEvent} */ event) => {
-    const [px, py] = place(event);
+    const [px, py] = stage.placeOf(event);
     const [x, y] = lightMass();
     return Math.hypot(stage.view.x(x) - px, stage.view.y(y) - py) < REACH;
   };
@@ -40,7 +36,7 @@ export function listenToStage(stage, { lightMass, onTake, onMove, onLetGo }) {
       canvas.style.cursor = isNear(event) ? "grab" : "";
       return;
     }
-    const [px, py] = place(event);
+    const [px, py] = stage.placeOf(event);
     onMove(stage.toPlane(px, py));
   });
   const end = () => {

@@ -35,7 +35,7 @@ export class FitPanel {
     /** What is said: a text, or what a fit gave. @type {(() => void) | null} */
     this.message = null;
     /** What the last fit left, and of which file; the typical distance after it [m].
-     * @type {{file: unknown, isNoise: boolean, remainder: () => string, after: number} | null} */
+     * @type {{file: unknown, isNoise: boolean, tests: FitResult["tests"], after: number} | null} */
     this.fitted = null;
     /** Typical distance before the fit [m]. */
     this.before = NaN;
@@ -129,11 +129,10 @@ export class FitPanel {
     values.mass_ratio = Number((value("heavy_mass") / value("light_mass")).toPrecision(6));
     this.onFitted(values);
     const after = this.typicalDistance();
-    const remainder = () => remainderInWords(tests);
-    this.fitted = { file: this.trial.file, isNoise: !tests.pattern && !tests.larger, remainder, after };
+    this.fitted = { file: this.trial.file, isNoise: !tests.pattern && !tests.larger, tests, after };
     this.say(() => {
       const [more, less] = [this.before, after].map(inMillimetres);
-      const parts = [text("fitDone", { before: more, after: less }), ...contradictions(), remainder()];
+      const parts = [text("fitDone", { before: more, after: less }), ...contradictions(), remainderInWords(tests)];
       if (outliers) parts.push(text("fitOutliers", { count: outliers }));
       if (!converged) parts.push(text("fitNotConverged"));
       return parts.join(" ");
@@ -183,7 +182,7 @@ function labelOf(name) {
 }
 
 /** Whether what is left is noise, and if not, what to do. @param {FitResult["tests"]} tests */
-function remainderInWords({ ratio, larger, pattern, place }) {
+export function remainderInWords({ ratio, larger, pattern, place }) {
   const excess = text("fitLarger", { percent: fixed(100 * (ratio - 1), 0) });
   const why = [...(pattern ? [text("fitPattern")] : []), ...(larger ? [excess] : [])].join(", ");
   if (!place) return text(why ? "fitNotNoise" : "fitNoise", { why, where: "" });

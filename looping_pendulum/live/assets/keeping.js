@@ -11,7 +11,7 @@ const MARGIN = 4;
 
 /**
  * @typedef {{state: import("./controls.js").State, data: {keys: Record<string, string>}, player: import("./player.js").Player,
- *   fit: import("./fit_panel.js").FitPanel, address: import("./address.js").Address,
+ *   fit: import("./fit_panel.js").FitPanel, history: import("./history.js").History,
  *   say: (id: string, words: string | (() => string)) => void}} KeptPage
  */
 
@@ -42,8 +42,8 @@ export class Keeping {
   }
 
   async copyLink() {
-    this.page.address.write();
-    const { shared } = this.page.address;
+    this.page.history.settle();
+    const { shared } = this.page.history;
     const isLink = shared.includes("#");
     const isCopied = await copyText(shared);
     const key = isLink ? (isCopied ? "copied" : "notCopied") : isCopied ? "copiedCode" : "copyCode";
@@ -58,7 +58,7 @@ export class Keeping {
 
   /** Draw the link or the code for cameras, or hide it. */
   showCode() {
-    const modules = this.code.hidden ? qrCode(this.page.address.shared) : null;
+    const modules = this.code.hidden ? qrCode(this.page.history.shared) : null;
     this.code.hidden = modules === null;
     if (!modules) return;
     this.code.width = this.code.height = modules.length + 2 * MARGIN;
@@ -72,7 +72,7 @@ export class Keeping {
   /** @param {HTMLInputElement} field with a code or a link from somebody else */
   take(field) {
     const found = field.value;
-    const isTaken = found.trim() !== "" && this.page.address.take(found);
+    const isTaken = found.trim() !== "" && this.page.history.take(found);
     this.page.say("code-fault", isTaken || !found ? "" : () => text("badCode", { found }));
     if (isTaken) field.value = "";
   }

@@ -1,6 +1,5 @@
 /** The page: settings lead to a run, the run and the time to all that is drawn. */
 
-import { Address } from "./address.js";
 import { forgetColours, whenResized } from "./canvas.js";
 import { CONTROLS, admit, linkOf, settingsOf, stateOf, withValue } from "./controls.js";
 import { listenToStage, releasedAt } from "./dragging.js";
@@ -52,7 +51,7 @@ class Page {
     const first = data.presets.find(({ name }) => name === data.start) ?? data.presets[0];
     /** Link of each scenario's settings -> the scenario, the first of several that have the same ones. */
     this.presetOfLink = new Map(data.presets.toReversed().map((preset) => [linkOf(stateOf(preset)), preset]));
-    this.history = new History(stateOf(first));
+    this.history = new History(stateOf(first), this);
     this.engines = runs && new EngineRuns(runs, first, element, {
       onTime: (time) => this.player.stopAt(time),
       onSwitch: () => this.change(),
@@ -72,7 +71,6 @@ class Page {
     const pick = (place) => this.pick(place);
     const cursor = new MapCursor(map, element("map-reading"), () => this.state, pick, () => this.wake());
     this.map = new HaltMap(map, cursor, startWorker, pick, () => this.wake());
-    this.address = new Address(this);
     this.log = new EventLog(element("event-log"));
     this.trial = new TrialPanel(element, () => this.change(), (file) => this.film.open(file));
     this.film = new FilmPanel(element, this);
@@ -95,7 +93,7 @@ class Page {
     this.frames = 0;
     this.listen();
     this.relabel();
-    this.address.read();
+    this.history.begin();
     this.change();
     if (this.engines?.belongTo(this.state)) this.play();
   }
@@ -159,6 +157,8 @@ class Page {
   }
 
   listen() {
+    window.addEventListener("error", ({ error }) => error && this.fail(() => text("pageFault")));
+    window.addEventListener("unhandledrejection", () => this.fail(() => text("pageFault")));
     for (const { name, shipped } of this.data.presets) {
       const option = new Option("", name);
       option.toggleAttribute("lang", !shipped); // the language of a reader's own title is not known
@@ -166,7 +166,7 @@ class Page {
     }
     this.select("language").addEventListener("change", () => {
       this.speech.speak(this.select("language").value);
-      this.address.write();
+      this.history.save();
     });
     this.select("preset").addEventListener("change", () => {
       const preset = this.data.presets.find(({ name }) => name === this.select("preset").value);
@@ -239,7 +239,6 @@ class Page {
   settle() {
     clearTimeout(this.settling);
     this.history.settle();
-    this.address.write();
     this.change();
   }
 
@@ -265,10 +264,8 @@ class Page {
 
   /** @param {"undo" | "redo"} where in the history */
   go(where) {
-    this.history[where]();
     this.say("fault", "");
-    this.address.write();
-    this.change();
+    this.history[where]();
   }
 
   /** The settings or what is shown of the run have changed. */
@@ -328,8 +325,8 @@ class Page {
     this.select("preset").value = preset?.name ?? "";
     element("story").toggleAttribute("lang", preset?.shipped === false);
     this.say("story", preset ? textsOf(preset).description : "");
-    this.button("undo").disabled = !this.history.past.length;
-    this.button("redo").disabled = !this.history.undone.length;
+    this.button("undo").disabled = !this.history.canUndo;
+    this.button("redo").disabled = !this.history.canRedo;
     this.say("heavy-mass", `M2 = ${shown(Number((state.values.light_mass * state.values.mass_ratio).toPrecision(4)))} g`);
     this.say("result", resultOf(this.run));
     this.say("compared", changeOf(this.run, this.ghost));
@@ -405,12 +402,18 @@ class Page {
   }
 }
 
-/** Say in place of the page that this browser cannot run it. */
-export function sayThatNothingRuns() {
+/** Show the page in place of the words that stand where no script runs. */
+export function showPage() {
+  element("no-start").remove();
+  element("page").hidden = false;
+}
+
+/** Say in one sentence, in place of the page, why it does not run. @param {import("./texts.js").TextKey} key */
+export function sayThatNothingRuns(key) {
   const speech = new Speech(element, () => speech.fill());
   element("main").replaceChildren(Object.assign(document.createElement("p"), { id: "fault", role: "alert" }));
   speech.select.addEventListener("change", () => speech.speak(speech.select.value));
-  speech.say("fault", () => text("noWebAssembly"));
+  speech.say("fault", () => text(key));
   speech.fill();
 }
 

@@ -41,6 +41,9 @@ const MOST_DECADES = 6;
 const [SIDE, LARGE_SIDE] = [170, 260];
 const NARROW_SIDE = 128;
 
+/** Where a stage is larger than this, as on a projector, all on it is drawn larger, words and lines, too [px]. */
+const [USUAL_WIDTH, USUAL_HEIGHT] = [900, 480];
+
 /** Draws scenes, and knows where on the canvas things are. */
 export class Stage {
   /** @param {HTMLCanvasElement} canvas */
@@ -50,13 +53,18 @@ export class Stage {
     this.box = null;
     /** Whether the scale stays as it is, since something is dragged. */
     this.frozen = false;
+    /** Pixels of CSS in one of the drawing. */
+    this.enlarged = 1;
     /** @type {View} */
     this.view = { x: (x) => x, y: (y) => y, scale: 1 };
   }
 
   /** @param {Scene} scene */
   draw(scene) {
-    const { c, width, height } = fitted(this.canvas);
+    const { c, width: wide, height: high } = fitted(this.canvas);
+    this.enlarged = Math.max(1, Math.min(wide / USUAL_WIDTH, high / USUAL_HEIGHT));
+    c.scale(this.enlarged, this.enlarged);
+    const [width, height] = [wide, high].map((size) => size / this.enlarged);
     const { run, ghost, time, runs } = scene;
     const side = Math.min(runs ? LARGE_SIDE : SIDE, Math.max(NARROW_SIDE, (runs ? 0.32 : 0.22) * width));
     if (!(width > side && height > 0)) return; // the page is being laid out, or has no room
@@ -99,7 +107,13 @@ export class Stage {
     };
   }
 
-  /** Place on the canvas [px] -> place in the plane [m]. @param {number} px @param {number} py */
+  /** Place of a pointer in the drawing [px]. @param {PointerEvent} event */
+  placeOf(event) {
+    const box = this.canvas.getBoundingClientRect();
+    return [event.clientX - box.left, event.clientY - box.top].map((distance) => distance / this.enlarged);
+  }
+
+  /** Place in the drawing [px] -> place in the plane [m]. @param {number} px @param {number} py */
   toPlane(px, py) {
     const { x, y, scale } = this.view;
     return [(px - x(0)) / scale, (y(0) - py) / scale];

@@ -180,8 +180,8 @@ export class FilmPanel {
     if (!film || !task || film.busy) return;
     event.stopImmediatePropagation();
     const { canvas } = this.page.stage;
-    const box = canvas.getBoundingClientRect();
-    const place = this.toFilm(event.clientX - box.left, event.clientY - box.top);
+    const [px, py] = this.page.stage.placeOf(event);
+    const place = this.toFilm(px, py);
     if (task === "axis") {
       this.axis = place;
       this.begin("");

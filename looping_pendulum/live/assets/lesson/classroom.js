@@ -6,6 +6,7 @@ import { copyText, save } from "../export.js";
 import { ticks } from "../canvas.js";
 import { shown, text, withUnit } from "../texts.js";
 import { STEPS } from "./steps.js";
+import { isAnswer } from "./work.js";
 
 /** @typedef {{said: string, found: string, measured: string}} Result an option, or a number as text; "" for what is not known */
 /** @typedef {{name: string, results: Map<string, Result>}} Pupil `results`: by the name of the step */
@@ -24,22 +25,28 @@ export function lineOf({ name, results }) {
 }
 
 /**
- * Read the lines of a class, the last one of each name; and how many others there are that are none.
+ * Read the lines of a class, the last one of each name; which names have several, and how many; and how many others are no pupil's.
  * @param {string} lines
- * @returns {{pupils: Pupil[], others: number}}
+ * @returns {{pupils: Pupil[], repeats: [string, number][], others: number}}
  */
 export function readClass(lines) {
   /** @type {Map<string, Pupil>} */
   const pupils = new Map();
+  /** @type {Map<string, number>} */
+  const counts = new Map();
   let others = 0;
   for (const line of lines.split(/\r?\n/).filter((one) => one.trim())) {
     const [beginning, name = "", ...parts] = line.split(";").map((part) => part.trim());
     const results = new Map(parts.flatMap((part) => resultOf(part)));
+    if (beginning !== BEGINNING || !results.size) {
+      others += 1;
+      continue;
+    }
     // Those without a name are different ones
-    if (beginning === BEGINNING && results.size) pupils.set(name || `${pupils.size + 1}`, { name, results });
-    else others += 1;
+    pupils.set(name || `${pupils.size + 1}`, { name, results });
+    if (name) counts.set(name, (counts.get(name) ?? 0) + 1);
   }
-  return { pupils: [...pupils.values()], others };
+  return { pupils: [...pupils.values()], repeats: [...counts].filter(([, count]) => count > 1), others };
 }
 
 /** @param {string} part of a line @returns {[string, Result][]} empty: it is of no step */
@@ -51,22 +58,20 @@ function resultOf(part) {
   return said || measured ? [[name, { said, found, measured }]] : [];
 }
 
-/** @param {Step} step @param {string} answer */
-const isAnswer = ({ options }, answer) => (options.length ? options.includes(answer) : answer !== "" && Number(answer) > 0);
-
 /** The pupil's own line, and the lines of a class. */
 export class Classroom {
-  /** @param {(id: string) => HTMLElement} element @param {() => Map<string, Result>} results of the lesson on this page */
-  constructor(element, results) {
+  /** @param {(id: string) => HTMLElement} element @param {() => Map<string, Result>} results of the lesson on this page
+   * @param {() => void} onTyped to be called when there is more to be kept */
+  constructor(element, results, onTyped) {
     this.element = element;
     this.results = results;
+    this.onTyped = onTyped;
     this.name = /** @type {HTMLInputElement} */ (element("class-name"));
     this.lines = /** @type {HTMLTextAreaElement} */ (element("class-lines"));
     // Of a field for text browsers bring the caret into sight, even under the stage that a phone keeps above
     this.lines.addEventListener("focus", () => this.lines.scrollIntoView({ block: "nearest" }));
     const files = /** @type {HTMLInputElement} */ (element("class-files"));
-    this.name.addEventListener("input", () => this.show());
-    this.lines.addEventListener("input", () => this.show());
+    for (const field of [this.name, this.lines]) field.addEventListener("input", () => this.changed());
     files.addEventListener("change", () => this.add(files.files));
     this.lines.addEventListener("dragover", (event) => event.preventDefault());
     this.lines.addEventListener("drop", (event) => {
@@ -89,7 +94,25 @@ export class Classroom {
   async add(files) {
     const texts = await Promise.all([...(files ?? [])].map((file) => file.text()));
     this.lines.value = [this.lines.value.trimEnd(), ...texts.map((one) => one.trimEnd())].filter(Boolean).join("\n");
+    this.changed();
+  }
+
+  changed() {
     this.show();
+    this.onTyped();
+  }
+
+  /** The lines of the class, which are to be there again when the page is opened anew. */
+  get record() {
+    return this.lines.value;
+  }
+
+  /** Take up what was kept. @param {unknown} name @param {unknown} lines */
+  restore(name, lines) {
+    if (typeof name === "string") this.name.value = name.slice(0, LONGEST_NAME);
+    if (typeof lines !== "string" || !lines) return;
+    this.lines.value = lines;
+    /** @type {HTMLDetailsElement} */ (this.element("class")).open = true;
   }
 
   async copy() {
@@ -106,9 +129,11 @@ export class Classroom {
     const hasResults = this.results().size > 0;
     this.say("class-line", hasResults ? this.line : text("classNothing"));
     for (const id of ["class-copy", "class-save"]) /** @type {HTMLButtonElement} */ (this.element(id)).disabled = !hasResults;
-    const { pupils, others } = readClass(this.lines.value);
+    const { pupils, repeats, others } = readClass(this.lines.value);
     const found = pupils.length ? text("classCount", { count: pupils.length }) : "";
-    this.say("class-message", [found, others ? text("classOthers", { count: others }) : ""].filter(Boolean).join(" "));
+    const names = repeats.map(([name, count]) => `${name} (${count})`).join(", ");
+    const repeated = names && text("classRepeats", { names });
+    this.say("class-message", [found, repeated, others ? text("classOthers", { count: others }) : ""].filter(Boolean).join(" "));
     this.element("class-results").replaceChildren(...STEPS.flatMap((step, place) => {
       const results = pupils.flatMap(({ results: own }) => own.get(step.name) ?? []);
       return results.length ? [figureOf(step, place, results)] : [];

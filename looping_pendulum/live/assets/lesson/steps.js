@@ -8,8 +8,10 @@ import { LARGEST_TYPICAL, filmOf } from "./made_up.js";
 
 /** @typedef {import("../controls.js").State} State */
 /** @typedef {import("../shown_run.js").DrawnRun} DrawnRun */
-/** @typedef {{found: string | number, right: boolean, values: Record<string, number>}} Judgement
- *   `found`: the option, or the number, that the run says; `values`: those of the explanation */
+/** @typedef {{found: string | number, right: boolean, values: Record<string, number>, ratio?: number,
+ *   tests?: import("../trial/fit.js").FitResult["tests"], wind?: number}} Judgement
+ *   `found`: the option, or the number, that the run says; `values`: those of the explanation; `ratio`: at which somebody found the lowest;
+ *   `tests` and `wind`: of a fit, and of the trial if it was made up [m/s] */
 /**
  * @typedef {{name: string, options: string[], unit: string, seenAt: (run: DrawnRun) => number, forces?: boolean,
  *   state: () => State | null, beside?: () => State | null, judge?: (said: string, run: DrawnRun, other: DrawnRun | null) => Judgement,

@@ -137,6 +137,8 @@ export const de = {
   tooShort: "So lässt es sich nicht bauen: Die leichte Masse berührte schon die Stange; den Faden verlängern oder M1 oder die Stange "
     + "kleiner machen.",
   noWebAssembly: "Diese Seite rechnet mit WebAssembly, das dieser Browser nicht hat oder nicht erlaubt; bitte in einem anderen öffnen.",
+  doesNotStart: "Diese Seite lässt sich in diesem Browser nicht zeigen; bitte in einem anderen öffnen.",
+  pageFault: "Auf dieser Seite ist etwas fehlgeschlagen; bitte neu laden: Einstellungen und Antworten bleiben.",
   cannotRun: "Das lässt sich nicht berechnen; eine Einstellung ändern.",
 
   // Verlauf
@@ -387,6 +389,8 @@ export const de = {
   lessonGoToTrial: "Zum Versuch",
   lessonCheck: "Prüfen",
   lessonNext: "Nächster Schritt",
+  lessonAnew: "Schritt neu beginnen",
+  notKept: "Antworten und Zeilen kann dieser Browser nicht behalten: vor dem Schließen der Seite speichern.",
   lessonNoPrediction: "Zuerst vorhersagen: eine Antwort wählen.",
   lessonNoNumber: "Zuerst vorhersagen: eine Zahl über 0 eingeben, zum Beispiel 3,5.",
   lessonWatch: "Der Bewegung zusehen; danach steht hier, was sie ergibt.",
@@ -415,12 +419,14 @@ export const de = {
   classNothing: "Sobald ein Schritt beantwortet ist, steht hier deine Zeile für die Klasse.",
   classCopy: "Zeile kopieren",
   classSave: "Als Datei sichern",
+  classAnew: "Alle Schritte neu",
   classCopied: "Die Zeile ist kopiert.",
   classNotCopied: "Die Zeile markieren und kopieren.",
   classHint: "Für Lehrkräfte: die Zeilen aller hier einfügen oder ihre Dateien hierher ziehen. Nichts verlässt diese Seite.",
   classLines: "Zeilen der Klasse",
   classFiles: "oder Dateien wählen",
   classCount: "In der Klasse: {count}.",
+  classRepeats: "Mehrere Zeilen, von denen die letzte zählt: {names}.",
   classOthers: "Zeilen, die von niemandem aus der Klasse sind: {count}.",
   classPredicted: "vorhergesagt",
   classComputed: "berechnet",
