@@ -68,7 +68,7 @@ export const de = {
   lightSwings: "die leichte schwingt weiter",
   lightHangs: "auch die leichte hängt still",
   soToEnd: "so bleibt es bis zum Ende der Rechnung nach {time} s",
-  whyNotForGood: "Je mehr die Stange haftet, desto früher fängt sie den Faden: hier mit erst {turns} Windungen. Mit so wenigen hält sie nicht, um wie viel sich die Fadenkräfte unterscheiden, während die leichte Masse weiterschwingt.",
+  whyNotForGood: "Je mehr die Stange haftet, desto früher fängt sie den Faden: hier mit erst {turns} Windungen. So wenige reichen nicht, wenn sich die Fadenkräfte im Schwung der leichten Masse stärker unterscheiden.",
   held: "Die schwere Masse ist festgehalten; die leichte schwingt, und ihr Faden wickelt sich auf die Stange auf und wieder ab.",
   drop: "Ohne Faden fallen beide, nur von der Luft gebremst.",
   change: "Vorher: {time} s, {drop} cm. Änderung: {moreTime} s, {moreDrop} cm.",

@@ -67,7 +67,7 @@ export const en = {
   lightSwings: "the light one swings on",
   lightHangs: "the light one hangs still, too",
   soToEnd: "so it is until the end of the run, after {time} s",
-  whyNotForGood: "The more the rod grips, the earlier it catches the string: here with only {turns} turns on it. With so few it cannot hold what the pulls come to differ by as the light mass swings on.",
+  whyNotForGood: "The more the rod grips, the earlier it catches the string: here with only {turns} turns on it. So few cannot hold what the two pulls come to differ by as the light mass swings on.",
   held: "The heavy mass is clamped; the light one swings, and its string winds on and off the rod.",
   drop: "Without a string both fall, slowed only by the air.",
   change: "Before: {time} s, {drop} cm. Change: {moreTime} s, {moreDrop} cm.",
