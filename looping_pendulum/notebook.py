@@ -57,9 +57,9 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 def reference_run(run: Run) -> str:
     """Return an exact run's events, with the apparatus at each."""
     from looping_pendulum.reference_ode.transitions import PHASE_EVENTS
+    from looping_pendulum.runs.outcome import outcome
 
-    halt = "never halts" if run.halt is None else f"halts at {run.halt.time:.6f} s"
-    note = f"The heavy mass {halt}; the run ends at {run.end_time:.6f} s. Its tolerance is {run.tolerance:g}."
+    note = f"{outcome(run)} Its tolerance is {run.tolerance:g}."
     rows = [
         [
             f"{e.time:.6f}",

@@ -51,7 +51,6 @@ ADDITIONS: dict[str, tuple[tuple[str, Without], ...]] = {
     "mujoco:documented": ((TURNING, changed(corrections=False)),),
     "mujoco:capstan": ((TURNING, changed(corrections=False)),),
     "mujoco:frictionloss": ((TURNING, changed(corrections=False)),),
-    "mujoco:effective_mass": (("what MuJoCo leaves out of a wrapped tendon (l omega^2)", changed(corrections=False)),),
     "mujoco:beads": ((POLYGON, changed(polygon=False)),),
     "pymunk:chain": (
         (COEFFICIENT, changed(polygon_friction=False)),

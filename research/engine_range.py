@@ -45,8 +45,6 @@ SCENARIOS = 48
 DURATION = 0.7
 """Simulated time of each run [s]; a vertical release is cut earlier, before the light mass meets the rod."""
 MAIN = ("mujoco:documented", "mujoco:capstan", "mujoco:beads", "pymunk:chain", "pybullet:chain")
-CHEAP = ("mujoco:effective_mass", "mujoco:drum")
-"""Other variants, measured because their runs cost next to nothing."""
 
 
 def scenarios(count: int = SCENARIOS) -> list[Scenario]:
@@ -234,7 +232,7 @@ def main() -> None:
     """Make the runs and write what they found."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--work", type=Path, help="folder where runs are kept")
-    parser.add_argument("--only", action="append", help="engine or variant; default: the main variants and the cheap ones")
+    parser.add_argument("--only", action="append", help="engine or variant; default: the main variants")
     parser.add_argument("--sample", type=int, default=SCENARIOS, help=f"how many of the {SCENARIOS} scenarios, from the first")
     parser.add_argument("--profile", type=Profile, default=Profile.QUICK, choices=list(Profile))
     parser.add_argument("--jobs", type=int, default=1, help="number of runs at the same time")
@@ -246,7 +244,7 @@ def main() -> None:
         return
     if options.work is None:
         parser.error("--work: needed a folder, or --summary")
-    chosen = select(options.only or [*MAIN, *CHEAP], options.profile)
+    chosen = select(options.only or MAIN, options.profile)
     ranges = measure(chosen, scenarios()[: options.sample], options.work, options.jobs, options.time_limit)
     write(merged(stored(), ranges))
     for name, profiles in ranges.items():

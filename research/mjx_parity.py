@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.engines.mujoco import tendon
-from looping_pendulum.engines.mujoco.model import model_xml
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.registry import select
 from looping_pendulum.files import write_atomically
@@ -116,7 +115,7 @@ def lengths(engine: Engine) -> list[dict[str, float]]:
     from mujoco import mjx
 
     p = load("ten_to_one").parameters
-    model = mujoco.MjModel.from_xml_string(model_xml(p, engine.settings))
+    model = mujoco.MjModel.from_xml_string(tendon.model_xml(p, engine.settings))
     data = mujoco.MjData(model)
     mjx_model, mjx_data = mjx.put_model(model), mjx.put_data(model, data)
     mjx_lengths = jax.jit(lambda qpos: mjx.forward(mjx_model, mjx_data.replace(qpos=qpos)).ten_length)

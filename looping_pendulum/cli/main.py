@@ -31,6 +31,7 @@ from looping_pendulum.errors import HarnessError, one_line, shorten
 
 if TYPE_CHECKING:
     from looping_pendulum.compare.baseline import ResultChanges
+    from looping_pendulum.reference_ode.solution import Run
     from looping_pendulum.scenarios.scenario import Scenario
 
 USAGE_ERROR: Any = typer.BadParameter.__base__
@@ -169,6 +170,7 @@ def run(
     from looping_pendulum.engines.isolation import parse_memory, run_all
     from looping_pendulum.engines.reference import ReferenceEngine
     from looping_pendulum.files import file_stems, prepare_output_folder, write_atomically
+    from looping_pendulum.runs.outcome import outcome
 
     chosen, memory_bytes = common.load_scenario(scenario), parse_memory(memory_limit)
     wanted = chosen_engines(engine, profile) if engine else [ReferenceEngine(profile)]
@@ -184,7 +186,8 @@ def run(
             progress=bars.update_engine,
             finished=bars.show_finished_run,
         )
-    end_of_model = _end_of_model(chosen)
+    exact = _exact(chosen)
+    end_of_model = None if exact is None else _end_of_model(exact)
     rows: list[list[str]] = []
     listed: list[dict[str, Any]] = []
     stems = file_stems([(result.label, result.profile) for result in runs])
@@ -200,6 +203,8 @@ def run(
         for event in result.events:
             later = f", after the scenario's end at {chosen.duration:g} s" if event.time > chosen.duration else ""
             say(f"{result.label}: {event.time:.6f} s {event.name}{later}")
+        if result.engine == "reference" and exact is not None:
+            say(f"{result.label}: {outcome(exact)}")
         if out is not None and len(result.t):
             path = out / f"{stem}.csv"
             write_atomically(path, trajectory_csv(result))
@@ -223,20 +228,26 @@ def run(
     common.exit_with_status(runs)
 
 
-def _end_of_model(scenario: Scenario) -> tuple[float, str] | None:
-    """Return when the model ends before the light mass reaches the rod [s], and how; what an engine shows later is no motion.
-
-    None where it does not, or where there is no reference, without which an engine runs as well.
-    """
-    from looping_pendulum.compare.stories import MODEL_ENDS
-    from looping_pendulum.engines.reference import STATUS_OF_END, Reference
+def _exact(scenario: Scenario) -> Run | None:
+    """Return the reference's run of a scenario; None where there is no reference, without which an engine runs as well."""
+    from looping_pendulum.engines.reference import Reference
 
     try:
-        model = Reference(scenario).solution
+        return Reference(scenario).solution
     except HarnessError:
         return None
-    status = None if model.end.event is None else STATUS_OF_END.get(model.end.event)
-    return (model.end_time, MODEL_ENDS[status]) if status in MODEL_ENDS else None
+
+
+def _end_of_model(exact: Run) -> tuple[float, str] | None:
+    """Return when the model ends before the light mass reaches the rod [s], and how; what an engine shows later is no motion.
+
+    None where it does not.
+    """
+    from looping_pendulum.compare.stories import MODEL_ENDS
+    from looping_pendulum.engines.reference import STATUS_OF_END
+
+    status = None if exact.end.event is None else STATUS_OF_END.get(exact.end.event)
+    return (exact.end_time, MODEL_ENDS[status]) if status in MODEL_ENDS else None
 
 
 @app.command()

@@ -14,7 +14,7 @@ from looping_pendulum.reference_ode.effects import EffectKind
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solution import Run, Samples
-from looping_pendulum.reference_ode.solve import DURATION, solve, solve_at
+from looping_pendulum.reference_ode.solve import default_duration, solve, solve_at
 from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, Event, Mode
 from looping_pendulum.runs.trajectory import (
     SAMPLE_INTERVAL,
@@ -83,7 +83,7 @@ class ReferenceEngine:
         samples = solve_at(
             scenario.parameters,
             times,
-            duration=max(DURATION, scenario.duration),  # only a run to its end shows whether a stop is the halt
+            duration=default_duration(scenario),
             tolerance=self.settings.tolerance,
         )
         wall, cpu = time.perf_counter() - started, time.process_time() - cpu_started
@@ -123,7 +123,7 @@ class Reference:
         self.engine = ReferenceEngine(Profile.ACCURATE)
         tolerance = self.engine.settings.tolerance
         # Solved once for all times, unlike `ReferenceEngine`: each engine is compared at times of its own
-        self.solution = solve(scenario.parameters, duration=max(DURATION, scenario.duration), tolerance=tolerance)
+        self.solution = solve(scenario, tolerance=tolerance)
 
     def __call__(self, t: Array) -> Trajectory:
         """Sample the reference at times ``t`` [s]; times after its end are left out."""

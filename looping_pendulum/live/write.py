@@ -102,6 +102,7 @@ def _preset(scenario: Scenario, *, shipped: bool, has_runs: bool) -> dict[str, A
         "release": settings.pop("release"),
         "settings": settings,
         "lacks": list(absent_effects(scenario.parameters)),
+        "duration": scenario.duration,
     }
 
 

@@ -39,14 +39,12 @@ KNOWN_LABELS = (
     "mujoco:documented",
     "mujoco:beads",
     "drake:chain",
-    # Of one engine's variants, no more have the same colour than must: MuJoCo has one more than there are colours
+    # No two variants of one engine have the same colour
     "box2d:chain",
-    "mujoco:effective_mass",
-    "mujoco:drum",
-    "rapier:chain",
-    "newton:tendon",
     "mujoco:frictionloss",
     "mujoco:defaults",
+    "rapier:chain",
+    "newton:tendon",
     "pybullet:defaults",
     "reference",
     "exudyn:cable",

@@ -28,7 +28,7 @@ from looping_pendulum.reference_ode.parameters import (
     parameters_of,
 )
 from looping_pendulum.reference_ode.solution import MAX_RESTING_ROD_SPEED, string_overlap
-from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE
+from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, default_duration
 from looping_pendulum.reference_ode.state import Effects, State, heavy_drop
 from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, Event, Mode
 
@@ -222,7 +222,7 @@ def solve_batch(
     base: Parameters | HasParameters,
     columns: Columns,
     *,
-    duration: float | Array = DURATION,
+    duration: float | Array | None = None,
     tolerance: float = TOLERANCE,
     threads: int = 1,
     progress: Progress | None = None,
@@ -239,7 +239,7 @@ def solve_batch(
         Parameters that differ between the runs: fields of `Parameters` or coefficients of effects, by name; arrays of
         shape (n,), SI.
     duration
-        Limit on the simulated time [s], of all runs or of each, shape (n,).
+        Limit on the simulated time [s], of all runs or of each, shape (n,); None: `default_duration` of ``base``.
     tolerance
         Relative tolerance of a step.
     threads
@@ -255,7 +255,7 @@ def solve_batch(
     """
     if threads < 1:
         raise ParameterError(f"threads: found {threads}, needed 1 or more")
-    batch = _Batch(parameters_of(base), columns, duration, tolerance)
+    batch = _Batch(parameters_of(base), columns, default_duration(base) if duration is None else duration, tolerance)
     result = BatchResult.empty(batch.n)
     ended = batch.n - len(batch.valid)
     for part, effects, runs in batch.carried_out(np.zeros(0), np.zeros(batch.n + 1, dtype=np.int64), threads):

@@ -383,11 +383,15 @@ def _active_effects(
 
 
 class HasParameters(Protocol):
-    """What has parameters: a scenario, whose module is in a higher layer."""
+    """What has parameters and a duration: a scenario, whose module is in a higher layer."""
 
     @property
     def parameters(self) -> Parameters:
         """Apparatus, release and coefficients."""
+
+    @property
+    def duration(self) -> float:
+        """Time for which the motion is wanted [s]."""
 
 
 def parameters_of(given: Parameters | HasParameters) -> Parameters:

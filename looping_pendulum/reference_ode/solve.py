@@ -18,10 +18,10 @@ from looping_pendulum.reference_ode.transitions import Mode
 TOLERANCE = 1e-12
 """Default relative tolerance of a step."""
 DURATION = 5.0
-"""Default limit on the simulated time [s]; most runs end long before, when the light mass reaches the rod."""
+"""Least default limit on the simulated time [s]; most runs end long before, when the light mass reaches the rod."""
 
 
-def solve(parameters: Parameters | HasParameters, *, duration: float = DURATION, tolerance: float = TOLERANCE) -> Solution:
+def solve(parameters: Parameters | HasParameters, *, duration: float | None = None, tolerance: float = TOLERANCE) -> Solution:
     """Integrate the equations of all modes from the release until the run ends or ``duration`` [s] is over.
 
     Parameters
@@ -29,7 +29,7 @@ def solve(parameters: Parameters | HasParameters, *, duration: float = DURATION,
     parameters
         Apparatus, release and coefficients; or a scenario, which has them.
     duration
-        Limit on the simulated time [s].
+        Limit on the simulated time [s]; None: `default_duration`.
     tolerance
         Relative tolerance of a step; 0.1 of it is the absolute one [m, m/s, rad].
 
@@ -42,6 +42,7 @@ def solve(parameters: Parameters | HasParameters, *, duration: float = DURATION,
     MissingPackageError
         If wasmtime, which carries out runs, does not start on this system.
     """
+    duration = default_duration(parameters) if duration is None else duration
     parameters = parameters_of(parameters)
     runs = carried_out(parameters, parameters.effects, np.zeros(0), duration, tolerance, dense=True)
     return Solution(
@@ -50,7 +51,7 @@ def solve(parameters: Parameters | HasParameters, *, duration: float = DURATION,
 
 
 def solve_at(
-    parameters: Parameters | HasParameters, t: Array, *, duration: float = DURATION, tolerance: float = TOLERANCE
+    parameters: Parameters | HasParameters, t: Array, *, duration: float | None = None, tolerance: float = TOLERANCE
 ) -> Samples:
     """Integrate as `solve` does, but keep only samples at times ``t`` [s], ascending; this is faster for many runs.
 
@@ -63,11 +64,17 @@ def solve_at(
     IntegrationError, MissingPackageError
         As `solve` does.
     """
+    duration = default_duration(parameters) if duration is None else duration
     parameters, times = parameters_of(parameters), np.asarray(t, dtype=float)
     runs = carried_out(parameters, parameters.effects, times, duration, tolerance)
     run = Run(parameters=parameters, tolerance=tolerance, events=events_of(runs.events))
     count = int(runs.counts[0])
     return samples_at(run, runs.events, times[:count], State(*runs.samples[:count].T))
+
+
+def default_duration(given: Parameters | HasParameters) -> float:
+    """Return `DURATION`, or the duration of a scenario where it is longer: a run's end shows whether a stop is the halt [s]."""
+    return DURATION if isinstance(given, Parameters) else max(DURATION, given.duration)
 
 
 def carried_out(

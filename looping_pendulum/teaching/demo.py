@@ -26,8 +26,10 @@ from looping_pendulum.pages.palette import styles
 from looping_pendulum.pages.report import glossary
 from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.reference_ode.solve import DURATION, solve
 from looping_pendulum.reference_ode.transitions import Mode
-from looping_pendulum.runs.events import RELEASES_WITHOUT_STOPS, Landmarks
+from looping_pendulum.runs.events import Landmarks
+from looping_pendulum.runs.outcome import outcome
 from looping_pendulum.runs.tension import AVERAGING_TIME, tension_from_motion
 from looping_pendulum.runs.trajectory import UNKNOWN_MODE, Supplier, Supplies, Trajectory
 from looping_pendulum.scenarios.metrics import RMS_END_TIMES
@@ -151,8 +153,7 @@ def _reference_run(result: ComparisonResult, samples: ResultSamples, p: Paramete
         for event, time in events_to_show(result.reference.events)
         if time <= result.duration
     ]
-    halt = result.reference.landmarks.halting_time
-    halts = "" if p.release in RELEASES_WITHOUT_STOPS else "It never halts." if halt is None else f"It halts at {halt:.4f} s."
+    exact = solve(p, duration=max(DURATION, result.duration))
     return {
         "id": "reference",
         "name": "reference",
@@ -162,7 +163,7 @@ def _reference_run(result: ComparisonResult, samples: ResultSamples, p: Paramete
         "events": events,
         "end": end,
         "gap": "",
-        "caption": f"The exact model, solved far more finely than any engine. {halts}".strip(),
+        "caption": f"The exact model, solved far more finely than any engine. {outcome(exact)}",
         "detail": _residual_words(result, None),
         "story": "",
     } | _sampled_motion(samples.reference, None, p, rate)

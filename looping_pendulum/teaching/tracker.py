@@ -20,7 +20,7 @@ from looping_pendulum.errors import EngineError, HarnessError
 from looping_pendulum.files import read_file
 from looping_pendulum.measured.tables.delimited import MAX_LINE_LENGTH, numbered_lines
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.reference_ode.solve import DURATION, solve
+from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.runs.trajectory import Trajectory
 from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.scenario import Scenario
@@ -163,7 +163,7 @@ def find_motion(source: str, engine: str | None = None, profile: Profile = Profi
 
 def reference_motion(scenario: Scenario) -> TrackedMotion:
     """Return the motion of the exact reference, which is known at any time."""
-    solution = solve(scenario.parameters, duration=max(DURATION, scenario.duration))
+    solution = solve(scenario)
 
     def positions(t: Array) -> tuple[Array, Array]:
         samples = solution.sample(t)

@@ -10,6 +10,7 @@ from looping_pendulum.engines.mujoco import engines
 from looping_pendulum.engines.mujoco.tendon import SETTINGS, MujocoTendon, TendonSettings
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.errors import EngineError
+from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import solve, solve_at
 from looping_pendulum.runs.trajectory import RunStatus
@@ -18,6 +19,8 @@ from tests.apparatus import NO_DRAG, TEN_TO_ONE, TWO_TO_ONE, scenario
 pytest.importorskip("mujoco")
 
 VARIANTS = ("documented", "capstan")
+CREEP = 1e-6
+"""Largest speed of a string that the rod holds [m/s], as `TendonSettings.rest_speed` says."""
 
 
 def with_step(time_step):
@@ -44,7 +47,7 @@ def rms(error):
 
 
 def test_every_variant_is_offered_in_its_profile():
-    names = ["documented", "capstan", "frictionloss", "defaults", "effective_mass", "drum", "beads"]
+    names = ["documented", "capstan", "frictionloss", "defaults", "beads"]
     for profile in Profile:
         assert [(e.variant, e.profile) for e in engines(profile)] == [(name, profile) for name in names]
 
@@ -118,16 +121,45 @@ def test_error_falls_with_the_square_of_the_step(parameters, until):
 
 @pytest.mark.long
 def test_ten_to_one_accurate_keeps_its_targets():
-    # Oracle: reference. Bounds: 0.15, 0.25, 0.6 mm and 0.2 ms are the project's own targets for this variant.
+    # Oracle: reference. Bounds of the path: five times what was measured, 7, 31 and 48 nm, or more.
     trajectory = run(TEN_TO_ONE, 1.05, profile=Profile.ACCURATE)
-    assert rms(light_error(trajectory, TEN_TO_ONE, 0.35)) <= 0.15e-3
-    assert rms(light_error(trajectory, TEN_TO_ONE, 0.7)) <= 0.25e-3
-    assert rms(light_error(trajectory, TEN_TO_ONE, 1.0)) <= 0.6e-3
+    assert rms(light_error(trajectory, TEN_TO_ONE, 0.35)) <= 1e-7
+    assert rms(light_error(trajectory, TEN_TO_ONE, 0.7)) <= 5e-7
+    assert rms(light_error(trajectory, TEN_TO_ONE, 1.0)) <= 1e-6
     speed = trajectory.heavy_velocity[:, 1]
     last = int(np.flatnonzero(np.abs(speed) > 1e-4)[-1])
     slowing = (speed[last] - speed[last - 1]) / (trajectory.t[last] - trajectory.t[last - 1])
     halt = trajectory.t[last] - speed[last] / slowing
-    assert abs(halt - solve(TEN_TO_ONE).halting_time) <= 0.2e-3
+    # The speed's curvature over a sample is what straight lines to zero leave out: some tens of microseconds.
+    assert abs(halt - solve(TEN_TO_ONE).halting_time) <= 5e-5
+    assert np.ptp(trajectory.heavy_position[trajectory.t > halt + 1e-3, 1]) <= CREEP * 1.05
+
+
+@pytest.mark.parametrize("profile", Profile)
+def test_the_rod_holds_what_it_can_and_lets_the_rest_slip(profile):
+    # Oracle: statics, M2 <= M1 e^{mu pi} = 29.1 g, and the closed form of what is heavier. There weight and friction cancel to
+    # 0.3 %, so the share of a constraint that is not enforced at once may show; bound: five times the 0.08 % measured, or more.
+    held, slips = (TEN_TO_ONE.replace(release="vertical", heavy_mass=m, **NO_DRAG) for m in (0.0290, 0.0292))
+    assert np.abs(run(held, 0.3, profile=profile).heavy_drop).max() < CREEP * 0.3
+    expected = 0.5 * atwood_acceleration(slips) * 0.3**2
+    assert run(slips, 0.3, profile=profile).heavy_drop[-1] == pytest.approx(expected, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        # It whips round a short string: in the last step of 1 ms the string turns by 1.6 rad.
+        TEN_TO_ONE.replace(
+            light_mass=0.1 / 15, release_angle=math.radians(130), light_drag=2.72e-4, heavy_drag=1.11e-3, string_drag=1.56e-6
+        ),
+        TEN_TO_ONE.replace(rod_radius=0.03),
+    ],
+)
+def test_a_run_ends_where_the_light_mass_reaches_the_rod(parameters):
+    # Oracle: the reference's end; bound: two samples.
+    trajectory = run(parameters, 0.7)
+    assert trajectory.status is RunStatus.LIGHT_REACHED_ROD
+    assert trajectory.t[-1] == pytest.approx(solve(parameters).end_time, abs=2e-3)
 
 
 @pytest.mark.parametrize("static_friction", [0.265, *(pytest.param(mu, marks=pytest.mark.accurate) for mu in (0.28, 0.307))])

@@ -205,7 +205,7 @@ def test_the_map_is_read_and_set_by_keys(page):
     assert page.evaluate("live.player.time") == time, "the arrows are the map's while it has the focus"
     assert reading("Enter") == ""
     assert (value(page, "release_angle"), value(page, "mass_ratio")) == (94, 8.1)
-    assert reading(*["Shift+ArrowRight"] * 9) == "180 degrees, 8.1 to 1: never halts."
+    assert reading(*["Shift+ArrowRight"] * 9) == "180 degrees, 8.1 to 1: no halt for good."
     assert drop_of_reference("ten_to_one", release_angle=math.pi, heavy_mass=8.1 * mass) is None
     assert reading("Escape") == ""
     assert reading("ArrowLeft").startswith("93 degrees")

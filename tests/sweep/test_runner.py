@@ -293,15 +293,15 @@ def test_two_at_once_in_one_folder(tmp_path):
 
 @pytest.mark.long
 def test_engines_may_be_mapped_too(tmp_path):
-    text = "title: E\nscenario: ten_to_one\nengine: [reference, mujoco:effective_mass]\nparameters:\n  mass_ratio: [9, 10]\n"
+    text = "title: E\nscenario: ten_to_one\nengine: [reference, mujoco:capstan]\nparameters:\n  mass_ratio: [9, 10]\n"
     plan = map_file.load_text(text + "duration: 1.5 s\n")
     run_map(plan, tmp_path, jobs=1)
     data = open_map(tmp_path)
     assert data["halting_time"].dims == ("engine", "mass_ratio")
-    assert list(data["engine"].values) == ["reference", "mujoco:effective_mass"]
+    assert list(data["engine"].values) == ["reference", "mujoco:capstan"]
     reference, engine = data["halting_time"].values
     assert np.all(np.abs(engine - reference) < 8e-3)  # the scenarios' own limit for an engine's halt
-    assert "How runs ended: mujoco:effective_mass" in (tmp_path / "map.md").read_text()
+    assert "How runs ended: mujoco:capstan" in (tmp_path / "map.md").read_text()
 
 
 def test_a_disk_that_is_really_full(tmp_path, whole):

@@ -42,7 +42,7 @@ def test_a_scenario_shows_its_numbers_with_units():
 
 def test_an_exact_run_shows_its_events():
     page = html(solve(SCENARIO.parameters))
-    assert "halts at 0.381" in page
+    assert "halts after 0.381" in page
     assert page.count("<tr>") == 1 + 3  # release, stop, and the light mass reaches the rod
     assert "never halts" in html(solve(load("frictionless").parameters))
 

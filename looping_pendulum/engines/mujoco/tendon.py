@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
@@ -18,34 +19,188 @@ import numpy as np
 from looping_pendulum.capstan import NO_FRICTION, StringResponse
 from looping_pendulum.engines.chain import NO_STOP
 from looping_pendulum.engines.mujoco.model import (
+    AUTORESET,
     DEFAULT_TIME_CONSTANT,
-    HEAVY_DOF,
-    SLACK_LENGTH,
-    SWITCH_DOWN,
-    SWITCH_UP,
-    TAUT_MARGIN,
-    WRAPPED_TENDON,
-    AlternatingTendons,
-    StringRig,
-    StringSettings,
-    kinematics,
-    model_xml,
+    breakdown_warnings,
+    compile_model,
     softness_rungs,
-    step_rungs,
-    string_defaults,
+    solver_defaults,
     time_constant_default,
 )
-from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities, Profile, TunedEngine
+from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities, Profile, TunedEngine, steps_per_sample
 from looping_pendulum.engines.shipped import shipped_abilities
-from looping_pendulum.engines.studies import AdapterChoice, Studies, studies_from_rows
+from looping_pendulum.engines.studies import AdapterChoice, LadderRow, Studies, studies_from_rows
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode import effects
+from looping_pendulum.reference_ode.cartesian import cartesian_force, masses_at_release
 from looping_pendulum.reference_ode.effects import EffectKind, Kinematics
-from looping_pendulum.reference_ode.geometry import next_string_coordinates
+from looping_pendulum.reference_ode.geometry import light_position, next_string_coordinates
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import DURATION, solve
 from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL, Supplier, Supply
 from looping_pendulum.scenarios.scenario import Scenario
+
+HEAVY_DOF = 2
+"""Degree of freedom of the heavy mass, after the light mass's two; a held heavy mass has none."""
+SLACK_LENGTH = 1e-6
+"""A string shorter than its rest length by more than this [m] counts as slack; a taut one's length varies by far less."""
+TAUT_MARGIN = 1e-9
+"""Length by which the string's limit is reduced [m], so that a string exactly at its rest length counts as taut."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TendonSettings:
+    """Numerical settings of the tendon variants, which use MuJoCo's step as a leapfrog step."""
+
+    time_step: float
+    """Time step [s]; it divides `runs.trajectory.SAMPLE_INTERVAL`."""
+    string_time_constant: float
+    """Time constant with which the string returns to its length [s]; MuJoCo's `solref`, at least two time steps."""
+    friction_time_constant: float
+    """Time constant with which a held string comes to rest [s]; MuJoCo's `solreffriction`.
+
+    With two time steps, the string stops within one.
+    """
+    impedance: float = 0.9999
+    """Impedance: the fraction of a constraint that is enforced at once; MuJoCo's `solimp`, at the largest value it accepts."""
+    least_impedance: float = 0.9999
+    """Impedance where the constraint is satisfied exactly; it rises to ``impedance`` within a millimetre of violation."""
+    integrator: str = "implicitfast"
+    jacobian: str = "dense"
+    """Dense, because MuJoCo 4.0.0 has a wrong Hessian with a sparse Jacobian."""
+    solver_tolerance: float = 1e-12
+    solver_iterations: int = 50
+    rest_speed: float = 1e-5
+    """Below this speed [m/s] the heavy mass counts as at rest; a held string creeps at 1e-6 m/s or less."""
+    catch_time: float = 2e-3
+    """Time constant with which the excess length of a late catch is taken back [s].
+
+    A slack string becomes taut within a step, but the engine notices at its end, when the string is already too long.
+    """
+    switch_up: float = math.radians(210)
+    """Wrap angle above k pi at which tendon k is replaced by tendon k + 1 [rad]; its path is right up to 240 deg."""
+    switch_down: float = math.radians(15)
+    """Wrap angle above k pi below which tendon k is replaced by tendon k - 1 [rad].
+
+    It differs from ``switch_up`` - pi, so that a light mass that swings to and fro there does not switch at every step.
+    """
+    corrections: bool = True
+    """Whether the adapter corrects what MuJoCo leaves out: the string's turning, half a step of velocity, a late catch."""
+
+
+def model_xml(parameters: Parameters, settings: TendonSettings, *, friction_loss: float = 0.0) -> str:
+    """Return the MuJoCo model (MJCF) of ``parameters``, whose joint coordinates are x and y from the rod's centre.
+
+    MuJoCo's x is the plane's x and its z is the plane's y. A spatial tendon does not count turns: it takes the shortest path
+    round the rod on the side of its side site. Tendon 0 goes from the heavy mass to the rod's right edge and on round the rod
+    to the light mass; tendon 1 goes half a turn further before that. Each is right over about half a turn, so using them in
+    turn, with the length limit reduced by one turn of string at every second switch, they wind without end. The string is the
+    upper limit of a tendon's length, so it pulls and never pushes.
+
+    Friction loss of a tendon brakes the change of its own length, and the string's does not change; so ``friction_loss`` [N]
+    belongs to tendon 2, the hanging part alone, which lengthens as the string slides.
+    """
+    p, s = parameters, settings
+    x, y = light_position(math, p.free_length, p.release_angle, p.rod_radius)
+    solimp = f"{s.least_impedance!r} {s.impedance!r} 0.001"
+    # The rig enables the limit of the tendon in use
+    string = f'range="0 {p.string_length!r}" solreflimit="{s.string_time_constant!r} 1" solimplimit="{solimp}"'
+    friction = f'solreffriction="{s.friction_time_constant!r} 1" solimpfriction="{solimp}"'
+    heavy_joint = f'<joint name="heavy_y" type="slide" axis="0 0 1" ref="{-p.hanging_length!r}" {friction}/>'
+    held = p.release is Release.HELD
+    return f"""
+<mujoco model="looping pendulum">
+  <compiler angle="degree"/>
+  <option timestep="{s.time_step!r}" integrator="{s.integrator}" jacobian="{s.jacobian}"
+          tolerance="{s.solver_tolerance!r}" iterations="{s.solver_iterations}" gravity="0 0 {-p.coefficients["gravity"]!r}">
+    <flag contact="disable"{AUTORESET}/>
+  </option>
+  <worldbody>
+    <geom name="rod" type="cylinder" size="{p.rod_radius!r} 0.05" euler="90 0 0" contype="0" conaffinity="0"/>
+    <site name="right" pos="{p.rod_radius!r} 0 0"/>
+    <site name="left" pos="{-p.rod_radius!r} 0 0"/>
+    <site name="above" pos="{_beside_rod(p, 90)}"/>
+    <site name="ahead_of_right" pos="{_beside_rod(p, 150)}"/>
+    <site name="ahead_of_left" pos="{_beside_rod(p, 330)}"/>
+    <body name="light" pos="{x!r} 0 {y!r}">
+      <joint name="light_x" type="slide" axis="1 0 0" ref="{x!r}"/>
+      <joint name="light_y" type="slide" axis="0 0 1" ref="{y!r}"/>
+      <inertial pos="0 0 0" mass="{p.light_mass!r}" diaginertia="1e-6 1e-6 1e-6"/>
+      <site name="light"/>
+    </body>
+    <body name="heavy" pos="{p.rod_radius!r} 0 {-p.hanging_length!r}">
+      {"" if held else heavy_joint}
+      <inertial pos="0 0 0" mass="{p.heavy_mass!r}" diaginertia="1e-6 1e-6 1e-6"/>
+      <site name="heavy"/>
+    </body>
+  </worldbody>
+  <tendon>
+    <spatial name="even" limited="false" {string}>
+      <site site="heavy"/><site site="right"/><geom geom="rod" sidesite="ahead_of_right"/><site site="light"/></spatial>
+    <spatial name="odd" limited="false" {string}>
+      <site site="heavy"/><site site="right"/><geom geom="rod" sidesite="above"/><site site="left"/>
+      <geom geom="rod" sidesite="ahead_of_left"/><site site="light"/></spatial>
+    <spatial name="hanging" frictionloss="{0.0 if held else friction_loss!r}" {friction}>
+      <site site="heavy"/><site site="right"/></spatial>
+  </tendon>
+</mujoco>"""
+
+
+def _beside_rod(parameters: Parameters, degrees: float) -> str:
+    """Return the position of a side site, one radius off the rod's surface at this polar angle, as MJCF writes it."""
+    distance, angle = 2 * parameters.rod_radius, math.radians(degrees)
+    return f"{distance * math.cos(angle)!r} 0 {distance * math.sin(angle)!r}"
+
+
+class AlternatingTendons:
+    """Activates the two tendons of `model_xml` in turn, so that a string without memory of its turns can wind without end.
+
+    Parameters
+    ----------
+    parameters, settings
+        Physics and numerics.
+    model
+        MuJoCo's model; tendon 0 is for even numbers of half turns, tendon 1 for odd ones.
+    """
+
+    def __init__(self, parameters: Parameters, settings: TendonSettings, model: Any) -> None:
+        self._limit_enabled, self._length_range = model.tendon_limited, model.tendon_range
+        self._string_per_turn = 2 * math.pi * parameters.rod_radius
+        self._string_length = parameters.string_length
+        self._switch_up, self._switch_down = settings.switch_up, settings.switch_down
+        self._half_turns = 0
+        self._activate()
+
+    def select(self, wrap_angle: float) -> None:
+        """Activate the tendon that is right for ``wrap_angle`` [rad], with the wound turns subtracted from its length limit."""
+        above = wrap_angle - self._half_turns * math.pi
+        if above > self._switch_up:
+            self._half_turns += 1
+        elif above < self._switch_down and self._half_turns > 0:
+            self._half_turns -= 1
+        else:
+            return
+        self._activate()
+
+    def allow_extra_length(self, extra: float) -> None:
+        """Set the string's length limit to ``extra`` [m] more than its rest length."""
+        self._length_range[self.tendon, 1] = self.rest_length + extra
+
+    def _activate(self) -> None:
+        """Enable the length limit of the current tendon, and disable that of the other."""
+        self.tendon = self._half_turns % 2
+        self.rest_length = self._string_length - (self._half_turns // 2) * self._string_per_turn
+        self._limit_enabled[self.tendon] = 1
+        self._limit_enabled[1 - self.tendon] = 0
+
+
+def _kinematics(time: float, free_length: float, wrap_angle: float, vx: float, vy: float, heavy_vy: float) -> Kinematics:
+    """Return the kinematics on which the effects depend, from those of the string and the masses' velocities [m/s]."""
+    cosine, sine = math.cos(wrap_angle), math.sin(wrap_angle)
+    retreat, across = vy * cosine - vx * sine, -(vx * cosine + vy * sine)
+    speed = math.hypot(vx, vy)
+    return Kinematics(time, free_length, wrap_angle, retreat, across, abs(across), speed, heavy_vy, abs(heavy_vy))
+
 
 SAMPLES = 2000
 """Number of samples of the reference's run."""
@@ -92,13 +247,15 @@ FRICTION_ROW, STRING_ROW = 0, 1
 """MuJoCo's constraint rows: friction losses come first, then the limits that are reached; a slack string has no row."""
 
 
-class TendonRig(StringRig):
-    """The apparatus in MuJoCo.
+class TendonRig:
+    """The apparatus in MuJoCo, with a string that is one constraint.
 
     Parameters
     ----------
-    parameters, settings, end_length
-        As for `StringRig`.
+    parameters, settings
+        Physics and numerics.
+    end_length
+        Free length [m] below which the rig stops, because the light mass would run into the rod.
     capstan
         Whether the effects' string laws act between string and rod.
     friction_loss
@@ -114,11 +271,21 @@ class TendonRig(StringRig):
         capstan: bool = False,
         friction_loss: float = 0.0,
     ) -> None:
+        import mujoco
+
         p = parameters
-        time_constant = settings.friction_time_constant
-        xml = model_xml(p, settings, friction_time_constant=time_constant, friction_loss=friction_loss)
-        super().__init__(p, settings, xml, end_length)
+        self._mujoco: Any = mujoco
+        self._model: Any = compile_model(mujoco, model_xml(p, settings, friction_loss=friction_loss))
+        self._data: Any = mujoco.MjData(self._model)
+        self._qpos, self._qvel, self._qacc = self._data.qpos, self._data.qvel, self._data.qacc
         self._applied = self._data.qfrc_applied
+        self._breakdowns = breakdown_warnings(mujoco, self._data)
+        self._dt, self._steps = settings.time_step, steps_per_sample(settings.time_step)
+        self._parameters = p
+        self._has_string, self._held = p.release is not Release.DROP, p.release is Release.HELD
+        self._end_length = end_length if self._has_string else -math.inf
+        self._force = cartesian_force(p)
+        self._at_release = masses_at_release(p)
         self._half_step = 0.5 * settings.time_step if settings.corrections else 0.0
         self._rest_speed, self._values = settings.rest_speed, p.values()
         self._free_length, self._wrap_angle = p.free_length, p.release_angle
@@ -133,8 +300,7 @@ class TendonRig(StringRig):
         if self._has_capstan:
             self._friction_bound[HEAVY_DOF] = NO_FRICTION
         self._has_friction = self._has_capstan or friction_loss > 0
-        turns = AlternatingTendons(p, self._model, settings.switch_up, settings.switch_down) if self._has_string else None
-        self._tendons = turns
+        self._tendons = AlternatingTendons(p, settings, self._model) if self._has_string else None
         self._was_slack, self._catch_stretch = False, 0.0
         self._catch_decay = math.exp(-settings.time_step / settings.catch_time)
         # The accelerations at release, and the velocities half a step before it
@@ -154,8 +320,14 @@ class TendonRig(StringRig):
             x, y = self._qpos[:2].tolist()
             self._free_length, self._wrap_angle = next_string_coordinates(x, y, self._parameters.rod_radius, self._wrap_angle)
 
-    def _read_motion(self) -> tuple[float, ...]:
-        return (*self._qpos[:2].tolist(), *self._velocities())
+    def read(self) -> tuple[float, ...]:
+        """Return positions [m], velocities [m/s] and string stretch [m]: `COLUMNS` without the time."""
+        if any(warning.number for warning in self._breakdowns):
+            return (math.nan,) * 9
+        x, y = self._qpos[:2].tolist()
+        vx, vy, heavy_v = self._velocities()
+        stretch = self._stretch() if self._has_string else math.nan
+        return (x, y, vx, vy, self._parameters.rod_radius, self._heavy_height(), 0.0, heavy_v, stretch)
 
     def _velocities(self) -> tuple[float, float, float]:
         """Return the present velocities of light x and y and heavy y [m/s]; the engine's are half a step old."""
@@ -171,7 +343,7 @@ class TendonRig(StringRig):
     def _prepare(self) -> None:
         """Set the string's length limit, the applied forces and the friction bound for the coming step."""
         vx, vy, heavy_v = self._velocities()
-        k = kinematics(self._data.time, self._free_length, self._wrap_angle, vx, vy, heavy_v)
+        k = _kinematics(self._data.time, self._free_length, self._wrap_angle, vx, vy, heavy_v)
         if self._tendons is not None:
             self._tendons.select(self._wrap_angle)
             correction = 0.0
@@ -201,7 +373,12 @@ class TendonRig(StringRig):
         self._catch_stretch *= self._catch_decay
         return self._catch_stretch
 
+    def _heavy_height(self) -> float:
+        """Return the height of the heavy mass [m]."""
+        return -self._parameters.hanging_length if self._held else float(self._qpos[HEAVY_DOF])
+
     def _stretch(self) -> float:
+        """Return how much longer than its rest length the string is [m]."""
         assert self._tendons is not None
         # mj_step leaves the tendon lengths of the step's start in its data
         self._mujoco.mj_fwdPosition(self._model, self._data)
@@ -250,30 +427,6 @@ class TendonRig(StringRig):
         return float(rows[FRICTION_ROW]), tension
 
 
-@dataclass(frozen=True, kw_only=True)
-class TendonSettings(StringSettings):
-    """Numerical settings of the tendon variants that use MuJoCo's step as a leapfrog step ."""
-
-    friction_time_constant: float
-    """Time constant with which a held string comes to rest [s]; MuJoCo's `solreffriction`.
-
-    With two time steps, the string stops within one.
-    """
-    rest_speed: float = 1e-5
-    """Below this speed [m/s] the heavy mass counts as at rest; a held string creeps at 1e-6 m/s or less."""
-    catch_time: float = 2e-3
-    """Time constant with which the excess length of a late catch is taken back [s].
-
-    A slack string becomes taut within a step, but the engine notices at its end, when the string is already too long.
-    """
-    switch_up: float = SWITCH_UP
-    """Wrap angle above k pi at which tendon k is replaced by the next [rad]."""
-    switch_down: float = SWITCH_DOWN
-    """Wrap angle above k pi at which tendon k is replaced by the previous one [rad]."""
-    corrections: bool = True
-    """Whether the adapter corrects what MuJoCo leaves out: the string's turning, half a step of velocity, a late catch."""
-
-
 MUJOCO_DEFAULTS = TendonSettings(
     time_step=SAMPLE_INTERVAL,
     string_time_constant=DEFAULT_TIME_CONSTANT,
@@ -314,7 +467,7 @@ def _abilities(
     """Return the abilities of a variant; by default it has no friction."""
     return shipped_abilities(
         f"mujoco:{variant}",
-        winding=WRAPPED_TENDON,
+        winding="spatial tendon wrapped over a cylinder; the adapter counts turns, using two in turn",
         friction_law=friction_law,
         stick_slip=stick_slip,
         summary=f"Two spatial tendons used in turn over a cylinder, {friction}.",
@@ -394,6 +547,12 @@ _ABILITIES = {
 """Variant -> what it can do."""
 
 
+def _step_rungs(time_constants: Sequence[str]) -> LadderRow:
+    """Return a ladder of time steps, along which the settings ``time_constants`` stay two steps."""
+    rungs = [{"time_step": dt} | dict.fromkeys(time_constants, 2 * dt) for dt in (1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5)]
+    return "time_step", "s", rungs, "the constraints' time constants stay 2 steps" if time_constants else ""
+
+
 class MujocoTendon(TunedEngine):
     """MuJoCo with the string as a spatial tendon over a cylinder.
 
@@ -436,14 +595,25 @@ class MujocoTendon(TunedEngine):
         constants = ("string_time_constant", "friction_time_constant")[: 2 if with_friction else 1]
         softness = [softness_rungs(name, s.time_step) for name in constants]
         if self.variant == "defaults":  # it has nothing but defaults
-            return studies_from_rows(self, ladders=(step_rungs(()), *softness))
+            return studies_from_rows(self, ladders=(_step_rungs(()), *softness))
         friction = time_constant_default(
             s, "friction_time_constant", "solreffriction", "how fast string that is held comes to rest"
         )
         studies = studies_from_rows(
             self,
-            ladders=(step_rungs(constants), *softness),
-            defaults=(*string_defaults(s), *((friction,) if with_friction else ())),
+            ladders=(_step_rungs(constants), *softness),
+            defaults=(
+                time_constant_default(s, "string_time_constant", "solref", "how fast a stretched string returns to its length"),
+                (
+                    "solimp",
+                    "0.9 to 0.95 within 1 mm",
+                    f"{s.least_impedance:g} to {s.impedance:g}",
+                    "share of a constraint that is enforced; the rest gives way",
+                    {"least_impedance": 0.9, "impedance": 0.95},
+                ),
+                *solver_defaults(s),
+                *((friction,) if with_friction else ()),
+            ),
             choices=(
                 (
                     "wrap angle at which the next tendon takes over",

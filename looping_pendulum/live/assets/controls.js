@@ -8,7 +8,7 @@ import { RELEASES, SLIDERS } from "../model.js";
  * @typedef {{release: string, values: Record<string, number>, stored?: string}} State values in the units that are shown;
  *   `stored`: name of the scenario whose stored run is shown, since the model lacks effects of it
  * @typedef {{name: string, title: string, description: string, shipped: boolean, release: string, settings: Record<string, number>,
- *   lacks: string[]}} Preset `lacks`: effects of the scenario that the model does not have
+ *   lacks: string[], duration: number}} Preset `lacks`: effects of the scenario that the model does not have; `duration`: its own [s]
  */
 
 /** Settings that can be changed, in the order of the page; those that are seldom needed. */

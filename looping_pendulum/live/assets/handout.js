@@ -3,7 +3,7 @@
 import { setSize } from "./canvas.js";
 import { CONTROLS, codeOf, controlOf, isMeaningful, settingsOf, withValue } from "./controls.js";
 import { html } from "./elements.js";
-import { resultOf, wordsOf } from "./outcome.js";
+import { resultOf, whyNotForGood, wordsOf } from "./outcome.js";
 import { ShownRun } from "./shown_run.js";
 import { Stage } from "./stage.js";
 import { fixed, namesOf, shown, text, withUnit } from "./texts.js";
@@ -109,12 +109,14 @@ export class Handout {
     const { name, max } = controlOf(CHANGED[state.release]);
     const before = state.values[name];
     const other = withValue(state, name, before === 0 ? SOME_FRICTION : 2 * before <= max ? 2 * before : before / 2);
+    const changed = new ShownRun(settingsOf(other), run.end);
+    const why = name === "kinetic_friction" && other.values[name] > before ? whyNotForGood(changed, run) : "";
     return [
       first(run),
       second(run),
       {
         question: text("askChange", { changes: changesInWords(state, other) }),
-        answer: first(new ShownRun(settingsOf(other), run.end)).answer,
+        answer: [first(changed).answer, why].filter(Boolean).join(" "),
       },
     ];
   }

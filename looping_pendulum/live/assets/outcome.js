@@ -1,24 +1,59 @@
 /** What came of a run, in words, as buttons and as a table. */
 
-import { fixed, language, text, withUnit } from "./texts.js";
+import { fixed, language, shown, text, withUnit } from "./texts.js";
 
 /** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
 
 const CENTIMETRES = 100;
 const TABLE_ROWS = 20;
 
-/** Whether and when the heavy mass halts. @param {DrawnRun} run */
-export function resultOf({ halt, dropAtHalt, endOfRun, ending, release, events, modeAtStart }) {
-  if (halt !== null && dropAtHalt !== null) {
-    return text("halts", { time: fixed(halt, 4), drop: fixed(CENTIMETRES * dropAtHalt, 1) });
-  }
+/** How a run ends, in one sentence; in English the one of `runs/outcome.py`. @param {DrawnRun} run */
+export function resultOf(run) {
+  const { halt, dropAtHalt, endOfRun, ending, release, rests } = run;
+  if (halt !== null && dropAtHalt !== null) return text("halts", { time: fixed(halt, 4), place: placeOf(dropAtHalt) });
   if (release === "held" || release === "drop") return text(release);
-  if (ending === "time_up" && events.length === 1 && modeAtStart === "sticking") return text("stays");
-  if (ending === "time_up") return text("goesOn", { time: fixed(endOfRun, 1) });
+  const isCut = ending === "time_up";
+  const limit = shown(Number(endOfRun.toFixed(3)));
   const end = { ending: text(`event.${ending}`), time: fixed(endOfRun, 3) };
-  const [still, again] = ["sticks", "slips"].map((kind) => events.find((event) => event.kind === kind));
-  if (still && again) return text("standsForAWhile", { from: fixed(still.time, 3), until: fixed(again.time, 3), ...end });
+  const last = rests[rests.length - 1];
+  const longest = longestOf(rests);
+  if (last && last.until === null) {
+    // Where a rest as long as this one has ended before, this one may end, too
+    if (isCut && longest && longest.length >= endOfRun - last.from) {
+      return text("inSteps", { count: rests.length, from: fixed(last.from, 3), time: limit });
+    }
+    const hangs = release === "vertical";
+    if (isCut && last.from === 0 && hangs) return text("stays");
+    const light = text(hangs ? "lightHangs" : "lightSwings");
+    const then = isCut ? text("soToEnd", { time: limit }) : text("thenEnds", end);
+    if (last.from === 0) return text("heldToEnd", { light, then });
+    return text("restsAtEnd", { from: fixed(last.from, 3), place: placeOf(last.drop), light, then });
+  }
+  if (longest) {
+    const then = isCut ? text("thenMoves", { time: limit }) : text("thenEnds", end);
+    return text(longest.from === 0 ? "heldAtFirst" : "standsForAWhile", { from: fixed(longest.from, 3), until: fixed(longest.until, 3), then });
+  }
+  if (isCut) return text("goesOn", { time: limit });
   return text(release === "vertical" ? "pulledUp" : "neverHalts", end);
+}
+
+/** Why a string that gripped slides again, where that surprises: more friction, and it halts no longer for good; else nothing.
+ * @param {DrawnRun} run @param {DrawnRun} withLess */
+export function whyNotForGood(run, withLess) {
+  const rest = longestOf(run.rests);
+  if (withLess.halt === null || run.halt !== null || !rest || rest.from === 0) return "";
+  return text("whyNotForGood", { turns: fixed(rest.turns, 2) });
+}
+
+/** The longest of the rests that ended. @param {DrawnRun["rests"]} rests */
+function longestOf(rests) {
+  const ended = rests.flatMap(({ until, ...rest }) => (until === null ? [] : [{ ...rest, until, length: until - rest.from }]));
+  return ended.length ? ended.reduce((longest, rest) => (rest.length > longest.length ? rest : longest)) : null;
+}
+
+/** Where the heavy mass rests. @param {number} drop below its start [m] */
+function placeOf(drop) {
+  return text(drop >= 0 ? "below" : "above", { drop: fixed(CENTIMETRES * Math.abs(drop), 1) });
 }
 
 /** The change against the ghost as numbers. @param {DrawnRun} run @param {DrawnRun | null} ghost */
@@ -45,9 +80,9 @@ export function wordsOf({ kind, time }) {
  * @param {(time: number) => void} onTime */
 export function showEvents(list, run, onTime) {
   const wanted = run.events.slice(0, TABLE_ROWS);
-  const shown = language() + JSON.stringify(wanted);
-  if (list.dataset.shown === shown) return;
-  list.dataset.shown = shown;
+  const content = language() + JSON.stringify(wanted);
+  if (list.dataset.shown === content) return;
+  list.dataset.shown = content;
   list.replaceChildren(...wanted.map((event) => {
     const button = document.createElement("button");
     button.type = "button";

@@ -19,7 +19,7 @@ import { MapCursor } from "./map_cursor.js";
 import { changeOf, fillTable, resultOf, showEvents } from "./outcome.js";
 import { Player } from "./player.js";
 import { Plot, kindsOf } from "./plots.js";
-import { ShownRun } from "./shown_run.js";
+import { ShownRun, durationOf } from "./shown_run.js";
 import { Sliders } from "./sliders.js";
 import { Stage } from "./stage.js";
 import { LANGUAGES, fixed, shown, text, textsOf } from "./texts.js";
@@ -58,6 +58,8 @@ class Page {
       onSwitch: () => this.change(),
       onBack: () => this.set(stateOf(first)),
     });
+    /** Duration of the scenario that was chosen last [s]. */
+    this.longest = first.duration;
     this.run = this.runOf(this.state);
     /** @type {DrawnRun | null} */
     this.ghost = null;
@@ -306,6 +308,8 @@ class Page {
     const runs = this.activeRuns;
     const link = linkOf(state);
     if (link !== this.computed) {
+      // A scenario may last longer than runs are watched else; a change of its settings leaves that as it is
+      this.longest = this.presetOfLink.get(link)?.duration ?? this.longest;
       try {
         this.run = this.runOf(state);
       } catch (error) {
@@ -345,7 +349,7 @@ class Page {
 
   /** @param {State} state @returns {DrawnRun} @throws {RangeError} if the apparatus is impossible */
   runOf(state) {
-    const shown = this.engines?.belongTo(state) ? this.engines.duration : undefined;
+    const shown = this.engines?.belongTo(state) ? this.engines.duration : Math.max(durationOf(state.release), this.longest);
     return this.engines?.standIn(state) ?? new ShownRun(settingsOf(state), shown);
   }
 

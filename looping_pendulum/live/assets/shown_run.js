@@ -13,10 +13,12 @@ const DURATIONS = { looping: 5, vertical: 5, held: 5, drop: 0.6 };
 const SHARE_WITHOUT_SPIKES = 0.99;
 
 /** @typedef {{kind: string, time: number}} ShownEvent `kind`: of the texts `event.` which */
+/** @typedef {{from: number, until: number | null, drop: number, turns: number}} Rest when the rod holds the string [s] (until null: to
+ * the end of the run), how far the heavy mass is then below its start [m], and the turns on the rod as it catches the string */
 /** @typedef {ReturnType<ShownRun["at"]>} Sample */
 /**
  * What is drawn and said of a run, whether it is computed here or stored.
- * @typedef {Pick<ShownRun, "settings" | "release" | "end" | "endOfRun" | "halt" | "modeAtStart" | "samples" | "events" | "ending" |
+ * @typedef {Pick<ShownRun, "settings" | "release" | "end" | "endOfRun" | "halt" | "rests" | "samples" | "events" | "ending" |
  *   "dropAtHalt" | "at" | "range">} DrawnRun
  */
 
@@ -38,7 +40,6 @@ export class ShownRun {
     this.endOfRun = this.run.endTime;
     this.end = Math.min(this.endOfRun, shown);
     this.halt = this.run.haltingTime;
-    this.modeAtStart = this.run.sample(0).mode;
     this.startHeight = this.run.sample(0).heavy[1];
     const count = Math.round(Math.min(MAX_SAMPLES, Math.max(MIN_SAMPLES, this.end / TIME_BETWEEN_SAMPLES)));
     this.samples = Array.from({ length: count + 1 }, (_, i) => this.at((i / count) * this.end));
@@ -46,7 +47,28 @@ export class ShownRun {
     /** Last event of the run. */
     this.ending = events[events.length - 1].kind;
     this.events = events.filter(({ time }) => time <= this.end);
-    this.dropAtHalt = this.halt === null ? null : this.at(this.halt).drop;
+    this.rests = this.restsOfRun();
+    this.dropAtHalt = this.halt === null ? null : this.placeAt(this.halt).drop;
+  }
+
+  /** How far the heavy mass is below its start [m], and the turns on the rod; also after what is shown. @param {number} t */
+  placeAt(t) {
+    const { heavy, wrapAngle } = this.run.sample(t);
+    return { drop: this.startHeight - heavy[1], turns: wrapAngle / (2 * Math.PI) };
+  }
+
+  /** @returns {Rest[]} */
+  restsOfRun() {
+    /** @type {Rest[]} */
+    const rests = [];
+    for (const { time, event, modeAfter } of this.run.events) {
+      if (event !== null && PHASE_EVENTS.has(event)) continue;
+      const last = rests[rests.length - 1];
+      const [isHeld, wasHeld] = [modeAfter === "sticking", last !== undefined && last.until === null];
+      if (isHeld && !wasHeld) rests.push({ from: time, until: null, ...this.placeAt(time) });
+      if (wasHeld && !isHeld && !END_EVENTS.has(event ?? "")) last.until = time;
+    }
+    return rests;
   }
 
   /** What is to be seen at t [s]; after the end, the end. @param {number} t */

@@ -64,5 +64,5 @@ export function written(number, digits) {
   return shown(part ? `${grouped}.${part}` : grouped);
 }
 
-/** A number with some digits behind the decimal sign. @param {number} number @param {number} digits */
-export const fixed = (number, digits) => shown(number.toFixed(digits));
+/** A number with some digits behind the decimal sign; what rounds to zero has no sign. @param {number} number @param {number} digits */
+export const fixed = (number, digits) => shown(number.toFixed(digits).replace(/^-(?=[0.]+$)/, ""));

@@ -20,7 +20,6 @@ export class StoredRun {
     const { events, end, count } = data.runs[0];
     this.end = this.endOfRun = Math.min(end ?? data.duration, data.duration);
     this.halt = events.find(({ kind }) => kind === "halt")?.t ?? null;
-    this.modeAtStart = modeAt(data, 0);
     this.samples = Array.from({ length: count }, (_, i) => this.at(i / data.rate));
     /** @type {ShownEvent[]} */
     this.events = events.flatMap(({ kind, name, t }) => {
@@ -29,7 +28,23 @@ export class StoredRun {
     });
     const last = this.events[this.events.length - 1]?.kind;
     this.ending = ["light_reaches_rod", "heavy_reaches_rod", "unwrapped"].includes(last) ? last : "time_up";
+    this.rests = this.restsOfRun();
     this.dropAtHalt = this.halt === null ? null : this.at(this.halt).drop;
+  }
+
+  /** @returns {import("../shown_run.js").Rest[]} */
+  restsOfRun() {
+    /** @type {import("../shown_run.js").Rest[]} */
+    const rests = [];
+    const begin = (/** @type {number} */ time) => rests.push({ from: time, until: null, drop: this.at(time).drop, turns: this.at(time).turns });
+    if (modeAt(this.data, 0) === "sticking") begin(0);
+    for (const { kind, time } of this.events) {
+      const last = rests[rests.length - 1];
+      const wasHeld = last !== undefined && last.until === null;
+      if ((kind === "sticks" || kind === "halts") && !wasHeld) begin(time);
+      if ((kind === "slips" || kind === "slack") && wasHeld) last.until = time;
+    }
+    return rests;
   }
 
   /** What is to be seen at t [s]; after the end, the end. @param {number} t @returns {Sample} */

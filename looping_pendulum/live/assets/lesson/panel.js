@@ -3,6 +3,7 @@
 import { parsed, same, settingsOf } from "../controls.js";
 import { ShownRun } from "../shown_run.js";
 import { fixed, shown, text, withUnit } from "../texts.js";
+import { resultOf } from "../outcome.js";
 import { Classroom } from "./classroom.js";
 import { TYPICAL_SCATTER, filmedPoints, madeUpTrial } from "./made_up.js";
 import { STEPS, distanceOf, filmedState, isOfRatioStep, judgeRatio, judgeTrial, lowestRatio, placeOfRatio, trialState } from "./steps.js";
@@ -282,7 +283,7 @@ export class LessonPanel {
       }
       const found = placeOfRatio(ratio, run.halt !== null, value);
       const hints = { never: "lessonNever", gap: "lessonGap", high: "lessonHigh", lowest: "lessonRatioFound" };
-      const hint = () => text(/** @type {import("../texts.js").TextKey} */ (hints[found]), { ratio });
+      const hint = () => text(/** @type {import("../texts.js").TextKey} */ (hints[found]), { ratio, result: resultOf(run) });
       if (found === "lowest") this.answer(step, judgeRatio(this.kept[place], ratio, value), hint);
       else this.tell(hint, "", place);
     };
