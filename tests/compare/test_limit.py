@@ -238,7 +238,7 @@ def test_rungs_that_close_in_by_no_one_power_have_a_limit(values, known):
     assert (limit is not None) is known
     if known:
         assert (limit.order, limit.value[0, 0]) == (None, values[-1])
-        assert limit.uncertainty == pytest.approx(math.hypot(3 * (values[2] - values[3]), 2e-6))
+        assert limit.uncertainty == pytest.approx(math.hypot(3 * (values[2] - values[3]), 2 * math.sqrt(2) * 1e-6))
 
 
 @pytest.mark.parametrize(
@@ -251,7 +251,7 @@ def test_the_finest_three_agree_up_to_the_resolution_or_what_noise_explains(nois
     assert (limit is not None) is known
     if known:
         assert limit.value[0, 0] == 2.0
-        assert limit.uncertainty == pytest.approx(math.hypot(0.25, 2 * noise))
+        assert limit.uncertainty == pytest.approx(math.hypot(0.25, 2 * math.sqrt(2) * noise))
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import special  # scipy.stats takes a second to import
@@ -112,12 +113,13 @@ def extrapolate(h: Array, values: Sequence[Array], *, noise: float, resolution: 
         if limit is not None:
             return limit
     steps = [rms_norm(b - a) for a, b in zip(values, values[1:], strict=False)]
-    half_width = SIGNIFICANT_CHANGE * noise
+    # Of two runs: the finest rung stands for the limit, and another run confirms it
+    half_width = significant_change(noise)
     last = steps[-MIN_RUNGS:]
     if len(last) == MIN_RUNGS and all(CLOSING_FACTOR * b <= a for a, b in zip(last, last[1:], strict=False)):
         return Limit(value=values[-1], uncertainty=math.hypot(CAUTIOUS_SAFETY_FACTOR * last[-1], half_width))
     largest = max(rms_norm(value - values[-1]) for value in values[-MIN_RUNGS:])
-    if largest <= max(resolution, significant_change(noise)):
+    if largest <= max(resolution, half_width):
         return Limit(value=values[-1], uncertainty=math.hypot(largest, half_width))
     return None
 
@@ -127,7 +129,24 @@ def _power_law(h: Array, values: Sequence[Array], noise: float) -> Limit | None:
     if rms_norm(values[0] - values[-1]) <= significant_change(noise) or not _falls_like_a_power(h, values):
         return None
     fit = _fit(h, values, noise)
-    return _with_uncertainty(h, values, fit, noise) if fit is not None and fit.misfit <= MAX_MISFIT else None
+    if fit is None or fit.misfit > MAX_MISFIT:
+        return None
+    count, others = len(values), []
+    if count > MIN_RUNGS:
+        without = ((np.delete(h, k), [value for j, value in enumerate(values) if j != k]) for k in range(count))
+        others = [other for sizes, rest in without if (other := _fit(sizes, rest, noise)) is not None]
+    order_error, limit_error = math.inf, 0.0
+    if len(others) == count:
+        # The jackknife's variance is (n - 1) / n times the sum of squares, as the fits differ little from each other
+        factor = math.sqrt((count - 1) / count) * float(special.stdtrit(count - 2, CONFIDENCE))
+        order_error = factor * math.sqrt(sum((other.order - fit.order) ** 2 for other in others))
+        limit_error = factor * math.sqrt(sum(rms_norm(other.limit - fit.limit) ** 2 for other in others))
+    # With an interval that includes zero, no order is certain
+    safety = SAFETY_FACTOR if order_error < fit.order else CAUTIOUS_SAFETY_FACTOR
+    # Roache's interval reaches the factor times the limit's distance from the finest rung; this is what lies beyond the limit
+    margin = (safety - 1) * rms_norm(values[-1] - fit.limit)
+    half_width = math.hypot(margin, limit_error, fit.misfit * fit.finest_error, noise)
+    return Limit(value=fit.limit, uncertainty=half_width, order=fit.order)
 
 
 def _falls_like_a_power(h: Array, values: Sequence[Array]) -> bool:
@@ -141,8 +160,7 @@ def _falls_like_a_power(h: Array, values: Sequence[Array]) -> bool:
     return one_way and bool((np.diff(rates) < 0).all())
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Fit:
+class _Fit(NamedTuple):
     """Least-squares fit of a power law."""
 
     order: float
@@ -192,28 +210,4 @@ def _fit(h: Array, values: Sequence[Array], noise: float) -> _Fit | None:
         limit=np.asarray(solution[0]).reshape(shape) + values[-1],
         misfit=math.sqrt(sum(rms_norm(row.reshape(shape)) ** 2 for row in remainder) / freedom),
         finest_error=float(expected[-1]),
-    )
-
-
-def _with_uncertainty(h: Array, values: Sequence[Array], fit: _Fit, noise: float) -> Limit:
-    """Return order and limit of a fit, with an uncertainty from leaving out one rung at a time."""
-    count = len(values)
-    others = []
-    if count > MIN_RUNGS:
-        without = ((np.delete(h, k), [value for j, value in enumerate(values) if j != k]) for k in range(count))
-        others = [other for sizes, rest in without if (other := _fit(sizes, rest, noise)) is not None]
-    order_error, limit_error = math.inf, 0.0
-    if len(others) == count:
-        # The jackknife's variance is (n - 1) / n times the sum of squares, as the fits differ little from each other
-        factor = math.sqrt((count - 1) / count) * float(special.stdtrit(count - 2, CONFIDENCE))
-        order_error = factor * math.sqrt(sum((other.order - fit.order) ** 2 for other in others))
-        limit_error = factor * math.sqrt(sum(rms_norm(other.limit - fit.limit) ** 2 for other in others))
-    # With an interval that includes zero, no order is certain
-    safety = SAFETY_FACTOR if order_error < fit.order else CAUTIOUS_SAFETY_FACTOR
-    # Roache's interval reaches the factor times the limit's distance from the finest rung; this is what lies beyond the limit
-    margin = (safety - 1) * rms_norm(values[-1] - fit.limit)
-    return Limit(
-        value=fit.limit,
-        uncertainty=math.hypot(margin, limit_error, fit.misfit * fit.finest_error, noise),
-        order=fit.order,
     )

@@ -59,6 +59,8 @@ def ladder_verdict(
             why += f"; {format_setting(enough, ladder.unit)} is fine enough"
         elif verdict is Verdict.ANOTHER_LIMIT:
             why += "; refine the other settings, or look for the cause in the model"
+        elif limit.order is None and distance <= RESOLUTION[name]:
+            why += ", as well as the noise of single runs lets it be known; average several starts"
         else:
             why += f", {shown(name, distance)} from the finest rung; add finer rungs"
     signed = None if limit is None else rms_norm(limit.value) if name in PATH_END_TIMES else float(limit.value[0, 0])
@@ -101,7 +103,9 @@ def variant_verdict(
         why = f"the adapter offers no ladder with a value ({LADDERS})"
     elif len(half_widths) < len(refinements):
         without = ", ".join(one for one, (_, half_width) in refinements.items() if half_width is None)
-        why = f"no limit along {without}; refine {setting} further, which changes it by {shown(name, changes[setting])}"
+        largest = changes[setting] > RESOLUTION[name]
+        todo = f"refine {setting} further, which changes it by {shown(name, changes[setting])}" if largest else "see its rungs"
+        why = f"no limit along {without}; {todo}"
     else:
         total = np.sum([change for change, _ in refinements.values()], axis=0)
         limit_error = rms_norm(own + total)
