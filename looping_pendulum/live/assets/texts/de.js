@@ -255,8 +255,8 @@ export const de = {
 
   // Eigener Versuch
   trialTitle: "Eigener Versuch",
-  trialHint: "Eine einfache Tabelle hier ablegen (den Export von Tracker oder Spalten t, light_x, light_y, heavy_x, heavy_y), mit dem Ursprung auf "
-    + "der Achse der Stange. Sie bleibt auf diesem Rechner: Die Seite sendet nichts. Andere Dateien liest looping-pendulum look und schreibt eine solche Tabelle.",
+  trialHint: "Eine Tabelle hier ablegen: den Export von Tracker, Spalten t, light_x, light_y, heavy_x, heavy_y oder andere, deren Bedeutung man dann angibt; mit dem Ursprung auf "
+    + "der Achse der Stange. Sie bleibt auf diesem Rechner: Die Seite sendet nichts. Andere Dateien liest looping-pendulum look und schreibt eine einfache Tabelle.",
   chooseFile: "Datei wählen",
   trackOf: "Spur von {mass}",
   trackByName: "nach ihrem Namen",
@@ -284,6 +284,19 @@ export const de = {
   trialStays: "{file} bleibt.",
   trialOtherRate: "Die Zeiten sind das {factor}-Fache dessen, was die Einstellungen zulassen, wie bei einer falschen Bildrate: Wirkliche Bilder pro Sekunde wären {rate}.",
   trialNone: "Kein Punkt fällt in die berechnete Zeit.",
+  columnsAsk: "{file} ist eine Tabelle eigener Art: Bitte angeben, was ihre Spalten sind. Es genügen die Zeit und beide Achsen einer Masse, ein Winkel oder eine Höhe.",
+  columnsOthers: "Zeilen ohne eine Reihe von Zahlen, weggelassen: {count}.",
+  columnIs: "Spalte {heading} ist",
+  columnsUse: "Diese Spalten lesen",
+  roleNone: "nicht benutzt",
+  "role.t": "Zeit",
+  "role.light_x": "M1, x",
+  "role.light_y": "M1, y (aufwärts)",
+  "role.heavy_x": "M2, x",
+  "role.heavy_y": "M2, y (aufwärts)",
+  "role.angle": "Winkel des Fadens",
+  "role.height": "Höhe von M2",
+  plainTable: "Einfache Tabelle (CSV)",
   emptyCells: "leere Zellen: {count}",
   cannotBeRead: "{file}: lässt sich nicht lesen; noch einmal wählen",
   fitWorks: "Die Anpassung läuft …",

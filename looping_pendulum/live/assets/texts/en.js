@@ -251,8 +251,8 @@ export const en = {
 
   // A trial of one's own
   trialTitle: "Your own trial",
-  trialHint: "Drop a plain table here (Tracker's export, or columns t, light_x, light_y, heavy_x, heavy_y), with the origin on the rod's axis. "
-    + "It stays on your computer: this page sends nothing. looping-pendulum look reads other files, and writes such a table.",
+  trialHint: "Drop a table here: Tracker's export, columns t, light_x, light_y, heavy_x, heavy_y, or others whose meaning you then say; with the origin on the rod's axis. "
+    + "It stays on your computer: this page sends nothing. looping-pendulum look reads other files, and writes a plain table.",
   chooseFile: "Choose a file",
   trackOf: "Track of {mass}",
   trackByName: "by its name",
@@ -280,6 +280,19 @@ export const en = {
   trialStays: "{file} stays.",
   trialOtherRate: "The times are {factor} times what the settings allow, as of a wrong frame rate: the true frames per second would be {rate}.",
   trialNone: "No point falls into the time of the run.",
+  columnsAsk: "{file} is a table of its own kind: say what its columns are. The time and both axes of a mass, an angle or a height are enough.",
+  columnsOthers: "Lines without a row of numbers, left out: {count}.",
+  columnIs: "column {heading} is",
+  columnsUse: "Read these columns",
+  roleNone: "not used",
+  "role.t": "time",
+  "role.light_x": "M1, x",
+  "role.light_y": "M1, y (upwards)",
+  "role.heavy_x": "M2, x",
+  "role.heavy_y": "M2, y (upwards)",
+  "role.angle": "angle of the string",
+  "role.height": "height of M2",
+  plainTable: "Plain table (CSV)",
   emptyCells: "empty cells: {count}",
   cannotBeRead: "{file}: cannot be read; choose it again",
   fitWorks: "Fitting …",
