@@ -121,6 +121,13 @@ export class TrialPanel {
     if (scrolls) this.element("trial").scrollIntoView({ block: "nearest" });
   }
 
+  /** Read other points of the file that is there; what is said about it stays. @param {string} content */
+  replace(content) {
+    if (!this.file) return;
+    this.file = { ...this.file, bytes: new TextEncoder().encode(content) };
+    this.read();
+  }
+
   /** Leave a file; what was read before stays. @param {() => string} words */
   refuse(words) {
     if (!this.trial) this.remove();

@@ -376,6 +376,8 @@ export const de = {
   filmRate: "Bilder je Sekunde der Kamera",
   filmMark: "{mass} markieren",
   filmFind: "In weiteren Bildern finden",
+  filmCorrect: "Punkte berichtigen",
+  filmClickPoint: "Einen Punkt ziehen. Pfeiltasten verschieben ihn um ein zehntel Pixel, Entf löscht ihn, Bild auf und Bild ab gehen zum vorigen oder nächsten; markieren lässt sich eine Masse in jedem Bild neu.",
   filmUndo: "Marke zurücknehmen",
   filmUse: "Diese Punkte verwenden",
   filmRemove: "Film entfernen",

@@ -371,6 +371,8 @@ export const en = {
   filmRate: "Frames per second of the camera",
   filmMark: "Mark {mass}",
   filmFind: "Find it in further frames",
+  filmCorrect: "Correct points",
+  filmClickPoint: "Drag a point. Arrow keys move it by a tenth of a pixel, Delete removes it, Page Up and Page Down go to the one before or after; a mass is marked anew in any frame.",
   filmUndo: "Take back a mark",
   filmUse: "Use these points",
   filmRemove: "Remove the film",
