@@ -254,8 +254,11 @@ class Page {
   /** Set what a fit found. @param {Record<string, number>} values */
   takeFit(values) {
     let { state } = this;
+    const { time } = this.player;
     for (const { name } of CONTROLS) if (name in values) state = withValue(state, name, values[name]);
     this.set(state);
+    // Whoever corrects the points of a film goes on at the frame that is shown
+    this.player.stopAt(time);
   }
 
   /** @param {import("./map_cursor.js").Place} place */
