@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
@@ -54,17 +54,13 @@ def convergence_markdown(result: ConvergenceResult, figures: Mapping[str, tuple[
     return _template().render(
         result=result,
         figures=figures or {},
-        verdicts={name: list(_verdicts(result, name)) for name in QUANTITIES},
+        verdicts={
+            name: [(v, one) for v in result.variants for one in v.verdicts if one.quantity == name] for name in QUANTITIES
+        },
         supplies=supplies,
         physics=[what for what, *_ in next(iter(supplies.values()), [])],
         seconds=sum(seconds or 0.0 for seconds in result.clock.run_times.values()),
     )
-
-
-def _verdicts(result: ConvergenceResult, name: str) -> Iterator[tuple[VariantStudy, QuantityVerdict]]:
-    """Yield each variant with its verdict on one quantity, if the reference has that."""
-    for v in result.variants:
-        yield from ((v, one) for one in v.verdicts if one.quantity == name)
 
 
 @cache
