@@ -52,7 +52,7 @@ ADDITIONS: dict[str, tuple[tuple[str, Without], ...]] = {
     "mujoco:capstan": ((TURNING, changed(corrections=False)),),
     "mujoco:frictionloss": ((TURNING, changed(corrections=False)),),
     "mujoco:effective_mass": (("what MuJoCo leaves out of a wrapped tendon (l omega^2)", changed(corrections=False)),),
-    "mujoco:beads": ((POLYGON, changed(polygon=False)),),
+    "mujoco:beads": ((POLYGON, changed(polygon_friction=False, polygon_radius=False)),),
     "pymunk:chain": (
         (COEFFICIENT, changed(polygon_friction=False)),
         ("radius of the circle corrected for the polygon", changed(polygon_radius=False)),
