@@ -283,13 +283,16 @@ class PymunkWorld(JointWorld):
         """
         mass, outermost, following = (self._bodies[i] for i in (end, OUTERMOST[end], FOLLOWING[end]))
         position, velocity = self.position_of(outermost), self.velocity_of(outermost)
-        outermost.position = between(position, self.position_of(mass), share)
-        outermost.velocity = self._scaled(between(velocity, self.velocity_of(mass), share))
-        self._joints[end].max = self.lengths[end]
+        straight, link_length = self.lengths[end], self.lengths[OUTERMOST[end]]
+        # Of the rest length, not of the distance as ``share``: so the new link is stretched as the straight part is
+        rest_share = link_length / (straight + link_length)
+        outermost.position = between(position, self.position_of(mass), rest_share)
+        outermost.velocity = self._scaled(between(velocity, self.velocity_of(mass), rest_share))
+        self._joints[end].max = straight
         # A joint cannot change its bodies, so the links beside the new bead are created anew
         self.remove_joint(self._joints.pop(OUTERMOST[end]))
         bead = self.create_bead(position, velocity, self._bead_mass)
-        link = self.create_link(outermost, bead, self.lengths[OUTERMOST[end]])
+        link = self.create_link(outermost, bead, link_length)
         next_link = self.create_link(bead, following, self.lengths[FOLLOWING[end]])
         if end == LIGHT:
             self._bodies.insert(2, bead)
