@@ -51,7 +51,7 @@ ADDITIONS: dict[str, tuple[tuple[str, Without], ...]] = {
     "mujoco:documented": ((TURNING, changed(corrections=False)),),
     "mujoco:capstan": ((TURNING, changed(corrections=False)),),
     "mujoco:frictionloss": ((TURNING, changed(corrections=False)),),
-    "mujoco:beads": ((POLYGON, changed(polygon=False)),),
+    "mujoco:beads": ((POLYGON, changed(polygon_friction=False, polygon_radius=False)),),
     "pymunk:chain": (
         (COEFFICIENT, changed(polygon_friction=False)),
         ("radius of the circle corrected for the polygon", changed(polygon_radius=False)),

@@ -58,8 +58,8 @@ COARSE: Mapping[str, tuple[Mapping[str, Any], ...]] = {
     ),
     "pymunk:chain": (
         {"time_step": 2e-5},
-        {"time_step": 4e-5, "force_interval": 25, "bead_mass_ratio": 8e-4},
-        {"time_step": 4e-5, "force_interval": 25, "bend": 0.4, "bead_mass_ratio": 2e-3},
+        {"time_step": 4e-5, "steps_per_group": 25, "bead_mass_ratio": 8e-4},
+        {"time_step": 4e-5, "steps_per_group": 25, "bend": 0.4, "bead_mass_ratio": 2e-3},
         {"time_step": 2e-5, "bend": 0.4, "bead_mass_ratio": 8e-4},
     ),
     "box2d:chain": (
