@@ -9,7 +9,6 @@ from types import SimpleNamespace
 import pytest
 
 from looping_pendulum.compare.convergence.report import halting_verdict
-from looping_pendulum.engines import registry
 from looping_pendulum.engines.conformance import (
     CHECKS,
     LOSSLESS,
@@ -23,6 +22,7 @@ from looping_pendulum.engines.studies import Studies
 from looping_pendulum.errors import EngineError
 from tests import page_package
 from tests.command_line import here
+from tests.engines.faulty import forget_adapters
 from tests.engines.page_example import PAGE, blocks, module
 
 
@@ -47,9 +47,9 @@ def installed(package, monkeypatch):
     """Return the package's engine, offered in this process as in a new one."""
     monkeypatch.syspath_prepend(str(package))
     monkeypatch.delitem(sys.modules, "looping_spring", raising=False)
-    registry.adapter_modules.cache_clear()
+    forget_adapters()
     yield
-    registry.adapter_modules.cache_clear()
+    forget_adapters()
     sys.modules.pop("looping_spring", None)
 
 
