@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from enum import Enum, auto
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 POLL_INTERVAL = 0.05
 """Time between two looks at what goes on [s]; Ctrl-C is noticed in between."""
@@ -335,7 +335,7 @@ def end_with_parent(folder: Path) -> None:
         # The parent's end of the pipe is closed when it has ended
         os.read(parent, 1)
         try:
-            end_started()
+            end_started(folder)
         finally:
             shutil.rmtree(folder, ignore_errors=True)
             os._exit(1)
@@ -343,7 +343,7 @@ def end_with_parent(folder: Path) -> None:
     threading.Thread(target=wait_for_end, daemon=True).start()
 
 
-def finish() -> None:
+def finish(folder: Path) -> NoReturn:
     """End this process of `run_python` with success, with all that it has started.
 
     Threads that go on, and what foreign code has to do at the end of Python, count for nothing.
@@ -356,11 +356,11 @@ def finish() -> None:
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(Exception):
             stream.flush()
-    end_started()
+    end_started(folder)
     os._exit(0)
 
 
-def end_started() -> None:
+def end_started(folder: Path) -> None:
     """End all that this process of `run_python` has started."""
     import psutil
 
@@ -368,7 +368,7 @@ def end_started() -> None:
         for process in psutil.Process().children(recursive=True):
             with contextlib.suppress(psutil.Error):
                 process.kill()
-    end_marked(os.environ[MARK])
+    end_marked(folder.name)
 
 
 def adopt_orphans() -> None:

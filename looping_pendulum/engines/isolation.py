@@ -11,6 +11,7 @@ import pickle
 import tempfile
 import threading
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -19,7 +20,7 @@ import numpy as np
 from looping_pendulum.engines.protocol import Engine, declared
 from looping_pendulum.engines.registry import how_to_get, missing_packages
 from looping_pendulum.engines.worker import JOB, identity, named
-from looping_pendulum.errors import EngineError, one_line
+from looping_pendulum.errors import EngineError, one_line, shorten
 from looping_pendulum.pages.numbers import number
 from looping_pendulum.processes import (
     DISK_LIMIT,
@@ -32,7 +33,7 @@ from looping_pendulum.processes import (
     run_many,
     run_python,
 )
-from looping_pendulum.runs.storage import read_run, read_samples, recorded_count
+from looping_pendulum.runs.storage import field_error, read_run, read_samples, recorded_count
 from looping_pendulum.runs.trajectory import COLUMNS, SAMPLE_INTERVAL, RunStatus, Trajectory, from_samples
 from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.scenario import Scenario
@@ -52,6 +53,13 @@ MIN_MEMORY_LIMIT = 64 * 1024**2
 """Smallest memory limit that is accepted [bytes]; Python with NumPy alone takes more than half of it."""
 MAX_RETURNED_OUTPUT = 2**16
 """How much of the end of an engine's output is returned [bytes]."""
+MAX_MESSAGE = 500
+"""Longest message of a run; an engine's own may be of any length and of several lines."""
+OF_THE_PROCESS = (
+    *(RunStatus.TIME_LIMIT, RunStatus.MEMORY_LIMIT, RunStatus.DISK_LIMIT),
+    *(RunStatus.CRASHED, RunStatus.MISSING, RunStatus.INTERRUPTED),
+)
+"""Statuses that no engine can know of its own run."""
 ENVIRONMENT = {
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
@@ -154,15 +162,23 @@ def _result(folder: Path, engine: Engine, scenario: Scenario, status: RunStatus 
     if status is None:
         known = named(engine, scenario) | declared(engine, parameters)
         try:
-            return read_run(folder, parameters=parameters, duration=scenario.duration, output=output, **known)
+            run = read_run(folder, parameters=parameters, duration=scenario.duration, output=output, **known)
+            if run.status in OF_THE_PROCESS:
+                raise field_error("status", run.status.name, f"none of {', '.join(status.name for status in OF_THE_PROCESS)}")
+            return replace(run, message=_short(run.message))
         except FileNotFoundError:
             status, message = RunStatus.CRASHED, "it ended without a result"
         except EngineError as error:
-            status, message = RunStatus.FAILED, str(error)
+            status, message = RunStatus.FAILED, _short(str(error))
     rows = read_samples(folder, duration=scenario.duration)
     return from_samples(
         rows, parameters=parameters, status=status, message=message, output=output, **identity(engine, scenario)
     )
+
+
+def _short(message: str) -> str:
+    """Return a message as one line that is not too long."""
+    return shorten(" ".join(message.split()), MAX_MESSAGE)
 
 
 def run_all(

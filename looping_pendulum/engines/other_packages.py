@@ -185,8 +185,7 @@ def main(folder_path: str) -> None:
     partial = folder / f"{DESCRIPTION}.part"
     partial.write_bytes(pickle.dumps(described))
     partial.replace(folder / DESCRIPTION)
-    # Not by its proper end, which a thread of the adapter may prevent
-    finish()
+    finish(folder)
 
 
 def describe(adapter: EntryPoint) -> Description:

@@ -103,27 +103,31 @@ def load_engines(profile: Profile, names: Collection[str] | None = None) -> tupl
     ``names``: load these engines only, so that others' adapters are not even looked at.
     """
     adapters = [adapter for adapter in adapter_modules() if names is None or adapter.name in names]
-    foreign = [adapter for adapter in adapters if not is_own(adapter)]
+    found: dict[EntryPoint, Description | str] = {}
+    waiting: list[EntryPoint] = []
+    for adapter in adapters:
+        if not is_own(adapter):
+            if adapter.name in own_engines() | {other.name for other in waiting}:
+                found[adapter] = f"the name {adapter.name!r} is taken; needed another entry point name"
+            else:
+                waiting.append(adapter)
     # At the same time, as one that hangs is waited for
     with ThreadPoolExecutor(core_count()) as pool:
-        described = dict(zip(foreign, pool.map(description, foreign), strict=True))
+        found |= zip(waiting, pool.map(description, waiting), strict=True)
     engines: list[Engine] = []
     faults: dict[str, str] = {}
     for adapter in adapters:
-        if is_own(adapter):
+        described = found.get(adapter)
+        if described is None:
             # Not guarded: a fault in an adapter of this package is a bug, and must show
             engines += adapter.load().engines(profile)
-            continue
-        found = described[adapter]
-        if adapter.name in {engine.name for engine in engines} | own_engines():
-            found = f"the name {adapter.name!r} is taken; needed another entry point name"
-        if isinstance(found, Description):
-            engines += found.engines[profile]
-            continue
-        faults[adapter.name] = (
-            f"engine {adapter.name!r} is left out: adapter {adapter.value} of the package {_package(adapter) or '?'}: "
-            f"{' '.join(found.split())}; fix or uninstall that package"
-        )
+        elif isinstance(described, Description):
+            engines += described.engines[profile]
+        else:
+            faults[adapter.name] = (
+                f"engine {adapter.name!r} is left out: adapter {adapter.value} of the package {_package(adapter) or '?'}: "
+                f"{' '.join(described.split())}; fix or uninstall that package"
+            )
     return engines, faults
 
 

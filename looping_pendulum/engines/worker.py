@@ -13,6 +13,7 @@ from typing import Any
 
 from looping_pendulum.engines.protocol import Engine, declared
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.files import utf8
 from looping_pendulum.processes import end_with_parent, finish
 from looping_pendulum.runs.storage import FileRecorder, write_record, write_run
 from looping_pendulum.runs.trajectory import Provenance, RunStatus
@@ -39,19 +40,20 @@ def main(folder_path: str) -> None:
     except BaseException as error:
         if not isinstance(error, HarnessError):  # whose message says what was found and needed
             traceback.print_exc()
+        message = str(error) if isinstance(error, HarnessError) else f"{type(error).__name__}: {error}"
         write_record(
             folder,
             named(engine, scenario)
             | {
                 "provenance": settings_provenance(engine),
                 "status": RunStatus.FAILED,
-                "message": str(error) if isinstance(error, HarnessError) else f"{type(error).__name__}: {error}",
+                "message": utf8(message).decode(),
                 "events": (),
                 "wall_time": float("nan"),
                 "cpu_time": float("nan"),
             },
         )
-    finish()
+    finish(folder)
 
 
 def named(engine: Engine, scenario: Scenario) -> dict[str, str]:
