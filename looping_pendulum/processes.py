@@ -122,7 +122,7 @@ OUTPUT_LIMIT = 2**24
 """Size at which that file is emptied, so that it cannot fill the disk [bytes]."""
 DISK_LIMIT = 2**30
 """How much the folder of a process may hold [bytes]; what it writes elsewhere is not limited."""
-SHARE_OF_LOOKING = 0.05
+SHARE_OF_LOOKING = 0.02
 """Largest share of the time that is spent on looking for what a process has started."""
 
 
