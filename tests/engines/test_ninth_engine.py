@@ -1,19 +1,26 @@
 """An engine is one folder: one from outside is found in every table, in help and in reports, with its colour and its range."""
 
+import dataclasses
 import json
 import re
 
 import pytest
 
 from looping_pendulum.cli.common import engine_names
+from looping_pendulum.compare.harness import compare_engines
+from looping_pendulum.engines.facts import EngineFacts
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import engine, engine_facts, how_to_get, select, styles
+from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.palette import COLOUR_NAMES, COLOURS
+from looping_pendulum.runs.trajectory import RunStatus
+from looping_pendulum.scenarios import load
 from scripts.written_pages import engine_facts_page
 from tests.apparatus import TEN_TO_ONE
 from tests.command_line import here
 from tests.engines.bad_engines import GoodEngine
 from tests.engines.faulty import forget_adapters
+from tests.engines.page_example import blocks, module
 
 ADAPTER = """
 from pathlib import Path
@@ -112,3 +119,18 @@ def test_a_user_who_asks_for_it_has_the_engine_itself():
     assert not isinstance(stand_in, GoodEngine)
     assert stand_in.abilities.outside_range("quick", TEN_TO_ONE) == ("mass ratio M2/M1 10 (measured: 2 to 8)",)
     assert vars(stand_in.settings) == vars(own.settings)
+
+
+def test_the_pages_facts_are_facts():
+    facts = module("page_of_facts", blocks("python")[-1]).FACTS
+    assert isinstance(facts, EngineFacts)
+    assert facts.variant("euler").colour in COLOUR_NAMES
+
+
+def test_engines_are_compared_by_name_and_as_objects():
+    scenario = dataclasses.replace(load("drop"), duration=0.02, tolerances=())
+    result = compare_engines(scenario, engines=["reference", GoodEngine("rest", Profile.QUICK)])
+    assert [row.label for row in result.engines] == ["reference", "good:rest"]
+    assert [row.status for row in result.engines] == [RunStatus.FINISHED.name] * 2
+    with pytest.raises(EngineError, match="engines: found int, needed a name such as 'pymunk', or an engine"):
+        compare_engines(scenario, engines=[3])
