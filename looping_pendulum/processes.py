@@ -26,8 +26,6 @@ POLL_INTERVAL = 0.05
 """Time between two looks at what goes on [s]; Ctrl-C is noticed in between."""
 END_TIMEOUT = 10.0
 """Longest time to wait for processes that were killed [s]; normally they end within milliseconds."""
-MARK = "LOOPING_PENDULUM_PROCESS"
-"""Environment variable by which a process of `run_python`, and all that it starts, are found, wherever they belong."""
 ReportShare = Callable[[str, float], None]
 """Function that is called with what is being done, and the share of all of it that is done."""
 Result = TypeVar("Result")
@@ -122,8 +120,8 @@ OUTPUT_LIMIT = 2**24
 """Size at which that file is emptied, so that it cannot fill the disk [bytes]."""
 DISK_LIMIT = 2**30
 """How much the folder of a process may hold [bytes]; what it writes elsewhere is not limited."""
-SHARE_OF_LOOKING = 0.02
-"""Largest share of the time that is spent on looking for what a process has started."""
+SHARE_OF_LOOKING = 0.05
+"""Largest share of a processor that is spent on looking for what a process has started."""
 
 
 class Cause(Enum):
@@ -175,9 +173,9 @@ def run_python(
 ) -> Ending:
     """Call ``function``, "module:name", with the path of ``folder`` in a process of its own, and wait until it has ended.
 
-    All that it has started ends with it, except what has a session of its own and none of its environment, and has lost its
-    parent before it was seen once (`ProcessTree`). The function begins with `end_with_parent`. The process is in a session of
-    its own, so that Ctrl-C reaches only this one, which then decides what to do.
+    All that it has started ends with it, except what has left its session and lost its parent before it was seen once
+    (`ProcessTree`). The function begins with `end_with_parent` and ends with `finish`. The process is in a session of its own,
+    so that Ctrl-C reaches only this one, which then decides what to do.
 
     Parameters
     ----------
@@ -212,7 +210,7 @@ def run_python(
             stdin=subprocess.PIPE,
             stdout=output,
             stderr=subprocess.STDOUT,
-            env={**os.environ, **temporary, **environment, MARK: folder.name},
+            env={**os.environ, **temporary, **environment},
             start_new_session=True,
             creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
         )
@@ -234,7 +232,6 @@ def run_python(
                 meanwhile()
         finally:
             tree.end()
-            end_marked(folder.name)
             process.wait()
             process.stdin.close()
     return Ending(cause=Cause.ITSELF, amount=code) if code >= 0 else Ending(cause=Cause.SIGNAL, amount=-code)
@@ -278,15 +275,15 @@ class ProcessTree:
         """Add what was started since the last time."""
         import psutil
 
-        started = time.monotonic()
-        for process in tuple(self._seen):
-            try:
-                self._seen.update(process.children(recursive=True))
-            except psutil.Error:
-                if process != self._root:
-                    self._seen.discard(process)
+        started = time.thread_time()
+        below: set[Any] = set()
+        for process in (self._root, *self._seen):
+            if process not in below:  # one that has lost its parent, or the process itself
+                with contextlib.suppress(psutil.Error):
+                    below.update(process.children(recursive=True))
+        self._seen |= below
         # It reads the list of all processes, which takes milliseconds
-        self._next_look = time.monotonic() + (time.monotonic() - started) / SHARE_OF_LOOKING
+        self._next_look = time.monotonic() + (time.thread_time() - started) / SHARE_OF_LOOKING
 
     def memory(self) -> int:
         """Return the memory that all of them hold [bytes]."""
@@ -301,11 +298,22 @@ class ProcessTree:
         return held
 
     def end(self) -> None:
-        """Kill all of them and wait until they have ended."""
+        """Kill all of them, and whatever else is in the process's group, and wait until those that were seen have ended."""
         import psutil
 
         with contextlib.suppress(psutil.Error):
             self._root.suspend()  # it starts no more, and goes on adopting what it has started
+        self.end_descendants()
+        with contextlib.suppress(psutil.Error):
+            self._root.kill()
+        # What was started at the very end, and not seen
+        with contextlib.suppress(AttributeError, OSError):
+            os.killpg(self._root.pid, signal.SIGKILL)
+
+    def end_descendants(self) -> None:
+        """Kill all but the process itself, and wait until they have ended."""
+        import psutil
+
         deadline = time.monotonic() + END_TIMEOUT
         alive = True
         while alive and time.monotonic() < deadline:
@@ -316,8 +324,6 @@ class ProcessTree:
                     if process.is_running() and process.status() != psutil.STATUS_ZOMBIE:
                         process.kill()
                         alive = True
-        with contextlib.suppress(psutil.Error):
-            self._root.kill()
 
 
 def end_with_parent(folder: Path) -> None:
@@ -335,7 +341,7 @@ def end_with_parent(folder: Path) -> None:
         # The parent's end of the pipe is closed when it has ended
         os.read(parent, 1)
         try:
-            end_started(folder)
+            ProcessTree(os.getpid()).end_descendants()
         finally:
             shutil.rmtree(folder, ignore_errors=True)
             os._exit(1)
@@ -343,7 +349,7 @@ def end_with_parent(folder: Path) -> None:
     threading.Thread(target=wait_for_end, daemon=True).start()
 
 
-def finish(folder: Path) -> NoReturn:
+def finish() -> NoReturn:
     """End this process of `run_python` with success, with all that it has started.
 
     Threads that go on, and what foreign code has to do at the end of Python, count for nothing.
@@ -356,19 +362,11 @@ def finish(folder: Path) -> NoReturn:
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(Exception):
             stream.flush()
-    end_started(folder)
+    with contextlib.suppress(ChildProcessError, ImportError):  # the Python of another environment may lack psutil
+        if hasattr(os, "WNOHANG"):
+            os.waitpid(-1, os.WNOHANG)  # raises ChildProcessError where there is nothing to end
+        ProcessTree(os.getpid()).end_descendants()
     os._exit(0)
-
-
-def end_started(folder: Path) -> None:
-    """End all that this process of `run_python` has started."""
-    import psutil
-
-    with contextlib.suppress(psutil.Error):
-        for process in psutil.Process().children(recursive=True):
-            with contextlib.suppress(psutil.Error):
-                process.kill()
-    end_marked(folder.name)
 
 
 def adopt_orphans() -> None:
@@ -379,25 +377,3 @@ def adopt_orphans() -> None:
 
         if sys.platform == "linux":
             ctypes.CDLL(None).prctl(set_child_subreaper, 1, 0, 0, 0)
-
-
-def end_marked(mark: str) -> None:
-    """Kill all processes that carry ``mark``, except this one, and wait until they have ended.
-
-    So a process ends, too, that was started in a session of its own and lost its parent before anyone saw it.
-    """
-    import psutil
-
-    deadline = time.monotonic() + END_TIMEOUT
-    while time.monotonic() < deadline:
-        marked = []
-        for process in psutil.process_iter():
-            # Others' processes refuse to be read, and any may end meanwhile
-            with contextlib.suppress(psutil.Error, OSError):
-                if process.pid != os.getpid() and process.environ().get(MARK) == mark:
-                    process.kill()
-                    marked.append(process)
-        if not marked:
-            return
-        # Again afterwards: one may have started another before it was killed
-        time.sleep(0.01)

@@ -185,7 +185,7 @@ def main(folder_path: str) -> None:
     partial = folder / f"{DESCRIPTION}.part"
     partial.write_bytes(pickle.dumps(described))
     partial.replace(folder / DESCRIPTION)
-    finish(folder)
+    finish()
 
 
 def describe(adapter: EntryPoint) -> Description:

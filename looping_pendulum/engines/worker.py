@@ -53,7 +53,7 @@ def main(folder_path: str) -> None:
                 "cpu_time": float("nan"),
             },
         )
-    finish(folder)
+    finish()
 
 
 def named(engine: Engine, scenario: Scenario) -> dict[str, str]:

@@ -56,7 +56,7 @@ def site(tmp_path_factory):
 def compared(site, tmp_path_factory):
     """Return the command that runs all bad engines and a good one, and engine -> its row in result.json."""
     out = tmp_path_factory.mktemp("out") / "report"
-    limits = ("--time-limit", "3 s", "--memory-limit", "200 MiB")
+    limits = ("--time-limit", "6 s", "--memory-limit", "200 MiB")
     done = here("compare", str(site / "short.yaml"), "-e", "good", "-e", "bad", *limits, "--out", str(out))
     rows = json.loads((out / "result.json").read_text())["engines"]
     return done, {row["variant"]: row for row in rows}, (out / "report.md").read_text()
@@ -120,7 +120,7 @@ def adapters(tmp_path, monkeypatch):
     points = "".join(f"{name} = strange_{name}\n" for name in sources)
     (info / "entry_points.txt").write_text(f"[looping_pendulum.engines]\n{points}")
     monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.setattr(other_packages, "TIME_LIMIT", 4.0)
+    monkeypatch.setattr(other_packages, "TIME_LIMIT", 10.0)
     monkeypatch.setattr(other_packages, "MEMORY_LIMIT", MEMORY_LIMIT)
     forget_adapters()
     yield
