@@ -71,13 +71,10 @@ class StandIn:
     ) -> None:
         self.name, self.variant, self.profile = adapter[0], str(engine.variant), Profile(engine.profile)
         self.abilities, self.adapter = abilities, adapter
-        self.fields = {
-            field.name: _plain(getattr(engine.settings, field.name)) for field in dataclasses.fields(engine.settings)
-        }
-        state = {
-            name: value for name, value in getattr(engine, "__dict__", {}).items() if name not in ("abilities", "settings")
-        }
-        self.state = {name: _plain(value) for name, value in state.items()}
+        settings = [field.name for field in dataclasses.fields(engine.settings)]
+        self.fields = {name: _plain(getattr(engine.settings, name)) for name in settings}
+        state = getattr(engine, "__dict__", {}).items()
+        self.state = {name: _plain(value) for name, value in state if name not in ("abilities", "settings")}
         self.source = f"{type(engine).__module__}.{type(engine).__qualname__} {_source_digest(type(engine).__module__)}"
         self._place, self._studies = place, Studies()
 

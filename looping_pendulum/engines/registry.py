@@ -62,8 +62,8 @@ def adapter_modules() -> tuple[EntryPoint, ...]:
 
 
 def is_own(adapter: EntryPoint) -> bool:
-    """Return whether an adapter is a module of this package; then it is imported by every process that asks for it."""
-    return adapter.module.startswith(f"{__package__}.")
+    """Return whether an adapter is an engine's folder of this package; then every process that asks for it imports it."""
+    return adapter.value == f"{__package__}.{adapter.name}"
 
 
 def own_engines() -> set[str]:
@@ -183,8 +183,9 @@ def missing_packages(engine: Engine) -> tuple[str, ...]:
 
 def _importable(package: str) -> bool:
     try:
-        return find_spec(package) is not None
-    except (ImportError, ValueError):  # for "a.b" if "a" is missing, and for a module that is only partly imported
+        # Of "a.b" only "a": to find the rest would import "a" in this process
+        return find_spec(package.partition(".")[0]) is not None
+    except ValueError:  # for a module that is only partly imported
         return False
 
 

@@ -127,6 +127,7 @@ def adapters(tmp_path, monkeypatch):
     forget_adapters()
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("adapters")
 def test_bad_adapters_cost_their_own_row():
     engines, faults = load_engines(Profile.QUICK)
