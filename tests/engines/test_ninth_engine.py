@@ -2,13 +2,16 @@
 
 import dataclasses
 import json
+import pickle
 import re
 
 import pytest
 
 from looping_pendulum.cli.common import engine_names
 from looping_pendulum.compare.harness import compare_engines
+from looping_pendulum.compare.run_cache import run_key
 from looping_pendulum.engines.facts import EngineFacts
+from looping_pendulum.engines.isolation import run_isolated
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import engine, engine_facts, how_to_get, select, styles
 from looping_pendulum.errors import EngineError
@@ -26,6 +29,7 @@ ADAPTER = """
 from pathlib import Path
 
 from looping_pendulum.engines.facts import read_facts
+from looping_pendulum.engines.studies import Studies, ladder
 from tests.engines.bad_engines import GoodEngine
 
 FACTS = read_facts(Path(__file__).with_name("engine.json"))
@@ -34,6 +38,9 @@ FACTS = read_facts(Path(__file__).with_name("engine.json"))
 class Ninth(GoodEngine):
     name = "ninth"
     variant = "rest"
+
+    def studies(self):
+        return Studies(ladders=(ladder(self.with_settings, "time_step", "s", [{"time_step": 1e-3}, {"time_step": 5e-4}]),))
 
 
 def engines(profile):
@@ -119,6 +126,19 @@ def test_a_user_who_asks_for_it_has_the_engine_itself():
     assert not isinstance(stand_in, GoodEngine)
     assert stand_in.abilities.outside_range("quick", TEN_TO_ONE) == ("mass ratio M2/M1 10 (measured: 2 to 8)",)
     assert vars(stand_in.settings) == vars(own.settings)
+
+
+@pytest.mark.usefixtures("ninth")
+def test_a_rung_of_its_ladder_runs_and_is_cached_as_what_it_is():
+    (stand_in,) = select(["ninth"], Profile.QUICK)
+    (steps,) = stand_in.studies().ladders
+    scenario = dataclasses.replace(load("drop"), duration=0.02)
+    run = run_isolated(steps.engines[1], scenario)
+    assert run.status is RunStatus.FINISHED, run.message
+    assert run.provenance.settings == {"time_step": 5e-4}
+    keys = [run_key(each, scenario) for each in (stand_in, *steps.engines)]
+    assert keys[0] == keys[1] != keys[2]
+    assert run_key(pickle.loads(pickle.dumps(stand_in)), scenario) == keys[0]
 
 
 def test_the_pages_facts_are_facts():

@@ -40,4 +40,4 @@ def test_what_an_adapter_takes_from_the_reference_is_declared():
     assert declared == {"mujoco:frictionloss": ("the size of the friction",), "pybullet:chain": ("the length of a step",)}
     folder = PROJECT / "looping_pendulum" / "engines"
     solving = {p.relative_to(folder).as_posix() for p in folder.rglob("*.py") if "reference_ode.solve import" in p.read_text()}
-    assert solving - {"reference.py", "conformance.py"} == {"mujoco/tendon.py", "pybullet/chain.py"}
+    assert solving - {"reference/__init__.py", "conformance.py"} == {"mujoco/tendon.py", "pybullet/chain.py"}
