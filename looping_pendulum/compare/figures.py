@@ -17,6 +17,7 @@ from looping_pendulum.compare.report import PAPER_COLUMN
 from looping_pendulum.compare.result import ComparisonResult, MeasuredRow, ResultSamples
 from looping_pendulum.compare.stories import events_to_show
 from looping_pendulum.compare.trial import RESIDUAL_UNITS, TrialComparison, distance
+from looping_pendulum.engines.registry import styles
 from looping_pendulum.pages.chart import (
     BLACK,
     LIGHT_GREY,
@@ -32,7 +33,7 @@ from looping_pendulum.pages.chart import (
     tracked_points,
     with_room,
 )
-from looping_pendulum.pages.palette import Style, styles
+from looping_pendulum.pages.palette import Style
 from looping_pendulum.runs.events import quantity_label
 from looping_pendulum.runs.trajectory import Trajectory
 

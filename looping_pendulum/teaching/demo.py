@@ -19,10 +19,10 @@ from looping_pendulum.compare.result import ComparisonResult, EngineResult, Resu
 from looping_pendulum.compare.stories import EVENT_DESCRIPTIONS, PHYSICS_DESCRIPTIONS, events_to_show
 from looping_pendulum.compare.trial import RESIDUAL_UNITS, distance
 from looping_pendulum.engines.protocol import physics_of
+from looping_pendulum.engines.registry import styles
 from looping_pendulum.files import write_atomically
 from looping_pendulum.live.write import render as render_live
 from looping_pendulum.pages.numbers import number, quantity
-from looping_pendulum.pages.palette import styles
 from looping_pendulum.pages.report import glossary
 from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release

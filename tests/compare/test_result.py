@@ -12,11 +12,12 @@ from looping_pendulum.compare import compare, write
 from looping_pendulum.compare.report import comparison_markdown
 from looping_pendulum.compare.result import ComparisonResult, ToleranceOutcome
 from looping_pendulum.compare.trajectories import CSV_HEADER
+from looping_pendulum.engines.registry import styles
 from looping_pendulum.errors import ResultError
 from looping_pendulum.files import write_atomically
 from looping_pendulum.pages.markdown import table as markdown
 from looping_pendulum.pages.numbers import number, signed
-from looping_pendulum.pages.palette import COLOURS, styles
+from looping_pendulum.pages.palette import COLOURS
 from looping_pendulum.runs.trajectory import RunStatus
 
 

@@ -12,11 +12,12 @@ from looping_pendulum.compare.figures import charts
 from looping_pendulum.compare.report import render_page
 from looping_pendulum.discrepancy.report import figures as identification_figures
 from looping_pendulum.discrepancy.report import writing as identification_page
+from looping_pendulum.engines import own_labels
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.registry import ADAPTERS, all_engines, label, main_engines
+from looping_pendulum.engines.registry import all_engines, label, main_engines, own_engines, styles
 from looping_pendulum.pages import markdown
 from looping_pendulum.pages.figures import Figure, escaped, on_page, plain
-from looping_pendulum.pages.palette import COLOURS, DARK_COLOURS, KNOWN_LABELS, styles
+from looping_pendulum.pages.palette import COLOURS, DARK_COLOURS
 from looping_pendulum.pages.shell import embedded
 from looping_pendulum.teaching import demo
 from tests.pages.colour_vision import contrast
@@ -61,9 +62,8 @@ def test_text_can_be_read(pair):
 
 
 def test_every_variant_of_this_package_has_a_style_of_its_own_whatever_else_is_shown():
-    adapters = {*ADAPTERS, "drake", "box2d", "rapier", "exudyn", "newton"}
-    labels = [label(engine) for engine in all_engines(Profile.QUICK) if engine.name in adapters]
-    assert sorted(labels) == sorted(KNOWN_LABELS), "a new variant needs a place in pages/palette.py"
+    labels = [label(engine) for engine in all_engines(Profile.QUICK) if engine.name in own_engines()]
+    assert sorted(labels) == sorted(own_labels()), "a new variant needs a colour and a symbol in its engine.json"
     together = styles([*labels, "another:engine"])
     assert all(styles([one])[one] == style for one, style in together.items())
     assert len({(style.colour, style.dashes) for style in together.values()}) == len(together)
