@@ -13,14 +13,13 @@ from pathlib import Path
 from typing import Any
 
 from looping_pendulum.compare.align import align
-from looping_pendulum.compare.metrics import rms_until
+from looping_pendulum.compare.metrics import RMS_END_TIMES, rms_until
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import select
 from looping_pendulum.engines.shipped import FILE
 from looping_pendulum.files import write_atomically
 from looping_pendulum.scenarios import load
-from looping_pendulum.scenarios.metrics import RMS_END_TIMES
 from research import rounded
 
 PACKAGE_DATA = Path(str(files("looping_pendulum.engines"))) / FILE

@@ -9,9 +9,11 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from looping_pendulum.compare import metrics as measure
 from looping_pendulum.compare.align import Aligned, Reference, SampledReference, align, reference_landmarks, why_not_comparable
+from looping_pendulum.compare.deviation import departures as departures_of
+from looping_pendulum.compare.deviation import evaluate_tube, growth_rate
 from looping_pendulum.compare.json_text import plain
+from looping_pendulum.compare.metrics import ComparedRun, metrics
 from looping_pendulum.compare.result import (
     Clock,
     ComparisonResult,
@@ -133,8 +135,8 @@ def _engine(
 ) -> EngineResult:
     own, expected = run_landmarks(run, scenario.parameters), sampled.landmarks_beside(aligned.run)
     not_comparable = why_not_comparable(aligned.run, own, sampled)
-    tube = measure.evaluate_tube(aligned, reference)
-    compared = measure.ComparedRun(
+    tube = evaluate_tube(aligned, reference)
+    compared = ComparedRun(
         aligned=aligned,
         parameters=scenario.parameters,
         landmarks=own,
@@ -142,7 +144,7 @@ def _engine(
         tube=tube,
         comparable=not not_comparable,
     )
-    departures = measure.departures(aligned, reference_run.events)
+    departures = departures_of(aligned, reference_run.events)
     provenance = stored_provenance(run.provenance)
     return EngineResult(
         engine=run.engine,
@@ -156,11 +158,11 @@ def _engine(
         samples=len(run.t),
         end_time=float(aligned.t[-1]) if len(aligned.t) else None,
         landmarks=own,
-        metrics=measure.metrics(compared),
+        metrics=metrics(compared),
         not_comparable=not_comparable,
         tube=tube,
         departures=departures,
-        growth_rate=measure.growth_rate(departures),
+        growth_rate=growth_rate(departures),
         outside_range=run.outside_range,
         additions=run.additions,
         from_reference=run.from_reference,

@@ -16,51 +16,12 @@ from enum import StrEnum
 from pydantic import InstanceOf
 
 from looping_pendulum.compare.align import Aligned
+from looping_pendulum.compare.deviation import Departure, Tube
 from looping_pendulum.compare.json_text import JsonResult, StoredParameters, plain
 from looping_pendulum.compare.trial import TrialComparison
 from looping_pendulum.runs.events import Landmarks
 from looping_pendulum.runs.trajectory import Provenance, RunStatus, Trajectory, variant_label
 from looping_pendulum.scenarios.scenario import Inference
-
-
-@dataclass(frozen=True, kw_only=True)
-class Tube:
-    """Result of the tube test: how many samples have a point of the reference nearby in time and distance."""
-
-    half_time: float
-    """Half-width of the tube in time [s]."""
-    half_width: float
-    """Half-width of the tube in distance [m]."""
-    compared: int
-    """Samples that were tested: those before the reference's end."""
-    fraction: float | None = None
-    """Share of the tested samples that are inside; None if none was tested."""
-    first_exit: float | None = None
-    """Time of the first sample outside [s]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Departure:
-    """First time at which a run is further from the reference than a threshold, and the state of the reference then."""
-
-    threshold: float
-    """Deviation that was exceeded [m]."""
-    time: float
-    """Time of the first sample beyond it [s]."""
-    mode: str
-    """Mode of the reference at that time, in words."""
-    after: str
-    """Last event of the reference before that time; "release" if there was none."""
-    after_time: float
-    """Time of that event [s]."""
-    along: float
-    """Deviation of the free length at that time [m]: positive where the engine is further out; 0 without a string."""
-    across: float
-    """Deviation of the wrap angle, times the free length, at that time [m]: positive where the engine is ahead."""
-    heavy: float
-    """Deviation of the heavy mass's height at that time [m]."""
-    stretch: float | None = None
-    """Largest stretch of the string up to that time [m]."""
 
 
 def stored_provenance(provenance: Provenance) -> Provenance:

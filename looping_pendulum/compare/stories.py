@@ -5,28 +5,12 @@ The sentences use only the numbers of the result and the record of who supplies 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
-from looping_pendulum.compare.result import Departure
+from looping_pendulum.compare.deviation import EVENT_DESCRIPTIONS, Departure
 from looping_pendulum.engines.protocol import STATIC_FRICTION, physics_of
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.runs.events import RESOLUTION, Landmarks
-from looping_pendulum.runs.trajectory import SAME_TIME, UNKNOWN_MODE, RunStatus, Supplier, Supplies, Trajectory
-
-EVENT_DESCRIPTIONS = {
-    "release": "the release",
-    "stop": "a stop of the heavy mass",
-    "stick": "the string began to stick",
-    "halt": "the halt",
-    "slip_onset": "the string began to slide again",
-    "slack": "the string fell slack",
-    "taut": "the string became taut again",
-    "light_reaches_rod": "the light mass reached the rod",
-    "heavy_reaches_rod": "the heavy mass reached the rod",
-    "unwrapped": "the string left the rod",
-}
+from looping_pendulum.runs.trajectory import RunStatus, Supplier, Supplies, Trajectory
 
 PHYSICS_DESCRIPTIONS = {
     "winding": "the winding",
@@ -47,38 +31,6 @@ STRETCH_SHARE = 0.5
 """Stretch of the string, as a share of the deviation, from which on it is named as a likely cause."""
 REST_PHYSICS = ("stick_slip", STATIC_FRICTION)
 """Names of the physics that acts only once the string has come to rest."""
-
-
-def events_to_show(events: Iterable[tuple[str, float]]) -> list[tuple[str, float]]:
-    """Return (name, time [s]) of the events that a reader should see.
-
-    Of simultaneous events only one is kept: a halt is also a stick and a stop, and is the most informative of the three.
-    """
-    rank = {name: place for place, name in enumerate(("halt", "stick", "stop"))}
-    shown: list[tuple[str, float]] = []
-    for name, time in sorted(events, key=lambda e: (e[1], rank.get(e[0], -1))):
-        if name == "release" or name not in EVENT_DESCRIPTIONS:
-            continue
-        if shown and time - shown[-1][1] < SAME_TIME and name in rank:
-            continue
-        shown.append((name, time))
-    return shown
-
-
-def mode_description(mode: int) -> str:
-    """Describe a mode of the reference in plain words."""
-    descriptions = {
-        Mode.STICKING: "the string sticks to the rod",
-        Mode.ROLLING: "the string sticks to the rod, which turns",
-        Mode.SLIDING_DOWN: "the string slides and the heavy mass falls",
-        Mode.SLIDING_UP: "the string slides and the heavy mass rises",
-        Mode.SLACK: "the string is slack",
-        Mode.CLAMPED: "the light mass swings and the heavy one is clamped",
-        Mode.CLAMPED_SLACK: "the string is slack and the heavy mass clamped",
-        Mode.FALLING: "both masses fall freely",
-        Mode.ENDED: "the reference ends",
-    }
-    return "the mode of the reference is unknown" if mode == UNKNOWN_MODE else descriptions[Mode(mode)]
 
 
 def story(

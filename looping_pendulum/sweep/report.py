@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.files import optional_output, write_atomically
-from looping_pendulum.pages.markdown import table
+from looping_pendulum.pages.markdown import escaped, escaped_lines, fenced, table
 from looping_pendulum.pages.numbers import number
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.sweep.cells import ENDING_DESCRIPTIONS, ENDINGS, FIELDS
@@ -105,15 +105,15 @@ def _add(summary: EngineSummary, values: dict[str, Any], given: dict[str, Array]
 
 def map_markdown(plan: MapPlan, summaries: list[EngineSummary], captions: dict[str, str]) -> str:
     """Return the report in Markdown: verdict, figures, tables, provenance."""
-    parts = [f"# {plan.title}", *(verdict(one, several=plan.several) for one in summaries)]
+    parts = [f"# {escaped(plan.title)}", *(verdict(one, several=plan.several) for one in summaries)]
     if plan.description:
-        parts.append(plan.description)
+        parts.append(escaped_lines(plan.description))
     parts += [f"![{caption}]({name})\n\n{caption}" for name, caption in captions.items()]
     parts += ["## What was varied", _axes_table(plan, summaries)]
     for one in summaries:
         of = f": {one.engine}" if plan.several else ""
         parts += [f"## How runs ended{of}", _ends_table(one), f"## Ranges{of}", _ranges_table(one)]
-    parts += ["## Provenance", _provenance(plan), f"## Map file\n\n```yaml\n{plan.text.strip()}\n```"]
+    parts += ["## Provenance", _provenance(plan), f"## Map file\n\n{fenced(plan.text, 'yaml')}"]
     return "\n\n".join(part.strip() for part in parts) + "\n"
 
 

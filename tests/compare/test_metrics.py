@@ -10,7 +10,8 @@ import pytest
 from looping_pendulum.compare import compare
 from looping_pendulum.compare.align import align, sample_reference
 from looping_pendulum.compare.comparison import judge_tolerance
-from looping_pendulum.compare.metrics import acceleration_error, departures, evaluate_tube, growth_rate, rms_until
+from looping_pendulum.compare.deviation import departures, evaluate_tube, growth_rate
+from looping_pendulum.compare.metrics import acceleration_error, rms_until
 from looping_pendulum.compare.report import value_and_limit
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.parameters import Release

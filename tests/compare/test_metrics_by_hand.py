@@ -9,19 +9,8 @@ import pytest
 from looping_pendulum.compare import compare
 from looping_pendulum.compare.align import Aligned, align, sample_reference
 from looping_pendulum.compare.comparison import judge
-from looping_pendulum.compare.metrics import (
-    TUBE,
-    ComparedRun,
-    acceleration_error,
-    departures,
-    drag_acts,
-    evaluate_tube,
-    fitted_acceleration,
-    growth_rate,
-    metrics,
-    rms_until,
-)
-from looping_pendulum.compare.result import Departure
+from looping_pendulum.compare.deviation import TUBE, Departure, departures, evaluate_tube, growth_rate
+from looping_pendulum.compare.metrics import ComparedRun, acceleration_error, drag_acts, fitted_acceleration, metrics, rms_until
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.runs.events import Landmarks, Rebound, run_landmarks
 from looping_pendulum.runs.trajectory import TrajectoryEvent

@@ -10,7 +10,7 @@ import pytest
 from looping_pendulum.compare import compare
 from looping_pendulum.compare.align import align
 from looping_pendulum.compare.comparison import judge_tolerance
-from looping_pendulum.compare.metrics import DEPARTURE_THRESHOLDS, departures, growth_rate
+from looping_pendulum.compare.deviation import DEPARTURE_THRESHOLDS, departures, growth_rate
 from looping_pendulum.compare.report import comparison_markdown, value_and_limit, verdict_rows
 from looping_pendulum.compare.result import ToleranceOutcome
 from looping_pendulum.compare.trajectories import trajectory_csv

@@ -41,7 +41,8 @@ from looping_pendulum.compare.convergence.result import (
     VariantStudy,
     VariationStudy,
 )
-from looping_pendulum.compare.metrics import END_TIME_TOLERANCE, largest_stretch, rms_until
+from looping_pendulum.compare.deviation import largest_stretch
+from looping_pendulum.compare.metrics import END_TIME_TOLERANCE, rms_until
 from looping_pendulum.compare.result import stored_provenance
 from looping_pendulum.compare.run_cache import EndedRun, RunCache, Runner, RunTask, run_key
 from looping_pendulum.engines.isolation import MEMORY_LIMIT, TIME_LIMIT
