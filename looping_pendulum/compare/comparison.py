@@ -11,7 +11,7 @@ import numpy as np
 
 from looping_pendulum.compare.align import Aligned, Reference, SampledReference, align, reference_landmarks, why_not_comparable
 from looping_pendulum.compare.deviation import departures as departures_of
-from looping_pendulum.compare.deviation import evaluate_tube, growth_rate
+from looping_pendulum.compare.deviation import evaluate_tube, growth_rate, string_stretch
 from looping_pendulum.compare.json_text import plain
 from looping_pendulum.compare.metrics import ComparedRun, metrics
 from looping_pendulum.compare.result import (
@@ -26,6 +26,7 @@ from looping_pendulum.compare.result import (
     WallTime,
     stored_provenance,
 )
+from looping_pendulum.compare.simple_mistakes import simple_mistake, velocity_mistake
 from looping_pendulum.compare.stories import missing_physics, story
 from looping_pendulum.compare.trial import MeasuredTrial, compare_trial
 from looping_pendulum.measured.tables.events import MeasuredEventRow, MeasuredEventTable
@@ -136,15 +137,17 @@ def _engine(
     own, expected = run_landmarks(run, scenario.parameters), sampled.landmarks_beside(aligned.run)
     not_comparable = why_not_comparable(aligned.run, own, sampled)
     tube = evaluate_tube(aligned, reference)
+    stretch = string_stretch(aligned, scenario.parameters)
     compared = ComparedRun(
         aligned=aligned,
         parameters=scenario.parameters,
         landmarks=own,
         reference_landmarks=expected,
         tube=tube,
+        stretch=stretch,
         comparable=not not_comparable,
     )
-    departures = departures_of(aligned, reference_run.events)
+    departures = departures_of(aligned, reference_run.events, stretch)
     provenance = stored_provenance(run.provenance)
     return EngineResult(
         engine=run.engine,
@@ -167,7 +170,17 @@ def _engine(
         additions=run.additions,
         from_reference=run.from_reference,
         lacks=missing_physics(provenance.supplies, scenario.parameters, run.lacks),
-        story=story(aligned.run, scenario.parameters, provenance.supplies, departures, own, expected, not_comparable),
+        story=story(
+            aligned.run,
+            scenario.parameters,
+            provenance.supplies,
+            departures,
+            own,
+            expected,
+            not_comparable,
+            simple_mistake(aligned, scenario.parameters) if departures else "",
+            velocity_mistake(aligned.run),
+        ),
         provenance=provenance,
     )
 

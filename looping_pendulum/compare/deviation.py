@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from looping_pendulum.compare.align import Aligned, Reference, sample_reference
-from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.geometry import Array, string_coordinates
+from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.transitions import Mode
-from looping_pendulum.runs.trajectory import SAME_TIME, UNKNOWN_MODE, TrajectoryEvent
+from looping_pendulum.runs.trajectory import SAME_TIME, UNKNOWN_MODE, Trajectory, TrajectoryEvent
 
 TUBE = (5e-3, 5e-3)
 """Half-widths of the tube in time [s] and distance [m]: half of the last digit that the paper prints of each."""
@@ -54,7 +55,7 @@ class Tube:
 
 @dataclass(frozen=True, kw_only=True)
 class Departure:
-    """First time at which a run is further from the reference than a threshold, and the state of the reference then."""
+    """First time at which a mass is further from the reference's than a threshold, and the state of the reference then."""
 
     threshold: float
     """Deviation that was exceeded [m]."""
@@ -73,7 +74,7 @@ class Departure:
     heavy: float
     """Deviation of the heavy mass's height at that time [m]."""
     stretch: float | None = None
-    """Largest stretch of the string up to that time [m]."""
+    """Largest stretch of the string up to that time [m], by the positions of the masses or the engine's own word."""
 
 
 def events_to_show(events: Iterable[tuple[str, float]]) -> list[tuple[str, float]]:
@@ -137,18 +138,27 @@ def evaluate_tube(aligned: Aligned, reference: Reference, half_time: float = TUB
     )
 
 
-def departures(aligned: Aligned, events: tuple[TrajectoryEvent, ...]) -> tuple[Departure, ...]:
-    """Return the first crossing of each of `DEPARTURE_THRESHOLDS`, with the state of the reference at that time."""
+def departures(aligned: Aligned, events: tuple[TrajectoryEvent, ...], stretch: Array | None = None) -> tuple[Departure, ...]:
+    """Return the first crossing of each of `DEPARTURE_THRESHOLDS` by one of the masses, with the reference's state then.
+
+    Parameters
+    ----------
+    stretch
+        How much longer the run's string is than it should be [m], shape (n,), see `string_stretch`; None: unknown.
+    """
     crossings = []
+    stretch = np.full(len(aligned.t), np.nan) if stretch is None else stretch
+    # Of both masses: one that is where it should be says nothing of the other
+    furthest = np.fmax(aligned.distance, aligned.heavy_distance)
     for threshold in DEPARTURE_THRESHOLDS:
         # NaN, where either run has ended, compares as false
-        beyond = np.flatnonzero(aligned.distance > threshold)
+        beyond = np.flatnonzero(furthest > threshold)
         if len(beyond):
-            crossings.append(_departure(aligned, int(beyond[0]), threshold, events))
+            crossings.append(_departure(aligned, int(beyond[0]), threshold, events, stretch))
     return tuple(crossings)
 
 
-def _departure(aligned: Aligned, i: int, threshold: float, events: tuple[TrajectoryEvent, ...]) -> Departure:
+def _departure(aligned: Aligned, i: int, threshold: float, events: tuple[TrajectoryEvent, ...], stretch: Array) -> Departure:
     time, reference, run = float(aligned.t[i]), aligned.reference, aligned.run
     earlier = [("release", 0.0), *events_to_show((e.name, e.time) for e in events if e.time <= time)]
     after, after_time = earlier[-1]
@@ -163,8 +173,31 @@ def _departure(aligned: Aligned, i: int, threshold: float, events: tuple[Traject
         along=_finite(run.free_length[i] - free_length) or 0.0,
         across=_finite(free_length * angle_error) or 0.0,
         heavy=float(aligned.heavy_deviation[i]),
-        stretch=largest_stretch(run.string_stretch[: i + 1]),
+        stretch=largest_stretch(stretch[: i + 1]),
     )
+
+
+def string_stretch(aligned: Aligned, parameters: Parameters) -> Array:
+    """Return how much longer the run's string is than it should be [m], shape (n,), by the positions of the masses.
+
+    Its length is that of the straight string, the arc on the rod and the hanging part; it should be that of the reference at
+    the same time, or at the release while the reference's string is slack. It is 0 where the string is shorter, and NaN without
+    one. Where the engine's own word is larger, as of a chain whose links stretch between the masses, that counts.
+    """
+    if parameters.release is Release.DROP:
+        return np.full(len(aligned.t), np.nan)
+    exact = _taut_length(aligned.reference, parameters)
+    # After the reference's end its length is NaN
+    longer = _taut_length(aligned.run, parameters) - np.fmax(exact, exact[:1])
+    return np.fmax(np.maximum(longer, 0.0), np.abs(aligned.run.string_stretch))
+
+
+def _taut_length(run: Trajectory, parameters: Parameters) -> Array:
+    """Return the length of a taut string between the masses [m], shape (n,)."""
+    radius = parameters.rod_radius
+    free_length, wrap_angle = string_coordinates(run.light_position, radius, parameters.release_angle)
+    hanging = np.hypot(run.heavy_position[:, 0] - radius, run.heavy_position[:, 1])
+    return np.asarray(free_length + radius * wrap_angle + hanging)
 
 
 def largest_stretch(stretch: Array) -> float | None:

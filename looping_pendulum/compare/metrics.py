@@ -46,6 +46,8 @@ class ComparedRun:
     """Landmarks of the reference's samples, found by the same detector."""
     tube: Tube
     """Result of `evaluate_tube`."""
+    stretch: Array
+    """How much longer the run's string is than it should be [m], shape (n,); see `deviation.string_stretch`."""
     comparable: bool = True
     """Whether both runs are long enough to compare their halting times (`landmarks.why_not_comparable`)."""
 
@@ -125,8 +127,8 @@ def free_length_error(run: ComparedRun) -> float | None:
 
 @metric(unit="m", heading="stretch", table="")
 def string_stretch(run: ComparedRun) -> float | None:
-    """Largest magnitude of the string's stretch."""
-    return largest_stretch(run.aligned.run.string_stretch[: finite_length(run.aligned.run)])
+    """Largest stretch of the string, by the positions of the masses or the engine's own word, whichever is larger."""
+    return largest_stretch(run.stretch)
 
 
 @metric("acceleration_error", unit="", heading="acceleration error", has_sign=True, table="")

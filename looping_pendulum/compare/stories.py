@@ -10,7 +10,7 @@ from looping_pendulum.engines.protocol import STATIC_FRICTION, physics_of
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.runs.events import RESOLUTION, Landmarks
-from looping_pendulum.runs.trajectory import RunStatus, Supplier, Supplies, Trajectory
+from looping_pendulum.runs.trajectory import LARGEST, RunStatus, Supplier, Supplies, Trajectory
 
 PHYSICS_DESCRIPTIONS = {
     "winding": "the winding",
@@ -41,6 +41,8 @@ def story(
     own: Landmarks,
     expected: Landmarks,
     not_comparable: str = "",
+    mistake: str = "",
+    velocities: str = "",
 ) -> str:
     """Return plain sentences that say where, when and why ``run`` departs from the reference.
 
@@ -50,15 +52,19 @@ def story(
         Landmarks of the run's samples and of the reference's, found by the same detector.
     not_comparable
         Why the halting times cannot be compared; empty: they can.
+    mistake, velocities
+        What is simply wrong with the positions and with the velocities (`simple_mistakes`), as clauses; empty: nothing known.
     """
     if len(run.t) == 0:
         why = f": {run.message}" if run.status is RunStatus.UNSUPPORTED else ""
-        return f"No motion to compare: {run.status.value}{why}."
+        what = f"its first sample is no number, or above {LARGEST:g} m" if run.status.ok else run.status.value
+        return f"No motion to compare: {what}{why}."
     missing = missing_physics(supplies, parameters, run.lacks)
     sentences = [_when(departures, run)]
     if departures:
         sentences.append(_where(departures[0], parameters))
-        sentences.append(_why(departures[0], supplies, parameters, missing))
+        sentences.append(_why(departures[0], supplies, parameters, missing, mistake))
+    sentences.append(f"{velocities[0].upper()}{velocities[1:]}." if velocities else "")
     sentences.append(
         f"Its halt is not comparable: {not_comparable}." if not_comparable else _halting(own, expected, run, missing)
     )
@@ -110,13 +116,15 @@ def _where(first: Departure, parameters: Parameters) -> str:
     )
 
 
-def _why(first: Departure, supplies: Supplies, parameters: Parameters, missing: tuple[str, ...]) -> str:
+def _why(first: Departure, supplies: Supplies, parameters: Parameters, missing: tuple[str, ...], mistake: str = "") -> str:
     causes = []
     # A string that has slid ever since its release has not needed to stick yet.
     acting = [m for m in missing if m not in REST_PHYSICS or first.after != "release"]
     if acting:
         causes.append(f"{_unmodelled(acting)}, which this scenario has")
-    if first.stretch is not None and first.stretch >= STRETCH_SHARE * first.threshold:
+    elif mistake:
+        causes.append(mistake)
+    if not mistake and first.stretch is not None and first.stretch >= STRETCH_SHARE * first.threshold:
         causes.append(f"its string had stretched by up to {quantity(first.stretch, 'm')} by then")
     if causes:
         return f"Likely cause: {'; '.join(causes)}."
