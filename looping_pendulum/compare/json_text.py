@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 import numpy as np
-from pydantic import PlainValidator, TypeAdapter, ValidationError
+from pydantic import PlainValidator, TypeAdapter, ValidationError, WithJsonSchema
 
 from looping_pendulum.errors import ResultError, one_line
 from looping_pendulum.files import read_file, utf8
@@ -134,7 +134,7 @@ def _read_parameters(tree: Any) -> Parameters:
         raise ValueError(str(error)) from None
 
 
-StoredParameters = Annotated[Parameters, PlainValidator(_read_parameters)]
+StoredParameters = Annotated[Parameters, PlainValidator(_read_parameters), WithJsonSchema({"type": "object"})]
 """`Parameters` as a field of a result."""
 
 
@@ -150,6 +150,17 @@ class JsonResult:
     def to_json(self) -> str:
         """Return the text of the file; everything but ``clock``, where it has one, is the same for the same input."""
         return dump(self, self.SCHEMA_ID, self.SCHEMA_VERSION)
+
+    @classmethod
+    def json_schema(cls) -> dict[str, Any]:
+        """Return the JSON Schema (draft 2020-12) of the file."""
+        schema = TypeAdapter(cls).json_schema(mode="serialization")
+        constants = {"id": {"const": cls.SCHEMA_ID}, "version": {"const": cls.SCHEMA_VERSION}}
+        key = {"type": "object", "properties": constants, "required": list(constants)}
+        not_written = {f.name for f in dataclasses.fields(cls) if not f.compare}  # type: ignore[arg-type]
+        written = {name: kind for name, kind in schema["properties"].items() if name not in not_written}
+        required = [name for name in schema["required"] if name not in not_written]
+        return schema | {"properties": {"schema": key} | written, "required": ["schema", *required]}
 
     @classmethod
     def from_json(cls, text: str, file: str = "") -> Self:
