@@ -4,8 +4,9 @@
 per field, in the order of the fields; the text under a field is its documentation. Units are SI and radians throughout. One key
 is added, ``schema``, the first, with the schema's id and version; `result.schema.json` beside this file is the JSON Schema,
 which `python -m scripts.result_schema` writes. One is left out: `ComparisonResult.samples`, the trajectories, are written as
-CSV instead. Everything that differs between two runs of the same input (times of day, run times) is in the last block, ``clock``.
-A reader must refuse another id and a higher version; a version grows when a key changes its name or meaning or goes away.
+CSV instead. Everything that differs between two runs of the same input (times of day, run times) is in the last block,
+``clock``. A reader must refuse another id and a higher version; a version grows when a key changes its name or meaning or goes
+away.
 """
 
 from __future__ import annotations
