@@ -248,5 +248,7 @@ def _outcome(tolerance: Tolerance, run: EngineResult, value: float | None) -> tu
         return ToleranceOutcome.PASSED, ""
     if value is not None:
         return ToleranceOutcome.FAILED, ""
-    why = run.not_comparable or "the run or the reference ends before the time at which the metric is taken"
+    why = (
+        run.not_comparable or "the run or the reference ends before the time at which the metric is taken, or it does not apply"
+    )
     return ToleranceOutcome.FAILED, f"no value: {why if run.ok else run.status_sentence}"

@@ -25,7 +25,7 @@ from looping_pendulum.pages.markdown import code, escaped
 from looping_pendulum.pages.numbers import GAP, fixed, number, quantity, signed
 from looping_pendulum.pages.report import glossary
 from looping_pendulum.pages.templates import markdown_templates, sections
-from looping_pendulum.runs.events import FIRST_REST_RESOLUTION, RESOLUTION, quantity_label
+from looping_pendulum.runs.events import FIRST_REST_RESOLUTION, RESOLUTION, Landmarks, quantity_label
 from looping_pendulum.runs.trajectory import Supplier, supplies_as_rows
 from looping_pendulum.scenarios.metrics import METRICS, metric_called
 
@@ -110,7 +110,7 @@ def _sections(
         has_paper_values=_has_paper_values(result),
         reference_events=events_to_show(result.reference.events),
         reference_end=_reference_end(result),
-        halts=halting_rows(result),
+        halting=_halting_runs(result),
         check_against_events=_check_against_events(result),
         further_metrics=["string_stretch", *_others("detail")],
         events=event_rows(result),
@@ -362,23 +362,12 @@ def _delay_cell(value: float | None, reference: float | None, end: float) -> str
     return f"at {value:.4f} s" if reference is None else signed(value - reference, 1e3)
 
 
-def halting_rows(result: ComparisonResult) -> tuple[list[str], list[list[str]]]:
-    """Return header and rows of the halting times with each resolution; empty where no run halts."""
-    runs = [("reference", result.reference.sampled), *((f"{e.label}, {e.profile}", e.landmarks) for e in result.engines)]
+def _halting_runs(result: ComparisonResult) -> list[tuple[str, Landmarks]]:
+    """Return the runs that have halting times, each with its landmarks; none where no run halts."""
+    runs = [("reference", result.reference.sampled), *((name(e), e.landmarks) for e in result.engines)]
     # A run with hardly any samples has no landmarks at all
     runs = [(label, landmarks) for label, landmarks in runs if landmarks.halting_times]
-    if not any(each.time is not None for _, landmarks in runs for each in landmarks.halting_times):
-        return [], []
-    # The first run stands for all: one detector reads them, with the same resolutions
-    head = ["run", *(f"halts, to within {quantity(each.resolution, 'm')} [s]" for each in runs[0][1].halting_times)]
-    head += ["uncertainty [ms]", "rebound [mm]", "rebound speed, at most [mm/s]"]
-    rows = []
-    for label, landmarks in runs:
-        rebound = landmarks.rebound
-        row = [label, *(fixed(each.time, 4) for each in landmarks.halting_times)]
-        row.append(f"{landmarks.at_least}{number(landmarks.halting_time_uncertainty, 1e3, 2)}")
-        rows.append([*row, *([GAP, GAP] if rebound is None else [number(x, 1e3, 2) for x in (rebound.travel, rebound.speed)])])
-    return head, rows
+    return runs if any(each.time is not None for _, landmarks in runs for each in landmarks.halting_times) else []
 
 
 def _check_against_events(result: ComparisonResult) -> str:
