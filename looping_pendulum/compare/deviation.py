@@ -181,15 +181,16 @@ def string_stretch(aligned: Aligned, parameters: Parameters) -> Array:
     """Return how much longer the run's string is than it should be [m], shape (n,), by the positions of the masses.
 
     Its length is that of the straight string, the arc on the rod and the hanging part; it should be that of the reference at
-    the same time, or at the release while the reference's string is slack. It is 0 where the string is shorter, and NaN without
-    one. Where the engine's own word is larger, as of a chain whose links stretch between the masses, that counts.
+    the same time, or at the release while the reference's string is slack. It is 0 where the string is shorter. Where
+    the engine's own word is larger, as of a chain whose links stretch between the masses, that counts.
     """
+    own_word = np.abs(aligned.run.string_stretch)
     if parameters.release is Release.DROP:
-        return np.full(len(aligned.t), np.nan)
+        return own_word
     exact = _taut_length(aligned.reference, parameters)
     # After the reference's end its length is NaN
     longer = _taut_length(aligned.run, parameters) - np.fmax(exact, exact[:1])
-    return np.fmax(np.maximum(longer, 0.0), np.abs(aligned.run.string_stretch))
+    return np.fmax(np.maximum(longer, 0.0), own_word)
 
 
 def _taut_length(run: Trajectory, parameters: Parameters) -> Array:

@@ -44,8 +44,8 @@ class Metric:
     """Heading of its column in tables, without the unit."""
     description: str
     """What it is, as a sentence."""
-    function: Callable[[Any], float | None]
-    """Function that computes it, see `Function`."""
+    function: Callable[[Any], float | None] = lambda _: None
+    """Function that computes it, see `Function`; without one it is a number that something else computes."""
     has_sign: bool = False
     """Whether its sign says something, so that tables show a plus too: late, and more than the reference, is positive."""
     has_lower_limit: bool = False
@@ -176,7 +176,7 @@ def metric_called(name: str) -> Metric:
     """Return the metric ``name``; one that only another version knows, and whose result is read, is a plain number."""
     if name in METRICS:
         return METRICS[name]
-    return Metric(name=name, unit="", shown_in=DisplayUnit("SI", 1.0), heading=name, description="", function=lambda _: None)
+    return Metric(name=name, unit="", shown_in=DisplayUnit("SI", 1.0), heading=name, description="")
 
 
 def _origin(metric: Metric) -> str:
