@@ -17,7 +17,7 @@ from looping_pendulum.pages.numbers import number, quantity
 from looping_pendulum.reference_ode.closed_forms import release_acceleration
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-from looping_pendulum.runs.trajectory import LARGEST, Trajectory
+from looping_pendulum.runs.trajectory import LARGEST, SAME_TIME, Trajectory
 
 FIRST_TIME = 0.03
 """Time after the release [s] whose samples are looked at: at a constant acceleration, a heavy mass falls by some 4 mm in it."""
@@ -69,7 +69,7 @@ def simple_mistake(aligned: Aligned, parameters: Parameters) -> str:
     run, exact = _positions(aligned.run)[first], _positions(aligned.reference)[first]
     known = np.isfinite(exact).all(axis=1)
     run, exact, t = run[known], exact[known], aligned.t[first][known]
-    if len(t) < MIN_SAMPLES or t[0] > 1e-9:
+    if len(t) < MIN_SAMPLES or t[0] > SAME_TIME:
         return ""
     changed = {words: exact[:1] @ matrix.T for words, matrix in POSITION_CHANGES.items()}
     if words := _best(changed, run[:1], exact[:1]):
