@@ -10,13 +10,12 @@ from dataclasses import replace
 from typing import Any
 
 from looping_pendulum.compare.align import align
-from looping_pendulum.compare.metrics import rms_until
+from looping_pendulum.compare.metrics import RMS_END_TIMES, rms_until
 from looping_pendulum.engines.facts import write_measured
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import select
 from looping_pendulum.scenarios import load
-from looping_pendulum.scenarios.metrics import RMS_END_TIMES
 from research import rounded
 
 SCENARIO, DURATION = "ten_to_one", 0.7

@@ -22,7 +22,7 @@ from looping_pendulum.cli.terminal import convergence_bars
 from looping_pendulum.compare.align import align
 from looping_pendulum.compare.comparison import compare
 from looping_pendulum.compare.json_text import plain
-from looping_pendulum.compare.metrics import END_TIME_TOLERANCE
+from looping_pendulum.compare.metrics import END_TIME_TOLERANCE, RMS_END_TIMES
 from looping_pendulum.compare.run_cache import RunTask, make_runs, run_key
 from looping_pendulum.engines.facts import (
     QUANTITIES,
@@ -37,7 +37,6 @@ from looping_pendulum.engines.registry import label, select
 from looping_pendulum.files import write_atomically
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.runs.trajectory import Trajectory
-from looping_pendulum.scenarios.metrics import RMS_END_TIMES
 from looping_pendulum.scenarios.scenario import Scenario
 from research import DATA, rounded
 

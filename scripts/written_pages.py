@@ -38,7 +38,8 @@ def metrics_page() -> str:
 
 These numbers say how far an engine's run is from the reference. `result.json` holds them in SI units, and `null` where a metric
 is not defined. Differences are positive for what is late or more than the reference. A scenario's tolerances may limit each of
-them: a limit of the kind *at most* holds for the magnitude.
+them: a limit of the kind *at most* holds for the magnitude. A further one is one function of yours: [write a
+metric](write-a-metric.md).
 
 {table(head, rows, left=len(head))}
 ## Variables of a map

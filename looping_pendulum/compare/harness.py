@@ -60,7 +60,7 @@ def compare_engines(
     engines
         "pymunk" for all variants of an engine, "mujoco:capstan" for one, or an engine itself; none means all.
     profile
-        "quick" or "accurate".
+        "quick" or "accurate": the settings of the engines that are named.
     data_folder
         Folder of measured event tables; they are also looked for in ``$LOOPING_PENDULUM_DATA``.
     trial

@@ -31,6 +31,9 @@ SAMPLE_INTERVAL = 1e-3
 SAME_TIME = 1e-9
 """Largest difference of two times that count as equal [s]: sample times are multiples of a millisecond, but for rounding."""
 
+LARGEST = 1e9
+"""Largest position [m] or speed [m/s] that counts as a number: nothing is so far, and the squares of the largest overflow."""
+
 OPTIONAL_COLUMNS = 1
 """How many of the last `COLUMNS` a sample may leave out."""
 
@@ -280,11 +283,11 @@ def supplies_as_rows(supplies: Supplies) -> list[tuple[str, str, str]]:
 
 
 def finite_length(run: Trajectory) -> int:
-    """Return the number of samples before the first that is not finite."""
+    """Return the number of samples before the first that is not finite, or above `LARGEST`."""
     if len(run.t) == 0:
         return 0
     columns = (run.light_position, run.light_velocity, run.heavy_position, run.heavy_velocity)
-    bad = ~np.isfinite(np.hstack(columns)).all(axis=1)
+    bad = ~(np.abs(np.hstack(columns)) <= LARGEST).all(axis=1)  # NaN compares as false
     return int(np.argmax(bad)) if bad.any() else len(run.t)
 
 

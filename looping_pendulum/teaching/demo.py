@@ -14,9 +14,11 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.compare.align import Aligned
+from looping_pendulum.compare.deviation import EVENT_DESCRIPTIONS, events_to_show
+from looping_pendulum.compare.metrics import RMS_END_TIMES
 from looping_pendulum.compare.report import name
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, ResultSamples
-from looping_pendulum.compare.stories import EVENT_DESCRIPTIONS, PHYSICS_DESCRIPTIONS, events_to_show
+from looping_pendulum.compare.stories import PHYSICS_DESCRIPTIONS
 from looping_pendulum.compare.trial import RESIDUAL_UNITS, distance
 from looping_pendulum.engines.protocol import physics_of
 from looping_pendulum.engines.registry import styles
@@ -32,7 +34,6 @@ from looping_pendulum.runs.events import Landmarks
 from looping_pendulum.runs.outcome import outcome
 from looping_pendulum.runs.tension import AVERAGING_TIME, tension_from_motion
 from looping_pendulum.runs.trajectory import UNKNOWN_MODE, Supplier, Supplies, Trajectory
-from looping_pendulum.scenarios.metrics import RMS_END_TIMES
 from looping_pendulum.scenarios.scenario import Scenario
 
 FILE = "demo.html"

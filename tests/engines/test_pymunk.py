@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare.comparison import compare
+from looping_pendulum.compare.metrics import RMS_END_TIMES
 from looping_pendulum.engines import pymunk as adapter
 from looping_pendulum.engines.chain import polygon_radius
 from looping_pendulum.engines.protocol import Profile
@@ -20,7 +21,6 @@ from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import solve, solve_at
 from looping_pendulum.runs.trajectory import RunStatus
 from looping_pendulum.scenarios import loader
-from looping_pendulum.scenarios.metrics import RMS_END_TIMES
 from tests.apparatus import NO_DRAG, TEN_TO_ONE, fitted_acceleration, simulated
 
 pytest.importorskip("pymunk")

@@ -7,6 +7,8 @@ import json
 import re
 
 import pytest
+from markdown_it import MarkdownIt
+from markupsafe import Markup
 
 from looping_pendulum.compare.figures import charts
 from looping_pendulum.compare.report import render_page
@@ -47,6 +49,40 @@ def test_markdown_makes_no_element_of_what_stands_in_it(text):
     html = markdown.html(f"{text}\n\n| a |\n| --- |\n| {text} |\n")
     assert not re.search(r"<(script|img|a)\b", html)
     assert html.count("<table>") == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("<script>alert(1)</script>", "&lt;script&gt;alert(1)&lt;/script&gt;"),
+        ("\\<script>", "\\&lt;script&gt;"),
+        ("![x](http://example.org/x.png)", "![x](http://example.org/x.png)"),
+        ("[x][y] [y]: http://example.org", "[x][y] [y]: http://example.org"),
+        ("C:\\path\\|a|", "C:\\path\\|a|"),
+        ("two\n\n# lines", "two # lines"),
+        ("rms_0.35s [mm]", "rms_0.35s [mm]"),
+    ],
+)
+def test_escaped_text_is_itself_in_any_renderer(text, shown):
+    """Oracle: CommonMark with HTML, links and images, in a paragraph and in a cell of a table."""
+    in_table = f"{markdown.escaped(text)}.\n\n{markdown.table(['a', 'b'], [[text, 'end']])}"
+    html = MarkdownIt("commonmark").enable("table").render(in_table)
+    assert f"<p>{shown}.</p>" in html
+    assert f"<td>{shown}</td>" in html
+    assert "end</td>" in html
+
+
+def test_markdown_is_not_escaped_again():
+    once = markdown.escaped("a < b")
+    assert markdown.escaped(once) == once == "a \\< b"
+    assert "**no**" in markdown.table(["a"], [[Markup("**no**")]])
+
+
+def test_code_cannot_end_its_backticks_or_its_fence():
+    assert markdown.code("a `b` | c\nd") == "a 'b' | c d"
+    assert markdown.code("a|b", in_table=True) == "a\\|b"
+    html = MarkdownIt("commonmark").render(markdown.fenced("x\n````\n<b>", "yaml"))
+    assert html == '<pre><code class="language-yaml">x\n````\n&lt;b&gt;\n</code></pre>\n'
 
 
 def test_colours_of_the_dark_ground_are_as_many_and_can_be_seen():
