@@ -303,12 +303,14 @@ class ProcessTree:
 
         with contextlib.suppress(psutil.Error):
             self._root.suspend()  # it starts no more, and goes on adopting what it has started
-        self.end_descendants()
-        with contextlib.suppress(psutil.Error):
-            self._root.kill()
-        # What was started at the very end, and not seen
-        with contextlib.suppress(AttributeError, OSError):
-            os.killpg(self._root.pid, signal.SIGKILL)
+        try:
+            self.end_descendants()
+        finally:  # it would stay suspended
+            with contextlib.suppress(psutil.Error):
+                self._root.kill()
+            # What was started at the very end, and not seen
+            with contextlib.suppress(AttributeError, OSError):
+                os.killpg(self._root.pid, signal.SIGKILL)
 
     def end_descendants(self) -> None:
         """Kill all but the process itself, and wait until they have ended."""

@@ -286,7 +286,7 @@ def finite_length(run: Trajectory) -> int:
     """Return the number of samples before the first that is not finite, or above `LARGEST`."""
     if len(run.t) == 0:
         return 0
-    columns = (run.light_position, run.light_velocity, run.heavy_position, run.heavy_velocity)
+    columns = (run.light_position, run.heavy_position, run.heavy_velocity)
     bad = ~(np.abs(np.hstack(columns)) <= LARGEST).all(axis=1)  # NaN compares as false
     return int(np.argmax(bad)) if bad.any() else len(run.t)
 

@@ -61,7 +61,7 @@ class LeapingClock:
 
     def __init__(self) -> None:
         self._thread = threading.local()
-        self.sleep = time.sleep
+        self.sleep, self.thread_time = time.sleep, time.thread_time
 
     def monotonic(self) -> float:
         return time.monotonic() + getattr(self._thread, "ahead", 0.0)
