@@ -20,6 +20,7 @@ process.stdout.write(JSON.stringify({
     release: Object.keys(RELEASES),
     lesson: STEPS.flatMap(({ name, options, task }) =>
       ["title", "text", "question", "why", ...options, ...(task ? ["task"] : [])].map((part) => `${name}.${part}`)),
+    teacher: STEPS.flatMap(({ name }) => ["aim", "say", "ask"].map((part) => `${name}.${part}`)),
     event: [...END_EVENTS, "stops", "sticks", "halts", "slips", "slack", "taut"],
   },
   preferred: JSON.parse(input).map(languageFor),
