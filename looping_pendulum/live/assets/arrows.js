@@ -101,6 +101,7 @@ export function drawArrows(c, run, sample, { light, heavy }, shown, height) {
 /** The key of the arrows that are shown: each with its name, and a length with what it stands for.
  * @param {DrawnRun} run @param {ShownArrows} shown @param {number} height of the stage [px] */
 export function keyOf(run, shown, height) {
+  if (!Object.values(shown).includes(true)) return [];
   const scales = scalesOf(run, height);
   const names = /** @type {(keyof typeof ARROWS)[]} */ (Object.keys(ARROWS));
   const items = names.filter((name) => shown[ARROWS[name].of]).map((name) => {
@@ -112,7 +113,7 @@ export function keyOf(run, shown, height) {
     arrow(fitted(canvas).c, [2, KEY_HEIGHT / 2], [length, 0], { colour: colours()[colour], dash, heads });
     return html("li", {}, text(name), canvas, `= ${withUnit(written(value, 1), unit)}`);
   });
-  return items.length ? [...items, html("li", {}, text("arrowsCut"))] : [];
+  return [...items, html("li", {}, text("arrowsCut"))];
 }
 
 /** Largest of 1, 2 and 5 times a power of ten that is at most a number. @param {number} most */
