@@ -11,6 +11,7 @@ import argparse
 import dataclasses
 import json
 import math
+import threading
 from collections.abc import Iterable, Sequence
 from importlib.resources import files
 from pathlib import Path
@@ -23,7 +24,7 @@ from looping_pendulum.compare.align import align
 from looping_pendulum.compare.comparison import compare
 from looping_pendulum.compare.json_text import plain
 from looping_pendulum.compare.metrics import END_TIME_TOLERANCE
-from looping_pendulum.compare.run_cache import RunCache, Runner, RunTask, run_key
+from looping_pendulum.compare.run_cache import RunTask, make_runs, run_key
 from looping_pendulum.engines.protocol import STATIC_FRICTION, Engine, Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import label, select
@@ -134,22 +135,15 @@ def measure(chosen: Sequence[Engine], sample: Sequence[Scenario], work: Path, jo
         and STATIC_FRICTION not in engine.abilities.lacks(scenario.parameters)  # declared missing: no accuracy to measure
     ]
     with convergence_bars() as bars:
-        runner = Runner(
-            RunCache(work),
-            jobs=jobs,
-            time_limit=time_limit,
-            budget=None,
-            progress=bars.update,
-        )
-        done = runner.run(tasks)
+        done = make_runs(tasks, work, jobs=jobs, time_limit=time_limit, progress=bars.update, cancelled=threading.Event())
     references = {scenario.name: Reference(scenario) for scenario in sample}
     measured: dict[str, Any] = {}
     for task in tasks:
-        ended = done.get(task.key)
-        if ended is None or ended.run is None:
+        run = done.get(task.key)
+        if run is None:
             continue
         rows = measured.setdefault(label(task.engine), {}).setdefault(task.engine.profile.value, {})
-        rows[task.scenario.name] = row(ended.run, task.scenario, references[task.scenario.name])
+        rows[task.scenario.name] = row(run, task.scenario, references[task.scenario.name])
     return measured
 
 

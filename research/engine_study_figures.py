@@ -8,7 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from looping_pendulum.compare.convergence.ladder import refinement_sizes
+from looping_pendulum.compare.convergence.limit import refinement_sizes
 from looping_pendulum.compare.convergence.result import (
     ConvergenceResult,
     LadderStudy,
@@ -66,7 +66,7 @@ def ladder_line(v: VariantStudy, ladder: LadderStudy) -> tuple[list[float], list
         own = 1 / ladder.own if rises else ladder.own
     refinement, errors = [], []
     for h, rung in zip(sizes, ladder.rungs, strict=True):
-        rms = rung.run.rms[MARK]
+        rms = rung.run.errors[MARK]
         if rms is not None and rung.run.ok and h > 0:
             refinement.append(float((own or sizes[0]) / h))
             errors.append(max(1e3 * rms, ERRORS[0]))

@@ -150,14 +150,13 @@ def candidates(study: EngineStudy, budgets: Budgets) -> dict[str, list[Candidate
     """
     result = study.convergence
     timed = {point.key: point.cpu for point in study.pareto}
-    seconds = {one.key: one.seconds for one in result.clock.run_times}
     rows: dict[str, list[Candidate]] = {}
     for v in result.variants:
         every = [("", v.own), *((f"{ladder.setting} {r.value:g}", r.run) for ladder in v.ladders for r in ladder.rungs)]
         if v.engine == "reference" or v.variant == "defaults":
             continue
         for settings, run in every:
-            path, took = run.rms[MARK], seconds.get(run.key)
+            path, took = run.errors[MARK], result.clock.run_times.get(run.key)
             cost = timed.get(run.key, took / PATH_END_TIMES[MARK] if took else None)
             if run.ok and path is not None and cost is not None:
                 rows.setdefault(v.label, []).append(

@@ -57,7 +57,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "run": "one scenario: its events, and how each run ends",
         "compare": "where, when and why each engine departs",
         "check": "whether engines keep the scenarios' tolerances",
-        "converge": "what each engine's error consists of",
+        "converge": "whether finer settings remove each engine's error",
         "engines": "which engines there are, and how to install others",
     },
     "Your film": {

@@ -128,8 +128,13 @@ def test_answers_are_those_of_the_pages_runs(page, printed, name):
         page.keyboard.press("Tab")
     settled(page)
     page.evaluate(PRINTED)
-    assert answers(page.locator("#handout article"))[0] == changed
+    answer, why = changed, ""
+    if name == "ten_to_one":  # more friction, and it halts not for good: that is explained
+        answer, why = re.fullmatch(r"(.*) (The more the rod grips, .*)", changed).groups()
+    assert answers(page.locator("#handout article"))[0] == answer
     assert changed != first
+    turns = re.findall(r"only ([\d.]+) turns", why)
+    assert turns == page.evaluate("live.run.rests.slice(0, 1).map(({ turns }) => turns.toFixed(2))") * bool(why)
 
 
 def test_without_friction_the_last_question_adds_some(opened, printed):

@@ -143,6 +143,7 @@ def test_the_lowest_ratio_is_searched_with_the_slider(predicted):
         settled(page)
         page.click("#lesson-check")
         words = table[hint].replace("{ratio}", ratio.replace(".", table["decimalSign"]))
+        words = words.replace("{result}", page.inner_text("#result"))
         until(page, f"document.getElementById('lesson-answer').textContent.includes({words!r})")
     assert_told(page, table, "lowest", said, right)
     # With another length the ratio is another one

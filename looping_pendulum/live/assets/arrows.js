@@ -99,8 +99,8 @@ export function drawArrows(c, run, sample, { light, heavy }, shown, height) {
 }
 
 /** The key of the arrows that are shown: each with its name, and a length with what it stands for.
- * @param {DrawnRun} run @param {ShownArrows} shown @param {number} height of the stage [px] */
-export function keyOf(run, shown, height) {
+ * @param {DrawnRun} run @param {ShownArrows} shown @param {number} height of the drawing [px] @param {number} enlarged pixels of CSS in one of it */
+export function keyOf(run, shown, height, enlarged = 1) {
   if (!Object.values(shown).includes(true)) return [];
   const scales = scalesOf(run, height);
   const names = /** @type {(keyof typeof ARROWS)[]} */ (Object.keys(ARROWS));
@@ -109,7 +109,7 @@ export function keyOf(run, shown, height) {
     const value = roundBelow(KEY_LENGTH / scales[of]);
     const [length, canvas] = [value * scales[of], html("canvas")];
     setSize(canvas, length + 4, KEY_HEIGHT, KEY_SHARPNESS);
-    canvas.style.width = `${length + 4}px`;
+    canvas.style.width = `${(length + 4) * enlarged}px`;
     arrow(fitted(canvas).c, [2, KEY_HEIGHT / 2], [length, 0], { colour: colours()[colour], dash, heads });
     return html("li", {}, text(name), canvas, `= ${withUnit(written(value, 1), unit)}`);
   });

@@ -277,8 +277,11 @@ class Page {
   /** Set what a fit found. @param {Record<string, number>} values */
   takeFit(values) {
     let { state } = this;
+    const { time } = this.player;
     for (const { name } of CONTROLS) if (name in values) state = withValue(state, name, values[name]);
     this.set(state);
+    // Whoever corrects the points of a film goes on at the frame that is shown
+    this.player.stopAt(time);
   }
 
   /** @param {import("./map_cursor.js").Place} place */
@@ -402,7 +405,8 @@ class Page {
 
   /** Say what the arrows are, as long as the stage has them. */
   showKey() {
-    const items = keyOf(this.run, this.arrows, this.stage.size.height);
+    const { size, enlarged } = this.stage;
+    const items = keyOf(this.run, this.arrows, size.height, enlarged);
     element("key").hidden = !items.length;
     element("key").replaceChildren(...items);
   }

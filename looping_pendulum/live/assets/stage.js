@@ -41,8 +41,10 @@ export class Stage {
     this.box = null;
     /** Whether the scale stays as it is, since something is dragged. */
     this.frozen = false;
-    /** Of the canvas [px]. */
+    /** Of the drawing [px]. */
     this.size = { width: 0, height: 0 };
+    /** Pixels of CSS in one of the drawing. */
+    this.enlarged = 1;
     /** @type {View} */
     this.view = { x: (x) => x, y: (y) => y, scale: 1 };
   }

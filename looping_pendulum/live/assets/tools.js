@@ -77,7 +77,8 @@ class Tool {
 
   /** @param {number[]} moved places of the points @param {number} right @param {number} down [px] */
   move(moved, right, down) {
-    const { scale } = this.bench.stage.view;
+    const { view, enlarged } = this.bench.stage;
+    const scale = view.scale * enlarged;
     for (const i of moved) this.points[i] = [this.points[i][0] + right / scale, this.points[i][1] - down / scale];
     this.bench.onChange();
   }
@@ -91,7 +92,7 @@ class Tool {
   /** Draw it, and put its handles where it is. @param {Context} c */
   draw(c) {
     const { stage } = this.bench;
-    const { view } = stage;
+    const { view, enlarged } = stage;
     const { width, height } = stage.size;
     const isOn = this.bench.isOn(this.name);
     if (!isOn) this.points = [];
@@ -104,7 +105,7 @@ class Tool {
       handle.hidden = !isOn;
       if (!isOn) continue;
       const [x, y] = moved.length > 1 ? this.kind.whole(places) : places[moved[0]];
-      handle.style.transform = `translate(${x}px, ${y}px) translate(-50%, -50%)`;
+      handle.style.transform = `translate(${x * enlarged}px, ${y * enlarged}px) translate(-50%, -50%)`;
       handle.setAttribute("aria-valuetext", this.words);
       handle.setAttribute("aria-valuenow", this.kind.measure(this.points).toFixed(1));
     }
