@@ -328,7 +328,7 @@ def test_the_tools_are_german(visit, german_words):  # noqa: F811
     page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
     for box in ("forces", "velocity", "acceleration", "own-line", *(f"show-{tool}" for tool in TOOLS)):
         page.check(f"#{box}")
-    for formula in ("3*t", "1/(t-t)", "3 +", "q", "sin", "(t", "3 4", "#", "t; 3", "y =", "(" * 61):
+    for formula in ("3*t", "1/(t-t)", "3 +", "q", "sin", "(t", "3 4", "#", "t; 3", "y ="):
         page.fill("#own-formula", formula)
         settled(page)
         assert_german(page, german_words)

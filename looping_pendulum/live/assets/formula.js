@@ -12,11 +12,9 @@ const CONSTANTS = { pi: Math.PI, e: Math.E };
 /** Characters that people paste or find on a telephone -> what is read. @type {Record<string, string>} */
 const OTHER_SIGNS = { "·": "*", "×": "*", "⋅": "*", "−": "-", "–": "-", "÷": "/", ":": "/", "²": "^2", "³": "^3", "π": "pi", "√": "sqrt" };
 const TOKEN = /\s*(?:(\d+[.,]?\d*(?:e[+-]?\d+)?|[.,]\d+(?:e[+-]?\d+)?)|([a-z]\w*)|(\*\*|[-+*/^()=;]))/iy;
-/** Deepest nesting, so that no formula, however long, breaks the reader. */
-const MAX_DEPTH = 60;
 
 /** @typedef {"formulaEmpty" | "formulaSign" | "formulaNeedsValue" | "formulaNeedsEnd" | "formulaNeedsBracket" | "formulaNeedsCall" |
- *   "formulaUnknown" | "formulaConstant" | "formulaDeep"} FaultKey */
+ *   "formulaUnknown" | "formulaConstant"} FaultKey */
 
 /** A formula that cannot be read: the key of the sentence that says why, where it is, counted from 1, and what was found there. */
 export class FormulaError extends Error {
@@ -60,7 +58,6 @@ class Reader {
   constructor(tokens, own) {
     this.tokens = tokens;
     this.own = own;
-    this.depth = 0;
   }
 
   get next() {
@@ -82,13 +79,11 @@ class Reader {
 
   /** @returns {Evaluated} */
   sum() {
-    if (++this.depth > MAX_DEPTH) this.fail("formulaDeep");
     let value = this.product();
     for (let sign = this.taken("+", "-"); sign; sign = this.taken("+", "-")) {
       const [left, right] = [value, this.product()];
       value = sign === "+" ? (t) => left(t) + right(t) : (t) => left(t) - right(t);
     }
-    this.depth -= 1;
     return value;
   }
 
@@ -116,9 +111,7 @@ class Reader {
   power() {
     const base = this.atom();
     if (!this.taken("^", "**")) return base;
-    if (++this.depth > MAX_DEPTH) this.fail("formulaDeep");
     const exponent = this.signed();
-    this.depth -= 1;
     return (t) => base(t) ** exponent(t);
   }
 

@@ -210,7 +210,6 @@ export const de = {
   formulaNeedsCall: "Die Formel, Zeichen {place}: {found} ist eine Funktion und braucht ihr Argument in Klammern, etwa sqrt(t).",
   formulaUnknown: "Die Formel, Zeichen {place}: {found} ist nicht bekannt; nach einem Strichpunkt einen Wert angeben, etwa a = 981, oder Produkte mit * schreiben.",
   formulaConstant: "Die Formel, Zeichen {place}: {found} gefunden; nach einem Strichpunkt ist eine Konstante nötig, etwa a = 981, ohne t.",
-  formulaDeep: "Die Formel, Zeichen {place}: zu viele Klammern in Klammern.",
 
   // Für die Lehrkraft, zu jedem Schritt der Unterrichtseinheit
   teacherSheets: "Blätter für die Lehrkraft drucken",

@@ -208,7 +208,6 @@ export const en = {
   formulaNeedsCall: "The formula, character {place}: {found} is a function and needs its argument in brackets, such as sqrt(t).",
   formulaUnknown: "The formula, character {place}: {found} is not known; give it a value after a semicolon, such as a = 981, or write products with *.",
   formulaConstant: "The formula, character {place}: found {found}; after a semicolon a constant is needed, such as a = 981, without t.",
-  formulaDeep: "The formula, character {place}: too many brackets within brackets.",
 
   // For the teacher, to each step of the lesson
   teacherSheets: "Print the teacher’s sheets",
