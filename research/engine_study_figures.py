@@ -14,10 +14,11 @@ from looping_pendulum.compare.convergence.result import (
     LadderStudy,
     VariantStudy,
 )
+from looping_pendulum.engines.registry import styles
 from looping_pendulum.pages.drawing import legend_below, make_figure
 from looping_pendulum.pages.markdown import table
 from looping_pendulum.pages.numbers import number
-from looping_pendulum.pages.palette import COLOURS, GREY, MARKERS, styles
+from looping_pendulum.pages.palette import COLOURS, GREY, MARKERS
 from research.stored_study import MARK, EngineStudy, Point, front
 
 TARGET = 60.0

@@ -10,7 +10,6 @@ import pytest
 
 from looping_pendulum.compare.convergence.result import HALT
 from looping_pendulum.compare.convergence.verdict import variant_verdict
-from looping_pendulum.engines import registry
 from looping_pendulum.engines.conformance import (
     CHECKS,
     LOSSLESS,
@@ -24,6 +23,7 @@ from looping_pendulum.engines.studies import Studies
 from looping_pendulum.errors import EngineError
 from tests import page_package
 from tests.command_line import here
+from tests.engines.faulty import forget_adapters
 from tests.engines.page_example import PAGE, blocks, module
 
 
@@ -48,9 +48,9 @@ def installed(package, monkeypatch):
     """Return the package's engine, offered in this process as in a new one."""
     monkeypatch.syspath_prepend(str(package))
     monkeypatch.delitem(sys.modules, "looping_spring", raising=False)
-    registry.adapter_modules.cache_clear()
+    forget_adapters()
     yield
-    registry.adapter_modules.cache_clear()
+    forget_adapters()
     sys.modules.pop("looping_spring", None)
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.registry import label, main_engines
-from looping_pendulum.pages.palette import COLOURS, DARK_COLOURS, styles
+from looping_pendulum.engines.registry import label, main_engines, styles
+from looping_pendulum.pages.palette import COLOURS, DARK_COLOURS
 from tests.pages.colour_vision import VISIONS, contrast, oklab, smallest_distance
 from tests.pages.live_page import settled
 

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cache
-from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined, Template
-from markupsafe import Markup
+from jinja2 import Template
 
 from looping_pendulum.compare.convergence.result import (
     HALT,
@@ -23,9 +21,9 @@ from looping_pendulum.compare.convergence.result import (
 from looping_pendulum.compare.convergence.verdict import LADDERS, format_setting
 from looping_pendulum.files import file_stem, optional_output
 from looping_pendulum.pages.drawing import legend_below, make_figure, png, without_mathtext
-from looping_pendulum.pages.markdown import plain
-from looping_pendulum.pages.numbers import DISPLAY_UNITS, GAP, fixed, number, signed
+from looping_pendulum.pages.numbers import DISPLAY_UNITS, number
 from looping_pendulum.pages.palette import COLOURS, GREY
+from looping_pendulum.pages.templates import markdown_templates
 from looping_pendulum.runs.trajectory import supplies_as_rows
 
 if TYPE_CHECKING:
@@ -51,50 +49,35 @@ def convergence_markdown(result: ConvergenceResult, figures: Mapping[str, tuple[
         Path of a figure, from the report's folder -> (label of its variant, caption).
     """
     supplies = {v.label: supplies_as_rows(v.provenance.supplies) for v in result.variants}
-    return _template().render(
-        result=result,
-        figures=figures or {},
-        verdicts={
-            name: [(v, one) for v in result.variants for one in v.verdicts if one.quantity == name] for name in QUANTITIES
-        },
-        supplies=supplies,
-        physics=[what for what, *_ in next(iter(supplies.values()), [])],
-        seconds=sum(seconds or 0.0 for seconds in result.clock.run_times.values()),
+    return (
+        _template().render(
+            result=result,
+            figures=figures or {},
+            verdicts={
+                name: [(v, one) for v in result.variants for one in v.verdicts if one.quantity == name] for name in QUANTITIES
+            },
+            supplies=supplies,
+            physics=[what for what, *_ in next(iter(supplies.values()), [])],
+            seconds=sum(seconds or 0.0 for seconds in result.clock.run_times.values()),
+        )
+        + "\n"
     )
 
 
 @cache
 def _template() -> Template:
-    # Every value is escaped: titles come from scenarios, messages from engines
-    environment = Environment(
-        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True, finalize=_escaped
-    )
+    environment = markdown_templates("looping_pendulum.compare.convergence")
     environment.filters |= {
-        "code": _code,
-        "fixed": fixed,
-        "number": number,
         "setting": format_setting,
-        "signed": signed,
         "text": lambda value: number(value, digits=6) if isinstance(value, float) else str(value),
     }
     environment.globals |= {
         "DISPLAY_UNITS": DISPLAY_UNITS,
-        "GAP": GAP,
         "LADDERS": LADDERS,
         "QUANTITIES": QUANTITIES,
         "QUANTITY_LABELS": QUANTITY_LABELS,
     }
-    folder = files("looping_pendulum.compare.convergence")
-    return environment.from_string(folder.joinpath("convergence.md.jinja").read_text(encoding="utf-8"))
-
-
-def _escaped(value: Any) -> Any:
-    return value if isinstance(value, Markup) else plain(str(value))
-
-
-def _code(name: str) -> Markup:
-    """Return the name of a setting or scenario as code, which cannot hold these two characters in a cell."""
-    return Markup(f"`{' '.join(name.split()).replace('`', '').replace('|', '')}`")
+    return environment.get_template("convergence.md.jinja")
 
 
 def draw(result: ConvergenceResult) -> dict[str, tuple[str, str, bytes]]:
