@@ -21,6 +21,7 @@ process.stdout.write(JSON.stringify({
     release: Object.keys(RELEASES),
     lesson: STEPS.flatMap(({ name, options, task }) =>
       ["title", "text", "question", "why", ...options, ...(task ? ["task"] : [])].map((part) => `${name}.${part}`)),
+    teacher: STEPS.flatMap(({ name }) => ["aim", "say", "ask"].map((part) => `${name}.${part}`)),
     role: Object.keys(ROLES),
     event: [...END_EVENTS, "stops", "sticks", "halts", "slips", "slack", "taut"],
   },

@@ -93,7 +93,7 @@ def test_on_paper_is_the_worksheet_alone(page, printed):
     assert worksheet.locator(".key").is_visible(), "what the arrows of the picture mean"
     assert "halts after" not in words, "no answer on the pupils' sheet"
     # The picture is as wide for its height as it was drawn
-    sizes = worksheet.locator("canvas").evaluate("(c) => [c.width / c.height, c.clientWidth / c.clientHeight]")
+    sizes = worksheet.locator("figure > canvas").evaluate("(c) => [c.width / c.height, c.clientWidth / c.clientHeight]")
     assert sizes[0] == pytest.approx(sizes[1], rel=0.01)
     count = [page.evaluate(COUNT, [f"#handout article:nth-child({n}) canvas", ORANGE]) for n in (1, 2)]
     assert 0 < count[0] < count[1], "pupils do not see the path that is still to come"

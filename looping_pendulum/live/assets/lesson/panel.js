@@ -71,6 +71,10 @@ export class LessonPanel {
     return STEPS[this.place];
   }
 
+  get isOpen() {
+    return /** @type {HTMLDetailsElement} */ (this.element("lesson")).open;
+  }
+
   /** @param {number} place */
   open(place) {
     this.place = place;
@@ -209,8 +213,7 @@ export class LessonPanel {
 
   /** Points of the film while its step is open. */
   get points() {
-    const { open } = /** @type {HTMLDetailsElement} */ (this.element("lesson"));
-    return open && this.step.task === "drag" && this.film ? this.film.points : null;
+    return this.isOpen && this.step.task === "drag" && this.film ? this.film.points : null;
   }
 
   /** Look at the run that is shown: once it has been seen for long enough, tell what it says.
