@@ -21,7 +21,7 @@ from looping_pendulum.scenarios.scenario import Scenario
 
 
 def chosen_engines(engines: Iterable[str | Engine], profile: Profile) -> list[Engine]:
-    """Return ``engines``, each given by its name or itself; without any, every engine but the reference.
+    """Return ``engines``, each given by its name or itself, or one name; without any, every engine but the reference.
 
     Raises
     ------
@@ -29,7 +29,7 @@ def chosen_engines(engines: Iterable[str | Engine], profile: Profile) -> list[En
         If a name is not known, or something is neither a name nor an engine.
     """
     chosen: list[Engine] = []
-    for each in engines:
+    for each in [engines] if isinstance(engines, str) else engines:
         if not isinstance(each, (str, Engine)):
             raise EngineError(f"engines: found {type(each).__name__}, needed a name such as 'pymunk', or an engine")
         named = select([each], profile) if isinstance(each, str) else [each]
