@@ -46,12 +46,12 @@ def html(result: Any) -> str:
 
 def _html(title: str, note: str, *parts: str) -> str:
     """Return the HTML of a title, a note in plain text, and Markdown ``parts``."""
-    heading = f"**{markdown.plain(title)}**"
-    return str(markdown.html("\n\n".join([heading, *([markdown.plain(note)] if note.strip() else []), *parts])))
+    heading = f"**{markdown.escaped(title)}**"
+    return str(markdown.html("\n\n".join([heading, *([markdown.escaped(note)] if note.strip() else []), *parts])))
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    return markdown.table(head, rows, left=len(head), cell=markdown.plain)
+    return markdown.table(head, rows, left=len(head))
 
 
 def reference_run(run: Run) -> str:
@@ -87,7 +87,7 @@ def scenario(scenario: Scenario) -> str:
 
     tree = yaml.safe_load(loader.dump(scenario))
     numbers = {key: value for key, value in tree.items() if key not in NOT_NUMBERS}
-    parts = [_table(["key", "value"], [(key, str(value)) for key, value in flatten(numbers).items()])]
+    parts = [_table(["key", "value"], [(".".join(keys), str(value)) for keys, value in flatten(numbers).items()])]
     if scenario.tolerances:
         rows = [[t.engine, t.profile, t.metric, show(t.limit, METRICS[t.metric].unit), t.reason] for t in scenario.tolerances]
         parts.append(_table(["engine", "profile", "metric", "limit", "why this much"], rows))

@@ -303,7 +303,8 @@ def _why_not_run(wanted: str, profile: str, scenario: Scenario) -> str:
     from looping_pendulum.engines.protocol import Profile
     from looping_pendulum.engines.registry import how_to_get, label, load_engines, missing_packages
 
-    (engine,) = (engine for engine in load_engines(Profile(profile))[0] if label(engine) == wanted)
+    engines, _ = load_engines(Profile(profile), {wanted.partition(":")[0]})
+    (engine,) = (engine for engine in engines if label(engine) == wanted)
     missing = missing_packages(engine)
     if missing:
         return f"{wanted}: {missing[0]} is not installed; to get it: {how_to_get(missing[0])}"

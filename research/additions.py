@@ -1,29 +1,23 @@
 """Measure how much each of the adapters' additions changes: the 10:1 trial with and without it.
 
-`python -m research.additions` writes looping_pendulum/engines/additions.json (some ten minutes of one core, most of them for
-PyBullet); `--only VARIANT` measures that one again and keeps the others.
+`python -m research.additions` writes "additions" in the engine.json of each engine (some ten minutes of one core, most of
+them for PyBullet); `--only VARIANT` measures that one again and keeps the others.
 """
 
 import argparse
-import json
 from collections.abc import Callable
 from dataclasses import replace
-from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 from looping_pendulum.compare.align import align
-from looping_pendulum.compare.metrics import rms_until
+from looping_pendulum.compare.metrics import RMS_END_TIMES, rms_until
+from looping_pendulum.engines.facts import write_measured
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import select
-from looping_pendulum.engines.shipped import FILE
-from looping_pendulum.files import write_atomically
 from looping_pendulum.scenarios import load
-from looping_pendulum.scenarios.metrics import RMS_END_TIMES
 from research import rounded
 
-PACKAGE_DATA = Path(str(files("looping_pendulum.engines"))) / FILE
 SCENARIO, DURATION = "ten_to_one", 0.7
 RMS_METRICS = ("rms_0.35s", "rms_0.7s")
 
@@ -51,7 +45,7 @@ ADDITIONS: dict[str, tuple[tuple[str, Without], ...]] = {
     "mujoco:documented": ((TURNING, changed(corrections=False)),),
     "mujoco:capstan": ((TURNING, changed(corrections=False)),),
     "mujoco:frictionloss": ((TURNING, changed(corrections=False)),),
-    "mujoco:beads": ((POLYGON, changed(polygon=False)),),
+    "mujoco:beads": ((POLYGON, changed(polygon_friction=False, polygon_radius=False)),),
     "pymunk:chain": (
         (COEFFICIENT, changed(polygon_friction=False)),
         ("radius of the circle corrected for the polygon", changed(polygon_radius=False)),
@@ -85,13 +79,11 @@ def measure(name: str, report: Callable[[str], None]) -> list[dict[str, Any]]:
 
 
 def main() -> None:
-    """Measure, and write the package's file."""
+    """Measure, and write the engines' files."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", action="append", choices=list(ADDITIONS), help="variant; default: all")
     for name in parser.parse_args().only or ADDITIONS:
-        rows = measure(name, print)
-        kept = json.loads(PACKAGE_DATA.read_text(encoding="utf-8"))
-        write_atomically(PACKAGE_DATA, json.dumps(rounded(kept | {name: rows}), indent=1, sort_keys=True) + "\n")
+        write_measured(name, "additions", rounded(measure(name, print)))
 
 
 if __name__ == "__main__":

@@ -2,17 +2,17 @@
 
 `python -m research.engine_range --work DIR` runs the main variants on `SCENARIOS` seeded random scenarios (half an hour of a
 quiet core with the quick profile; ended runs are kept in DIR, so it goes on where it was), stores the result as
-research/data/engine_range.json and, from that, what the package says of itself: looping_pendulum/engines/validated.json.
+research/data/engine_range.json and, from that, what each engine says of itself: "measured" in its engine.json.
 `--only ENGINE` and `--sample N` measure a part again, `--profile accurate` the other profile, `--summary` only writes the
-package's file again.
+engines' files again.
 """
 
 import argparse
 import dataclasses
 import json
 import math
+import threading
 from collections.abc import Iterable, Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -22,21 +22,25 @@ from looping_pendulum.cli.terminal import convergence_bars
 from looping_pendulum.compare.align import align
 from looping_pendulum.compare.comparison import compare
 from looping_pendulum.compare.json_text import plain
-from looping_pendulum.compare.metrics import END_TIME_TOLERANCE
-from looping_pendulum.compare.run_cache import RunCache, Runner, RunTask, run_key
+from looping_pendulum.compare.metrics import END_TIME_TOLERANCE, RMS_END_TIMES
+from looping_pendulum.compare.run_cache import RunTask, make_runs, run_key
+from looping_pendulum.engines.facts import (
+    QUANTITIES,
+    VALIDATED_METRICS,
+    ErrorDistribution,
+    ValidatedRange,
+    write_measured,
+)
 from looping_pendulum.engines.protocol import STATIC_FRICTION, Engine, Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import label, select
-from looping_pendulum.engines.validated import FILE, QUANTITIES, VALIDATED_METRICS, ErrorDistribution, ValidatedRange, to_plain
 from looping_pendulum.files import write_atomically
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.runs.trajectory import Trajectory
-from looping_pendulum.scenarios.metrics import RMS_END_TIMES
 from looping_pendulum.scenarios.scenario import Scenario
 from research import DATA, rounded
 
 MEASURED = DATA / "engine_range.json"
-PACKAGE_DATA = Path(str(files("looping_pendulum.engines"))) / FILE
 COMMAND = "python -m research.engine_range"
 SEED = 20261122
 SCENARIOS = 48
@@ -134,22 +138,15 @@ def measure(chosen: Sequence[Engine], sample: Sequence[Scenario], work: Path, jo
         and STATIC_FRICTION not in engine.abilities.lacks(scenario.parameters)  # declared missing: no accuracy to measure
     ]
     with convergence_bars() as bars:
-        runner = Runner(
-            RunCache(work),
-            jobs=jobs,
-            time_limit=time_limit,
-            budget=None,
-            progress=bars.update,
-        )
-        done = runner.run(tasks)
+        done = make_runs(tasks, work, jobs=jobs, time_limit=time_limit, progress=bars.update, cancelled=threading.Event())
     references = {scenario.name: Reference(scenario) for scenario in sample}
     measured: dict[str, Any] = {}
     for task in tasks:
-        ended = done.get(task.key)
-        if ended is None or ended.run is None:
+        run = done.get(task.key)
+        if run is None:
             continue
         rows = measured.setdefault(label(task.engine), {}).setdefault(task.engine.profile.value, {})
-        rows[task.scenario.name] = row(ended.run, task.scenario, references[task.scenario.name])
+        rows[task.scenario.name] = row(run, task.scenario, references[task.scenario.name])
     return measured
 
 
@@ -166,7 +163,9 @@ def merged(stored: dict[str, Any], measured: dict[str, Any]) -> dict[str, Any]:
 def summary(runs: dict[str, Any], sample: dict[str, Parameters]) -> dict[str, list[dict[str, Any]]]:
     """Return the range and the accuracy of each variant's profiles, as the package publishes them."""
     return {
-        name: [to_plain(validated(profile, list(rows.values()), sample)) for profile, rows in sorted(profiles.items())]
+        name: [
+            dataclasses.asdict(validated(profile, list(rows.values()), sample)) for profile, rows in sorted(profiles.items())
+        ]
         for name, profiles in sorted(runs.items())
     }
 
@@ -185,7 +184,7 @@ def validated(profile: str, rows: list[dict[str, Any]], sample: dict[str, Parame
         profile=profile,
         scenarios=len(rows),
         failed=len(rows) - len(ended),
-        releases=frozenset(p.release for p in inside),
+        releases=tuple(sorted({p.release for p in inside})),
         bounds=bounds,
         errors={name: each for name, each in errors.items() if each is not None},
     )
@@ -209,7 +208,7 @@ def stored() -> dict[str, Any]:
 
 
 def write(runs: dict[str, Any]) -> None:
-    """Write the stored rows and the package's summary."""
+    """Write the stored rows and what each engine says of itself."""
     sample = scenarios()
     tree = {
         "schema": {"id": "looping-pendulum/engine-range", "version": 1},
@@ -219,12 +218,13 @@ def write(runs: dict[str, Any]) -> None:
     }
     text = json.dumps(rounded(tree), separators=(",", ":")).replace('"random_', '\n"random_') + "\n"
     write_atomically(MEASURED, text)
-    write_atomically(PACKAGE_DATA, summary_text(stored()))
+    write_summary()
 
 
-def summary_text(runs: dict[str, Any]) -> str:
-    """Return the text of the package's file."""
-    return json.dumps(rounded(summary(runs, {s.name: s.parameters for s in scenarios()})), indent=1) + "\n"
+def write_summary() -> None:
+    """Write what the stored runs say of each variant into its engine's facts."""
+    for name, ranges in rounded(summary(stored(), {s.name: s.parameters for s in scenarios()})).items():
+        write_measured(name, "measured", ranges)
 
 
 def _short(p: Parameters) -> dict[str, Any]:
@@ -243,10 +243,10 @@ def main() -> None:
     parser.add_argument("--profile", type=Profile, default=Profile.QUICK, choices=list(Profile))
     parser.add_argument("--jobs", type=int, default=1, help="number of runs at the same time")
     parser.add_argument("--time-limit", type=float, default=1200.0, help="limit on the wall time of one run [s]")
-    parser.add_argument("--summary", action="store_true", help="only write the package's file again from the stored rows")
+    parser.add_argument("--summary", action="store_true", help="only write the engines' files again from the stored rows")
     options = parser.parse_args()
     if options.summary:
-        write_atomically(PACKAGE_DATA, summary_text(stored()))
+        write_summary()
         return
     if options.work is None:
         parser.error("--work: needed a folder, or --summary")

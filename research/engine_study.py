@@ -43,7 +43,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--work", type=Path, default=Path("runs"), help="folder where runs are kept and tables written")
     parser.add_argument("--tables", action="store_true", help="only write figures and tables again, from the stored numbers")
-    parser.add_argument("--budget", type=float, default=300.0, help="leave out runs expected to take longer than this [s]")
+    parser.add_argument("--time-limit", type=float, default=300.0, help="of each run [s]; leaves out finer rungs, too")
     parser.add_argument("--timing-budget", type=float, default=120.0, help="time only runs that took at most this [s]")
     parser.add_argument("--jobs", type=int, help="error runs at once; timed ones always run alone")
     parser.add_argument("--engine", "-e", action="append", help="add or renew only this engine or variant")
@@ -62,9 +62,8 @@ def main() -> None:
                 load(SCENARIO),
                 engines,
                 options.work,
-                budget=options.budget,
                 jobs=options.jobs,
-                time_limit=3600.0,
+                time_limit=options.time_limit,
                 progress=bars.update,
             )
         write(result, options.work)
@@ -111,7 +110,6 @@ def timed_study(result: ConvergenceResult, file: Path, budget: float) -> EngineS
 def points(study: ConvergenceResult, budget: float, known: Mapping[str, Point] | None = None) -> Iterator[Point]:
     """Time every rung that has an error at 0.7 s and took at most ``budget`` [s] in the study; not again what is ``known``."""
     scenario = dataclasses.replace(load(study.scenario), duration=study.until)
-    took = {one.key: one.seconds for one in study.clock.run_times}
     for v in study.variants:
         engine = select([v.label], Profile(v.profile))[0]
         runs = plan_variant(engine, scenario, ())
@@ -119,7 +117,7 @@ def points(study: ConvergenceResult, budget: float, known: Mapping[str, Point] |
         for where, key, rms in rungs(v):
             if known and key in known:
                 yield known[key]
-            elif key in engines and (took.get(key) or 0.0) <= budget:
+            elif key in engines and (study.clock.run_times.get(key) or 0.0) <= budget:
                 wall, cpu = timed(engines[key], scenario)
                 times = {"wall": statistics.median(wall), "cpu": statistics.median(cpu), "slowest": max(wall)}
                 print(
@@ -136,7 +134,7 @@ def rungs(v: VariantStudy) -> list[tuple[str, str, float]]:
     every = [("", v.own), *((f"{ladder.setting} {r.value:g}", r.run) for ladder in v.ladders for r in ladder.rungs)]
     rungs_by_key: dict[str, tuple[str, str, float]] = {}
     for where, run in every:
-        rms = run.rms[MARK]
+        rms = run.errors[MARK]
         if run.ok and rms is not None:
             rungs_by_key.setdefault(run.key, (where, run.key, rms))
     return list(rungs_by_key.values())

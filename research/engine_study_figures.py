@@ -8,16 +8,17 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from looping_pendulum.compare.convergence.ladder import refinement_sizes
+from looping_pendulum.compare.convergence.limit import refinement_sizes
 from looping_pendulum.compare.convergence.result import (
     ConvergenceResult,
     LadderStudy,
     VariantStudy,
 )
+from looping_pendulum.engines.registry import styles
 from looping_pendulum.pages.drawing import legend_below, make_figure
 from looping_pendulum.pages.markdown import table
 from looping_pendulum.pages.numbers import number
-from looping_pendulum.pages.palette import COLOURS, GREY, MARKERS, styles
+from looping_pendulum.pages.palette import COLOURS, GREY, MARKERS
 from research.stored_study import MARK, EngineStudy, Point, front
 
 TARGET = 60.0
@@ -66,7 +67,7 @@ def ladder_line(v: VariantStudy, ladder: LadderStudy) -> tuple[list[float], list
         own = 1 / ladder.own if rises else ladder.own
     refinement, errors = [], []
     for h, rung in zip(sizes, ladder.rungs, strict=True):
-        rms = rung.run.rms[MARK]
+        rms = rung.run.errors[MARK]
         if rms is not None and rung.run.ok and h > 0:
             refinement.append(float((own or sizes[0]) / h))
             errors.append(max(1e3 * rms, ERRORS[0]))

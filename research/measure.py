@@ -217,7 +217,7 @@ def pymunk_public_calls() -> dict[str, Any]:
     """Run pymunk's chain on ten_to_one with its private call, and without it."""
     scenario = load("ten_to_one")
     with_call = summary(engine("pymunk:chain").simulate(scenario), scenario)
-    with mock.patch("looping_pendulum.engines.pymunk.direct_library", return_value=None):
+    with mock.patch("looping_pendulum.engines.pymunk.private_library", return_value=None):
         without = summary(engine("pymunk:chain").simulate(scenario), scenario)
     return {"private": with_call, "public": without}
 

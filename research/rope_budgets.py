@@ -20,12 +20,12 @@ from matplotlib.figure import Figure
 from looping_pendulum.compare.convergence.result import PATH_END_TIMES
 from looping_pendulum.engines import registry
 from looping_pendulum.engines.protocol import Engine, Profile
-from looping_pendulum.engines.registry import all_engines, missing_packages, select
+from looping_pendulum.engines.registry import all_engines, missing_packages, select, styles
 from looping_pendulum.engines.static_capstan import measure_capstan_exponent
 from looping_pendulum.errors import EngineError
 from looping_pendulum.files import write_atomically
 from looping_pendulum.pages.drawing import legend_below, make_figure, png
-from looping_pendulum.pages.palette import GREY, styles
+from looping_pendulum.pages.palette import GREY
 from looping_pendulum.runs.events import run_landmarks
 from looping_pendulum.runs.trajectory import RunStatus
 from looping_pendulum.scenarios import load
@@ -58,8 +58,8 @@ COARSE: Mapping[str, tuple[Mapping[str, Any], ...]] = {
     ),
     "pymunk:chain": (
         {"time_step": 2e-5},
-        {"time_step": 4e-5, "force_interval": 25, "bead_mass_ratio": 8e-4},
-        {"time_step": 4e-5, "force_interval": 25, "bend": 0.4, "bead_mass_ratio": 2e-3},
+        {"time_step": 4e-5, "steps_per_group": 25, "bead_mass_ratio": 8e-4},
+        {"time_step": 4e-5, "steps_per_group": 25, "bend": 0.4, "bead_mass_ratio": 2e-3},
         {"time_step": 2e-5, "bend": 0.4, "bead_mass_ratio": 8e-4},
     ),
     "box2d:chain": (
@@ -150,14 +150,13 @@ def candidates(study: EngineStudy, budgets: Budgets) -> dict[str, list[Candidate
     """
     result = study.convergence
     timed = {point.key: point.cpu for point in study.pareto}
-    seconds = {one.key: one.seconds for one in result.clock.run_times}
     rows: dict[str, list[Candidate]] = {}
     for v in result.variants:
         every = [("", v.own), *((f"{ladder.setting} {r.value:g}", r.run) for ladder in v.ladders for r in ladder.rungs)]
         if v.engine == "reference" or v.variant == "defaults":
             continue
         for settings, run in every:
-            path, took = run.rms[MARK], seconds.get(run.key)
+            path, took = run.errors[MARK], result.clock.run_times.get(run.key)
             cost = timed.get(run.key, took / PATH_END_TIMES[MARK] if took else None)
             if run.ok and path is not None and cost is not None:
                 rows.setdefault(v.label, []).append(

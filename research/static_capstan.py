@@ -10,7 +10,7 @@ import math
 from typing import Any
 
 from looping_pendulum.engines.protocol import Engine, Profile
-from looping_pendulum.engines.registry import DISTRIBUTIONS, label, missing_packages, select
+from looping_pendulum.engines.registry import engine_facts, label, missing_packages, select
 from looping_pendulum.engines.static_capstan import measure_capstan_exponent
 from looping_pendulum.errors import EngineError
 from looping_pendulum.files import write_atomically
@@ -41,7 +41,7 @@ def measure(names: list[str]) -> None:
 
 def _static_row(engine: Engine) -> dict[str, Any]:
     """Return the measurement of a variant: exponents, or the reason why it has none, with the day and the versions."""
-    packages = [DISTRIBUTIONS.get(package, package) for package in engine.abilities.packages]
+    packages = [package.pip for package in engine_facts(engine.name).packages.values()]
     row: dict[str, Any] = {
         "variant": label(engine),
         "day": datetime.datetime.now(datetime.UTC).date().isoformat(),

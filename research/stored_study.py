@@ -6,7 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from looping_pendulum.compare.convergence.result import ConvergenceResult, RunSummary, VariantStudy
+from looping_pendulum.compare.convergence.result import ConvergenceResult, VariantStudy
+from looping_pendulum.compare.convergence.study import LEAST_NOISE
 from looping_pendulum.compare.json_text import plain
 from looping_pendulum.runs.trajectory import Supplier
 from research import DATA, rounded
@@ -14,7 +15,7 @@ from research import DATA, rounded
 SUMMARY = DATA / "engine_study.json"
 MARK = "path_0.7s"
 """Error that the page and its figures show."""
-SAME_STUDY = ("scenario", "parameters", "until", "budget", "reference")
+SAME_STUDY = ("scenario", "parameters", "until", "time_limit", "reference")
 """What two studies must have in common, so that their rows may stand in one table."""
 STORED_DIGITS = 6
 """Significant digits of the stored numbers, more than the page prints."""
@@ -67,7 +68,7 @@ class EngineStudy:
     def to_json(self) -> str:
         """Return the text of the stored data: one line per variant and timed point, to keep it small."""
         tree = {
-            "schema": {"id": "looping-pendulum/engine-study", "version": 2},
+            "schema": {"id": "looping-pendulum/engine-study", "version": 3},
             "convergence": json.loads(self.convergence.to_json()),
             "pareto": [dataclasses.asdict(p) for p in self.pareto],
             "measurements": [dataclasses.asdict(m) for m in self.measurements],
@@ -102,14 +103,14 @@ def renewed(stored: EngineStudy, new: EngineStudy) -> EngineStudy:
     for name, value in old.reference_values.items():
         again = other.reference_values[name]
         if (value is None) != (again is None) or (
-            value is not None and again is not None and abs(value - again) > old.floors[name]
+            value is not None and again is not None and abs(value - again) > LEAST_NOISE[name]
         ):
             raise ValueError(f"reference: {name}: found {again}, the stored study has {value}; {AGAIN}")
     variants = {v.label: v for v in old.variants} | {v.label: v for v in other.variants}
-    times = {one.key: one for one in (*old.clock.run_times, *other.clock.run_times)}
+    times = old.clock.run_times | other.clock.run_times
     # A renewed variant's former runs are not in the study any more
-    keys = {run.key for v in variants.values() for run in runs_of(v)}
-    clock = dataclasses.replace(other.clock, run_times=tuple(times[key] for key in sorted(times.keys() & keys)))
+    keys = {run.key for v in variants.values() for run in v.runs()}
+    clock = dataclasses.replace(other.clock, run_times={key: times[key] for key in times.keys() & keys})
     points = [p for p in stored.pareto if p.variant not in {v.label for v in other.variants}] + list(new.pareto)
     measurements = {m.variant: m for m in (*stored.measurements, *new.measurements)}
     order = list(variants)
@@ -125,15 +126,6 @@ def _comparable(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: kept for key, item in value.items() if (kept := _comparable(item)) != 0.0}
     return rounded(value, STORED_DIGITS)
-
-
-def runs_of(v: VariantStudy) -> list[RunSummary]:
-    """Return every run of a variant's study; one that is a rung of several ladders comes several times."""
-    return [
-        v.own,
-        *(rung.run for ladder in v.ladders for rung in ladder.rungs),
-        *(one.run for one in (*v.starts, *v.choices, *v.defaults)),
-    ]
 
 
 def supplied_by_engine(v: VariantStudy) -> bool:

@@ -7,7 +7,7 @@ ignores them, so that none is edited or out of date.
 from pathlib import Path
 
 from looping_pendulum.engines.protocol import Engine, Profile
-from looping_pendulum.engines.registry import all_engines, how_to_get, label
+from looping_pendulum.engines.registry import all_engines, engine_facts, how_to_get, label
 from looping_pendulum.pages.markdown import table
 from looping_pendulum.runs.trajectory import supplies_as_rows
 from looping_pendulum.scenarios.metrics import METRICS
@@ -15,17 +15,6 @@ from looping_pendulum.sweep.cells import FIELDS
 from scripts import demonstrations_page, keys_page
 
 DOCS = Path(__file__).parents[1] / "docs"
-TITLES = {
-    "mujoco": "MuJoCo",
-    "pymunk": "pymunk",
-    "pybullet": "PyBullet",
-    "drake": "Drake",
-    "box2d": "Box2D",
-    "rapier": "Rapier",
-    "exudyn": "Exudyn",
-    "newton": "Newton",
-}
-"""Engine -> its title."""
 
 
 def main() -> None:
@@ -49,7 +38,8 @@ def metrics_page() -> str:
 
 These numbers say how far an engine's run is from the reference. `result.json` holds them in SI units, and `null` where a metric
 is not defined. Differences are positive for what is late or more than the reference. A scenario's tolerances may limit each of
-them: a limit of the kind *at most* holds for the magnitude.
+them: a limit of the kind *at most* holds for the magnitude. A further one is one function of yours: [write a
+metric](write-a-metric.md).
 
 {table(head, rows, left=len(head))}
 ## Variables of a map
@@ -75,7 +65,7 @@ what the variants are, [accuracy](accuracy.md) how large their errors are.
 def _engine(name: str, variants: list[Engine]) -> str:
     packages = sorted({package for engine in variants for package in engine.abilities.packages})
     get = "\n".join(f"- `{package}`: {how_to_get(package, anywhere=True)}" for package in packages)
-    return f"## {TITLES.get(name, name)}\n\n{get}\n\n" + "\n".join(_variant(engine) for engine in variants)
+    return f"## {engine_facts(name).title or name}\n\n{get}\n\n" + "\n".join(_variant(engine) for engine in variants)
 
 
 def _variant(engine: Engine) -> str:

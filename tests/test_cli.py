@@ -21,7 +21,7 @@ from looping_pendulum.files import write_atomically
 from looping_pendulum.scenarios import loader
 from tests.command_line import can_be_interrupted, here
 from tests.compare.conftest import quick_figures  # noqa: F401, a fixture
-from tests.engines.faulty import offer
+from tests.engines.faulty import forget_adapters, offer
 
 REFERENCE = "reference"
 """An engine whose process starts quickly."""
@@ -46,10 +46,10 @@ def offered(tmp_path, monkeypatch):
         offer(tmp_path, *engines)
         monkeypatch.syspath_prepend(str(tmp_path))
         monkeypatch.delitem(sys.modules, "faulty_engines", raising=False)
-        registry.adapter_modules.cache_clear()
+        forget_adapters()
 
     yield install
-    registry.adapter_modules.cache_clear()
+    forget_adapters()
     sys.modules.pop("faulty_engines", None)
 
 

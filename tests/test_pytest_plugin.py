@@ -19,7 +19,7 @@ from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.units import to_si
 from tests.command_line import can_be_interrupted
 from tests.compare.conftest import quick_figures  # noqa: F401, for the sessions whose reports are not what a test is about
-from tests.engines.faulty import offer
+from tests.engines.faulty import forget_adapters, offer
 
 pytest_plugins = "pytester"
 
@@ -97,10 +97,10 @@ def offered(pytester):
     def install(*engines):
         offer(pytester.path, *engines)
         pytester.syspathinsert()
-        registry.adapter_modules.cache_clear()
+        forget_adapters()
 
     yield install
-    registry.adapter_modules.cache_clear()
+    forget_adapters()
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ BUILD = "import sys; from hatchling.build import build_wheel; build_wheel(sys.ar
 """Hatchling by its own interface, since pip would download it anew into an environment for the build."""
 REQUIRED = frozenset(
     {
-        *("scenarios/ten_to_one.yaml", "sweep/maps/quick.yaml", "engines/validated.json", "engines/additions.json"),
+        *("scenarios/ten_to_one.yaml", "sweep/maps/quick.yaml", "engines/pymunk/engine.json"),
         *(
             "pages/assets/base.html",
             "pages/assets/tables.js",

@@ -17,9 +17,8 @@ import typer
 from looping_pendulum.cli.file_kinds import takes
 from looping_pendulum.cli.quantities import quantity
 from looping_pendulum.cli.terminal import ProgressBars, choose_json, choose_quiet, note, say, say_prose, show_table
-from looping_pendulum.engines import Profile
+from looping_pendulum.engines import Profile, own_labels
 from looping_pendulum.errors import HarnessError, ScenarioError
-from looping_pendulum.pages.palette import KNOWN_LABELS
 
 if TYPE_CHECKING:
     from looping_pendulum.compare.result import ComparisonResult
@@ -27,12 +26,6 @@ if TYPE_CHECKING:
     from looping_pendulum.measured.study import Study
     from looping_pendulum.runs.trajectory import Trajectory
     from looping_pendulum.scenarios.scenario import Scenario
-
-
-OWN_ENGINES = ("reference", "mujoco", "pymunk", "pybullet")
-"""Engines that are no entry points of a package; the adapters, which know their variants, import NumPy."""
-VARIANTS = tuple(label for label in KNOWN_LABELS if label.partition(":")[0] in OWN_ENGINES)
-"""Variants of these engines, and the one engine without variants. A test compares them with the adapters'."""
 
 
 def scenario_names() -> list[str]:
@@ -53,8 +46,9 @@ def _names(*folders: str) -> list[str]:
 
 def engine_names() -> list[str]:
     """Return the names of engines and variants; of other packages' engines, only the engine's name is known."""
+    labels = own_labels()
     others = sorted({point.name for point in entry_points(group="looping_pendulum.engines")})
-    return list(dict.fromkeys([*OWN_ENGINES, *VARIANTS, *others, "all"]))
+    return list(dict.fromkeys([*(label.partition(":")[0] for label in labels), *labels, *others, "all"]))
 
 
 LINE_EVERY = 10.0

@@ -1,4 +1,4 @@
-"""The command `converge`: split an engine's error into its parts."""
+"""The command `converge`: whether an engine's error goes away with finer settings."""
 
 from __future__ import annotations
 
@@ -38,30 +38,22 @@ def converge(
             help="Length of the runs; default: until 0.1 s after the halt, at least 0.7 s.",
         ),
     ] = None,
-    budget: Annotated[
-        float | None,
-        typer.Option(
-            metavar="TIME",
-            parser=quantity("s", least=0.1),
-            help="Leave out runs that are expected to take longer than this time [s].",
-        ),
-    ] = None,
     time_limit: common.TimeLimit = 3600.0,
     memory_limit: common.MemoryLimit = "2 GiB",
     jobs: common.Jobs = None,
     as_json: common.AsJson = False,
     quiet: common.Quiet = False,
 ) -> None:
-    """Split each engine's error into three parts: not converged, different model, and adapter's choice.
+    """Say of each engine whether it has converged, whether it has not, or whether it leads to another limit than the reference.
 
     Refines every numerical setting that a variant offers, changes the initial state a little, and restores the engine's
     defaults one at a time. Writes convergence.md, convergence.json and a figure per setting. Completed runs are stored in DIR:
-    after Ctrl-C it reports what it has, and the same command continues from there.
+    after Ctrl-C it reports what it has, and the same command continues from there. Rungs finer than one that reaches the
+    time limit are left out.
 
-    looping-pendulum converge ten_to_one --engine mujoco:capstan --budget 60
+    looping-pendulum converge ten_to_one --engine mujoco:capstan --time-limit 60
     """
-    from looping_pendulum.compare.convergence.report import halting_verdict
-    from looping_pendulum.compare.convergence.result import FILE
+    from looping_pendulum.compare.convergence.result import FILE, QUANTITIES
     from looping_pendulum.compare.convergence.study import study_convergence, write
     from looping_pendulum.compare.harness import chosen_engines
     from looping_pendulum.engines.isolation import parse_memory
@@ -80,7 +72,6 @@ def converge(
             engines,
             folder,
             until=until,
-            budget=budget,
             jobs=jobs,
             time_limit=time_limit,
             memory_limit=parse_memory(memory_limit),
@@ -91,18 +82,19 @@ def converge(
             folder, FILE, interrupted=result.interrupted, was_interrupted=lambda result: result["interrupted"]
         )
         written = write(result, folder)
-    head = ["variant", "quantity", "error", "not converged", "different model", "+/-", "choice", "spread", "larger part"]
+    head = ["variant", "quantity", "verdict", "error", "refining changes it by", "limit's error", "+/-", "choice", "noise"]
     rows = []
     for v in result.variants:
-        for s in v.splits:
-            parts = (s.error, s.numerics, s.model, s.numerics_uncertainty, s.choice, s.spread)
-            cells = [number(x, 1e3, 2) for x in parts]
-            rows.append([v.label, f"{s.quantity} [m{s.unit}]", *cells, ", then ".join(c.value for c in s.causes)])
+        for one in v.verdicts:
+            name = one.quantity
+            sizes = (v.own.errors[name], one.refinement, one.limit_error, one.uncertainty, v.choice(name), v.spread[name])
+            rows.append([v.label, f"{name} [m{QUANTITIES[name]}]", one.verdict, *(number(size, 1e3, 2) for size in sizes)])
     show_table(head, rows)
     for v in result.variants:
-        say_prose(f"- {v.label}: halting time converges: {halting_verdict(v)}")
+        for one in v.verdicts:
+            say_prose(f"- {v.label}: {one.quantity}: {one.sentence}")
     say(f"wrote {written}")
-    listed = [{"variant": v.label, "splits": v.splits, "halting_time_converges": halting_verdict(v)} for v in result.variants]
+    listed = [{"variant": v.label, "verdicts": v.verdicts} for v in result.variants]
     show_json({"scenario": chosen.name, "interrupted": result.interrupted, "variants": listed, "report": written})
     if result.interrupted:
         raise typer.Exit(common.INTERRUPTED)

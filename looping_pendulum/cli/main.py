@@ -57,7 +57,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "run": "one scenario: its events, and how each run ends",
         "compare": "where, when and why each engine departs",
         "check": "whether engines keep the scenarios' tolerances",
-        "converge": "what each engine's error consists of",
+        "converge": "whether finer settings remove each engine's error",
         "engines": "which engines there are, and how to install others",
     },
     "Your film": {
@@ -331,12 +331,12 @@ app.command()(demonstrations)
 
 def _show_changes(changes: ResultChanges) -> None:
     """Print what changed since a baseline."""
-    from looping_pendulum.compare.baseline import HEADER, MAX_CONSOLE_CHANGES, heading, rows
+    from looping_pendulum.compare.baseline import MAX_CONSOLE_CHANGES
 
-    say(heading(changes))
-    changed_rows = rows(changes)
+    say(changes.heading)
+    head, changed_rows = changes.table()
     if changed_rows:
-        show_table(HEADER, changed_rows[:MAX_CONSOLE_CHANGES])
+        show_table(head, changed_rows[:MAX_CONSOLE_CHANGES])
     if len(changed_rows) > MAX_CONSOLE_CHANGES:
         say(f"... and {len(changed_rows) - MAX_CONSOLE_CHANGES} more in report.md and changes.json")
 

@@ -58,6 +58,11 @@ class Aligned:
         return np.asarray(np.hypot(*self.deviation.T))
 
     @property
+    def heavy_distance(self) -> Array:
+        """Distance of the heavy mass from the reference's [m], shape (n,)."""
+        return np.asarray(np.hypot(*(self.run.heavy_position - self.reference.heavy_position).T))
+
+    @property
     def heavy_deviation(self) -> Array:
         """Height of the heavy mass, engine minus reference [m], shape (n,)."""
         return np.asarray(self.run.heavy_position[:, 1] - self.reference.heavy_position[:, 1])

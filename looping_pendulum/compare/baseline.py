@@ -1,4 +1,4 @@
-"""Lists what moved between two results of the same scenario: both are flattened, and compared value by value.
+"""Lists what moved between two results of the same scenario: two flat tables of values, compared key by key.
 
 `changes.json` is `ResultChanges` as JSON: one object per dataclass, one key per field, SI and radians, and first the key
 ``schema`` with its id and version. It is written beside `result.json`, which does not depend on the baseline.
@@ -7,17 +7,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
-from looping_pendulum.compare.json_text import JsonResult, plain
+from looping_pendulum.compare.json_text import LENGTH, JsonResult, Keys, flatten, plain
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.errors import ResultError
-from looping_pendulum.files import read_file
-from looping_pendulum.installation import command_line
-from looping_pendulum.pages.markdown import table
 from looping_pendulum.pages.numbers import DISPLAY_UNITS, GAP, DisplayUnit, number
 from looping_pendulum.scenarios.metrics import metric_called
 
@@ -41,16 +37,9 @@ LANDMARK_UNITS = {
     "wrap_angle_at_halt": "rad",
 }
 """Key of a landmark, or of a part of one -> SI unit, of those that are measured."""
-MAX_BASELINE_BYTES = 64 * 1024 * 1024
-"""Largest size of a baseline file [bytes]; the result of a dozen engines has 0.2 MiB."""
 MAX_CONSOLE_CHANGES = 40
 """Largest number of changes that the terminal shows; the report has all."""
 REFERENCE, SCENARIO = "reference", "scenario"
-LENGTH = "how many"
-"""Key that a list's length has beside its numbered entries."""
-
-Keys = tuple[str, ...]
-"""Keys of a value in the tree that is compared, from the run on."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,6 +59,13 @@ class ResultChange:
     tolerance: float
     """Largest change of a number here that is not listed."""
 
+    def cells(self) -> list[str]:
+        """Return its row in a table: run, what, before, after, relative change, tolerance."""
+        before, after = _cell(self.before, self.unit), _cell(self.after, self.unit)
+        if not (_is_number(self.before) or _is_number(self.after)):
+            return [self.run, self.what, before, after, "", ""]
+        return [self.run, self.what, before, after, _percent(self.before, self.after), _cell(self.tolerance, self.unit)]
+
 
 @dataclass(frozen=True, kw_only=True)
 class ResultChanges(JsonResult):
@@ -87,6 +83,17 @@ class ResultChanges(JsonResult):
     """Smallest relative change of a metric that is listed."""
     changes: tuple[ResultChange, ...]
 
+    @property
+    def heading(self) -> str:
+        """A sentence that says how many changes there are, and since what."""
+        count = len(self.changes)
+        what = "Nothing changed" if count == 0 else f"{count} change{'s' if count > 1 else ''}"
+        return f"{what} since {self.baseline or 'the baseline'} (written {self.baseline_written})."
+
+    def table(self) -> tuple[list[str], list[list[str]]]:
+        """Return header and rows of the changes, for Markdown and for a terminal."""
+        return ["run", "what", "before", "now", "change", "not listed up to"], [change.cells() for change in self.changes]
+
 
 def read_baseline(path: Path, scenario: str) -> ComparisonResult:
     """Read the result of an earlier `compare` of ``scenario``; a folder means the result.json in it.
@@ -96,19 +103,11 @@ def read_baseline(path: Path, scenario: str) -> ComparisonResult:
     ResultError
         If there is none, if it is of another scenario, or from a later version.
     """
-    file = path / "result.json" if path.is_dir() else path
+    file = path / ComparisonResult.FILE if path.is_dir() else path
     try:
-        raw = read_file(file, MAX_BASELINE_BYTES)
-        text = raw.decode("utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        why = (error.strerror or str(error)) if isinstance(error, OSError) else "it is not text"
-        raise ResultError(f"--baseline: {file}: {why}; `{command_line('compare', scenario)}` writes one") from None
-    if len(raw) > MAX_BASELINE_BYTES:
-        raise ResultError(f"--baseline: {file}: found more than {MAX_BASELINE_BYTES // 1024**2} MiB, needed a result.json")
-    try:
-        result = ComparisonResult.from_json(text)
+        result = ComparisonResult.read(file)
     except ResultError as error:
-        raise ResultError(f"--baseline: {file}: {str(error).removeprefix('result.json: ')}") from None
+        raise ResultError(f"--baseline: {error}") from None
     if result.scenario != scenario:
         raise ResultError(
             f"--baseline: {file}: found a result of {result.scenario!r}, needed one of {scenario!r}; give such a file"
@@ -128,11 +127,11 @@ def changes_since(
     relative
         Smallest change of a metric that is listed, as a fraction of its earlier value.
     """
-    old, new = (dict(_flat(_compared(result))) for result in (before, after))
+    old, new = (flatten(_compared(result)) for result in (before, after))
     # Those that are gone come last in their run
     runs = list(dict.fromkeys(keys[0] for keys in [*new, *old]))
     every = sorted(dict.fromkeys([*new, *old]), key=lambda keys: runs.index(keys[0]))
-    alone = {run for run in runs if any(run not in {keys[0] for keys in known} for known in (old, new))}
+    alone = {run for run in runs if (run, "status") in old.keys() ^ new.keys()}
     uneven = {keys[:-1] for keys in every if keys[-1] == LENGTH and old.get(keys) != new.get(keys)}
     changes = []
     for keys in every:
@@ -142,9 +141,9 @@ def changes_since(
         # Events are told apart by their index: if one is missing, all that follow would be compared with the wrong one
         if keys[-1] != LENGTH and any(keys[:n] in uneven for n in range(len(keys))):
             continue
-        was, now = old.get(keys), new.get(keys)
-        unit, tolerance = _unit(keys), _tolerance(keys, was, relative)
-        if _differ(was, now, tolerance):
+        was, now, unit = old.get(keys), new.get(keys), _unit(keys)
+        tolerance = _tolerance(keys, unit, was, relative)
+        if abs(now - was) > tolerance if _is_number(was) and _is_number(now) else was != now:
             what = ": ".join(keys[1:])
             changes.append(ResultChange(run=keys[0], what=what, unit=unit, before=was, after=now, tolerance=tolerance))
     return ResultChanges(
@@ -176,17 +175,6 @@ def _compared(result: ComparisonResult) -> dict[str, Any]:
     }
 
 
-def _flat(value: Any, keys: Keys = ()) -> Iterator[tuple[Keys, Any]]:
-    """Yield keys and values of nested dicts and lists."""
-    if isinstance(value, list):
-        value = {LENGTH: len(value)} | {str(i): item for i, item in enumerate(value, 1)}
-    if not isinstance(value, dict):
-        yield keys, value
-        return
-    for key, item in value.items():
-        yield from _flat(item, (*keys, key))
-
-
 def _unit(keys: Keys) -> str:
     """Return the SI unit of a number, of those that have one."""
     if "landmarks" in keys:
@@ -196,51 +184,18 @@ def _unit(keys: Keys) -> str:
     return ""
 
 
-def _tolerance(keys: Keys, was: Any, relative: float) -> float:
+def _tolerance(keys: Keys, unit: str, was: Any, relative: float) -> float:
     """Return the largest change of a number that is not listed."""
-    size = abs(was) if isinstance(was, (int, float)) else 0.0
+    size = abs(was) if _is_number(was) else 0.0
     if keys[1:2] == ("metrics",):
         return max(MIN_CHANGE, relative * size)
-    if "landmarks" in keys and _unit(keys):
-        return MIN_CHANGE if keys[0] == REFERENCE else MIN_LANDMARK_CHANGES[_unit(keys)]
+    if "landmarks" in keys and unit:
+        return MIN_CHANGE if keys[0] == REFERENCE else MIN_LANDMARK_CHANGES[unit]
     return SAME_SETTING * size
 
 
-def _differ(was: Any, now: Any, tolerance: float) -> bool:
-    """Return whether two values differ, numbers by more than ``tolerance``."""
-    if _is_number(was) and _is_number(now):
-        return abs(float(now) - float(was)) > tolerance
-    return bool(was != now)
-
-
-def _is_number(value: Any) -> bool:
+def _is_number(value: Any) -> TypeGuard[float]:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
-
-
-def heading(changes: ResultChanges) -> str:
-    """Return a sentence that says how many changes there are, and since what."""
-    count = len(changes.changes)
-    what = "Nothing changed" if count == 0 else f"{count} change{'s' if count > 1 else ''}"
-    return f"{what} since {changes.baseline or 'the baseline'} (written {changes.baseline_written})."
-
-
-def rows(changes: ResultChanges) -> list[list[str]]:
-    """Return rows of (run, what, before, after, change, tolerance), for Markdown and for a terminal."""
-    return [
-        [c.run, c.what, _cell(c.before, c.unit), _cell(c.after, c.unit), _percent(c), _cell(c.tolerance, c.unit)]
-        if _is_number(c.before) or _is_number(c.after)
-        else [c.run, c.what, _cell(c.before, c.unit), _cell(c.after, c.unit), "", ""]
-        for c in changes.changes
-    ]
-
-
-HEADER = ["run", "what", "before", "now", "change", "not listed up to"]
-
-
-def changes_markdown(changes: ResultChanges) -> str:
-    """Return the report's section."""
-    text = f"{heading(changes)}\n"
-    return f"{text}\n{table(HEADER, rows(changes), left=4)}" if changes.changes else text
 
 
 def _cell(value: Any, unit: str) -> str:
@@ -252,8 +207,9 @@ def _cell(value: Any, unit: str) -> str:
     return f"{number(value, scale, digits=6)} {shown}".rstrip()
 
 
-def _percent(c: ResultChange) -> str:
-    if not (_is_number(c.before) and _is_number(c.after)) or not c.before:
+def _percent(before: Any, after: Any) -> str:
+    """Return the relative change of a number; empty where there is none."""
+    if not (_is_number(before) and _is_number(after)) or not before:
         return ""
-    share = 100 * (c.after - c.before) / abs(c.before)
+    share = 100 * (after - before) / abs(before)
     return f"{share:+.3g} %" if math.isfinite(share) else ""

@@ -9,9 +9,11 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from looping_pendulum.compare import metrics as measure
 from looping_pendulum.compare.align import Aligned, Reference, SampledReference, align, reference_landmarks, why_not_comparable
+from looping_pendulum.compare.deviation import departures as departures_of
+from looping_pendulum.compare.deviation import evaluate_tube, growth_rate, string_stretch
 from looping_pendulum.compare.json_text import plain
+from looping_pendulum.compare.metrics import ComparedRun, metrics
 from looping_pendulum.compare.result import (
     Clock,
     ComparisonResult,
@@ -24,6 +26,7 @@ from looping_pendulum.compare.result import (
     WallTime,
     stored_provenance,
 )
+from looping_pendulum.compare.simple_mistakes import simple_mistake, velocity_mistake
 from looping_pendulum.compare.stories import missing_physics, story
 from looping_pendulum.compare.trial import MeasuredTrial, compare_trial
 from looping_pendulum.measured.tables.events import MeasuredEventRow, MeasuredEventTable
@@ -133,16 +136,18 @@ def _engine(
 ) -> EngineResult:
     own, expected = run_landmarks(run, scenario.parameters), sampled.landmarks_beside(aligned.run)
     not_comparable = why_not_comparable(aligned.run, own, sampled)
-    tube = measure.evaluate_tube(aligned, reference)
-    compared = measure.ComparedRun(
+    tube = evaluate_tube(aligned, reference)
+    stretch = string_stretch(aligned, scenario.parameters)
+    compared = ComparedRun(
         aligned=aligned,
         parameters=scenario.parameters,
         landmarks=own,
         reference_landmarks=expected,
         tube=tube,
+        stretch=stretch,
         comparable=not not_comparable,
     )
-    departures = measure.departures(aligned, reference_run.events)
+    departures = departures_of(aligned, reference_run.events, stretch)
     provenance = stored_provenance(run.provenance)
     return EngineResult(
         engine=run.engine,
@@ -156,16 +161,26 @@ def _engine(
         samples=len(run.t),
         end_time=float(aligned.t[-1]) if len(aligned.t) else None,
         landmarks=own,
-        metrics=measure.metrics(compared),
+        metrics=metrics(compared),
         not_comparable=not_comparable,
         tube=tube,
         departures=departures,
-        growth_rate=measure.growth_rate(departures),
+        growth_rate=growth_rate(departures),
         outside_range=run.outside_range,
         additions=run.additions,
         from_reference=run.from_reference,
         lacks=missing_physics(provenance.supplies, scenario.parameters, run.lacks),
-        story=story(aligned.run, scenario.parameters, provenance.supplies, departures, own, expected, not_comparable),
+        story=story(
+            aligned.run,
+            scenario.parameters,
+            provenance.supplies,
+            departures,
+            own,
+            expected,
+            not_comparable,
+            simple_mistake(aligned, scenario.parameters) if departures else "",
+            velocity_mistake(aligned.run),
+        ),
         provenance=provenance,
     )
 
@@ -233,5 +248,7 @@ def _outcome(tolerance: Tolerance, run: EngineResult, value: float | None) -> tu
         return ToleranceOutcome.PASSED, ""
     if value is not None:
         return ToleranceOutcome.FAILED, ""
-    why = run.not_comparable or "the run or the reference ends before the time at which the metric is taken"
+    why = (
+        run.not_comparable or "the run or the reference ends before the time at which the metric is taken, or it does not apply"
+    )
     return ToleranceOutcome.FAILED, f"no value: {why if run.ok else run.status_sentence}"

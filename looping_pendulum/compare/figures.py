@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.compare.align import Aligned
-from looping_pendulum.compare.metrics import DEPARTURE_THRESHOLDS
+from looping_pendulum.compare.deviation import DEPARTURE_THRESHOLDS, events_to_show
 from looping_pendulum.compare.report import PAPER_COLUMN
 from looping_pendulum.compare.result import ComparisonResult, MeasuredRow, ResultSamples
-from looping_pendulum.compare.stories import events_to_show
 from looping_pendulum.compare.trial import RESIDUAL_UNITS, TrialComparison, distance
+from looping_pendulum.engines.registry import styles
 from looping_pendulum.pages.chart import (
     BLACK,
     LIGHT_GREY,
@@ -32,7 +32,7 @@ from looping_pendulum.pages.chart import (
     tracked_points,
     with_room,
 )
-from looping_pendulum.pages.palette import Style, styles
+from looping_pendulum.pages.palette import Style
 from looping_pendulum.runs.events import quantity_label
 from looping_pendulum.runs.trajectory import Trajectory
 

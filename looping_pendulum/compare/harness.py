@@ -14,21 +14,33 @@ from looping_pendulum.engines.isolation import MEMORY_LIMIT, TIME_LIMIT, Progres
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import expand_tolerances, label, main_engines, select
+from looping_pendulum.errors import EngineError
 from looping_pendulum.measured.tables.events import find_data, read_event_table
 from looping_pendulum.runs.trajectory import Trajectory
 from looping_pendulum.scenarios.scenario import Scenario
 
 
-def chosen_engines(names: Iterable[str], profile: Profile) -> list[Engine]:
-    """Return the engines that ``names`` select, or every engine but the reference if there are no names."""
-    names = tuple(names)
-    return select(names, profile) if names else main_engines(profile)
+def chosen_engines(engines: Iterable[str | Engine], profile: Profile) -> list[Engine]:
+    """Return ``engines``, each given by its name or itself, or one name; without any, every engine but the reference.
+
+    Raises
+    ------
+    EngineError
+        If a name is not known, or something is neither a name nor an engine.
+    """
+    chosen: list[Engine] = []
+    for each in [engines] if isinstance(engines, str) else engines:
+        if not isinstance(each, (str, Engine)):
+            raise EngineError(f"engines: found {type(each).__name__}, needed a name such as 'pymunk', or an engine")
+        named = select([each], profile) if isinstance(each, str) else [each]
+        chosen += [engine for engine in named if engine not in chosen]
+    return chosen or main_engines(profile)
 
 
 def compare_engines(
     scenario: Scenario,
     *,
-    engines: Iterable[str] = (),
+    engines: Iterable[str | Engine] = (),
     profile: Profile | str = Profile.QUICK,
     data_folder: Path | None = None,
     trial: MeasuredTrial | None = None,
@@ -46,9 +58,9 @@ def compare_engines(
     scenario
         Scenario to run; `scenarios.load` reads one.
     engines
-        "pymunk" for all variants of an engine, "mujoco:capstan" for one; none means all.
+        "pymunk" for all variants of an engine, "mujoco:capstan" for one, or an engine itself; none means all.
     profile
-        "quick" or "accurate".
+        "quick" or "accurate": the settings of the engines that are named.
     data_folder
         Folder of measured event tables; they are also looked for in ``$LOOPING_PENDULUM_DATA``.
     trial
@@ -71,7 +83,7 @@ def compare_engines(
     Raises
     ------
     EngineError
-        If an engine's name is not known.
+        If an engine's name is not known, or something is neither a name nor an engine.
     ScenarioError
         If a tolerance names an engine that is not known.
     """

@@ -7,17 +7,25 @@ import json
 import math
 from collections.abc import Mapping
 from enum import Enum
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 import numpy as np
-from pydantic import PlainValidator, TypeAdapter, ValidationError
+from pydantic import PlainValidator, TypeAdapter, ValidationError, WithJsonSchema
 
 from looping_pendulum.errors import ResultError, one_line
-from looping_pendulum.files import utf8
+from looping_pendulum.files import read_file, utf8
+from looping_pendulum.installation import command_line
 from looping_pendulum.reference_ode.parameters import Parameters, parameters_from
 from looping_pendulum.scenarios.document import quote, shorten
 
 T = TypeVar("T")
+Keys = tuple[str, ...]
+"""Keys that lead to a value in nested mappings and lists."""
+LENGTH = "how many"
+"""Key that a list's length has beside its numbered items."""
+MAX_BYTES = 64 * 1024 * 1024
+"""Largest size of a result's file [bytes]; the result of a dozen engines has 0.2 MiB."""
 MAX_DIGITS = 300
 """Most digits of a whole number, as a floating-point number has at most about so many."""
 
@@ -55,12 +63,13 @@ def plain(value: Any) -> Any:
     return str(value)
 
 
-def flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return the values of nested mappings in one, by keys such as "light.mass"."""
-    flat: dict[str, Any] = {}
-    for key, value in tree.items():
-        flat |= flatten(value, f"{prefix}{key}.") if isinstance(value, Mapping) else {f"{prefix}{key}": value}
-    return flat
+def flatten(tree: Any, keys: Keys = ()) -> dict[Keys, Any]:
+    """Return the values of nested mappings and lists by all their keys; items have their number, and a list its length."""
+    if isinstance(tree, list):
+        tree = {LENGTH: len(tree)} | {str(i): item for i, item in enumerate(tree, 1)}
+    if not isinstance(tree, Mapping):
+        return {keys: tree}
+    return {each: value for key, inner in tree.items() for each, value in flatten(inner, (*keys, key)).items()}
 
 
 def dump(result: Any, schema_id: str, version: int) -> str:
@@ -125,7 +134,7 @@ def _read_parameters(tree: Any) -> Parameters:
         raise ValueError(str(error)) from None
 
 
-StoredParameters = Annotated[Parameters, PlainValidator(_read_parameters)]
+StoredParameters = Annotated[Parameters, PlainValidator(_read_parameters), WithJsonSchema({"type": "object"})]
 """`Parameters` as a field of a result."""
 
 
@@ -143,13 +152,46 @@ class JsonResult:
         return dump(self, self.SCHEMA_ID, self.SCHEMA_VERSION)
 
     @classmethod
-    def from_json(cls, text: str) -> Self:
-        """Read `to_json`'s text back.
+    def json_schema(cls) -> dict[str, Any]:
+        """Return the JSON Schema (draft 2020-12) of the file."""
+        schema = TypeAdapter(cls).json_schema(mode="serialization")
+        constants = {"id": {"const": cls.SCHEMA_ID}, "version": {"const": cls.SCHEMA_VERSION}}
+        key = {"type": "object", "properties": constants, "required": list(constants)}
+        not_written = {f.name for f in dataclasses.fields(cls) if not f.compare}  # type: ignore[arg-type]
+        written = {name: kind for name, kind in schema["properties"].items() if name not in not_written}
+        required = [name for name in schema["required"] if name not in not_written]
+        return schema | {"properties": {"schema": key} | written, "required": ["schema", *required]}
+
+    @classmethod
+    def from_json(cls, text: str, file: str = "") -> Self:
+        """Read `to_json`'s text back; ``file`` is its name in messages.
 
         Raises
         ------
         ResultError
             If the text is not such a result, or is of a later version.
         """
-        hint = f"write it again with `looping-pendulum {cls.COMMAND}`"
-        return load(cls, text, cls.SCHEMA_ID, cls.SCHEMA_VERSION, file=cls.FILE, rewrite_hint=hint)
+        return load(cls, text, cls.SCHEMA_ID, cls.SCHEMA_VERSION, file=file or cls.FILE, rewrite_hint=cls._hint())
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Read a file that `to_json` has filled.
+
+        Raises
+        ------
+        ResultError
+            If it cannot be read, or is not such a result.
+        """
+        try:
+            raw = read_file(path, MAX_BYTES)
+            text = raw.decode("utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            why = (error.strerror or str(error)) if isinstance(error, OSError) else "it is not text"
+            raise ResultError(f"{path}: {why}; {cls._hint()}") from None
+        if len(raw) > MAX_BYTES:
+            raise ResultError(f"{path}: found more than {MAX_BYTES // 1024**2} MiB, needed a {cls.FILE}; {cls._hint()}")
+        return cls.from_json(text, str(path))
+
+    @classmethod
+    def _hint(cls) -> str:
+        return f"write it again with `{command_line(cls.COMMAND)}`"

@@ -1,35 +1,153 @@
-"""How far an engine's run is from the reference: a function for each metric that `scenarios.metrics.METRICS` specifies."""
+"""The metrics: how far an engine's run is from the reference, a function with its specification for each.
+
+Another package adds one in the same way (docs/write-a-metric.md).
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import warnings
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
-from looping_pendulum.compare.align import Aligned, Reference, sample_reference
-from looping_pendulum.compare.result import Departure, Tube
-from looping_pendulum.compare.stories import events_to_show, mode_description
+from looping_pendulum.compare.align import Aligned
+from looping_pendulum.compare.deviation import Tube, largest_stretch
+from looping_pendulum.pages.numbers import DisplayUnit
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.effects import GRAVITY, EffectKind
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.runs.events import Landmarks
-from looping_pendulum.runs.trajectory import TrajectoryEvent, finite_length
-from looping_pendulum.scenarios.metrics import METRICS, RMS_END_TIMES
+from looping_pendulum.runs.trajectory import finite_length
+from looping_pendulum.scenarios.metrics import METRICS, Metric, MetricWarning, metric
 
-TUBE = (5e-3, 5e-3)
-"""Half-widths of the tube in time [s] and distance [m]: half of the last digit that the paper prints of each."""
-
-DEPARTURE_THRESHOLDS = (1e-3, 1e-2)
-"""Deviations [m] at whose first crossing a departure is recorded.
-
-A 1 % error in mu or M1 moves the ten-to-one trial by about the larger one; the smaller is a tenth of it.
-"""
+RMS_END_TIMES = MappingProxyType({f"rms_{end_time}s": end_time for end_time in (0.35, 0.7, 1.0)})
+"""Metric -> time [s] up to which the deviation is averaged: the fall, the first loops, nearly all of a trial."""
 
 END_TIME_TOLERANCE = 1e-6
 """A run whose last sample is at most this long [s] before an end time counts as reaching it: for rounding."""
+
+SECONDS = DisplayUnit("s", 1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComparedRun:
+    """One engine's run beside the reference: all from which its metrics are computed."""
+
+    aligned: Aligned
+    """The run, and the reference at the run's own sample times."""
+    parameters: Parameters
+    """Parameters of the scenario."""
+    landmarks: Landmarks
+    """Landmarks of the run's samples."""
+    reference_landmarks: Landmarks
+    """Landmarks of the reference's samples, found by the same detector."""
+    tube: Tube
+    """Result of `evaluate_tube`."""
+    stretch: Array
+    """How much longer the run's string is than it should be [m], shape (n,); see `deviation.string_stretch`."""
+    comparable: bool = True
+    """Whether both runs are long enough to compare their halting times (`landmarks.why_not_comparable`)."""
+
+
+def metrics(run: ComparedRun) -> dict[str, float | None]:
+    """Return every metric of one run, SI; None where it is not defined."""
+    return {name: _value(each, run) for name, each in METRICS.items()}
+
+
+def _value(metric: Metric, run: ComparedRun) -> float | None:
+    """Return a metric's value; a function of another package that fails costs its own value alone."""
+    if metric.function.__module__ == __name__:
+        return metric.function(run)
+    try:
+        value = metric.function(run)
+        return None if value is None else _finite(float(value))
+    except Exception as error:
+        why = " ".join(f"{type(error).__name__}: {error}".split())
+        message = f"metric {metric.name!r} has no value for {run.aligned.run.label}: {metric.function.__module__}: {why}"
+        warnings.warn(MetricWarning(f"{message}; correct that function"), stacklevel=2)
+        return None
+
+
+@metric("rms_0.35s", unit="m", heading="RMS to 0.35 s", table="")
+def rms_of_the_fall(run: ComparedRun) -> float | None:
+    """Root mean square distance of the light mass from the reference's in the first 0.35 s."""
+    return rms_until(run.aligned, 0.35)
+
+
+@metric("rms_0.7s", unit="m", heading="RMS to 0.7 s", table="")
+def rms_of_the_first_loops(run: ComparedRun) -> float | None:
+    """Root mean square distance of the light mass from the reference's in the first 0.7 s."""
+    return rms_until(run.aligned, 0.7)
+
+
+@metric("rms_1.0s", unit="m", heading="RMS to 1.0 s", table="")
+def rms_of_nearly_all(run: ComparedRun) -> float | None:
+    """Root mean square distance of the light mass from the reference's in the first 1.0 s."""
+    return rms_until(run.aligned, 1.0)
+
+
+@metric("rms_halt", unit="m", heading="RMS to halt", table="")
+def rms_until_halt(run: ComparedRun) -> float | None:
+    """Root mean square distance of the light mass from the reference's until the reference halts."""
+    return rms_until(run.aligned, run.reference_landmarks.halting_time)
+
+
+@metric(unit="s", heading="halting error", has_sign=True, table="")
+def halting_time_error(run: ComparedRun) -> float | None:
+    """Halting time less the reference's."""
+    return error_at_halt(run, run.landmarks.halting_time, run.reference_landmarks.halting_time)
+
+
+@metric(unit="m", heading="rebound", table="")
+def rebound(run: ComparedRun) -> float | None:
+    """Distance between the string's extreme positions after its first rest."""
+    return None if run.landmarks.rebound is None else run.landmarks.rebound.travel
+
+
+@metric(unit="m", heading="drop error", has_sign=True, table="")
+def drop_error(run: ComparedRun) -> float | None:
+    """Drop of the heavy mass at the halt less the reference's."""
+    return error_at_halt(run, run.landmarks.drop_at_halt, run.reference_landmarks.drop_at_halt)
+
+
+@metric(unit="rad", heading="wrap angle error", has_sign=True, table="")
+def wrap_angle_error(run: ComparedRun) -> float | None:
+    """Wrap angle at the halt less the reference's."""
+    return error_at_halt(run, run.landmarks.wrap_angle_at_halt, run.reference_landmarks.wrap_angle_at_halt)
+
+
+@metric(unit="m", heading="free length error", has_sign=True, table="")
+def free_length_error(run: ComparedRun) -> float | None:
+    """Free length at the halt less the reference's."""
+    return error_at_halt(run, run.landmarks.free_length_at_halt, run.reference_landmarks.free_length_at_halt)
+
+
+@metric(unit="m", heading="stretch", table="")
+def string_stretch(run: ComparedRun) -> float | None:
+    """Largest stretch of the string, by the positions of the masses or the engine's own word, whichever is larger."""
+    return largest_stretch(run.stretch)
+
+
+@metric("acceleration_error", unit="", heading="acceleration error", has_sign=True, table="")
+def relative_acceleration_error(run: ComparedRun) -> float | None:
+    """Relative error of the heavy mass's acceleration in a vertical release."""
+    return acceleration_error(run.aligned, run.parameters)
+
+
+@metric(unit="", heading="in tube", has_lower_limit=True, table="")
+def tube_fraction(run: ComparedRun) -> float | None:
+    """Share of the samples that lie in the tube around the reference."""
+    return run.tube.fraction
+
+
+@metric(unit="s", shown_in=SECONDS, heading="simulated time", has_lower_limit=True, table="")
+def simulated_time(run: ComparedRun) -> float | None:
+    """Time of the run's last sample."""
+    samples = finite_length(run.aligned.run)
+    return float(run.aligned.run.t[samples - 1]) if samples else None
 
 
 def rms_until(aligned: Aligned, end_time: float | None) -> float | None:
@@ -45,76 +163,12 @@ def rms_until(aligned: Aligned, end_time: float | None) -> float | None:
     return float(np.sqrt(np.mean(distance**2)))
 
 
-def evaluate_tube(aligned: Aligned, reference: Reference, half_time: float = TUBE[0], half_width: float = TUBE[1]) -> Tube:
-    """Test which samples lie in a tube around the reference, in time and amplitude (as Modelica's csv-compare does).
-
-    A sample is inside if some point of the reference's path, within +/- ``half_time`` of its time, is within ``half_width``.
-    """
-    parts = 10  # The reference's path is taken as chords of a tenth of half_time: they miss an arc by microns.
-    offsets = np.linspace(-half_time, half_time, 2 * parts + 1)
-    times = aligned.t[:, None] + offsets[None, :]
-    path = sample_reference(reference, times.ravel()).light_position.reshape(*times.shape, 2)
-    # Before the release and after the reference's end its path is a point: repeat the nearest known one.
-    known = np.isfinite(aligned.reference.light_position).all(axis=1)
-    path = np.where(np.isfinite(path), path, aligned.reference.light_position[:, None, :])
-    start, chord = path[:, :-1], np.diff(path, axis=1)
-    to_sample = aligned.run.light_position[:, None, :] - start
-    length_squared = np.maximum((chord**2).sum(axis=2), 1e-30)  # a chord of length 0 must not divide 0 by 0
-    fraction_along = np.clip((to_sample * chord).sum(axis=2) / length_squared, 0.0, 1.0)
-    distance = np.hypot(*np.moveaxis(to_sample - fraction_along[..., None] * chord, 2, 0))
-    inside = np.asarray((distance <= half_width).any(axis=1))
-    outside = known & ~inside
-    compared = int(known.sum())
-    return Tube(
-        half_time=half_time,
-        half_width=half_width,
-        compared=compared,
-        fraction=float((known & inside).sum() / compared) if compared else None,
-        first_exit=float(aligned.t[np.argmax(outside)]) if outside.any() else None,
-    )
-
-
-def departures(aligned: Aligned, events: tuple[TrajectoryEvent, ...]) -> tuple[Departure, ...]:
-    """Return the first crossing of each of `DEPARTURE_THRESHOLDS`, with the state of the reference at that time."""
-    crossings = []
-    for threshold in DEPARTURE_THRESHOLDS:
-        # NaN, where either run has ended, compares as false
-        beyond = np.flatnonzero(aligned.distance > threshold)
-        if len(beyond):
-            crossings.append(_departure(aligned, int(beyond[0]), threshold, events))
-    return tuple(crossings)
-
-
-def _departure(aligned: Aligned, i: int, threshold: float, events: tuple[TrajectoryEvent, ...]) -> Departure:
-    time, reference, run = float(aligned.t[i]), aligned.reference, aligned.run
-    earlier = [("release", 0.0), *events_to_show((e.name, e.time) for e in events if e.time <= time)]
-    after, after_time = earlier[-1]
-    free_length, angle_error = reference.free_length[i], run.wrap_angle[i] - reference.wrap_angle[i]
-    return Departure(
-        threshold=threshold,
-        time=time,
-        mode=mode_description(int(reference.mode[i])),
-        after=after,
-        after_time=after_time,
-        # Lengths and angles are NaN where there is no string
-        along=_number(run.free_length[i] - free_length) or 0.0,
-        across=_number(free_length * angle_error) or 0.0,
-        heavy=float(aligned.heavy_deviation[i]),
-        stretch=largest_stretch(run.string_stretch[: i + 1]),
-    )
-
-
-def largest_stretch(stretch: Array) -> float | None:
-    """Return the largest magnitude of a string's stretch [m] in the samples that are finite; None without any."""
-    known = stretch[np.isfinite(stretch)]
-    return float(np.abs(known).max()) if len(known) else None
-
-
-def growth_rate(departures: tuple[Departure, ...]) -> float | None:
-    """Return the rate [1/s] of the exponential through the first and the last departure; None without two times."""
-    if len(departures) < 2 or departures[-1].time <= departures[0].time:
+def error_at_halt(run: ComparedRun, own: float | None, expected: float | None) -> float | None:
+    """Return ``own`` less the reference's ``expected``; None unless both halt and their halts are comparable."""
+    both_halt = run.landmarks.halting_time is not None and run.reference_landmarks.halting_time is not None
+    if not (run.comparable and both_halt) or own is None or expected is None:
         return None
-    return math.log(departures[-1].threshold / departures[0].threshold) / (departures[-1].time - departures[0].time)
+    return _finite(own - expected)
 
 
 def fitted_acceleration(t: Array, drop: Array) -> float | None:
@@ -152,130 +206,5 @@ def acceleration_error(aligned: Aligned, parameters: Parameters) -> float | None
     return None if fitted is None or not exact else fitted / exact - 1
 
 
-@dataclass(frozen=True, kw_only=True)
-class ComparedRun:
-    """One engine's run beside the reference: all from which its metrics are computed."""
-
-    aligned: Aligned
-    parameters: Parameters
-    landmarks: Landmarks
-    """Landmarks of the run's samples."""
-    reference_landmarks: Landmarks
-    """Landmarks of the reference's samples, found by the same detector."""
-    tube: Tube
-    """Result of `evaluate_tube`."""
-    comparable: bool = True
-    """Whether both runs are long enough to compare their halting times (`landmarks.why_not_comparable`)."""
-
-
-MetricFunction = Callable[[ComparedRun], float | None]
-"""Function that returns a metric's value [SI] for a run; None where it is not defined."""
-FUNCTIONS: dict[str, MetricFunction] = {}
-"""Metric -> the function that computes it; `metric` registers it."""
-
-
-def metric(name: str) -> Callable[[MetricFunction], MetricFunction]:
-    """Return a decorator for the function that computes the metric ``name`` of `scenarios.metrics.METRICS`."""
-    specification = METRICS[name]
-
-    def register(function: MetricFunction) -> MetricFunction:
-        FUNCTIONS[specification.name] = function
-        return function
-
-    return register
-
-
-@metric("rms_0.35s")
-def rms_of_the_fall(run: ComparedRun) -> float | None:
-    """Return the root mean square of the light mass's deviation until about the halt of a trial at ten to one [m]."""
-    return rms_until(run.aligned, RMS_END_TIMES["rms_0.35s"])
-
-
-@metric("rms_0.7s")
-def rms_of_the_first_loops(run: ComparedRun) -> float | None:
-    """Return the root mean square of the light mass's deviation until it has looped some times [m]."""
-    return rms_until(run.aligned, RMS_END_TIMES["rms_0.7s"])
-
-
-@metric("rms_1.0s")
-def rms_of_nearly_all(run: ComparedRun) -> float | None:
-    """Return the root mean square of the light mass's deviation over nearly all of a trial [m]."""
-    return rms_until(run.aligned, RMS_END_TIMES["rms_1.0s"])
-
-
-@metric("rms_halt")
-def rms_until_halt(run: ComparedRun) -> float | None:
-    """Return the root mean square of the light mass's deviation up to the reference's halt [m]."""
-    return rms_until(run.aligned, run.reference_landmarks.halting_time)
-
-
-@metric("halting_time_error")
-def halting_time_error(run: ComparedRun) -> float | None:
-    """Return the halting time less the reference's [s]."""
-    return error_at_halt(run, run.landmarks.halting_time, run.reference_landmarks.halting_time)
-
-
-@metric("rebound")
-def rebound(run: ComparedRun) -> float | None:
-    """Return the distance between the string's extreme positions after its first rest [m]."""
-    return None if run.landmarks.rebound is None else run.landmarks.rebound.travel
-
-
-@metric("drop_error")
-def drop_error(run: ComparedRun) -> float | None:
-    """Return the heavy mass's drop at the halt less the reference's [m]."""
-    return error_at_halt(run, run.landmarks.drop_at_halt, run.reference_landmarks.drop_at_halt)
-
-
-@metric("wrap_angle_error")
-def wrap_angle_error(run: ComparedRun) -> float | None:
-    """Return the wrap angle at the halt less the reference's [rad]."""
-    return error_at_halt(run, run.landmarks.wrap_angle_at_halt, run.reference_landmarks.wrap_angle_at_halt)
-
-
-@metric("free_length_error")
-def free_length_error(run: ComparedRun) -> float | None:
-    """Return the free length at the halt less the reference's [m]."""
-    return error_at_halt(run, run.landmarks.free_length_at_halt, run.reference_landmarks.free_length_at_halt)
-
-
-@metric("string_stretch")
-def string_stretch(run: ComparedRun) -> float | None:
-    """Return the largest magnitude of the stretch in the samples that are finite [m]."""
-    return largest_stretch(run.aligned.run.string_stretch[: finite_length(run.aligned.run)])
-
-
-@metric("acceleration_error")
-def relative_acceleration_error(run: ComparedRun) -> float | None:
-    """Return the relative error of the heavy mass's acceleration in a vertical release; see `acceleration_error`."""
-    return acceleration_error(run.aligned, run.parameters)
-
-
-@metric("tube_fraction")
-def tube_fraction(run: ComparedRun) -> float | None:
-    """Return the share of the samples that lie in the tube around the reference."""
-    return run.tube.fraction
-
-
-@metric("simulated_time")
-def simulated_time(run: ComparedRun) -> float | None:
-    """Return the time of the last finite sample [s]."""
-    samples = finite_length(run.aligned.run)
-    return float(run.aligned.run.t[samples - 1]) if samples else None
-
-
-def error_at_halt(run: ComparedRun, own: float | None, expected: float | None) -> float | None:
-    """Return ``own`` less the reference's ``expected``; None unless both halt and their halts are comparable."""
-    both_halt = run.landmarks.halting_time is not None and run.reference_landmarks.halting_time is not None
-    if not (run.comparable and both_halt) or own is None or expected is None:
-        return None
-    return _number(own - expected)
-
-
-def metrics(run: ComparedRun) -> dict[str, float | None]:
-    """Return every metric of one run, SI; None where it is not defined."""
-    return {name: FUNCTIONS[name](run) for name in METRICS}
-
-
-def _number(value: float) -> float | None:
+def _finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None

@@ -1,31 +1,36 @@
-"""Renders the report in Markdown from the result object alone: the verdict first, then the causes, then the details."""
+"""Renders the report in Markdown from the result object alone: the verdict first, then the causes, then the details.
+
+`report.md.jinja` says what stands where; here is what its tables say.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Any
 
-from looping_pendulum.compare import baseline
-from looping_pendulum.compare.result import (
-    ComparisonResult,
-    EngineResult,
-    MeasuredRow,
-    ToleranceOutcome,
-    ToleranceResult,
-)
-from looping_pendulum.compare.stories import events_to_show
+from jinja2 import Environment
+from markupsafe import Markup
+
+from looping_pendulum.compare.baseline import ResultChanges
+from looping_pendulum.compare.deviation import events_to_show
+from looping_pendulum.compare.metrics import RMS_END_TIMES
+from looping_pendulum.compare.result import ComparisonResult, EngineResult, MeasuredRow, ToleranceOutcome, ToleranceResult
 from looping_pendulum.compare.trial import RESIDUAL_UNITS, RunResidual, TrackComparison
 from looping_pendulum.pages import report as pages
 from looping_pendulum.pages.chart import Chart
 from looping_pendulum.pages.figures import MAX_LINE_POINTS, on_page
-from looping_pendulum.pages.markdown import plain, table
+from looping_pendulum.pages.markdown import code, escaped
 from looping_pendulum.pages.numbers import GAP, fixed, number, quantity, signed
 from looping_pendulum.pages.report import glossary
-from looping_pendulum.runs.events import FIRST_REST_RESOLUTION, RESOLUTION, quantity_label
+from looping_pendulum.pages.templates import markdown_templates, sections
+from looping_pendulum.runs.events import FIRST_REST_RESOLUTION, RESOLUTION, Landmarks, quantity_label
 from looping_pendulum.runs.trajectory import Supplier, supplies_as_rows
-from looping_pendulum.scenarios.metrics import METRICS, RMS_END_TIMES, metric_called
+from looping_pendulum.scenarios.metrics import METRICS, metric_called
 
+FIGURES = "## Figures"
+"""Heading of the section before and after which a page has the others."""
 # Not "no" alone, with which "not run" and "no limits declared" begin as well
 FAILING_PREFIXES = ("no:", "no (")
 """Beginnings of the table cells that say that an engine is outside tolerance; the report shows them in bold."""
@@ -37,24 +42,10 @@ PAPER_COLUMN = "paper's numerical"
 """Column of the paper's own simulation, which only the paper's trials have."""
 HALT_AGREEMENT = 5e-4
 """Largest difference of two halting times that are called equal [s]: half a sample interval."""
-HALT_DEFINITION = (
-    f"A string halts when it stops sliding and does not slide by more than {quantity(RESOLUTION, 'm')} again until the "
-    "light mass reaches the rod, or the run ends. The time is read from samples, in the same way for the reference and for "
-    "every engine: from the string's slip over the rod where the engine reports it, otherwise from the heavy mass's "
-    "height. The table gives it for several resolutions. Its uncertainty is the largest distance of these times from that to "
-    f"within {quantity(RESOLUTION, 'm')}; *at least*: to within the finest, the string does not come to rest in this run. The "
-    "last columns give the rebound: how far and "
-    f"how fast the string still moves after the time from which on it stays within {quantity(FIRST_REST_RESOLUTION, 'm')}."
-)
-HELP_NOTE = (
-    "*Helped by*: laws that the adapter supplies, for which the engine's run is no evidence, and what the adapter takes from "
-    "the reference's own run. Drag, which every adapter of this package supplies, is left out; smaller corrections stand under "
-    "*Who supplies the physics*.\n"
-)
 
 
 def comparison_markdown(
-    result: ComparisonResult, figures: Mapping[str, str] | None = None, changes: baseline.ResultChanges | None = None
+    result: ComparisonResult, figures: Mapping[str, str] | None = None, changes: ResultChanges | None = None
 ) -> str:
     """Return the report.
 
@@ -65,58 +56,100 @@ def comparison_markdown(
     changes
         Changes since a baseline, if there is one.
     """
-    pictures = [f"![{caption}]({path})\n\n*{caption}*\n" for path, caption in (figures or {}).items()]
-    none = "There are none, because this report was made without the trajectories.\n"
-    figures_section = "## Figures\n\n" + ("\n".join(pictures) or none)
-    words = "## Words\n\n" + "".join(f"- **{word}**: {meaning}\n" for word, meaning in glossary("comparison").items())
-    return "\n".join([*before_figures(result, changes), figures_section, *after_figures(result), words])
+    return "\n".join(_sections(result, figures, changes))
 
 
 def render_page(
-    result: ComparisonResult,
-    charts: Sequence[Chart],
-    changes: baseline.ResultChanges | None = None,
-    running: Sequence[str] = (),
+    result: ComparisonResult, charts: Sequence[Chart], changes: ResultChanges | None = None, running: Sequence[str] = ()
 ) -> str:
     """Return the report as a page with the same sections; ``running``: labels of engines that are still running."""
-    head, *sections = before_figures(result, changes)
+    head, *others = _sections(result, changes=changes)
     if running:
-        head += f"\n**Still running:** {', '.join(running)}. This page is about the others; reload it for these.\n"
+        head += f"\n**Still running:** {escaped(', '.join(running))}. This page is about the others; reload it for these.\n"
+    place = _place_of_figures(others)
     return pages.report_page(
         f"{result.title}: engines against the reference",
-        [head, *sections],
+        [head, *others[:place]],
         [on_page(chart) for chart in charts],
-        after_figures(result),
+        others[place + 1 : -1],  # without the words, of which the page has a list of its own
         glossary("comparison"),
         f"Lines join at most {MAX_LINE_POINTS} samples of a run; every number on this page comes from all of them.",
     )
 
 
-def before_figures(result: ComparisonResult, changes: baseline.ResultChanges | None = None) -> list[str]:
+def before_figures(result: ComparisonResult) -> list[str]:
     """Return the sections above the figures, the title first."""
-    return [
-        f"# {result.title}\n\n{result.description.strip()}\n",
-        "## Verdict\n\n" + _verdict(result),
-        *trial_section(result),
-        "## Where, when and why\n\n" + _stories(result),
-        *([] if changes is None else ["## Changes since the baseline\n\n" + baseline.changes_markdown(changes)]),
-    ]
+    all_sections = _sections(result)
+    return all_sections[: _place_of_figures(all_sections)]
 
 
-def after_figures(result: ComparisonResult) -> list[str]:
-    """Return the sections below the figures, except the glossary."""
-    sections = []
-    if result.trial is None and (result.measured_source or result.measured):
-        sections.append("## Against the measured events\n\n" + measured_events_table(result))
-    return [
-        *sections,
-        *halting_section(result),
-        "## Detail\n\n" + _detail(result),
-        "## Who supplies the physics\n\n" + _supplies(result),
-        "## Tolerances\n\n" + _tolerances(result),
-        "## Provenance\n\n" + _provenance(result),
-        "## Times\n\n" + _times(result),
-    ]
+def _place_of_figures(sections: Sequence[str]) -> int:
+    return next(i for i, section in enumerate(sections) if section.startswith(FIGURES))
+
+
+def _sections(
+    result: ComparisonResult, figures: Mapping[str, str] | None = None, changes: ResultChanges | None = None
+) -> list[str]:
+    """Return the sections of the report, each with its heading first."""
+    head, verdict = verdict_rows(result)
+    parameters = dict(sorted(result.parameters.as_dict().items()))
+    coefficients = dict(sorted(parameters.pop("coefficients").items()))
+    # There are dozens of effects, and a scenario has a few of them
+    acting = {name: value for name, value in coefficients.items() if value != 0}
+    return sections(
+        _templates(),
+        "report.md.jinja",
+        result=result,
+        changes=changes,
+        figures=figures or {},
+        failures=_failures(result),
+        feared=_feared(result),
+        verdict=(head, [[row[0], _bold_failure(row[1]), *row[2:]] for row in verdict]),
+        residuals=residual_rows(result),
+        measured_events=measured_rows(result),
+        has_paper_values=_has_paper_values(result),
+        reference_events=events_to_show(result.reference.events),
+        reference_end=_reference_end(result),
+        halting=_halting_runs(result),
+        check_against_events=_check_against_events(result),
+        further_metrics=["string_stretch", *_others("detail")],
+        events=event_rows(result),
+        runs=[("reference", result.reference.provenance), *((name(e), e.provenance) for e in result.engines)],
+        parameters=parameters | acting,
+        some_effects_are_absent=len(acting) < len(coefficients),
+        glossary=glossary("comparison"),
+    )
+
+
+@cache
+def _templates() -> Environment:
+    environment = markdown_templates("looping_pendulum.compare")
+    environment.filters |= {
+        "beyond": lambda e, threshold: fixed({d.threshold: d.time for d in e.departures}.get(threshold), 3),
+        "cell": metric_cell,
+        "column": lambda metric: METRICS[metric].column,
+        "name": name,
+        "quoted": _quoted,
+        "settings": _settings,
+        "supplies": supplies_as_rows,
+        "value_and_limit": value_and_limit,
+    }
+    environment.globals |= {"RESOLUTION": RESOLUTION, "FIRST_REST_RESOLUTION": FIRST_REST_RESOLUTION}
+    return environment
+
+
+def _bold_failure(cell: str) -> Markup:
+    """Return a cell of the verdict's table with a "no" in bold; a terminal shows it as it is."""
+    text = escaped(cell)
+    return Markup(f"**no**{text.removeprefix('no')}") if cell.startswith(FAILING_PREFIXES) else text
+
+
+def _reference_end(result: ComparisonResult) -> str:
+    """Say how the reference ends if it does not halt."""
+    if result.reference.landmarks.halting_time is not None:
+        return ""
+    ends = any(each in ("light_reaches_rod", "heavy_reaches_rod", "unwrapped") for each, _ in result.reference.events)
+    return "where it ends without a halt" if ends else "never halts"
 
 
 def name(engine: EngineResult) -> str:
@@ -127,12 +160,12 @@ def name(engine: EngineResult) -> str:
 def verdict_rows(result: ComparisonResult) -> tuple[list[str], list[list[str]]]:
     """Return header and rows of the verdict table as plain text, the reference first, for Markdown and for a terminal."""
     vertical = any(e.metrics.get("acceleration_error") is not None for e in result.engines)
-    errors = ["drop_error", *(["acceleration_error"] if vertical else [])]
+    errors = ["drop_error", *(["acceleration_error"] if vertical else []), *_others("verdict")]
     head = ["engine", "within tolerance?", "helped by", *(METRICS[metric].column for metric in RMS_END_TIMES)]
     head += ["halting time [s]", *(METRICS[metric].column for metric in ("halting_time_error", *errors)), "CPU time [s per s]"]
     reference = result.reference.sampled
-    blank = [GAP] * (3 + vertical)
-    rows = [["reference", GAP, GAP, *blank[:3], fixed(reference.halting_time, 4), GAP, GAP, *blank[3:], GAP]]
+    before, after = [GAP] * (2 + len(RMS_END_TIMES)), [GAP] * (2 + len(errors))
+    rows = [["reference", *before, fixed(reference.halting_time, 4), *after]]
     for engine, wall in zip(result.engines, result.clock.wall_times, strict=True):
         cells = [*(metric_cell(engine, metric) for metric in RMS_END_TIMES), fixed(engine.landmarks.halting_time, 4)]
         cells += ["not comparable" if engine.not_comparable else metric_cell(engine, "halting_time_error")]
@@ -151,43 +184,25 @@ def _helped_by(engine: EngineResult) -> str:
 
 
 def metric_cell(engine: EngineResult, metric: str) -> str:
-    """Return the value of ``engine``'s metric as a table shows it."""
-    return METRICS[metric].cell(engine.metrics[metric])
+    """Return the value of ``engine``'s metric as a table shows it; a gap where the result is from before the metric."""
+    return METRICS[metric].cell(engine.metrics.get(metric))
 
 
-def _verdict(result: ComparisonResult) -> str:
-    head, rows = verdict_rows(result)
-    for row in rows:
-        # Here and not in `verdict_rows`, whose rows a terminal shows, too
-        if row[1].startswith(FAILING_PREFIXES):
-            row[1] = f"**no**{row[1].removeprefix('no')}"
-    return f"{_verdict_sentence(result)}\n\n{table(head, rows, left=3)}\n{HELP_NOTE}"
+def _others(table: str) -> list[str]:
+    """Return the metrics that have a column at the end of a table of the report: those of other packages."""
+    return [each.name for each in METRICS.values() if each.table == table]
 
 
-def _verdict_sentence(result: ComparisonResult) -> str:
+def _failures(result: ComparisonResult) -> list[str]:
+    """Return what is outside tolerance, each in a few words."""
     failures = [f"{t.engine} ({t.metric}: {t.outcome.value})" for t in result.tolerances if not t.outcome.good]
-    failures += [f"{e.label} ({e.status_sentence})" for e in result.engines if result.broke_off(e)]
-    not_run = [e.label for e in result.engines if not e.available]
-    if failures:
-        text = f"**Outside tolerance:** {'; '.join(failures)}."
-    elif not result.tolerances:
-        text = "**No limits are declared** for these engines and this profile, so there is no verdict on the numbers."
-    else:
-        text = _expected_sentence(result)
-    return text + (f" Not run: {', '.join(not_run)}." if not_run else "")
+    return failures + [f"{e.label} ({e.status_sentence})" for e in result.engines if result.broke_off(e)]
 
 
-def _expected_sentence(result: ComparisonResult) -> str:
-    """Say that nothing unexpected happened, and who fails as expected, which is no praise."""
-    feared = []
-    for e in result.engines:
-        judged = result.judged(e)
-        count = _expected_failures(judged)
-        if count:
-            feared.append(f"{e.label} ({count} of {len(judged)} limits)")
-    if not feared:
-        return "**Within tolerance.**"
-    return f"**No unexpected result**, but these fail as expected: {'; '.join(feared)}. All other limits are kept."
+def _feared(result: ComparisonResult) -> list[str]:
+    """Return who fails as expected, which is no praise, and in how many limits."""
+    counts = [(e, result.judged(e)) for e in result.engines]
+    return [f"{e.label} ({count} of {len(judged)} limits)" for e, judged in counts if (count := _expected_failures(judged))]
 
 
 def _within(result: ComparisonResult, engine: EngineResult) -> str:
@@ -211,74 +226,10 @@ def _expected_failures(judged: Sequence[ToleranceResult]) -> int:
     return sum(t.outcome is ToleranceOutcome.EXPECTED_FAILURE for t in judged)
 
 
-def _stories(result: ComparisonResult) -> str:
-    halt = result.reference.landmarks.halting_time
-    events = "".join(f", {n.replace('_', ' ')} at {t:.4f} s" for n, t in events_to_show(result.reference.events))
-    ends = any(each in ("light_reaches_rod", "heavy_reaches_rod", "unwrapped") for each, _ in result.reference.events)
-    end = "" if halt is not None else ", where it ends without a halt" if ends else ", never halts"
-    reference = f"- **reference**: released at 0 s{events}{end}.\n"
-    lines = []
-    for e in result.engines:
-        outside = "; ".join(e.outside_range)
-        warning = f" **Its accuracy was not measured for such a scenario:** {outside}." if outside else ""
-        message = "" if e.message in e.story else " " + _quoted(e.message)
-        lines.append(f"- **{name(e)}**: {e.story}{warning}{message}\n")
-    return reference + "".join(lines)
-
-
-def _quoted(message: str) -> str:
-    """Return the last line of the engine's message as code, since it may hold any characters."""
+def _quoted(message: str) -> Markup:
+    """Return the last line of the engine's message, in which a traceback says most, as code: it may hold any characters."""
     lines = message.strip().splitlines()
-    # A backtick would end the code, and a traceback says most in its last line
-    return "`" + lines[-1].replace("`", "'")[:200] + "`" if lines else ""
-
-
-def _detail(result: ComparisonResult) -> str:
-    head = ["engine", METRICS["tube_fraction"].column, "leaves tube [s]", "beyond 1 mm at [s]", "beyond 10 mm at [s]"]
-    head += ["growth rate [1/s]", METRICS["rms_halt"].column, "drop at halt [m]"]
-    head += ["wrap angle at halt [rad]", f"error [{METRICS['wrap_angle_error'].shown_in.name}]"]
-    head += ["free length at halt [m]", f"error [{METRICS['free_length_error'].shown_in.name}]"]
-    head += [METRICS["string_stretch"].column]
-    reference = result.reference.sampled
-    first = ["reference", *[GAP] * 6, fixed(reference.drop_at_halt, 4), fixed(reference.wrap_angle_at_halt, 4), GAP]
-    rows = [[*first, fixed(reference.free_length_at_halt, 4), GAP, GAP]]
-    for e in result.engines:
-        crossings = {d.threshold: d.time for d in e.departures}
-        row = [name(e), metric_cell(e, "tube_fraction"), fixed(e.tube.first_exit, 3)]
-        # The literals of `DEPARTURE_THRESHOLDS`, so that they are exact keys
-        row += [fixed(crossings.get(threshold), 3) for threshold in (1e-3, 1e-2)]
-        row += [number(e.growth_rate, digits=2), metric_cell(e, "rms_halt"), fixed(e.landmarks.drop_at_halt, 4)]
-        row += [fixed(e.landmarks.wrap_angle_at_halt, 4), metric_cell(e, "wrap_angle_error")]
-        row += [fixed(e.landmarks.free_length_at_halt, 4), metric_cell(e, "free_length_error")]
-        rows.append([*row, metric_cell(e, "string_stretch")])
-    width = next((f"{e.tube.half_time * 1e3:g} ms and {e.tube.half_width * 1e3:g} mm" for e in result.engines), "")
-    text = f"The half-widths of the tube are {width}.\n\n{table(head, rows)}" if width else "No engine was run.\n"
-    return text + "\n" + events_table(result)
-
-
-def _supplies(result: ComparisonResult) -> str:
-    runs = [("reference", result.reference.provenance), *((name(e), e.provenance) for e in result.engines)]
-    whats = [what for what, *_ in supplies_as_rows(result.reference.provenance.supplies)]
-    rows = []
-    for label, provenance in runs:
-        rows.append([label, *(f"**{by}**: {how}" for _, by, how in supplies_as_rows(provenance.supplies))])
-    note = (
-        "Agreement tests an engine only in the physics that the engine itself supplies, not in laws that the adapter adds.\n\n"
-    )
-    added = "".join(f"- **{name(e)}**: {what}\n" for e in result.engines for what in e.additions)
-    added = f"\nCorrections that an adapter adds to its engine, and how much each of them matters:\n\n{added}" if added else ""
-    return note + table(["run", *whats], rows, left=1 + len(whats)) + added
-
-
-def _tolerances(result: ComparisonResult) -> str:
-    if not result.tolerances:
-        return "The scenario declares no tolerances for these engines and this profile.\n"
-    head = ["engine", "metric", "outcome", "value", "limit", "reason for the limit", "remark"]
-    rows = []
-    for t in result.tolerances:
-        outcome = t.outcome.value if t.outcome.good else f"**{t.outcome.value}**"
-        rows.append([f"{t.engine}, {t.profile}", t.metric, outcome, *value_and_limit(t), t.reason, t.explanation])
-    return table(head, rows, left=7)
+    return Markup(f"`{code(lines[-1])[:200]}`") if lines else Markup("")
 
 
 def value_and_limit(t: ToleranceResult) -> tuple[str, str]:
@@ -287,41 +238,12 @@ def value_and_limit(t: ToleranceResult) -> tuple[str, str]:
     return metric.quantity(t.value), f"{metric.limit_words} {metric.quantity(t.limit)}"
 
 
-def _provenance(result: ComparisonResult) -> str:
-    p = dict(sorted(result.parameters.as_dict().items()))
-    coefficients = dict(sorted(p.pop("coefficients").items()))
-    # There are dozens of effects, and a scenario has a few of them
-    acting = {k: v for k, v in coefficients.items() if v != 0}
-    listed = ", ".join(f"{k} {_setting(v)}" for k, v in (p | acting).items())
-    text = f"Scenario `{result.scenario}`, simulated for {result.duration:g} s. Parameters (SI, radians): {listed}"
-    text += "; no other effect acts.\n\n" if len(acting) < len(coefficients) else ".\n\n"
-    for i in result.inferred:
-        script = f" (`{i.script}`)" if i.script else ""
-        text += f"- Inferred, because the source does not print them: {', '.join(i.parameters)}. {i.how}{script}\n"
-    runs = [("reference", result.reference.provenance), *((name(e), e.provenance) for e in result.engines)]
-    rows = []
-    for label, provenance in runs:
-        versions = ", ".join(f"{k} {v}" for k, v in provenance.versions.items()) or GAP
-        settings = ", ".join(f"{k} {_setting(v)}" for k, v in provenance.settings.items()) or GAP
-        rows.append([label, versions, settings, GAP if provenance.seed is None else str(provenance.seed)])
-    return text + "\n" + table(["run", "versions", "settings [SI]", "seed"], rows, left=4)
-
-
 def _setting(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _times(result: ComparisonResult) -> str:
-    head = ["engine", "CPU time [s]", "CPU time [s per simulated s]", "wall time [s]", "wall time [s per simulated s]"]
-    rows = [
-        [
-            f"{w.engine}, {w.profile}",
-            *map(number, (w.cpu_seconds, w.cpu_per_simulated_second, w.seconds, w.per_simulated_second)),
-        ]
-        for w in result.clock.wall_times
-    ]
-    note = f"Written {result.clock.written}. Times differ from run to run; everything else is the same for the same input.\n\n"
-    return note + table(head, rows)
+def _settings(values: Mapping[str, Any]) -> str:
+    return ", ".join(f"{key} {_setting(value)}" for key, value in values.items()) or GAP
 
 
 def residual_rows(result: ComparisonResult) -> tuple[list[str], list[list[str]]]:
@@ -362,56 +284,16 @@ def _residual_cells(comparison: TrackComparison, residual: RunResidual) -> list[
     return [number(residual.rms, scale), largest, means, points]
 
 
-def trial_section(result: ComparisonResult) -> list[str]:
-    """Return the section on the measured trial, or nothing without one."""
-    trial = result.trial
-    if trial is None:
-        return []
-    parts = [f"Trial `{_code(trial.name)}`, read from `{_code(trial.source)}`; times are since the release.\n"]
-    parts += ["".join(f"- {plain(note)}\n" for note in trial.notes)] if trial.notes else []
-    if trial.tracks:
-        head, rows = residual_rows(result)
-        parts.append(
-            "Residual: measured less predicted, at the measured times; the RMS is that of the distance, over the points that a "
-            "run covers.\n"
-        )
-        parts.append(table(head, rows))
-    if result.measured:
-        parts.append(measured_events_table(result, source=False))
-    return ["## Against the measured trial\n\n" + "\n".join(parts)]
+def measured_rows(result: ComparisonResult) -> tuple[list[str], list[list[str]]]:
+    """Return header and rows of the measured events beside those of the runs; the paper's own only where it has some."""
+    paper = [PAPER_COLUMN] if _has_paper_values(result) else []
+    head = ["quantity", "unit", "measured", *paper, "reference", *(result.short_name(e) for e in result.engines)]
+    rows = [*map(_measured_row, result.measured), _rms_row(result)]
+    return head, rows if paper else [[*row[:3], *row[4:]] for row in rows]
 
 
-def _code(text: str) -> str:
-    """Return ``text`` for Markdown's code, which a backtick would end."""
-    return " ".join(text.split()).replace("`", "'")
-
-
-def measured_events_table(result: ComparisonResult, *, source: bool = True) -> str:
-    """Return the side-by-side table, or how to provide the measurements.
-
-    Parameters
-    ----------
-    source
-        Whether to say where the measurements come from.
-    """
-    if not result.measured:
-        return (
-            f"This trial was measured ({result.measured_source}), but its table of measured events is not in the package. "
-            "Give the folder that contains it with `--data DIR` or in `$LOOPING_PENDULUM_DATA`.\n"
-        )
-    head = ["quantity", "unit", "measured", PAPER_COLUMN, "reference", *(result.short_name(e) for e in result.engines)]
-    rows = [_measured_row(row) for row in result.measured]
-    rows.append(_rms_row(result))
-    unit = "in thousandths of the unit (ms, mm, mrad)."
-    if any(row.paper_numerical is not None for row in result.measured):
-        otherwise = "or where nothing was measured from the paper's numerical one, "
-        note = f"{otherwise}{unit} The paper prints times to 10 ms and lengths to 10 mm."
-    else:
-        note = unit
-        place = head.index(PAPER_COLUMN)
-        head, *rows = ([*row[:place], *row[place + 1 :]] for row in (head, *rows))
-    origin = f"Source: {result.measured_source}.\n\n" if source and result.measured_source else ""
-    return f"{origin}In brackets: the difference from the measured value, {note}\n\n{table(head, rows, left=2)}"
+def _has_paper_values(result: ComparisonResult) -> bool:
+    return any(row.paper_numerical is not None for row in result.measured)
 
 
 def _measured_row(row: MeasuredRow) -> list[str]:
@@ -448,8 +330,8 @@ def _rms_row(result: ComparisonResult) -> list[str]:
     return ["RMS difference of the times", "ms", GAP, *cells]
 
 
-def events_table(result: ComparisonResult) -> str:
-    """Return a table of the times of stops, slip onsets and extrema of the reference and each engine."""
+def event_rows(result: ComparisonResult) -> tuple[list[str], list[list[str]]]:
+    """Return header and rows of the times of stops, slip onsets and extrema of the reference and each engine."""
     reference = result.reference.sampled
     landmarks = [reference, *(e.landmarks for e in result.engines)]
     ends = [e.end_time or 0.0 for e in result.engines]
@@ -460,15 +342,7 @@ def events_table(result: ComparisonResult) -> str:
     if reference.light_reaches_rod is not None:
         reached = [[] if m.light_reaches_rod is None else [m.light_reaches_rod] for m in landmarks]
         rows += _series("light mass reaches rod", reached, ends)
-    if not rows:
-        return ""
-    head = ["event", "reference [s]", *(f"{result.short_name(e)} [ms later]" for e in result.engines)]
-    note = (
-        "Event times of the reference, and how much later (+) or earlier (-) they are in each engine; both are read from "
-        "samples in the same way. An event that the reference does not have is given as a time; *after its end*: the run ends "
-        "before the event. The arrival at the rod follows from how fast the string grows shorter in the last samples.\n\n"
-    )
-    return note + table(head, rows)
+    return ["event", "reference [s]", *(f"{result.short_name(e)} [ms later]" for e in result.engines)], rows
 
 
 def _series(what: str, columns: list[list[float]], ends: list[float]) -> list[list[str]]:
@@ -488,26 +362,12 @@ def _delay_cell(value: float | None, reference: float | None, end: float) -> str
     return f"at {value:.4f} s" if reference is None else signed(value - reference, 1e3)
 
 
-def halting_section(result: ComparisonResult) -> list[str]:
-    """Return the section, or nothing where no run halts."""
-    runs = [("reference", result.reference.sampled), *((f"{e.label}, {e.profile}", e.landmarks) for e in result.engines)]
+def _halting_runs(result: ComparisonResult) -> list[tuple[str, Landmarks]]:
+    """Return the runs that have halting times, each with its landmarks; none where no run halts."""
+    runs = [("reference", result.reference.sampled), *((name(e), e.landmarks) for e in result.engines)]
     # A run with hardly any samples has no landmarks at all
     runs = [(label, landmarks) for label, landmarks in runs if landmarks.halting_times]
-    if not any(each.time is not None for _, landmarks in runs for each in landmarks.halting_times):
-        return []
-    # The first run stands for all: one detector reads them, with the same resolutions
-    head = ["run", *(f"halts, to within {quantity(each.resolution, 'm')} [s]" for each in runs[0][1].halting_times)]
-    head += ["uncertainty [ms]", "rebound [mm]", "rebound speed, at most [mm/s]"]
-    rows = []
-    for label, landmarks in runs:
-        rebound = landmarks.rebound
-        row = [label, *(fixed(each.time, 4) for each in landmarks.halting_times)]
-        row.append(f"{landmarks.at_least}{number(landmarks.halting_time_uncertainty, 1e3, 2)}")
-        rows.append([*row, *([GAP, GAP] if rebound is None else [number(x, 1e3, 2) for x in (rebound.travel, rebound.speed)])])
-    text = f"{HALT_DEFINITION} {_check_against_events(result)}\n\n"
-    unlike = [f"- {e.label}, {e.profile}: not comparable: {e.not_comparable}.\n" for e in result.engines if e.not_comparable]
-    text += "".join(unlike) + ("\n" if unlike else "")
-    return [f"## When does it halt?\n\n{text}{table(head, rows)}"]
+    return runs if any(each.time is not None for _, landmarks in runs for each in landmarks.halting_times) else []
 
 
 def _check_against_events(result: ComparisonResult) -> str:

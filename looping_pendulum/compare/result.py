@@ -1,66 +1,32 @@
 """Result of a comparison: frozen, free of NaN (a missing number is None), and the same JSON for the same input.
 
-`result.json` is this tree of dataclasses (`Landmarks` is defined in `engines.landmarks`), one JSON object per dataclass and one
-key per field, in the order of the fields; the text under a field is its documentation. Units are SI and radians throughout. One
-key is added, ``schema``, the first, with the schema's id and version. One is left out: `ComparisonResult.samples`, the
-trajectories, are written as CSV instead. Everything that differs between two runs of the same input (times of day, run times)
-is in the last block, ``clock``. A reader must refuse another id and a higher version; a version grows when a key changes its
-name or meaning or goes away.
+`result.json` is this tree of dataclasses (`Landmarks` is defined in `runs.events`), one JSON object per dataclass and one key
+per field, in the order of the fields; the text under a field is its documentation. Units are SI and radians throughout. One key
+is added, ``schema``, the first, with the schema's id and version; `result.schema.json` beside this file is the JSON Schema,
+which `python -m scripts.result_schema` writes. One is left out: `ComparisonResult.samples`, the trajectories, are written as
+CSV instead. Everything that differs between two runs of the same input (times of day, run times) is in the last block,
+``clock``. A reader must refuse another id and a higher version; a version grows when a key changes its name or meaning or goes
+away.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from typing import Any
 
 from pydantic import InstanceOf
+from pydantic.json_schema import SkipJsonSchema
 
 from looping_pendulum.compare.align import Aligned
+from looping_pendulum.compare.deviation import Departure, Tube
 from looping_pendulum.compare.json_text import JsonResult, StoredParameters, plain
 from looping_pendulum.compare.trial import TrialComparison
+from looping_pendulum.errors import MissingPackageError
+from looping_pendulum.installation import install_command
 from looping_pendulum.runs.events import Landmarks
 from looping_pendulum.runs.trajectory import Provenance, RunStatus, Trajectory, variant_label
 from looping_pendulum.scenarios.scenario import Inference
-
-
-@dataclass(frozen=True, kw_only=True)
-class Tube:
-    """Result of the tube test: how many samples have a point of the reference nearby in time and distance."""
-
-    half_time: float
-    """Half-width of the tube in time [s]."""
-    half_width: float
-    """Half-width of the tube in distance [m]."""
-    compared: int
-    """Samples that were tested: those before the reference's end."""
-    fraction: float | None = None
-    """Share of the tested samples that are inside; None if none was tested."""
-    first_exit: float | None = None
-    """Time of the first sample outside [s]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Departure:
-    """First time at which a run is further from the reference than a threshold, and the state of the reference then."""
-
-    threshold: float
-    """Deviation that was exceeded [m]."""
-    time: float
-    """Time of the first sample beyond it [s]."""
-    mode: str
-    """Mode of the reference at that time, in words."""
-    after: str
-    """Last event of the reference before that time; "release" if there was none."""
-    after_time: float
-    """Time of that event [s]."""
-    along: float
-    """Deviation of the free length at that time [m]: positive where the engine is further out; 0 without a string."""
-    across: float
-    """Deviation of the wrap angle, times the free length, at that time [m]: positive where the engine is ahead."""
-    heavy: float
-    """Deviation of the heavy mass's height at that time [m]."""
-    stretch: float | None = None
-    """Largest stretch of the string up to that time [m]."""
 
 
 def stored_provenance(provenance: Provenance) -> Provenance:
@@ -245,7 +211,7 @@ class ComparisonResult(JsonResult):
     run_keys: tuple[str, ...] = ()
     """Key of each engine's run in the cache, equal for equal settings, scenario, versions and adapter; empty if unknown."""
     clock: Clock
-    samples: InstanceOf[ResultSamples] | None = field(default=None, compare=False, repr=False)
+    samples: SkipJsonSchema[InstanceOf[ResultSamples]] | None = field(default=None, compare=False, repr=False)
     """None if read from JSON."""
 
     @property
@@ -257,6 +223,25 @@ class ComparisonResult(JsonResult):
     def interrupted(self) -> bool:
         """Whether the user interrupted a run."""
         return any(engine.status == RunStatus.INTERRUPTED.name for engine in self.engines)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return one row for each engine: its name, profile and status, and every metric [SI], None where it is not defined."""
+        return [{"engine": e.label, "profile": e.profile, "status": e.status, **e.metrics} for e in self.engines]
+
+    def to_frame(self) -> Any:
+        """Return `rows` as a `pandas.DataFrame`, in which None is NaN.
+
+        Raises
+        ------
+        MissingPackageError
+            If pandas is not installed.
+        """
+        try:
+            import pandas
+        except ImportError:
+            way_out = f"`rows()` gives the same as a list; to get pandas: `{install_command('pandas')}`"
+            raise MissingPackageError(f"to_frame: pandas is not installed; {way_out}") from None
+        return pandas.DataFrame(self.rows())
 
     def short_name(self, engine: EngineResult) -> str:
         """Return the label of ``engine``, with its profile if the engine was run with several or is the reference's own."""

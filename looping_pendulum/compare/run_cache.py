@@ -8,7 +8,6 @@ import json
 import math
 import sys
 import threading
-import time
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -31,10 +30,6 @@ from looping_pendulum.versions import installed_version
 
 NOT_CACHED = (RunStatus.INTERRUPTED, RunStatus.MISSING, RunStatus.MEMORY_LIMIT)
 """Statuses of runs that are not cached, because another try may succeed."""
-MAX_COST_EXPONENT = 3.0
-"""Largest exponent with which the cost of a run is expected to grow with refinement."""
-MAX_FIRST_COST_FACTOR = 10.0
-"""Largest factor by which the cost is expected to grow to the second rung, while one rung alone is known."""
 
 
 class DamagedRunWarning(UserWarning):
@@ -50,24 +45,8 @@ class RunTask:
     scenario: Scenario
     what: str
     """Description of the run for the progress bar."""
-    like: str = ""
-    """Key of a run whose cost is the best estimate of this one's without coarser rungs."""
-    size: float = 1.0
-    """Size of a rung; decreases with refinement."""
-    coarser: tuple[tuple[str, float], ...] = ()
-    """Keys and sizes of the coarser rungs, from coarse to fine."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class EndedRun:
-    """A run that has ended, or that was left out."""
-
-    run: Trajectory | None
-    """None if it was left out."""
-    seconds: float | None
-    """Wall time, including the start of the process [s]."""
-    expected: float | None = None
-    """Expected wall time [s] of a run that was left out because it is above the budget."""
+    coarser: tuple[str, ...] = ()
+    """Keys of the coarser rungs of its ladder."""
 
 
 def run_key(engine: Engine, scenario: Scenario) -> str:
@@ -104,175 +83,102 @@ def source_digest(module: str) -> str:
     return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
 
 
-class RunCache:
-    """Cache of ended runs, one file for each."""
+def store_run(path: Path, run: Trajectory, time_limit: float) -> None:
+    """Write ``run`` to ``path``, with the time limit [s] that it had."""
+    ended = {
+        "status": run.status.name,
+        "message": run.message,
+        "wall_time": run.wall_time if math.isfinite(run.wall_time) else None,
+        "time_limit": time_limit,
+        "versions": run.provenance.versions,
+    }
+    parts = (run.light_position, run.light_velocity, run.heavy_position, run.heavy_velocity)
+    slip = np.full(len(run.t), np.nan) if run.string_slip is None else run.string_slip
+    rows = np.column_stack([run.t, *parts, run.string_stretch, slip]).reshape(-1, len(COLUMNS))
+    archive = io.BytesIO()
+    np.savez_compressed(archive, rows=rows, ended=np.array(json.dumps(ended)))
+    write_atomically(path, archive.getvalue())
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
 
-    def get(self, task: RunTask, time_limit: float) -> EndedRun | None:
-        """Return the cached run of ``task``; None if there is none, or if a shorter time limit has cut it.
+def load_run(path: Path, task: RunTask, time_limit: float) -> Trajectory | None:
+    """Read the run of ``task`` from ``path``; None if there is none, or if a limit shorter than ``time_limit`` [s] has cut it.
 
-        A damaged file counts as none: the run is made again and replaces it.
-        """
-        path = self.folder / f"{task.key}.npz"
-        if not path.is_file():
-            return None
-        try:
-            return self._read(path, task, time_limit)
-        # A damaged archive may raise anything: of zip, zlib, NumPy or JSON
-        except Exception as error:
-            warnings.warn(DamagedRunWarning(f"{path} is damaged ({type(error).__name__}); its run is made again"), stacklevel=2)
-            return None
-
-    @staticmethod
-    def _read(path: Path, task: RunTask, time_limit: float) -> EndedRun | None:
+    A damaged file counts as none: the run is made again and replaces it.
+    """
+    if not path.is_file():
+        return None
+    try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:  # np.load leaves a damaged file open
-            rows, said = np.asarray(file["rows"], dtype=float), json.loads(str(file["said"]))
+            rows, ended = np.asarray(file["rows"], dtype=float), json.loads(str(file["ended"]))
         # An intact archive may still hold something else than a run
         if not (rows.ndim == 2 and rows.shape[1] == len(COLUMNS) and (np.diff(rows[:, 0]) > 0).all()):
-            raise ValueError(f"{path}: found rows of shape {rows.shape}, needed {len(COLUMNS)} columns and rising times")
-        status = RunStatus[said["status"]]
-        if status is RunStatus.TIME_LIMIT and said["time_limit"] < time_limit:
-            return None
+            raise ValueError(f"found rows of shape {rows.shape}, needed {len(COLUMNS)} columns and rising times")
         run = from_samples(
             rows,
             parameters=task.scenario.parameters,
-            status=status,
-            message=str(said["message"]),
-            wall_time=math.nan if said["wall_time"] is None else float(said["wall_time"]),
+            status=RunStatus[ended["status"]],
+            message=str(ended["message"]),
+            wall_time=math.nan if ended["wall_time"] is None else float(ended["wall_time"]),
             **identity(task.engine, task.scenario),
         )
-        versions = {str(package): str(version) for package, version in said["versions"].items()}
-        provenance = replace(run.provenance, versions=versions)
-        seconds = None if said["seconds"] is None else float(said["seconds"])
-        return EndedRun(run=replace(run, provenance=provenance), seconds=seconds)
+        versions = {str(package): str(version) for package, version in ended["versions"].items()}
+        too_short = run.status is RunStatus.TIME_LIMIT and float(ended["time_limit"]) < time_limit
+    # A damaged archive may raise anything: of zip, zlib, NumPy or JSON
+    except Exception as error:
+        warnings.warn(DamagedRunWarning(f"{path} is damaged ({type(error).__name__}); its run is made again"), stacklevel=2)
+        return None
+    return None if too_short else replace(run, provenance=replace(run.provenance, versions=versions))
 
-    def put(self, task: RunTask, done: EndedRun, time_limit: float) -> None:
-        """Cache a run, unless another try may succeed."""
-        run = done.run
-        if run is None or run.status in NOT_CACHED:
+
+def make_runs(
+    tasks: Sequence[RunTask],
+    folder: Path,
+    *,
+    jobs: int | None,
+    time_limit: float,
+    memory_limit: int = MEMORY_LIMIT,
+    progress: ReportShare | None = None,
+    cancelled: threading.Event,
+) -> dict[str, Trajectory]:
+    """Make all runs that are not cached in ``folder``, in the order of ``tasks``; return key -> run.
+
+    A rung is left out if a coarser one of its ladder has reached the time limit. After an interrupt (Ctrl-C), which sets
+    ``cancelled``, only the runs that ended before it are returned.
+    """
+    # A ladder's rung at the variant's own setting is the same run as the one at its own settings
+    tasks = list({task.key: task for task in tasks}.values())
+    paths = {task.key: folder / f"{task.key}.npz" for task in tasks}
+    cached = {task.key: load_run(paths[task.key], task, time_limit) for task in tasks}
+    done = {key: run for key, run in cached.items() if run is not None}
+    shares = {task.key: 1.0 if task.key in done else 0.0 for task in tasks}
+    running: dict[str, str] = {}
+
+    def make(task: RunTask) -> None:
+        if any(key in done and done[key].status is RunStatus.TIME_LIMIT for key in task.coarser):
+            shares[task.key] = 1.0
             return
-        said = {
-            "status": run.status.name,
-            "message": run.message,
-            "wall_time": run.wall_time if math.isfinite(run.wall_time) else None,
-            "seconds": done.seconds,
-            "time_limit": time_limit,
-            "versions": run.provenance.versions,
-        }
-        parts = (run.light_position, run.light_velocity, run.heavy_position, run.heavy_velocity)
-        slip = np.full(len(run.t), np.nan) if run.string_slip is None else run.string_slip
-        rows = np.column_stack([run.t, *parts, run.string_stretch, slip]).reshape(-1, len(COLUMNS))
-        out = io.BytesIO()
-        np.savez_compressed(out, rows=rows, said=np.array(json.dumps(said)))
-        write_atomically(self.folder / f"{task.key}.npz", out.getvalue())
-
-
-class Runner:
-    """Makes several runs at the same time; a budget leaves out those that are expected to cost too much."""
-
-    def __init__(
-        self,
-        cache: RunCache,
-        *,
-        jobs: int | None,
-        time_limit: float,
-        budget: float | None,
-        memory_limit: int = MEMORY_LIMIT,
-        progress: ReportShare | None = None,
-    ) -> None:
-        self.cache, self.jobs, self.budget, self.progress = cache, jobs or core_count(), budget, progress
-        self.time_limit, self.memory_limit = time_limit, memory_limit
-        self.done: dict[str, EndedRun] = {}
-        self.cancelled = threading.Event()
-        self._running: dict[str, float] = {}
-        self._lock = threading.Lock()
-
-    def run(self, tasks: Sequence[RunTask]) -> dict[str, EndedRun]:
-        """Make all runs in the order of ``tasks``; after an interrupt (Ctrl-C) return those that ended before it."""
-        # A ladder's rung at the variant's own setting is the same run as the one at its own settings
-        tasks = list({task.key: task for task in tasks}.values())
-        for task in tasks:
-            cached = self.cache.get(task, self.time_limit)
-            if cached is not None:
-                self.done[task.key] = cached
-        waiting = [task for task in tasks if task.key not in self.done]
-        run_many(
-            [partial(self._make, task) for task in waiting],
-            self.jobs,
-            cancelled=self.cancelled,
-            meanwhile=lambda _: self._report(tasks),
-        )
-        return self.done
-
-    def _make(self, task: RunTask) -> None:
-        expected = self.expected(task)
-        if self.budget is not None and expected is not None and expected > self.budget:
-            self.done[task.key] = EndedRun(run=None, seconds=None, expected=expected)
-            return
-        with self._lock:
-            self._running[task.key] = 0.0
-        started = time.perf_counter()
+        running[task.key] = task.what
         run = run_isolated(
             task.engine,
             task.scenario,
-            time_limit=self.time_limit,
-            memory_limit=self.memory_limit,
-            progress=lambda _, share: self._running.__setitem__(task.key, share),
-            cancelled=self.cancelled,
+            time_limit=time_limit,
+            memory_limit=memory_limit,
+            progress=lambda _, share: shares.update({task.key: share}),
+            cancelled=cancelled,
         )
-        done = EndedRun(run=run, seconds=time.perf_counter() - started)
-        self.cache.put(task, done, self.time_limit)
-        with self._lock:
-            del self._running[task.key]
+        if run.status not in NOT_CACHED:
+            store_run(paths[task.key], run, time_limit)
+        del running[task.key]
         # An interrupted run is as good as not begun: the next call makes it
         if run.status is not RunStatus.INTERRUPTED:
-            self.done[task.key] = done
+            done[task.key], shares[task.key] = run, 1.0
 
-    def expected(self, task: RunTask) -> float | None:
-        """Return the expected wall time [s] of ``task``, from coarser rungs or from the variant's own run; None if unknown."""
-        known = [(size, cost) for key, size in task.coarser if (cost := self._cost(key)) is not None]
-        if not known:
-            return self._cost(task.like)
-        size, cost = known[-1]
-        if task.size <= 0:
-            # A rung of size 0 is the limit itself, from which no ratio of sizes can be taken
-            return cost
-        if len(known) == 1:
-            return float(cost * min(size / task.size, MAX_FIRST_COST_FACTOR))
-        before, earlier = known[-2]
-        # Cost grows as a power of the refinement; the last two rungs give the exponent
-        power = min(max(math.log(cost / earlier) / math.log(before / size), 0.0), MAX_COST_EXPONENT)
-        return float(cost * (size / task.size) ** power)
-
-    def _cost(self, key: str) -> float | None:
-        done = self.done.get(key)
-        if done is None or done.run is None:
-            # A run that was left out counts with its expected cost, so that finer rungs are left out as well
-            return None if done is None else done.expected
-        return done.run.wall_time if math.isfinite(done.run.wall_time) else done.seconds
-
-    def _report(self, tasks: Sequence[RunTask]) -> None:
-        if self.progress is None:
-            return
-        costs = [self._cost(task.key) for task in tasks]
-        known = [cost for cost in costs if cost is not None]
-        usual = sum(known) / len(known) if known else 1.0
-        # The share is of the expected time, not of the number of runs: the finest rungs take most of it
-        total = finished = 0.0
-        with self._lock:
+    def report() -> None:
+        if progress is not None and tasks:
             # A copy: other threads add and remove runs meanwhile
-            running = dict(self._running)
-        for task in tasks:
-            ended = self.done.get(task.key)
-            if ended is not None:
-                weight, share = ended.seconds or 0.0, 1.0
-            else:
-                weight, share = self.expected(task) or usual, running.get(task.key, 0.0)
-                # A run that will be left out takes no time
-                weight = 0.0 if self.budget is not None and weight > self.budget and task.key not in running else weight
-            total, finished = total + weight, finished + share * weight
-        running_tasks = ", ".join(task.what for task in tasks if task.key in running)
-        ended_runs = sum(task.key in self.done for task in tasks)
-        self.progress(f"{ended_runs} of {len(tasks)} runs; {running_tasks}", finished / total if total else 1.0)
+            what = f"{len(done)} of {len(tasks)} runs; {', '.join(list(running.values()))}"
+            progress(what, sum(shares.values()) / len(tasks))
+
+    waiting = [partial(make, task) for task in tasks if task.key not in done]
+    run_many(waiting, jobs or core_count(), cancelled=cancelled, meanwhile=lambda _: report())
+    return done

@@ -5,28 +5,12 @@ The sentences use only the numbers of the result and the record of who supplies 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
-from looping_pendulum.compare.result import Departure
+from looping_pendulum.compare.deviation import EVENT_DESCRIPTIONS, Departure
 from looping_pendulum.engines.protocol import STATIC_FRICTION, physics_of
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.runs.events import RESOLUTION, Landmarks
-from looping_pendulum.runs.trajectory import SAME_TIME, UNKNOWN_MODE, RunStatus, Supplier, Supplies, Trajectory
-
-EVENT_DESCRIPTIONS = {
-    "release": "the release",
-    "stop": "a stop of the heavy mass",
-    "stick": "the string began to stick",
-    "halt": "the halt",
-    "slip_onset": "the string began to slide again",
-    "slack": "the string fell slack",
-    "taut": "the string became taut again",
-    "light_reaches_rod": "the light mass reached the rod",
-    "heavy_reaches_rod": "the heavy mass reached the rod",
-    "unwrapped": "the string left the rod",
-}
+from looping_pendulum.runs.trajectory import LARGEST, RunStatus, Supplier, Supplies, Trajectory
 
 PHYSICS_DESCRIPTIONS = {
     "winding": "the winding",
@@ -49,38 +33,6 @@ REST_PHYSICS = ("stick_slip", STATIC_FRICTION)
 """Names of the physics that acts only once the string has come to rest."""
 
 
-def events_to_show(events: Iterable[tuple[str, float]]) -> list[tuple[str, float]]:
-    """Return (name, time [s]) of the events that a reader should see.
-
-    Of simultaneous events only one is kept: a halt is also a stick and a stop, and is the most informative of the three.
-    """
-    rank = {name: place for place, name in enumerate(("halt", "stick", "stop"))}
-    shown: list[tuple[str, float]] = []
-    for name, time in sorted(events, key=lambda e: (e[1], rank.get(e[0], -1))):
-        if name == "release" or name not in EVENT_DESCRIPTIONS:
-            continue
-        if shown and time - shown[-1][1] < SAME_TIME and name in rank:
-            continue
-        shown.append((name, time))
-    return shown
-
-
-def mode_description(mode: int) -> str:
-    """Describe a mode of the reference in plain words."""
-    descriptions = {
-        Mode.STICKING: "the string sticks to the rod",
-        Mode.ROLLING: "the string sticks to the rod, which turns",
-        Mode.SLIDING_DOWN: "the string slides and the heavy mass falls",
-        Mode.SLIDING_UP: "the string slides and the heavy mass rises",
-        Mode.SLACK: "the string is slack",
-        Mode.CLAMPED: "the light mass swings and the heavy one is clamped",
-        Mode.CLAMPED_SLACK: "the string is slack and the heavy mass clamped",
-        Mode.FALLING: "both masses fall freely",
-        Mode.ENDED: "the reference ends",
-    }
-    return "the mode of the reference is unknown" if mode == UNKNOWN_MODE else descriptions[Mode(mode)]
-
-
 def story(
     run: Trajectory,
     parameters: Parameters,
@@ -89,6 +41,8 @@ def story(
     own: Landmarks,
     expected: Landmarks,
     not_comparable: str = "",
+    mistake: str = "",
+    velocities: str = "",
 ) -> str:
     """Return plain sentences that say where, when and why ``run`` departs from the reference.
 
@@ -98,15 +52,19 @@ def story(
         Landmarks of the run's samples and of the reference's, found by the same detector.
     not_comparable
         Why the halting times cannot be compared; empty: they can.
+    mistake, velocities
+        What is simply wrong with the positions and with the velocities (`simple_mistakes`), as clauses; empty: nothing known.
     """
     if len(run.t) == 0:
         why = f": {run.message}" if run.status is RunStatus.UNSUPPORTED else ""
-        return f"No motion to compare: {run.status.value}{why}."
+        what = f"its first sample is no number, or above {LARGEST:g} m" if run.status.ok else run.status.value
+        return f"No motion to compare: {what}{why}."
     missing = missing_physics(supplies, parameters, run.lacks)
     sentences = [_when(departures, run)]
     if departures:
         sentences.append(_where(departures[0], parameters))
-        sentences.append(_why(departures[0], supplies, parameters, missing))
+        sentences.append(_why(departures[0], supplies, parameters, missing, mistake))
+    sentences.append(f"{velocities[0].upper()}{velocities[1:]}." if velocities else "")
     sentences.append(
         f"Its halt is not comparable: {not_comparable}." if not_comparable else _halting(own, expected, run, missing)
     )
@@ -158,13 +116,15 @@ def _where(first: Departure, parameters: Parameters) -> str:
     )
 
 
-def _why(first: Departure, supplies: Supplies, parameters: Parameters, missing: tuple[str, ...]) -> str:
+def _why(first: Departure, supplies: Supplies, parameters: Parameters, missing: tuple[str, ...], mistake: str = "") -> str:
     causes = []
     # A string that has slid ever since its release has not needed to stick yet.
     acting = [m for m in missing if m not in REST_PHYSICS or first.after != "release"]
     if acting:
         causes.append(f"{_unmodelled(acting)}, which this scenario has")
-    if first.stretch is not None and first.stretch >= STRETCH_SHARE * first.threshold:
+    elif mistake:
+        causes.append(mistake)
+    if not mistake and first.stretch is not None and first.stretch >= STRETCH_SHARE * first.threshold:
         causes.append(f"its string had stretched by up to {quantity(first.stretch, 'm')} by then")
     if causes:
         return f"Likely cause: {'; '.join(causes)}."

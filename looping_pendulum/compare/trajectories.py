@@ -103,7 +103,7 @@ def stored_result(folder: Path, scenario: Scenario, engines: Sequence[Engine] | 
     ``engines`` None it may be of any engines and versions, and of runs that were cut short.
     """
     try:
-        result = ComparisonResult.from_json((folder / "result.json").read_text(encoding="utf-8"))
+        result = ComparisonResult.read(folder / ComparisonResult.FILE)
         wanted = scenario.name, scenario.title, scenario.description, scenario.parameters, scenario.duration
         if (result.scenario, result.title, result.description, result.parameters, result.duration) != wanted:
             return None

@@ -1,9 +1,15 @@
 """Adapters that build the apparatus in physics engines; `protocol` defines their interface, `registry` lists them.
 
-What stands here is also what the command line needs before it imports any of them, which takes NumPy.
+An engine is a folder here, with its adapter and its facts (`facts`), and an entry point in pyproject.toml. What stands in this
+file is also what the command line needs before it imports any adapter, which takes NumPy.
 """
 
+import json
 from enum import StrEnum
+from importlib.resources import files
+
+FACTS_FILE = "engine.json"
+"""File in an engine's folder with its facts (`facts.EngineFacts`)."""
 
 
 class Profile(StrEnum):
@@ -13,3 +19,14 @@ class Profile(StrEnum):
     """Seconds per run: for everyday use and for the tests."""
     ACCURATE = "accurate"
     """Minutes per run: the most accurate settings that the adapter has."""
+
+
+def own_labels() -> list[str]:
+    """Return the labels of all variants of this package's engines, from their facts."""
+    labels = []
+    for folder in sorted(files("looping_pendulum").joinpath("engines").iterdir(), key=lambda folder: folder.name):
+        facts = folder.joinpath(FACTS_FILE)
+        if facts.is_file():
+            variants = json.loads(facts.read_text(encoding="utf-8"))["variants"]
+            labels += [f"{folder.name}:{variant}".removesuffix(":") for variant in variants]
+    return labels

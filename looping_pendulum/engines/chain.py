@@ -12,7 +12,7 @@ import numpy as np
 from looping_pendulum.engines.protocol import Abilities, StepGroups
 from looping_pendulum.engines.shipped import shipped_abilities
 from looping_pendulum.engines.studies import ChoiceRow, LadderRow
-from looping_pendulum.reference_ode.cartesian import MassesAtRelease
+from looping_pendulum.reference_ode.cartesian import MassesAtRelease, Vector
 from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters
 
@@ -80,6 +80,18 @@ class BeadChainSettings(StepGroups):
     """Radius of a bead [m]; the rod is thinner by as much, so that the bead's centre moves where the string should."""
     steps_per_group: int = 5
     """Steps between two updates of the effects' forces and of the beads that are added and removed."""
+    polygon_friction: bool = True
+    """Whether the contact's friction is corrected for the polygon that the beads' links are."""
+    polygon_radius: bool = True
+    """Whether the beads' circle is corrected for it."""
+
+    def node_radius(self, rod_radius: float) -> float:
+        """Return the distance of a bead on the rod from the rod's centre [m]."""
+        return float(polygon_radius(rod_radius, self.bend)) if self.polygon_radius else rod_radius
+
+    def contact_friction(self, friction: float) -> float:
+        """Return the contacts' coefficient for a string with the coefficient ``friction``."""
+        return polygon_friction(friction, self.bend) if self.polygon_friction else friction
 
 
 def bead_abilities(
@@ -132,26 +144,34 @@ def next_bead_position(bead: Point, mass: Point, link_length: float) -> tuple[fl
     return x + fraction * (mass_x - x), y + fraction * (mass_y - y)
 
 
-class BeadCountRule:
-    """Rule for adding or removing a bead where a straight part of the string meets the rod.
+class BeadRule:
+    """Where beads are: at release on the rod, and later also where the straight string is about to meet it.
 
     A bead on a straight part bears no transverse force, so adding or removing one there changes no force.
-
-    Parameters
-    ----------
-    rod_radius
-        [m]
-    bend
-        Angle between neighbouring links on the rod [rad].
-    node_radius
-        Distance of a bead on the rod from the rod's centre [m].
     """
 
-    def __init__(self, rod_radius: float, bend: float, node_radius: float) -> None:
-        self.link_length = rod_radius * bend
-        unit = rod_radius * bend**2
+    def __init__(self, parameters: Parameters, settings: BeadChainSettings) -> None:
+        p, s = parameters, settings
+        self._parameters, self._bend = p, s.bend
+        self._node_radius = s.node_radius(p.rod_radius)
+        self.link_length = p.rod_radius * s.bend
+        unit = p.rod_radius * s.bend**2
         # Squares, so that the rule, which is asked many times per sample, takes no roots
-        self._add_below, self._remove_above = ((node_radius + n * unit) ** 2 for n in (ADD_THRESHOLD, REMOVE_THRESHOLD))
+        add_below, remove_above = (self._node_radius + n * unit for n in (ADD_THRESHOLD, REMOVE_THRESHOLD))
+        self._add_below, self._remove_above = add_below**2, remove_above**2
+
+    def beads_at_release(self, masses: MassesAtRelease) -> tuple[list[Vector], list[Vector]]:
+        """Return positions [m] and velocities [m/s] of the beads on the rod at release, light side first.
+
+        The outermost beads lie within half a link of their tangent points, on either side of them.
+        """
+        angle, bend = self._parameters.release_angle, self._bend
+        count = max(round(angle / bend) + 1, MIN_BEADS)
+        first = angle - 0.5 * (angle - (count - 1) * bend)
+        angles = first - bend * np.arange(count)
+        outwards = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        sliding = masses.heavy_velocity[1] * np.stack([-outwards[:, 1], outwards[:, 0]], axis=1)
+        return [(x, y) for x, y in (self._node_radius * outwards).tolist()], [(vx, vy) for vx, vy in sliding.tolist()]
 
     def bead_count_change(self, mass: Point, outermost: Point, following: Point, rest_length: float, beads: int) -> int:
         """Return 1 to add a bead between ``mass`` and the ``outermost`` bead, -1 to remove the latter, 0 to change nothing.
@@ -239,15 +259,3 @@ def point_on_string(parameters: Parameters, arc: float, node_radius: float) -> t
         # Without free length this is a point on the nodes' circle; the angle follows from R, by which the string is wound
         return light_position(math, 0.0, p.release_angle - wound_arc / p.rod_radius, node_radius)
     return (p.rod_radius, -hanging_arc)
-
-
-def beads_at_release(parameters: Parameters, masses: MassesAtRelease, bend: float, node_radius: float) -> tuple[Array, Array]:
-    """Return positions [m] and velocities [m/s] of the beads on the rod at release, light side first, each of shape (n, 2).
-
-    The outermost beads lie within half a link of their tangent points, on either side of them.
-    """
-    count = max(round(parameters.release_angle / bend) + 1, MIN_BEADS)
-    first = parameters.release_angle - 0.5 * (parameters.release_angle - (count - 1) * bend)
-    angles = first - bend * np.arange(count)
-    outwards = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    return node_radius * outwards, masses.heavy_velocity[1] * np.stack([-outwards[:, 1], outwards[:, 0]], axis=1)

@@ -7,13 +7,9 @@ Whatever the engine prints, from Python or from C, goes to another file.
 from __future__ import annotations
 
 import contextlib
-import os
 import pickle
-import signal
-import subprocess
 import tempfile
 import threading
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -23,10 +19,21 @@ import numpy as np
 
 from looping_pendulum.engines.protocol import Engine, declared
 from looping_pendulum.engines.registry import how_to_get, missing_packages
-from looping_pendulum.engines.worker import JOB, OUTPUT, RESULT, ROW_BYTES, SAMPLES, identity, read_rows
-from looping_pendulum.errors import EngineError, one_line
+from looping_pendulum.engines.worker import JOB, identity, named
+from looping_pendulum.errors import EngineError, one_line, shorten
 from looping_pendulum.pages.numbers import number
-from looping_pendulum.processes import POLL_INTERVAL, Interpreter, core_count, ended, memory_in_use, run_many, start_python
+from looping_pendulum.processes import (
+    DISK_LIMIT,
+    OUTPUT,
+    Cause,
+    Ending,
+    Interpreter,
+    core_count,
+    file_size,
+    run_many,
+    run_python,
+)
+from looping_pendulum.runs.storage import field_error, read_run, read_samples, recorded_count
 from looping_pendulum.runs.trajectory import COLUMNS, SAMPLE_INTERVAL, RunStatus, Trajectory, from_samples
 from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.scenario import Scenario
@@ -35,16 +42,24 @@ from looping_pendulum.scenarios.units import UnitError, to_si
 TIME_LIMIT = 900.0
 """Default time limit of one run [s]."""
 MEMORY_LIMIT = 2 * 1024**3
-"""Default limit on the memory of one run [bytes]; runs of the shipped adapters were measured to take 35 to 141 MiB."""
+"""Default limit on the memory of one run, with all processes that it starts [bytes].
+
+Runs of the shipped adapters were measured to take 35 to 141 MiB.
+"""
 
 PREFIX = "looping-pendulum-"
 """Beginning of the name of a run's temporary folder."""
 MIN_MEMORY_LIMIT = 64 * 1024**2
 """Smallest memory limit that is accepted [bytes]; Python with NumPy alone takes more than half of it."""
-OUTPUT_LIMIT = 2**24
-"""Size at which the file of an engine's output is emptied, so that it cannot fill the disk [bytes]."""
 MAX_RETURNED_OUTPUT = 2**16
 """How much of the end of an engine's output is returned [bytes]."""
+MAX_MESSAGE = 500
+"""Longest message of a run; an engine's own may be of any length and of several lines."""
+OF_THE_PROCESS = (
+    *(RunStatus.TIME_LIMIT, RunStatus.MEMORY_LIMIT, RunStatus.DISK_LIMIT),
+    *(RunStatus.CRASHED, RunStatus.MISSING, RunStatus.INTERRUPTED),
+)
+"""Statuses that no engine can know of its own run."""
 ENVIRONMENT = {
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
@@ -90,55 +105,80 @@ def run_isolated(
     except Exception as error:
         why = f"it cannot be pickled for its process: {type(error).__name__}: {error}"
         return _empty_trajectory(engine, scenario, RunStatus.FAILED, why)
-    with contextlib.ExitStack() as at_end:
-        try:
-            folder = Path(at_end.enter_context(tempfile.TemporaryDirectory(prefix=PREFIX, ignore_cleanup_errors=True)))
+    expected = max(1, round(scenario.duration / SAMPLE_INTERVAL) + 1)
+
+    def report_progress() -> None:
+        if progress is not None:
+            # The number of samples says how far a run is, without the worker having to report it
+            progress(engine, min(1.0, recorded_count(folder) / expected))
+
+    try:
+        with tempfile.TemporaryDirectory(prefix=PREFIX, ignore_cleanup_errors=True) as path:
+            folder = Path(path)
             (folder / JOB).write_bytes(job)
-            output = at_end.enter_context((folder / OUTPUT).open("ab"))
-            process = start_python(
+            ending = run_python(
                 "looping_pendulum.engines.worker:main",
-                str(folder),
-                mark=folder.name,
-                output=output,
+                folder,
+                time_limit=time_limit,
+                memory_limit=memory_limit,
                 environment=ENVIRONMENT,
                 interpreter=interpreter,
+                cancelled=cancelled,
+                meanwhile=report_progress,
             )
-        except OSError as error:
-            why = f"its process could not start: {error.filename}: {error.strerror}"
-            return _empty_trajectory(engine, scenario, RunStatus.CRASHED, why)
-        # It ends before the result is read: a process that the engine started may still write to the folder
-        with ended(process, folder.name):
-            status, message = _wait_for_worker(process, folder, engine, scenario, time_limit, memory_limit, progress, cancelled)
-        return _result(folder, engine, scenario, status, message)
+            if progress is not None and ending.cause in (Cause.ITSELF, Cause.SIGNAL):
+                progress(engine, 1.0)
+            return _result(folder, engine, scenario, *_status(ending, time_limit, memory_limit))
+    except OSError as error:
+        why = f"its process could not start, or its files not be read: {error.filename}: {error.strerror}"
+        return _empty_trajectory(engine, scenario, RunStatus.CRASHED, why)
+
+
+def _status(ending: Ending, time_limit: float, memory_limit: int) -> tuple[RunStatus | None, str]:
+    """Return status and message of a run by how its process ended; (None, "") if its record tells them."""
+    held = format_memory(ending.amount)
+    match ending.cause:
+        case Cause.TIME:
+            return RunStatus.TIME_LIMIT, f"limit {time_limit:g} s"
+        case Cause.MEMORY:
+            return RunStatus.MEMORY_LIMIT, f"held {held}, limit {format_memory(memory_limit)}"
+        case Cause.DISK:
+            return RunStatus.DISK_LIMIT, f"its folder held {held}, limit {format_memory(DISK_LIMIT)}"
+        case Cause.CANCELLED:
+            return RunStatus.INTERRUPTED, ""
+    return (None, "") if ending.succeeded else (RunStatus.CRASHED, str(ending))
 
 
 def _result(folder: Path, engine: Engine, scenario: Scenario, status: RunStatus | None, message: str) -> Trajectory:
     """Return the trajectory of a worker that has ended, from the files in its folder.
 
-    ``status`` is None if the worker ended by itself and should have written its result.
+    ``status`` is None if the worker ended by itself and should have written its record.
     """
     output = ""
     with contextlib.suppress(OSError), (folder / OUTPUT).open("rb") as file:
-        file.seek(max(0, _size(folder / OUTPUT) - MAX_RETURNED_OUTPUT))
+        file.seek(max(0, file_size(folder / OUTPUT) - MAX_RETURNED_OUTPUT))
         output = file.read().decode(errors="replace")
+    parameters = scenario.parameters
     if status is None:
+        known = named(engine, scenario) | declared(engine, parameters)
         try:
-            trajectory: Trajectory = pickle.loads((folder / RESULT).read_bytes())
-            return replace(trajectory, output=output, **declared(engine, scenario.parameters))
-        # The worker ended without a result; what it recorded is returned below
+            run = read_run(folder, parameters=parameters, duration=scenario.duration, output=output, **known)
+            if run.status in OF_THE_PROCESS:
+                raise field_error("status", run.status.name, f"none of {', '.join(status.name for status in OF_THE_PROCESS)}")
+            return replace(run, message=_short(run.message))
         except FileNotFoundError:
-            pass
-        # Unpickling runs the code of another package's classes
-        except Exception as error:
-            status, message = RunStatus.FAILED, f"its result cannot be read: {type(error).__name__}: {error}"
+            status, message = RunStatus.CRASHED, "it ended without a result"
+        except EngineError as error:
+            status, message = RunStatus.FAILED, _short(str(error))
+    rows = read_samples(folder, duration=scenario.duration)
     return from_samples(
-        read_rows(folder / SAMPLES),
-        parameters=scenario.parameters,
-        status=status or RunStatus.CRASHED,
-        message=message or "it ended without a result",
-        output=output,
-        **identity(engine, scenario),
+        rows, parameters=parameters, status=status, message=message, output=output, **identity(engine, scenario)
     )
+
+
+def _short(message: str) -> str:
+    """Return a message as one line that is not too long."""
+    return shorten(" ".join(message.split()), MAX_MESSAGE)
 
 
 def run_all(
@@ -196,61 +236,6 @@ def start_order(engines: Sequence[Engine], workers: int) -> list[int]:
     shortest_first = sorted(range(len(engines)), key=lambda i: engines[i].abilities.quick_cost)
     cut = max(0, len(engines) - (workers - 1))
     return shortest_first[cut:][::-1] + shortest_first[:cut]
-
-
-def _wait_for_worker(
-    process: subprocess.Popen[bytes],
-    folder: Path,
-    engine: Engine,
-    scenario: Scenario,
-    time_limit: float,
-    memory_limit: int,
-    progress: Progress | None,
-    cancelled: threading.Event | None,
-) -> tuple[RunStatus | None, str]:
-    """Wait until a worker has ended or exceeded a limit; return its status and a message.
-
-    They are (None, "") if it ended by itself with success: its result then tells the status.
-    """
-    samples, output = folder / SAMPLES, folder / OUTPUT
-    expected = max(1, round(scenario.duration / SAMPLE_INTERVAL) + 1)
-    deadline = time.monotonic() + time_limit
-    while (code := _exit_code(process)) is None:
-        if cancelled is not None and cancelled.is_set():
-            return RunStatus.INTERRUPTED, ""
-        if time.monotonic() > deadline:
-            return RunStatus.TIME_LIMIT, f"limit {time_limit:g} s"
-        held = memory_in_use(process.pid)
-        if held is not None and held > memory_limit:
-            return RunStatus.MEMORY_LIMIT, f"held {format_memory(held)}, limit {format_memory(memory_limit)}"
-        if _size(output) > OUTPUT_LIMIT:  # the worker appends, so it goes on writing at the file's new end
-            os.truncate(output, 0)
-        if progress is not None:
-            # The size of the file of samples says how far a run is, without the worker having to report it
-            progress(engine, min(1.0, _size(samples) / ROW_BYTES / expected))
-    if progress is not None:
-        progress(engine, 1.0)
-    if code < 0:
-        name = signal.Signals(-code).name
-        hint = "; this program did not send it: was the machine out of memory?" if name == "SIGKILL" else ""
-        return RunStatus.CRASHED, f"killed by signal {name}{hint}"
-    return (None, "") if code == 0 else (RunStatus.CRASHED, f"exit status {code}")
-
-
-def _exit_code(process: subprocess.Popen[bytes]) -> int | None:
-    """Wait a moment, and return the exit code of a process (negative: the signal that killed it); None if it goes on."""
-    try:
-        return process.wait(POLL_INTERVAL)
-    except subprocess.TimeoutExpired:
-        return None
-
-
-def _size(path: Path) -> int:
-    """Return the size of a file [bytes]; 0 if it does not exist (yet)."""
-    try:
-        return path.stat().st_size
-    except OSError:
-        return 0
 
 
 def _empty_trajectory(engine: Engine, scenario: Scenario, status: RunStatus, message: str) -> Trajectory:

@@ -14,8 +14,8 @@ from typing import Any, ClassVar, Protocol, Self, runtime_checkable
 import numpy as np
 
 from looping_pendulum.engines import Profile as Profile
+from looping_pendulum.engines.facts import ValidatedRange, outside_range
 from looping_pendulum.engines.studies import Studies
-from looping_pendulum.engines.validated import ValidatedRange, outside_range
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.effects import Effect, EffectKind
 from looping_pendulum.reference_ode.geometry import Array

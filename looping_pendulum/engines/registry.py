@@ -6,47 +6,29 @@ import dataclasses
 import difflib
 import warnings
 from collections.abc import Collection, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from typing import Any
 
-from looping_pendulum.engines.protocol import Abilities, Engine, Profile, SteppedEngine
+from looping_pendulum.engines.facts import EngineFacts, Package, own_facts
+from looping_pendulum.engines.other_packages import DESCRIBED, Description, description, load
+from looping_pendulum.engines.protocol import Engine, Profile, SteppedEngine
 from looping_pendulum.errors import EngineError, MissingPackageError, ScenarioError
 from looping_pendulum.installation import install_command
+from looping_pendulum.pages import palette
+from looping_pendulum.processes import core_count
 from looping_pendulum.runs.trajectory import variant_label
 from looping_pendulum.scenarios.scenario import Scenario
 
-ADAPTERS = {
-    "reference": "looping_pendulum.engines.reference",
-    "mujoco": "looping_pendulum.engines.mujoco",
-    "pymunk": "looping_pendulum.engines.pymunk",
-    "pybullet": "looping_pendulum.engines.pybullet",
-}
-"""Engine name -> module of its adapter, which has ``engines(profile) -> list[Engine]``."""
-
 ENTRY_POINTS = "looping_pendulum.engines"
-"""Group of entry points by which other packages offer adapters: name -> module, as in `ADAPTERS`."""
-
-ENGINE_MEMBERS = ("name", "variant", "profile", "abilities", "settings", "simulate", "studies")
-"""Attributes and methods that an engine must have (`protocol.Engine`)."""
+"""Group of entry points by which packages, this one included, offer adapters: name -> module with ``engines(profile)``."""
+REFERENCE = EntryPoint("reference", "looping_pendulum.engines.reference", ENTRY_POINTS)
+"""The only adapter that is no entry point: without it nothing can be compared."""
 
 ALL_VARIANTS = "all"
 """Name by which a user selects every variant, including those that are only for studies."""
-
-DISTRIBUTIONS = {"pydrake": "drake"}
-"""Package, as Python imports it -> the name by which pip knows it, where the two differ."""
-
-WHERE_IT_INSTALLS = {
-    "pydrake": "Linux, from glibc 2.34 on; on a Mac with an ARM processor from Python 3.12 on; not on Windows",
-    "pyb2d3": "Linux, Macs with an ARM processor, and Windows on x86-64",
-    "rapier3d": "Linux, Macs with an ARM processor, and Windows on x86-64",
-    "exudyn": "all systems but Windows on ARM",
-    "newton": "all systems but Macs with an Intel processor, and Linux on ARM with a glibc before 2.34",
-    "mujoco": "all systems but Macs with an Intel processor and Windows on ARM",
-    "pybullet": "Linux on x86-64 with Python 3.11 only; elsewhere pip compiles it for many minutes, which needs a C++ compiler",
-}
-"""Package, as Python imports it -> the systems for which PyPI has it compiled, if they are not all (docs/install.md)."""
 
 
 class AdapterWarning(UserWarning):
@@ -63,19 +45,39 @@ def how_to_get(package: str, *, anywhere: bool = False) -> str:
 
     ``anywhere``: for text that is read on other machines (see `install_command`).
     """
-    where = f" ({WHERE_IT_INSTALLS[package]})" if package in WHERE_IT_INSTALLS else ""
-    return f"`{install_command(DISTRIBUTIONS.get(package, package), anywhere=anywhere)}`{where}"
+    known = {name: each for facts in _known_facts().values() for name, each in facts.packages.items()}
+    asked = known.get(package, Package(pip=package))
+    where = f" ({asked.systems})" if asked.systems else ""
+    return f"`{install_command(asked.pip, anywhere=anywhere)}`{where}"
+
+
+# ---- adapters
 
 
 @cache
 def adapter_modules() -> tuple[EntryPoint, ...]:
-    """Return the adapters of this package, then those of other packages in the order of their names."""
-    own = (EntryPoint(name, module, ENTRY_POINTS) for name, module in ADAPTERS.items())
-    return (*own, *sorted(set(entry_points(group=ENTRY_POINTS)), key=lambda point: (point.name, point.value)))
+    """Return the reference's adapter, those of this package, then those of other packages, each in the order of their names."""
+    offered = sorted(set(entry_points(group=ENTRY_POINTS)), key=lambda point: (not is_own(point), point.name, point.value))
+    return (REFERENCE, *offered)
+
+
+def is_own(adapter: EntryPoint) -> bool:
+    """Return whether an adapter is an engine's folder of this package; then every process that asks for it imports it."""
+    return adapter.value == f"{__package__}.{adapter.name}"
+
+
+def own_engines() -> set[str]:
+    """Return the names of this package's engines."""
+    return {adapter.name for adapter in adapter_modules() if is_own(adapter)}
+
+
+def adapter_packages() -> dict[str, str]:
+    """Map the name of each engine of another package to the distribution that offers its adapter."""
+    return {adapter.name: _package(adapter) for adapter in adapter_modules() if not is_own(adapter)}
 
 
 def _package(adapter: EntryPoint) -> str:
-    """Return the distribution that offers an adapter; empty for those of this package."""
+    """Return the distribution that offers an adapter; empty if it is not known."""
     return adapter.dist.name if adapter.dist else ""
 
 
@@ -95,51 +97,74 @@ def _warn(faults: dict[str, str]) -> None:
         warnings.warn(fault, AdapterWarning, stacklevel=3)
 
 
-def adapter_packages() -> dict[str, str]:
-    """Map the name of each engine of another package to the distribution that offers its adapter."""
-    return {adapter.name: _package(adapter) for adapter in adapter_modules() if adapter.name not in ADAPTERS}
+def load_engines(profile: Profile, names: Collection[str] | None = None) -> tuple[list[Engine], dict[str, str]]:
+    """Return all engines, and for each adapter of another package that cannot be used one line that says why.
 
-
-def load_engines(profile: Profile) -> tuple[list[Engine], dict[str, str]]:
-    """Return all engines, and for each adapter of another package that cannot be used one line that says why."""
+    ``names``: load these engines only, so that others' adapters are not even looked at.
+    """
+    adapters = [adapter for adapter in adapter_modules() if names is None or adapter.name in names]
+    found: dict[EntryPoint, Description | str] = {}
+    waiting: list[EntryPoint] = []
+    for adapter in adapters:
+        if not is_own(adapter):
+            if adapter.name in own_engines() | {other.name for other in waiting}:
+                found[adapter] = f"the name {adapter.name!r} is taken; needed another entry point name"
+            else:
+                waiting.append(adapter)
+    # At the same time, as one that hangs is waited for
+    with ThreadPoolExecutor(core_count()) as pool:
+        found |= zip(waiting, pool.map(description, waiting), strict=True)
     engines: list[Engine] = []
     faults: dict[str, str] = {}
-    for adapter in adapter_modules():
-        if not _package(adapter) and adapter.name in ADAPTERS:
-            # Not within the try: a fault in an adapter of this package is a bug, and must show
+    for adapter in adapters:
+        described = found.get(adapter)
+        if described is None:
+            # Not guarded: a fault in an adapter of this package is a bug, and must show
             engines += adapter.load().engines(profile)
-            continue
-        taken = {engine.name for engine in engines} | ADAPTERS.keys()
-        try:
-            engines += _engines_of_other_package(adapter, profile, taken)
-        except (Exception, SystemExit) as error:  # foreign code may raise anything, and must not end this program
-            why = str(error) if isinstance(error, EngineError) else f"{type(error).__name__}: {error}"
+        elif isinstance(described, Description):
+            engines += described.engines[profile]
+        else:
             faults[adapter.name] = (
                 f"engine {adapter.name!r} is left out: adapter {adapter.value} of the package {_package(adapter) or '?'}: "
-                f"{' '.join(why.split())}; mend or uninstall that package"
+                f"{' '.join(described.split())}; fix or uninstall that package"
             )
     return engines, faults
 
 
-def _engines_of_other_package(adapter: EntryPoint, profile: Profile, taken: Collection[str]) -> list[Engine]:
-    """Return the engines of another package's adapter, after checking what the other engines' results depend on."""
-    if adapter.name in taken:
-        raise EngineError(f"the name {adapter.name!r} is taken; needed another entry point name")
-    engines = list(adapter.load().engines(profile))
-    for engine in engines:
-        if not isinstance(engine, Engine):
-            lacking = [name for name in ENGINE_MEMBERS if not hasattr(engine, name)]
-            raise EngineError(f"engines() gave {type(engine).__name__} without {', '.join(lacking)}; see engines/protocol.py")
-        if engine.name != adapter.name:
-            raise EngineError(f"engines() gave one called {engine.name!r}; needed the entry point's name, {adapter.name!r}")
-        if not dataclasses.is_dataclass(engine.settings):
-            raise EngineError(f"{label(engine)}: settings are {type(engine.settings).__name__}, needed a frozen dataclass")
-        if not isinstance(engine.abilities, Abilities):
-            raise EngineError(f"{label(engine)}: abilities are {type(engine.abilities).__name__}, needed Abilities")
-    labels = [label(engine) for engine in engines]
-    if len(set(labels)) < len(labels):
-        raise EngineError(f"engines() gave two of one name among {', '.join(labels)}")
-    return engines
+# ---- facts
+
+
+def engine_facts(name: str) -> EngineFacts:
+    """Return the facts of an engine; empty ones where nobody states any."""
+    return _known_facts(name).get(name, EngineFacts())
+
+
+def _known_facts(*further: str) -> dict[str, EngineFacts]:
+    """Map engine -> facts: for those of this package, then for those of other packages, where they have been described.
+
+    ``further``: names of engines whose adapters are described for it.
+    """
+    facts = {adapter.name: own_facts(adapter.name) for adapter in adapter_modules() if is_own(adapter)}
+    for adapter in adapter_modules():
+        if adapter.name not in facts and (adapter.name in further or adapter in DESCRIBED):
+            found = description(adapter)
+            facts[adapter.name] = found.facts if isinstance(found, Description) else EngineFacts()
+    return facts
+
+
+def styles(labels: Iterable[str]) -> dict[str, palette.Style]:
+    """Return the style of each label, from the facts of the engines; see `palette.styles`."""
+    labels = tuple(labels)
+    facts = _known_facts(*(label.partition(":")[0] for label in labels))
+    stated = {
+        variant_label(engine, variant): (each.colour, each.symbol)
+        for engine, known in facts.items()
+        for variant, each in known.variants.items()
+    }
+    return palette.styles(labels, stated)
+
+
+# ---- engines by their names
 
 
 def unknown_engine_message(name: str, engines: Iterable[Engine]) -> str:
@@ -158,8 +183,9 @@ def missing_packages(engine: Engine) -> tuple[str, ...]:
 
 def _importable(package: str) -> bool:
     try:
-        return find_spec(package) is not None
-    except (ImportError, ValueError):  # for "a.b" if "a" is missing, and for a module that is only partly imported
+        # Of "a.b" only "a": to find the rest would import "a" in this process
+        return find_spec(package.partition(".")[0]) is not None
+    except ValueError:  # for a module that is only partly imported
         return False
 
 
@@ -177,19 +203,20 @@ def select(names: Iterable[str], profile: Profile) -> list[Engine]:
         If a name is not known (the message lists those that are), or if it is that of an adapter which cannot be used.
     """
     names = tuple(names)
-    engines, faults = load_engines(profile)
+    asked = {name.partition(":")[0] for name in names}
+    engines, faults = load_engines(profile, None if ALL_VARIANTS in names else asked)
     if ALL_VARIANTS in names:
         _warn(faults)
     chosen: list[Engine] = []
     for name in names:
         # Another package's faulty adapter under one of our names does not make our engine unusable
-        if name.partition(":")[0] in faults.keys() - ADAPTERS.keys():
+        if name.partition(":")[0] in faults.keys() - own_engines():
             raise EngineError(f"--engine: {faults[name.partition(':')[0]]}")
         matches = [engine for engine in engines if name in (engine.name, label(engine))]
         if name == ALL_VARIANTS:
             matches = [engine for engine in engines if engine.name != "reference"]
         if not matches:
-            raise EngineError(f"--engine: {unknown_engine_message(name, engines)}")
+            raise EngineError(f"--engine: {unknown_engine_message(name, load_engines(profile)[0])}")
         chosen += [engine for engine in matches if engine not in chosen]
     return chosen
 
@@ -214,6 +241,11 @@ def engine(name: str, *, profile: Profile | str = Profile.QUICK, **settings: Any
         If the engine is not installed.
     """
     found = select([name], Profile(profile))
+    (adapter,) = (adapter for adapter in adapter_modules() if adapter.name == found[0].name)
+    if not is_own(adapter):
+        # Asked for in this process, it may be imported here
+        wanted = {label(one) for one in found}
+        found = [one for one in load(adapter, Profile(profile)) if label(one) in wanted]
     if len(found) > 1:
         found = [one for one in found if one.abilities.main]
     if len(found) != 1:
@@ -244,8 +276,9 @@ def expand_tolerances(scenario: Scenario, profile: Profile) -> Scenario:
     ScenarioError
         If a tolerance names an engine that no installed package offers, or one without a main variant.
     """
-    engines, faults = load_engines(profile)
-    variants = {name: _variants(name, scenario.name, engines, faults) for name in {t.engine for t in scenario.tolerances}}
+    named = {t.engine for t in scenario.tolerances}
+    engines, faults = load_engines(profile, {name.partition(":")[0] for name in named})
+    variants = {name: _variants(name, scenario.name, engines, faults, profile) for name in named}
     explicit = {(t.engine, t.profile, t.metric) for t in scenario.tolerances}
     tolerances = [
         dataclasses.replace(tolerance, engine=variant)
@@ -256,12 +289,12 @@ def expand_tolerances(scenario: Scenario, profile: Profile) -> Scenario:
     return dataclasses.replace(scenario, tolerances=tuple(tolerances))
 
 
-def _variants(name: str, scenario: str, engines: Sequence[Engine], faults: dict[str, str]) -> list[str]:
+def _variants(name: str, scenario: str, engines: Sequence[Engine], faults: dict[str, str], profile: Profile) -> list[str]:
     """Return the labels of the variants that ``name`` refers to."""
     if name in {label(engine) for engine in engines}:
         return [name]
     fault = faults.get(name.partition(":")[0])
-    if fault is not None and name.partition(":")[0] not in ADAPTERS:
+    if fault is not None and name.partition(":")[0] not in own_engines():
         raise ScenarioError(f"{scenario}: tolerances: {fault}")
     same_engine = [engine for engine in engines if engine.name == name]
     main = [label(engine) for engine in same_engine if engine.abilities.main]
@@ -270,7 +303,7 @@ def _variants(name: str, scenario: str, engines: Sequence[Engine], faults: dict[
     if same_engine:
         choice = ", ".join(label(engine) for engine in same_engine)
         raise ScenarioError(f"{scenario}: tolerances: {name!r} has no main variant; write one of {choice}")
-    raise ScenarioError(f"{scenario}: tolerances: {unknown_engine_message(name, engines)}")
+    raise ScenarioError(f"{scenario}: tolerances: {unknown_engine_message(name, load_engines(profile)[0])}")
 
 
 def why_no_tolerances(scenario: Scenario, profile: str, asked: Collection[str] | None) -> str:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from looping_pendulum.engines.facts import QUANTITIES, VALIDATED_METRICS
 from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.engines.registry import label
-from looping_pendulum.engines.validated import QUANTITIES, VALIDATED_METRICS
 from looping_pendulum.pages.numbers import amount
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.parameters import Parameters

@@ -99,7 +99,9 @@ def live_model(release: Release) -> LiveModel:
 def quantities(mode: Mode, names: tuple[str, ...], effects: Effects) -> tuple[Any, ...]:
     """Return what can be seen and drawn of an instant, in the order in which `run.js` reads it; vectors are x and y.
 
-    The last two are |ln(T2/T1)| of a taut string that no clamp holds, and the most that the rod can hold; else they are 0.
+    |ln(T2/T1)| of a taut string that no clamp holds, and the most that the rod can hold, are else 0. The accelerations of the
+    masses [m/s^2] come last: with the light one's velocity -u e1 + w t1 and the turning theta', it is
+    (w theta' - u') e1 + (w' + u theta') t1 (see `reference_ode.equations`).
     """
     symbols = Symbols(names, effects)
     system, xp, y, p, parameters = symbols.system, ExpressionMath(symbols.graph), symbols.y, symbols.p, symbols.parameters()
@@ -108,6 +110,9 @@ def quantities(mode: Mode, names: tuple[str, ...], effects: Effects) -> tuple[An
     light = light_mass_position(xp, y, 0.0, p, effects)
     heavy = heavy_mass_position(xp, y, 0.0, p, effects)
     velocity = light_velocity(xp, y.wrap_angle, y.retreat_speed, y.across_speed)
+    rates = system.equations.rates(mode, symbols.t, y, symbols.signs)
+    along = y.across_speed * rates.wrap_angle - rates.retreat_speed
+    across = rates.across_speed + y.retreat_speed * rates.wrap_angle
     from_the_air = tuple(effect for effect in effects if effect.name not in NOT_FROM_THE_AIR)
     holds = mode in HOLDING_MODES
     return (
@@ -124,6 +129,8 @@ def quantities(mode: Mode, names: tuple[str, ...], effects: Effects) -> tuple[An
         *vector_xy(xp, y.wrap_angle, *forces.force_on_light_mass(xp, k, p, from_the_air)),
         abs(xp.log(tensions[1] / tensions[0])) if holds else 0.0,
         forces.holding_exponent(xp, k, p, effects) if holds else 0.0,
+        *vector_xy(xp, y.wrap_angle, along, across),
+        rates.heavy_speed,
     )
 
 

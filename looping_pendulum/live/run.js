@@ -36,7 +36,7 @@ const [STEP_HEAD, TERMS] = [3, 8];
 /** Rows for which there is room at first. */
 const [EVENT_ROOM, STEP_ROOM] = [128, 1024];
 /** Numbers that `quantities` of models.py gives. */
-const QUANTITIES = 18;
+const QUANTITIES = 21;
 
 /** @typedef {{core: Core, models: import("./core.js").LoadedModel[], requirements: number}} Machine */
 /** @type {Machine | null} */
@@ -203,8 +203,8 @@ export class Run {
   }
 
   /**
-   * Return what is to be seen at t [s], from 0 to the end (`(i / n) * endTime` never passes it): positions and velocities (x to
-   * the right, y up, from the rod's centre) [m, m/s], angle [rad], lengths [m], tensions [N], energies [J] (`lost`: since the
+   * Return what is to be seen at t [s], from 0 to the end (`(i / n) * endTime` never passes it): positions, velocities and
+   * accelerations (x to the right, y up, from the rod's centre) [m, m/s, m/s^2], angle [rad], lengths [m], tensions [N], energies [J] (`lost`: since the
    * release, negative where wind or a side force gave more), the force of the air on the light mass [N], and of a taut string
    * that no clamp holds |ln(T2/T1)|, which the rod's friction keeps up (`needed`), beside the most that it can hold (`bound`);
    * else `holding` is null.
@@ -226,6 +226,8 @@ export class Run {
       heavy: [q[2], q[3]],
       lightVelocity: [q[4], q[5]],
       heavyVelocity: [0, q[6]],
+      lightAcceleration: [q[18], q[19]],
+      heavyAcceleration: [0, q[20]],
       wrapAngle: q[7],
       freeLength: q[8],
       slack: q[9],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from looping_pendulum.files import utf8
@@ -12,6 +12,8 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's colour-blind-safe palette without black (the reference) and yellow (faint on white)."""
 DARK_COLOURS = ("#4DA3E0", "#FF8A3D", "#2CC9A0", "#E8A0CB", "#F7BF3E", "#9AD8FF")
 """The same hues in the same order, lighter, for a dark background."""
+COLOUR_NAMES = ("blue", "vermilion", "green", "purple", "orange", "sky")
+"""Names of these hues, in their order."""
 GREY = "0.55"
 """Of lines that are no run: limits, zeros, the declared model."""
 DASHES: tuple[tuple[float, ...], ...] = ((1, 0), (6, 2), (2, 1.5), (6, 2, 1.5, 2), (9, 3), (4, 1.5, 1, 1.5, 1, 1.5))
@@ -31,49 +33,45 @@ class Style:
     """Index of the colour in `COLOURS`; pages use ``var(--run-SLOT)``, which depends on the background."""
 
 
-KNOWN_LABELS = (
-    # The variants that run if none is named, and Drake's
-    "mujoco:capstan",
-    "pymunk:chain",
-    "pybullet:chain",
-    "mujoco:documented",
-    "mujoco:beads",
-    "drake:chain",
-    # No two variants of one engine have the same colour
-    "box2d:chain",
-    "mujoco:frictionloss",
-    "mujoco:defaults",
-    "rapier:chain",
-    "newton:tendon",
-    "pybullet:defaults",
-    "reference",
-    "exudyn:cable",
-)
-"""Labels of this package's engines: the place of each gives its style, which is the same on every page and in every figure."""
+Look = tuple[str, str]
+"""Name of a colour and a marker, each empty if none is stated."""
 
 
-def styles(labels: Iterable[str]) -> dict[str, Style]:
-    """Return a style per label: always the same for one of `KNOWN_LABELS`, for another one chosen by its checksum.
+def styles(labels: Iterable[str], stated: Mapping[str, Look]) -> dict[str, Style]:
+    """Return a style per label, which does not depend on the labels that it is shown with, unless it is chosen here.
 
-    Of other labels with the same checksum, later ones by the alphabet take the next free style.
+    Parameters
+    ----------
+    labels
+        Of those that are shown.
+    stated
+        Label -> look of all that state one, shown or not. Of two that state the same, the later gets another marker. A label
+        that states none gets a colour by its checksum; of several, those later by the alphabet take what is used least.
     """
-    given = set(labels)
-    slots = {label: slot for slot, label in enumerate(KNOWN_LABELS) if label in given}
-    count, taken = len(COLOURS), set[int]()
-    for label in sorted(given - slots.keys()):
+    given, count = set(labels), len(COLOURS)
+    looks: dict[str, tuple[int, int]] = {}
+
+    def give(label: str, colour: int, shape: int) -> None:
+        """Give ``label`` this colour, and the first shape from ``shape`` on that none has with it."""
+        shapes = [(shape + k) % count for k in range(count)]
+        looks[label] = colour, next((each for each in shapes if (colour, each) not in looks.values()), shape)
+
+    for label, (name, marker) in stated.items():
+        if name:
+            stated_slot = COLOUR_NAMES.index(name)
+            give(label, stated_slot, MARKERS.index(marker) if marker else stated_slot)
+    used = [0] * count
+    for label in sorted(given - looks.keys()):
         # Not hash(), which differs from process to process
         wanted = zlib.crc32(utf8(label)) % count
-        free = [slot for k in range(count) if (slot := (wanted + k) % count) not in taken]
-        slot = free[0] if free else len(taken)
-        taken.add(slot)
-        # Behind the known ones, so that a colour that both have goes with other dashes and markers
-        slots[label] = len(KNOWN_LABELS) + slot
-    made = {}
-    for label, slot in slots.items():
-        # Each round through the colours pairs them with other dashes and markers
-        shape = (slot + slot // count) % count
-        made[label] = Style(colour=COLOURS[slot % count], dashes=DASHES[shape], marker=MARKERS[shape], slot=slot % count)
-    return made
+        slot = min(((wanted + k) % count for k in range(count)), key=used.__getitem__)
+        used[slot] += 1
+        give(label, slot, slot)
+    return {
+        label: Style(colour=COLOURS[colour], dashes=DASHES[shape], marker=MARKERS[shape], slot=colour)
+        for label, (colour, shape) in looks.items()
+        if label in given
+    }
 
 
 def colour_rules() -> str:

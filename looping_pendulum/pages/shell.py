@@ -10,11 +10,12 @@ from functools import cache, lru_cache
 from importlib.resources import files
 from typing import Any
 
-from jinja2 import DictLoader, Environment, StrictUndefined, Template
+from jinja2 import Template
 from markupsafe import Markup
 from rcssmin import cssmin
 
 from looping_pendulum.pages.palette import colour_rules
+from looping_pendulum.pages.templates import html_templates
 
 SHARED_PACKAGE = "looping_pendulum.pages"
 """Package whose ``assets`` folder holds the files that all pages share."""
@@ -77,11 +78,7 @@ def page(
 
 @cache
 def _compiled(package: str, template: str) -> Template:
-    sources = {"base.html": asset(SHARED_PACKAGE, "base.html"), template: asset(package, template)}
-    # StrictUndefined: a misspelt variable is an error, not an empty place on the page
-    environment = Environment(
-        loader=DictLoader(sources), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
+    environment = html_templates(lambda name: asset(SHARED_PACKAGE if name == "base.html" else package, name))
     return environment.get_template(template)
 
 

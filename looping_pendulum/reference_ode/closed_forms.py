@@ -89,11 +89,16 @@ def held_period(parameters: Parameters) -> float:
     return float(2 * integrand.sum() * math.pi / HELD_PERIOD_NODES)
 
 
-def release_acceleration(parameters: Parameters) -> tuple[float, float, float]:
+def release_acceleration(parameters: Parameters, friction: float | None = None) -> tuple[float, float, float]:
     """Return the accelerations of a looping release at t = 0: light mass x and y, heavy mass y [m/s^2].
 
     From rest, at the wrap angle theta, with E = exp(mu theta) the ratio of the tensions over a rod on which the string slides:
     M1 u' = -M1 g cos(theta) - T1 along the string, M2 u' = T1 E - M2 g, and g sin(theta) across it. Drag is zero at rest.
+
+    Parameters
+    ----------
+    friction
+        Another coefficient mu in place of the kinetic one, which may be negative here.
 
     Raises
     ------
@@ -104,7 +109,7 @@ def release_acceleration(parameters: Parameters) -> tuple[float, float, float]:
     weight = -p.light_mass * math.cos(theta)
     if p.heavy_mass <= weight * math.exp(p.coefficients["static_friction"] * theta):
         raise ValueError("release_acceleration: the rod holds the string; needs a heavier heavy mass")
-    ratio = math.exp(p.coefficients["kinetic_friction"] * theta)
+    ratio = math.exp((p.coefficients["kinetic_friction"] if friction is None else friction) * theta)
     rate = gravity * (weight * ratio - p.heavy_mass) / (p.heavy_mass + p.light_mass * ratio)
     return (*light_velocity(math, theta, rate, gravity * math.sin(theta)), rate)
 

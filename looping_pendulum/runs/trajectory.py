@@ -31,8 +31,14 @@ SAMPLE_INTERVAL = 1e-3
 SAME_TIME = 1e-9
 """Largest difference of two times that count as equal [s]: sample times are multiples of a millisecond, but for rounding."""
 
+LARGEST = 1e9
+"""Largest position [m] or speed [m/s] that counts as a number: nothing is so far, and the squares of the largest overflow."""
+
 OPTIONAL_COLUMNS = 1
 """How many of the last `COLUMNS` a sample may leave out."""
+
+FURTHER_COLUMNS = ("free_length", "wrap_angle", "mode", "light_tension", "heavy_tension")
+"""Values at each sample that only an engine states which knows them itself, as fields of a `Trajectory`."""
 
 UNKNOWN_MODE = -1
 """Mode of a sample whose engine does not report whether the string slides or sticks."""
@@ -50,6 +56,7 @@ class RunStatus(StrEnum):
     OUT_OF_REACH = "a mass flew farther from the rod than its string reaches; shorten the time step or raise solver iterations"
     TIME_LIMIT = "stopped by its time limit; raise --time-limit or use --profile quick"
     MEMORY_LIMIT = "stopped by its memory limit; raise --memory-limit or use --profile quick"
+    DISK_LIMIT = "stopped because it wrote more files than a run may; let the engine write less"
     CRASHED = "the engine's process died; its output says more"
     FAILED = "the engine raised an error"
     MISSING = "the engine is not installed; `looping-pendulum engines` says how to get it"
@@ -223,20 +230,29 @@ def _check_column_count(count: int) -> None:
 
 
 def from_samples(samples: Array, *, parameters: Parameters, **fields: Any) -> Trajectory:
-    """Return a trajectory made from rows of `COLUMNS`; wrap angle and free length are computed from the positions.
+    """Return a trajectory made from samples; free length and wrap angle are computed from positions where they are not known.
 
     Parameters
     ----------
     samples
-        Shape (n, 11), or (n, 10) without the string's slip.
+        Rows of `COLUMNS`, with or without the string's slip and `FURTHER_COLUMNS`: shape (n, 10), (n, 11) or (n, 16).
+        A further column without any number is not known.
 
     Raises
     ------
     EngineError
         If a sample has another number of values.
     """
-    _check_column_count(samples.shape[1])
-    slip = samples[:, 10] if samples.shape[1] > 10 else np.empty(0)
+    count = samples.shape[1]
+    further: dict[str, Any] = {}
+    if count == len(COLUMNS) + len(FURTHER_COLUMNS):
+        columns = dict(zip(FURTHER_COLUMNS, samples[:, len(COLUMNS) :].T, strict=True))
+        further = {name: column for name, column in columns.items() if np.isfinite(column).any()}
+    else:
+        _check_column_count(count)
+    if "mode" in further:
+        further["mode"] = np.where(np.isnan(further["mode"]), UNKNOWN_MODE, further["mode"]).astype(np.int8)
+    slip = samples[:, 10] if count > 10 else np.empty(0)
     light = samples[:, 1:3]
     free_length, wrap_angle = string_coordinates(light, parameters.rod_radius, parameters.release_angle)
     if parameters.release is Release.DROP:
@@ -255,7 +271,7 @@ def from_samples(samples: Array, *, parameters: Parameters, **fields: Any) -> Tr
         string_stretch=samples[:, 9],
         string_slip=slip if np.isfinite(slip).any() else None,
         # An engine that knows mode, free length or wrap angle itself passes its own
-        **(defaults | fields),
+        **(defaults | further | fields),
     )
 
 
@@ -267,11 +283,11 @@ def supplies_as_rows(supplies: Supplies) -> list[tuple[str, str, str]]:
 
 
 def finite_length(run: Trajectory) -> int:
-    """Return the number of samples before the first that is not finite."""
+    """Return the number of samples before the first that is not finite, or above `LARGEST`."""
     if len(run.t) == 0:
         return 0
     columns = (run.light_position, run.heavy_position, run.heavy_velocity)
-    bad = ~np.isfinite(np.hstack(columns)).all(axis=1)
+    bad = ~(np.abs(np.hstack(columns)) <= LARGEST).all(axis=1)  # NaN compares as false
     return int(np.argmax(bad)) if bad.any() else len(run.t)
 
 

@@ -192,7 +192,28 @@ def _limit_of(metric: Metric) -> KeyGroup:
     )
 
 
-_LIMITS = KeyGroup(keys={name: Key(_limit_of(metric), metric.description) for name, metric in METRICS.items()})
+class _Limits(FieldType):
+    """Limits on metrics; those of other packages are known only once a file or its schema is read."""
+
+    @property
+    def _group(self) -> KeyGroup:
+        return KeyGroup(keys={name: Key(_limit_of(metric), metric.description) for name, metric in METRICS.items()})
+
+    def read(self, raw: object, /) -> Any:
+        """Return metric -> its limit."""
+        return self._group.read(raw)
+
+    def write(self, value: Any, /) -> Any:
+        """Return metric -> its limit as a file has it."""
+        return self._group.write(value)
+
+    @property
+    def json_schema(self) -> JsonSchemaValue:
+        """Return the JSON Schema of the limits."""
+        return self._group.json_schema
+
+
+_LIMITS = _Limits()
 
 
 class ProfilesGroup(Group):

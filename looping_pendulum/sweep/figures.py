@@ -19,8 +19,8 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FormatStrFormatter, MaxNLocator
 from numpy.typing import NDArray
 
+from looping_pendulum.engines.registry import styles
 from looping_pendulum.pages.drawing import new_figure, png
-from looping_pendulum.pages.palette import styles
 from looping_pendulum.reference_ode.transitions import Event
 from looping_pendulum.sweep.cells import ENDING_DESCRIPTIONS, ENDINGS
 from looping_pendulum.sweep.plan import REFERENCE, Axis, MapPlan, Sample

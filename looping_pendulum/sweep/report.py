@@ -6,14 +6,17 @@ The map is read from its store chunk by chunk, so that memory use does not grow 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jinja2 import Environment
 
 from looping_pendulum.files import optional_output, write_atomically
-from looping_pendulum.pages.markdown import table
+from looping_pendulum.pages.markdown import fenced
 from looping_pendulum.pages.numbers import number
+from looping_pendulum.pages.templates import markdown_templates, sections
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.sweep.cells import ENDING_DESCRIPTIONS, ENDINGS, FIELDS
 from looping_pendulum.sweep.plan import Axis, MapPlan, Sample
@@ -105,16 +108,29 @@ def _add(summary: EngineSummary, values: dict[str, Any], given: dict[str, Array]
 
 def map_markdown(plan: MapPlan, summaries: list[EngineSummary], captions: dict[str, str]) -> str:
     """Return the report in Markdown: verdict, figures, tables, provenance."""
-    parts = [f"# {plan.title}", *(verdict(one, several=plan.several) for one in summaries)]
-    if plan.description:
-        parts.append(plan.description)
-    parts += [f"![{caption}]({name})\n\n{caption}" for name, caption in captions.items()]
-    parts += ["## What was varied", _axes_table(plan, summaries)]
-    for one in summaries:
-        of = f": {one.engine}" if plan.several else ""
-        parts += [f"## How runs ended{of}", _ends_table(one), f"## Ranges{of}", _ranges_table(one)]
-    parts += ["## Provenance", _provenance(plan), f"## Map file\n\n```yaml\n{plan.text.strip()}\n```"]
-    return "\n\n".join(part.strip() for part in parts) + "\n"
+    report = sections(
+        _templates(),
+        "map.md.jinja",
+        plan=plan,
+        summaries=summaries,
+        captions=captions,
+        metadata=attributes(plan),
+        sample=plan.design if isinstance(plan.design, Sample) else None,
+    )
+    # Not by the template, which removes empty lines: this is the file as it is
+    return "\n".join([*report, f"## Map file\n\n{fenced(plan.text, 'yaml')}\n"])
+
+
+@cache
+def _templates() -> Environment:
+    environment = markdown_templates("looping_pendulum.sweep")
+    environment.filters |= {
+        "formatted": lambda value, axis: _formatted(axis, float(value)),
+        "percent_of": _percent,
+        "sentence": verdict,
+    }
+    environment.globals |= {"ENDING_DESCRIPTIONS": ENDING_DESCRIPTIONS, "UNITS": {field.name: field.unit for field in FIELDS}}
+    return environment
 
 
 def verdict(one: EngineSummary, *, several: bool = False) -> str:
@@ -131,62 +147,6 @@ def _percent(part: int, whole: int) -> str:
     return f"{number(100 * part / whole)} %"
 
 
-def _axes_table(plan: MapPlan, summaries: list[EngineSummary]) -> str:
-    head = ["quantity", "meaning", "from", "to", "values"]
-    for one in summaries:
-        of = f" ({one.engine})" if plan.several else ""
-        head += [f"lowest that halts{of}", f"highest that halts{of}"]
-    rows = []
-    for axis in plan.design.axes:
-        count = "sample" if isinstance(plan.design, Sample) else str(len(axis.values))
-        cells = [
-            axis.name,
-            axis.meaning,
-            _formatted(axis, float(axis.values[0])),
-            _formatted(axis, float(axis.values[-1])),
-            count,
-        ]
-        for one in summaries:
-            where = one.where_halting[axis.name]
-            cells += [_formatted(axis, where.low), _formatted(axis, where.high)] if where.count else ["–", "–"]
-        rows.append(cells)
-    return table(head, rows, left=len(head))
-
-
 def _formatted(axis: Axis, value: float) -> str:
     """Return ``value`` [SI] in the unit of the map file."""
     return f"{number(value / axis.scale, digits=6)} {axis.written}".strip()
-
-
-def _ends_table(one: EngineSummary) -> str:
-    rows = [["halts: M2 rests until the light mass reaches the rod", str(one.halted), _percent(one.halted, one.runs)]]
-    for ending, count in sorted(one.ends.items(), key=lambda pair: -pair[1]):
-        rows.append([f"does not halt; {ENDING_DESCRIPTIONS[ending]}", str(count), _percent(count, one.runs)])
-    return table(["end", "runs", "share"], rows, left=3)
-
-
-def _ranges_table(one: EngineSummary) -> str:
-    units = {field.name: field.unit for field in FIELDS}
-    rows = []
-    for name, values in one.ranges.items():
-        of = f"{name} [{units[name]}]" if units[name] else name
-        cells = [number(value, digits=6) for value in (values.low, values.mean, values.high)] if values.count else ["–"] * 3
-        rows.append([of, *cells, str(values.count)])
-    return table(["quantity", "smallest", "mean", "largest", "runs that have it"], rows, left=5)
-
-
-def _provenance(plan: MapPlan) -> str:
-    metadata = attributes(plan)
-    versions = ", ".join(f"{package} {version}" for package, version in metadata["versions"].items())
-    rows = [
-        ["scenario", plan.scenario.name],
-        ["engine", ", ".join(plan.engines)],
-        ["tolerance of a step (reference)", f"{plan.tolerance:g}"],
-        ["limit on simulated time", f"{plan.duration:g} s"],
-        ["versions", versions],
-        ["SHA-256 of the map file", metadata["map_file_sha256"]],
-        ["map id (all that decides the results)", metadata["map_id"]],
-    ]
-    if isinstance(plan.design, Sample):
-        rows.insert(2, ["sample", f"{plan.design.method}, {plan.design.count} runs, seed {plan.design.seed}"])
-    return table(["", ""], rows, left=2)

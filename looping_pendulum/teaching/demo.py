@@ -14,15 +14,17 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.compare.align import Aligned
+from looping_pendulum.compare.deviation import EVENT_DESCRIPTIONS, events_to_show
+from looping_pendulum.compare.metrics import RMS_END_TIMES
 from looping_pendulum.compare.report import name
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, ResultSamples
-from looping_pendulum.compare.stories import EVENT_DESCRIPTIONS, PHYSICS_DESCRIPTIONS, events_to_show
+from looping_pendulum.compare.stories import PHYSICS_DESCRIPTIONS
 from looping_pendulum.compare.trial import RESIDUAL_UNITS, distance
 from looping_pendulum.engines.protocol import physics_of
+from looping_pendulum.engines.registry import styles
 from looping_pendulum.files import write_atomically
 from looping_pendulum.live.write import render as render_live
 from looping_pendulum.pages.numbers import number, quantity
-from looping_pendulum.pages.palette import styles
 from looping_pendulum.pages.report import glossary
 from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -32,7 +34,6 @@ from looping_pendulum.runs.events import Landmarks
 from looping_pendulum.runs.outcome import outcome
 from looping_pendulum.runs.tension import AVERAGING_TIME, tension_from_motion
 from looping_pendulum.runs.trajectory import UNKNOWN_MODE, Supplier, Supplies, Trajectory
-from looping_pendulum.scenarios.metrics import RMS_END_TIMES
 from looping_pendulum.scenarios.scenario import Scenario
 
 FILE = "demo.html"

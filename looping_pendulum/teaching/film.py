@@ -17,11 +17,12 @@ from matplotlib.patches import Circle
 from PIL import Image
 
 from looping_pendulum.compare.result import ComparisonResult
+from looping_pendulum.engines.registry import styles
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import write_atomically
 from looping_pendulum.pages.chart import tracked_points
 from looping_pendulum.pages.drawing import curve_look, without_mathtext
-from looping_pendulum.pages.palette import Style, styles
+from looping_pendulum.pages.palette import Style
 from looping_pendulum.processes import ReportShare
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release

@@ -10,8 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
+from looping_pendulum.engines.registry import styles
 from looping_pendulum.pages.drawing import new_figure, png, without_mathtext
-from looping_pendulum.pages.palette import Style, styles
+from looping_pendulum.pages.palette import Style
 from research.releases.result import CAPSTAN, QUANTITIES, ReleasesResult
 
 DRAWN = ("rms_0.35s", CAPSTAN.name)

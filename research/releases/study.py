@@ -36,7 +36,7 @@ from looping_pendulum.compare.run_cache import source_digest
 from looping_pendulum.engines.isolation import MEMORY_LIMIT, run_isolated
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import Reference
-from looping_pendulum.engines.registry import DISTRIBUTIONS, all_engines, label, unknown_engine_message
+from looping_pendulum.engines.registry import all_engines, engine_facts, label, unknown_engine_message
 from looping_pendulum.engines.static_capstan import FREE_LENGTH, measure_capstan_exponent
 from looping_pendulum.errors import EngineError, ResultError, shorten
 from looping_pendulum.files import file_stem, write_atomically
@@ -376,7 +376,8 @@ def _another_numpy_may_help(row: ReleaseRow) -> bool:
 def distribution_of(engine: Engine) -> str:
     """Return the package of an engine, as pip names it."""
     package = engine.abilities.packages[0]
-    return str(getattr(engine, "distribution", DISTRIBUTIONS.get(package, package)))
+    known = engine_facts(engine.name).packages
+    return known[package].pip if package in known else str(getattr(engine, "distribution", package))
 
 
 def interpreter_of(python: str, engines: Sequence[Engine]) -> Interpreter:

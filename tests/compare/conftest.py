@@ -77,7 +77,8 @@ def rows(t: np.ndarray, delay: float = 0.0) -> np.ndarray:
     free_length = p.string_length - p.hanging_length - fallen - p.rod_radius * angle
     x, y = light_position(np, free_length, angle, p.rod_radius)
     zero = np.zeros_like(t)
-    columns = (t, x, y, zero, zero, zero + p.rod_radius, -p.hanging_length - fallen, zero, -speed, zero)
+    vx, vy = (np.gradient(each, t) if len(t) > 1 else zero for each in (x, y))
+    columns = (t, x, y, vx, vy, zero + p.rod_radius, -p.hanging_length - fallen, zero, -speed, zero)
     assert len(columns) == len(COLUMNS) - OPTIONAL_COLUMNS
     return np.column_stack(columns)
 

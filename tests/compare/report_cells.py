@@ -2,8 +2,9 @@
 
 import dataclasses
 
-from looping_pendulum.compare.report import events_table
-from looping_pendulum.compare.result import Departure, MeasuredRow, ToleranceOutcome, ToleranceResult
+from looping_pendulum.compare.deviation import Departure
+from looping_pendulum.compare.report import comparison_markdown
+from looping_pendulum.compare.result import MeasuredRow, ToleranceOutcome, ToleranceResult
 from looping_pendulum.runs.events import RESOLUTIONS, HaltingTimeAt, Landmarks, Rebound, Stop
 
 OWN = Landmarks(
@@ -50,9 +51,15 @@ def limit(outcome, metric="rms_0.7s", value=2.2e-3, explanation="", **fields):
     return ToleranceResult(metric=metric, value=value, outcome=outcome, explanation=explanation, **(made | fields))
 
 
+def section(text, heading):
+    """The section of a report; empty without it."""
+    return next((part for part in text.split("\n## ") if part.startswith(f"{heading}\n")), "")
+
+
 def rendered(result, reference, own, end=1.0, engine=None):
     true = dataclasses.replace(result.reference, sampled=reference)
-    return events_table(with_engine(dataclasses.replace(result, reference=true), landmarks=own, end_time=end, **(engine or {})))
+    made = with_engine(dataclasses.replace(result, reference=true), landmarks=own, end_time=end, **(engine or {}))
+    return section(comparison_markdown(made), "Detail").partition("\n\nEvent times of")[2]
 
 
 def at(*times):

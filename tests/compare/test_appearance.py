@@ -15,7 +15,6 @@ import pytest
 
 from looping_pendulum.compare import compare, figures
 from looping_pendulum.compare.convergence import report as convergence_plots
-from looping_pendulum.compare.convergence.result import SequenceKind
 from looping_pendulum.measured.tables.events import MeasuredEventRow
 from looping_pendulum.pages.drawing import draw
 from looping_pendulum.pages.figures import on_page
@@ -64,19 +63,17 @@ def ladder():
     marks = list(convergence_plots.PATH_END_TIMES)
     rungs = [
         SimpleNamespace(
-            value=v, run=SimpleNamespace(rms={m: (1 + i) * v for i, m in enumerate(marks)}, halting_time_error=-3 * v)
+            value=v,
+            run=SimpleNamespace(
+                errors={m: (1 + i) * v for i, m in enumerate(marks)} | {convergence_plots.HALT: -3 * v},
+            ),
         )
         for v in steps
     ]
     verdicts = [
-        SimpleNamespace(quantity=marks[0], kind=SequenceKind.CONVERGES, order=1.02, limit_error=None, uncertainty=None),
-        *(
-            SimpleNamespace(quantity=m, kind=SequenceKind.SCATTERS, order=None, limit_error=None, uncertainty=None)
-            for m in marks[1:]
-        ),
-        SimpleNamespace(
-            quantity=convergence_plots.HALT, kind=SequenceKind.SETTLED, order=None, limit_error=1e-4, uncertainty=2e-4
-        ),
+        SimpleNamespace(quantity=marks[0], order=1.02, limit_error=1e-4, uncertainty=None),
+        *(SimpleNamespace(quantity=m, order=None, limit_error=None, uncertainty=None) for m in marks[1:]),
+        SimpleNamespace(quantity=convergence_plots.HALT, order=None, limit_error=1e-4, uncertainty=2e-4),
     ]
     to_limit = {m: [0.9 * v for v in steps] for m in marks}
     ladder = SimpleNamespace(rungs=rungs, verdicts=verdicts, to_limit=to_limit, setting="time_step", unit="s", own=4e-4)

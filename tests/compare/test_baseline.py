@@ -10,16 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from looping_pendulum.compare import baseline, compare, write
-from looping_pendulum.compare.baseline import (
-    MIN_CHANGE,
-    ResultChange,
-    changes_markdown,
-    changes_since,
-    heading,
-    read_baseline,
-    rows,
-)
+from looping_pendulum.compare import baseline, compare, json_text, write
+from looping_pendulum.compare.baseline import MIN_CHANGE, ResultChange, changes_since, read_baseline
 from looping_pendulum.compare.json_text import dump, load, plain
 from looping_pendulum.compare.report import comparison_markdown
 from looping_pendulum.compare.result import ComparisonResult
@@ -40,7 +32,7 @@ def test_the_same_run_again_changed_nothing(scenario, reference, make_run, missi
     again = ComparisonResult.from_json(first.to_json())
     changes = changes_since(again, second, source="old/result.json")
     assert changes.changes == ()
-    assert heading(changes) == f"Nothing changed since old/result.json (written {first.clock.written})."
+    assert changes.heading == f"Nothing changed since old/result.json (written {first.clock.written})."
 
 
 def test_a_metric_counts_above_the_fraction_and_above_the_floor(scenario, reference, make_run):
@@ -122,7 +114,7 @@ def test_the_report_has_a_section_and_the_folder_a_file(tmp_path, scenario, refe
     before = compare(scenario, reference, [make_run(shift=(3e-3, 0.0))])
     after = compare(scenario, reference, [make_run(shift=(1.5e-3, 0.0))])
     changes = changes_since(before, after, source="old")
-    assert ["pymunk:chain, quick", "metrics: rms_0.7s", "3 mm", "1.5 mm", "-50 %", "0.03 mm"] in rows(changes)
+    assert ["pymunk:chain, quick", "metrics: rms_0.7s", "3 mm", "1.5 mm", "-50 %", "0.03 mm"] in changes.table()[1]
     report = write(after, tmp_path, changes).read_text()
     heads = [line for line in report.splitlines() if line.startswith("##")]
     assert heads[:3] == ["## Verdict", "## Where, when and why", "## Changes since the baseline"]
@@ -133,7 +125,7 @@ def test_the_report_has_a_section_and_the_folder_a_file(tmp_path, scenario, refe
     assert {(c["run"], c["what"]) for c in tree["changes"]} >= {(RUN, "metrics: rms_0.7s")}
     assert ComparisonResult.from_json((tmp_path / "result.json").read_text()) == after
     assert "since the baseline" not in comparison_markdown(after)
-    assert "Nothing changed" in changes_markdown(changes_since(after, after))
+    assert "Nothing changed" in comparison_markdown(after, changes=changes_since(after, after))
 
 
 def test_a_baseline_is_a_file_or_its_folder(tmp_path, scenario, reference, make_run):
@@ -167,7 +159,7 @@ def test_what_is_no_baseline_is_one_line(tmp_path, scenario, reference, make_run
 
 
 def test_a_missing_or_odd_file_is_one_line(tmp_path):
-    with pytest.raises(ResultError, match=r"No such file.*looping-pendulum compare made_up"):
+    with pytest.raises(ResultError, match=r"No such file.*looping-pendulum compare`"):
         read_baseline(tmp_path / "nowhere.json", "made_up")
     (tmp_path / "bytes").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ResultError, match="not text"):
@@ -222,16 +214,16 @@ def change(before, after, unit="m", tolerance=1e-6):
     ],
 )
 def test_a_row_has_both_values_in_their_unit_and_the_share(one, row):
-    assert rows(made(one)) == [row]
+    assert made(one).table()[1] == [row]
 
 
 @pytest.mark.parametrize(("count", "said"), [(0, "Nothing changed"), (1, "1 change"), (2, "2 changes"), (11, "11 changes")])
-def test_the_heading_counts(count, said):
+def test_the_heading_counts(result, count, said):
     changes = made(*[change(1, 2)] * count)
-    assert heading(changes) == f"{said} since old (written then)."
-    assert heading(dataclasses.replace(changes, baseline="")) == f"{said} since the baseline (written then)."
-    text = changes_markdown(changes)
-    assert text.startswith(f"{said} since old (written then).\n")
+    assert changes.heading == f"{said} since old (written then)."
+    assert dataclasses.replace(changes, baseline="").heading == f"{said} since the baseline (written then)."
+    text = comparison_markdown(result, changes=changes)
+    assert f"\n\n{said} since old (written then).\n" in text
     assert text.count(f"| {ME} | x | ") == count
 
 
@@ -337,8 +329,8 @@ def test_a_limit_that_is_new_or_gone_is_reported(scenario, reference, make_run, 
 
 
 def test_a_file_that_is_far_too_large_is_not_read(tmp_path, monkeypatch):
-    assert baseline.MAX_BASELINE_BYTES == 64 * 2**20
-    monkeypatch.setattr(baseline, "MAX_BASELINE_BYTES", 3 * 2**20)
+    assert json_text.MAX_BYTES == 64 * 2**20
+    monkeypatch.setattr(json_text, "MAX_BYTES", 3 * 2**20)
     path = tmp_path / "big.json"
     path.write_bytes(b" " * (3 * 2**20 + 1))
     with pytest.raises(ResultError, match="found more than 3 MiB, needed a result.json"):

@@ -4,6 +4,7 @@ import dataclasses
 import io
 import json
 import re
+import threading
 import warnings
 
 import numpy as np
@@ -13,23 +14,23 @@ from typer.testing import CliRunner
 from looping_pendulum.cli.main import app
 from looping_pendulum.compare import run_cache
 from looping_pendulum.compare.convergence import report as plots
-from looping_pendulum.compare.convergence.report import convergence_markdown, halting_verdict
-from looping_pendulum.compare.convergence.result import HALT, ConvergenceResult, ErrorCause, SequenceKind
+from looping_pendulum.compare.convergence.report import convergence_markdown
+from looping_pendulum.compare.convergence.result import HALT, ConvergenceResult, Verdict
 from looping_pendulum.compare.convergence.study import (
     changed_starts,
     cut_to_watched,
     evaluate_variant,
-    floors,
     plan_variant,
     reference_target,
     study_convergence,
     write,
 )
-from looping_pendulum.compare.run_cache import DamagedRunWarning, EndedRun, RunCache, Runner, RunTask, run_key
+from looping_pendulum.compare.run_cache import DamagedRunWarning, RunTask, load_run, make_runs, run_key, store_run
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import select
 from looping_pendulum.engines.studies import Ladder, Studies
+from looping_pendulum.runs.trajectory import RunStatus
 from looping_pendulum.scenarios import load
 from tests.compare.delayed import DelayedEngine
 
@@ -55,13 +56,12 @@ def studied(engine, scenario, targets):
     """Study of one variant, its runs made in this process."""
     reference, moved, starts = targets
     made = plan_variant(engine, scenario, starts)
-    done = {task.key: EndedRun(run=task.engine.simulate(task.scenario), seconds=1.0) for task in made.tasks()}
-    return evaluate_variant(made, done, reference, moved, floors(reference))
+    return evaluate_variant(made, {task.key: task.engine.simulate(task.scenario) for task in made.tasks()}, reference, moved)
 
 
 def halting(study):
-    verdict = next(v for v in study.ladders[0].verdicts if v.quantity == HALT)
-    return verdict, next(s for s in study.splits if s.quantity == HALT)
+    """Return the verdicts on the halting time: of the first ladder, and of all ladders."""
+    return tuple(next(v for v in verdicts if v.quantity == HALT) for verdicts in (study.ladders[0].verdicts, study.verdicts))
 
 
 def test_runs_are_watched_to_after_the_halt(scenario):
@@ -71,41 +71,48 @@ def test_runs_are_watched_to_after_the_halt(scenario):
     assert cut_to_watched(load("ten_to_one"), 0.4).duration == 0.4
 
 
-def test_a_first_order_delay_is_not_converged(scenario, targets):
-    study = studied(DelayedEngine(order=1.0, slope=0.5), scenario, targets)
-    verdict, split = halting(study)
-    assert verdict.kind is SequenceKind.CONVERGES
-    assert verdict.order == pytest.approx(1.0, abs=0.05)
-    assert verdict.limit == pytest.approx(targets[0].numbers[HALT], abs=verdict.uncertainty)
-    assert split.causes == (ErrorCause.NOT_CONVERGED,)
-    assert split.error == pytest.approx(0.5 * 4e-4, abs=2e-6)
-    assert split.numerics == pytest.approx(split.error, abs=split.numerics_uncertainty)
-    path = study.splits[1]
-    assert path.causes == (ErrorCause.NOT_CONVERGED,)
-    assert halting_verdict(study).startswith("yes, to within")
+def test_a_first_order_delay_leads_to_the_reference_but_is_not_there(scenario, targets):
+    study = studied(DelayedEngine(order=1.0, slope=5.0), scenario, targets)
+    ladder, variant = halting(study)
+    assert ladder.order == pytest.approx(1.0, abs=0.05)
+    assert ladder.limit_error == pytest.approx(0.0, abs=ladder.uncertainty)
+    assert (ladder.verdict, variant.verdict) == (Verdict.NOT_CONVERGED, Verdict.NOT_CONVERGED)
+    assert study.own.errors[HALT] == pytest.approx(5.0 * 4e-4, abs=2e-6)
+    assert variant.refinement == pytest.approx(2e-3, abs=variant.uncertainty)
+    assert study.verdicts[1].verdict is Verdict.NOT_CONVERGED, "the path to 0.7 s"
+    assert "add finer rungs" in ladder.sentence
+    assert "refine time_step further, which changes it by 2 ms" in variant.sentence
 
 
-def test_an_offset_at_the_limit_is_a_different_model(scenario, targets):
-    _, split = halting(studied(DelayedEngine(order=2.0, slope=100.0, offset=2e-4), scenario, targets))
-    assert split.causes == (ErrorCause.MODEL, ErrorCause.NOT_CONVERGED)
-    assert split.model == pytest.approx(2e-4, abs=split.model_uncertainty)
-    assert split.numerics == pytest.approx(100 * 4e-4**2, abs=split.numerics_uncertainty)
+def test_a_small_delay_is_converged(scenario, targets):
+    study = studied(DelayedEngine(order=2.0, slope=100.0), scenario, targets)
+    ladder, variant = halting(study)
+    assert (ladder.verdict, variant.verdict) == (Verdict.CONVERGED, Verdict.CONVERGED)
+    assert ladder.order == pytest.approx(2.0, abs=0.1)
+    assert "0.8 ms is fine enough" in ladder.sentence
 
 
-def test_an_offset_that_another_choice_takes_away_is_the_adapters(scenario, targets):
-    study = studied(DelayedEngine(slope=0.01, offset=2e-4, other_offset=0.0), scenario, targets)
-    _, split = halting(study)
-    assert split.causes[0] is ErrorCause.CHOICE
-    assert split.choice == pytest.approx(2e-4, abs=3e-6)
-    assert split.choice_of == "when it starts: then"
+def test_an_offset_is_another_limit(scenario, targets):
+    ladder, variant = halting(studied(DelayedEngine(order=2.0, slope=100.0, offset=4e-4), scenario, targets))
+    assert (ladder.verdict, variant.verdict) == (Verdict.ANOTHER_LIMIT, Verdict.ANOTHER_LIMIT)
+    assert ladder.limit_error == pytest.approx(4e-4, abs=ladder.uncertainty)
+    assert variant.limit_error == pytest.approx(4e-4, abs=variant.uncertainty)
+    assert variant.refinement == pytest.approx(100 * 4e-4**2, abs=variant.uncertainty)
+
+
+def test_an_offset_that_another_choice_takes_away_names_that_choice(scenario, targets):
+    study = studied(DelayedEngine(slope=0.01, offset=4e-4, other_offset=-1e-4), scenario, targets)
+    _, variant = halting(study)
+    assert variant.verdict is Verdict.ANOTHER_LIMIT
+    assert variant.sentence.endswith("try the other choice, when it starts: then")
+    assert study.choice(HALT) == pytest.approx(5e-4, abs=3e-6)
     assert study.defaults[0].change[HALT] == pytest.approx(0.01 * 4e-4, abs=2e-6)  # read off to a microsecond each
 
 
-def test_a_jittering_halt_does_not_converge_beyond_its_spread(scenario, targets):
+def test_a_jittering_halt_is_not_converged(scenario, targets):
     study = studied(DelayedEngine(slope=0.0, offset=4e-4, jitter=3e-4), scenario, targets)
-    verdict, _ = halting(study)
-    assert verdict.kind in (SequenceKind.WITHIN_SPREAD, SequenceKind.SCATTERS)
-    assert verdict.order is None
+    ladder, variant = halting(study)
+    assert (ladder.verdict, variant.verdict) == (Verdict.NOT_CONVERGED, Verdict.NOT_CONVERGED)
     assert study.spread[HALT] == pytest.approx(3e-4 / 3**0.5, rel=0.6)  # of a uniform one, from seven runs
 
 
@@ -117,16 +124,16 @@ def test_the_ladder_of_mujocos_capstan_is_of_second_order(scenario, targets):
     kept = [k for k, step in enumerate(ladder.values) if step >= 1e-4]
     values, engines = (tuple(x[k] for k in kept) for x in (ladder.values, ladder.engines))
     engine.studies = lambda: Studies(ladders=(Ladder(setting="time_step", unit="s", values=values, engines=engines),))
-    study = studied(engine, short, (targets[0], {}, []))
+    study = studied(engine, short, (dataclasses.replace(targets[0], scenario=short), {}, []))
     verdict = study.ladders[0].verdicts[0]
-    assert (verdict.quantity, verdict.kind) == ("path_0.35s", SequenceKind.CONVERGES)
-    assert abs(verdict.order - 2) <= max(verdict.order_uncertainty, 0.1)
+    assert (verdict.quantity, verdict.verdict) == ("path_0.35s", Verdict.CONVERGED)
+    assert verdict.order == pytest.approx(2.0, abs=0.1)
     assert abs(verdict.limit_error) <= verdict.uncertainty  # up to here the law that the adapter feeds in is the reference's
 
 
 @pytest.fixture
 def counted(monkeypatch):
-    """Runs are made here and counted; a budget sees the cost that the engine states."""
+    """Runs are made in this process and counted."""
     made: list[float] = []
 
     def run(engine, scenario, **_):
@@ -150,7 +157,7 @@ def test_a_study_is_kept_and_goes_on(tmp_path, scenario, counted):
     assert len(counted) == 4 + 6  # rungs, of which one is its own and one the default's; changed starts
     again = study_convergence(scenario, [engine], tmp_path, jobs=1)
     assert len(counted) == 10, "all were kept"
-    assert dataclasses.replace(again, clock=first.clock) == first
+    assert again.variants == first.variants
     next((tmp_path / "runs").iterdir()).write_bytes(b"half a file")
     with pytest.warns(DamagedRunWarning, match="its run is made again"):
         study_convergence(scenario, [engine], tmp_path, jobs=1)
@@ -172,9 +179,9 @@ def test_what_the_report_says_is_what_was_found(tmp_path, scenario, counted, mon
     assert all(picture.startswith(PNG) for picture in written.values())
     monkeypatch.setattr(plots, "png", lambda figure: b"")  # which figures there are is known without drawing them again
     assert written.keys() == plots.draw(result).keys()
-    assert "order 1" in report
-    assert "| delayed:exact | not converged |" in report
-    assert "| delayed:exact | step | 0.8 ms | 0.4 ms | lateness | +0.2 | 0.52 | 1.04 |" in report
+    assert "(order 1)" in report
+    assert "| delayed:exact | not converged | 0.52 |" in report
+    assert "| delayed:exact | step | 0.8 ms | 0.4 ms | lateness | 0.52 |" in report
     assert convergence_markdown(result)
 
 
@@ -182,21 +189,26 @@ def test_what_the_report_says_is_what_was_found(tmp_path, scenario, counted, mon
 def test_the_command_writes_all_and_says_how_it_went(tmp_path, in_this_process, figures_without_pixels):
     done = CliRunner().invoke(app, ["converge", "ten_to_one", "-e", "reference", "--until", "0.45", "--out", str(tmp_path)])
     assert done.exit_code == 0, done.output
-    assert "reference: halting time converges: yes" in done.output
+    assert "- reference: halting_time: converged: all ladders together lead to" in done.output
     assert (tmp_path / "convergence.md").exists()
     result = ConvergenceResult.from_json((tmp_path / "convergence.json").read_text(encoding="utf-8"))
     assert result.until == 0.45
-    assert result.variants[0].own.rms["path_0.7s"] is None, "the run ended before"
-    split = next(s for s in result.variants[0].splits if s.quantity == HALT)
-    assert split.causes == (ErrorCause.NOTHING,), "the reference at a coarser tolerance"
+    assert result.variants[0].own.errors["path_0.7s"] is None, "the run ended before"
+    assert {one.verdict for one in result.variants[0].verdicts} == {Verdict.CONVERGED}
+    assert [one.quantity for one in result.variants[0].verdicts] == ["path_0.35s", "halting_time", "drop_at_halt"]
 
 
-def test_a_budget_leaves_out_what_would_cost_too_much(tmp_path, scenario, counted):
-    result = study_convergence(scenario, [DelayedEngine()], tmp_path, jobs=1, budget=0.6)
+def test_a_time_limit_leaves_out_what_would_take_longer(tmp_path, scenario, monkeypatch):
+    def run(engine, scenario, **_):
+        status = RunStatus.TIME_LIMIT if engine.settings.time_step < 3e-4 else RunStatus.FINISHED
+        return dataclasses.replace(engine.simulate(scenario), status=status)
+
+    monkeypatch.setattr(run_cache, "run_isolated", run)
+    result = study_convergence(scenario, [DelayedEngine()], tmp_path, jobs=1, time_limit=0.6)
     rungs = result.variants[0].ladders[0].rungs
-    assert [rung.run.status for rung in rungs] == ["FINISHED"] * 3 + ["SKIPPED"], "cost: 0.1 ms of time step are a second"
-    assert rungs[-1].run.why == "left out: expected 1 s"
-    assert "1 run was left out" in convergence_markdown(result)
+    assert [rung.run.status for rung in rungs] == ["FINISHED", "FINISHED", "TIME_LIMIT", "NOT_RUN"]
+    assert result.time_limit == 0.6
+    assert "not run: a coarser rung reached the time limit" in convergence_markdown(result)
 
 
 def archive(**arrays):
@@ -205,24 +217,24 @@ def archive(**arrays):
     return out.getvalue()
 
 
-SAID = {"status": "FINISHED", "message": "", "wall_time": 1.0, "seconds": 1.0, "time_limit": 10.0, "versions": {}}
+ENDED = {"status": "FINISHED", "message": "", "wall_time": 1.0, "time_limit": 10.0, "versions": {}}
 DAMAGED = {
     "nothing": b"",
     "text": b"half a file",
     "a zip's begin": b"PK\x03\x04" + bytes(100),  # BadZipFile, which is no ValueError, ended the command
     "another archive": archive(other=np.zeros(3)),
     "one array": archive(rows=np.zeros((2, 10))),
-    "rows of another width": archive(rows=np.zeros((2, 3)), said=json.dumps(SAID)),
-    "times that stay": archive(rows=np.zeros((2, 10)), said=json.dumps(SAID)),
-    "no numbers": archive(rows=np.array([["a"] * 10]), said=json.dumps(SAID)),
-    "no JSON": archive(rows=np.zeros((1, 10)), said="{"),
-    "a list": archive(rows=np.zeros((1, 10)), said="[]"),
-    "deep": archive(rows=np.zeros((1, 10)), said="[" * 10**5),
-    **{f"without {key}": archive(rows=np.zeros((1, 10)), said=json.dumps({k: SAID[k] for k in SAID if k != key}))
-       for key in SAID if key != "time_limit"},
-    "another status": archive(rows=np.zeros((1, 10)), said=json.dumps(SAID | {"status": "DONE"})),
-    "text for a time": archive(rows=np.zeros((1, 10)), said=json.dumps(SAID | {"wall_time": "long"})),
-    "versions in a list": archive(rows=np.zeros((1, 10)), said=json.dumps(SAID | {"versions": ["7.3"]})),
+    "rows of another width": archive(rows=np.zeros((2, 3)), ended=json.dumps(ENDED)),
+    "times that stay": archive(rows=np.zeros((2, 10)), ended=json.dumps(ENDED)),
+    "no numbers": archive(rows=np.array([["a"] * 10]), ended=json.dumps(ENDED)),
+    "no JSON": archive(rows=np.zeros((1, 10)), ended="{"),
+    "a list": archive(rows=np.zeros((1, 10)), ended="[]"),
+    "deep": archive(rows=np.zeros((1, 10)), ended="[" * 10**5),
+    **{f"without {key}": archive(rows=np.zeros((1, 10)), said=json.dumps({k: ENDED[k] for k in ENDED if k != key}))
+       for key in ENDED if key != "time_limit"},
+    "another status": archive(rows=np.zeros((1, 10)), ended=json.dumps(ENDED | {"status": "DONE"})),
+    "text for a time": archive(rows=np.zeros((1, 10)), ended=json.dumps(ENDED | {"wall_time": "long"})),
+    "versions in a list": archive(rows=np.zeros((1, 10)), ended=json.dumps(ENDED | {"versions": ["7.3"]})),
 }  # fmt: skip
 
 
@@ -233,19 +245,18 @@ def test_a_damaged_file_of_a_run_is_a_run_to_be_made_again(tmp_path, scenario, i
     path = tmp_path / f"{task.key}.npz"
     path.write_bytes(DAMAGED[damage])
     with pytest.warns(DamagedRunWarning, match=f"{re.escape(task.key)}.npz is damaged"):
-        done = Runner(RunCache(tmp_path), jobs=1, time_limit=10, budget=None).run([task])
-    assert done[task.key].run.status.ok
-    again = RunCache(tmp_path).get(task, 10.0)  # it has taken the damaged one's place
-    assert np.array_equal(again.run.light_position, done[task.key].run.light_position)
+        done = make_runs([task], tmp_path, jobs=1, time_limit=10.0, cancelled=threading.Event())
+    assert done[task.key].status.ok
+    again = load_run(path, task, 10.0)  # it has taken the damaged one's place
+    assert np.array_equal(again.light_position, done[task.key].light_position)
 
 
 def test_a_kept_run_cut_anywhere_or_with_a_flipped_bit_is_never_a_traceback(tmp_path, scenario):
     engine = DelayedEngine()
     task = RunTask(key=run_key(engine, scenario), engine=engine, scenario=scenario, what="run")
-    kept = RunCache(tmp_path)
-    kept.put(task, EndedRun(run=engine.simulate(scenario), seconds=1.0), time_limit=10.0)
-    path = tmp_path / f"{task.key}.npz"
-    whole, good = path.read_bytes(), kept.get(task, 10.0)
+    path = tmp_path / "run.npz"
+    store_run(path, engine.simulate(scenario), 10.0)
+    whole, good = path.read_bytes(), load_run(path, task, 10.0)
     rng = np.random.default_rng(1)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DamagedRunWarning)
@@ -254,5 +265,5 @@ def test_a_kept_run_cut_anywhere_or_with_a_flipped_bit_is_never_a_traceback(tmp_
             data[place] ^= 1 << int(rng.integers(8))
             for bad in (bytes(data), whole[:place]):
                 path.write_bytes(bad)
-                cached_run = kept.get(task, 10.0)
-                assert cached_run is None or np.array_equal(cached_run.run.light_position, good.run.light_position)
+                cached_run = load_run(path, task, 10.0)
+                assert cached_run is None or np.array_equal(cached_run.light_position, good.light_position)

@@ -9,7 +9,7 @@ import pytest
 
 from looping_pendulum.compare import compare, figures
 from looping_pendulum.compare.convergence import report as convergence_plots
-from looping_pendulum.compare.convergence.result import HALT, PATH_END_TIMES, SequenceKind
+from looping_pendulum.compare.convergence.result import HALT, PATH_END_TIMES
 from looping_pendulum.compare.result import MeasuredRow
 from looping_pendulum.pages import drawing
 from looping_pendulum.pages.figures import MAX_LINE_POINTS, on_page
@@ -331,18 +331,17 @@ def test_the_star_on_the_page_is_where_the_light_mass_was(compared, closed_form)
 EARLY, LATE = PATH_END_TIMES
 
 
-def ladder(values, halts=True, own=4e-4, rms=lambda v: 10 * v, kind=SequenceKind.CONVERGES, spread=2e-5, unit="s"):
+def ladder(values, halts=True, own=4e-4, rms=lambda v: 10 * v, limit_error=1e-4, spread=2e-5, unit="s"):
     rungs = [
         SimpleNamespace(
             value=v,
-            run=SimpleNamespace(rms={EARLY: rms(v), LATE: rms(v) and 2 * rms(v)}, halting_time_error=-3 * v if halts else None),
+            run=SimpleNamespace(errors={EARLY: rms(v), LATE: rms(v) and 2 * rms(v), HALT: -3 * v if halts else None}),
             to_limit={EARLY: 0.5 * v, LATE: None},
         )
         for v in values
     ]
     verdicts = [
-        SimpleNamespace(quantity=name, kind=kind, order=None, limit_error=None, uncertainty=None)
-        for name in (EARLY, LATE, HALT)
+        SimpleNamespace(quantity=name, order=None, limit_error=limit_error, uncertainty=None) for name in (EARLY, LATE, HALT)
     ]
     made = SimpleNamespace(rungs=rungs, verdicts=verdicts, setting="step", unit=unit, own=own)
     v = SimpleNamespace(label="toy:chain", profile="quick", spread={EARLY: spread, LATE: spread, HALT: spread}, ladders=(made,))
@@ -364,7 +363,7 @@ def test_errors_along_a_ladder_are_in_millimetres_and_finer_is_to_the_right():
     np.testing.assert_allclose(drawn["from the reference, to 0.7 s"], [STEPS, [16, 8, 4]])
     np.testing.assert_allclose(drawn["from its own limit, to 0.35 s"], [STEPS, [0.4, 0.2, 0.1]])
     assert drawn["from its own limit, to 0.7 s"].shape == (2, 0)
-    np.testing.assert_allclose(drawn["spread of small changes, to 0.7 s"][1], 0.02)
+    np.testing.assert_allclose(drawn["noise, to 0.7 s"][1], 0.02)
     np.testing.assert_allclose(drawn["the variant's own setting"][0], 4e-4)
     (bars,) = below.containers
     np.testing.assert_allclose(bars.lines[0].get_data(), [STEPS, [-2.4, -1.2, -0.6]])
@@ -400,18 +399,16 @@ def test_an_error_of_nothing_has_no_place_on_a_log_axis():
     assert drawn["from the reference, to 0.35 s"].shape == (2, 0)
 
 
-@pytest.mark.parametrize(
-    ("kind", "shown"), [(SequenceKind.SETTLED, True), (SequenceKind.SCATTERS, False), (SequenceKind.WITHIN_SPREAD, False)]
-)
-def test_the_distance_from_a_limit_is_drawn_where_there_is_one(kind, shown):
-    drawn = lines(convergence_plots.ladder_figure(*ladder(STEPS, kind=kind)).axes[0])
+@pytest.mark.parametrize(("limit_error", "shown"), [(1e-4, True), (None, False)])
+def test_the_distance_from_a_limit_is_drawn_where_there_is_one(limit_error, shown):
+    drawn = lines(convergence_plots.ladder_figure(*ladder(STEPS, limit_error=limit_error)).axes[0])
     assert ("from its own limit, to 0.35 s" in drawn) is shown
 
 
 def test_without_a_spread_or_an_own_value_there_is_no_line_of_it():
     for spread in (None, 0.0):
         figure = convergence_plots.ladder_figure(*ladder(STEPS, spread=spread, own=None))
-        assert not [label for label in lines(figure.axes[0]) if "spread" in label or "own setting" in label]
+        assert not [label for label in lines(figure.axes[0]) if "noise" in label or "own setting" in label]
     figure = convergence_plots.ladder_figure(*ladder(STEPS, spread=None))
     assert not figure.axes[1].containers[0].has_yerr
 

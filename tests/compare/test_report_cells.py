@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare import compare, report
-from looping_pendulum.compare.report import halting_section as render_halts
-from looping_pendulum.compare.report import measured_events_table as render_paper
+from looping_pendulum.compare.report import comparison_markdown
 from looping_pendulum.compare.result import ToleranceOutcome, WallTime
 from looping_pendulum.compare.trajectories import trajectory_csv, trajectory_files
 from looping_pendulum.pages.markdown import table as markdown
@@ -35,6 +34,7 @@ from tests.compare.report_cells import (
     limit,
     measured,
     rendered,
+    section,
     with_engine,
 )
 
@@ -230,13 +230,18 @@ def test_a_status_that_is_not_run_is_no_failure(scenario, reference, make_run):
 # ---- halts
 
 
+def halts(result):
+    return section(comparison_markdown(result), "When does it halt?")
+
+
 def test_without_any_halt_there_is_no_section_on_it(result):
     never = dataclasses.replace(OWN, halting_times=tuple(HaltingTimeAt(resolution=r, time=None) for r in RESOLUTIONS))
     nobody = dataclasses.replace(result, reference=dataclasses.replace(result.reference, sampled=never))
-    assert render_halts(with_engine(nobody, landmarks=never)) == []
-    assert len(render_halts(nobody)) == len(render_halts(with_engine(result, landmarks=never))) == 1
-    assert cells(render_halts(with_engine(result, landmarks=never))[0], ME)[0][1:6] == ["–"] * 5
-    (alone,) = render_halts(with_engine(result, landmarks=Landmarks()))
+    assert halts(with_engine(nobody, landmarks=never)) == ""
+    assert halts(nobody)
+    assert cells(halts(with_engine(result, landmarks=never)), ME)[0][1:6] == ["–"] * 5
+    alone = halts(with_engine(result, landmarks=Landmarks()))
+    assert alone
     assert cells(alone, ME) == [], "a run without samples has no row"
 
 
@@ -258,7 +263,7 @@ def test_what_samples_say_is_held_against_the_references_events(result, exact, s
         landmarks=dataclasses.replace(result.reference.landmarks, halting_time=exact),
         sampled=dataclasses.replace(TRUE, halting_time=seen),
     )
-    assert said in render_halts(dataclasses.replace(result, reference=true))[0]
+    assert said in halts(dataclasses.replace(result, reference=true))
 
 
 # ---- moments
@@ -280,6 +285,7 @@ def test_a_moment_after_the_end_of_a_run_is_reported_as_such(result, end, said):
 
 
 def test_the_paragraph_that_says_how_to_give_the_measurements(result):
-    text = render_paper(dataclasses.replace(result, measured=(), measured_source="a trial"))
-    assert text.startswith("This trial was measured (a trial), but its table")
+    unknown = dataclasses.replace(result, measured=(), measured_source="a trial")
+    text = section(comparison_markdown(unknown), "Against the measured events")
+    assert "\n\nThis trial was measured (a trial), but its table" in text
     assert "`--data DIR`" in text

@@ -4,19 +4,22 @@ import dataclasses
 import json
 import math
 import os
+import sys
 
 import numpy as np
 import pytest
+from markdown_it import MarkdownIt
 
 from looping_pendulum.compare import compare, write
-from looping_pendulum.compare.report import comparison_markdown
+from looping_pendulum.compare.report import comparison_markdown, render_page
 from looping_pendulum.compare.result import ComparisonResult, ToleranceOutcome
 from looping_pendulum.compare.trajectories import CSV_HEADER
-from looping_pendulum.errors import ResultError
+from looping_pendulum.engines.registry import styles
+from looping_pendulum.errors import MissingPackageError, ResultError
 from looping_pendulum.files import write_atomically
 from looping_pendulum.pages.markdown import table as markdown
 from looping_pendulum.pages.numbers import number, signed
-from looping_pendulum.pages.palette import COLOURS, styles
+from looping_pendulum.pages.palette import COLOURS
 from looping_pendulum.runs.trajectory import RunStatus
 
 
@@ -128,13 +131,13 @@ def test_the_story_says_where_when_and_why(scenario, reference, make_run, no_fri
     first = math.ceil(math.sqrt(1e-3 / 0.02) / 1e-3) * 1e-3
     assert f"First deviates by more than 1 mm at {first:.3f} s, while the string slides and the heavy mass falls;" in story
     assert (
-        "Likely cause: neither the engine nor the adapter models the string's friction on the rod, which this scenario has."
+        "Likely cause: neither the engine nor the adapter models the string's friction on the rod, which this scenario has; its"
         in story
     )
     assert "does not halt" in story
     assert "models the string's friction on the rod or sticking and slipping" in story
     full = compare(scenario, reference, [make_run(shift=(2e-3, 0.0))]).engines[0].story
-    assert "All the physics of the scenario is modelled" in full
+    assert "Likely cause: its light mass begins 2 mm from where it is released, and moves from there as it should." in full
     assert "Halts on time (at rest until the run ends at 1.050 s)." in full
 
 
@@ -223,3 +226,38 @@ def test_numbers_for_people():
     assert [number(v) for v in (None, 0.0, 249.26, 0.12345, 1234.5, 3.2e-7)] == ["–", "0", "249", "0.123", "1230", "3.2e-7"]
     assert [signed(v, 1e3) for v in (2e-3, -2e-3, None)] == ["+2", "-2", "–"]
     assert markdown(["a", "b"], [["x|y", "1"]]).splitlines()[-1] == "| x\\|y | 1 |"
+
+
+def test_metrics_as_rows_and_as_a_table(scenario, reference, make_run, missing, monkeypatch):
+    result = compare(scenario, reference, [make_run(shift=(3e-3, 0.0)), missing])
+    first, second = result.rows()
+    assert (first["engine"], first["profile"], first["status"]) == ("pymunk:chain", "quick", "FINISHED")
+    assert first["rms_0.7s"] == pytest.approx(3e-3)
+    assert second["rms_0.7s"] is None
+    frame = result.to_frame()
+    assert list(frame.columns) == list(first)
+    assert frame["rms_0.7s"].isna().tolist() == [False, True]
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(MissingPackageError, match=r"to_frame: pandas is not installed; `rows\(\)` gives .*install pandas`"):
+        result.to_frame()
+
+
+HOSTILE = "<script>alert(1)</script> ![x](http://evil/x.png) \\<b> | [y]: http://evil"
+
+
+def test_what_comes_from_files_is_no_markup(scenario, reference, make_run, limit):
+    """Titles with HTML reached the Markdown as they were, which most renderers show."""
+    hostile = dataclasses.replace(
+        scenario, title=HOSTILE, description=f"{HOSTILE}\n{HOSTILE}",
+        tolerances=(dataclasses.replace(limit("rms_0.7s", 1.0), reason=HOSTILE),),
+    )  # fmt: skip
+    settings = {HOSTILE: HOSTILE}
+    result = compare(hostile, reference, [make_run(message=f"x\n`{HOSTILE}", settings=settings)])
+    text = comparison_markdown(dataclasses.replace(result, measured_source=HOSTILE))
+    rendered = MarkdownIt("commonmark").enable("table").render(text)
+    assert "alert(1)" in rendered
+    for tag in ("<script", "<b>", "<a ", 'src="http'):
+        assert tag not in rendered
+    page = render_page(result, [])
+    assert "<script>alert" not in page
+    assert "<b>" not in page

@@ -1,14 +1,18 @@
 """Keys of the files of results: one that changes or goes raises the version of its file, by which a reader refuses it."""
 
 import dataclasses
+import json
 import typing
 
+import jsonschema
 import pytest
 
+from looping_pendulum.compare import compare
 from looping_pendulum.compare.baseline import ResultChanges
 from looping_pendulum.compare.convergence.result import ConvergenceResult
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.discrepancy import result as identification
+from scripts import result_schema
 from tests.compare.golden import golden
 
 FILES = {
@@ -40,3 +44,22 @@ def test_golden_keys_are_those_of_the_version(file):
     assert len(keys) > 1
     lines = [f"{file}, version {version}", *(f"{name}: {', '.join(fields)}" for name, fields in sorted(keys.items()))]
     golden(f"keys_of_{file.removesuffix('.json')}.txt", "\n".join(lines) + "\n")
+
+
+def test_the_shipped_schema_is_that_of_the_classes():
+    assert result_schema.FILE.read_text(encoding="utf-8") == result_schema.text(), "run: python -m scripts.result_schema"
+
+
+def test_a_result_is_as_the_shipped_schema_says(measured_scenario, reference, make_run, missing, table, limit):
+    schema = json.loads(result_schema.FILE.read_text(encoding="utf-8"))
+    limited = dataclasses.replace(measured_scenario, tolerances=(limit("rms_0.7s", 1e-3),))
+    runs = [make_run(shift=(0.02, 0.0), settings={"a": (1, 2.0), "b": None}), missing]
+    tree = json.loads(compare(limited, reference, runs, table).to_json())
+    validator = jsonschema.Draft202012Validator(schema)
+    validator.check_schema(schema)
+    validator.validate(tree)
+    assert set(schema["properties"]) == set(tree)
+    for change in ({"duration": "1 s"}, {"engines": {}}, {"schema": {"id": "other", "version": 4}}):
+        assert not validator.is_valid(tree | change)
+    del tree["clock"]
+    assert not validator.is_valid(tree)

@@ -10,7 +10,7 @@ import pytest
 from looping_pendulum.compare import compare
 from looping_pendulum.compare.align import align
 from looping_pendulum.compare.comparison import judge_tolerance
-from looping_pendulum.compare.metrics import DEPARTURE_THRESHOLDS, departures, growth_rate
+from looping_pendulum.compare.deviation import DEPARTURE_THRESHOLDS, departures, growth_rate
 from looping_pendulum.compare.report import comparison_markdown, value_and_limit, verdict_rows
 from looping_pendulum.compare.result import ToleranceOutcome
 from looping_pendulum.compare.trajectories import trajectory_csv
@@ -170,7 +170,7 @@ def test_a_departure_says_how_far_and_to_which_side(reference, make_run, sign):
         heavy_position=run.heavy_position + np.outer(on, [0.0, sign * 3e-3]),
         string_stretch=-1e-4 * np.arange(len(run.t)) / len(run.t),
     )
-    (departure,) = departures(align(off, reference), reference(run.t).events)
+    (departure,) = departures(align(off, reference), reference(run.t).events, np.abs(off.string_stretch))
     assert (departure.threshold, departure.after, departure.after_time) == (1e-3, "release", 0.0)
     assert departure.time == pytest.approx(0.101, abs=1e-9)
     assert departure.along == pytest.approx(sign * 2e-3, rel=1e-9)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare.align import why_not_comparable
-from looping_pendulum.compare.result import Departure
-from looping_pendulum.compare.stories import EVENT_DESCRIPTIONS, events_to_show, missing_physics, mode_description, story
+from looping_pendulum.compare.deviation import EVENT_DESCRIPTIONS, Departure, events_to_show, mode_description
+from looping_pendulum.compare.stories import missing_physics, story
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.runs.events import MIN_REST, Landmarks, Rebound, Stop

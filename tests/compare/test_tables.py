@@ -6,9 +6,10 @@ from types import SimpleNamespace
 import pytest
 
 from looping_pendulum.compare import compare
-from looping_pendulum.compare.report import measured_events_table
+from looping_pendulum.compare.report import comparison_markdown
 from looping_pendulum.measured.tables.events import MeasuredEventRow
 from looping_pendulum.runs.events import EVENT_QUANTITIES, Extremum, Landmarks, Stop, event_value, quantity_label
+from tests.compare.report_cells import section
 
 LANDMARKS = Landmarks(
     stops=(Stop(time=0.4, height_change=-0.3), Stop(time=0.7, height_change=-0.2), Stop(time=0.9, height_change=-0.25)),
@@ -81,7 +82,7 @@ def cells(text, first):
 
 
 def test_differences_from_the_measured_values_are_in_thousandths(measured, closed_form):
-    text = measured_events_table(measured)
+    text = section(comparison_markdown(measured), "Against the measured events")
     shown = cells(text, "halting time")
     assert shown[2:4] == ["0.35", "0.34 (-11)"]
     assert shown[4].endswith(f"({round(1e3 * (closed_form.halt - 0.3512)):+d})")

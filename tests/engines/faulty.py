@@ -10,10 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
+from looping_pendulum.engines import other_packages, registry
 from looping_pendulum.engines.protocol import Abilities, Profile, SteppedEngine
 from looping_pendulum.engines.reference import SUPPLIES
 from looping_pendulum.errors import EngineError
-from looping_pendulum.processes import memory_in_use
+from looping_pendulum.processes import ProcessTree
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL
 
@@ -90,7 +91,7 @@ class FaultyRig:
             subprocess.Popen(["sleep", "600"], start_new_session=True)  # left the engine's group
         if self.fault.startswith("hang"):
             time.sleep(3600)
-        while self.fault == "memory" and memory_in_use(os.getpid()) < HOARD:
+        while self.fault == "memory" and ProcessTree(os.getpid()).memory() < HOARD:
             self.hoard.append(os.urandom(1) * 2**24)
         if self.fault == "memory":
             time.sleep(3600)
@@ -111,6 +112,12 @@ class FaultyRig:
 def alive(pid):
     done = subprocess.run(["ps", "-o", "stat=", "-p", str(pid)], capture_output=True, text=True)
     return bool(done.stdout.strip()) and not done.stdout.startswith("Z")
+
+
+def forget_adapters() -> None:
+    """Let the next question for engines look for adapters anew, and import those of other packages anew."""
+    registry.adapter_modules.cache_clear()
+    other_packages.DESCRIBED.clear()
 
 
 def offer(folder: Path, *engines: str) -> None:

@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.engines.bead_rig import BeadRigSettings
 from looping_pendulum.engines.box2d import Box2dChain
-from looping_pendulum.engines.chain import SlipGauge, hanging_rest_length, polygon_radius
+from looping_pendulum.engines.chain import BeadChainSettings, SlipGauge, hanging_rest_length, polygon_radius
 from looping_pendulum.engines.drake import DrakeChain, DrakeChainSettings
 from looping_pendulum.engines.mujoco.beads import BeadSettings, MujocoBeads
 from looping_pendulum.engines.pymunk import PymunkChain, PymunkChainSettings
@@ -78,7 +77,7 @@ IN_SEVENS = "in groups of 7, needed a whole number of groups"
 @pytest.mark.parametrize(
     ("make", "settings", "message"),
     [
-        (BeadRigSettings, COARSE | {"time_step": 1e-5, "steps_per_group": 7}, f"1e-05 s {IN_SEVENS}"),
+        (BeadChainSettings, COARSE | {"time_step": 1e-5, "steps_per_group": 7}, f"1e-05 s {IN_SEVENS}"),
         (DrakeChainSettings, COARSE | STIFF | {"time_step": 2e-5, "steps_per_group": 7}, f"2e-05 s {IN_SEVENS}"),
         *(
             (make, settings | {"time_step": step}, "")

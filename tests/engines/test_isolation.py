@@ -14,15 +14,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from looping_pendulum import processes
 from looping_pendulum.compare import compare, write
-from looping_pendulum.engines import isolation
 from looping_pendulum.engines.isolation import parse_memory, run_all, run_isolated, start_order
 from looping_pendulum.engines.protocol import MemoryRecorder, Profile
 from looping_pendulum.engines.reference import Reference, ReferenceEngine
-from looping_pendulum.engines.result_check import validate_trajectory
-from looping_pendulum.engines.worker import FileRecorder, read_rows
+from looping_pendulum.engines.worker import named
 from looping_pendulum.errors import EngineError
-from looping_pendulum.processes import memory_in_use
+from looping_pendulum.runs.storage import FileRecorder, read_run, read_samples, write_run
 from looping_pendulum.runs.trajectory import COLUMNS, Provenance, RunStatus, TrajectoryEvent, from_samples
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.scenario import Scenario
@@ -62,7 +61,7 @@ class LeapingClock:
 
     def __init__(self) -> None:
         self._thread = threading.local()
-        self.sleep = time.sleep
+        self.sleep, self.thread_time = time.sleep, time.thread_time
 
     def monotonic(self) -> float:
         return time.monotonic() + getattr(self._thread, "ahead", 0.0)
@@ -87,7 +86,7 @@ def at_once():
             clock.leap()
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(isolation, "time", clock)
+        patch.setattr(processes, "time", clock)
         runs = run_all(
             engines,
             SCENARIO,
@@ -154,7 +153,7 @@ def test_every_fault_at_once_leaves_the_others_results(at_once, tmp_path):
 
 @pytest.mark.long
 def test_an_engine_that_never_stops_printing_fills_no_disk(monkeypatch):
-    monkeypatch.setattr(isolation, "OUTPUT_LIMIT", 10)
+    monkeypatch.setattr(processes, "OUTPUT_LIMIT", 10)
     run = run_isolated(FaultyEngine("hang_after_print"), SCENARIO, time_limit=3)
     assert run.status is RunStatus.TIME_LIMIT
     assert run.output == ""
@@ -177,7 +176,7 @@ def test_what_an_engine_started_ends_with_it(tmp_path, monkeypatch):
             clock.leap()
 
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    monkeypatch.setattr(isolation, "time", clock)
+    monkeypatch.setattr(processes, "time", clock)
     run = run_isolated(FaultyEngine("hang_with_child"), SCENARIO, progress=leap_once_it_has_a_child)
     assert run.status is RunStatus.TIME_LIMIT
     child = int(run.output.split()[-1])
@@ -218,12 +217,12 @@ def test_what_is_no_memory_limit_is_one_line_with_a_way_out(text):
 def test_held_memory_sees_what_a_process_takes():
     """In a process of its own: one that has run other tests may give some of theirs back in between."""
     code = (
-        "import os; from looping_pendulum.processes import memory_in_use as used\n"
-        "before = used(os.getpid()); block = b'x' * 2**28; print((used(os.getpid()) - before) / len(block))"
+        "import os; from looping_pendulum.processes import ProcessTree\n"
+        "tree = ProcessTree(os.getpid())\n"
+        "before = tree.memory(); block = b'x' * 2**28; print((tree.memory() - before) / len(block))"
     )
     share = float(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout)
     assert 0.9 < share < 1.1
-    assert memory_in_use(2**30) is None
 
 
 def test_a_missing_package_is_a_gap_with_the_way_out_and_no_process():
@@ -364,6 +363,12 @@ def spoiled(run, what):
     }[what])  # fmt: skip
 
 
+def through_files(run, folder):
+    """Return ``run`` as its files give it back."""
+    write_run(folder, run)
+    return read_run(folder, parameters=TEN_TO_ONE, duration=SCENARIO.duration, **named(ENGINE, SCENARIO))
+
+
 SPOILED = (
     "complex", "text", "objects", "booleans", "flat", "transposed", "three columns", "one short", "a number", "ragged",
     "tension of another length", "times in a table", "times that fall", "times that stay", "times without number",
@@ -375,21 +380,21 @@ SPOILED = (
 
 
 @pytest.mark.parametrize("what", SPOILED)
-def test_a_wrong_field_is_named_with_what_was_found_and_needed(good, what):
-    with pytest.raises(EngineError, match=r"^simulate returned [a-z_.]+: found .*, needed [^\n]+$"):
-        validate_trajectory(spoiled(good, what), ENGINE, SCENARIO)
+def test_a_wrong_field_is_named_with_what_was_found_and_needed(good, what, tmp_path):
+    with pytest.raises(EngineError, match=r"^simulate returned [a-z_.0-9]+: found .*, needed [^\n]+$"):
+        through_files(spoiled(good, what), tmp_path)
 
 
-def test_a_good_run_comes_back_as_it_was_even_of_other_kinds_of_numbers(good):
+def test_a_good_run_comes_back_as_it_was_even_of_other_kinds_of_numbers(good, tmp_path):
     for run in (good, replace(good, light_position=good.light_position.tolist(), mode=good.mode.astype(float))):
-        back = validate_trajectory(run, ENGINE, SCENARIO)
+        back = through_files(run, tmp_path)
         assert back.mode.dtype == np.int8
         assert all(np.array_equal(getattr(back, name), getattr(good, name), equal_nan=True) for name in ("t", "mode"))
         assert np.array_equal(back.light_position, good.light_position)
-    assert (
-        validate_trajectory(replace(good, light_position=np.full((N, 2), np.nan)), ENGINE, SCENARIO).status
-        is RunStatus.NOT_FINITE
-    )
+    for value in (np.nan, np.inf, -np.inf, 1e308):
+        lost = through_files(replace(good, light_position=np.full((N, 2), value)), tmp_path)
+        assert lost.status is RunStatus.NOT_FINITE
+        assert np.isnan(lost.light_position).all()
 
 
 @pytest.mark.long
@@ -407,7 +412,7 @@ def test_a_wrong_return_is_a_gap_and_the_others_results_stay(tmp_path):
 
 
 def test_a_sample_of_another_length_is_refused_before_it_shifts_the_others(tmp_path):
-    with closing(FileRecorder(tmp_path / "samples")) as recorder:
+    with closing(FileRecorder(tmp_path)) as recorder:
         with pytest.raises(EngineError, match="found 9 values with its time, needed 10 or 11"):
             recorder.add([0.0] * 9)
         assert len(recorder.rows()) == 0
@@ -434,12 +439,13 @@ def trajectory(rows):
 
 @pytest.mark.parametrize("slips", [(), (0.003,)])
 def test_both_recorders_keep_a_row_with_and_without_its_slip(tmp_path, slips):
-    in_file, in_memory = FileRecorder(tmp_path / "samples.bin"), MemoryRecorder()
+    in_file, in_memory = FileRecorder(tmp_path), MemoryRecorder()
     for recorder in (in_file, in_memory):
         recorder.add((*SHORT, *slips))
-        recorder.add((*SHORT, *slips))
-    expected = np.array([(*SHORT, *(slips or (math.nan,)))] * 2)
-    for rows in (in_file.rows(), in_memory.rows(), read_rows(tmp_path / "samples.bin")):
+        recorder.add((0.001, *SHORT[1:], *slips))
+    known = (*SHORT[1:], *(slips or (math.nan,)))
+    expected = np.array([(0.0, *known), (0.001, *known)])
+    for rows in (in_file.rows(), in_memory.rows(), read_samples(tmp_path, duration=1.0)[:, : len(COLUMNS)]):
         assert rows.shape == (2, len(COLUMNS))
         np.testing.assert_array_equal(rows, expected)
     in_file._file.close()

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare.comparison import compare
+from looping_pendulum.compare.metrics import RMS_END_TIMES
 from looping_pendulum.engines import pymunk as adapter
 from looping_pendulum.engines.chain import polygon_radius
 from looping_pendulum.engines.protocol import Profile
@@ -20,7 +21,6 @@ from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import solve, solve_at
 from looping_pendulum.runs.trajectory import RunStatus
 from looping_pendulum.scenarios import loader
-from looping_pendulum.scenarios.metrics import RMS_END_TIMES
 from tests.apparatus import NO_DRAG, TEN_TO_ONE, fitted_acceleration, simulated
 
 pytest.importorskip("pymunk")
@@ -180,7 +180,7 @@ def test_drop_with_drag_follows_the_reference():
     p = TEN_TO_ONE.replace(release=Release.DROP, light_drag=0.05)
     fallen = run(p, 0.3)
     exact = solve_at(p, fallen.t)
-    bound = 9.81 * fallen.t * QUICK.time_step * (1 + QUICK.force_interval) / 2 + 1e-9
+    bound = 9.81 * fallen.t * QUICK.time_step * (1 + QUICK.steps_per_group) / 2 + 1e-9
     assert np.all(np.linalg.norm(fallen.light_position - exact.light_position, axis=1) <= bound)
 
 
@@ -221,7 +221,7 @@ def test_winding_many_turns_ends_at_the_rod(rod_radius, free_length):
 
 
 def test_without_the_private_call_it_still_runs_and_says_so(monkeypatch):
-    monkeypatch.setattr(adapter, "direct_library", lambda: None)
+    monkeypatch.setattr(adapter, "private_library", lambda: None)
     p = TEN_TO_ONE.replace(release=Release.VERTICAL, free_length=0.4, **NO_DRAG)
     public = run(p, 0.1)
     assert public.provenance.settings["leaky_warm_start"] is False
@@ -237,7 +237,7 @@ def test_with_the_private_call_provenance_says_so(ten_to_one):
 @pytest.mark.accurate  # daily, the trial, whose steps are grouped, follows the reference
 def test_groups_of_steps_change_nothing_that_shows():
     # Oracle: the same engine with the drag given every step. Bound: a tenth of the project's 0.6 mm for the light mass.
-    grouped, every = (first_fifth(replace(QUICK, force_interval=n, leak_interval=1)) for n in (50, 1))
+    grouped, every = (first_fifth(replace(QUICK, steps_per_group=n, leak_interval=1)) for n in (50, 1))
     assert np.linalg.norm(grouped.light_position - every.light_position, axis=1).max() < 0.06e-3
 
 

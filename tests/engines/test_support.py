@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.registry import ADAPTERS, adapter_packages, all_engines, label
+from looping_pendulum.engines.registry import all_engines, label, own_engines
 from looping_pendulum.engines.support import YES, effect_table, scenario_table
 from looping_pendulum.scenarios import loader
 from tests.engines.faulty import FaultyEngine
@@ -12,8 +12,7 @@ PROJECT = Path(__file__).parents[2]
 
 
 def own():
-    ours = ADAPTERS.keys() | {name for name, package in adapter_packages().items() if package == "looping-pendulum"}
-    return [engine for engine in all_engines(Profile.QUICK) if engine.name in ours]
+    return [engine for engine in all_engines(Profile.QUICK) if engine.name in own_engines()]
 
 
 def test_a_gap_says_which_release_is_missing():
@@ -41,4 +40,4 @@ def test_what_an_adapter_takes_from_the_reference_is_declared():
     assert declared == {"mujoco:frictionloss": ("the size of the friction",), "pybullet:chain": ("the length of a step",)}
     folder = PROJECT / "looping_pendulum" / "engines"
     solving = {p.relative_to(folder).as_posix() for p in folder.rglob("*.py") if "reference_ode.solve import" in p.read_text()}
-    assert solving - {"reference.py", "conformance.py"} == {"mujoco/tendon.py", "pybullet/chain.py"}
+    assert solving - {"reference/__init__.py", "conformance.py"} == {"mujoco/tendon.py", "pybullet/chain.py"}

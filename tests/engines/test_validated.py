@@ -1,32 +1,36 @@
 """The range of scenarios over which each variant's accuracy was measured: stored runs, the package's summary, the warning."""
 
+import dataclasses
 import json
 
 import pytest
 
-from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.registry import select
-from looping_pendulum.engines.validated import (
+from looping_pendulum.engines import facts
+from looping_pendulum.engines.facts import (
     QUANTITIES,
+    EngineFacts,
     ErrorDistribution,
     ValidatedRange,
-    from_plain,
+    VariantFacts,
+    facts_from_plain,
+    facts_path,
     outside_range,
-    shipped_range,
-    to_plain,
+    own_facts,
 )
+from looping_pendulum.engines.protocol import Profile
+from looping_pendulum.engines.registry import select
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import load
+from research import rounded
 from research.engine_range import (
     COMMAND,
     MAIN,
     MEASURED,
-    PACKAGE_DATA,
     SCENARIOS,
     scenarios,
     spread,
     stored,
-    summary_text,
+    summary,
 )
 from tests.apparatus import TEN_TO_ONE
 
@@ -34,7 +38,7 @@ RANGE = ValidatedRange(
     profile="quick",
     scenarios=40,
     failed=1,
-    releases=frozenset({Release.LOOPING}),
+    releases=(Release.LOOPING,),
     bounds={"mass ratio M2/M1": (2.0, 12.0), "rod radius": (3e-3, 15e-3), "kinetic friction": (0.1, 0.6)},
     errors={"rms_0.7s": ErrorDistribution(count=39, median=1e-3, ninety=2e-3, worst=5e-3)},
 )
@@ -63,7 +67,8 @@ def test_a_profile_without_a_range_says_nothing():
 
 
 def test_a_range_reads_back():
-    assert from_plain(json.loads(json.dumps(to_plain(RANGE)))) == RANGE
+    known = EngineFacts(variants={"beads": VariantFacts(measured=(RANGE,))})
+    assert facts_from_plain(json.loads(json.dumps(dataclasses.asdict(known)))) == known
 
 
 def test_spread_is_of_magnitudes_and_covers_nine_tenths():
@@ -107,14 +112,34 @@ def test_scenarios_reach_what_is_asked_for():
 
 
 def test_the_package_says_what_the_stored_runs_say():
-    assert PACKAGE_DATA.read_text(encoding="utf-8") == summary_text(stored()), f"write it again: {COMMAND} --summary"
+    for name, ranges in rounded(summary(stored(), {s.name: s.parameters for s in scenarios()})).items():
+        engine, _, variant = name.partition(":")
+        stated = json.loads(facts_path(engine).read_text(encoding="utf-8"))["variants"][variant]["measured"]
+        assert stated == json.loads(json.dumps(ranges)), f"write it again: {COMMAND} --summary"
+
+
+def test_a_measured_range_is_written_to_its_engines_facts_and_leaves_the_rest_alone(tmp_path, monkeypatch):
+    """Oracle: what was there, which stands in the same form."""
+    path = tmp_path / "engine.json"
+    before = facts_path("mujoco").read_text(encoding="utf-8")
+    path.write_text(before, encoding="utf-8")
+    shipped = own_facts("mujoco").variant("capstan")
+    monkeypatch.setattr(facts, "facts_path", lambda engine: path)
+    tree = json.loads(before)["variants"]["beads"]
+    facts.write_measured("mujoco:beads", "additions", tree["additions"])
+    assert path.read_text(encoding="utf-8") == before
+    facts.write_measured("mujoco:beads", "measured", [])
+    assert facts.read_facts(path).variant("beads").measured == ()
+    assert facts.read_facts(path).variant("capstan") == shipped
 
 
 @pytest.mark.parametrize("name", MAIN)
 def test_every_main_variant_states_its_range(name):
-    (stated,) = [each for each in shipped_range(name) if each.profile == "quick"]
+    engine, _, variant = name.partition(":")
+    ranges = own_facts(engine).variant(variant).measured
+    (stated,) = [each for each in ranges if each.profile == "quick"]
     (engine,) = select([name], Profile.QUICK)
-    assert engine.abilities.validated == shipped_range(name)
+    assert engine.abilities.validated == ranges
     assert 0 < stated.scenarios <= SCENARIOS
     assert engine.abilities.outside_range("quick", load("ten_to_one").parameters) == ()
     assert engine.abilities.outside_range("quick", TEN_TO_ONE.replace(heavy_mass=10.0)) != ()

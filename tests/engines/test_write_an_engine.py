@@ -4,12 +4,12 @@ import os
 import re
 import subprocess
 import sys
-from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
-from looping_pendulum.compare.convergence.report import halting_verdict
-from looping_pendulum.engines import registry
+from looping_pendulum.compare.convergence.result import HALT
+from looping_pendulum.compare.convergence.verdict import variant_verdict
 from looping_pendulum.engines.conformance import (
     CHECKS,
     LOSSLESS,
@@ -23,6 +23,7 @@ from looping_pendulum.engines.studies import Studies
 from looping_pendulum.errors import EngineError
 from tests import page_package
 from tests.command_line import here
+from tests.engines.faulty import forget_adapters
 from tests.engines.page_example import PAGE, blocks, module
 
 
@@ -47,9 +48,9 @@ def installed(package, monkeypatch):
     """Return the package's engine, offered in this process as in a new one."""
     monkeypatch.syspath_prepend(str(package))
     monkeypatch.delitem(sys.modules, "looping_spring", raising=False)
-    registry.adapter_modules.cache_clear()
+    forget_adapters()
     yield
-    registry.adapter_modules.cache_clear()
+    forget_adapters()
     sys.modules.pop("looping_spring", None)
 
 
@@ -125,12 +126,12 @@ def test_a_reading_of_another_length_says_what_it_needs(spring, left):
 
 
 @pytest.mark.accurate
-def test_converge_splits_its_error(package, tmp_path):
+def test_converge_refines_its_ladders(package, tmp_path):
     done = command(package, "converge", "ten_to_one", "-e", "spring", "--until", "0.36", "--out", str(tmp_path))
     assert done.returncode == 0, done.stdout + done.stderr
     report = (tmp_path / "convergence.md").read_text()
-    assert "Refining time_step" in report
-    assert "Refining stiffness" in report
+    assert "Refining `time_step`" in report
+    assert "Refining `stiffness`" in report
     assert "no ladder" not in report
 
 
@@ -141,7 +142,8 @@ def test_the_error_of_an_engine_without_a_ladder_names_the_page_that_has_one(spr
 
     page = "studies(), in docs/write-an-engine.md"
     assert skip_reason(error_is_covered_by_refinement, Plain(Profile.QUICK)) == f"it offers no ladder: {page}"
-    assert halting_verdict(SimpleNamespace(ladders=())) == f"the adapter offers no ladder ({page})"
+    said = variant_verdict(HALT, np.zeros((1, 1)), {}, {}, noise=1e-6).sentence
+    assert said == f"not converged: the adapter offers no ladder with a value ({page})"
 
 
 def test_the_pages_test_snippet_runs(package, tmp_path):

@@ -45,7 +45,7 @@ SEED_LINES = (
     "compare drop --baseline result.json --baseline-threshold 0.1",
     "compare mine.yaml --data trials --jobs 1", "check", "check mine.yaml ten_to_one -e mujoco",
     "conformance pymunk:chain --time-limit 5",
-    "converge ten_to_one --engine mujoco:capstan --budget 60 --until 0.7", "map quick --out m --max-runs 1000 --jobs 2",
+    "converge ten_to_one --engine mujoco:capstan --time-limit 60 --until 0.7", "map quick --out m --max-runs 1000 --jobs 2",
     "map map.yaml",
     "map", "map quick --print", "map map.yaml --print", "identify study.yaml --seed 1 --out report",
     "demo two_to_one --no-open --again",

@@ -107,6 +107,27 @@ def test_samples_are_those_of_the_reference(node):
     close(live("dragForce"), np.array(drag) - (0.01, 0.0))
 
 
+@pytest.mark.parametrize("name", ["ten_to_one", "two_to_one", "held", "atwood", "drop"])
+def test_accelerations_are_forces_divided_by_masses(node, name):
+    """The forces are weight, those that engines are given, and the reference's tensions along the string."""
+    p = load(name).parameters
+    reference = solved(p)
+    (run,) = node("run_cases.mjs", [case_of(p, reference.end_time)])
+    samples = reference.sample(FRACTIONS * reference.end_time)
+    force = cartesian_force(p) or (lambda *instant: (0.0, 0.0, 0.0))  # Atwood's machine has neither air nor friction
+    rows = zip(samples.t, samples.light_position, samples.light_velocity, samples.heavy_velocity, strict=True)
+    forces = np.array([force(t, *position, *velocity, heavy[1]) for t, position, velocity, heavy in rows])
+    angle = samples.state.wrap_angle
+    towards_rod = np.column_stack([np.sin(angle), -np.cos(angle)])
+    light = (forces[:, :2] + samples.tensions[0][:, None] * towards_rod) / p.light_mass - (0.0, p.coefficients["gravity"])
+    np.testing.assert_allclose([s["lightAcceleration"] for s in run["samples"]], light, rtol=1e-9, atol=1e-9)
+    heavy = (forces[:, 2] + samples.tensions[1]) / p.heavy_mass - p.coefficients["gravity"]
+    moves = np.array([s["mode"] not in ("sticking", "clamped", "clamped_slack") for s in run["samples"]])
+    accelerations = np.array([s["heavyAcceleration"] for s in run["samples"]])
+    np.testing.assert_allclose(accelerations[:, 1], np.where(moves, heavy, 0.0), rtol=1e-9, atol=1e-9)
+    assert not accelerations[:, 0].any()
+
+
 IMPOSSIBLE = [
     {"light_mass": -1.0},
     {"release_angle": 7.0},

@@ -3,6 +3,7 @@ import { MOMENT_SHAPES } from "../../looping_pendulum/live/assets/engine_runs/sh
 import { CONTROLS } from "../../looping_pendulum/live/assets/controls.js";
 import { STEPS } from "../../looping_pendulum/live/assets/lesson/steps.js";
 import { LANGUAGES, languageFor } from "../../looping_pendulum/live/assets/texts.js";
+import { ROLES } from "../../looping_pendulum/live/assets/trial/columns.js";
 import { FITTED_CHANNELS } from "../../looping_pendulum/live/assets/trial/prediction.js";
 import { END_EVENTS, MODE_NAMES, RELEASES } from "../../looping_pendulum/live/model.js";
 
@@ -20,6 +21,8 @@ process.stdout.write(JSON.stringify({
     release: Object.keys(RELEASES),
     lesson: STEPS.flatMap(({ name, options, task }) =>
       ["title", "text", "question", "why", ...options, ...(task ? ["task"] : [])].map((part) => `${name}.${part}`)),
+    teacher: STEPS.flatMap(({ name }) => ["aim", "say", "ask"].map((part) => `${name}.${part}`)),
+    role: Object.keys(ROLES),
     event: [...END_EVENTS, "stops", "sticks", "halts", "slips", "slack", "taut"],
   },
   preferred: JSON.parse(input).map(languageFor),

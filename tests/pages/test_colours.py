@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.registry import label, main_engines
-from looping_pendulum.pages.palette import COLOURS, DARK_COLOURS, styles
+from looping_pendulum.engines.registry import label, main_engines, styles
+from looping_pendulum.pages.palette import COLOURS, DARK_COLOURS
 from tests.pages.colour_vision import VISIONS, contrast, oklab, smallest_distance
 from tests.pages.live_page import settled
 
@@ -25,7 +25,7 @@ PALETTE = """() => {
   const colours = Object.fromEntries(Object.entries(names).map(valueOf));
   return {
     colours,
-    forces: Object.values(module_assets_stage.FORCES),
+    arrows: Object.values(module_assets_arrows.ARROWS),
     plots: module_assets_plots.KINDS.map(({ stacked, lines }) =>
       ({ stacked: Boolean(stacked), colours: lines.map(({ colour }) => colour) })),
     residuals: Object.entries(module_assets_trial_panel.COLOURS).map(([name, colour]) =>
@@ -58,11 +58,11 @@ def test_simulated_vision_keeps_greys_and_mixes_up_what_it_should():
 
 
 @pytest.mark.long
-def test_forces_differ_by_colour_or_dashes(palette):
+def test_arrows_differ_by_colour_dashes_or_heads(palette):
     colours = palette["colours"]
-    for one, other in combinations(palette["forces"], 2):
+    for one, other in combinations(palette["arrows"], 2):
         apart = smallest_distance(colours[one["colour"]], colours[other["colour"]])
-        assert apart >= MIN_DISTANCE or one["dash"] != other["dash"]
+        assert apart >= MIN_DISTANCE or any(one.get(style) != other.get(style) for style in ("dash", "heads"))
 
 
 def test_curves_and_areas_of_one_plot_differ_by_colour(palette):

@@ -49,18 +49,18 @@ def film(tmp_path_factory):
     return path, places
 
 
-def click(page, x, y):
-    """Click a place of the picture [px]."""
-    at = page.evaluate(
-        """([x, y]) => {
+ON_STAGE = """([x, y]) => {
       const { film, stage } = live, scale = (film.scale ?? film.guess) * stage.view.scale;
       document.getElementById("stage").scrollIntoView();
       const box = document.getElementById("stage").getBoundingClientRect();
       return [box.left + stage.view.x(0) + (x - film.axis.x) * scale, box.top + stage.view.y(0) + (y - film.axis.y) * scale];
-    }""",
-        [x, y],
-    )
-    page.mouse.click(*at)
+    }"""
+"""Place in the picture [px] -> place in the window."""
+
+
+def click(page, x, y):
+    """Click a place of the picture [px]."""
+    page.mouse.click(*page.evaluate(ON_STAGE, [x, y]))
     until(page, "!live.film.film.busy")
     settled(page)
 
@@ -114,8 +114,44 @@ def test_a_film_is_tracked_from_two_clicks_and_fitted(page, film):
     until(page, "document.getElementById('fit-table').children.length > 0")
     friction = page.evaluate("live.state.values.kinetic_friction")
     assert friction == pytest.approx(FRICTION, rel=0.05)
+    assert_fit_follows(page, places)
     page.click("#film-remove")
     assert page.evaluate("live.film.film") is None
+
+
+def assert_fit_follows(page, places):
+    """A point is dragged away, put back by hand, deleted and marked anew; each time the trial has it and a new fit is made."""
+    frame = LEAD + 30
+    fitted = (
+        "document.getElementById('trial-fit').disabled === false && document.getElementById('fit-table').children.length > 0"
+    )
+    point = f"live.film.marks.light.find(({{ time }}) => Math.abs(time - {frame / RATE}) < 1e-3)"
+    friction = "live.state.values.kinetic_friction"
+    good = page.evaluate(friction)
+    page.click("#film-correct")
+    x, y = page.evaluate(f"(({{ x, y }}) => [x, y])({point})")
+    start, end = (page.evaluate(ON_STAGE, place) for place in ([x, y], [x + 40, y - 30]))
+    page.mouse.move(*start)
+    page.mouse.down()
+    page.mouse.move(*end, steps=4)
+    page.mouse.up()
+    moved = page.evaluate(f"(({{ x, y }}) => [x, y])({point})")
+    assert moved == pytest.approx([x + 40, y - 30], abs=0.6)
+    until(page, fitted)
+    in_trial = f"live.trial.points('light').find(([t]) => Math.abs(t - {(frame - LEAD) / RATE}) < 1e-3)"
+    assert page.evaluate(in_trial)[1] == pytest.approx((moved[0] - AXIS[0]) * PIXEL, abs=2 * PIXEL)
+    until(page, "!live.film.film.busy")
+    assert page.evaluate("live.film.film.time") == pytest.approx(frame / RATE, abs=1 / RATE), "its frame is shown"
+    page.press("#stage", "Delete")
+    assert page.evaluate(point) is None
+    assert page.evaluate(in_trial) is None
+    until(page, fitted)
+    page.click("#film-light")
+    show(page, frame)
+    click(page, *places[frame, :2])
+    assert page.evaluate(f"(({{ x, y }}) => [x, y])({point})") == pytest.approx(places[frame, :2], abs=0.6)
+    until(page, fitted)
+    assert page.evaluate(friction) == pytest.approx(good, rel=2e-3)
 
 
 def test_a_webm_that_states_no_duration_is_played(page, tmp_path):

@@ -93,7 +93,7 @@ def test_on_paper_is_the_worksheet_alone(page, printed):
     assert worksheet.locator(".key").is_visible(), "what the arrows of the picture mean"
     assert "halts after" not in words, "no answer on the pupils' sheet"
     # The picture is as wide for its height as it was drawn
-    sizes = worksheet.locator("canvas").evaluate("(c) => [c.width / c.height, c.clientWidth / c.clientHeight]")
+    sizes = worksheet.locator("figure > canvas").evaluate("(c) => [c.width / c.height, c.clientWidth / c.clientHeight]")
     assert sizes[0] == pytest.approx(sizes[1], rel=0.01)
     count = [page.evaluate(COUNT, [f"#handout article:nth-child({n}) canvas", ORANGE]) for n in (1, 2)]
     assert 0 < count[0] < count[1], "pupils do not see the path that is still to come"
@@ -128,8 +128,13 @@ def test_answers_are_those_of_the_pages_runs(page, printed, name):
         page.keyboard.press("Tab")
     settled(page)
     page.evaluate(PRINTED)
-    assert answers(page.locator("#handout article"))[0] == changed
+    answer, why = changed, ""
+    if name == "ten_to_one":  # more friction, and it halts not for good: that is explained
+        answer, why = re.fullmatch(r"(.*) (The more the rod grips, .*)", changed).groups()
+    assert answers(page.locator("#handout article"))[0] == answer
     assert changed != first
+    turns = re.findall(r"only ([\d.]+) turns", why)
+    assert turns == page.evaluate("live.run.rests.slice(0, 1).map(({ turns }) => turns.toFixed(2))") * bool(why)
 
 
 def test_without_friction_the_last_question_adds_some(opened, printed):

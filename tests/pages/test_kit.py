@@ -7,16 +7,19 @@ import json
 import re
 
 import pytest
+from markdown_it import MarkdownIt
+from markupsafe import Markup
 
 from looping_pendulum.compare.figures import charts
 from looping_pendulum.compare.report import render_page
 from looping_pendulum.discrepancy.report import figures as identification_figures
 from looping_pendulum.discrepancy.report import writing as identification_page
+from looping_pendulum.engines import own_labels
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.registry import ADAPTERS, all_engines, label, main_engines
+from looping_pendulum.engines.registry import all_engines, label, main_engines, own_engines, styles
 from looping_pendulum.pages import markdown
 from looping_pendulum.pages.figures import Figure, escaped, on_page, plain
-from looping_pendulum.pages.palette import COLOURS, DARK_COLOURS, KNOWN_LABELS, styles
+from looping_pendulum.pages.palette import COLOURS, DARK_COLOURS
 from looping_pendulum.pages.shell import embedded
 from looping_pendulum.teaching import demo
 from tests.pages.colour_vision import contrast
@@ -48,6 +51,40 @@ def test_markdown_makes_no_element_of_what_stands_in_it(text):
     assert html.count("<table>") == 1
 
 
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("<script>alert(1)</script>", "&lt;script&gt;alert(1)&lt;/script&gt;"),
+        ("\\<script>", "\\&lt;script&gt;"),
+        ("![x](http://example.org/x.png)", "![x](http://example.org/x.png)"),
+        ("[x][y] [y]: http://example.org", "[x][y] [y]: http://example.org"),
+        ("C:\\path\\|a|", "C:\\path\\|a|"),
+        ("two\n\n# lines", "two # lines"),
+        ("rms_0.35s [mm]", "rms_0.35s [mm]"),
+    ],
+)
+def test_escaped_text_is_itself_in_any_renderer(text, shown):
+    """Oracle: CommonMark with HTML, links and images, in a paragraph and in a cell of a table."""
+    in_table = f"{markdown.escaped(text)}.\n\n{markdown.table(['a', 'b'], [[text, 'end']])}"
+    html = MarkdownIt("commonmark").enable("table").render(in_table)
+    assert f"<p>{shown}.</p>" in html
+    assert f"<td>{shown}</td>" in html
+    assert "end</td>" in html
+
+
+def test_markdown_is_not_escaped_again():
+    once = markdown.escaped("a < b")
+    assert markdown.escaped(once) == once == "a \\< b"
+    assert "**no**" in markdown.table(["a"], [[Markup("**no**")]])
+
+
+def test_code_cannot_end_its_backticks_or_its_fence():
+    assert markdown.code("a `b` | c\nd") == "a 'b' | c d"
+    assert markdown.code("a|b", in_table=True) == "a\\|b"
+    html = MarkdownIt("commonmark").render(markdown.fenced("x\n````\n<b>", "yaml"))
+    assert html == '<pre><code class="language-yaml">x\n````\n&lt;b&gt;\n</code></pre>\n'
+
+
 def test_colours_of_the_dark_ground_are_as_many_and_can_be_seen():
     assert len(DARK_COLOURS) == len(COLOURS)
     assert all(contrast(colour, "#12161c") >= 4.5 for colour in DARK_COLOURS)  # WCAG 2.2, AA for text; lines need 3
@@ -61,9 +98,8 @@ def test_text_can_be_read(pair):
 
 
 def test_every_variant_of_this_package_has_a_style_of_its_own_whatever_else_is_shown():
-    adapters = {*ADAPTERS, "drake", "box2d", "rapier", "exudyn", "newton"}
-    labels = [label(engine) for engine in all_engines(Profile.QUICK) if engine.name in adapters]
-    assert sorted(labels) == sorted(KNOWN_LABELS), "a new variant needs a place in pages/palette.py"
+    labels = [label(engine) for engine in all_engines(Profile.QUICK) if engine.name in own_engines()]
+    assert sorted(labels) == sorted(own_labels()), "a new variant needs a colour and a symbol in its engine.json"
     together = styles([*labels, "another:engine"])
     assert all(styles([one])[one] == style for one, style in together.items())
     assert len({(style.colour, style.dashes) for style in together.values()}) == len(together)

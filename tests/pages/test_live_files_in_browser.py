@@ -140,6 +140,48 @@ def test_a_file_that_is_no_plain_table_is_sent_to_look(opened):
     assert opened.complaints == []
 
 
+GERMAN = "Zeit in s;Masse A x in cm;Masse A y in cm;Masse B x in cm;<img src=x>\n" + "".join(
+    f"{i / 60:.4f};{-30 + i};{-10 - i};0,5;{-0.2 - i / 200:.3f}\n".replace(".", ",") for i in range(30)
+)
+"""A table that the page cannot tell by itself: which mass is which, and what the last column is."""
+
+
+def test_a_table_of_its_own_kind_is_read_by_saying_what_its_columns_are(opened):
+    page = opened.page
+    drop_file(page, "versuch.csv", GERMAN)
+    until(page, "!document.getElementById('trial-columns').hidden")
+    assert page.inner_text("#trial-error") == ""
+    choices = page.locator("#trial-columns-table select")
+    assert choices.evaluate_all("(all) => all.map(({ value }) => value)") == ["t", "", "", "", ""]
+    assert page.locator("#trial-columns-table img").count() == 0, "a heading cannot write into the page"
+    assert page.is_disabled("#trial-columns-use"), "a time alone is no trial"
+    for place, role in enumerate(["heavy_x", "heavy_y", "light_x", "light_y"], start=1):
+        choices.nth(place).select_option(role)
+    assert page.is_enabled("#trial-columns-use")
+    page.select_option("#language", "de")
+    assert choices.nth(1).input_value() == "heavy_x"
+    assert "versuch.csv ist eine Tabelle eigener Art" in page.inner_text("#trial-columns-ask")
+    page.select_option("#language", "en")
+    page.click("#trial-columns-use")
+    until(page, "live.trial.trial !== null")
+    assert page.is_hidden("#trial-columns")
+    read = page.evaluate("Object.fromEntries(live.trial.trial.channels.map(({ name, value }) => [name, value[3]]))")
+    # The last column states no unit
+    assert read == pytest.approx({"heavy_x": -0.27, "heavy_y": -0.13, "light_x": 0.005, "light_y": -0.215}, abs=1e-9)
+    with page.expect_download() as download:
+        page.click("#trial-plain")
+    saved = Path(download.value.path()).read_text(encoding="utf-8").splitlines()
+    assert saved[0] == "t [s],heavy_x [m],heavy_y [m],light_x [m],light_y [m]"
+    assert len(saved) == 1 + 30
+    page.click("#trial-remove")
+    drop_file(page, "noch einer.csv", GERMAN)
+    until(page, "!document.getElementById('trial-columns').hidden")
+    remembered = choices.evaluate_all("(all) => all.map(({ value }) => value)")
+    assert remembered == ["t", "heavy_x", "heavy_y", "light_x", "light_y"]
+    page.evaluate("localStorage.clear()")
+    assert opened.complaints == []
+
+
 @pytest.mark.long
 def test_files_of_the_page(page, tmp_path):
     with page.expect_download() as download:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import xarray as xr
 import zarr.storage
+from markdown_it import MarkdownIt
 
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.batch import solve_batch
@@ -34,6 +35,19 @@ def whole(tmp_path_factory):
     folder = tmp_path_factory.mktemp("whole")
     run_silently(read(GRID), folder)
     return contents(folder)
+
+
+def test_what_a_map_is_called_is_no_markup_in_its_report(tmp_path):
+    """A title with HTML reached map.md as it was."""
+    title = "<script>alert(1)</script> ![x](http://evil)"
+    text = GRID.replace("title: A grid", f"title: '{title}'\ndescription: '{title}'\n# ``` <b>\n\n\n\n## a comment")
+    run_silently(map_file.load_text(text), tmp_path)
+    report = (tmp_path / "map.md").read_text(encoding="utf-8")
+    html = MarkdownIt("commonmark").enable("table").render(report)
+    assert "<h1>&lt;script&gt;" in html
+    for tag in ("<script", "<b>", 'evil"'):
+        assert tag not in html
+    assert text.strip() in report, "the map file is as it is"
 
 
 def test_a_grid_says_what_the_batch_says(tmp_path):

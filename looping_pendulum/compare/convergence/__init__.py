@@ -1,1 +1,1 @@
-"""Ladders of ever finer runs, and every error split: not converged, different model, adapter's choice."""
+"""Ladders of ever finer runs, and a verdict on each: converged, not converged, another limit than the reference."""

@@ -2,8 +2,8 @@
 
 `convergence.json` is this tree of dataclasses, one JSON object per dataclass and one key per field; the text under a field is
 its documentation. Units are SI and radians throughout, a missing number is null. One key is added, ``schema``, the first: it
-holds the id and the version of the schema. Wall times and the time of day are in the last block, ``clock``. (With a budget, the
-runs that it leaves out depend on the machine too.) A reader must refuse another id and a higher version.
+holds the id and the version of the schema. Wall times and the time of day are in the last block, ``clock``. (With a time limit,
+the runs that it cuts depend on the machine too.) A reader must refuse another id and a higher version.
 """
 
 from __future__ import annotations
@@ -24,25 +24,15 @@ PATH_END_TIMES = {"path_0.35s": 0.35, "path_0.7s": 0.7}
 """Path quantity -> time [s] at which the path ends."""
 
 
-class SequenceKind(StrEnum):
-    """Behaviour of a sequence under refinement."""
+class Verdict(StrEnum):
+    """What refining does to a deviation from the reference."""
 
-    CONVERGES = "converges"
-    SETTLED = "no longer changes"
-    WITHIN_SPREAD = "converges no further than its spread"
-    SCATTERS = "does not converge"
-    NEVER = "never happens"
-    UNKNOWN = "not known"
-
-
-class ErrorCause(StrEnum):
-    """Cause of a part of an error."""
-
+    CONVERGED = "converged"
+    """The limit is the reference's, and it is reached, both to within `resolution`."""
     NOT_CONVERGED = "not converged"
-    MODEL = "different model"
-    CHOICE = "adapter's choice"
-    NOTHING = "nothing beyond its uncertainty"
-    UNKNOWN = "not known"
+    """The limit is not reached, or not known well enough; such a value is never ranked."""
+    ANOTHER_LIMIT = "another limit"
+    """The limit differs from the reference by more than its uncertainty, and by more than the resolution."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,22 +42,14 @@ class RunSummary:
     key: str
     """Key of the run in the cache, and in ``clock``."""
     status: str
-    """Name of the `RunStatus`; SKIPPED: left out to keep the budget; NOT_RUN: the study was interrupted before it."""
+    """Name of the `RunStatus`; NOT_RUN: a coarser rung reached the time limit, or the study was interrupted before."""
     ok: bool
     why: str
     """Sentence of the status, and the last line of the engine's message."""
-    rms: dict[str, float | None]
-    """Path quantity -> root mean square distance of the light mass from the reference [m]."""
+    errors: dict[str, float | None]
+    """Quantity -> root mean square distance from the reference's path, or signed difference from the reference's value."""
     halting_time: float | None
-    """Halting time [s]."""
-    halting_time_error: float | None
-    """Halting time less the reference's [s]."""
-    drop_at_halt: float | None
-    """Drop of the heavy mass at the halt [m]."""
-    drop_error: float | None
-    """Drop at the halt less the reference's [m]."""
-    string_stretch: float | None
-    """Largest stretch of the string [m]."""
+    """Halting time [s], even where the reference has none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,37 +58,26 @@ class Rung:
 
     value: float
     run: RunSummary
-    to_finest: dict[str, float | None]
-    """Quantity -> distance from the finest rung that ended properly."""
     to_limit: dict[str, float | None]
     """Quantity -> distance from the ladder's limit."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class ConvergenceVerdict:
-    """Behaviour of one quantity along one ladder."""
+class QuantityVerdict:
+    """What refining one setting, or all settings of a variant, does to the deviation of one quantity."""
 
     quantity: str
-    unit: str
-    kind: SequenceKind
-    why: str
-    """Reason for the kind, where it is not convergence."""
-    rungs: int
-    """Number of rungs that have a value of the quantity."""
-    used: int
-    """Number of the finest of these that the limit is derived from."""
-    order: float | None
-    order_uncertainty: float | None
-    """Half-width of the order's 95 % interval; null where three rungs leave no degree of freedom."""
-    limit: float | None
-    """Limit of a value of the halt; null for a path, whose limit is a path."""
+    verdict: Verdict
+    sentence: str
+    """The verdict, why, and what to do."""
+    refinement: float | None
+    """Change from the variant's own settings to the limit or, without one, to the finest rung; of all ladders the largest."""
+    limit_error: float | None
+    """Distance of the limit from the reference, signed for a ladder's value of the halt; of all ladders added up."""
     uncertainty: float | None
     """Half-width of the limit's 95 % interval."""
-    scatter: float | None
-    """Standard deviation of a rung, where rungs follow no power law."""
-    limit_error: float | None
-    """Distance of the limit from the reference; signed for a value of the halt."""
-    sentence: str
+    order: float | None = None
+    """Order of convergence along one ladder."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,15 +93,7 @@ class LadderStudy:
     """Value at the variant's own settings."""
     rungs: tuple[Rung, ...]
     """From coarse to fine."""
-    verdicts: tuple[ConvergenceVerdict, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class StartChange:
-    """A run from a slightly different start."""
-
-    what: str
-    run: RunSummary
+    verdicts: tuple[QuantityVerdict, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,30 +112,6 @@ class VariationStudy:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ErrorSplit:
-    """The error at the variant's own settings, in parts; uncertainties are 95 %."""
-
-    quantity: str
-    unit: str
-    error: float
-    numerics: float | None
-    """Distance of the variant from its own limit: the sum of its ladders' corrections."""
-    numerics_uncertainty: float | None
-    model: float | None
-    """Distance of that limit to the reference."""
-    model_uncertainty: float | None
-    choice: float | None
-    """Largest change that an equally reasonable alternative choice makes."""
-    choice_of: str
-    spread: float | None
-    """Standard deviation of the error under small changes of the start."""
-    causes: tuple[ErrorCause, ...]
-    """Causes of the parts above their uncertainty, the largest first."""
-    without_limit: tuple[str, ...]
-    """Ladders whose limit is not known: they are missing from the numerics."""
-
-
-@dataclass(frozen=True, kw_only=True)
 class VariantStudy:
     """Convergence study of one engine variant."""
 
@@ -182,12 +121,12 @@ class VariantStudy:
     summary: str
     own: RunSummary
     ladders: tuple[LadderStudy, ...]
-    starts: tuple[StartChange, ...]
     spread: dict[str, float | None]
-    """Quantity -> standard deviation of its error under small changes of the start."""
+    """Quantity -> run-to-run noise: standard deviation of its error under small changes of the start."""
     choices: tuple[VariationStudy, ...]
     defaults: tuple[VariationStudy, ...]
-    splits: tuple[ErrorSplit, ...]
+    verdicts: tuple[QuantityVerdict, ...]
+    """One for each quantity that the reference has."""
     provenance: Provenance
 
     @property
@@ -195,13 +134,14 @@ class VariantStudy:
         """Engine and variant, "pymunk:chain"."""
         return variant_label(self.engine, self.variant)
 
+    def choice(self, name: str) -> float | None:
+        """Return the largest change of quantity ``name`` that another choice of the adapter makes."""
+        return max((abs(moved) for one in self.choices if (moved := one.change[name]) is not None), default=None)
 
-@dataclass(frozen=True, kw_only=True)
-class RunTime:
-    """Wall time of one run of the study; several ran at the same time, so this is not a benchmark."""
-
-    key: str
-    seconds: float | None
+    def runs(self) -> list[RunSummary]:
+        """Return every run that is reported; one that is a rung of several ladders comes several times."""
+        rungs = [rung.run for ladder in self.ladders for rung in ladder.rungs]
+        return [self.own, *rungs, *(one.run for one in (*self.choices, *self.defaults))]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -210,7 +150,8 @@ class StudyClock:
 
     written: str
     """Date and time, UTC."""
-    run_times: tuple[RunTime, ...]
+    run_times: dict[str, float | None]
+    """Key of a run -> its wall time [s]; several ran at the same time, so this is not a benchmark."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -218,7 +159,7 @@ class ConvergenceResult(JsonResult):
     """Convergence studies of several variants on one scenario."""
 
     SCHEMA_ID = "looping-pendulum/convergence"
-    SCHEMA_VERSION = 4
+    SCHEMA_VERSION = 5
     FILE = FILE
     COMMAND = "converge"
 
@@ -227,14 +168,14 @@ class ConvergenceResult(JsonResult):
     parameters: StoredParameters
     until: float
     """Simulated time of the runs [s]."""
-    budget: float | None
-    """Wall time [s] above which runs were left out, by the expected cost; null: none were."""
+    time_limit: float
+    """Wall time [s] at which a run was cut, and finer rungs of its ladder were left out."""
     reference: str
     """Engine and variant of the reference."""
     reference_values: dict[str, float | None]
     """Quantity of the halt -> its value in the reference."""
-    floors: dict[str, float]
-    """Quantity -> smallest change that can be seen; smaller ones are due to reading samples."""
+    resolution: dict[str, float]
+    """Quantity -> difference that no longer matters: the verdicts hold at this resolution."""
     interrupted: bool
     variants: tuple[VariantStudy, ...]
     clock: StudyClock

@@ -6,12 +6,10 @@ First the verdict in one sentence, with one picture; then what to do next; then 
 from __future__ import annotations
 
 import math
-import re
 from functools import cache
-from importlib.resources import files
 from typing import Any
 
-from jinja2 import DictLoader, Environment, StrictUndefined
+from jinja2 import Environment
 
 from looping_pendulum.discrepancy.candidates import in_words
 from looping_pendulum.discrepancy.fit.event_prediction import MISSED_EVENT_ERRORS
@@ -20,7 +18,8 @@ from looping_pendulum.discrepancy.report import next_steps
 from looping_pendulum.discrepancy.result import FittedEffect, Identification, RankedExplanation, Verdict
 from looping_pendulum.discrepancy.verdict import BODY_IN_WORDS, UNIT_OF_BODY, limits_in_words
 from looping_pendulum.measured.observations import EventObservation
-from looping_pendulum.pages.numbers import DISPLAY_UNITS, GAP, number, quantity, signed, uncertain, unit_in_words
+from looping_pendulum.pages.numbers import DISPLAY_UNITS, GAP, number, signed, uncertain, unit_in_words
+from looping_pendulum.pages.templates import markdown_templates, sections
 from looping_pendulum.reference_ode.effects.types import EffectKind
 from looping_pendulum.runs.events import quantity_label
 
@@ -44,8 +43,6 @@ SIDES = {
 """Direction of a force (`ForceProfile.side`) -> words."""
 MAX_VISIBLE = 10
 """Effects in the table of what these data could show."""
-TEMPLATES = ("verdict.md.jinja", "details.md.jinja", "fitted_with.md.jinja")
-"""Sections above the figures, those below them, and what both say of effects."""
 
 
 def identification_markdown(result: Identification, picture: str = "") -> str:
@@ -75,34 +72,22 @@ def after_figures(result: Identification) -> list[str]:
 
 def _sections(template: str, result: Identification, **context: Any) -> list[str]:
     """Return the sections of a template, each with its heading first."""
-    text = _templates().get_template(template).render(result=result, force=result.unlisted, **context)
-    return [section.rstrip() + "\n" for section in re.split(r"^(?=## )", text, flags=re.MULTILINE) if section.strip()]
+    return sections(_templates(), template, result=result, force=result.unlisted, **context)
 
 
 @cache
 def _templates() -> Environment:
-    folder = files("looping_pendulum.discrepancy.report")
-    environment = Environment(
-        loader=DictLoader({name: folder.joinpath(name).read_text(encoding="utf-8") for name in TEMPLATES}),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        finalize=_in_cell,
-    )
+    environment = markdown_templates("looping_pendulum.discrepancy.report")
     environment.filters |= {
         "depends_on": _depends_on,
         "degrees": math.degrees,
         "event_label": lambda e: quantity_label(e.quantity, e.index),
         "in_words": lambda names: " and ".join(map(in_words, names.split("+"))),
         "interval": _interval,
-        "number": number,
         "off_by": off_by,
         "probability": _probability,
-        "quantity": quantity,
-        "signed": signed,
         "uncertain": uncertain,
         "unit": lambda unit: unit_in_words(unit) or GAP,
-        "yes": lambda value: "yes" if value else "no",
     }
     environment.globals |= {
         "BODY_IN_WORDS": BODY_IN_WORDS,
@@ -113,11 +98,6 @@ def _templates() -> Environment:
         "UNIT_OF_BODY": UNIT_OF_BODY,
     }
     return environment
-
-
-def _in_cell(value: Any) -> str:
-    """Return what a template shows as text that stays on its line and in its cell, whatever a study calls its parts."""
-    return " ".join(str(value).split()).replace("|", "\\|")
 
 
 def _depends_on(e: FittedEffect) -> str:

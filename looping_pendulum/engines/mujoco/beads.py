@@ -13,8 +13,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from looping_pendulum.engines.bead_rig import MAX_SLACK_FRACTION, PolygonCorrection, RebuiltBeadRig, Row
-from looping_pendulum.engines.chain import BEAD_RADIUS, NO_STOP, ONE_COEFFICIENT, STRAIGHT_STRING, bead_abilities, bend_rungs
+from looping_pendulum.engines.bead_rig import BeadEngine, Forces, RebuiltWorld
+from looping_pendulum.engines.chain import (
+    CORNER_CHOICES,
+    NO_STOP,
+    ONE_COEFFICIENT,
+    STRAIGHT_STRING,
+    BeadChainSettings,
+    bead_abilities,
+    bend_rungs,
+)
 from looping_pendulum.engines.mujoco.model import (
     breakdown_warnings,
     compile_model,
@@ -22,25 +30,16 @@ from looping_pendulum.engines.mujoco.model import (
     solver_defaults,
     time_constant_default,
 )
-from looping_pendulum.engines.protocol import Profile, StepGroups, TunedEngine
+from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.studies import Studies, default_row, studies_from_rows
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
 
 @dataclass(frozen=True, kw_only=True)
-class BeadSettings(StepGroups, PolygonCorrection):
-    """Numerical settings of the bead chain."""
+class BeadSettings(BeadChainSettings):
+    """Numerical settings of the bead chain. Lighter beads need shorter steps."""
 
-    time_step: float
-    """Time step [s]; it divides the sample interval."""
-    bend: float
-    """Angle between neighbouring links on the rod [rad]; a link is R times this long."""
-    bead_mass_ratio: float
-    """Mass of one bead over the light mass.
-
-    Lighter beads need shorter steps; with heavier ones the string's own inertia becomes visible.
-    """
     contact_time_constant: float = 1e-4
     """Time constant with which contacts and their friction come to rest [s]; MuJoCo's `solref`."""
     string_time_constant: float = 1e-4
@@ -64,12 +63,7 @@ class BeadSettings(StepGroups, PolygonCorrection):
     solver: str = "Newton"
     solver_iterations: int = 20
     solver_tolerance: float = 1e-10
-    bead_radius: float = BEAD_RADIUS
-    """Radius of a bead [m]; the rod's cylinder is thinner by it, so that the bead's centre runs where the string should."""
     steps_per_group: int = 20
-    """Steps between two updates of the drag forces and of the number of beads; a test shows that it may be 1."""
-    polygon: bool = True
-    """Whether radius and friction coefficient are corrected for the polygon that represents the circle (`engines.chain`)."""
 
 
 SETTINGS = {
@@ -117,14 +111,15 @@ def bead_xml(parameters: Parameters, settings: BeadSettings, beads: int) -> str:
         f' solimp="{s.least_contact_impedance!r} {s.contact_impedance!r} 0.0005" friction="{friction!r} {friction!r} 0 0 0"'
     )
     pairs = [f'<pair geom1="rod" geom2="sphere{i}" {contact}/>' for i in range(1, beads + 1)]
-    # autoreset is off: after a breakdown MuJoCo would go on from the first state, with a mere warning
+    # autoreset is off: after a breakdown MuJoCo would go on from the first state, with a mere warning. All bodies are joined to
+    # one island, which MuJoCo need not look for at every step
     return f"""
 <mujoco model="looping pendulum, beads">
   <compiler angle="degree" inertiafromgeom="false"/>
   <option timestep="{s.time_step!r}" integrator="{s.integrator}" cone="{s.cone}" impratio="{s.friction_to_normal_impedance!r}"
           solver="{s.solver}" iterations="{s.solver_iterations}" tolerance="{s.solver_tolerance!r}" jacobian="{s.jacobian}"
           gravity="0 0 {-p.coefficients["gravity"]!r}">
-    <flag autoreset="disable"/>
+    <flag autoreset="disable" island="disable"/>
   </option>
   <default><geom contype="0" conaffinity="0"/></default>
   <worldbody>
@@ -167,80 +162,67 @@ class _CompiledModel:
         self.breakdown_warnings = breakdown_warnings(mujoco, self.data)
 
 
-class MujocoBeadRig(RebuiltBeadRig):
-    """The apparatus in MuJoCo, with one compiled model for every number of beads."""
+class MujocoBeadWorld(RebuiltWorld):
+    """MuJoCo, with one compiled model for every number of beads."""
 
     _model: _CompiledModel
 
     def __init__(self, parameters: Parameters, settings: BeadSettings) -> None:
         import mujoco
 
+        super().__init__(parameters, settings)
         self._mujoco: Any = mujoco
-        self._heavy_dofs = 0 if parameters.release is Release.HELD else 1
         softness = settings.string_impedance * settings.string_time_constant
         # Compensates for l omega^2, which MuJoCo leaves out of a tendon's acceleration
         self._turning_shift = softness * softness
-        super().__init__(parameters, settings)
-
-    def read(self) -> tuple[float, ...]:
-        """Return positions [m], velocities [m/s], string stretch and slip [m]: `COLUMNS` without the time."""
-        if any(warning.number for warning in self._model.breakdown_warnings):
-            return (math.nan,) * 10
-        return super().read()
 
     def _build_model(self, beads: int) -> _CompiledModel:
         return _CompiledModel(self._mujoco, bead_xml(self._parameters, self._settings, beads))
 
-    def _use_model(self, beads: int, rows: Sequence[Row]) -> None:
-        time = self._model.data.time if self._models else 0.0
-        super()._use_model(beads, rows)
-        current, last = self._model, 2 * beads + 2 + self._heavy_dofs
-        current.data.time = time
-        # Cut off: a heavy mass that is held has no coordinate
-        current.qpos[:], current.qvel[:], current.warm_start[:] = (row[:last] for row in rows)
-        if self._has_string:
-            current.max_straight_lengths[0], current.max_straight_lengths[beads] = self.lengths[0], self.lengths[beads]
-            current.link_length_offsets[:] = self.lengths[1:beads]
-            current.link_length_offsets -= current.natural_lengths[1:beads]
-
-    def _rows(self) -> tuple[Row, ...]:
+    def _start_model(self) -> None:
         current = self._model
-        rows: tuple[Row, ...] = current.qpos.tolist(), current.qvel.tolist(), current.warm_start.tolist()
-        if self._is_held:
-            for row, heavy in zip(rows, (-self._parameters.hanging_length, 0.0, 0.0), strict=True):
-                row.append(heavy)
+        current.qpos[:], current.qvel[:], current.warm_start[:] = map(self._flat, self._rows)
+        if self._has_string:
+            current.max_straight_lengths[0], current.max_straight_lengths[len(self.lengths) - 1] = (
+                self.lengths[0],
+                self.lengths[-1],
+            )
+            current.link_length_offsets[:] = self.lengths[1:-1]
+            current.link_length_offsets -= current.natural_lengths[1:-1]
+
+    def _coordinates(self) -> Sequence[list[float]]:
+        current = self._model
+        rows = current.qpos.tolist(), current.qvel.tolist(), current.warm_start.tolist()
+        if any(warning.number for warning in current.breakdown_warnings):
+            return [[math.nan] * len(row) for row in rows]
         return rows
 
-    def _is_slack(self, end: int, distance: float) -> bool:
-        return distance < (1 - MAX_SLACK_FRACTION) * self.lengths[self._straight_index(end)]
-
-    def _advance_group(self) -> None:
-        """Set the applied forces and the limit of the light mass's straight part, and take a group of steps."""
+    def _advance_model(self, count: int, forces: Forces | None) -> None:
+        """Take ``count`` steps, with the forces and the limit of the light mass's straight part set before them."""
         current = self._model
-        places, speeds, _ = self._rows()
-        (x, y), (vx, vy) = places[:2], speeds[:2]
-        if self._force is not None:
-            current.applied[0], current.applied[1], heavy = self._force(current.data.time, x, y, vx, vy, speeds[-1])
+        if forces is not None:
+            (current.applied[0], current.applied[1]), heavy = forces
             if not self._is_held:
                 current.applied[-1] = heavy
         if self._has_string:
-            x, y = x - places[2], y - places[3]
+            (x, y), (bead_x, bead_y), (vx, vy) = self.position(0), self.position(1), self.velocity(0)
+            x, y = x - bead_x, y - bead_y
             square = max(x * x + y * y, 1e-16)  # avoids a division by zero if mass and bead coincide
             across = x * vy - y * vx  # without the bead's velocity, which is sliding along the string
             turning = across * across / (square * math.sqrt(square))
             current.max_straight_lengths[0] = self.lengths[0] - self._turning_shift * turning
-        # One call for the whole group, which spares Python between its steps
-        self._mujoco.mj_step(current.model, current.data, self._settings.steps_per_group)
+        # One call for all steps, which spares Python between them
+        self._mujoco.mj_step(current.model, current.data, count)
 
 
-class MujocoBeads(TunedEngine):
+class MujocoBeads(BeadEngine):
     """MuJoCo with the string as a chain of beads over a cylinder."""
 
     name = "mujoco"
     distribution = "mujoco"
     variant = "beads"
     settings_by_profile = SETTINGS
-    rig = MujocoBeadRig
+    world = MujocoBeadWorld
     settings: BeadSettings
     abilities = bead_abilities(
         "mujoco:beads",
@@ -293,7 +275,7 @@ class MujocoBeads(TunedEngine):
                 *solver_defaults(s, steps_per_group=1),
             ),
             choices=(
-                ("radius and coefficient", "corrected for the polygon", "the circle's own", {"polygon": False}),
+                *CORNER_CHOICES,
                 ("steps between two updates of drag and beads", f"{s.steps_per_group}", "1", {"steps_per_group": 1}),
                 ("bead radius", quantity(s.bead_radius, "m", 3), "0.5 mm", {"bead_radius": 5e-4}),
             ),

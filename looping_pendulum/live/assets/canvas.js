@@ -159,29 +159,33 @@ export function stripes(c) {
  * @param {Context} c
  * @param {number[]} from
  * @param {number[]} along its length and direction [px]
- * @param {{colour: string, dash?: number[]}} style
+ * @param {{colour: string, dash?: number[], heads?: number}} style `heads`: one behind the other
  */
-export function arrow(c, [x, y], [dx, dy], { colour, dash = [] }) {
+export function arrow(c, [x, y], [dx, dy], { colour, dash = [], heads = 1 }) {
   const length = Math.hypot(dx, dy);
   if (length < 3) return;
   const head = Math.min(9, length);
   const [ux, uy] = [dx / length, dy / length];
   const [ex, ey] = [x + dx, y + dy];
   const { ink } = colours();
-  const shaft = [[x, y], [ex - 0.6 * head * ux, ey - 0.6 * head * uy]];
+  const end = heads ? 0.6 * head : 0;
+  const shaft = [[x, y], [ex - end * ux, ey - end * uy]];
   // Outlined, as not every colour has enough contrast with the ground
   polyline(c, shaft, { colour: ink, width: 5, dash });
   polyline(c, shaft, { colour, width: 3.5, dash });
-  c.beginPath();
-  c.moveTo(ex, ey);
-  c.lineTo(ex - head * ux - 0.6 * head * uy, ey - head * uy + 0.6 * head * ux);
-  c.lineTo(ex - head * ux + 0.6 * head * uy, ey - head * uy - 0.6 * head * ux);
-  c.closePath();
-  c.strokeStyle = ink;
-  c.lineWidth = 1.5;
-  c.stroke();
-  c.fillStyle = colour;
-  c.fill();
+  for (let i = 0; i < heads; i++) {
+    const [hx, hy] = [ex - i * head * ux, ey - i * head * uy];
+    c.beginPath();
+    c.moveTo(hx, hy);
+    c.lineTo(hx - head * ux - 0.6 * head * uy, hy - head * uy + 0.6 * head * ux);
+    c.lineTo(hx - head * ux + 0.6 * head * uy, hy - head * uy - 0.6 * head * ux);
+    c.closePath();
+    c.strokeStyle = ink;
+    c.lineWidth = 1.5;
+    c.stroke();
+    c.fillStyle = colour;
+    c.fill();
+  }
 }
 
 /**

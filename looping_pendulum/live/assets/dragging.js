@@ -1,4 +1,4 @@
-/** The light mass is taken with mouse or finger and let go elsewhere. */
+/** What is moved with mouse, finger or arrow keys: the light mass, which is let go elsewhere, and the tools over the stage. */
 
 import { settingsOf, withValue } from "./controls.js";
 
@@ -47,6 +47,35 @@ export function listenToStage(stage, { lightMass, onTake, onMove, onLetGo }) {
   };
   canvas.addEventListener("pointerup", end);
   canvas.addEventListener("pointercancel", end);
+}
+
+/** @type {Record<string, number[]>} */
+const ARROW_KEYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+/** With Shift an arrow key moves by so many steps. */
+const LARGE_STEP = 10;
+
+/** Have an element moved with mouse, finger or arrow keys. @param {HTMLElement} element @param {number} step of an arrow key [px]
+ * @param {(x: number, y: number) => void} onMove by how much, to the right and down [px] */
+export function makeMovable(element, step, onMove) {
+  let last = [0, 0];
+  element.addEventListener("pointerdown", (event) => {
+    element.setPointerCapture(event.pointerId);
+    last = [event.clientX, event.clientY];
+  });
+  element.addEventListener("pointermove", (event) => {
+    if (!element.hasPointerCapture(event.pointerId)) return;
+    onMove(event.clientX - last[0], event.clientY - last[1]);
+    last = [event.clientX, event.clientY];
+  });
+  element.addEventListener("keydown", (event) => {
+    const along = ARROW_KEYS[event.key];
+    if (!along) return;
+    // Elsewhere the arrows step through time
+    event.preventDefault();
+    event.stopPropagation();
+    const by = event.shiftKey ? LARGE_STEP * step : step;
+    onMove(by * along[0], by * along[1]);
+  });
 }
 
 /** State with the light mass released at a place [m]. @param {State} state @param {number[]} place @returns {State} */

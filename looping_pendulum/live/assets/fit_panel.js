@@ -192,7 +192,7 @@ export function remainderInWords({ ratio, larger, pattern, place }) {
 }
 
 /** A value and its standard error, with two digits of the error. @param {number} value @param {number} error */
-function rounded(value, error) {
+export function rounded(value, error) {
   if (!(error > 0 && error < Infinity)) {
     return { value: Number(value.toPrecision(6)), words: () => text("notDetermined", { value: Number(value.toPrecision(4)) }) };
   }

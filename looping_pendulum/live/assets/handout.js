@@ -1,8 +1,10 @@
 /** What is printed in place of the page: a worksheet on the setting and moment that are shown, and its answers. */
 
+import { keyOf } from "./arrows.js";
 import { setSize } from "./canvas.js";
 import { CONTROLS, codeOf, controlOf, isMeaningful, settingsOf, withValue } from "./controls.js";
 import { html } from "./elements.js";
+import { STEPS } from "./lesson/steps.js";
 import { resultOf, whyNotForGood, wordsOf } from "./outcome.js";
 import { ShownRun } from "./shown_run.js";
 import { Stage } from "./stage.js";
@@ -12,8 +14,8 @@ import { fixed, namesOf, shown, text, withUnit } from "./texts.js";
 /** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
 /** @typedef {import("./shown_run.js").Sample} Sample */
 /**
- * @typedef {{state: State, run: DrawnRun, player: {time: number}, checked: (id: string) => boolean,
- *   engines: import("./engine_runs/engine_runs.js").EngineRuns | null}} PrintedPage what the sheets need of the page
+ * @typedef {{state: State, run: DrawnRun, player: {time: number}, arrows: import("./arrows.js").ShownArrows,
+ *   lesson: import("./lesson/panel.js").LessonPanel, engines: import("./engine_runs/engine_runs.js").EngineRuns | null}} PrintedPage what the sheets need of the page
  * @typedef {{question: string, answer: string}} Asked
  */
 
@@ -41,9 +43,22 @@ export class Handout {
   constructor(element, page) {
     this.page = page;
     const sheets = element("handout");
-    window.addEventListener("beforeprint", () => sheets.replaceChildren(this.worksheet(), this.answers()));
-    window.addEventListener("afterprint", () => sheets.replaceChildren());
+    /** Whether the sheets of all steps of the lesson are printed, and nothing else. */
+    let isForTeacher = false;
+    window.addEventListener("beforeprint", () => {
+      const { lesson } = page;
+      const ofPupils = [this.worksheet(), this.answers(), ...(lesson.isOpen ? [forTeacher([lesson.step])] : [])];
+      sheets.replaceChildren(...(isForTeacher ? [forTeacher(STEPS)] : ofPupils));
+    });
+    window.addEventListener("afterprint", () => {
+      isForTeacher = false;
+      sheets.replaceChildren();
+    });
     element("worksheet").addEventListener("click", () => window.print());
+    element("teacher-sheets").addEventListener("click", () => {
+      isForTeacher = true;
+      window.print();
+    });
   }
 
   /** The run that is shown; of a stored one the page's own, which knows all that is asked. */
@@ -93,12 +108,12 @@ export class Handout {
     const canvas = html("canvas");
     setSize(canvas, WIDTH, HEIGHT, SHARPNESS);
     const none = { light: [], heavy: [] };
-    const forces = this.page.checked("forces");
+    const { arrows } = this.page;
     new Stage(canvas).draw({
-      run, time, untilNow, forces, ghost: null, runs: null, film: null, points: none, now: { light: null, heavy: null },
+      run, time, untilNow, arrows, ghost: null, runs: null, film: null, points: none, now: { light: null, heavy: null },
     });
-    const key = forces ? [/** @type {Node} */ (document.querySelector(".key")).cloneNode(true)] : [];
-    return html("figure", {}, canvas, html("figcaption", {}, text("sheetPicture", { time: fixed(time, 3) })), ...key);
+    const key = html("ul", { className: "key" }, ...keyOf(run, arrows, HEIGHT));
+    return html("figure", {}, canvas, html("figcaption", {}, text("sheetPicture", { time: fixed(time, 3) })), key);
   }
 
   /** Three questions on the setting, answered by its run and by that of another one. @returns {Asked[]} */
@@ -120,6 +135,17 @@ export class Handout {
       },
     ];
   }
+}
+
+/** What a teacher needs of steps of the lesson: what each is for, what pupils say, and what to ask.
+ * @param {import("./lesson/steps.js").Step[]} steps */
+function forTeacher(steps) {
+  const parts = /** @type {const} */ ({ aim: "teacherAim", say: "teacherSay", ask: "teacherAsk" });
+  return html("article", {}, html("h1", {}, text("teacherTitle")), ...steps.map(({ name, options }) => html("section", {},
+    html("h2", {}, text("lessonStep", { number: STEPS.findIndex((step) => step.name === name) + 1, name: text(`lesson.${name}.title`) })),
+    html("p", {}, text(`lesson.${name}.text`)),
+    html("p", {}, html("strong", {}, text(`lesson.${name}.question`)), " ", options.map((one) => text(`lesson.${name}.${one}`)).join(" / ")),
+    ...Object.entries(parts).map(([part, title]) => html("p", {}, html("strong", {}, text(title)), " ", text(`teacher.${name}.${part}`))))));
 }
 
 /** All settings in which two states differ: friction at rest may go with that of sliding. @param {State} state @param {State} other */

@@ -1,5 +1,6 @@
 /** The page: settings lead to a run, the run and the time to all that is drawn. */
 
+import { keyOf } from "./arrows.js";
 import { forgetColours, whenResized } from "./canvas.js";
 import { CONTROLS, admit, linkOf, settingsOf, stateOf, withValue } from "./controls.js";
 import { listenToStage, releasedAt } from "./dragging.js";
@@ -16,12 +17,15 @@ import { LessonPanel } from "./lesson/panel.js";
 import { HaltMap } from "./map.js";
 import { MapCursor } from "./map_cursor.js";
 import { changeOf, fillTable, resultOf, showEvents } from "./outcome.js";
+import { OwnCurve } from "./own_curve.js";
 import { Player } from "./player.js";
 import { Plot, kindsOf } from "./plots.js";
 import { ShownRun, durationOf } from "./shown_run.js";
 import { Sliders } from "./sliders.js";
 import { Stage } from "./stage.js";
+import { Stopwatch } from "./stopwatch.js";
 import { LANGUAGES, fixed, shown, text, textsOf } from "./texts.js";
+import { Bench } from "./tools.js";
 import { TrialPanel, nearest } from "./trial_panel.js";
 
 /** @typedef {import("./controls.js").State} State */
@@ -64,6 +68,19 @@ class Page {
     this.ghost = null;
     this.player = new Player(element, () => this.activeRuns?.duration ?? this.run.end, () => this.wake());
     this.stage = new Stage(/** @type {HTMLCanvasElement} */ (element("stage")));
+    const stopwatch = new Stopwatch(element, () => this.player.time, (id, words) => this.say(id, words));
+    this.bench = new Bench(element, this.stage, stopwatch, () => this.wake());
+    /** Time at which the values of all plots are read; null while nobody reads them [s]. @type {number | null} */
+    this.probe = null;
+    /** @type {import("./plots.js").Times} */
+    this.times = {
+      onTime: (time) => this.player.stopAt(time),
+      onProbe: (time) => {
+        this.probe = time;
+        this.wake();
+      },
+      time: () => this.player.time,
+    };
     this.plots = kindsOf(runs !== null).map((kind) => this.plot(kind));
     const startWorker = () => new Worker(URL.createObjectURL(new Blob([source], { type: "text/javascript" })));
     const map = /** @type {HTMLCanvasElement} */ (element("map"));
@@ -75,6 +92,7 @@ class Page {
     this.trial = new TrialPanel(element, () => this.change(), (file) => this.film.open(file));
     this.film = new FilmPanel(element, this);
     this.fit = new FitPanel(element, this.trial, startWorker, () => this.state, (values) => this.takeFit(values));
+    this.ownCurve = new OwnCurve(element, this, this.times);
     this.keeping = new Keeping(element, this);
     this.handout = new Handout(element, this);
     this.lesson = new LessonPanel(element, this);
@@ -140,6 +158,8 @@ class Page {
     for (const preset of this.data.presets) {
       /** @type {HTMLOptionElement} */ (options.get(preset.name)).text = textsOf(preset).title;
     }
+    this.bench.relabel();
+    this.ownCurve.relabel();
     this.trial.relabel();
     this.fit.relabel();
     this.lesson.relabel();
@@ -151,9 +171,8 @@ class Page {
     const box = document.createElement("div");
     box.className = "plot";
     box.dataset.plot = kind.id;
-    box.setAttribute("role", "img");
     element("plots").append(box);
-    return new Plot(box, kind, (time) => this.player.stopAt(time));
+    return new Plot(box, kind, this.times);
   }
 
   listen() {
@@ -174,13 +193,17 @@ class Page {
     });
     element("undo").addEventListener("click", () => this.go("undo"));
     element("redo").addEventListener("click", () => this.go("redo"));
-    for (const id of ["ghost", "forces"]) element(id).addEventListener("change", () => this.change());
+    for (const id of ["ghost", "forces", "velocity", "acceleration"]) element(id).addEventListener("change", () => this.change());
     element("table-of-run").addEventListener("toggle", () => this.table());
     const left = element("left");
     element("full").hidden = !document.fullscreenEnabled; // telephones of some makers
     element("full").addEventListener("click", () => {
       if (document.fullscreenElement) document.exitFullscreen();
       else left.requestFullscreen();
+    });
+    // What a finger reads in a plot ends where it touches something else
+    document.addEventListener("pointerdown", ({ target }) => {
+      if (this.probe !== null && target instanceof Element && !target.closest(".plot")) this.times.onProbe(null);
     });
     listenToKeys(this);
     whenResized(() => this.change());
@@ -253,8 +276,11 @@ class Page {
   /** Set what a fit found. @param {Record<string, number>} values */
   takeFit(values) {
     let { state } = this;
+    const { time } = this.player;
     for (const { name } of CONTROLS) if (name in values) state = withValue(state, name, values[name]);
     this.set(state);
+    // Whoever corrects the points of a film goes on at the frame that is shown
+    this.player.stopAt(time);
   }
 
   /** @param {import("./map_cursor.js").Place} place */
@@ -291,6 +317,7 @@ class Page {
     if (changed) this.compute();
     if (playing) this.log.played(this.run, time, this.player.time);
     this.draw();
+    if (changed) this.showKey();
     this.frames += 1;
     if (changed) this.costs.push(performance.now() - started);
     if (this.player.playing) this.wake();
@@ -332,6 +359,7 @@ class Page {
     this.say("compared", changeOf(this.run, this.ghost));
     this.say("map-state", state.release === "looping" ? (this.engines?.noteOnMap ?? "") : text("mapNoLoop"));
     this.trial.show(this.run);
+    this.ownCurve.show(this.run);
     this.map.show(state);
     showEvents(element("events"), this.run, (time) => this.player.stopAt(time));
     this.table();
@@ -365,6 +393,21 @@ class Page {
     }
   }
 
+  /** Which arrows are shown; of a stored run nobody knows them. @returns {import("./arrows.js").ShownArrows} */
+  get arrows() {
+    const isKnown = this.state.stored === undefined;
+    const [forces, velocity, acceleration] = ["forces", "velocity", "acceleration"].map((id) => isKnown && this.checked(id));
+    return { forces, velocity, acceleration };
+  }
+
+  /** Say what the arrows are, as long as the stage has them. */
+  showKey() {
+    const { size, enlarged } = this.stage;
+    const items = keyOf(this.run, this.arrows, size.height, enlarged);
+    element("key").hidden = !items.length;
+    element("key").replaceChildren(...items);
+  }
+
   /** The run as a table, when it is open. */
   table() {
     if (/** @type {HTMLDetailsElement} */ (element("table-of-run")).open) {
@@ -384,13 +427,15 @@ class Page {
       run: this.run,
       ghost: this.ghost,
       time,
-      forces: this.checked("forces") && this.state.stored === undefined,
+      arrows: this.arrows,
       runs,
       film: this.film,
       points: { light: points.light.map(([, x, y]) => [x, y]), heavy: points.heavy.map(([, x, y]) => [x, y]) },
       now: { light: nearest(points.light, time), heavy: nearest(points.heavy, time) },
     });
-    for (const plot of this.plots) if (!plot.box.hidden) plot.draw(time);
+    this.bench.draw();
+    for (const plot of this.plots) if (!plot.box.hidden) plot.draw(time, this.probe);
+    this.ownCurve.drawTime(time, this.probe);
     this.map.draw(this.state);
     const [least, most] = this.map.range.map((drop) => (Number.isFinite(drop) ? `${fixed(CENTIMETRES * drop, 0)} cm` : ""));
     this.say("map-least", least);

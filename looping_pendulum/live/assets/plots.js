@@ -1,7 +1,7 @@
 /** Quantities over time, with one cursor for all. */
 
 import { colours, fitted, polyline, ticks, write } from "./canvas.js";
-import { shown, text, written } from "./texts.js";
+import { fixed, shown, text, written } from "./texts.js";
 
 /** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
 /** @typedef {import("./shown_run.js").Sample} Sample */
@@ -9,10 +9,19 @@ import { shown, text, written } from "./texts.js";
 /**
  * @typedef {import("./engine_runs/engine_runs.js").EngineRuns} EngineRuns
  * @typedef {{id: string, title: TextKey, down?: boolean, stacked?: boolean, log?: boolean, runs?: boolean, digits: number,
- *   lines: {name: TextKey, colour: string, value: (s: Sample, run: DrawnRun) => number}[]}} Kind keys of a title and of lines' names;
- *   `runs`: whether it is only on pages with, or only on pages without, stored runs
+ *   lines: {name: TextKey, colour: string, value: (s: Sample, run: DrawnRun) => number}[], also?: () => number[],
+ *   over?: (c: Context, plot: Plot) => void}} Kind keys of a title and of lines' names; `runs`: whether it is only on pages with, or only on
+ *   pages without, stored runs; `also`: values that have room, too; `over`: draws over the lines
+ * @typedef {{onTime: (time: number) => void, onProbe: (time: number | null) => void, time: () => number}} Times the time is set; values are
+ *   looked at, or no longer; the time that is shown [s]
  */
 
+/** @typedef {import("./canvas.js").Context} Context */
+
+/** What an arrow key moves the hairline by, and with Shift [s]. */
+const [STEP, LARGE_STEP] = [2e-3, 2e-2];
+/** Height of a row of values beside the hairline, and room beside it [px]. */
+const [ROW, INSET] = [16, 6];
 const EDGE = { left: 44, right: 10, top: 26, bottom: 22 };
 
 /** @type {Kind[]} */
@@ -74,9 +83,9 @@ export class Plot {
   /**
    * @param {HTMLElement} box
    * @param {Kind} kind
-   * @param {(time: number) => void} onTime
+   * @param {Times} times
    */
-  constructor(box, kind, onTime) {
+  constructor(box, kind, times) {
     this.box = box;
     this.kind = kind;
     /** Stored runs, the reference's among them, which are drawn in place of the page's own. @type {EngineRuns | null} */
@@ -91,17 +100,78 @@ export class Plot {
     this.end = 1;
     this.x = (/** @type {number} */ t) => t;
     this.y = (/** @type {number} */ v) => v;
-    const follow = (/** @type {PointerEvent} */ event) => {
+    /** Time at which values are looked at here by keys [s]. @type {number | null} */
+    this.read = null;
+    this.listenToPointer(times);
+    this.listenToKeys(times);
+  }
+
+  /** What is under the pointer is read; where it is pressed, the time is set. @param {Times} times */
+  listenToPointer({ onTime, onProbe }) {
+    const { canvas } = this;
+    const timeAt = (/** @type {PointerEvent} */ event) => {
       const share = (event.clientX - canvas.getBoundingClientRect().left - EDGE.left) / (canvas.clientWidth - EDGE.left - EDGE.right);
-      onTime(share * this.end);
+      return Math.min(Math.max(share, 0), 1) * this.end;
+    };
+    const follow = (/** @type {PointerEvent} */ event) => {
+      onProbe(timeAt(event));
+      if (event.buttons) onTime(timeAt(event));
     };
     canvas.addEventListener("pointerdown", (event) => {
       canvas.setPointerCapture(event.pointerId);
       follow(event);
     });
-    canvas.addEventListener("pointermove", (event) => {
-      if (event.buttons) follow(event);
+    canvas.addEventListener("pointermove", follow);
+    // What a finger has chosen stays to be read when it no longer covers it
+    canvas.addEventListener("pointerleave", (event) => event.pointerType === "mouse" && onProbe(null));
+    // The arrow keys go on to step through time
+    canvas.addEventListener("mousedown", (event) => event.preventDefault());
+  }
+
+  /** @param {Times} times */
+  listenToKeys({ onTime, onProbe, time }) {
+    const { box } = this;
+    box.tabIndex = 0;
+    box.setAttribute("role", "slider");
+    box.setAttribute("aria-valuemin", "0");
+    const read = (/** @type {number} */ at) => {
+      this.read = Math.min(Math.max(at, 0), this.end);
+      this.describe(this.read);
+      onProbe(this.read);
+    };
+    box.addEventListener("focus", () => read(time()));
+    box.addEventListener("blur", () => {
+      this.read = null;
+      onProbe(null);
     });
+    box.addEventListener("keydown", (event) => {
+      const at = this.read ?? time();
+      const step = event.shiftKey ? LARGE_STEP : STEP;
+      /** @type {Record<string, number>} */
+      const places = { ArrowRight: at + step, ArrowLeft: at - step, ArrowUp: at + step, ArrowDown: at - step, Home: 0, End: this.end };
+      if (event.key === "Enter") onTime(at);
+      else if (Object.hasOwn(places, event.key)) read(places[event.key]);
+      else return;
+      event.preventDefault();
+      event.stopPropagation();
+    });
+  }
+
+  /** Tell screen readers what is to be read at a time. @param {number} time */
+  describe(time) {
+    const values = this.readings(time).map(({ name, value }) => [name, value].filter(Boolean).join(" "));
+    this.box.setAttribute("aria-valuenow", time.toFixed(3));
+    this.box.setAttribute("aria-valuetext", text("plotReads", { time: fixed(time, 3), values: values.join(", ") }));
+  }
+
+  /** What the lines say at a time; a single one needs no name. @param {number} time */
+  readings(time) {
+    const { kind, run, runs } = this;
+    const inWords = (/** @type {number} */ value) => (Number.isFinite(value) ? fixed(value, kind.digits) : "–");
+    if (runs) return runs.readings(kind.id, time).map(({ name, value }) => ({ name, value: inWords(value) }));
+    if (!run) return [];
+    const sample = run.at(time);
+    return kind.lines.map(({ name, value }) => ({ name: kind.lines.length > 1 ? text(name) : "", value: inWords(value(sample, run)) }));
   }
 
   /** Draw all that does not move with the time. @param {DrawnRun} run @param {DrawnRun | null} ghost @param {EngineRuns | null} runs */
@@ -132,8 +202,11 @@ export class Plot {
     if (ghost && !kind.stacked) this.curves(c, ghost, true);
     if (this.runs) this.runs.drawCurves(c, this);
     else if (!kind.stacked) this.curves(c, run, false);
+    kind.over?.(c, this);
     c.restore();
     this.legend(c, width);
+    this.box.setAttribute("aria-valuemax", this.end.toFixed(3));
+    this.describe(this.read ?? 0);
   }
 
   /** @param {DrawnRun[]} runs @returns {[number, number]} */
@@ -144,12 +217,13 @@ export class Plot {
       stacked ? [run.range((s) => lines.reduce((sum, { value }) => sum + value(s, run), 0))] : lines.map(({ value }) => run.range((s) => value(s, run))),
     );
     if (this.runs) ranges.push(this.runs.range(this.kind.id));
+    ranges.push(...(this.kind.also?.() ?? []).map((value) => /** @type {[number, number]} */ ([value, value])));
     const [low, high] = [Math.min(0, ...ranges.map(([first]) => first)), Math.max(...ranges.map(([, last]) => last))];
     const span = Math.max(high - low, 1e-6);
     return [low < 0 ? low - 0.04 * span : low, high + 0.05 * span];
   }
 
-  /** @param {import("./canvas.js").Context} c @param {DrawnRun} run @param {boolean} pale */
+  /** @param {Context} c @param {DrawnRun} run @param {boolean} pale */
   curves(c, run, pale) {
     for (const { value, colour } of this.kind.lines) {
       const style = pale ? { colour: colours().soft, width: 1.5, dash: [5, 4] } : { colour: colourOf(colour), width: 2.2 };
@@ -157,7 +231,7 @@ export class Plot {
     }
   }
 
-  /** @param {import("./canvas.js").Context} c @param {DrawnRun} run */
+  /** @param {Context} c @param {DrawnRun} run */
   areas(c, run) {
     let below = run.samples.map(() => 0);
     for (const { value, colour } of this.kind.lines) {
@@ -173,7 +247,7 @@ export class Plot {
     }
   }
 
-  /** @param {import("./canvas.js").Context} c @param {number} width */
+  /** @param {Context} c @param {number} width */
   legend(c, width) {
     const { lines } = this.kind;
     if (lines.length < 2) return;
@@ -188,11 +262,39 @@ export class Plot {
     }
   }
 
-  /** Draw the cursor. @param {number} time */
-  draw(time) {
+  /** Draw the cursor, and the hairline with its values. @param {number} time @param {number | null} probe time of the hairline */
+  draw(time, probe) {
     const { c, height } = fitted(this.canvas);
-    const { run } = this;
-    if (!run) return;
+    if (!this.run) return;
+    this.cursor(c, height, this.run, time);
+    if (probe !== null && probe <= this.end) this.hairline(c, height, probe);
+  }
+
+  /** @param {Context} c @param {number} height @param {number} time */
+  hairline(c, height, time) {
+    const { ink, panel, line } = colours();
+    const x = this.x(time);
+    polyline(c, [[x, EDGE.top], [x, height - EDGE.bottom]], { colour: ink, width: 1, dash: [3, 3] });
+    const rows = [{ name: "t", value: `${fixed(time, 3)} s` }, ...this.readings(time)];
+    c.font = "600 12px system-ui, sans-serif";
+    const wide = Math.max(...rows.map(({ name, value }) => c.measureText(`${name} ${value}`).width)) + 2 * INSET;
+    const left = x + INSET + wide < this.size.width ? x + INSET : x - INSET - wide;
+    c.beginPath();
+    c.rect(left, EDGE.top, wide, ROW * rows.length + 4);
+    c.fillStyle = panel;
+    c.fill();
+    c.strokeStyle = line;
+    c.lineWidth = 1;
+    c.stroke();
+    rows.forEach(({ name, value }, i) => {
+      const y = EDGE.top + 10 + ROW * i;
+      write(c, name, left + INSET, y, { colour: ink });
+      write(c, value, left + wide - INSET, y, { colour: ink, bold: true, align: "right" });
+    });
+  }
+
+  /** @param {Context} c @param {number} height @param {DrawnRun} run @param {number} time */
+  cursor(c, height, run, time) {
     const { ink, ground } = colours();
     const x = this.x(Math.min(time, this.end));
     for (const [colour, width] of /** @type {[string, number][]} */ ([[ground, 3.5], [ink, 1.5]])) {

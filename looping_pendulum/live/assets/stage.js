@@ -1,6 +1,7 @@
 /** The apparatus: both masses, string, rod, trails, forces and tracked points, beside the rod enlarged. */
 
-import { arrow, colours, fitted, nameMasses, polyline, write } from "./canvas.js";
+import { drawArrows, weightLength } from "./arrows.js";
+import { colours, fitted, nameMasses, polyline, write } from "./canvas.js";
 import { fixed, shown, text, written } from "./texts.js";
 
 /** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
@@ -9,7 +10,7 @@ import { fixed, shown, text, written } from "./texts.js";
 /** @typedef {{left: number, right: number, low: number, high: number}} Box */
 /** @typedef {{x: (x: number) => number, y: (y: number) => number, scale: number}} View from metres to pixels */
 /**
- * @typedef {{run: DrawnRun, ghost: DrawnRun | null, time: number, forces: boolean, points: {light: number[][], heavy: number[][]},
+ * @typedef {{run: DrawnRun, ghost: DrawnRun | null, time: number, arrows: import("./arrows.js").ShownArrows, points: {light: number[][], heavy: number[][]},
  *   now: {light: number[] | null, heavy: number[] | null}, runs: import("./engine_runs/engine_runs.js").EngineRuns | null,
  *   film: import("./film/panel.js").FilmPanel | null, untilNow?: boolean}} Scene
  *   `film`: drawn under all else. `untilNow`: without the path that is still to come. `runs`: stored runs, the reference's among them, which are drawn in place of the page's own; null without any
@@ -23,18 +24,8 @@ const MARGIN = 26;
 const GAIN_PER_TURN = 0.11;
 const LEAST_TURNS_SHOWN = 5;
 const [LIGHT_SIZE, HEAVY_SIZE] = [9, 14];
-/** Length of the heavy mass's weight as an arrow, where there is room [px]. */
-const WEIGHT_LENGTH = 70;
-/** Colour and dashes of forces, since not all see the colours differ; live.css has them again for the key.
- * @type {Record<"weight" | "pull" | "air", {colour: keyof ReturnType<typeof colours>, dash: number[]}>} */
-export const FORCES = {
-  weight: { colour: "blue", dash: [] },
-  pull: { colour: "pink", dash: [5, 7] },
-  air: { colour: "green", dash: [0.1, 5.5] },
-};
 /** Radius of the arc of the angle at the release [px]. */
 const ARC = 30;
-const MAX_LENGTH = 150;
 /** Highest power of ten on the scale of the bars. */
 const MOST_DECADES = 6;
 /** Width of the enlarged rod with one string, and with those of several runs [px]. */
@@ -53,6 +44,8 @@ export class Stage {
     this.box = null;
     /** Whether the scale stays as it is, since something is dragged. */
     this.frozen = false;
+    /** Of the drawing [px]. */
+    this.size = { width: 0, height: 0 };
     /** Pixels of CSS in one of the drawing. */
     this.enlarged = 1;
     /** @type {View} */
@@ -66,11 +59,11 @@ export class Stage {
     c.scale(this.enlarged, this.enlarged);
     const [width, height] = [wide, high].map((size) => size / this.enlarged);
     const { run, ghost, time, runs } = scene;
+    this.size = { width, height };
     const side = Math.min(runs ? LARGE_SIDE : SIDE, Math.max(NARROW_SIDE, (runs ? 0.32 : 0.22) * width));
     if (!(width > side && height > 0)) return; // the page is being laid out, or has no room
-    const weight = Math.min(WEIGHT_LENGTH, 0.2 * height);
     // The weight of a heavy mass has room below it
-    this.fit(scene, width - side, scene.forces ? height - weight : height);
+    this.fit(scene, width - side, scene.arrows.forces ? height - weightLength(height) : height);
     const { view } = this;
     scene.film?.draw(c, view);
     if (ghost) this.apparatus(c, ghost, time, true);
@@ -78,7 +71,8 @@ export class Stage {
     if (runs) runs.drawStage(c, view, time);
     else this.apparatus(c, run, time, false, scene.untilNow);
     const sample = run.at(time);
-    if (scene.forces) this.forces(c, run, sample, weight);
+    const [light, heavy] = [sample.light, sample.heavy].map(([x, y]) => [view.x(x), view.y(y)]);
+    drawArrows(c, run, sample, { light, heavy }, scene.arrows, height);
     if (!runs) this.names(c, run, sample);
     if (scene.untilNow || (time === 0 && !runs)) this.angle(c, run, time);
     c.beginPath();
@@ -90,7 +84,7 @@ export class Stage {
     const place = { left: width - side, width: side, height: Math.min(side, 0.5 * height) };
     if (runs) runs.drawRod(c, place, time);
     else rod(c, sample, run, place);
-    if (scene.forces) holding(c, sample, { left: width - side, width: side, top: Math.min(side, 0.5 * height), height });
+    if (scene.arrows.forces) holding(c, sample, { left: width - side, width: side, top: Math.min(side, 0.5 * height), height });
   }
 
   /** Choose which part of the plane is seen. @param {Scene} scene @param {number} width @param {number} height */
@@ -190,26 +184,6 @@ export class Stage {
     const distance = ARC + 6;
     const words = `${shown(Number(((angle * 180) / Math.PI).toPrecision(5)))}°`;
     write(c, words, x - distance * Math.sin(angle / 2), y - distance * Math.cos(angle / 2), { colour: ink, align: "right", clear: true });
-  }
-
-  /** @param {Context} c @param {DrawnRun} run @param {Sample} sample @param {number} length of the heavy mass's weight [px] */
-  forces(c, run, sample, length) {
-    const { view } = this;
-    const { light_mass: m1, heavy_mass: m2, gravity, rod_radius: r } = run.settings;
-    const scale = length / (m2 * gravity);
-    const light = [view.x(sample.light[0]), view.y(sample.light[1])];
-    const heavy = [view.x(sample.heavy[0]), view.y(sample.heavy[1])];
-    const [weight, pull, air] = [FORCES.weight, FORCES.pull, FORCES.air].map(({ colour, dash }) => ({ colour: colours()[colour], dash }));
-    arrow(c, light, [0, m1 * gravity * scale], weight);
-    arrow(c, heavy, [0, m2 * gravity * scale], weight);
-    const [fx, fy] = sample.dragForce;
-    arrow(c, light, [fx * scale, -fy * scale], air);
-    if (run.release === "drop") return;
-    // The string pulls the light mass towards the point where it leaves the rod
-    const [dx, dy] = [r * Math.cos(sample.wrapAngle) - sample.light[0], r * Math.sin(sample.wrapAngle) - sample.light[1]];
-    const share = Math.min(sample.lightTension * scale, MAX_LENGTH) / Math.hypot(dx, dy);
-    arrow(c, light, [dx * share, -dy * share], pull);
-    arrow(c, heavy, [0, -Math.min(sample.heavyTension * scale, MAX_LENGTH)], pull);
   }
 
   /** @param {Context} c @param {Scene} scene */

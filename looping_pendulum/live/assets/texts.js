@@ -3,7 +3,7 @@
 import { de } from "./texts/de.js";
 import { en } from "./texts/en.js";
 
-/** @typedef {keyof typeof en | `${"setting" | "misfit" | "event" | "mode" | "release" | "lesson" | "moment" | "band" | "effect"}.${string}`} TextKey
+/** @typedef {keyof typeof en | `${"setting" | "misfit" | "event" | "mode" | "release" | "lesson" | "moment" | "band" | "effect" | "role" | "teacher"}.${string}`} TextKey
  * a family has a text for each member */
 
 /** Language -> its table, the first for readers of any other. @type {Record<string, Record<string, string>>} */

@@ -2,8 +2,11 @@
 
 import { colours, fitted, polyline, ticks, write } from "./canvas.js";
 import { parsed } from "./controls.js";
+import { save } from "./export.js";
 import { FilmPanel } from "./film/panel.js";
 import { fixed, shown, text, written } from "./texts.js";
+import { Chooser } from "./trial/chooser.js";
+import { tableOf } from "./trial/columns.js";
 import { otherFrameRate, typicalDistance } from "./trial/distance.js";
 import { DataError, readTrial, tracksOf } from "./trial/reader.js";
 import { range } from "./trial/statistics.js";
@@ -48,6 +51,10 @@ export class TrialPanel {
     this.scale = 1;
     /** Angle by which the picture is turned, as a fit found it [rad]. */
     this.tilt = 0;
+    element("trial-plain").addEventListener("click", () => {
+      if (this.trial) save("plain.csv", new Blob([tableOf(this.trial.channels)], { type: "text/csv" }));
+    });
+    this.chooser = new Chooser(element, (chosen) => this.take(chosen, true));
     const file = /** @type {HTMLInputElement} */ (element("trial-file"));
     file.addEventListener("change", () => {
       if (file.files?.length) this.open(file.files[0]);
@@ -76,14 +83,27 @@ export class TrialPanel {
   /** @param {File} file @param {boolean} scrolls whether the page goes to the trial */
   async open(file, scrolls = true) {
     const { name } = file;
-    /** @type {{name: string, bytes: Uint8Array}} */
-    let next;
+    /** @type {Uint8Array} */
+    let bytes;
     try {
-      next = { name, bytes: new Uint8Array(await file.arrayBuffer()) };
+      bytes = new Uint8Array(await file.arrayBuffer());
     } catch {
       this.refuse(() => text("cannotBeRead", { file: name }));
       return;
     }
+    this.chooser.close();
+    const problem = problemOf({ name, bytes });
+    if (problem?.isForm && this.chooser.offer({ name, bytes })) {
+      this.refusal = null;
+      this.tell();
+      this.element("trial").scrollIntoView({ block: "nearest" });
+      return;
+    }
+    this.take({ name, bytes }, scrolls);
+  }
+
+  /** @param {{name: string, bytes: Uint8Array}} next @param {boolean} scrolls whether the page goes to the trial */
+  take(next, scrolls) {
     const problem = problemOf(next);
     // With a field that can help, a file may still be read
     if (this.trial && problem && !problem.field) {
@@ -99,6 +119,13 @@ export class TrialPanel {
     if (this.trial) /** @type {HTMLInputElement} */ (this.element("trial-mirror")).checked = startsOnTheRight(this.trial);
     this.onChange();
     if (scrolls) this.element("trial").scrollIntoView({ block: "nearest" });
+  }
+
+  /** Read other points of the file that is there; what is said about it stays. @param {string} content */
+  replace(content) {
+    if (!this.file) return;
+    this.file = { ...this.file, bytes: new TextEncoder().encode(content) };
+    this.read();
   }
 
   /** Leave a file; what was read before stays. @param {() => string} words */
@@ -157,6 +184,7 @@ export class TrialPanel {
 
   /** Say all that is said about the file in the language of the page. */
   relabel() {
+    this.chooser.show();
     if (this.file) {
       this.offerTracks(this.file);
       this.read();

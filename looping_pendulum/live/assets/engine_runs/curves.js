@@ -86,15 +86,23 @@ function drawPoints(c, plot, { t, v }, factor, end) {
   c.globalAlpha = 1;
 }
 
+/** What a plot shows of each run at a time, where that is known. @param {string} plot @param {RunsData} data @param {EngineRun[]} shown
+ * @param {number} time */
+export function valuesAt(plot, data, shown, time) {
+  const { factor, value } = QUANTITIES[plot];
+  return shown.flatMap((run) => {
+    const place = hasEnded(run, time) ? null : placeOf(data, run, time);
+    const found = place && value(place);
+    return found === null ? [] : [{ run, value: found * factor }];
+  });
+}
+
 /** Where each run is at a time. @param {Context} c @param {Plot} plot @param {RunsData} data @param {EngineRun[]} shown
  * @param {Map<string, string>} colourOf @param {number} time */
 export function drawDots(c, plot, data, shown, colourOf, time) {
-  for (const run of shown) {
-    const place = hasEnded(run, time) ? null : placeOf(data, run, time);
-    const value = place && QUANTITIES[plot.kind.id].value(place);
-    if (value === null) continue;
+  for (const { run, value } of valuesAt(plot.kind.id, data, shown, time)) {
     c.beginPath();
-    c.arc(plot.x(time), plot.y(value * QUANTITIES[plot.kind.id].factor), 4, 0, 2 * Math.PI);
+    c.arc(plot.x(time), plot.y(value), 4, 0, 2 * Math.PI);
     c.fillStyle = colourOf.get(run.id) ?? "";
     c.fill();
     c.strokeStyle = colours().ground;

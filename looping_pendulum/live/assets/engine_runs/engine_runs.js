@@ -2,7 +2,8 @@
 
 import { linkOf, settingsOf, stateOf } from "../controls.js";
 import { fixed, namesOf, text, textsOf } from "../texts.js";
-import { drawCurves, drawDots, rangeOf } from "./curves.js";
+import { drawCurves, drawDots, rangeOf, valuesAt } from "./curves.js";
+import { nameOf } from "./shapes.js";
 import { SAME_TIME, modeAt, placeOf } from "./motion.js";
 import { MEASURED, NumbersNow, listOfRuns, momentsAndSources } from "./panel.js";
 import { StageRuns } from "./stage_runs.js";
@@ -94,7 +95,7 @@ export class EngineRuns {
     document.body.classList.toggle("with-runs", this.active);
     /** @type {HTMLFieldSetElement} */ (this.element("engine-runs").firstElementChild).disabled = !this.active;
     this.back.hidden = this.active;
-    for (const id of ["save-numbers", "save-scenario", "forces"]) {
+    for (const id of ["save-numbers", "save-scenario", "forces", "velocity", "acceleration"]) {
       const control = /** @type {HTMLButtonElement | HTMLInputElement} */ (this.element(id));
       control.disabled = this.standsIn;
       control.title = this.standsIn ? text("notKnown") : "";
@@ -153,6 +154,11 @@ export class EngineRuns {
   /** @param {Context} c @param {Plot} plot @param {number} time */
   drawDots(c, plot, time) {
     drawDots(c, plot, this.data, this.runs, this.colourOf, time);
+  }
+
+  /** What a plot shows of each run at a time. @param {string} plot @param {number} time */
+  readings(plot, time) {
+    return valuesAt(plot, this.data, this.runs, time).map(({ run, value }) => ({ name: nameOf(run), value }));
   }
 
   /** The next moment of a shown run, or with -1 the one before; the same time where there is none.

@@ -12,7 +12,7 @@ import { expectedAt, findNear, templateOf } from "./search.js";
 /** @typedef {"light" | "heavy"} Mass */
 /**
  * @typedef {{stage: import("../stage.js").Stage, player: import("../player.js").Player, change: () => void, wake: () => void,
- *   trial: import("../trial_panel.js").TrialPanel}} FilmPage what the film needs of the page
+ *   trial: import("../trial_panel.js").TrialPanel, fit: import("../fit_panel.js").FitPanel}} FilmPage what the film needs of the page
  */
 
 /** Radius of the enlarged place [px of the film], and how large it is drawn [px]. */
@@ -21,9 +21,12 @@ const [LOUPE, LOUPE_SIZE] = [12, 150];
 const RATE_TOLERANCE = 0.01;
 /** By how much an arrow key moves a mark [px of the film]. */
 const FINE = 0.1;
+/** How near to a point it is taken [px of the stage]. */
+const REACH = 14;
 /** Share of the stage that a film fills before its scale is known. */
 const FILLED = 0.9;
 const NAMES = { light: "M1", heavy: "M2" };
+const STEPS = { PageUp: -1, PageDown: 1 };
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 export class FilmPanel {
@@ -41,8 +44,10 @@ export class FilmPanel {
     this.release = 0;
     /** @type {Record<Mass, Mark[]>} in order of time */
     this.marks = { light: [], heavy: [] };
-    /** What a click on the stage says. @type {"" | "axis" | "length" | Mass} */
+    /** What a click on the stage says. @type {"" | "axis" | "length" | "correct" | Mass} */
     this.task = "";
+    /** Name of the trial that the points were handed over as: it follows when one is corrected. */
+    this.used = "";
     /** Mass whose mark was set last. @type {Mass} */
     this.last = "light";
     /** First end of the length that is being said [px of the film]. @type {{x: number, y: number} | null} */
@@ -63,6 +68,7 @@ export class FilmPanel {
       "film-back": () => this.go(-1),
       "film-on": () => this.go(1),
       "film-find": () => this.find(),
+      "film-correct": () => this.begin("correct"),
       "film-undo": () => this.undo(),
       "film-use": () => this.use(),
       "film-remove": () => this.remove(),
@@ -131,6 +137,7 @@ export class FilmPanel {
     this.scale = null;
     this.release = 0;
     this.marks = { light: [], heavy: [] };
+    this.used = "";
     this.begin("");
     this.element("film-tools").hidden = true;
     this.say("");
@@ -154,7 +161,7 @@ export class FilmPanel {
     const places = { time: fixed(film.time, 4), since: fixed(since, 4), light: marks.light.length, heavy: marks.heavy.length };
     this.element("film-state").textContent = text("filmState", places);
     this.input("film-time").value = String(film.time);
-    for (const id of ["axis", "scale", "light", "heavy"]) {
+    for (const id of ["axis", "scale", "correct", "light", "heavy"]) {
       this.element(`film-${id}`).setAttribute("aria-pressed", String(this.task === (id === "scale" ? "length" : id)));
     }
     /** @type {HTMLButtonElement} */ (this.element("film-use")).disabled = this.scale === null || !marks.light.length;
@@ -166,7 +173,9 @@ export class FilmPanel {
     this.task = this.task === task ? "" : task;
     this.end = null;
     if (task === "light" || task === "heavy") this.last = task;
-    const hints = { "": "", axis: "filmClickAxis", length: "filmClickLength", light: "filmClickMass", heavy: "filmClickMass" };
+    const hints = {
+      "": "", axis: "filmClickAxis", length: "filmClickLength", correct: "filmClickPoint", light: "filmClickMass", heavy: "filmClickMass",
+    };
     const hint = hints[this.task];
     this.page.stage.canvas.style.cursor = this.task ? "crosshair" : "";
     this.page.stage.canvas.tabIndex = this.task ? 0 : -1;
@@ -186,6 +195,7 @@ export class FilmPanel {
       this.axis = place;
       this.begin("");
     } else if (task === "length") this.measure(place);
+    else if (task === "correct") this.grab(event, place);
     else this.mark(task, { time: film.time, ...place });
     canvas.focus({ preventScroll: true });
     this.page.change();
@@ -196,6 +206,48 @@ export class FilmPanel {
     const [x, y] = this.page.stage.toPlane(px, py);
     const scale = this.scale ?? this.guess;
     return { x: this.axis.x + x / scale, y: this.axis.y - y / scale };
+  }
+
+  /** Drag the nearest point, whose frame is shown. @param {PointerEvent} event @param {{x: number, y: number}} place */
+  grab(event, place) {
+    const { canvas, view } = this.page.stage;
+    const reach = REACH / ((this.scale ?? this.guess) * view.scale);
+    const far = (/** @type {Mark} */ { x, y }) => Math.hypot(x - place.x, y - place.y);
+    const all = /** @type {Mass[]} */ (["light", "heavy"]).flatMap((mass) => this.marks[mass].map((mark) => ({ mass, mark })));
+    const near = all.filter(({ mark }) => far(mark) < reach).sort((a, b) => far(a.mark) - far(b.mark))[0];
+    if (!near) return;
+    const { mark } = near;
+    this.select(near.mass, mark);
+    const [dx, dy] = [mark.x - place.x, mark.y - place.y];
+    const box = canvas.getBoundingClientRect();
+    const drag = (/** @type {PointerEvent} */ { clientX, clientY }) => {
+      const { x, y } = this.toFilm(clientX - box.left, clientY - box.top);
+      Object.assign(mark, { x: x + dx, y: y + dy });
+      this.page.change();
+    };
+    canvas.setPointerCapture(event.pointerId);
+    canvas.addEventListener("pointermove", drag);
+    canvas.addEventListener("lostpointercapture", () => {
+      canvas.removeEventListener("pointermove", drag);
+      this.corrected();
+    }, { once: true });
+  }
+
+  /** Take a point to correct it, and show its frame. @param {Mass} mass @param {Mark} mark */
+  select(mass, mark) {
+    this.last = mass;
+    this.newest = mark;
+    this.showAt(mark.time + /** @type {Film} */ (this.film).step / 2);
+  }
+
+  /** The trial follows, and a fit that was made of it. */
+  corrected() {
+    this.page.change();
+    const { fit, trial } = this.page;
+    if (!this.used || trial.file?.name !== this.used) return;
+    const isFitted = fit.fitted !== null && fit.fitted.file === trial.file;
+    trial.replace(this.table());
+    if (isFitted) fit.start();
   }
 
   /** Take two clicks for a known length. @param {{x: number, y: number}} place */
@@ -217,6 +269,7 @@ export class FilmPanel {
   /** @param {Mass} mass @param {Mark} mark */
   async mark(mass, mark) {
     this.put(mass, mark);
+    this.corrected();
     await this.go(1);
   }
 
@@ -232,22 +285,36 @@ export class FilmPanel {
   /** @type {Mark | null} */
   newest = null;
 
-  /** Move the newest mark by a tenth of a pixel. @param {KeyboardEvent} event */
+  /** Move the newest mark by a tenth of a pixel; while points are corrected, go to another one, or delete it. @param {KeyboardEvent} event */
   press(event) {
+    const { newest, last } = this;
     const along = ARROWS[/** @type {keyof typeof ARROWS} */ (event.key)];
-    if (!this.film || !this.newest || !along || (this.task !== "light" && this.task !== "heavy")) return;
+    const isCorrected = this.task === "correct";
+    if (!this.film || !newest || (this.task !== "light" && this.task !== "heavy" && !isCorrected)) return;
+    const place = this.marks[last].indexOf(newest);
+    if (along) {
+      newest.x += FINE * along[0];
+      newest.y += FINE * along[1];
+      this.page.change();
+      if (isCorrected) this.corrected();
+    } else if (isCorrected && event.key in STEPS) {
+      const next = this.marks[last][place + STEPS[/** @type {keyof typeof STEPS} */ (event.key)]];
+      if (next) this.select(last, next);
+    } else if (isCorrected && event.key === "Delete") {
+      this.marks[last].splice(place, 1);
+      this.newest = this.marks[last][Math.min(place, this.marks[last].length - 1)] ?? null;
+      this.tell();
+      this.corrected();
+    } else return;
     event.preventDefault();
     event.stopPropagation();
-    this.newest.x += FINE * along[0];
-    this.newest.y += FINE * along[1];
-    this.page.change();
   }
 
   undo() {
     this.marks[this.last].pop();
     this.newest = this.marks[this.last].at(-1) ?? null;
     this.tell();
-    this.page.change();
+    this.corrected();
   }
 
   releaseHere() {
@@ -323,8 +390,16 @@ export class FilmPanel {
 
   /** Hand the points over as a trial. */
   use() {
-    const { film, scale, axis, marks } = this;
+    const { film, scale } = this;
     if (!film || scale === null) return;
+    this.used = film.name.replace(/\.\w+$/, ".csv");
+    this.page.trial.open(new File([this.table()], this.used));
+  }
+
+  /** The points as a plain table. */
+  table() {
+    const { axis, marks } = this;
+    const [film, scale] = [/** @type {Film} */ (this.film), /** @type {number} */ (this.scale)];
     const times = [...new Set([...marks.light, ...marks.heavy].map(({ time }) => time))].sort((a, b) => a - b);
     // The tables of an MP4 file need none of it
     const all = [...new Set([this.release, ...times])].sort((a, b) => a - b);
@@ -341,7 +416,7 @@ export class FilmPanel {
     const rows = times.filter((time) => since(time) >= 0)
       .map((time) => [since(time).toFixed(6), ...masses.flatMap((mass) => placeOf(mass, time))].join(","));
     const names = masses.map((mass) => `${mass}_x,${mass}_y`);
-    this.page.trial.open(new File([`t,${names.join(",")}\n${rows.join("\n")}\n`], film.name.replace(/\.\w+$/, ".csv")));
+    return `t,${names.join(",")}\n${rows.join("\n")}\n`;
   }
 
   /** Draw the frame under all else. @param {import("../canvas.js").Context} c @param {View} view */
@@ -357,7 +432,7 @@ export class FilmPanel {
       for (const mark of this.marks[mass]) cross(c, at(mark), mark === this.newest ? pink : mass === "light" ? orange : blue);
     }
     if (this.end) cross(c, at(this.end), pink);
-    if (this.newest && (this.task === "light" || this.task === "heavy")) this.loupe(c, this.newest);
+    if (this.newest && ["light", "heavy", "correct"].includes(this.task)) this.loupe(c, this.newest);
   }
 
   /** The place of a mark, enlarged. @param {import("../canvas.js").Context} c @param {Mark} mark */

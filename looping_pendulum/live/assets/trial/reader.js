@@ -56,11 +56,11 @@ export function readTrial(file, bytes, { tracks = {}, units = {}, frame_rate: fr
     return Object.hasOwn(OTHER_ROLES, name) ? [{ column, name, si: OTHER_ROLES[name] }] : [];
   });
   const found = positions.length ? positions : others;
-  if (!found.length) throw notPlain(file, null, text("file.noPositions"));
+  if (!found.length) throw notPlain(file, null, text("file.noPositions"), true);
   const twice = found.find(({ name }, i) => found.findIndex((one) => one.name === name) < i);
-  if (twice) throw notPlain(file, null, text("file.second", { name: twice.name }));
+  if (twice) throw notPlain(file, null, text("file.second", { name: twice.name }), true);
   const alone = positions.find(({ name }) => !positions.some((one) => one.name === otherAxis(name)));
-  if (alone) throw notPlain(file, null, text("file.oneAxis", { name: alone.name, other: otherAxis(alone.name) }));
+  if (alone) throw notPlain(file, null, text("file.oneAxis", { name: alone.name, other: otherAxis(alone.name) }), true);
   /** @type {string[]} */
   const assumptions = [];
   let empty = 0;

@@ -2,12 +2,14 @@
 
 import { text } from "../texts.js";
 
-/** A file that is not taken; the message is one line. `field`: the field of the page that can help. */
+/** A file that is not taken; the message is one line. `field`: the field of the page that can help; `isForm`: whether its columns are
+ * not those of a plain table, so that saying what they are can help. */
 export class DataError extends Error {
-  /** @param {string} message @param {string} [field] */
-  constructor(message, field) {
+  /** @param {string} message @param {string} [field] @param {boolean} [isForm] */
+  constructor(message, field, isForm = false) {
     super(message.replace(/\p{C}/gu, "?"));
     this.field = field;
+    this.isForm = isForm;
   }
 }
 
@@ -32,10 +34,10 @@ const MAX_QUOTED = 60;
 export const quote = (value) => `'${value.length > MAX_QUOTED ? [value.slice(0, MAX_QUOTED), "..."].join("") : value}'`;
 
 /** The error for a file that is no plain table: what is wrong, and which command makes one of it.
- * @param {string} file @param {number | null} line @param {string} problem */
-export function notPlain(file, line, problem) {
+ * @param {string} file @param {number | null} line @param {string} problem @param {boolean} [isForm] as of a `DataError` */
+export function notPlain(file, line, problem, isForm = false) {
   const place = [file, ...(line ? [line] : [])].join(":");
-  return new DataError(`${place}: ${text("file.notPlain", { problem, file: quote(file) })}`);
+  return new DataError(`${place}: ${text("file.notPlain", { problem, file: quote(file) })}`, undefined, isForm);
 }
 
 /** @param {string} name of a column */
@@ -51,7 +53,7 @@ export function readTable(file, bytes) {
   const delimiter = ["\t", ";"].find((one) => lines[0]?.line.includes(one)) ?? ",";
   const cells = lines.map(({ line }) => line.split(delimiter).map((cell) => cell.trim().replace(/^"(.*)"$/, "$1")));
   const head = cells.slice(0, MAX_HEAD).findIndex((row) => row.some((cell) => isTime(nameAndUnit(cell).name)));
-  if (head < 0) throw notPlain(file, null, text("file.noTimes"));
+  if (head < 0) throw notPlain(file, null, text("file.noTimes"), true);
   const rows = cells.slice(head + 1);
   const numbers = lines.slice(head + 1).map(({ number }) => number);
   if (!rows.length) throw notPlain(file, null, text("file.noRows"));

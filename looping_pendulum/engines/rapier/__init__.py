@@ -10,8 +10,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from looping_pendulum.engines.bead_rig import BeadEngine, BeadRigSettings
-from looping_pendulum.engines.chain import CORNER_CHOICES, NO_STOP, ONE_COEFFICIENT, STRAIGHT_STRING, bead_abilities, bend_rungs
+from looping_pendulum.engines.bead_rig import BeadEngine, JointWorld
+from looping_pendulum.engines.chain import (
+    CORNER_CHOICES,
+    NO_STOP,
+    ONE_COEFFICIENT,
+    STRAIGHT_STRING,
+    BeadChainSettings,
+    bead_abilities,
+    bend_rungs,
+)
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.studies import Studies, default_row, studies_from_rows
 from looping_pendulum.pages.numbers import quantity
@@ -21,7 +29,7 @@ from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL
 
 
 @dataclass(frozen=True, kw_only=True)
-class RapierChainSettings(BeadRigSettings):
+class RapierChainSettings(BeadChainSettings):
     """Numerical settings of the bead chain, in SI units."""
 
     iterations: int
@@ -50,13 +58,14 @@ ROD, BEAD = 1, 2
 """Collision groups, as bits."""
 
 
-class RapierWorld:
+class RapierWorld(JointWorld):
     """A world of Rapier in SI units, in which only beads and the rod touch each other."""
 
     def __init__(self, parameters: Parameters, settings: RapierChainSettings) -> None:
         import rapier3d
 
-        self._rapier, self._settings = rapier3d, settings
+        super().__init__(parameters, settings)
+        self._rapier = rapier3d
         self._world = rapier3d.PhysicsWorld(gravity=(0.0, -parameters.coefficients["gravity"], 0.0))
         # A few dozen bodies are too few for more, and the other processor has another engine to run
         self._world.set_num_threads(1)
@@ -75,35 +84,35 @@ class RapierWorld:
         cylinder = self._rapier.Collider.cylinder(radius, radius).rotation((math.pi / 2, 0.0, 0.0))
         self._world.add_body(self._rapier.RigidBody.fixed(), [self._with_material(cylinder, member=ROD, touches=BEAD)])
 
-    def add_bead(self, position: Vector, velocity: Vector, mass: float) -> Any:
-        """Add a bead of ``mass`` [kg]."""
+    def create_bead(self, position: Vector, velocity: Vector, mass: float) -> Any:
+        """Return a new bead of ``mass`` [kg]."""
         ball = self._rapier.Collider.ball(self._settings.bead_radius)
         return self._add(position, velocity, mass, [self._with_material(ball, member=BEAD, touches=ROD)])
 
-    def add_mass(self, position: Vector, velocity: Vector, mass: float) -> Any:
-        """Add a body of ``mass`` [kg] that touches nothing."""
+    def create_mass(self, position: Vector, velocity: Vector, mass: float) -> Any:
+        """Return a new body of ``mass`` [kg] that touches nothing."""
         return self._add(position, velocity, mass, [])
 
-    def add_held(self, position: Vector) -> Any:
-        """Add a body that is held at ``position`` [m]."""
+    def create_held(self, position: Vector) -> Any:
+        """Return a new body that is held at ``position`` [m]."""
         return self._world.add_body(self._rapier.RigidBody.fixed().translation((*position, 0.0)))
 
-    def add_link(self, a: Any, b: Any, length: float) -> Any:
-        """Join two bodies by a rope of ``length`` [m], which only pulls."""
+    def create_link(self, a: Any, b: Any, length: float) -> Any:
+        """Return a new rope of ``length`` [m], which only pulls."""
         return self._world.impulse_joints.insert(a, b, self._rapier.RopeJoint(length))
 
     # Rapier's joints keep a distance only from above, so links between beads are ropes, too
-    add_straight = add_link
+    create_straight = create_link
 
-    def remove_link(self, link: Any) -> None:
+    def remove_joint(self, joint: Any) -> None:
         """Remove a rope."""
-        self._world.impulse_joints.remove(link)
+        self._world.impulse_joints.remove(joint)
 
-    def remove_bead(self, bead: Any) -> None:
+    def remove_body(self, bead: Any) -> None:
         """Remove a bead that no rope joins any more."""
         self._world.remove_body(bead)
 
-    def step(self, count: int, forces: Sequence[tuple[Any, Vector]]) -> None:
+    def advance(self, count: int, forces: Sequence[tuple[Any, Vector]]) -> None:
         """Take ``count`` steps, during which these ``forces`` [N] act on bodies."""
         for handle, (fx, fy) in forces:
             body = self._world.rigid_bodies[handle]
@@ -113,12 +122,12 @@ class RapierWorld:
         for _ in range(count):
             self._world.step()
 
-    def position(self, body: Any) -> Vector:
+    def position_of(self, body: Any) -> Vector:
         """Return the position [m] of ``body``."""
         place = self._world.rigid_bodies[body].translation
         return place.x, place.y
 
-    def velocity(self, body: Any) -> Vector:
+    def velocity_of(self, body: Any) -> Vector:
         """Return the velocity [m/s] of ``body``."""
         velocity = self._world.rigid_bodies[body].linvel
         return velocity.x, velocity.y

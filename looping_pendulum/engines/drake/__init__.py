@@ -1,9 +1,7 @@
 """Drake: beads that slide over a static sphere under Coulomb contact, by its discrete solver; no capstan law is fed in.
 
-Offered through the entry point that a third party uses. Beads are added where the straight string is about to touch the rod,
-and removed behind it. A bead on a straight part carries no lateral load, so adding or removing it there changes no force; beads
-that bear on the rod are moved by Drake alone. Drake's distance constraint pushes as well as it pulls: the rig deactivates that
-of a straight part which would be slack, until its ends are as far apart as the string is long.
+Offered through the entry point that a third party uses. Drake's distance constraint pushes as well as it pulls: the world
+deactivates that of a straight part which would be slack, until its ends are as far apart as the string is long.
 """
 
 from __future__ import annotations
@@ -15,12 +13,19 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.engines.bead_rig import HEAVY, LIGHT, PolygonCorrection, RebuiltBeadRig, Row
-from looping_pendulum.engines.chain import NO_STOP, STRAIGHT_STRING, BeadChainSettings, Point, bead_abilities, bend_rungs
-from looping_pendulum.engines.protocol import Engine, Profile, TunedEngine
+from looping_pendulum.engines.bead_rig import HEAVY, LIGHT, OUTERMOST, BeadEngine, Forces, RebuiltWorld
+from looping_pendulum.engines.chain import (
+    CORNER_CHOICES,
+    NO_STOP,
+    STRAIGHT_STRING,
+    BeadChainSettings,
+    bead_abilities,
+    bend_rungs,
+)
+from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.studies import Studies, studies_from_rows
 from looping_pendulum.pages.numbers import quantity
-from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.cartesian import Vector
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL
 
@@ -29,7 +34,7 @@ BODY_ORIGIN = np.zeros(3)
 
 
 @dataclass(frozen=True, kw_only=True)
-class DrakeChainSettings(BeadChainSettings, PolygonCorrection):
+class DrakeChainSettings(BeadChainSettings):
     """Numerical settings of the bead chain, in SI units."""
 
     contact_stiffness: float
@@ -42,8 +47,6 @@ class DrakeChainSettings(BeadChainSettings, PolygonCorrection):
     """Speed below which friction is regularised, so that a sticking contact creeps [m/s]."""
     rod_shape: str = "sphere"
     """Collision shape, "sphere" or "cylinder"; both have the same section in the plane of motion."""
-    polygon: bool = True
-    """Whether the rod's radius and coefficient are corrected for the polygon that the links are (`engines.chain`)."""
 
 
 SETTINGS = {
@@ -75,7 +78,7 @@ class ChainModel:
         self._plant, scene = AddMultibodyPlant(config, builder)
         self._plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, -p.coefficients["gravity"]])
         self._link_parameters = DistanceConstraintParams
-        self._is_held, self._held_height = p.release is Release.HELD, -p.hanging_length
+        self._is_held = p.release is Release.HELD
         self._bodies = self._add_bodies(p, s, beads, scene)
         self._links: list[Any] = []
         if p.release is not Release.DROP:
@@ -153,22 +156,18 @@ class ChainModel:
         from pydrake.multibody.tree import SpatialInertia
 
         body = self._plant.AddRigidBody("heavy", SpatialInertia.SolidSphereWithMass(p.heavy_mass, 1e-2))
-        pose = RigidTransform([p.rod_radius, 0.0, self._held_height])
+        pose = RigidTransform([p.rod_radius, 0.0, -p.hanging_length])
         self._plant.WeldFrames(self._plant.world_body().body_frame(), body.body_frame(), pose)
         return body
 
-    def set_state(self, positions: Row, velocities: Row) -> None:
+    def set_state(self, positions: list[float], velocities: list[float]) -> None:
         """Set coordinates [m] and velocities [m/s]."""
-        free = self._plant.num_velocities()
-        self._plant.SetPositions(self._context, positions[:free])
-        self._plant.SetVelocities(self._context, velocities[:free])
+        self._plant.SetPositions(self._context, positions)
+        self._plant.SetVelocities(self._context, velocities)
 
-    def rows(self) -> tuple[Row, Row]:
+    def state(self) -> tuple[list[float], list[float]]:
         """Return the coordinates [m] and velocities [m/s]."""
-        positions: Row = self._plant.GetPositions(self._context).tolist()
-        velocities: Row = self._plant.GetVelocities(self._context).tolist()
-        held = self._is_held
-        return ([*positions, self._held_height], [*velocities, 0.0]) if held else (positions, velocities)
+        return self._plant.GetPositions(self._context).tolist(), self._plant.GetVelocities(self._context).tolist()
 
     def set_link(self, index: int, length: float, taut: bool) -> None:
         """Set the length [m] of link ``index``, and whether it acts: one that is not ``taut`` exerts no force."""
@@ -177,13 +176,13 @@ class ChainModel:
         self._plant.SetDistanceConstraintParams(self._context, self._links[index], rigid)
         self._plant.SetConstraintActiveStatus(self._context, self._links[index], taut)
 
-    def apply_forces(self, light: Sequence[float], heavy: float) -> None:
-        """Set the forces [N] on the light mass, (x, y), and on the heavy one, y, from the next step on."""
-        forces = np.zeros(self._plant.num_velocities())
-        forces[:2] = light
+    def apply_forces(self, forces: Forces) -> None:
+        """Set the forces on the masses, from the next step on."""
+        values = np.zeros(self._plant.num_velocities())
+        values[:2], heavy = forces
         if not self._is_held:
-            forces[-1] = heavy
-        self._port.FixValue(self._context, forces)
+            values[-1] = heavy
+        self._port.FixValue(self._context, values)
 
     def step(self, count: int) -> None:
         """Take ``count`` steps."""
@@ -192,98 +191,80 @@ class ChainModel:
             self._root.SetDiscreteState(self._next)
 
 
-class DrakeChainRig(RebuiltBeadRig):
-    """The apparatus in Drake, with a plant for every number of beads.
-
-    A Drake plant cannot change once it is finalized, so a bead that is added or removed means another plant.
-    """
+class DrakeWorld(RebuiltWorld):
+    """Drake, with a plant for every number of beads, as a plant cannot change once it is finalized."""
 
     _model: ChainModel
 
     def __init__(self, parameters: Parameters, settings: DrakeChainSettings) -> None:
-        p = parameters
-        self._ends = (LIGHT,) if p.release is Release.HELD else (LIGHT, HEAVY)
+        super().__init__(parameters, settings)
+        self._ends = (LIGHT,) if self._is_held else (LIGHT, HEAVY)
         """Ends of the string whose mass can move."""
-        self._masses = (p.light_mass, p.heavy_mass)
-        self._gravity = np.array([0.0, p.coefficients["gravity"]])
-        self._applied_forces = np.zeros((2, 2))  # forces of the effects on light and heavy mass [N]
-        self._taut = [True, True]
-        self._extra_length = [0.0, 0.0]  # of a straight part beyond its rest length when it became taut again [m]
+        self._taut = {LIGHT: True, HEAVY: True}
+        self._extra_length = {LIGHT: 0.0, HEAVY: 0.0}  # of a straight part beyond its rest length when it became taut [m]
         self._groups = 0
-        super().__init__(p, settings)
 
-    def advance(self) -> None:
-        """Advance by one sample interval, in groups of steps."""
-        before = self._mass_velocities()
-        super().advance()
-        if self._has_string:
-            self._deactivate_pushing_parts(before)
+    def place(self, positions: Sequence[Vector], velocities: Sequence[Vector]) -> None:
+        """Create the bodies at ``positions`` [m] with ``velocities`` [m/s], the links, which are as long, and the rod."""
+        super().place(positions, velocities)
+        self._last_velocities = {end: self.velocity(end) for end in self._ends}
+
+    def step(self, count: int, forces: Forces | None) -> None:
+        """Take ``count`` steps, during which these ``forces`` act on the masses."""
+        super().step(count, forces)
+        if not self._has_string:
+            return
+        self._reactivate_taut_parts()
+        self._groups += 1
+        if self._groups % self._settings.groups_per_sample == 0:
+            self._deactivate_pushing_parts(forces)
+
+    def is_slack(self, end: int) -> bool:
+        """Return whether the straight part at ``end`` hangs slack."""
+        return not self._taut[end]
 
     def _build_model(self, beads: int) -> ChainModel:
         return ChainModel(self._parameters, self._settings, beads)
 
-    def _use_model(self, beads: int, rows: Sequence[Row]) -> None:
-        super()._use_model(beads, rows)
-        self._model.set_state(*rows[:2])
+    def _start_model(self) -> None:
+        self._model.set_state(*map(self._flat, self._rows[:2]))
+        for link, length in enumerate(self.lengths[1:-1], start=1):
+            self._model.set_link(link, length, True)
         if self._has_string:
-            for link in range(1, beads):
-                self._model.set_link(link, self.lengths[link], True)
             self._update_straight_link(LIGHT)
             self._update_straight_link(HEAVY)
 
-    def _rows(self) -> tuple[Row, ...]:
-        return self._model.rows()
+    def _coordinates(self) -> Sequence[list[float]]:
+        return self._model.state()
 
-    def _is_slack(self, end: int, distance: float) -> bool:
-        # The beads of a slack part do not lie on the line to its mass
-        return not self._taut[end]
-
-    @staticmethod
-    def _distances(places: Sequence[Point]) -> list[float]:
-        # The stored results were computed with lengths that NumPy has rounded
-        distances: list[float] = np.linalg.norm(np.diff(np.array(places), axis=0), axis=1).tolist()
-        return distances
+    def _advance_model(self, count: int, forces: Forces | None) -> None:
+        if forces is not None:
+            self._model.apply_forces(forces)
+        self._model.step(count)
 
     def _update_straight_link(self, end: int) -> None:
         """Set the length and the activity of the straight link at ``end`` in the plant."""
-        link = self._straight_index(end)
-        self._model.set_link(link, self.lengths[link] + self._extra_length[end], self._taut[end])
+        link = 0 if end == LIGHT else len(self.lengths) - 1
+        self._model.set_link(link, self.lengths[end] + self._extra_length[end], self._taut[end])
 
-    def _advance_group(self) -> None:
-        if self._force is not None:
-            positions, velocities = self._model.rows()
-            time = self._groups * self._settings.group_time
-            (x, y), (vx, vy) = positions[:2], velocities[:2]
-            fx, fy, heavy_fy = self._force(time, x, y, vx, vy, velocities[-1])
-            self._applied_forces[:] = (fx, fy), (0.0, heavy_fy)
-            self._model.apply_forces((fx, fy), heavy_fy)
-        self._model.step(self._settings.steps_per_group)
-        self._groups += 1
-        if self._has_string:
-            self._reactivate_taut_parts()
-
-    def _mass_velocities(self) -> Array:
-        """Return the velocities of both masses [m/s], shape (2, 2)."""
-        velocities = self._model.rows()[1]
-        return np.array([velocities[:2], (0.0, velocities[-1])])
-
-    def _deactivate_pushing_parts(self, before: Array) -> None:
-        """Deactivate a straight part that pushed its mass on average over the last sample interval.
+    def _deactivate_pushing_parts(self, forces: Forces | None) -> None:
+        """Deactivate a straight part that pushed its mass on average over the last sample interval, with ``forces`` at its end.
 
         Over a shorter time, the jolts of beads that land would look like a push.
-
-        Parameters
-        ----------
-        before
-            Velocities of both masses a sample interval ago [m/s], shape (2, 2).
         """
-        # Acceleration without gravity's part, of which the string's pull and the effects are the causes.
-        specific_force = (self._mass_velocities() - before) / SAMPLE_INTERVAL + self._gravity
-        pull = np.array(self._masses)[:, np.newaxis] * specific_force - self._applied_forces
-        positions = self._model.rows()[0]
-        for end in self._ends:
-            towards_bead = np.subtract(self._bead(positions, end, 0), self._mass_position(end, positions))
-            if self._taut[end] and float(pull[end] @ towards_bead) < 0.0:
+        p = self._parameters
+        light_force, heavy_force = forces or ((0.0, 0.0), 0.0)
+        for end, mass, applied in ((LIGHT, p.light_mass, light_force), (HEAVY, p.heavy_mass, (0.0, heavy_force))):
+            if end not in self._ends:
+                continue
+            velocity = self.velocity(end)
+            # Acceleration without gravity's part, of which the string's pull and the effects are the causes
+            specific_force = np.subtract(velocity, self._last_velocities[end]) / SAMPLE_INTERVAL
+            specific_force += (0.0, p.coefficients["gravity"])
+            pull = mass * specific_force - applied
+            self._last_velocities[end] = velocity
+            towards_bead = np.subtract(self.position(OUTERMOST[end]), self.position(end))
+            if self._taut[end] and float(pull @ towards_bead) < 0.0:
                 self._taut[end] = False
                 self._update_straight_link(end)
 
@@ -291,9 +272,7 @@ class DrakeChainRig(RebuiltBeadRig):
         """Activate a slack straight part again where its ends are as far apart as its string is long."""
         for end in self._ends:
             if not self._taut[end]:
-                positions = self._model.rows()[0]
-                distance = math.dist(self._mass_position(end, positions), self._bead(positions, end, 0))
-                excess = distance - self.lengths[self._straight_index(end)]
+                excess = math.dist(self.position(end), self.position(OUTERMOST[end])) - self.lengths[end]
                 if excess >= 0.0:
                     # Correcting the excess in one step would give the mass a large velocity, so it remains.
                     self._taut[end], self._extra_length[end] = True, excess
@@ -313,14 +292,13 @@ _LIMITS = (
 )
 
 
-class DrakeChain(TunedEngine):
+class DrakeChain(BeadEngine):
     """A chain of beads over a static sphere."""
 
     name = "drake"
     distribution = "drake"
-    variant = "chain"
     settings_by_profile = SETTINGS
-    rig = DrakeChainRig
+    world = DrakeWorld
     settings: DrakeChainSettings
     abilities = bead_abilities(
         "drake:chain",
@@ -379,7 +357,7 @@ class DrakeChain(TunedEngine):
             choices=(
                 ("convex approximation of Coulomb's law", s.contact_approximation, "sap", {"contact_approximation": "sap"}),
                 ("rod", f"a {s.rod_shape}", "a cylinder", {"rod_shape": "cylinder"}),
-                ("radius and coefficient", "corrected for the polygon", "the circle's own", {"polygon": False}),
+                *CORNER_CHOICES,
                 ("bead radius", quantity(s.bead_radius, "m", 3), "0.5 mm", {"bead_radius": 5e-4}),
                 ("steps between two updates of drag and beads", f"{s.steps_per_group}", "1", {"steps_per_group": 1}),
             ),

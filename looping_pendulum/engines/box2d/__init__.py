@@ -9,8 +9,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from looping_pendulum.engines.bead_rig import BeadEngine, BeadRigSettings
-from looping_pendulum.engines.chain import CORNER_CHOICES, NO_STOP, ONE_COEFFICIENT, STRAIGHT_STRING, bead_abilities, bend_rungs
+from looping_pendulum.engines.bead_rig import BeadEngine, JointWorld
+from looping_pendulum.engines.chain import (
+    CORNER_CHOICES,
+    NO_STOP,
+    ONE_COEFFICIENT,
+    STRAIGHT_STRING,
+    BeadChainSettings,
+    bead_abilities,
+    bend_rungs,
+)
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.studies import Studies, studies_from_rows
 from looping_pendulum.pages.numbers import quantity
@@ -20,7 +28,7 @@ from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL
 
 
 @dataclass(frozen=True, kw_only=True)
-class Box2dChainSettings(BeadRigSettings):
+class Box2dChainSettings(BeadChainSettings):
     """Numerical settings of the bead chain, in SI units. The directions of the contacts stay as they are for a step."""
 
     sub_steps: int
@@ -56,7 +64,7 @@ BEADS = -1
 """Collision group of the beads: shapes of the same negative group never touch."""
 
 
-class Box2dWorld:
+class Box2dWorld(JointWorld):
     """A world of Box2D that speaks SI units, and in which only beads and the rod touch each other.
 
     Box2D's lengths are SI over `Box2dChainSettings.length_unit`, its times over `time_unit`, its masses are kilograms.
@@ -65,7 +73,8 @@ class Box2dWorld:
     def __init__(self, parameters: Parameters, settings: Box2dChainSettings) -> None:
         import pyb2d3
 
-        self._box2d, self._settings = pyb2d3, settings
+        super().__init__(parameters, settings)
+        self._box2d = pyb2d3
         self._length, self._time = settings.length_unit, settings.time_unit
         self._speed = self._length / self._time
         self._force = self._length / self._time**2  # for a mass of 1 kg
@@ -82,16 +91,16 @@ class Box2dWorld:
         self._friction = friction
         self._add_circle(self._world.create_static_body(position=(0.0, 0.0)), radius)
 
-    def add_bead(self, position: Vector, velocity: Vector, mass: float) -> Any:
-        """Add a bead of ``mass`` [kg]."""
-        bead = self.add_mass(position, velocity, mass)
+    def create_bead(self, position: Vector, velocity: Vector, mass: float) -> Any:
+        """Return a new bead of ``mass`` [kg]."""
+        bead = self.create_mass(position, velocity, mass)
         self._add_circle(bead, self._settings.bead_radius, group_index=BEADS)
         # A shape adds its own mass to its body
         self._set_mass(bead, mass)
         return bead
 
-    def add_mass(self, position: Vector, velocity: Vector, mass: float) -> Any:
-        """Add a body of ``mass`` [kg] that touches nothing and does not turn."""
+    def create_mass(self, position: Vector, velocity: Vector, mass: float) -> Any:
+        """Return a new body of ``mass`` [kg] that touches nothing and does not turn."""
         body = self._world.create_dynamic_body(
             position=self._scaled(position, self._length),
             linear_velocity=self._scaled(velocity, self._speed),
@@ -100,16 +109,16 @@ class Box2dWorld:
         self._set_mass(body, mass)
         return body
 
-    def add_held(self, position: Vector) -> Any:
-        """Add a body that is held at ``position`` [m]."""
+    def create_held(self, position: Vector) -> Any:
+        """Return a new body that is held at ``position`` [m]."""
         return self._world.create_static_body(position=self._scaled(position, self._length))
 
-    def add_link(self, a: Any, b: Any, length: float) -> Any:
-        """Join two bodies by a link of ``length`` [m], which pulls and pushes."""
+    def create_link(self, a: Any, b: Any, length: float) -> Any:
+        """Return a new joint of ``length`` [m], which pulls and pushes."""
         return self._world.create_distance_joint(a, b, length=length / self._length)
 
-    def add_straight(self, a: Any, b: Any, length: float) -> Any:
-        """Join two bodies by a straight part of the string, of ``length`` [m], which only pulls."""
+    def create_straight(self, a: Any, b: Any, length: float) -> Any:
+        """Return a new joint for a straight part of the string, of ``length`` [m], which only pulls."""
         longest = length / self._length
         # Box2D sees to limits only where a spring is enabled; one of 0 Hz exerts no force
         return self._world.create_distance_joint(
@@ -117,16 +126,16 @@ class Box2dWorld:
         )
 
     @staticmethod
-    def remove_link(link: Any) -> None:
+    def remove_joint(joint: Any) -> None:
         """Remove a link or a straight part."""
-        link.destroy()
+        joint.destroy()
 
     @staticmethod
-    def remove_bead(bead: Any) -> None:
-        """Remove a bead that no link joins any more."""
+    def remove_body(bead: Any) -> None:
+        """Remove a bead that no joint joins any more."""
         bead.destroy()
 
-    def step(self, count: int, forces: Sequence[tuple[Any, Vector]]) -> None:
+    def advance(self, count: int, forces: Sequence[tuple[Any, Vector]]) -> None:
         """Take ``count`` steps, during which these ``forces`` [N] act on bodies."""
         scaled = [(body, (fx / self._force, fy / self._force)) for body, (fx, fy) in forces]
         for _ in range(count):
@@ -135,12 +144,12 @@ class Box2dWorld:
                 body.apply_force_to_center(force)
             self._world.step(self._step, self._sub_steps)
 
-    def position(self, body: Any) -> Vector:
+    def position_of(self, body: Any) -> Vector:
         """Return the position [m] of ``body``."""
         x, y = body.position
         return x * self._length, y * self._length
 
-    def velocity(self, body: Any) -> Vector:
+    def velocity_of(self, body: Any) -> Vector:
         """Return the velocity [m/s] of ``body``."""
         vx, vy = body.linear_velocity
         return vx * self._speed, vy * self._speed

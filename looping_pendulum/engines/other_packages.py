@@ -1,0 +1,284 @@
+"""Adapters of other packages, which may do anything when they are imported: exit, hang, crash, print.
+
+So a process of its own imports each and describes it in our own types, `StandIn`, which the process of a run turns into the
+engine. A fault costs the adapter's own row, and never a command.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import io
+import pickle
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from typing import Any, TypeVar
+
+from looping_pendulum.engines.facts import EngineFacts
+from looping_pendulum.engines.protocol import Abilities, Engine, Profile, Recorder
+from looping_pendulum.engines.studies import Studies
+from looping_pendulum.errors import EngineError
+from looping_pendulum.processes import Cause, end_with_parent, finish, run_python
+from looping_pendulum.runs.trajectory import Trajectory, variant_label
+from looping_pendulum.scenarios.scenario import Scenario
+
+ENGINE_MEMBERS = ("name", "variant", "profile", "abilities", "settings", "simulate", "studies")
+"""Attributes and methods that an engine must have (`protocol.Engine`)."""
+TIME_LIMIT = 30.0
+"""Time that an adapter may take to be imported and described [s]; those of this package take half a second."""
+MEMORY_LIMIT = 2**30
+"""Memory that it may take [bytes]."""
+POINT, DESCRIPTION = "entry_point.pickle", "description.pickle"
+"""Files in the folder of that process: which adapter it describes, and the `Description`, or a text that says what is wrong."""
+
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Description:
+    """What an adapter offers, in our own types."""
+
+    engines: dict[Profile, list[StandIn]]
+    facts: EngineFacts
+
+
+class StandIn:
+    """An engine of another package, which this process has not imported: it knows what the engine says of itself.
+
+    Parameters
+    ----------
+    engine
+        The engine, in the process that describes it.
+    adapter
+        Entry point's name and module.
+    abilities
+        The engine's, checked.
+    place
+        Where the adapter has it: ("choices", 1) for the engine of its second choice; empty for the variant itself.
+    """
+
+    # All else is in __dict__, of which the key of a cached run is made: an equal run at another place is the same
+    __slots__ = ("__dict__", "_place", "_studies")
+
+    def __init__(
+        self, engine: Engine, adapter: tuple[str, str], abilities: Abilities, place: tuple[str | int, ...] = ()
+    ) -> None:
+        self.name, self.variant, self.profile = adapter[0], str(engine.variant), Profile(engine.profile)
+        self.abilities, self.adapter = abilities, adapter
+        settings = [field.name for field in dataclasses.fields(engine.settings)]
+        self.fields = {name: _plain(getattr(engine.settings, name)) for name in settings}
+        state = getattr(engine, "__dict__", {}).items()
+        self.state = {name: _plain(value) for name, value in state if name not in ("abilities", "settings")}
+        self.source = f"{type(engine).__module__}.{type(engine).__qualname__} {_source_digest(type(engine).__module__)}"
+        self._place, self._studies = place, Studies()
+
+    def _settings(self) -> Any:
+        """Return the engine's settings as a frozen dataclass with the same fields."""
+        return _settings_class(tuple(self.fields))(**self.fields)
+
+    # Made anew, as an object of such a class cannot be pickled
+    settings: Any = property(_settings)
+
+    def studies(self) -> Studies:
+        """Return what can be varied of the engine."""
+        return self._studies
+
+    def simulate(self, scenario: Scenario, recorder: Recorder | None = None) -> Trajectory:
+        """Import the engine, and run ``scenario``."""
+        engine = self._engine()
+        return engine.simulate(scenario) if recorder is None else engine.simulate(scenario, recorder)
+
+    def _engine(self) -> Engine:
+        """Return the engine, which this process imports now."""
+        name, module = self.adapter
+        engines = load(EntryPoint(name, module, ""), self.profile)
+        (found,) = (engine for engine in engines if engine.variant == self.variant)
+        if not self._place:
+            return found
+        part, *positions = self._place
+        entry = getattr(found.studies(), str(part))[positions[0]]
+        engine: Engine = entry.engines[positions[1]] if part == "ladders" else entry.engine
+        return engine
+
+
+@cache
+def _settings_class(names: tuple[str, ...]) -> Callable[..., Any]:
+    return dataclasses.make_dataclass("Settings", names, frozen=True, kw_only=True)
+
+
+def _plain(value: Any) -> Any:
+    """Return a setting's value as a number, a text or a tuple of such."""
+    if isinstance(value, (list, tuple)):
+        return tuple(_plain(each) for each in value)
+    if hasattr(value, "item"):  # NumPy's own numbers
+        value = value.item()
+    for kind in (bool, int, float, str):  # of which an enum may be a subclass
+        if isinstance(value, kind):
+            return kind(value)
+    return None if value is None else str(value)
+
+
+def _source_digest(module: str) -> str:
+    """Return a digest of the Python files of a module or package."""
+    file = getattr(sys.modules.get(module), "__file__", None)
+    if file is None:
+        return ""
+    path = Path(file)
+    files = sorted(path.parent.rglob("*.py")) if path.name == "__init__.py" else [path]
+    return hashlib.sha256(b"".join(each.read_bytes() for each in files)).hexdigest()
+
+
+# ---- importing an adapter, in a process that may end by it
+
+
+def load(adapter: EntryPoint, profile: Profile) -> list[Engine]:
+    """Import an adapter in this process and return its engines, after checking what the other engines' results depend on.
+
+    Raises
+    ------
+    EngineError
+        If an engine is not as `protocol.Engine` states.
+    """
+    offered = adapter.load().engines(profile)
+    if not isinstance(offered, Sequence):
+        raise EngineError(f"engines() gave {type(offered).__name__}, needed a list of engines")
+    if not offered:
+        raise EngineError("engines() gave no engine")
+    for engine in offered:
+        if not isinstance(engine, Engine):
+            lacking = [name for name in ENGINE_MEMBERS if not hasattr(engine, name)]
+            raise EngineError(f"engines() gave {type(engine).__name__} without {', '.join(lacking)}; see engines/protocol.py")
+        if engine.name != adapter.name:
+            raise EngineError(f"engines() gave one called {engine.name!r}; needed the entry point's name, {adapter.name!r}")
+        label = variant_label(engine.name, engine.variant)
+        if engine.profile not in list(Profile):
+            raise EngineError(f"{label}: its profile is {engine.profile!r}, needed one of {', '.join(Profile)}")
+        if not dataclasses.is_dataclass(engine.settings):
+            raise EngineError(f"{label}: settings are {type(engine.settings).__name__}, needed a frozen dataclass")
+        if not isinstance(engine.abilities, Abilities):
+            raise EngineError(f"{label}: abilities are {type(engine.abilities).__name__}, needed Abilities")
+    labels = [variant_label(engine.name, engine.variant) for engine in offered]
+    if len(set(labels)) < len(labels):
+        raise EngineError(f"engines() gave two of one name among {', '.join(labels)}")
+    return list(offered)
+
+
+def main(folder_path: str) -> None:
+    """Describe the adapter whose entry point is in the folder at ``folder_path``."""
+    folder = Path(folder_path)
+    end_with_parent(folder)
+    name, module = pickle.loads((folder / POINT).read_bytes())
+    described: Description | str
+    try:
+        described = describe(EntryPoint(name, module, ""))
+    except BaseException as error:  # foreign code may raise anything
+        described = str(error) if isinstance(error, EngineError) else f"{type(error).__name__}: {error}"
+    partial = folder / f"{DESCRIPTION}.part"
+    partial.write_bytes(pickle.dumps(described))
+    partial.replace(folder / DESCRIPTION)
+    finish()
+
+
+def describe(adapter: EntryPoint) -> Description:
+    """Return what an adapter offers; it is imported in this process."""
+    engines = {profile: load(adapter, profile) for profile in Profile}
+    facts = _checked(EngineFacts, getattr(adapter.load(), "FACTS", EngineFacts()), "FACTS")
+    return Description(
+        engines={profile: [_stand_in(engine, adapter, facts) for engine in offered] for profile, offered in engines.items()},
+        facts=facts,
+    )
+
+
+def _stand_in(engine: Engine, adapter: EntryPoint, facts: EngineFacts) -> StandIn:
+    """Return the stand-in of ``engine``, with those of its studies and with what the facts say was measured of it."""
+    point = (adapter.name, adapter.value)
+    measured = facts.variant(engine.variant)
+    abilities = _checked(Abilities, engine.abilities, "abilities")
+    abilities = dataclasses.replace(
+        abilities,
+        validated=abilities.validated or measured.measured,
+        additions=(*map(str, measured.additions), *abilities.additions),
+    )
+    studies = engine.studies()
+    if not isinstance(studies, Studies):
+        raise EngineError(f"studies() gave {type(studies).__name__}, needed Studies")
+    made = StandIn(engine, point, abilities)
+    made._studies = Studies(
+        ladders=tuple(
+            dataclasses.replace(
+                ladder,
+                engines=tuple(StandIn(rung, point, abilities, ("ladders", i, j)) for j, rung in enumerate(ladder.engines)),
+            )
+            for i, ladder in enumerate(studies.ladders)
+        ),
+        defaults=tuple(
+            dataclasses.replace(default, engine=StandIn(default.engine, point, abilities, ("defaults", i)))
+            for i, default in enumerate(studies.defaults)
+        ),
+        choices=tuple(
+            dataclasses.replace(choice, engine=StandIn(choice.engine, point, abilities, ("choices", i)))
+            for i, choice in enumerate(studies.choices)
+        ),
+    )
+    return made
+
+
+def _checked(kind: type[T], value: object, what: str) -> T:
+    """Return a dataclass of ours that foreign code has filled, as one whose fields have the types that it states."""
+    from pydantic import TypeAdapter, ValidationError
+
+    if not isinstance(value, kind):
+        raise EngineError(f"{what} are {type(value).__name__}, needed {kind.__name__}")
+    try:
+        return TypeAdapter(kind).validate_python(dataclasses.asdict(value))  # type: ignore[call-overload]
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join([what, *map(str, first["loc"])])
+        raise EngineError(f"{where}: found {first['input']!r:.60}, needed {first['msg']}") from None
+
+
+# ---- what this process learns of an adapter
+
+
+class _OwnTypes(pickle.Unpickler):
+    """Reads a description, and imports nothing else than this package for it."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        """Return a class of this package, or a built-in one."""
+        if module.partition(".")[0] in ("looping_pendulum", "builtins"):
+            return super().find_class(module, name)
+        raise pickle.UnpicklingError(f"it holds {module}.{name}, needed plain data")
+
+
+DESCRIBED: dict[EntryPoint, Description | str] = {}
+"""What this process has learnt of adapters so far."""
+
+
+def description(adapter: EntryPoint) -> Description | str:
+    """Return what an adapter offers, or a sentence that says why it cannot be used; found out once."""
+    if adapter not in DESCRIBED:
+        DESCRIBED[adapter] = _described_elsewhere(adapter)
+    return DESCRIBED[adapter]
+
+
+def _described_elsewhere(adapter: EntryPoint) -> Description | str:
+    """Return the description of an adapter that another process has imported, or why it has none."""
+    try:
+        with tempfile.TemporaryDirectory(prefix="looping-pendulum-", ignore_cleanup_errors=True) as path:
+            folder = Path(path)
+            (folder / POINT).write_bytes(pickle.dumps((adapter.name, adapter.value)))
+            ending = run_python(f"{__name__}:main", folder, time_limit=TIME_LIMIT, memory_limit=MEMORY_LIMIT)
+            if not (folder / DESCRIPTION).exists():
+                limits = {Cause.TIME: f" of {TIME_LIMIT:g} s", Cause.MEMORY: f" of {MEMORY_LIMIT / 2**20:g} MiB"}
+                return f"its import ended: {ending}{limits.get(ending.cause, '')}"
+            described = _OwnTypes(io.BytesIO((folder / DESCRIPTION).read_bytes())).load()
+    # What foreign code has written may be anything
+    except Exception as error:
+        return f"its description cannot be read: {type(error).__name__}: {error}"
+    return described if isinstance(described, Description) else str(described)
