@@ -5,31 +5,33 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import math
 import sys
+import tempfile
 import threading
 import warnings
+import zipfile
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
-
-import numpy as np
 
 from looping_pendulum import __version__
 from looping_pendulum.compare.json_text import plain
 from looping_pendulum.engines.isolation import MEMORY_LIMIT, run_isolated
-from looping_pendulum.engines.protocol import Engine
+from looping_pendulum.engines.protocol import Engine, declared
 from looping_pendulum.engines.registry import label
-from looping_pendulum.engines.worker import identity
+from looping_pendulum.engines.worker import named
 from looping_pendulum.files import file_stem, write_atomically
 from looping_pendulum.processes import ReportShare, core_count, run_many
-from looping_pendulum.runs.trajectory import COLUMNS, RunStatus, Trajectory, from_samples
+from looping_pendulum.runs.storage import RECORD, SAMPLES, read_run, write_run
+from looping_pendulum.runs.trajectory import RunStatus, Trajectory
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.versions import installed_version
 
 NOT_CACHED = (RunStatus.INTERRUPTED, RunStatus.MISSING, RunStatus.MEMORY_LIMIT)
 """Statuses of runs that are not cached, because another try may succeed."""
+LIMIT = "time_limit"
+"""File in the archive of a run with the time limit that it had [s]."""
 
 
 class DamagedRunWarning(UserWarning):
@@ -84,19 +86,13 @@ def source_digest(module: str) -> str:
 
 
 def store_run(path: Path, run: Trajectory, time_limit: float) -> None:
-    """Write ``run`` to ``path``, with the time limit [s] that it had."""
-    ended = {
-        "status": run.status.name,
-        "message": run.message,
-        "wall_time": run.wall_time if math.isfinite(run.wall_time) else None,
-        "time_limit": time_limit,
-        "versions": run.provenance.versions,
-    }
-    parts = (run.light_position, run.light_velocity, run.heavy_position, run.heavy_velocity)
-    slip = np.full(len(run.t), np.nan) if run.string_slip is None else run.string_slip
-    rows = np.column_stack([run.t, *parts, run.string_stretch, slip]).reshape(-1, len(COLUMNS))
+    """Write ``run`` to ``path``, as an archive of the files that its process wrote and the time limit [s] that it had."""
     archive = io.BytesIO()
-    np.savez_compressed(archive, rows=rows, ended=np.array(json.dumps(ended)))
+    with tempfile.TemporaryDirectory() as folder, zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as files:
+        write_run(Path(folder), run)
+        for name in (SAMPLES, RECORD):
+            files.write(Path(folder, name), name)
+        files.writestr(LIMIT, repr(time_limit))
     write_atomically(path, archive.getvalue())
 
 
@@ -107,27 +103,19 @@ def load_run(path: Path, task: RunTask, time_limit: float) -> Trajectory | None:
     """
     if not path.is_file():
         return None
+    parameters = task.scenario.parameters
+    known = named(task.engine, task.scenario) | declared(task.engine, parameters)
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:  # np.load leaves a damaged file open
-            rows, ended = np.asarray(file["rows"], dtype=float), json.loads(str(file["ended"]))
-        # An intact archive may still hold something else than a run
-        if not (rows.ndim == 2 and rows.shape[1] == len(COLUMNS) and (np.diff(rows[:, 0]) > 0).all()):
-            raise ValueError(f"found rows of shape {rows.shape}, needed {len(COLUMNS)} columns and rising times")
-        run = from_samples(
-            rows,
-            parameters=task.scenario.parameters,
-            status=RunStatus[ended["status"]],
-            message=str(ended["message"]),
-            wall_time=math.nan if ended["wall_time"] is None else float(ended["wall_time"]),
-            **identity(task.engine, task.scenario),
-        )
-        versions = {str(package): str(version) for package, version in ended["versions"].items()}
-        too_short = run.status is RunStatus.TIME_LIMIT and float(ended["time_limit"]) < time_limit
-    # A damaged archive may raise anything: of zip, zlib, NumPy or JSON
+        with tempfile.TemporaryDirectory() as folder, zipfile.ZipFile(path) as files:
+            for name in (SAMPLES, RECORD):
+                files.extract(name, folder)
+            had = float(files.read(LIMIT))
+            run = read_run(Path(folder), parameters=parameters, duration=task.scenario.duration, **known)
+    # A damaged archive may raise anything: of zip, zlib or what is in it
     except Exception as error:
         warnings.warn(DamagedRunWarning(f"{path} is damaged ({type(error).__name__}); its run is made again"), stacklevel=2)
         return None
-    return None if too_short else replace(run, provenance=replace(run.provenance, versions=versions))
+    return None if run.status is RunStatus.TIME_LIMIT and had < time_limit else run
 
 
 def make_runs(
@@ -147,7 +135,7 @@ def make_runs(
     """
     # A ladder's rung at the variant's own setting is the same run as the one at its own settings
     tasks = list({task.key: task for task in tasks}.values())
-    paths = {task.key: folder / f"{task.key}.npz" for task in tasks}
+    paths = {task.key: folder / f"{task.key}.zip" for task in tasks}
     cached = {task.key: load_run(paths[task.key], task, time_limit) for task in tasks}
     done = {key: run for key, run in cached.items() if run is not None}
     shares = {task.key: 1.0 if task.key in done else 0.0 for task in tasks}

@@ -2,10 +2,10 @@
 
 import dataclasses
 import io
-import json
 import re
 import threading
 import warnings
+import zipfile
 
 import numpy as np
 import pytest
@@ -30,6 +30,7 @@ from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import select
 from looping_pendulum.engines.studies import Ladder, Studies
+from looping_pendulum.runs.storage import RECORD, ROW, SAMPLES
 from looping_pendulum.runs.trajectory import RunStatus
 from looping_pendulum.scenarios import load
 from tests.compare.delayed import DelayedEngine
@@ -211,40 +212,36 @@ def test_a_time_limit_leaves_out_what_would_take_longer(tmp_path, scenario, monk
     assert "not run: a coarser rung reached the time limit" in convergence_markdown(result)
 
 
-def archive(**arrays):
+def archive(**files):
     out = io.BytesIO()
-    np.savez_compressed(out, **arrays)
+    with zipfile.ZipFile(out, "w") as stored:
+        for name, content in files.items():
+            stored.writestr({"samples": SAMPLES, "record": RECORD}.get(name, name), content)
     return out.getvalue()
 
 
-ENDED = {"status": "FINISHED", "message": "", "wall_time": 1.0, "time_limit": 10.0, "versions": {}}
+TWO_ROWS = np.tile(np.arange(len(ROW), dtype=float), (2, 1))
 DAMAGED = {
     "nothing": b"",
     "text": b"half a file",
     "a zip's begin": b"PK\x03\x04" + bytes(100),  # BadZipFile, which is no ValueError, ended the command
-    "another archive": archive(other=np.zeros(3)),
-    "one array": archive(rows=np.zeros((2, 10))),
-    "rows of another width": archive(rows=np.zeros((2, 3)), ended=json.dumps(ENDED)),
-    "times that stay": archive(rows=np.zeros((2, 10)), ended=json.dumps(ENDED)),
-    "no numbers": archive(rows=np.array([["a"] * 10]), ended=json.dumps(ENDED)),
-    "no JSON": archive(rows=np.zeros((1, 10)), ended="{"),
-    "a list": archive(rows=np.zeros((1, 10)), ended="[]"),
-    "deep": archive(rows=np.zeros((1, 10)), ended="[" * 10**5),
-    **{f"without {key}": archive(rows=np.zeros((1, 10)), said=json.dumps({k: ENDED[k] for k in ENDED if k != key}))
-       for key in ENDED if key != "time_limit"},
-    "another status": archive(rows=np.zeros((1, 10)), ended=json.dumps(ENDED | {"status": "DONE"})),
-    "text for a time": archive(rows=np.zeros((1, 10)), ended=json.dumps(ENDED | {"wall_time": "long"})),
-    "versions in a list": archive(rows=np.zeros((1, 10)), ended=json.dumps(ENDED | {"versions": ["7.3"]})),
-}  # fmt: skip
+    "another archive": archive(other=b"x"),
+    "samples alone": archive(samples=TWO_ROWS.tobytes()),
+    "times that stay": archive(samples=TWO_ROWS.tobytes(), record="{}", time_limit="10"),
+    "no JSON": archive(samples=b"", record="{", time_limit="10"),
+    "a list": archive(samples=b"", record="[]", time_limit="10"),
+    "deep": archive(samples=b"", record="[" * 10**5, time_limit="10"),
+    "no limit": archive(samples=b"", record="{}", time_limit="long"),
+}
 
 
 @pytest.mark.parametrize("damage", DAMAGED)
 def test_a_damaged_file_of_a_run_is_a_run_to_be_made_again(tmp_path, scenario, in_this_process, damage):
     engine = DelayedEngine()
     task = RunTask(key=run_key(engine, scenario), engine=engine, scenario=scenario, what="run")
-    path = tmp_path / f"{task.key}.npz"
+    path = tmp_path / f"{task.key}.zip"
     path.write_bytes(DAMAGED[damage])
-    with pytest.warns(DamagedRunWarning, match=f"{re.escape(task.key)}.npz is damaged"):
+    with pytest.warns(DamagedRunWarning, match=f"{re.escape(task.key)}.zip is damaged"):
         done = make_runs([task], tmp_path, jobs=1, time_limit=10.0, cancelled=threading.Event())
     assert done[task.key].status.ok
     again = load_run(path, task, 10.0)  # it has taken the damaged one's place
@@ -254,7 +251,7 @@ def test_a_damaged_file_of_a_run_is_a_run_to_be_made_again(tmp_path, scenario, i
 def test_a_kept_run_cut_anywhere_or_with_a_flipped_bit_is_never_a_traceback(tmp_path, scenario):
     engine = DelayedEngine()
     task = RunTask(key=run_key(engine, scenario), engine=engine, scenario=scenario, what="run")
-    path = tmp_path / "run.npz"
+    path = tmp_path / "run.zip"
     store_run(path, engine.simulate(scenario), 10.0)
     whole, good = path.read_bytes(), load_run(path, task, 10.0)
     rng = np.random.default_rng(1)

@@ -64,7 +64,7 @@ async ([seed, count]) => {
   const actions = [
     slider, typed, chosen, dragged, key, predicted, trial, dropped,
     // Browsers let nobody but a person print or fill the screen
-    () => pick(all("button:not([id^=save], #full, #worksheet)").filter((b) => !b.disabled && b.checkVisibility())).click(),
+    () => pick(all("button:not([id^=save], #full, #worksheet, #teacher-sheets)").filter((b) => !b.disabled && b.checkVisibility())).click(),
     () => pick(all("input[type=checkbox]")).click(),
     () => { location.hash = pick(links); },
   ];
