@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from looping_pendulum.engines.chain import MASS_COMPENSATION, MASS_FRACTION, polygon_radius
+from looping_pendulum.engines.chain import MASS_COMPENSATION, MASS_FRACTION, ONE_COEFFICIENT, polygon_radius
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.pybullet.world import (
     DEFAULT_DAMPING,
@@ -31,7 +31,6 @@ from looping_pendulum.engines.pybullet.world import (
     MAX_JOINTS,
     NO_SPEED_LIMIT,
     NO_STRETCH_LIMIT,
-    ONE_COEFFICIENT,
     RIPPLE_LIMIT,
     ChainState,
     LongestStep,

@@ -463,9 +463,6 @@ def free_joints(world: World, body: int, joints: int, *, motors: bool) -> None:
         raise EngineError(f"pybullet: joint {joints - 1} has a damping of {damping:g}")
 
 
-ONE_COEFFICIENT = "one Coulomb coefficient: of a static friction above the kinetic one, only the kinetic one is represented"
-
-
 LINK_CONTACT: Mapping[str, Any] = {
     "friction_law": "Coulomb contact at every node; the adapter solves its coefficient from the capstan law for the polygon's "
     "corners",
