@@ -43,7 +43,8 @@ def take_picture_of_demo(page_file: Path, picture: Path) -> None:
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        path = shutil.which("chromium-headless-shell") or shutil.which("chromium")
+        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
         page = browser.new_page(viewport=WINDOW, reduced_motion="reduce")
         page.goto(page_file.as_uri())
         page.evaluate("(t) => live.player.stopAt(t)", DEMO_TIME)
