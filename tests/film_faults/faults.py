@@ -321,7 +321,7 @@ def wrong_unit_of_time(rng: np.random.Generator, study: CleanStudy) -> Faulty:
         form = dataclasses.replace(form, time_decimals=9 if form.time == "s" else 12)
     films = tuple(dataclasses.replace(film, t=film.t * factor) for film in study.films)
     return Faulty(
-        films=films, form=form, words="frame_rate|units: {time|if times are in|they are in ms",
+        films=films, form=form, words="frame_rate|units: {time|if times are in|they are in ms|correct the times or their unit",
         detail=f"{kind} at {rate:g}/s (times {factor:g} times what they are)",
     )  # fmt: skip
 
