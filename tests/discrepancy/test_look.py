@@ -497,6 +497,7 @@ def test_axes_of_different_size_are_named(example, tmp_path, squeeze):
     assert not look(mended(path, found.keys)).mistakes
 
 
+@pytest.mark.long
 def test_motion_in_another_plane_is_said(example, tmp_path):
     """y is the depth, as where z is up."""
     mistake = Mistake(keys=frozenset(), row=pictured(lambda x, y: (x, 0.001 * y)))

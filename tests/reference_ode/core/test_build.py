@@ -24,6 +24,7 @@ def test_the_stages_are_those_of_scipys_method():
     assert (CORE / "stages.h").read_text(encoding="utf-8") == build.stages()
 
 
+@pytest.mark.long
 @needs_compiler
 def test_the_driver_compiled_anew_has_the_same_bytes(tmp_path):
     for name in ("driver.c", "stages.h"):
