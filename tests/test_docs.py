@@ -234,7 +234,7 @@ def test_a_click_on_a_heading_sorts_the_variants_and_gaps_stay_last(site, chromi
         page.get_by_role("button", name="halt [ms]").click()
         cells = page.locator(".sortable tbody tr td:nth-child(5)").all_inner_texts()
         numbers = [float(cell) for cell in cells if re.fullmatch(r"[-+.e\d]+", cell)]
-        assert len(numbers) > 10
+        assert len(numbers) > 5
         assert numbers == sorted(numbers, reverse=descending)
         assert not any(re.fullmatch(r"[-+.e\d]+", cell) for cell in cells[len(numbers) :])
     page.close()

@@ -16,13 +16,17 @@ FOLDER = Path(__file__).parent
 
 @pytest.fixture(scope="session")
 def node():
-    """Run a module of this folder in Node: ``node(name, data)`` gives it JSON and returns the JSON that it prints."""
+    """
+    Run a module of this folder in Node: ``node(name, data)`` gives it JSON and returns the JSON that it prints.
+
+    In a single thread, as Node may wait for ever for its own compiling threads when it ends (nodejs/node#54918).
+    """
     path = shutil.which("node")
     if path is None:
         pytest.skip("Node is not installed (Debian: apt install nodejs)")
 
     def run(module: str, data: Any) -> Any:
-        done = subprocess.run([path, FOLDER / module], input=json.dumps(data), capture_output=True, text=True, check=False)
+        done = subprocess.run([path, "--single-threaded", FOLDER / module], input=json.dumps(data), capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
         return json.loads(done.stdout)
 
