@@ -5,14 +5,13 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import sys
 import tempfile
 import threading
 import warnings
 import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 
 from looping_pendulum import __version__
@@ -26,7 +25,7 @@ from looping_pendulum.processes import ReportShare, core_count, run_many
 from looping_pendulum.runs.storage import RECORD, SAMPLES, read_run, write_run
 from looping_pendulum.runs.trajectory import RunStatus, Trajectory
 from looping_pendulum.scenarios.scenario import Scenario
-from looping_pendulum.versions import installed_version
+from looping_pendulum.versions import installed_version, source_digest
 
 NOT_CACHED = (RunStatus.INTERRUPTED, RunStatus.MISSING, RunStatus.MEMORY_LIMIT)
 """Statuses of runs that are not cached, because another try may succeed."""
@@ -73,16 +72,6 @@ def run_key(engine: Engine, scenario: Scenario) -> str:
     # 80 bits, so that no two runs share a name by chance
     digest = hashlib.sha256(json.dumps(what, sort_keys=True).encode()).hexdigest()[:20]
     return f"{file_stem(label(engine))}-{digest}"
-
-
-@cache
-def source_digest(module: str) -> str:
-    """Return a digest of the Python files in the folder of ``module``, except studies.py, which only says what to vary."""
-    file = getattr(sys.modules.get(module), "__file__", None)
-    if file is None:
-        return ""
-    files = sorted(path for path in Path(file).parent.glob("*.py") if path.name != "studies.py")
-    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
 
 
 def store_run(path: Path, run: Trajectory, time_limit: float) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from looping_pendulum.engines.protocol import Abilities, StepGroups
 from looping_pendulum.engines.shipped import shipped_abilities
 from looping_pendulum.engines.studies import ChoiceRow, LadderRow
+from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import MassesAtRelease, Vector
 from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters
@@ -92,6 +93,15 @@ class BeadChainSettings(StepGroups):
     def contact_friction(self, friction: float) -> float:
         """Return the contacts' coefficient for a string with the coefficient ``friction``."""
         return polygon_friction(friction, self.bend) if self.polygon_friction else friction
+
+
+def bead_choices(settings: BeadChainSettings) -> tuple[ChoiceRow, ...]:
+    """Return the choices that every adapter of beads makes: about the corners, the beads, and how often they are updated."""
+    return (
+        *CORNER_CHOICES,
+        ("bead radius", quantity(settings.bead_radius, "m", 3), "0.5 mm", {"bead_radius": 5e-4}),
+        ("steps between two updates of drag and beads", f"{settings.steps_per_group}", "1", {"steps_per_group": 1}),
+    )
 
 
 def bead_abilities(

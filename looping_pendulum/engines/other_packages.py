@@ -7,10 +7,8 @@ engine. A fault costs the adapter's own row, and never a command.
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import io
 import pickle
-import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -26,6 +24,7 @@ from looping_pendulum.errors import EngineError
 from looping_pendulum.processes import Cause, end_with_parent, finish, run_python
 from looping_pendulum.runs.trajectory import Trajectory, variant_label
 from looping_pendulum.scenarios.scenario import Scenario
+from looping_pendulum.versions import source_digest
 
 ENGINE_MEMBERS = ("name", "variant", "profile", "abilities", "settings", "simulate", "studies")
 """Attributes and methods that an engine must have (`protocol.Engine`)."""
@@ -75,7 +74,7 @@ class StandIn:
         self.fields = {name: _plain(getattr(engine.settings, name)) for name in settings}
         state = getattr(engine, "__dict__", {}).items()
         self.state = {name: _plain(value) for name, value in state if name not in ("abilities", "settings")}
-        self.source = f"{type(engine).__module__}.{type(engine).__qualname__} {_source_digest(type(engine).__module__)}"
+        self.source = f"{type(engine).__module__}.{type(engine).__qualname__} {source_digest(type(engine).__module__)}"
         self._place, self._studies = place, Studies()
 
     def _settings(self) -> Any:
@@ -122,16 +121,6 @@ def _plain(value: Any) -> Any:
         if isinstance(value, kind):
             return kind(value)
     return None if value is None else str(value)
-
-
-def _source_digest(module: str) -> str:
-    """Return a digest of the Python files of a module or package."""
-    file = getattr(sys.modules.get(module), "__file__", None)
-    if file is None:
-        return ""
-    path = Path(file)
-    files = sorted(path.parent.rglob("*.py")) if path.name == "__init__.py" else [path]
-    return hashlib.sha256(b"".join(each.read_bytes() for each in files)).hexdigest()
 
 
 # ---- importing an adapter, in a process that may end by it

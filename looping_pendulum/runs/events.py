@@ -426,7 +426,7 @@ class EventQuantity:
     measured_at: str
     """Name of the quantity that is the time at which this one is measured; a time names itself."""
     several: bool
-    """Whether a run can have more than one, told apart by their index."""
+    """Whether a run can have more than one, distinguished by their index."""
 
     @property
     def unit(self) -> str:

@@ -32,7 +32,6 @@ from looping_pendulum import __version__
 from looping_pendulum.compare.comparison import compare
 from looping_pendulum.compare.convergence.study import START_CHANGES, changed_starts
 from looping_pendulum.compare.json_text import JsonResult, plain
-from looping_pendulum.compare.run_cache import source_digest
 from looping_pendulum.engines.isolation import MEMORY_LIMIT, run_isolated
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import Reference
@@ -43,7 +42,7 @@ from looping_pendulum.files import file_stem, write_atomically
 from looping_pendulum.processes import Interpreter, ReportShare, run_many
 from looping_pendulum.runs.trajectory import RunStatus, Trajectory
 from looping_pendulum.scenarios.scenario import Scenario
-from looping_pendulum.versions import installed_version
+from looping_pendulum.versions import installed_version, source_digest
 from research.releases.installers import InstallationStopped, ReleaseError, install
 from research.releases.result import CAPSTAN, QUANTITIES, ReleaseRow, ReleasesResult, Spread, VariantRow, find_moves
 

@@ -1,4 +1,4 @@
-"""Points that were smoothed or interpolated after they were tracked, told from errors that last longer than a frame.
+"""Points that were smoothed or interpolated after they were tracked, distinguished from errors that last longer than a frame.
 
 A smoothed point is a weighted sum of tracked ones, so that the motion is smoothed alike and errors of neighbours are one and
 the same. Both are one linear map, of the prediction and of the white noise, and are judged by `evidence.fit` as all else.

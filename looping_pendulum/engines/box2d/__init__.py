@@ -11,12 +11,12 @@ from typing import Any
 
 from looping_pendulum.engines.bead_rig import BeadEngine, JointWorld
 from looping_pendulum.engines.chain import (
-    CORNER_CHOICES,
     NO_STOP,
     ONE_COEFFICIENT,
     STRAIGHT_STRING,
     BeadChainSettings,
     bead_abilities,
+    bead_choices,
     bend_rungs,
 )
 from looping_pendulum.engines.protocol import Engine, Profile
@@ -266,10 +266,8 @@ class Box2dChain(BeadEngine):
             choices=(
                 ("bead mass", f"{s.bead_mass_ratio:g} M1", "half", {"bead_mass_ratio": s.bead_mass_ratio / 2}),
                 ("length unit", quantity(s.length_unit, "m", 3), "1 mm", {"length_unit": 1e-3}),
-                *CORNER_CHOICES,
-                ("bead radius", quantity(s.bead_radius, "m", 3), "0.5 mm", {"bead_radius": 5e-4}),
+                *bead_choices(s),
                 ("contact damping ratio", f"{s.contact_damping_ratio:g}", "1", {"contact_damping_ratio": 1.0}),
-                ("steps between two updates of drag and beads", f"{s.steps_per_group}", "1", {"steps_per_group": 1}),
             ),
         )
 

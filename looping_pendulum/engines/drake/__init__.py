@@ -15,11 +15,11 @@ import numpy as np
 
 from looping_pendulum.engines.bead_rig import HEAVY, LIGHT, OUTERMOST, BeadEngine, Forces, RebuiltWorld
 from looping_pendulum.engines.chain import (
-    CORNER_CHOICES,
     NO_STOP,
     STRAIGHT_STRING,
     BeadChainSettings,
     bead_abilities,
+    bead_choices,
     bend_rungs,
 )
 from looping_pendulum.engines.protocol import Engine, Profile
@@ -357,9 +357,7 @@ class DrakeChain(BeadEngine):
             choices=(
                 ("convex approximation of Coulomb's law", s.contact_approximation, "sap", {"contact_approximation": "sap"}),
                 ("rod", f"a {s.rod_shape}", "a cylinder", {"rod_shape": "cylinder"}),
-                *CORNER_CHOICES,
-                ("bead radius", quantity(s.bead_radius, "m", 3), "0.5 mm", {"bead_radius": 5e-4}),
-                ("steps between two updates of drag and beads", f"{s.steps_per_group}", "1", {"steps_per_group": 1}),
+                *bead_choices(s),
             ),
         )
 

@@ -15,12 +15,12 @@ from typing import Any
 
 from looping_pendulum.engines.bead_rig import BeadEngine, Forces, RebuiltWorld
 from looping_pendulum.engines.chain import (
-    CORNER_CHOICES,
     NO_STOP,
     ONE_COEFFICIENT,
     STRAIGHT_STRING,
     BeadChainSettings,
     bead_abilities,
+    bead_choices,
     bend_rungs,
 )
 from looping_pendulum.engines.mujoco.model import (
@@ -32,7 +32,6 @@ from looping_pendulum.engines.mujoco.model import (
 )
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.studies import Studies, default_row, studies_from_rows
-from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
 
@@ -274,9 +273,5 @@ class MujocoBeads(BeadEngine):
                 default_row(s, "friction_to_normal_impedance", 1.0, "impratio", "how much harder friction is than contact"),
                 *solver_defaults(s, steps_per_group=1),
             ),
-            choices=(
-                *CORNER_CHOICES,
-                ("steps between two updates of drag and beads", f"{s.steps_per_group}", "1", {"steps_per_group": 1}),
-                ("bead radius", quantity(s.bead_radius, "m", 3), "0.5 mm", {"bead_radius": 5e-4}),
-            ),
+            choices=(*bead_choices(s),),
         )

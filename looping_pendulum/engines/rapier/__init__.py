@@ -12,12 +12,12 @@ from typing import Any
 
 from looping_pendulum.engines.bead_rig import BeadEngine, JointWorld
 from looping_pendulum.engines.chain import (
-    CORNER_CHOICES,
     NO_STOP,
     ONE_COEFFICIENT,
     STRAIGHT_STRING,
     BeadChainSettings,
     bead_abilities,
+    bead_choices,
     bend_rungs,
 )
 from looping_pendulum.engines.protocol import Engine, Profile
@@ -245,10 +245,8 @@ class RapierChain(BeadEngine):
             choices=(
                 ("bead mass", f"{s.bead_mass_ratio:g} M1", "double", {"bead_mass_ratio": 2 * s.bead_mass_ratio}),
                 ("plane of motion", "kept, as nothing pushes out of it", "axis z locked", {"locked_plane": True}),
-                *CORNER_CHOICES,
-                ("bead radius", quantity(s.bead_radius, "m", 3), "0.5 mm", {"bead_radius": 5e-4}),
+                *bead_choices(s),
                 ("contact frequency", f"{1e-6 * s.contact_hertz:g} MHz", "10 kHz", {"contact_hertz": 1e4}),
-                ("steps between two updates of drag and beads", f"{s.steps_per_group}", "1", {"steps_per_group": 1}),
             ),
         )
 

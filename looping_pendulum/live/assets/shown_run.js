@@ -27,6 +27,22 @@ export function durationOf(release) {
   return DURATIONS[/** @type {keyof typeof DURATIONS} */ (release)];
 }
 
+/** When the rod holds the string. @param {ShownEvent[]} events all of a run @param {string} modeAtStart
+ * @param {(time: number) => {drop: number, turns: number}} placeAt */
+export function restsOf(events, modeAtStart, placeAt) {
+  /** @type {Rest[]} */
+  const rests = [];
+  const begin = (/** @type {number} */ time) => rests.push({ from: time, until: null, ...placeAt(time) });
+  if (modeAtStart === "sticking") begin(0);
+  for (const { kind, time } of events) {
+    const last = rests[rests.length - 1];
+    const isHeld = last !== undefined && last.until === null;
+    if ((kind === "sticks" || kind === "halts") && !isHeld) begin(time);
+    if ((kind === "slips" || kind === "slack") && isHeld) last.until = time;
+  }
+  return rests;
+}
+
 /** The exact run of settings, sampled for drawing. */
 export class ShownRun {
   /** @param {Record<string, any>} settings @param {number} shown limit on the time that is shown [s]
@@ -47,7 +63,7 @@ export class ShownRun {
     /** Last event of the run. */
     this.ending = events[events.length - 1].kind;
     this.events = events.filter(({ time }) => time <= this.end);
-    this.rests = this.restsOfRun();
+    this.rests = restsOf(events, this.run.sample(0).mode, (time) => this.placeAt(time));
     this.dropAtHalt = this.halt === null ? null : this.placeAt(this.halt).drop;
   }
 
@@ -55,20 +71,6 @@ export class ShownRun {
   placeAt(t) {
     const { heavy, wrapAngle } = this.run.sample(t);
     return { drop: this.startHeight - heavy[1], turns: wrapAngle / (2 * Math.PI) };
-  }
-
-  /** @returns {Rest[]} */
-  restsOfRun() {
-    /** @type {Rest[]} */
-    const rests = [];
-    for (const { time, event, modeAfter } of this.run.events) {
-      if (event !== null && PHASE_EVENTS.has(event)) continue;
-      const last = rests[rests.length - 1];
-      const [isHeld, wasHeld] = [modeAfter === "sticking", last !== undefined && last.until === null];
-      if (isHeld && !wasHeld) rests.push({ from: time, until: null, ...this.placeAt(time) });
-      if (wasHeld && !isHeld && !END_EVENTS.has(event ?? "")) last.until = time;
-    }
-    return rests;
   }
 
   /** What is to be seen at t [s]; after the end, the end. @param {number} t */

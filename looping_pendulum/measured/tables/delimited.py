@@ -34,7 +34,7 @@ MISSING = frozenset({"", "-", "--", "–", "—", "nan", "na", "n/a", "#n/a", "n
 DELIMITERS = ("\t", ";", "|", ",", " ")
 """Delimiters, the likelier first where several divide a table equally well; ' ' stands for any white space."""
 SAMPLE_LINES = 100
-"""Number of lines at either end of a table by which its delimiter is told."""
+"""Number of lines at either end of a table by which its delimiter is recognised."""
 SAMPLE_LENGTH = 4000
 """Number of characters of each of these lines."""
 LARGEST_NUMBER = 1e100

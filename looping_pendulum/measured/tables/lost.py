@@ -14,9 +14,9 @@ MAX_MARKS = 5
 FAR = 3.0
 """Way to a mark, in the longest step between the other points: a mass may pass a place whose numbers are whole."""
 MIN_OTHERS = 10
-"""Smallest number of other points by which a mark is told that is not a usual one."""
+"""Smallest number of other points by which a sign for a lost place is recognised that is not a usual one."""
 USUAL_MARKS = (0.0, -1.0)
-"""Both coordinates of the marks that are told among the points, too."""
+"""Both coordinates of the marks that are recognised among the points, too."""
 NINES = tuple(10.0**k - 1 for k in range(2, 10))
 """Marks of a lone column."""
 

@@ -68,7 +68,7 @@ UNITS = TIME_UNITS | PIXELS | RATE_UNITS | {
     "m", "cm", "mm", "dm", "km", "um", "µm", "in", "inch", "ft", "rad", "deg", "°", "º", "˚", "m/s", "cm/s", "mm/s", "px/s",
     "m/s^2", "m/s²", "px/m", "hz", "n", "kg", "g",
 }  # fmt: skip
-"""Units, in lower case, that are told from names without brackets."""
+"""Units, in lower case, that are recognised in names without brackets."""
 MAX_NAME = 200
 """Longest text that is read as a name [characters]; the time that this takes grows with its square."""
 MAX_WORDS = 3

@@ -30,7 +30,7 @@ OTHER_UNITS = {
 }  # fmt: skip
 """Units that times without one may be in where seconds are impossible -> size [s] and words."""
 LIKELY_STEPS = (1 / 1000, 1 / 15)
-"""Smallest and largest time between rows by which one of these units is told [s]."""
+"""Smallest and largest time between rows by which one of these units is recognised [s]."""
 MAX_SPEED = 20.0
 """Largest plausible speed of a mass at the beginning of a record [m/s]."""
 MAX_ACCELERATION = 1000.0

@@ -45,7 +45,7 @@ STRETCH_TOLERANCE = 1e-3
 """Relative difference of two frame durations that are the same; the film's frame times are rounded to 1 us."""
 
 _TRACKER = "org.opensourcephysics.cabrillo.tracker."
-# Bytes at the start of a file by which it is told; the root's class is in the second line
+# Bytes at the start of a file by which it is recognised; the root's class is in the second line
 _SNIFFED = 4096
 _ZIP_START = b"PK\x03\x04"
 # What `zipfile` raises for a damaged archive; `BadZipFile` is an Exception of its own

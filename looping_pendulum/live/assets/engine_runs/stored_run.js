@@ -1,6 +1,7 @@
 /** The reference's stored run in place of a live one, for a scenario with effects that the page's model does not have. */
 
 import { END_EVENTS } from "../../model.js";
+import { restsOf } from "../shown_run.js";
 import { modeAt, placeOf } from "./motion.js";
 
 /** @typedef {import("./motion.js").RunsData} RunsData */
@@ -28,23 +29,11 @@ export class StoredRun {
     });
     const last = this.events[this.events.length - 1]?.kind;
     this.ending = ["light_reaches_rod", "heavy_reaches_rod", "unwrapped"].includes(last) ? last : "time_up";
-    this.rests = this.restsOfRun();
+    this.rests = restsOf(this.events, modeAt(data, 0), (time) => {
+      const { drop, turns } = this.at(time);
+      return { drop, turns };
+    });
     this.dropAtHalt = this.halt === null ? null : this.at(this.halt).drop;
-  }
-
-  /** @returns {import("../shown_run.js").Rest[]} */
-  restsOfRun() {
-    /** @type {import("../shown_run.js").Rest[]} */
-    const rests = [];
-    const begin = (/** @type {number} */ time) => rests.push({ from: time, until: null, drop: this.at(time).drop, turns: this.at(time).turns });
-    if (modeAt(this.data, 0) === "sticking") begin(0);
-    for (const { kind, time } of this.events) {
-      const last = rests[rests.length - 1];
-      const wasHeld = last !== undefined && last.until === null;
-      if ((kind === "sticks" || kind === "halts") && !wasHeld) begin(time);
-      if ((kind === "slips" || kind === "slack") && wasHeld) last.until = time;
-    }
-    return rests;
   }
 
   /** What is to be seen at t [s]; after the end, the end. @param {number} t @returns {Sample} */

@@ -1,6 +1,7 @@
 /** Asks which column of a table is what, with a preview, where the page cannot tell. */
 
 import { html } from "../elements.js";
+import { store, stored } from "../storage.js";
 import { text } from "../texts.js";
 import { ROLES, columnsOf, guessed, plainTable } from "./columns.js";
 
@@ -8,7 +9,7 @@ import { ROLES, columnsOf, guessed, plainTable } from "./columns.js";
 
 const PREVIEW_ROWS = 4;
 /** Under which a browser keeps what was chosen for a table with the same headings. */
-const KEPT = "looping-pendulum columns";
+const KEPT = "columns";
 
 export class Chooser {
   /** @param {(id: string) => HTMLElement} element @param {(file: TableFile) => void} onChosen gets a plain table */
@@ -76,25 +77,17 @@ export class Chooser {
 
 /** @param {string[]} head @returns {string[] | null} */
 function remembered(head) {
-  const roles = storedChoices()[head.join("\n")];
+  const roles = keptChoices()[head.join("\n")];
   return Array.isArray(roles) && roles.length === head.length && roles.every((role) => role === "" || Object.hasOwn(ROLES, role)) ? roles : null;
 }
 
-/** @param {string[]} head @param {string[]} roles */
+/** Where a browser keeps nothing, it is asked again. @param {string[]} head @param {string[]} roles */
 function remember(head, roles) {
-  try {
-    window.localStorage.setItem(KEPT, JSON.stringify({ ...storedChoices(), [head.join("\n")]: roles }));
-  } catch {
-    // A browser may keep nothing; then it is asked again
-  }
+  store(KEPT, "", { ...keptChoices(), [head.join("\n")]: roles });
 }
 
 /** @returns {Record<string, unknown>} */
-function storedChoices() {
-  try {
-    const kept = JSON.parse(window.localStorage.getItem(KEPT) ?? "{}");
-    return kept && typeof kept === "object" && !Array.isArray(kept) ? kept : {};
-  } catch {
-    return {};
-  }
+function keptChoices() {
+  const { value } = stored(KEPT);
+  return value && typeof value === "object" && !Array.isArray(value) ? /** @type {Record<string, unknown>} */ (value) : {};
 }

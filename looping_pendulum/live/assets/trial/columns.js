@@ -3,6 +3,7 @@
  * Which mass is which, and what has no name, is asked and not guessed.
  */
 
+import { LARGEST_FILE, cellsOf, linesOf } from "./table.js";
 import { factorTo } from "./units.js";
 
 /** What a column can be, beside nothing: its name in a plain table -> the SI unit. @type {Record<string, string>} */
@@ -12,7 +13,6 @@ export const ROLES = { t: "s", light_x: "m", light_y: "m", heavy_x: "m", heavy_y
 
 const DELIMITERS = [/\t/, /;/, /,/, /\s+/];
 const LEAST_ROWS = 3;
-const MOST_BYTES = 20 * 1024 * 1024;
 const [WITH_POINT, WITH_COMMA] = [/^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i, /^[+-]?(\d+,?\d*|,\d+)(e[+-]?\d+)?$/i];
 /** The unit at the end of a heading: "x (cm)", "x in cm", "x_cm". */
 const UNIT = /(?:[[(]\s*([a-z°]+)\s*[\])]|(?:\bin|[_,/])\s*([a-z°]+))\s*$/i;
@@ -22,22 +22,16 @@ const [OF_LIGHT, OF_HEAVY] = [/light|leicht|m1(?!\d)/i, /heavy|schwer|m2(?!\d)/i
 
 /** The columns of a table; null: it is none. @param {Uint8Array} bytes @returns {Columns | null} */
 export function columnsOf(bytes) {
-  if (bytes.length > MOST_BYTES) return null;
-  const lines = textOf(bytes).split(/\r\n|\r|\n/).map((line) => line.trim()).filter((line) => line && !line.startsWith("#"));
+  if (bytes.length > LARGEST_FILE) return null;
+  const lines = linesOf(bytes).map(({ line }) => line.trim());
   const found = DELIMITERS.map((delimiter) => splitBy(lines, delimiter)).reduce((best, one) => (one.rows.length > best.rows.length ? one : best));
   return found.rows.length < LEAST_ROWS ? null : found;
-}
-
-/** @param {Uint8Array} bytes */
-function textOf(bytes) {
-  // Spreadsheets write UTF-16 with a mark
-  return new TextDecoder(bytes[0] === 0xff && bytes[1] === 0xfe ? "utf-16le" : "utf-8").decode(bytes);
 }
 
 /** The rows of numbers that a delimiter makes, all as wide as most are, and what stands above them. @param {string[]} lines @param {RegExp} delimiter
  * @returns {Columns} */
 function splitBy(lines, delimiter) {
-  const cells = lines.map((line) => line.split(delimiter).map((cell) => cell.trim().replace(/^"(.*)"$/, "$1")));
+  const cells = lines.map((line) => cellsOf(line, delimiter));
   const isNumber = (/** @type {string} */ cell) => WITH_POINT.test(cell) || (delimiter.source !== "," && WITH_COMMA.test(cell));
   const isRow = (/** @type {string[]} */ row) => row.length > 1 && row.filter(isNumber).length > row.length / 2;
   /** @type {Map<number, number>} */

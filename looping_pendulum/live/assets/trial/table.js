@@ -20,7 +20,7 @@ export class DataError extends Error {
  */
 /** `lines`: number of each row in the file. @typedef {{file: string, lines: number[], columns: Column[], decimalComma: boolean}} Table */
 
-const LARGEST_FILE = 20 * 1024 * 1024;
+export const LARGEST_FILE = 20 * 1024 * 1024;
 /** Largest number of lines above the numbers: names of tracks, and names of columns. */
 const MAX_HEAD = 2;
 const MISSING = ["", "-", "nan"];
@@ -46,12 +46,9 @@ export const isTime = (name) => ["t", "time"].includes(name.toLowerCase());
 /** @param {string} file its name @param {Uint8Array} bytes @returns {Table} */
 export function readTable(file, bytes) {
   if (bytes.length > LARGEST_FILE) throw notPlain(file, null, text("file.large"));
-  // Spreadsheets write UTF-16 with a mark
-  const whole = new TextDecoder(bytes[0] === 0xff && bytes[1] === 0xfe ? "utf-16le" : "utf-8").decode(bytes);
-  // Tracker begins with a comment
-  const lines = whole.split(/\r\n|\r|\n/).map((line, i) => ({ line, number: i + 1 })).filter(({ line }) => line.trim() && !line.startsWith("#"));
+  const lines = linesOf(bytes);
   const delimiter = ["\t", ";"].find((one) => lines[0]?.line.includes(one)) ?? ",";
-  const cells = lines.map(({ line }) => line.split(delimiter).map((cell) => cell.trim().replace(/^"(.*)"$/, "$1")));
+  const cells = lines.map(({ line }) => cellsOf(line, delimiter));
   const head = cells.slice(0, MAX_HEAD).findIndex((row) => row.some((cell) => isTime(nameAndUnit(cell).name)));
   if (head < 0) throw notPlain(file, null, text("file.noTimes"), true);
   const rows = cells.slice(head + 1);
@@ -69,6 +66,17 @@ export function readTable(file, bytes) {
   const decimalComma = delimiter !== "," && rows.some((row) => row.some((cell) => cell.includes(",")));
   return { file, lines: numbers, columns, decimalComma };
 }
+
+/** The lines of a file that hold anything, with their numbers. @param {Uint8Array} bytes */
+export function linesOf(bytes) {
+  // Spreadsheets write UTF-16 with a mark
+  const whole = new TextDecoder(bytes[0] === 0xff && bytes[1] === 0xfe ? "utf-16le" : "utf-8").decode(bytes);
+  // Tracker begins with a comment
+  return whole.split(/\r\n|\r|\n/).map((line, i) => ({ line, number: i + 1 })).filter(({ line }) => line.trim() && !line.startsWith("#"));
+}
+
+/** The cells of a line, without the quotes of a spreadsheet. @param {string} line @param {string | RegExp} delimiter */
+export const cellsOf = (line, delimiter) => line.split(delimiter).map((cell) => cell.trim().replace(/^"(.*)"$/, "$1"));
 
 /** The numbers of a column; not a number: an empty cell. @param {Table} table @param {Column} column */
 export function numbersOf({ file, lines, decimalComma }, { name, cells }) {
