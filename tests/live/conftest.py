@@ -26,7 +26,8 @@ def node():
         pytest.skip("Node is not installed (Debian: apt install nodejs)")
 
     def run(module: str, data: Any) -> Any:
-        done = subprocess.run([path, "--single-threaded", FOLDER / module], input=json.dumps(data), capture_output=True, text=True, check=False)
+        command = [path, "--single-threaded", FOLDER / module]
+        done = subprocess.run(command, input=json.dumps(data), capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
         return json.loads(done.stdout)
 
