@@ -5,8 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
+from looping_pendulum.discrepancy.look.case import Case, Rows
 from looping_pendulum.discrepancy.look.check import take_first_look
 from looping_pendulum.measured import study_io
+from looping_pendulum.measured.study import read_files
 from tests.film_faults.faults import Faulty
 from tests.film_faults.films import clean_study
 from tests.film_faults.judging import write
@@ -145,3 +147,14 @@ def test_a_hand_ends_the_record_where_the_fitted_motion_ends(tmp_path):
     [name] = check.put_right
     assert FILM.t[held - 3] <= check.observations[name].channel("light_x").t[-1] <= FILM.t[held + 1]
     assert any("something other than its string" in text for text in check.warnings)
+
+
+def test_equal_marks_of_masses_that_stay_are_no_picture_stored_again(tmp_path):
+    """In films of a ball that a hand holds, every second picture was one."""
+    held, written = 40, FILM.written.copy()
+    written[held:] = written[held]
+    study = study_io.load(write(STUDY, Faulty(films=(dataclasses.replace(FILM, written=written),)), tmp_path))
+    [trial] = study.trials
+    rows = Rows.of(Case.of(study, trial, read_files(study.folder, trial, None)))
+    stay = slice(held + 2, len(rows.t) - 1)
+    assert np.all(rows.log_copied()[stay] <= rows.log_otherwise().sum(axis=1)[stay] + 1e-9)

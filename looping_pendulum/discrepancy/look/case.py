@@ -195,18 +195,17 @@ class Rows:
     def log_copied(self) -> Array:
         """Return the logarithm of the density of each row's points as the marks of the row before, set again, shape (rows,).
 
-        A body that rests has equal marks in new pictures, too: if they stay in further rows, they are no evidence of a copy.
+        A body that rests has equal marks in new pictures, too: if they stay in further rows, they are as in a new one.
         """
         apart = np.diff(self.value, axis=0, prepend=np.nan)
         digit = np.array([max(c.last_digit, 1e-9) for c in self.channels])
         stays = (self.is_point & ~(np.abs(apart) <= digit)) @ self.body_of_channel == 0
         stays &= self.is_point @ self.body_of_channel > 0
         beyond = np.pad(stays, ((1, 1), (0, 0)))
-        rests = (stays & (beyond[:-2] | beyond[2:])) @ self.body_of_channel.T > 0
-        logs = [
-            np.nansum(self.log_normal(apart, np.where(rests, self.sigma, np.maximum(share * self.sigma, digit))), axis=1)
-            for share in COPIES
-        ]
+        rests = stays & (beyond[:-2] | beyond[2:])
+        moves = np.nan_to_num([self.log_normal(apart, np.maximum(share * self.sigma, digit)) for share in COPIES])
+        of_body = np.where(rests, self.log_otherwise(), moves @ self.body_of_channel)
+        logs = of_body.sum(axis=-1)
         return np.where(np.isfinite(apart).any(axis=1), logsumexp(logs, axis=0) - math.log(len(COPIES)), -np.inf)
 
     def log_held(self) -> Array:

@@ -408,6 +408,20 @@ def _judged(linear: Linear, errors: Errors, precision: Array, step: Array) -> Ju
     return Judged(log=log, z=z, left=left - shift[:, None] * late, sigma=sigma, weight=weight, normal=normal, slope=slope)
 
 
+def _step(judged: Judged, normal: Array, low: Array, high: Array) -> Array:
+    """Return the step to the greatest density within bounds on the values: what would leave them stops there."""
+    step, is_free = np.zeros_like(judged.z), np.ones(len(judged.z), dtype=bool)
+    while is_free.any():
+        rest = judged.slope - normal @ np.where(is_free, 0.0, step)
+        step[is_free] = np.linalg.solve(normal[np.ix_(is_free, is_free)], rest[is_free])
+        inside = np.clip(step, low - judged.z, high - judged.z)
+        leaves, step = is_free & (inside != step), inside
+        if not leaves.any():
+            break
+        is_free &= ~leaves
+    return step
+
+
 def fit(case: Case, rows: Rows, taken: Taken | None = None, *, start: Array | None = None, turns: int = TURNS) -> Fit:
     """Return a hypothesis with its fit, `NO_FIT` if it cannot be.
 
@@ -502,11 +516,12 @@ class _Search:
         problem = _problem_at(self.problem, self.rows, taken.time, taken.used)
         here = _linearised(problem, self.rows, taken, np.clip(z, self.low + margin, self.high - margin), self.end)
         judged, damping, growth = _judged(here, errors, self.precision, np.zeros_like(z)), 1e-3, 2.0
+        low, high = self.low + margin / 10, self.high - margin / 10
         for _ in range(turns):
             damped = judged.normal + damping * np.diag(np.diag(judged.normal))
-            step = np.clip(np.linalg.solve(damped, judged.slope), -5, 5)
+            step = _step(judged, damped, np.maximum(low, here.z - 5), np.minimum(high, here.z + 5))
             try:
-                z = np.clip(here.z + step, self.low + margin / 10, self.high - margin / 10)
+                z = here.z + step
                 there = _linearised(problem, self.rows, taken, z, self.end)
                 new = _judged(there, errors, self.precision, np.zeros_like(z))
             except CANNOT_RUN:
@@ -532,7 +547,7 @@ class _Search:
         for size in LACKING:
             scaled = at.scaled(size / LACKING[1], self.modes)
             judged = _judged(scaled, errors, self.precision, np.zeros_like(at.z))
-            step = np.asarray(np.linalg.solve(judged.normal, judged.slope), dtype=float)
+            step = _step(judged, judged.normal, self.low, self.high)
             judged = _judged(scaled, errors, self.precision, step)
             log_volume = 0.5 * float(np.sum(np.log(self.precision)) - np.linalg.slogdet(judged.normal)[1])
             sizes.append((judged.log + log_volume, size, judged))

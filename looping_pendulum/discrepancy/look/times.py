@@ -57,7 +57,7 @@ ONE_CLOCK = (
     "share the film as the camera took it, without a part in slow motion, and mark it again, or mark one part and state its "
     "'frame_rate'"
 )
-HELD = "something other than its string holds the light mass: a hand, a wall, a knot"
+HELD = "something other than its string holds the light mass: a hand, a wall, a knot, the rod"
 Changes = tuple[tuple[int, str, float], ...]
 """Row, "rate" (and how long a row lasts), "lost" (and how many), or "again" (1: later rows show their own pictures)."""
 

@@ -32,7 +32,7 @@ def test_a_ball_at_the_rod_and_a_catch_end_the_points_and_the_verdict_is_right(c
     shutil.copytree(rendered(pytestconfig.cache.mkdir("balls"), case), tmp_path / "films")
     result = identify(tracked_study(tmp_path / "films/study.yaml"))
     named = [{e.name for e in one.effects} | ({"law"} if one.law else set()) for one in result.explanations if one.credible]
-    why = "hand" if case.caught else "at the rod"
+    why = "hand" if case.caught else "the rod"
     assert any(why in line for line in result.data), result.data
     if case.hidden:
         assert {case.hidden} in named, result.sentence
