@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from scripts.live_page import ESBUILD, bundle
+from scripts.live_page import bundle
 from tests.live.cases import IN_PAGE
 
 FOLDER = Path(__file__).parent
@@ -32,13 +32,6 @@ def node():
         return json.loads(done.stdout)
 
     return run
-
-
-@pytest.fixture(scope="session")
-def esbuild():
-    """Skip what needs esbuild where it is not."""
-    if not ESBUILD.exists():
-        pytest.skip("esbuild is not installed: npm ci")
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 
 import { arrow, colours, fitted, setSize } from "./canvas.js";
 import { html } from "./elements.js";
+import { oncePerRun } from "./shown_run.js";
 import { text, withUnit, written } from "./texts.js";
 
 /** @typedef {import("./canvas.js").Context} Context */
@@ -35,17 +36,10 @@ const [KEY_HEIGHT, KEY_SHARPNESS] = [18, 2];
 /** Length of the heavy mass's weight as an arrow on a stage of a height [px]. @param {number} height */
 export const weightLength = (height) => Math.min(WEIGHT_LENGTH, WEIGHT_SHARE * height);
 
-/** @type {WeakMap<DrawnRun, number>} */
-const fastestOf = new WeakMap();
-
-/** Largest speed of a mass in a run [m/s]. @param {DrawnRun} run */
-function fastest(run) {
-  const known = fastestOf.get(run);
-  if (known !== undefined) return known;
-  const [, most] = run.range(({ lightVelocity, heavyVelocity }) => Math.max(Math.hypot(...lightVelocity), Math.abs(heavyVelocity[1])));
-  fastestOf.set(run, most);
-  return most;
-}
+/** Largest speed of a mass in a run [m/s]. */
+const fastest = oncePerRun((run) =>
+  run.range(({ lightVelocity, heavyVelocity }) => Math.max(Math.hypot(...lightVelocity), Math.abs(heavyVelocity[1])))[1],
+);
 
 /** Scales of a run's arrows on a stage of a height. @param {DrawnRun} run @param {number} height [px] @returns {Scales} */
 export function scalesOf(run, height) {

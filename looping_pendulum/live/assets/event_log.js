@@ -1,5 +1,6 @@
 /** Tells those who do not see the motion what happens in it. */
 
+import { html } from "./elements.js";
 import { wordsOf } from "./outcome.js";
 
 /** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
@@ -24,7 +25,7 @@ export class EventLog {
       const passed = event.time <= to && (event.time > from || from === 0);
       if (!passed || this.announced.has(event)) continue;
       this.announced.add(event);
-      this.log.append(Object.assign(document.createElement("p"), { textContent: wordsOf(event) }));
+      this.log.append(html("p", {}, wordsOf(event)));
     }
   }
 

@@ -1,5 +1,6 @@
 /** The language of the page: fills its words into the elements, which name their keys, and keeps what they say. */
 
+import { html } from "./elements.js";
 import { LANGUAGES, language, languageFor, setLanguage, text } from "./texts.js";
 
 /** @typedef {import("./texts.js").TextKey} TextKey */
@@ -71,7 +72,5 @@ function wordsOf(element, name) {
 /** Write words into an element; what stands between backticks is typed or read by a program. @param {HTMLElement} element
  * @param {string} words */
 export function write(element, words) {
-  element.replaceChildren(...words.split("\x60").map((part, i) => {
-    return i % 2 ? Object.assign(document.createElement("code"), { textContent: part }) : document.createTextNode(part);
-  }));
+  element.replaceChildren(...words.split("\x60").map((part, i) => (i % 2 ? html("code", {}, part) : part)));
 }
