@@ -5,9 +5,8 @@ import { html } from "./elements.js";
 import { oncePerRun } from "./shown_run.js";
 import { text, withUnit, written } from "./texts.js";
 
-/** @typedef {import("./canvas.js").Context} Context */
-/** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
-/** @typedef {import("./shown_run.js").Sample} Sample */
+/** @import { Context } from "./canvas.js" */
+/** @import { DrawnRun, Sample } from "./shown_run.js" */
 /** @typedef {"forces" | "velocity" | "acceleration"} Switch */
 /** @typedef {{forces: boolean, velocity: boolean, acceleration: boolean}} ShownArrows what the page's switches show */
 /** @typedef {Record<Switch, number>} Scales pixels for one newton, m/s and m/s² */

@@ -3,8 +3,7 @@
 import { html } from "./elements.js";
 import { wordsOf } from "./outcome.js";
 
-/** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
-/** @typedef {import("./shown_run.js").ShownEvent} ShownEvent */
+/** @import { DrawnRun, ShownEvent } from "./shown_run.js" */
 
 /** A log that screen readers read as it grows. Each event enters it once, when the motion that plays passes it. */
 export class EventLog {

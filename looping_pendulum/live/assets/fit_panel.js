@@ -8,9 +8,9 @@ import { typicalDistance } from "./trial/distance.js";
 import { studyYaml } from "./trial/study.js";
 import { DRAGS, MEASURED, inMillimetres } from "./trial_panel.js";
 
-/** @typedef {import("./controls.js").State} State */
-/** @typedef {import("./trial/fit.js").FitResult} FitResult */
-/** @typedef {import("./trial_panel.js").TrialPanel} TrialPanel */
+/** @import { State } from "./controls.js" */
+/** @import { FitResult } from "./trial/fit.js" */
+/** @import { TrialPanel } from "./trial_panel.js" */
 /** @typedef {{name: string, unit: string, value: number, words: () => string}} FittedNumber in the unit that is shown */
 
 const MIN_POINTS = 10;

@@ -3,7 +3,7 @@
 import { html } from "./elements.js";
 import { LANGUAGES, language, languageFor, setLanguage, text } from "./texts.js";
 
-/** @typedef {import("./texts.js").TextKey} TextKey */
+/** @import { TextKey } from "./texts.js" */
 
 /** Attribute that holds a key -> the attribute that gets the words. */
 const ATTRIBUTES = { label: "aria-label", tip: "title", hint: "placeholder" };

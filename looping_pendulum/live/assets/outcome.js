@@ -3,7 +3,7 @@
 import { html } from "./elements.js";
 import { fixed, language, shown, text, withUnit } from "./texts.js";
 
-/** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
+/** @import { DrawnRun } from "./shown_run.js" */
 
 const CENTIMETRES = 100;
 const TABLE_ROWS = 20;

@@ -7,10 +7,9 @@ import { FormulaError, readFormula, rmsDistance, straightLine } from "./formula.
 import { Plot } from "./plots.js";
 import { fixed, shown, text, written } from "./texts.js";
 
-/** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
-/** @typedef {import("./shown_run.js").Sample} Sample */
-/** @typedef {import("./texts.js").TextKey} TextKey */
-/** @typedef {import("./formula.js").Evaluated} Evaluated */
+/** @import { DrawnRun, Sample } from "./shown_run.js" */
+/** @import { TextKey } from "./texts.js" */
+/** @import { Evaluated } from "./formula.js" */
 /** @typedef {[number, number][]} Points time [s] and value [cm] */
 /**
  * @typedef {{run: DrawnRun, lesson: import("./lesson/panel.js").LessonPanel, trial: import("./trial_panel.js").TrialPanel,

@@ -29,9 +29,8 @@ import { LANGUAGES, fixed, shown, text, textsOf } from "./texts.js";
 import { Bench } from "./tools.js";
 import { TrialPanel, nearest } from "./trial_panel.js";
 
-/** @typedef {import("./controls.js").State} State */
-/** @typedef {import("./controls.js").Preset} Preset */
-/** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
+/** @import { Preset, State } from "./controls.js" */
+/** @import { DrawnRun } from "./shown_run.js" */
 /** @typedef {{presets: Preset[], start: string, keys: Record<string, string>}} PageData */
 
 const CENTIMETRES = 100;

@@ -5,11 +5,11 @@ import { html } from "./elements.js";
 import { oncePerRun } from "./shown_run.js";
 import { fixed, shown, text, written } from "./texts.js";
 
-/** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
-/** @typedef {import("./shown_run.js").Sample} Sample */
-/** @typedef {import("./texts.js").TextKey} TextKey */
+/** @import { DrawnRun, Sample } from "./shown_run.js" */
+/** @import { TextKey } from "./texts.js" */
+/** @import { Context } from "./canvas.js" */
+/** @import { EngineRuns } from "./engine_runs/engine_runs.js" */
 /**
- * @typedef {import("./engine_runs/engine_runs.js").EngineRuns} EngineRuns
  * @typedef {{id: string, title: TextKey, down?: boolean, stacked?: boolean, log?: boolean, runs?: boolean, digits: number,
  *   lines: {name: TextKey, colour: string, value: (s: Sample, run: DrawnRun) => number}[], also?: () => number[],
  *   over?: (c: Context, plot: Plot) => void}} Kind keys of a title and of lines' names; `runs`: whether it is only on pages with, or only on
@@ -17,8 +17,6 @@ import { fixed, shown, text, written } from "./texts.js";
  * @typedef {{onTime: (time: number) => void, onProbe: (time: number | null) => void, time: () => number}} Times the time is set; values are
  *   looked at, or no longer; the time that is shown [s]
  */
-
-/** @typedef {import("./canvas.js").Context} Context */
 
 /** What an arrow key moves the hairline by, and with Shift [s]. */
 const [STEP, LARGE_STEP] = [2e-3, 2e-2];

@@ -5,8 +5,7 @@ import { CONTROLS, controlOf, isMeaningful, parsed, snapped } from "./controls.j
 import { html } from "./elements.js";
 import { shown, text } from "./texts.js";
 
-/** @typedef {import("./controls.js").State} State */
-/** @typedef {import("./controls.js").Control} Control */
+/** @import { Control, State } from "./controls.js" */
 /**
  * @typedef {{current: () => Record<string, number>, onMove: (name: string, value: number) => void,
  *   onSettle: (later: boolean) => void, onRelease: (release: string) => void, onFault: (message: () => string, row: HTMLElement | undefined) => void}} Callbacks

@@ -5,9 +5,8 @@ import { colours, disc, fitted, nameMasses, polyline, write } from "./canvas.js"
 import { fixed, shown, text, written } from "./texts.js";
 import { drawRod, drawString } from "./wound_string.js";
 
-/** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
-/** @typedef {import("./shown_run.js").Sample} Sample */
-/** @typedef {import("./canvas.js").Context} Context */
+/** @import { DrawnRun, Sample } from "./shown_run.js" */
+/** @import { Context } from "./canvas.js" */
 /** @typedef {{left: number, right: number, low: number, high: number}} Box */
 /** @typedef {{x: (x: number) => number, y: (y: number) => number, scale: number}} View from metres to pixels */
 /**

@@ -5,9 +5,9 @@ import { makeMovable } from "./dragging.js";
 import { html } from "./elements.js";
 import { fixed, text } from "./texts.js";
 
-/** @typedef {import("./canvas.js").Context} Context */
-/** @typedef {import("./stage.js").Stage} Stage */
-/** @typedef {import("./stopwatch.js").Stopwatch} Stopwatch */
+/** @import { Context } from "./canvas.js" */
+/** @import { Stage } from "./stage.js" */
+/** @import { Stopwatch } from "./stopwatch.js" */
 /** @typedef {"ruler" | "protractor"} Name */
 /** @typedef {number[]} Point place in the plane [m], or on the canvas [px] */
 /**

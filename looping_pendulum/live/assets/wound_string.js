@@ -3,8 +3,8 @@
 import { colours, disc, polyline, write } from "./canvas.js";
 import { fixed, text } from "./texts.js";
 
-/** @typedef {import("./canvas.js").Context} Context */
-/** @typedef {import("./stage.js").View} View */
+/** @import { Context } from "./canvas.js" */
+/** @import { View } from "./stage.js" */
 /** @typedef {{left: number, width: number, height: number}} Place on the canvas [px] */
 /**
  * @typedef {{angle: number, length: number, radiusAt: (angle: number) => number, colour: string, width: number, dash?: number[],

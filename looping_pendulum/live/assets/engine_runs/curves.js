@@ -5,11 +5,9 @@ import { text } from "../texts.js";
 import { hasEnded, placeOf } from "./motion.js";
 import { REFERENCE, dashOf, drawMoment } from "./shapes.js";
 
-/** @typedef {import("../canvas.js").Context} Context */
-/** @typedef {import("../plots.js").Plot} Plot */
-/** @typedef {import("./motion.js").RunsData} RunsData */
-/** @typedef {import("./motion.js").EngineRun} EngineRun */
-/** @typedef {import("./motion.js").Place} Place */
+/** @import { Context } from "../canvas.js" */
+/** @import { Plot } from "../plots.js" */
+/** @import { EngineRun, Place, RunsData } from "./motion.js" */
 
 /** Plot -> list of a run that it shows, what one unit of the plot is worth, and where the quantity stands in a place.
  * @type {Record<string, {list: "drop" | "angle" | "light_tension" | "heavy_tension" | "distance", factor: number,

@@ -5,11 +5,9 @@ import { drawRod, drawString } from "../wound_string.js";
 import { countUpTo, placeOf } from "./motion.js";
 import { REFERENCE, dashOf, drawMarker } from "./shapes.js";
 
-/** @typedef {import("../canvas.js").Context} Context */
-/** @typedef {import("../stage.js").View} View */
-/** @typedef {import("./motion.js").RunsData} RunsData */
-/** @typedef {import("./motion.js").EngineRun} EngineRun */
-/** @typedef {import("./motion.js").Place} Place */
+/** @import { Context } from "../canvas.js" */
+/** @import { View } from "../stage.js" */
+/** @import { EngineRun, Place, RunsData } from "./motion.js" */
 /** @typedef {{run: EngineRun, colour: string, place: Place}} Drawn a run at the chosen time */
 
 /** Distance between wound strings on the enlarged rod, in rod radii. */

@@ -4,8 +4,7 @@ import { html } from "../elements.js";
 import { language, text } from "../texts.js";
 import { MOMENT_SHAPES, REFERENCE, dashOf, make, momentShape, nameOf, swatch } from "./shapes.js";
 
-/** @typedef {import("./motion.js").RunsData} RunsData */
-/** @typedef {import("./motion.js").EngineRun} EngineRun */
+/** @import { EngineRun, RunsData } from "./motion.js" */
 
 const [ROW, BAND_HEIGHT] = [20, 18];
 /** Half of the slider's thumb [px], so that moments stand where the slider does. */

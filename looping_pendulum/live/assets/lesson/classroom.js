@@ -11,7 +11,7 @@ import { isAnswer } from "./work.js";
 
 /** @typedef {{said: string, found: string, measured: string}} Result an option, or a number as text; "" for what is not known */
 /** @typedef {{name: string, results: Map<string, Result>}} Pupil `results`: by the name of the step */
-/** @typedef {import("./steps.js").Step} Step */
+/** @import { Step } from "./steps.js" */
 
 /** What begins the line of a pupil. */
 const BEGINNING = "looping-pendulum class";

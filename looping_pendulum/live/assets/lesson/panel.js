@@ -11,10 +11,9 @@ import { TYPICAL_SCATTER, filmedPoints, madeUpTrial } from "./made_up.js";
 import { STEPS, distanceOf, filmedState, isOfRatioStep, judgeRatio, judgeTrial, lowestRatio, placeOfRatio, trialState } from "./steps.js";
 import { workOf } from "./work.js";
 
-/** @typedef {import("../controls.js").State} State */
-/** @typedef {import("../shown_run.js").DrawnRun} DrawnRun */
-/** @typedef {import("./steps.js").Judgement} Judgement */
-/** @typedef {import("./steps.js").Step} Step */
+/** @import { State } from "../controls.js" */
+/** @import { DrawnRun } from "../shown_run.js" */
+/** @import { Judgement, Step } from "./steps.js" */
 /**
  * @typedef {{state: State, run: DrawnRun, set: (state: State) => void, change: () => void, play: () => boolean,
  *   stopAt: (time: number) => void, trial: import("../trial_panel.js").TrialPanel, history: import("../history.js").History,
