@@ -21,13 +21,13 @@ demo: $(VENV)/main ## run all engines on the 10:1 trial, and open the demonstrat
 
 # Three at once on two cores: many tests wait for a browser or for another process.
 PYTEST = $(BIN)/python $(if $(BACKEND),-m tests.backends $(BACKEND)) -m pytest -n 3 --dist worksteal --durations=40
-test: $(VENV)/test ## run the quick tests (five minutes); BACKEND=old-processor: as on such a machine (`python -m tests.backends`)
+test: $(VENV)/test $(if $(NPM),node_modules) ## run the quick tests (five minutes); BACKEND=old-processor: as on such a machine (`python -m tests.backends`)
 	$(PYTEST) -m "not long and not accurate"
 
-long-tests: $(VENV)/test ## run the tests that are too long for `make test` (about a quarter of an hour)
+long-tests: $(VENV)/test $(if $(NPM),node_modules) ## run the tests that are too long for `make test` (about a quarter of an hour)
 	$(PYTEST) -m "long and not accurate"
 
-all-tests: $(VENV)/test ## run all tests but the hour of `accurate`
+all-tests: $(VENV)/test $(if $(NPM),node_modules) ## run all tests but the hour of `accurate`
 	$(PYTEST) -m "not accurate"
 
 accurate: $(VENV)/test ## run the long accuracy tests: accurate profiles, the blind matrix, the pendulum (about an hour)
@@ -116,7 +116,7 @@ $(DOCS_VENV)/docs: $(VENV)/uv pyproject.toml
 	$(call install,$(DOCS_VENV),--group docs)
 	touch $@
 
-# TypeScript and ESLint, as the lock file has them. It names no addresses of packages, so that npm takes them from where it is set up to.
+# TypeScript, ESLint, esbuild and what the page has of others, as the lock file has them. It names no addresses of packages, so that npm takes them from where it is set up to.
 node_modules: package-lock.json
 	npm ci --loglevel=error --no-audit --no-fund
 	touch $@

@@ -1,9 +1,10 @@
 """Write the pages of the site that are made from the code's own tables; `make docs` runs this before it builds the site.
 
-The pages are docs/keys.md, docs/metrics.md, docs/engine-facts.md, and the gallery of the demonstrations, which run for it. Git
-ignores them, so that none is edited or out of date.
+The pages are docs/keys.md, docs/metrics.md, docs/engine-facts.md, the live page, and the gallery of the demonstrations, which
+run for it. Git ignores them, so that none is edited or out of date.
 """
 
+import shutil
 from pathlib import Path
 
 from looping_pendulum.engines.protocol import Engine, Profile
@@ -12,7 +13,7 @@ from looping_pendulum.pages.markdown import table
 from looping_pendulum.runs.trajectory import supplies_as_rows
 from looping_pendulum.scenarios.metrics import METRICS
 from looping_pendulum.sweep.cells import FIELDS
-from scripts import demonstrations_page, keys_page
+from scripts import demonstrations_page, keys_page, live_page
 
 DOCS = Path(__file__).parents[1] / "docs"
 
@@ -21,6 +22,7 @@ def main() -> None:
     """Write the pages."""
     for name, text in pages().items():
         (DOCS / f"{name}.md").write_text(text, encoding="utf-8")
+    shutil.copy(live_page.PAGE, DOCS)
     demonstrations_page.write()
 
 

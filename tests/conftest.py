@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
+from scripts.live_page import ESBUILD
 from tests.backends import BACKENDS, current
 
 BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -31,6 +32,13 @@ def pytest_collection_finish():
     """Take what collection made out of the garbage collector's reach: it would go through all of it again and again."""
     gc.collect()
     gc.freeze()
+
+
+@pytest.fixture(scope="session")
+def esbuild():
+    """Skip what needs esbuild where it is not."""
+    if not ESBUILD.exists():
+        pytest.skip("esbuild is not installed: npm ci")
 
 
 @pytest.fixture(scope="session")

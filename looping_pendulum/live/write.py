@@ -5,14 +5,10 @@ The runs of engines come as plain data: who reads results of `compare` stands ab
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
-from posixpath import dirname, join, normpath
 from typing import Any
-
-from rjsmin import jsmin
 
 from looping_pendulum import __version__
 from looping_pendulum.errors import ParameterError, ScenarioError
@@ -24,18 +20,22 @@ from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.quantities import file_key
 from looping_pendulum.scenarios.scenario import Scenario
 
+PACKAGE = "looping_pendulum.live"
 FILE = "live.html"
+"""The shipped page, and what a page is called if no other name is given."""
 FIRST = "ten_to_one"
 """Shipped scenario with which the page starts."""
 
 
-def render(scenario: Scenario | None = None, *, engine_runs: Mapping[str, Any] | None = None) -> str:
+def render(scenario: Scenario | None = None, *, engine_runs: Mapping[str, Any] | None = None, script: str | None = None) -> str:
     """Return the page, which starts with ``scenario``; None: with the first of the shipped ones.
 
     Parameters
     ----------
     engine_runs
         What `teaching.demo.page_data` returns of a comparison on ``scenario``: its runs are drawn beside the page's own.
+    script
+        The page's script; None: that of the shipped page.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def render(scenario: Scenario | None = None, *, engine_runs: Mapping[str, Any] |
         if engine_runs is None or scenario is None
         else f"The looping pendulum: {scenario.title}",
         styles=[(PACKAGE, "live.css")],
-        scripts=[bundle("assets/main.js")],
+        scripts=[shipped_script() if script is None else script],
         webassembly=True,
         data={
             "live-data": {
@@ -67,6 +67,12 @@ def render(scenario: Scenario | None = None, *, engine_runs: Mapping[str, Any] |
         },
         version=__version__,
     )
+
+
+def shipped_script() -> str:
+    """Return the script of the shipped page, its last element, which `scripts/live_page.py` has put there."""
+    shipped = files(PACKAGE).joinpath(FILE).read_text(encoding="utf-8")
+    return shipped.rpartition("<script>")[2].partition("</script>")[0]
 
 
 def write(path: Path, scenario: Scenario | None = None) -> None:
@@ -104,69 +110,6 @@ def _preset(scenario: Scenario, *, shipped: bool, has_runs: bool) -> dict[str, A
         "lacks": list(absent_effects(scenario.parameters)),
         "duration": scenario.duration,
     }
-
-
-PACKAGE = "looping_pendulum.live"
-_IMPORT = re.compile(r"^import \{([^}]*)\} from \"(\.[^\"]+)\";\n", re.MULTILINE)
-_EXPORT = re.compile(r"^export (?=(?:async )?(?:const|let|class|function)\b)", re.MULTILINE)
-_NAME = re.compile(r"^export (?:async )?(?:const|let|class|function\*?) (\w+)", re.MULTILINE)
-_NAMES_OF_OTHERS = re.compile(r"^export \{([^}]*)\};\n", re.MULTILINE)
-_OTHER_FORM = re.compile(r"^(?:import|export)\b.*", re.MULTILINE)
-_NESTED_TEMPLATE = re.compile(r"`[^`]*\$\{[^}`]*`")
-
-
-def bundle(entry: str) -> str:
-    """Return one script that runs the module ``entry`` and all that it imports, each in a function of its own, minified.
-
-    Parameters
-    ----------
-    entry
-        Path of the module below the package, "assets/main.js".
-
-    Raises
-    ------
-    ValueError
-        If a module imports or exports in a form other than by names, or modules import one another in a circle.
-    """
-    modules: dict[str, str] = {}
-    _add(entry, modules, ())
-    return str(jsmin("\n".join(['"use strict";', *(_wrapped(path, source) for path, source in modules.items())])))
-
-
-def _add(path: str, modules: dict[str, str], importers: tuple[str, ...]) -> None:
-    """Add a module after those that it imports."""
-    if path in importers:
-        raise ValueError(f"{path}: found a circle of imports: {' -> '.join((*importers, path))}")
-    if path in modules:
-        return
-    source = files(PACKAGE).joinpath(path).read_text(encoding="utf-8")
-    for imported in _IMPORT.finditer(source):
-        _add(_resolved(path, imported[2]), modules, (*importers, path))
-    modules[path] = source
-
-
-def _resolved(path: str, imported: str) -> str:
-    return normpath(join(dirname(path), imported))
-
-
-def _wrapped(path: str, source: str) -> str:
-    """Return a module as a function whose result has what it exports."""
-    if nested := _NESTED_TEMPLATE.search(source):
-        raise ValueError(f"{path}: found {nested[0]!r}, needed no template within a template, which rjsmin does not tell apart")
-    exported = [*_NAME.findall(source), *(name for names in _NAMES_OF_OTHERS.findall(source) for name in _names(names))]
-    body = _IMPORT.sub(lambda m: f"const {{ {', '.join(_names(m[1]))} }} = {_variable(_resolved(path, m[2]))};\n", source)
-    body = _EXPORT.sub("", _NAMES_OF_OTHERS.sub("", body))
-    if other := _OTHER_FORM.search(body):
-        raise ValueError(f"{path}: found {other[0]!r}, needed imports and exports by names")
-    return f"const {_variable(path)} = (() => {{\n{body}return {{ {', '.join(exported)} }};\n}})();"
-
-
-def _names(listed: str) -> Iterator[str]:
-    return (name for part in listed.split(",") if (name := part.strip()))
-
-
-def _variable(path: str) -> str:
-    return "module_" + re.sub(r"\W", "_", path.removesuffix(".js"))
 
 
 def absent_effects(parameters: Parameters) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from looping_pendulum.live.write import bundle
+from scripts.live_page import bundle
 from tests.live.cases import IN_PAGE
 
 FOLDER = Path(__file__).parent
@@ -35,10 +35,12 @@ def node():
 
 
 @pytest.fixture(scope="module")
-def browser(chromium):
-    """Run a module of this folder in Chromium, by the script that a page embeds: what `node` does."""
+def browser(chromium, esbuild):
+    """Run a module of this folder in Chromium, by a script that esbuild makes as the page's: what `node` does."""
     page = chromium.new_page()
-    names = "globalThis.loopingPendulum = { ...module_model, ...module_core, ...module_run }"
-    page.evaluate(f"{bundle('run.js')}\n{names};\nmodule_run.ready")
+    exported = "\n".join(f'export * from "./{name}.js";' for name in ("model", "core", "run"))
+    name = "loopingPendulum"
+    page.evaluate(bundle(exported, f"--global-name={name}", f"--footer:js=globalThis.{name} = {name};"))
+    page.evaluate("loopingPendulum.ready")
     yield lambda module, data: page.evaluate(IN_PAGE[module], data)
     page.close()

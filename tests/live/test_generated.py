@@ -3,10 +3,11 @@
 from importlib.resources import files
 
 from looping_pendulum.live.generate import model_source
-from looping_pendulum.live.write import render
-from scripts.live_page import PAGE
+from looping_pendulum.live.write import render, shipped_script
+from scripts.live_page import PAGE, script
 
 FOLDER = files("looping_pendulum.live")
+ADVICE = "run `npm ci && python -m scripts.live_page`"
 
 
 def test_the_file_is_what_the_generator_writes():
@@ -14,4 +15,8 @@ def test_the_file_is_what_the_generator_writes():
 
 
 def test_the_page_that_is_shipped_is_what_the_package_writes():
-    assert PAGE.read_text(encoding="utf-8") == render(), "run `python -m scripts.live_page`"
+    assert PAGE.read_text(encoding="utf-8") == render(), ADVICE
+
+
+def test_its_script_is_what_esbuild_makes_of_the_modules(esbuild):
+    assert shipped_script() == script(), ADVICE

@@ -8,6 +8,7 @@ import pytest
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import label, main_engines, styles
 from looping_pendulum.pages.palette import COLOURS, DARK_COLOURS
+from scripts.live_page import bundle
 from tests.pages.colour_vision import VISIONS, contrast, oklab, smallest_distance
 from tests.pages.live_page import settled
 
@@ -25,23 +26,32 @@ PALETTE = """() => {
   const colours = Object.fromEntries(Object.entries(names).map(valueOf));
   return {
     colours,
-    arrows: Object.values(module_assets_arrows.ARROWS),
-    plots: module_assets_plots.KINDS.map(({ stacked, lines }) =>
+    arrows: Object.values(modules.ARROWS),
+    plots: modules.KINDS.map(({ stacked, lines }) =>
       ({ stacked: Boolean(stacked), colours: lines.map(({ colour }) => colour) })),
-    residuals: Object.entries(module_assets_trial_panel.COLOURS).map(([name, colour]) =>
-      ({ name, colour, shape: module_assets_trial_panel.shapeOf(name) })),
-    scale: [0, 0.2, 0.4, 0.6, 0.8, 1].map(module_assets_map.tint),
+    residuals: Object.entries(modules.COLOURS).map(([name, colour]) =>
+      ({ name, colour, shape: modules.shapeOf(name) })),
+    scale: [0, 0.2, 0.4, 0.6, 0.8, 1].map(modules.tint),
   };
 }"""
 
 
+EXPORTS = """
+  export { ARROWS } from "./assets/arrows.js";
+  export { tint } from "./assets/map.js";
+  export { KINDS } from "./assets/plots.js";
+  export { COLOURS, shapeOf } from "./assets/trial_panel.js";
+"""
+
+
 @pytest.fixture(params=["light", "dark"])
-def palette(opened, request):
+def palette(opened, esbuild, request):
     """What the live page draws in which colours, on a ground."""
     page = opened.page
     if page.evaluate("document.documentElement.dataset.theme") != request.param:
         page.click("#theme")
         settled(page)
+    page.evaluate(bundle(EXPORTS, "--global-name=modules", "--footer:js=globalThis.modules = modules;"))
     return page.evaluate(PALETTE)
 
 

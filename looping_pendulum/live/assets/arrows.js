@@ -2,11 +2,11 @@
 
 import { arrow, colours, fitted, setSize } from "./canvas.js";
 import { html } from "./elements.js";
+import { oncePerRun } from "./shown_run.js";
 import { text, withUnit, written } from "./texts.js";
 
-/** @typedef {import("./canvas.js").Context} Context */
-/** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
-/** @typedef {import("./shown_run.js").Sample} Sample */
+/** @import { Context } from "./canvas.js" */
+/** @import { DrawnRun, Sample } from "./shown_run.js" */
 /** @typedef {"forces" | "velocity" | "acceleration"} Switch */
 /** @typedef {{forces: boolean, velocity: boolean, acceleration: boolean}} ShownArrows what the page's switches show */
 /** @typedef {Record<Switch, number>} Scales pixels for one newton, m/s and m/s² */
@@ -35,17 +35,10 @@ const [KEY_HEIGHT, KEY_SHARPNESS] = [18, 2];
 /** Length of the heavy mass's weight as an arrow on a stage of a height [px]. @param {number} height */
 export const weightLength = (height) => Math.min(WEIGHT_LENGTH, WEIGHT_SHARE * height);
 
-/** @type {WeakMap<DrawnRun, number>} */
-const fastestOf = new WeakMap();
-
-/** Largest speed of a mass in a run [m/s]. @param {DrawnRun} run */
-function fastest(run) {
-  const known = fastestOf.get(run);
-  if (known !== undefined) return known;
-  const [, most] = run.range(({ lightVelocity, heavyVelocity }) => Math.max(Math.hypot(...lightVelocity), Math.abs(heavyVelocity[1])));
-  fastestOf.set(run, most);
-  return most;
-}
+/** Largest speed of a mass in a run [m/s]. */
+const fastest = oncePerRun((run) =>
+  run.range(({ lightVelocity, heavyVelocity }) => Math.max(Math.hypot(...lightVelocity), Math.abs(heavyVelocity[1])))[1],
+);
 
 /** Scales of a run's arrows on a stage of a height. @param {DrawnRun} run @param {number} height [px] @returns {Scales} */
 export function scalesOf(run, height) {

@@ -117,18 +117,18 @@ export function nameMasses(c, [lx, ly], [hx, hy], [x, y]) {
 }
 
 /**
- * Draw a line through points.
+ * Draw a line through points, with a gap where one has no place.
  * @param {Context} c
  * @param {Iterable<number[]>} points
  * @param {{colour: string, width?: number, dash?: number[], alpha?: number}} style
  */
 export function polyline(c, points, { colour, width = 2, dash = [], alpha = 1 }) {
   c.beginPath();
-  let first = true;
+  let isOpen = false;
   for (const [x, y] of points) {
-    if (first) c.moveTo(x, y);
-    else c.lineTo(x, y);
-    first = false;
+    if (isOpen) c.lineTo(x, y);
+    else c.moveTo(x, y);
+    isOpen = Number.isFinite(x + y);
   }
   c.strokeStyle = colour;
   c.lineWidth = width;
@@ -137,6 +137,19 @@ export function polyline(c, points, { colour, width = 2, dash = [], alpha = 1 })
   c.stroke();
   c.setLineDash([]);
   c.globalAlpha = 1;
+}
+
+/** Draw a disc. @param {Context} c @param {number[]} middle @param {number} radius
+ * @param {{fill: string, line?: string, width?: number}} style `line`: its edge; none without it */
+export function disc(c, [x, y], radius, { fill, line, width = 1 }) {
+  c.beginPath();
+  c.arc(x, y, radius, 0, 2 * Math.PI);
+  c.fillStyle = fill;
+  c.fill();
+  if (!line) return;
+  c.strokeStyle = line;
+  c.lineWidth = width;
+  c.stroke();
 }
 
 /**

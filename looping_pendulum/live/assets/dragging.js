@@ -2,8 +2,8 @@
 
 import { settingsOf, withValue } from "./controls.js";
 
-/** @typedef {import("./controls.js").State} State */
-/** @typedef {import("./stage.js").Stage} Stage */
+/** @import { State } from "./controls.js" */
+/** @import { Stage } from "./stage.js" */
 /**
  * @typedef {{lightMass: () => number[], onTake: () => void, onMove: (place: number[]) => void, onLetGo: () => void}} Callbacks
  *   places in the plane [m]

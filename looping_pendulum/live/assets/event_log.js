@@ -1,9 +1,9 @@
 /** Tells those who do not see the motion what happens in it. */
 
+import { html } from "./elements.js";
 import { wordsOf } from "./outcome.js";
 
-/** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
-/** @typedef {import("./shown_run.js").ShownEvent} ShownEvent */
+/** @import { DrawnRun, ShownEvent } from "./shown_run.js" */
 
 /** A log that screen readers read as it grows. Each event enters it once, when the motion that plays passes it. */
 export class EventLog {
@@ -24,7 +24,7 @@ export class EventLog {
       const passed = event.time <= to && (event.time > from || from === 0);
       if (!passed || this.announced.has(event)) continue;
       this.announced.add(event);
-      this.log.append(Object.assign(document.createElement("p"), { textContent: wordsOf(event) }));
+      this.log.append(html("p", {}, wordsOf(event)));
     }
   }
 

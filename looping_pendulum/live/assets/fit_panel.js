@@ -1,15 +1,16 @@
 /** The fit of a trial: its button, and its result in words. */
 
 import { controlOf, settingsOf } from "./controls.js";
+import { html } from "./elements.js";
 import { ShownRun } from "./shown_run.js";
 import { fixed, shown, text, withUnit } from "./texts.js";
 import { typicalDistance } from "./trial/distance.js";
 import { studyYaml } from "./trial/study.js";
 import { DRAGS, MEASURED, inMillimetres } from "./trial_panel.js";
 
-/** @typedef {import("./controls.js").State} State */
-/** @typedef {import("./trial/fit.js").FitResult} FitResult */
-/** @typedef {import("./trial_panel.js").TrialPanel} TrialPanel */
+/** @import { State } from "./controls.js" */
+/** @import { FitResult } from "./trial/fit.js" */
+/** @import { TrialPanel } from "./trial_panel.js" */
 /** @typedef {{name: string, unit: string, value: number, words: () => string}} FittedNumber in the unit that is shown */
 
 const MIN_POINTS = 10;
@@ -94,10 +95,8 @@ export class FitPanel {
   say(words, rows = []) {
     this.message = () => {
       this.element("fit-message").textContent = words();
-      this.element("fit-table").replaceChildren(...rows.map(({ name, unit, words }) => {
-        const label = labelOf(name);
-        return Object.assign(document.createElement("li"), { textContent: `${label}: ${withUnit(words(), unit)}` });
-      }));
+      const listed = rows.map(({ name, unit, words }) => html("li", {}, `${labelOf(name)}: ${withUnit(words(), unit)}`));
+      this.element("fit-table").replaceChildren(...listed);
     };
     this.message();
   }

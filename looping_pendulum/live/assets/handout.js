@@ -10,9 +10,8 @@ import { ShownRun } from "./shown_run.js";
 import { Stage } from "./stage.js";
 import { fixed, namesOf, shown, text, withUnit } from "./texts.js";
 
-/** @typedef {import("./controls.js").State} State */
-/** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
-/** @typedef {import("./shown_run.js").Sample} Sample */
+/** @import { State } from "./controls.js" */
+/** @import { DrawnRun, Sample } from "./shown_run.js" */
 /**
  * @typedef {{state: State, run: DrawnRun, player: {time: number}, arrows: import("./arrows.js").ShownArrows,
  *   lesson: import("./lesson/panel.js").LessonPanel, engines: import("./engine_runs/engine_runs.js").EngineRuns | null}} PrintedPage what the sheets need of the page

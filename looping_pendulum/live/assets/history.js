@@ -11,7 +11,7 @@ import { STEPS } from "./lesson/steps.js";
 import { beginWith, store, stored } from "./storage.js";
 import { text } from "./texts.js";
 
-/** @typedef {import("./controls.js").State} State */
+/** @import { State } from "./controls.js" */
 /**
  * @typedef {{speech: import("./language.js").Speech, engines: import("./engine_runs/engine_runs.js").EngineRuns | null,
  *   lesson: import("./lesson/panel.js").LessonPanel, change: () => void, say: (id: string, words: string | (() => string)) => void,

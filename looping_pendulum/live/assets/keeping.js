@@ -1,13 +1,13 @@
 /** Keep and share: the link, a film and a picture of the stage, the run's numbers, and files that the package reads. */
 
+import { generate } from "lean-qr";
 import { linkOf, settingsOf } from "./controls.js";
 import { captioned, copyText, film, filmType, runCsv, save, scenarioYaml } from "./export.js";
 import { settingsInWords } from "./handout.js";
-import { qrCode } from "./qr.js";
 import { fixed, text } from "./texts.js";
 
-/** Light modules around a code, as readers need them. */
-const MARGIN = 4;
+/** Behind a QR code, also where the page is dark. */
+const WHITE = /** @type {const} */ ([255, 255, 255]);
 
 /**
  * @typedef {{state: import("./controls.js").State, data: {keys: Record<string, string>}, player: import("./player.js").Player,
@@ -58,15 +58,10 @@ export class Keeping {
 
   /** Draw the link or the code for cameras, or hide it. */
   showCode() {
-    const modules = this.code.hidden ? qrCode(this.page.history.shared) : null;
-    this.code.hidden = modules === null;
-    if (!modules) return;
-    this.code.width = this.code.height = modules.length + 2 * MARGIN;
-    const c = /** @type {CanvasRenderingContext2D} */ (this.code.getContext("2d"));
-    c.fillStyle = "white";
-    c.fillRect(0, 0, this.code.width, this.code.height);
-    c.fillStyle = "black";
-    modules.forEach((row, y) => row.forEach((isDark, x) => isDark && c.fillRect(x + MARGIN, y + MARGIN, 1, 1)));
+    const { code } = this;
+    const isShown = code.hidden;
+    if (isShown) generate(this.page.history.shared).toCanvas(code, { off: WHITE });
+    code.hidden = !isShown;
   }
 
   /** @param {HTMLInputElement} field with a code or a link from somebody else */

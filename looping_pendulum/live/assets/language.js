@@ -1,8 +1,9 @@
 /** The language of the page: fills its words into the elements, which name their keys, and keeps what they say. */
 
+import { html } from "./elements.js";
 import { LANGUAGES, language, languageFor, setLanguage, text } from "./texts.js";
 
-/** @typedef {import("./texts.js").TextKey} TextKey */
+/** @import { TextKey } from "./texts.js" */
 
 /** Attribute that holds a key -> the attribute that gets the words. */
 const ATTRIBUTES = { label: "aria-label", tip: "title", hint: "placeholder" };
@@ -71,7 +72,5 @@ function wordsOf(element, name) {
 /** Write words into an element; what stands between backticks is typed or read by a program. @param {HTMLElement} element
  * @param {string} words */
 export function write(element, words) {
-  element.replaceChildren(...words.split("\x60").map((part, i) => {
-    return i % 2 ? Object.assign(document.createElement("code"), { textContent: part }) : document.createTextNode(part);
-  }));
+  element.replaceChildren(...words.split("\x60").map((part, i) => (i % 2 ? html("code", {}, part) : part)));
 }

@@ -4,8 +4,8 @@ import { colours, fitted, polyline, stripes, ticks, write } from "./canvas.js";
 import { controlOf, settingsOf, snapped } from "./controls.js";
 import { shown, text } from "./texts.js";
 
-/** @typedef {import("./controls.js").State} State */
-/** @typedef {import("./map_worker.js").MapRow} MapRow */
+/** @import { State } from "./controls.js" */
+/** @import { MapRow } from "./map_worker.js" */
 
 const EDGE = { left: 44, right: 12, top: 12, bottom: 34 };
 const CURSOR_RADIUS = 9;

@@ -4,7 +4,7 @@ import { settingsOf, snapped, controlOf, withValue } from "./controls.js";
 import { dropAtHalt } from "./map_worker.js";
 import { fixed, text } from "./texts.js";
 
-/** @typedef {import("./controls.js").State} State */
+/** @import { State } from "./controls.js" */
 /** @typedef {{release_angle: number, mass_ratio: number}} Place */
 
 const CENTIMETRES = 100;

@@ -1,8 +1,9 @@
 /** What came of a run, in words, as buttons and as a table. */
 
+import { html } from "./elements.js";
 import { fixed, language, shown, text, withUnit } from "./texts.js";
 
-/** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
+/** @import { DrawnRun } from "./shown_run.js" */
 
 const CENTIMETRES = 100;
 const TABLE_ROWS = 20;
@@ -84,13 +85,9 @@ export function showEvents(list, run, onTime) {
   if (list.dataset.shown === content) return;
   list.dataset.shown = content;
   list.replaceChildren(...wanted.map((event) => {
-    const button = document.createElement("button");
-    button.type = "button";
-    button.textContent = wordsOf(event);
+    const button = html("button", { type: "button" }, wordsOf(event));
     button.addEventListener("click", () => onTime(event.time));
-    const item = document.createElement("li");
-    item.append(button);
-    return item;
+    return html("li", {}, button);
   }));
 }
 
@@ -103,14 +100,10 @@ export function fillTable(table, run) {
   table.tBodies[0].replaceChildren(...times.map((time) => {
     const s = run.at(time);
     const happens = events.filter((event) => event.time === time).map(({ kind }) => text(`event.${kind}`));
-    const row = document.createElement("tr");
-    row.classList.toggle("event", happens.length > 0);
     const lengths = [...s.light, s.drop].map((x) => fixed(CENTIMETRES * x, 1));
     const pulls = [s.lightTension, s.heavyTension].map((pull) => (Number.isNaN(pull) ? "–" : fixed(pull, 3)));
-    const first = Object.assign(document.createElement("th"), { scope: "row", textContent: fixed(s.t, 3) });
-    row.append(first);
-    const numbers = [...lengths, fixed(s.turns, 2), ...pulls];
-    for (const words of [...numbers, text(`mode.${s.mode}`), happens.join("; ")]) row.insertCell().textContent = words;
-    return row;
+    const cells = [...lengths, fixed(s.turns, 2), ...pulls, text(`mode.${s.mode}`), happens.join("; ")];
+    const head = html("th", { scope: "row" }, fixed(s.t, 3));
+    return html("tr", { className: happens.length ? "event" : "" }, head, ...cells.map((words) => html("td", {}, words)));
   }));
 }

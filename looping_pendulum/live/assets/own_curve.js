@@ -1,16 +1,15 @@
 /** A curve of one's own over the points that were measured: a formula that is typed, and a straight line between two times. */
 
-import { colours, polyline } from "./canvas.js";
+import { colours, disc, polyline } from "./canvas.js";
 import { parsed } from "./controls.js";
 import { rounded } from "./fit_panel.js";
 import { FormulaError, readFormula, rmsDistance, straightLine } from "./formula.js";
 import { Plot } from "./plots.js";
 import { fixed, shown, text, written } from "./texts.js";
 
-/** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
-/** @typedef {import("./shown_run.js").Sample} Sample */
-/** @typedef {import("./texts.js").TextKey} TextKey */
-/** @typedef {import("./formula.js").Evaluated} Evaluated */
+/** @import { DrawnRun, Sample } from "./shown_run.js" */
+/** @import { TextKey } from "./texts.js" */
+/** @import { Evaluated } from "./formula.js" */
 /** @typedef {[number, number][]} Points time [s] and value [cm] */
 /**
  * @typedef {{run: DrawnRun, lesson: import("./lesson/panel.js").LessonPanel, trial: import("./trial_panel.js").TrialPanel,
@@ -172,18 +171,10 @@ export class OwnCurve {
     const { plot, points, formula, line } = this;
     const { ink, ground, green, pink } = colours();
     const place = (/** @type {Evaluated} */ y) => (/** @type {number} */ t) => [plot.x(t), plot.y(y(t))];
-    c.fillStyle = ground;
-    c.strokeStyle = ink;
-    c.lineWidth = 1;
-    for (const [t, value] of points) {
-      c.beginPath();
-      c.arc(plot.x(t), plot.y(value), 2, 0, 2 * Math.PI);
-      c.fill();
-      c.stroke();
-    }
+    for (const [t, value] of points) disc(c, [plot.x(t), plot.y(value)], 2, { fill: ground, line: ink });
     if (formula) {
       const drawn = Array.from({ length: PIECES + 1 }, (_, i) => place(formula)((i / PIECES) * plot.end));
-      for (const piece of pieces(drawn)) polyline(c, piece, { colour: green, width: 2.5 });
+      polyline(c, drawn, { colour: green, width: 2.5 });
     }
     if (line) polyline(c, [line.from, Math.min(line.to, plot.end)].map(place(line.y)), { colour: pink, width: 2.5, dash: [8, 5] });
   }
@@ -196,14 +187,3 @@ export class OwnCurve {
 
 /** A distance in words, to three digits or a hundredth of a millimetre. @param {number} length [cm] */
 const distance = (length) => (length < 10 ? fixed(length, length < 1 ? 3 : 2) : written(length, 3));
-
-/** Unbroken rows of points that have a place. @param {number[][]} points */
-function pieces(points) {
-  /** @type {number[][][]} */
-  const found = [[]];
-  for (const point of points) {
-    if (point.every(Number.isFinite)) found[found.length - 1].push(point);
-    else if (found[found.length - 1].length) found.push([]);
-  }
-  return found;
-}

@@ -4,6 +4,7 @@ import { keyOf } from "./arrows.js";
 import { forgetColours, whenResized } from "./canvas.js";
 import { CONTROLS, admit, linkOf, settingsOf, stateOf, withValue } from "./controls.js";
 import { listenToStage, releasedAt } from "./dragging.js";
+import { html } from "./elements.js";
 import { EngineRuns } from "./engine_runs/engine_runs.js";
 import { EventLog } from "./event_log.js";
 import { FilmPanel } from "./film/panel.js";
@@ -28,9 +29,8 @@ import { LANGUAGES, fixed, shown, text, textsOf } from "./texts.js";
 import { Bench } from "./tools.js";
 import { TrialPanel, nearest } from "./trial_panel.js";
 
-/** @typedef {import("./controls.js").State} State */
-/** @typedef {import("./controls.js").Preset} Preset */
-/** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
+/** @import { Preset, State } from "./controls.js" */
+/** @import { DrawnRun } from "./shown_run.js" */
 /** @typedef {{presets: Preset[], start: string, keys: Record<string, string>}} PageData */
 
 const CENTIMETRES = 100;
@@ -168,8 +168,7 @@ class Page {
 
   /** @param {import("./plots.js").Kind} kind */
   plot(kind) {
-    const box = document.createElement("div");
-    box.className = "plot";
+    const box = html("div", { className: "plot" });
     box.dataset.plot = kind.id;
     element("plots").append(box);
     return new Plot(box, kind, this.times);
@@ -456,7 +455,7 @@ export function showPage() {
 /** Say in one sentence, in place of the page, why it does not run. @param {import("./texts.js").TextKey} key */
 export function sayThatNothingRuns(key) {
   const speech = new Speech(element, () => speech.fill());
-  element("main").replaceChildren(Object.assign(document.createElement("p"), { id: "fault", role: "alert" }));
+  element("main").replaceChildren(html("p", { id: "fault", role: "alert" }));
   speech.select.addEventListener("change", () => speech.speak(speech.select.value));
   speech.say("fault", () => text(key));
   speech.fill();

@@ -1,13 +1,15 @@
 /** Quantities over time, with one cursor for all. */
 
-import { colours, fitted, polyline, ticks, write } from "./canvas.js";
+import { colours, disc, fitted, polyline, ticks, write } from "./canvas.js";
+import { html } from "./elements.js";
+import { oncePerRun } from "./shown_run.js";
 import { fixed, shown, text, written } from "./texts.js";
 
-/** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
-/** @typedef {import("./shown_run.js").Sample} Sample */
-/** @typedef {import("./texts.js").TextKey} TextKey */
+/** @import { DrawnRun, Sample } from "./shown_run.js" */
+/** @import { TextKey } from "./texts.js" */
+/** @import { Context } from "./canvas.js" */
+/** @import { EngineRuns } from "./engine_runs/engine_runs.js" */
 /**
- * @typedef {import("./engine_runs/engine_runs.js").EngineRuns} EngineRuns
  * @typedef {{id: string, title: TextKey, down?: boolean, stacked?: boolean, log?: boolean, runs?: boolean, digits: number,
  *   lines: {name: TextKey, colour: string, value: (s: Sample, run: DrawnRun) => number}[], also?: () => number[],
  *   over?: (c: Context, plot: Plot) => void}} Kind keys of a title and of lines' names; `runs`: whether it is only on pages with, or only on
@@ -15,8 +17,6 @@ import { fixed, shown, text, written } from "./texts.js";
  * @typedef {{onTime: (time: number) => void, onProbe: (time: number | null) => void, time: () => number}} Times the time is set; values are
  *   looked at, or no longer; the time that is shown [s]
  */
-
-/** @typedef {import("./canvas.js").Context} Context */
 
 /** What an arrow key moves the hairline by, and with Shift [s]. */
 const [STEP, LARGE_STEP] = [2e-3, 2e-2];
@@ -65,18 +65,8 @@ export function kindsOf(withRuns) {
   return KINDS.filter(({ runs }) => runs === undefined || runs === withRuns);
 }
 
-/** @type {WeakMap<DrawnRun, number>} */
-const lowestOf = new WeakMap();
-
-/** Lowest potential energy of a run [J], from which it is counted. @param {DrawnRun} run */
-function lowest(run) {
-  let value = lowestOf.get(run);
-  if (value === undefined) {
-    value = Math.min(...run.samples.map(({ energies }) => energies.potential));
-    lowestOf.set(run, value);
-  }
-  return value;
-}
+/** Lowest potential energy of a run [J], from which it is counted. */
+const lowest = oncePerRun(({ samples }) => Math.min(...samples.map(({ energies }) => energies.potential)));
 
 /** One plot: a canvas for what does not move with the time, and one above it for the cursor. */
 export class Plot {
@@ -91,7 +81,7 @@ export class Plot {
     /** Stored runs, the reference's among them, which are drawn in place of the page's own. @type {EngineRuns | null} */
     this.runs = null;
     this.size = { width: 0, height: 0 };
-    const [still, canvas] = [document.createElement("canvas"), document.createElement("canvas")];
+    const [still, canvas] = [html("canvas"), html("canvas")];
     box.append(still, canvas);
     this.still = still;
     this.canvas = canvas;
@@ -133,7 +123,7 @@ export class Plot {
     const { box } = this;
     box.tabIndex = 0;
     box.setAttribute("role", "slider");
-    box.setAttribute("aria-valuemin", "0");
+    for (const name of ["aria-valuemin", "aria-valuenow"]) box.setAttribute(name, "0");
     const read = (/** @type {number} */ at) => {
       this.read = Math.min(Math.max(at, 0), this.end);
       this.describe(this.read);
@@ -303,13 +293,7 @@ export class Plot {
     if (this.runs) this.runs.drawDots(c, this, time);
     if (this.runs || this.kind.stacked || time > run.end) return;
     for (const { value, colour } of this.kind.lines) {
-      c.beginPath();
-      c.arc(x, Math.max(this.y(value(run.at(time), run)), EDGE.top), 4, 0, 2 * Math.PI);
-      c.fillStyle = colourOf(colour);
-      c.fill();
-      c.strokeStyle = ground;
-      c.lineWidth = 1;
-      c.stroke();
+      disc(c, [x, Math.max(this.y(value(run.at(time), run)), EDGE.top)], 4, { fill: colourOf(colour), line: ground });
     }
   }
 }

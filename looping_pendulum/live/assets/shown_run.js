@@ -27,6 +27,16 @@ export function durationOf(release) {
   return DURATIONS[/** @type {keyof typeof DURATIONS} */ (release)];
 }
 
+/** A function of a run that is computed once for each. @template Value @param {(run: DrawnRun) => Value} compute */
+export function oncePerRun(compute) {
+  /** @type {WeakMap<DrawnRun, Value>} */
+  const known = new WeakMap();
+  return (/** @type {DrawnRun} */ run) => {
+    if (!known.has(run)) known.set(run, compute(run));
+    return /** @type {Value} */ (known.get(run));
+  };
+}
+
 /** When the rod holds the string. @param {ShownEvent[]} events all of a run @param {string} modeAtStart
  * @param {(time: number) => {drop: number, turns: number}} placeAt */
 export function restsOf(events, modeAtStart, placeAt) {

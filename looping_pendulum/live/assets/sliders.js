@@ -2,10 +2,10 @@
 
 import { RELEASES } from "../model.js";
 import { CONTROLS, controlOf, isMeaningful, parsed, snapped } from "./controls.js";
+import { html } from "./elements.js";
 import { shown, text } from "./texts.js";
 
-/** @typedef {import("./controls.js").State} State */
-/** @typedef {import("./controls.js").Control} Control */
+/** @import { Control, State } from "./controls.js" */
 /**
  * @typedef {{current: () => Record<string, number>, onMove: (name: string, value: number) => void,
  *   onSettle: (later: boolean) => void, onRelease: (release: string) => void, onFault: (message: () => string, row: HTMLElement | undefined) => void}} Callbacks
@@ -32,26 +32,13 @@ export class Sliders {
   /** @param {Control} control */
   row(control) {
     const { name, unit, min, max, step } = control;
-    const row = document.createElement("div");
-    row.className = "setting";
+    const words = html("label", { htmlFor: `range-${name}` });
+    const range = html("input", { type: "range", id: `range-${name}`, min: String(min), max: String(max), step: "any" });
+    const field = html("input", { type: "text", id: `field-${name}`, inputMode: "decimal", autocomplete: "off" });
+    const typed = html("span", { className: "typed" }, field, html("span", { className: "unit" }, unit));
+    const limits = html("span", { className: "limits", ariaHidden: "true" }, html("span"), html("span"));
+    const row = html("div", { className: "setting" }, words, range, typed, limits);
     row.dataset.name = name;
-    const words = document.createElement("label");
-    words.htmlFor = `range-${name}`;
-    const range = document.createElement("input");
-    Object.assign(range, { type: "range", id: `range-${name}`, min: String(min), max: String(max), step: "any" });
-    const field = document.createElement("input");
-    Object.assign(field, { type: "text", id: `field-${name}`, inputMode: "decimal", autocomplete: "off" });
-    const typed = document.createElement("span");
-    typed.className = "typed";
-    const unitWords = document.createElement("span");
-    unitWords.className = "unit";
-    unitWords.textContent = unit;
-    typed.append(field, unitWords);
-    const limits = document.createElement("span");
-    limits.className = "limits";
-    limits.setAttribute("aria-hidden", "true");
-    limits.append(document.createElement("span"), document.createElement("span"));
-    row.append(words, range, typed, limits);
     range.addEventListener("input", () => this.callbacks.onMove(name, snapped(Number(range.value), step)));
     range.addEventListener("change", () => this.callbacks.onSettle(false));
     range.addEventListener("keydown", (event) => this.onKey(event, control));

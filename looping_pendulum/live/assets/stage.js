@@ -1,12 +1,12 @@
 /** The apparatus: both masses, string, rod, trails, forces and tracked points, beside the rod enlarged. */
 
 import { drawArrows, weightLength } from "./arrows.js";
-import { colours, fitted, nameMasses, polyline, write } from "./canvas.js";
+import { colours, disc, fitted, nameMasses, polyline, write } from "./canvas.js";
 import { fixed, shown, text, written } from "./texts.js";
+import { drawRod, drawString } from "./wound_string.js";
 
-/** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
-/** @typedef {import("./shown_run.js").Sample} Sample */
-/** @typedef {import("./canvas.js").Context} Context */
+/** @import { DrawnRun, Sample } from "./shown_run.js" */
+/** @import { Context } from "./canvas.js" */
 /** @typedef {{left: number, right: number, low: number, high: number}} Box */
 /** @typedef {{x: (x: number) => number, y: (y: number) => number, scale: number}} View from metres to pixels */
 /**
@@ -75,15 +75,12 @@ export class Stage {
     drawArrows(c, run, sample, { light, heavy }, scene.arrows, height);
     if (!runs) this.names(c, run, sample);
     if (scene.untilNow || (time === 0 && !runs)) this.angle(c, run, time);
-    c.beginPath();
-    c.arc(view.x(0), view.y(0), Math.max(run.settings.rod_radius * view.scale, 3), 0, 2 * Math.PI);
-    c.fillStyle = colours().soft;
-    c.fill();
+    disc(c, [view.x(0), view.y(0)], Math.max(run.settings.rod_radius * view.scale, 3), { fill: colours().soft });
     this.scaleBar(c, height);
     if (run.release === "drop") return;
     const place = { left: width - side, width: side, height: Math.min(side, 0.5 * height) };
     if (runs) runs.drawRod(c, place, time);
-    else rod(c, sample, run, place);
+    else this.rod(c, run, sample, place);
     if (scene.arrows.forces) holding(c, sample, { left: width - side, width: side, top: Math.min(side, 0.5 * height), height });
   }
 
@@ -125,37 +122,15 @@ export class Stage {
     const [lx, ly] = [view.x(sample.light[0]), view.y(sample.light[1])];
     const [hx, hy] = [view.x(sample.heavy[0]), view.y(sample.heavy[1])];
     if (!pale) polyline(c, [...done, [lx, ly]], { colour: orange, width: 2.5 });
-    if (run.release !== "drop") this.string(c, run, sample, pale ? soft : ink, pale);
-    const alpha = pale ? 0.5 : 1;
-    c.globalAlpha = alpha;
-    for (const [x, y, size, colour] of [[hx, hy, HEAVY_SIZE, blue], [lx, ly, LIGHT_SIZE, orange]]) {
-      c.beginPath();
-      c.arc(Number(x), Number(y), Number(size), 0, 2 * Math.PI);
-      c.fillStyle = pale ? colours().panel : String(colour);
-      c.fill();
-      c.strokeStyle = pale ? soft : colours().panel;
-      c.lineWidth = 1.5;
-      c.stroke();
+    if (run.release !== "drop") {
+      c.globalAlpha = pale ? 0.6 : 1;
+      const style = { colour: pale ? soft : ink, width: pale ? 1 : 2, slack: sample.mode.endsWith("slack") };
+      drawString(c, view, run.settings.rod_radius, { ...sample, angle: sample.wrapAngle }, style);
     }
-    c.globalAlpha = 1;
-  }
-
-  /** From the heavy mass up to the rod, round it, and along the tangent to the light mass.
-   * @param {Context} c @param {DrawnRun} run @param {Sample} sample @param {string} colour @param {boolean} pale */
-  string(c, run, sample, colour, pale) {
-    const { view } = this;
-    const r = run.settings.rod_radius;
-    c.beginPath();
-    c.moveTo(view.x(sample.heavy[0]), view.y(sample.heavy[1]));
-    c.lineTo(view.x(r), view.y(0));
-    c.arc(view.x(0), view.y(0), r * view.scale, 0, -Math.max(sample.wrapAngle, 0), true);
-    c.lineTo(view.x(sample.light[0]), view.y(sample.light[1]));
-    c.strokeStyle = colour;
-    c.lineWidth = pale ? 1 : 2;
-    c.globalAlpha = pale ? 0.6 : 1;
-    c.setLineDash(sample.mode.endsWith("slack") ? [3, 5] : []); // only the ends of a slack string are known
-    c.stroke();
-    c.setLineDash([]);
+    c.globalAlpha = pale ? 0.5 : 1;
+    const { panel } = colours();
+    disc(c, [hx, hy], HEAVY_SIZE, { fill: pale ? panel : blue, line: pale ? soft : panel, width: 1.5 });
+    disc(c, [lx, ly], LIGHT_SIZE, { fill: pale ? panel : orange, line: pale ? soft : panel, width: 1.5 });
     c.globalAlpha = 1;
   }
 
@@ -163,6 +138,16 @@ export class Stage {
   names(c, { settings: { rod_radius: r } }, { light, heavy, wrapAngle }) {
     const place = (/** @type {number[]} */ [x, y]) => [this.view.x(x), this.view.y(y)];
     nameMasses(c, place(light), place(heavy), place([r * Math.cos(wrapAngle), r * Math.sin(wrapAngle)]));
+  }
+
+  /** The rod enlarged: each turn lies outside the one before. @param {Context} c @param {DrawnRun} run @param {Sample} sample
+   * @param {import("./wound_string.js").Place} place */
+  rod(c, run, { wrapAngle: angle, freeLength, turns }, place) {
+    const most = Math.max(LEAST_TURNS_SHOWN, run.samples[run.samples.length - 1].turns);
+    const scale = (0.42 * Math.min(place.width, place.height)) / (1.1 + GAIN_PER_TURN * most);
+    const radiusAt = (/** @type {number} */ a) => 1.05 + (GAIN_PER_TURN * Math.max(a, 0)) / (2 * Math.PI);
+    const string = { angle, length: freeLength / run.settings.rod_radius, radiusAt, colour: colours().ink, width: 1.6 };
+    drawRod(c, place, scale, [string], turns);
   }
 
   /** The angle of the string at the release, from straight up. @param {Context} c @param {DrawnRun} run @param {number} time */
@@ -190,23 +175,11 @@ export class Stage {
   trackedPoints(c, { points, now }) {
     const { view } = this;
     const { green, ink, panel } = colours();
-    for (const [x, y] of [...points.light, ...points.heavy]) {
-      c.beginPath();
-      c.arc(view.x(x), view.y(y), 2, 0, 2 * Math.PI);
-      c.fillStyle = green;
-      c.globalAlpha = 0.7;
-      c.fill();
-    }
+    c.globalAlpha = 0.7;
+    for (const [x, y] of [...points.light, ...points.heavy]) disc(c, [view.x(x), view.y(y)], 2, { fill: green });
     c.globalAlpha = 1;
     for (const place of [now.light, now.heavy]) {
-      if (!place) continue;
-      c.beginPath();
-      c.arc(view.x(place[0]), view.y(place[1]), 6, 0, 2 * Math.PI);
-      c.fillStyle = panel;
-      c.fill();
-      c.strokeStyle = ink;
-      c.lineWidth = 2;
-      c.stroke();
+      if (place) disc(c, [view.x(place[0]), view.y(place[1])], 6, { fill: panel, line: ink, width: 2 });
     }
   }
 
@@ -244,39 +217,6 @@ function fills(inner, outer) {
   const wide = (inner.right - inner.left) / (outer.right - outer.left);
   const high = (inner.high - inner.low) / (outer.high - outer.low);
   return inside && Math.max(wide, high) > LEAST_FILLED;
-}
-
-/**
- * The rod enlarged, with the wound string: each turn lies outside the one before.
- * @param {Context} c
- * @param {Sample} sample
- * @param {DrawnRun} run
- * @param {{left: number, width: number, height: number}} place
- */
-function rod(c, { wrapAngle, freeLength, turns }, run, { left, width, height }) {
-  const { line, ink, soft } = colours();
-  const most = Math.max(LEAST_TURNS_SHOWN, run.samples[run.samples.length - 1].turns);
-  const scale = (0.42 * Math.min(width, height)) / (1.1 + GAIN_PER_TURN * most);
-  const [cx, cy] = [left + width / 2, height / 2 + 8];
-  const radius = (/** @type {number} */ angle) => (1.05 + (GAIN_PER_TURN * Math.max(angle, 0)) / (2 * Math.PI)) * scale;
-  c.save();
-  c.beginPath();
-  c.rect(left, 0, width, height + 8);
-  c.clip();
-  c.beginPath();
-  c.arc(cx, cy, scale, 0, 2 * Math.PI);
-  c.fillStyle = line;
-  c.fill();
-  const points = [[cx + radius(0), cy + height], [cx + radius(0), cy]];
-  for (let a = 0; a < wrapAngle; a += 0.1) points.push([cx + radius(a) * Math.cos(a), cy - radius(a) * Math.sin(a)]);
-  const [cos, sin, outer] = [Math.cos(wrapAngle), Math.sin(wrapAngle), radius(wrapAngle)];
-  const length = (freeLength / run.settings.rod_radius) * scale;
-  points.push([cx + outer * cos, cy - outer * sin], [cx + outer * cos - length * sin, cy - outer * sin - length * cos]);
-  polyline(c, points, { colour: ink, width: 1.6 });
-  c.restore();
-  write(c, fixed(turns, 2), cx, cy - 7, { colour: ink, size: 13, align: "center", bold: true });
-  write(c, text("turns"), cx, cy + 8, { colour: ink, size: 11, align: "center" });
-  write(c, text("rodEnlarged"), cx, 12, { colour: soft, size: 11, align: "center", clear: true });
 }
 
 /**

@@ -1,13 +1,13 @@
 /** The tools of a bench, which are laid over the stage: a ruler, a protractor and a stopwatch. */
 
-import { colours, polyline, write } from "./canvas.js";
+import { colours, disc, polyline, write } from "./canvas.js";
 import { makeMovable } from "./dragging.js";
 import { html } from "./elements.js";
 import { fixed, text } from "./texts.js";
 
-/** @typedef {import("./canvas.js").Context} Context */
-/** @typedef {import("./stage.js").Stage} Stage */
-/** @typedef {import("./stopwatch.js").Stopwatch} Stopwatch */
+/** @import { Context } from "./canvas.js" */
+/** @import { Stage } from "./stage.js" */
+/** @import { Stopwatch } from "./stopwatch.js" */
 /** @typedef {"ruler" | "protractor"} Name */
 /** @typedef {number[]} Point place in the plane [m], or on the canvas [px] */
 /**
@@ -20,8 +20,8 @@ import { fixed, text } from "./texts.js";
 const CENTIMETRES = 100;
 /** What an arrow key moves a point by [px]. */
 const STEP = 1;
-/** Half the width of the ruler, and the radius of the protractor's arc [px]. */
-const [HALF_WIDTH, ARC] = [11, 34];
+/** Half the width of the ruler, the radius of the protractor's arc, and that of a point to be moved [px]. */
+const [HALF_WIDTH, ARC, HANDLE] = [11, 34, 6];
 /** Least distance of a ruler's marks [px]. */
 const LEAST_MARKS = 4;
 /** How near to the stage's edge a point may come [px]. */
@@ -167,7 +167,7 @@ function drawRuler(c, [[ax, ay], [bx, by]], words, scale) {
     const deep = mark % (10 * every) === 0 ? 12 : mark % (5 * every) === 0 ? 8 : 5;
     polyline(c, [[mark * scale, -HALF_WIDTH], [mark * scale, -HALF_WIDTH + deep]], { colour: ink, width: 1 });
   }
-  for (const end of [0, length]) dot(c, [end, 0], panel, ink);
+  for (const end of [0, length]) disc(c, [end, 0], HANDLE, { fill: panel, line: ink, width: 1.5 });
   c.restore();
   write(c, words, (ax + bx) / 2, (ay + by) / 2 - (ay === by || Math.abs(bx - ax) > Math.abs(by - ay) ? 22 : 0), {
     colour: ink, size: 14, bold: true, align: "center", clear: true,
@@ -189,18 +189,7 @@ function drawProtractor(c, points, words) {
   c.fill();
   c.globalAlpha = 1;
   polyline(c, [first, [x, y], second], { colour: ink, width: 1.5 });
-  for (const point of points) dot(c, point, panel, ink);
+  for (const point of points) disc(c, point, HANDLE, { fill: panel, line: ink, width: 1.5 });
   const [distance, middle] = [ARC + 22, from + turn / 2];
   write(c, words, x + distance * Math.cos(middle), y + distance * Math.sin(middle), { colour: ink, size: 14, bold: true, align: "center", clear: true });
-}
-
-/** @param {Context} c @param {Point} place @param {string} fill @param {string} line */
-function dot(c, [x, y], fill, line) {
-  c.beginPath();
-  c.arc(x, y, 6, 0, 2 * Math.PI);
-  c.fillStyle = fill;
-  c.fill();
-  c.strokeStyle = line;
-  c.lineWidth = 1.5;
-  c.stroke();
 }

@@ -11,8 +11,8 @@ import { otherFrameRate, typicalDistance } from "./trial/distance.js";
 import { DataError, readTrial, tracksOf } from "./trial/reader.js";
 import { range } from "./trial/statistics.js";
 
-/** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
-/** @typedef {import("./trial/reader.js").Trial} Trial */
+/** @import { DrawnRun } from "./shown_run.js" */
+/** @import { Trial } from "./trial/reader.js" */
 /** @typedef {{name: string, colour: "blue" | "orange" | "sky" | "pink", t: number[], value: number[]}} Residual [cm] or [deg] */
 
 /** Above are the title and, below it, what each colour is. */

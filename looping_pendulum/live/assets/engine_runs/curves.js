@@ -1,15 +1,13 @@
 /** Stored runs in the plots: their curves with the moments on them, tracked points, and where each run is now. */
 
-import { colours, polyline, write } from "../canvas.js";
+import { colours, disc, polyline, write } from "../canvas.js";
 import { text } from "../texts.js";
 import { hasEnded, placeOf } from "./motion.js";
 import { REFERENCE, dashOf, drawMoment } from "./shapes.js";
 
-/** @typedef {import("../canvas.js").Context} Context */
-/** @typedef {import("../plots.js").Plot} Plot */
-/** @typedef {import("./motion.js").RunsData} RunsData */
-/** @typedef {import("./motion.js").EngineRun} EngineRun */
-/** @typedef {import("./motion.js").Place} Place */
+/** @import { Context } from "../canvas.js" */
+/** @import { Plot } from "../plots.js" */
+/** @import { EngineRun, Place, RunsData } from "./motion.js" */
 
 /** Plot -> list of a run that it shows, what one unit of the plot is worth, and where the quantity stands in a place.
  * @type {Record<string, {list: "drop" | "angle" | "light_tension" | "heavy_tension" | "distance", factor: number,
@@ -51,9 +49,7 @@ export function drawCurves(c, plot, data, shown, colourOf, measured) {
     known = true;
     const colour = colourOf.get(run.id) ?? "";
     const style = { colour, width: run.id === REFERENCE ? 3 : 1.8, dash: dashOf(run) };
-    for (const piece of pieces(values)) {
-      polyline(c, piece.map(([i, v]) => [plot.x(i / data.rate), plot.y(v * factor)]), style);
-    }
+    polyline(c, values.map((v, i) => [plot.x(i / data.rate), v === null ? NaN : plot.y(v * factor)]), style);
     for (const { kind, t } of run.events) {
       const place = placeOf(data, run, t);
       const at = place && t <= data.duration ? value(place) : null;
@@ -71,17 +67,10 @@ export function drawCurves(c, plot, data, shown, colourOf, measured) {
  * @param {number} end */
 function drawPoints(c, plot, { t, v }, factor, end) {
   const { ink, ground } = colours();
-  c.strokeStyle = ink;
-  c.fillStyle = ground;
-  c.lineWidth = 1;
   c.globalAlpha = 0.7;
   t.forEach((time, i) => {
     const value = v[i];
-    if (value === null || time > end) return;
-    c.beginPath();
-    c.arc(plot.x(time), plot.y(value * factor), POINT, 0, 2 * Math.PI);
-    c.fill();
-    c.stroke();
+    if (value !== null && time <= end) disc(c, [plot.x(time), plot.y(value * factor)], POINT, { fill: ground, line: ink });
   });
   c.globalAlpha = 1;
 }
@@ -101,25 +90,6 @@ export function valuesAt(plot, data, shown, time) {
  * @param {Map<string, string>} colourOf @param {number} time */
 export function drawDots(c, plot, data, shown, colourOf, time) {
   for (const { run, value } of valuesAt(plot.kind.id, data, shown, time)) {
-    c.beginPath();
-    c.arc(plot.x(time), plot.y(value), 4, 0, 2 * Math.PI);
-    c.fillStyle = colourOf.get(run.id) ?? "";
-    c.fill();
-    c.strokeStyle = colours().ground;
-    c.lineWidth = 1;
-    c.stroke();
+    disc(c, [plot.x(time), plot.y(value)], 4, { fill: colourOf.get(run.id) ?? "", line: colours().ground });
   }
-}
-
-/** Unbroken rows of known values, each with its place in the list. @param {(number | null)[]} values */
-function pieces(values) {
-  /** @type {[number, number][][]} */
-  const found = [];
-  let open = false;
-  values.forEach((v, i) => {
-    if (v !== null && !open) found.push([]);
-    open = v !== null;
-    if (v !== null) found[found.length - 1].push([i, v]);
-  });
-  return found;
 }

@@ -10,11 +10,10 @@ import { StageRuns } from "./stage_runs.js";
 import { StoredRun } from "./stored_run.js";
 import { Timeline, fillKey } from "./timeline.js";
 
-/** @typedef {import("../controls.js").State} State */
-/** @typedef {import("../controls.js").Preset} Preset */
-/** @typedef {import("../canvas.js").Context} Context */
-/** @typedef {import("../plots.js").Plot} Plot */
-/** @typedef {import("./motion.js").RunsData} RunsData */
+/** @import { Preset, State } from "../controls.js" */
+/** @import { Context } from "../canvas.js" */
+/** @import { Plot } from "../plots.js" */
+/** @import { RunsData } from "./motion.js" */
 
 export class EngineRuns {
   /**

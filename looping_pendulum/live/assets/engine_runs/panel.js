@@ -5,8 +5,7 @@ import { fixed, text } from "../texts.js";
 import { placeOf } from "./motion.js";
 import { REFERENCE, make, nameOf, swatch } from "./shapes.js";
 
-/** @typedef {import("./motion.js").RunsData} RunsData */
-/** @typedef {import("./motion.js").EngineRun} EngineRun */
+/** @import { EngineRun, RunsData } from "./motion.js" */
 
 export const MEASURED = "measured";
 const COLUMNS = /** @type {const} */ (["now.run", "now.drop", "now.turns", "now.pull1", "now.pull2", "now.distance"]);

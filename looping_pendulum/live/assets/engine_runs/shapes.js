@@ -2,8 +2,7 @@
 
 import { text } from "../texts.js";
 
-/** @typedef {import("./motion.js").EngineRun} EngineRun */
-/** @typedef {import("./motion.js").Moment} Moment */
+/** @import { EngineRun, Moment } from "./motion.js" */
 
 const NAMESPACE = "http://www.w3.org/2000/svg";
 export const REFERENCE = "reference";

@@ -1,15 +1,13 @@
 /** Stored runs on the stage: masses, strings and paths of all that are shown, tracked points, the wound strings side by side. */
 
-import { colours, nameMasses, polyline, write } from "../canvas.js";
-import { fixed, text } from "../texts.js";
+import { colours, disc, nameMasses, polyline } from "../canvas.js";
+import { drawRod, drawString } from "../wound_string.js";
 import { countUpTo, placeOf } from "./motion.js";
 import { REFERENCE, dashOf, drawMarker } from "./shapes.js";
 
-/** @typedef {import("../canvas.js").Context} Context */
-/** @typedef {import("../stage.js").View} View */
-/** @typedef {import("./motion.js").RunsData} RunsData */
-/** @typedef {import("./motion.js").EngineRun} EngineRun */
-/** @typedef {import("./motion.js").Place} Place */
+/** @import { Context } from "../canvas.js" */
+/** @import { View } from "../stage.js" */
+/** @import { EngineRun, Place, RunsData } from "./motion.js" */
 /** @typedef {{run: EngineRun, colour: string, place: Place}} Drawn a run at the chosen time */
 
 /** Distance between wound strings on the enlarged rod, in rod radii. */
@@ -57,7 +55,11 @@ export class StageRuns {
     for (const one of drawn) this.path(c, view, one, time);
     for (const one of drawn) {
       c.globalAlpha = one.place.ended ? PALE : 1;
-      if (this.data.string) this.string(c, view, one, slack && one.run.id === REFERENCE);
+      if (!this.data.string) continue;
+      const { run, place, colour } = one;
+      const ends = { light: [Number(place.x), Number(place.y)], heavy: [place.heavyX, place.heavyY], angle: place.angle ?? 0 };
+      const isReference = run.id === REFERENCE;
+      drawString(c, view, this.data.radius, ends, { colour, width: isReference ? 2 : 1.2, slack: slack && isReference });
     }
     for (const { run, place, colour } of drawn) {
       c.globalAlpha = place.ended ? PALE : 1;
@@ -76,25 +78,9 @@ export class StageRuns {
   /** @param {Context} c @param {View} view @param {Drawn} drawn @param {number} time */
   path(c, view, { run, colour }, time) {
     const path = this.paths.get(run.id) ?? [];
-    const done = path.slice(0, Math.floor(time * this.data.rate) + 1).filter(([x]) => !Number.isNaN(x));
+    const done = path.slice(0, Math.floor(time * this.data.rate) + 1);
     const width = run.id === REFERENCE ? 3 : 1.8;
     polyline(c, done.map(([x, y]) => [view.x(x), view.y(y)]), { colour, width, dash: dashOf(run), alpha: 0.55 });
-  }
-
-  /** From the heavy mass up to the rod, round it, and along the tangent to the light mass.
-   * @param {Context} c @param {View} view @param {Drawn} drawn @param {boolean} slack */
-  string(c, view, { run, place, colour }, slack) {
-    const r = this.data.radius;
-    c.beginPath();
-    c.moveTo(view.x(place.heavyX), view.y(place.heavyY));
-    c.lineTo(view.x(r), view.y(0));
-    c.arc(view.x(0), view.y(0), r * view.scale, 0, -Math.max(place.angle ?? 0, 0), true);
-    c.lineTo(view.x(Number(place.x)), view.y(Number(place.y)));
-    c.strokeStyle = colour;
-    c.lineWidth = run.id === REFERENCE ? 2 : 1.2;
-    c.setLineDash(slack ? [3, 5] : []); // only the ends of a slack string are known
-    c.stroke();
-    c.setLineDash([]);
   }
 
   /** Tracked points of both masses up to the time, the latest large while it is younger than two frames.
@@ -102,17 +88,13 @@ export class StageRuns {
   points(c, view, time) {
     const { ink, ground } = colours();
     const heavyX = this.data.runs[0].heavy[0];
-    c.strokeStyle = ink;
-    c.fillStyle = ground; // hollow, so that they show on a line of the same colour
     for (const { t, x, y } of Object.values(this.data.trial?.stage ?? {})) {
       const count = countUpTo(t, time);
       for (let i = 0; i < count; i++) {
         const latest = i === count - 1 && time - t[i] < 2 * (i ? t[i] - t[i - 1] : FRAME);
-        c.beginPath();
-        c.arc(view.x(x?.[i] ?? heavyX), view.y(Number(y[i])), latest ? LATEST_POINT : POINT, 0, 2 * Math.PI);
-        c.lineWidth = latest ? 2 : 1;
-        if (!latest) c.fill();
-        c.stroke();
+        const at = [view.x(x?.[i] ?? heavyX), view.y(Number(y[i]))];
+        // Hollow, so that they show on a line of the same colour
+        disc(c, at, latest ? LATEST_POINT : POINT, { fill: latest ? "transparent" : ground, line: ink, width: latest ? 2 : 1 });
       }
     }
   }
@@ -123,37 +105,19 @@ export class StageRuns {
   }
 
   /** The rod enlarged, the wound strings beside each other.
-   * @param {Context} c @param {Drawn[]} drawn @param {{left: number, width: number, height: number}} place */
-  rod(c, drawn, { left, width, height }) {
-    const { line, ink, soft } = colours();
-    const r = this.data.radius;
-    const scale = Math.min(width, height) / (2 * this.halfHeight * r);
-    const [x, y] = [(/** @type {number} */ a) => left + width / 2 + a * scale, (/** @type {number} */ b) => height / 2 + 8 - b * scale];
-    c.save();
-    c.beginPath();
-    c.rect(left, 0, width, height + 8);
-    c.clip();
-    c.beginPath();
-    c.arc(x(0), y(0), r * scale, 0, 2 * Math.PI);
-    c.fillStyle = line;
-    c.fill();
-    drawn.forEach(({ run, place, colour }, lane) => {
-      const at = (/** @type {number} */ angle) => r * this.woundRadius(angle, lane);
-      const angle = place.angle ?? 0;
-      const points = [[x(at(0)), height + 20], [x(at(0)), y(0)]];
-      for (let a = 0; a < angle; a += 0.05) points.push([x(at(a) * Math.cos(a)), y(at(a) * Math.sin(a))]);
-      const [cos, sin, outer, length] = [Math.cos(angle), Math.sin(angle), at(angle), place.length ?? 0];
-      points.push([x(outer * cos), y(outer * sin)], [x(outer * cos - length * sin), y(outer * sin + length * cos)]);
-      const lineWidth = run.id === REFERENCE ? 3 : 2;
-      polyline(c, points, { colour, width: lineWidth, dash: dashOf(run), alpha: place.ended ? PALE : 1 });
-    });
-    c.restore();
-    const turns = drawn[0]?.place.turns ?? null;
-    if (turns !== null) {
-      write(c, fixed(turns, 2), x(0), y(0) - 7, { colour: ink, size: 13, align: "center", bold: true });
-      write(c, text("turns"), x(0), y(0) + 8, { colour: ink, size: 11, align: "center" });
-    }
-    write(c, text("rodEnlarged"), left + width / 2, 12, { colour: soft, size: 11, align: "center", clear: true });
+   * @param {Context} c @param {Drawn[]} drawn @param {import("../wound_string.js").Place} place */
+  rod(c, drawn, place) {
+    const { radius } = this.data;
+    const strings = drawn.map(({ run, place: { angle, length, ended }, colour }, lane) => ({
+      angle: angle ?? 0,
+      length: (length ?? 0) / radius,
+      radiusAt: (/** @type {number} */ a) => this.woundRadius(a, lane),
+      colour,
+      width: run.id === REFERENCE ? 3 : 2,
+      dash: dashOf(run),
+      alpha: ended ? PALE : 1,
+    }));
+    drawRod(c, place, Math.min(place.width, place.height) / (2 * this.halfHeight), strings, drawn[0]?.place.turns ?? null);
   }
 }
 

@@ -4,9 +4,8 @@ import { END_EVENTS } from "../../model.js";
 import { restsOf } from "../shown_run.js";
 import { modeAt, placeOf } from "./motion.js";
 
-/** @typedef {import("./motion.js").RunsData} RunsData */
-/** @typedef {import("../shown_run.js").Sample} Sample */
-/** @typedef {import("../shown_run.js").ShownEvent} ShownEvent */
+/** @import { RunsData } from "./motion.js" */
+/** @import { Sample, ShownEvent } from "../shown_run.js" */
 
 /** Kind of a moment -> the event that the page names, where both have a name for it. @type {Record<string, string>} */
 const NAMES = { stop: "stops", stick: "sticks", slip: "slips", slack: "slack", taut: "taut", halt: "halts", rod: "light_reaches_rod" };

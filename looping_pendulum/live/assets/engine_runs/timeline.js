@@ -1,10 +1,10 @@
 /** Under the slider of the time: what the reference's string does, and the moments of every run. */
 
+import { html } from "../elements.js";
 import { language, text } from "../texts.js";
 import { MOMENT_SHAPES, REFERENCE, dashOf, make, momentShape, nameOf, swatch } from "./shapes.js";
 
-/** @typedef {import("./motion.js").RunsData} RunsData */
-/** @typedef {import("./motion.js").EngineRun} EngineRun */
+/** @import { EngineRun, RunsData } from "./motion.js" */
 
 const [ROW, BAND_HEIGHT] = [20, 18];
 /** Half of the slider's thumb [px], so that moments stand where the slider does. */
@@ -104,9 +104,8 @@ export function fillKey(data, parent) {
   parent.replaceChildren();
   for (const kind of /** @type {import("./motion.js").KindOfMoment[]} */ (Object.keys(MOMENT_SHAPES))) {
     if (!present.has(kind)) continue;
-    const item = document.createElement("span");
-    momentShape(kind, "var(--ink)", make("svg", { width: 14, height: 14, viewBox: "-7 -7 14 14" }, item));
-    item.append(text(`moment.${kind}`));
-    parent.append(item);
+    const svg = make("svg", { width: 14, height: 14, viewBox: "-7 -7 14 14" });
+    momentShape(kind, "var(--ink)", svg);
+    parent.append(html("span", {}, svg, text(`moment.${kind}`)));
   }
 }

@@ -7,8 +7,8 @@ import { Film } from "./film.js";
 import { evenTimes } from "./frame_times.js";
 import { expectedAt, findNear, templateOf } from "./search.js";
 
-/** @typedef {import("../stage.js").View} View */
-/** @typedef {import("./search.js").Mark} Mark */
+/** @import { View } from "../stage.js" */
+/** @import { Mark } from "./search.js" */
 /** @typedef {"light" | "heavy"} Mass */
 /**
  * @typedef {{stage: import("../stage.js").Stage, player: import("../player.js").Player, change: () => void, wake: () => void,

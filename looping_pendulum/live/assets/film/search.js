@@ -5,7 +5,7 @@ const [REACH, WIDTH, FARTHEST] = [12, 6, 24];
 /** Smallest likeness to the clicked square, of at most 1, at which it is the same thing, and smallest part of its size. */
 const [LEAST_LIKENESS, LEAST_SIZE] = [0.75, 0.3];
 
-/** @typedef {import("./film.js").Film} Film */
+/** @import { Film } from "./film.js" */
 /** @typedef {{time: number, x: number, y: number}} Mark by the film [s], and in its pixels */
 
 /** Weight of each pixel of a square: those far from its centre are of the string, or of something else. */

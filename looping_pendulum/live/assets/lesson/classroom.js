@@ -1,6 +1,7 @@
 /** A class: what everyone predicted and measured in the lesson, one line each, and how that is distributed. */
 
 import { parsed } from "../controls.js";
+import { html } from "../elements.js";
 import { make } from "../engine_runs/shapes.js";
 import { copyText, save } from "../export.js";
 import { ticks } from "../canvas.js";
@@ -10,7 +11,7 @@ import { isAnswer } from "./work.js";
 
 /** @typedef {{said: string, found: string, measured: string}} Result an option, or a number as text; "" for what is not known */
 /** @typedef {{name: string, results: Map<string, Result>}} Pupil `results`: by the name of the step */
-/** @typedef {import("./steps.js").Step} Step */
+/** @import { Step } from "./steps.js" */
 
 /** What begins the line of a pupil. */
 const BEGINNING = "looping-pendulum class";
@@ -143,12 +144,9 @@ export class Classroom {
 
 /** What a class said of a step. @param {Step} step @param {number} place @param {Result[]} results */
 function figureOf(step, place, results) {
-  const figure = document.createElement("figure");
-  const caption = document.createElement("figcaption");
   const name = text(`lesson.${step.name}.title`);
-  caption.textContent = [text("lessonStep", { number: place + 1, name }), text(`lesson.${step.name}.question`)].join(". ");
-  figure.append(caption, step.options.length ? barsOf(step, results) : axisOf(step, results));
-  return figure;
+  const caption = [text("lessonStep", { number: place + 1, name }), text(`lesson.${step.name}.question`)].join(". ");
+  return html("figure", {}, html("figcaption", {}, caption), step.options.length ? barsOf(step, results) : axisOf(step, results));
 }
 
 /** A bar for each answer; the one that the runs say is marked. @param {Step} step @param {Result[]} results */

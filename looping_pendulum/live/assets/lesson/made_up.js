@@ -4,7 +4,7 @@ import { CONTROLS, settingsOf, tidy, withValue } from "../controls.js";
 import { seeded } from "../random.js";
 import { ShownRun } from "../shown_run.js";
 
-/** @typedef {import("../controls.js").State} State */
+/** @import { State } from "../controls.js" */
 
 /** Standard deviation of a made-up coordinate [m]. */
 export const SCATTER = 2e-3;

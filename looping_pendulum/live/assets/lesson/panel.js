@@ -1,6 +1,7 @@
 /** The lesson on the page: asks for a prediction, sets what a step says, and tells what the run says. */
 
 import { parsed, same, settingsOf } from "../controls.js";
+import { html } from "../elements.js";
 import { remainderInWords } from "../fit_panel.js";
 import { ShownRun } from "../shown_run.js";
 import { fixed, shown, text, withUnit } from "../texts.js";
@@ -10,10 +11,9 @@ import { TYPICAL_SCATTER, filmedPoints, madeUpTrial } from "./made_up.js";
 import { STEPS, distanceOf, filmedState, isOfRatioStep, judgeRatio, judgeTrial, lowestRatio, placeOfRatio, trialState } from "./steps.js";
 import { workOf } from "./work.js";
 
-/** @typedef {import("../controls.js").State} State */
-/** @typedef {import("../shown_run.js").DrawnRun} DrawnRun */
-/** @typedef {import("./steps.js").Judgement} Judgement */
-/** @typedef {import("./steps.js").Step} Step */
+/** @import { State } from "../controls.js" */
+/** @import { DrawnRun } from "../shown_run.js" */
+/** @import { Judgement, Step } from "./steps.js" */
 /**
  * @typedef {{state: State, run: DrawnRun, set: (state: State) => void, change: () => void, play: () => boolean,
  *   stopAt: (time: number) => void, trial: import("../trial_panel.js").TrialPanel, history: import("../history.js").History,
@@ -53,11 +53,9 @@ export class LessonPanel {
     /** Wind in the trial that was made up last [m/s]. */
     this.wind = 0;
     element("lesson-steps").append(...STEPS.map((_, place) => {
-      const button = Object.assign(document.createElement("button"), { type: "button", textContent: String(place + 1) });
+      const button = html("button", { type: "button" }, String(place + 1));
       button.addEventListener("click", () => this.open(place));
-      const item = document.createElement("li");
-      item.append(button);
-      return item;
+      return html("li", {}, button);
     }));
     element("lesson-change").addEventListener("click", () => this.change());
     element("lesson-check").addEventListener("click", () => this.check());
@@ -179,12 +177,9 @@ export class LessonPanel {
   /** @param {Step} step */
   choices({ name, options }) {
     return options.map((option) => {
-      const radio = Object.assign(document.createElement("input"), { type: "radio", name: "lesson-option", value: option });
-      radio.checked = this.work.prediction === option;
+      const radio = html("input", { type: "radio", name: "lesson-option", value: option, checked: this.work.prediction === option });
       radio.addEventListener("change", () => this.predict(option));
-      const label = document.createElement("label");
-      label.append(radio, text(`lesson.${name}.${option}`));
-      return label;
+      return html("label", {}, radio, text(`lesson.${name}.${option}`));
     });
   }
 
@@ -449,10 +444,7 @@ function moreInWords({ name, task }, { tests, wind, ratio }) {
 
 /** @param {string} id @param {string} words @param {string} value @param {(typed: string) => void} onInput */
 function numberField(id, words, value, onInput) {
-  const field = Object.assign(document.createElement("input"), { type: "text", id, inputMode: "decimal", autocomplete: "off" });
-  field.value = shown(value);
+  const field = html("input", { type: "text", id, inputMode: "decimal", autocomplete: "off", value: shown(value) });
   field.addEventListener("input", () => onInput(field.value));
-  const label = document.createElement("label");
-  label.append(words, field);
-  return label;
+  return html("label", {}, words, field);
 }

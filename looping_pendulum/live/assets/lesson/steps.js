@@ -6,8 +6,8 @@ import { durationOf } from "../shown_run.js";
 import { typicalDistance } from "../trial/distance.js";
 import { LARGEST_TYPICAL, filmOf } from "./made_up.js";
 
-/** @typedef {import("../controls.js").State} State */
-/** @typedef {import("../shown_run.js").DrawnRun} DrawnRun */
+/** @import { State } from "../controls.js" */
+/** @import { DrawnRun } from "../shown_run.js" */
 /** @typedef {{found: string | number, right: boolean, values: Record<string, number>, ratio?: number,
  *   tests?: import("../trial/fit.js").FitResult["tests"], wind?: number}} Judgement
  *   `found`: the option, or the number, that the run says; `values`: those of the explanation; `ratio`: at which somebody found the lowest;

@@ -2,8 +2,7 @@
 
 import { LANGUAGES } from "../texts.js";
 
-/** @typedef {import("./steps.js").Step} Step */
-/** @typedef {import("./steps.js").Judgement} Judgement */
+/** @import { Judgement, Step } from "./steps.js" */
 /**
  * @typedef {{prediction: string, counted: string, measured: string, judgement: Judgement | null}} Work
  *   `prediction`: what is chosen or typed; `counted`: what was when the button was pressed; "": nothing yet

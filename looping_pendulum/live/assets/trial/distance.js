@@ -2,7 +2,7 @@
 
 import { median } from "./statistics.js";
 
-/** @typedef {import("../shown_run.js").DrawnRun} DrawnRun */
+/** @import { DrawnRun } from "../shown_run.js" */
 /** @typedef {[number, number, number]} Point time since the release [s] and place [m] */
 
 /** Factors on the times that are tried: steps of a quarter of an octave, as the first look has them. */

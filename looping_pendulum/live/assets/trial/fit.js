@@ -10,11 +10,8 @@ import { FITTED_CHANNELS, measured, runFor, samplesOf, timesOf } from "./predict
 import { testResiduals } from "./residual_tests.js";
 import { dot, inverse, normalMatrix, range, sumOfSquares } from "./statistics.js";
 
+/** @import { Camera, Channel, Sample, Times } from "./prediction.js" */
 /**
- * @typedef {import("./prediction.js").Channel} Channel
- * @typedef {import("./prediction.js").Camera} Camera
- * @typedef {import("./prediction.js").Times} Times
- * @typedef {import("./prediction.js").Sample} Sample
  * @typedef {{settings: Record<string, any>, channels: Channel[], camera: Camera, known: Record<string, number>}} FitTask
  *   settings and camera from which it starts; parameters that were measured -> standard error of what these say [SI]
  * @typedef {{name: string, value: number, error: number}} FittedParameter SI

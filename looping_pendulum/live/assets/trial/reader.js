@@ -9,8 +9,7 @@ import { mean, median, range } from "./statistics.js";
 import { DataError, isTime, notPlain, numbersOf, quote, readTable } from "./table.js";
 import { factorTo } from "./units.js";
 
-/** @typedef {import("./table.js").Column} Column */
-/** @typedef {import("./table.js").Table} Table */
+/** @import { Column, Table } from "./table.js" */
 /** SI, without missing samples; `error`: standard errors that the file states, 0 for an empty one.
  * @typedef {{name: string, t: number[], value: number[], error?: number[]}} Channel */
 /** What is said about a file. @typedef {{tracks?: Record<string, string>, units?: Record<string, string>, frame_rate?: number | null}} Options */

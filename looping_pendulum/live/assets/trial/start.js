@@ -2,7 +2,7 @@
 
 import { median, range, robustDeviation } from "./statistics.js";
 
-/** @typedef {import("./reader.js").Channel} Channel */
+/** @import { Channel } from "./reader.js" */
 
 /** Twice the largest acceleration of a mass after its release [m/s^2], and of an angle [rad/s^2]: a record that is faster begins later. */
 const [MAX_START_ACCELERATION, MAX_ANGULAR_ACCELERATION] = [9.81, 98.1];

@@ -15,7 +15,7 @@ export function studyYaml(settings, { file, tracks, length, time, rate, mirrored
   const inUnit = (/** @type {string} */ name) => `${si(name)} ${UNITS[name]}`;
   const inDegrees = (/** @type {number} */ angle) => `${tidy((angle * 180) / Math.PI)} deg`;
   const measured = (/** @type {string} */ name) =>
-    [inUnit(name), ...(known[name] > 0 ? ["+/-", tidy(known[name]), UNITS[name]] : [])].join(" ");
+    `${inUnit(name)}${known[name] > 0 ? ` +/- ${tidy(known[name])} ${UNITS[name]}` : ""}`;
   const named = Object.entries(tracks).map(([mass, track]) => `${mass}: ${quoted(track)}`);
   const lengths = ["free_length", "hanging_length"].map((name) => `${name}: free from ${inUnit(name)}`).join(", ");
   const looping = settings.release === "looping";
@@ -24,7 +24,7 @@ export function studyYaml(settings, { file, tracks, length, time, rate, mirrored
     // A record of a swing may begin in its midst, which identify sees if it may believe the clock
     .filter(([name, value]) => looping || (name === "clock_offset" && value))
     // Stated, it is that of the file's own clock
-    .map(([name, value]) => [`${name}: free from`, ...(name === "clock_offset" ? [tidy(value - clockStart), "s"] : [tidy(value), "m"])].join(" "));
+    .map(([name, value]) => `${name}: free from ${name === "clock_offset" ? `${tidy(value - clockStart)} s` : `${tidy(value)} m`}`);
   const film = [
     ...(known.scale > 0 ? [`scale: ${tidy(scale)} +/- ${tidy(known.scale)}`] : []),
     ...(known.tilt > 0 ? [`tilt: ${inDegrees(tilt)} +/- ${inDegrees(known.tilt)}`] : []),
@@ -42,10 +42,10 @@ export function studyYaml(settings, { file, tracks, length, time, rate, mirrored
   const start = tidy(kinetic || resting / 2);
   const friction = resting > kinetic ? `{kinetic_friction: free from ${start}, static_friction: ${tidy(resting)}}` : "free";
   const further = Object.keys(FURTHER_EFFECTS).filter((name) => settings[name]);
-  const radius = settings.light_radius ? [", radius:", inUnit("light_radius")].join(" ") : "";
-  const kind = looping ? "" : ["kind: ", settings.release, ", "].join("");
-  const others = further.map((name) => ["  ", name, ": ", inUnit(name), "\n"].join("")).join("");
-  const said = options.map((line) => ["    ", line, "\n"].join("")).join("");
+  const radius = settings.light_radius ? `, radius: ${inUnit("light_radius")}` : "";
+  const kind = looping ? "" : `kind: ${settings.release}, `;
+  const others = further.map((name) => `  ${name}: ${inUnit(name)}\n`).join("");
+  const said = options.map((line) => `    ${line}\n`).join("");
   return `# Written by the page live.html. Where you have measured what is free here, write the value, +/- and its standard error.
 title: ${quoted(file)}
 apparatus:
