@@ -158,14 +158,13 @@ def _study_of_keywords(*, trials: Sequence[Trial] = (), name: str = "study", tit
     warn_of_faulty_packages()
     if strange := [t for t in trials if not isinstance(t, Trial)]:
         raise StudyError(f"study: trials: found an object of the type {type(strange[0]).__name__}, needed a list of lp.Trial")
-    named = [t if t.name else _named(t, f"trial_{i}") for i, t in enumerate(trials, 1)]
+    # Points may have no name, and so the file of them that `study_io.dump` names has none
+    named = [
+        t if t.name else dataclasses.replace(t, name=f"trial_{i}", files=((f"trial_{i}.csv", t.files[0][1]),))
+        for i, t in enumerate(trials, 1)
+    ]
     given = {"title": title or name, "trials": named, **keywords}
     return read_keywords(Study, given, OF_STUDY, {"<name>": name, "<folder>": Path()}, label="study", check=check_study)
-
-
-def _named(trial: Trial, name: str) -> Trial:
-    """Return a trial of points that has no name with one, which a file of its points would have, too."""
-    return dataclasses.replace(trial, name=name, files=tuple((f"{name}.csv", tracks) for _, tracks in trial.files))
 
 
 # The text under a field describes it in the program, in docs/keys.md and in an editor; in the program all values are in SI. A
