@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
+import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import AfterValidator, Field, InstanceOf, ValidationInfo, model_validator
@@ -109,7 +111,7 @@ def _name(name: str, info: ValidationInfo) -> str:
 
 
 def _takes_keywords(read: Callable[..., Any], field_of_file: str) -> Callable[[Any], Any]:
-    """Return the decorator of a model that a script makes by keywords, which ``read`` understands.
+    """Return the decorator of a model that a script makes by keywords: those of its `by_keywords`, which ``read`` understands.
 
     Parameters
     ----------
@@ -118,8 +120,9 @@ def _takes_keywords(read: Callable[..., Any], field_of_file: str) -> Callable[[A
     """
 
     def decorate(model: Any) -> Any:
-        by_fields = model.__init__
+        by_fields, signature = model.__init__, inspect.signature(model.by_keywords)
 
+        @functools.wraps(by_fields)
         def init(self: Any, **keywords: Any) -> None:
             if field_of_file not in keywords:
                 made = read(**keywords)
@@ -127,6 +130,8 @@ def _takes_keywords(read: Callable[..., Any], field_of_file: str) -> Callable[[A
             by_fields(self, **keywords)
 
         model.__init__ = init
+        # For help and completion
+        model.__signature__ = signature.replace(parameters=[*signature.parameters.values()][1:])
         return model
 
     return decorate
@@ -139,6 +144,8 @@ TABLE_KEYS = ("tracks", "kind", "frame_rate", "clip_rate", "units", "plane", "bo
 def _trial_of_keywords(*, points: Any = None, name: str = "", **keywords: Any) -> Trial:
     """Return the trial of a script's keywords."""
     label = f"trial '{name}'" if name else "trial"
+    if points is None and not (keywords.get("file") or keywords.get("files")):
+        raise StudyError(f"{label}: found neither points nor a file, needed one of them; write for example points=frame")
     if points is not None:
         if twice := [key for key in ("file", "files") if key in keywords]:
             raise StudyError(f"{label}: {twice[0]}: found a file beside points, needed one of them; leave one out")
@@ -218,38 +225,39 @@ class Trial:
     points: Annotated[InstanceOf[Observations] | str | None, in_no_file("points")] = field(default=None, repr=False)
     """What a script gives in place of files: observations, or the text of a table."""
 
-    if TYPE_CHECKING:
+    def __init__(
+        self,
+        *,
+        points: Observations | Mapping[str, Any] | Any = None,
+        name: str = "",
+        file: str | None = None,
+        files: Mapping[str, str] | None = None,
+        tracks: Mapping[str, str] | None = None,
+        events: str | None = None,
+        kind: str | None = None,
+        frame_rate: Quantity | None = None,
+        clip_rate: Quantity | None = None,
+        units: Mapping[str, str] | None = None,
+        plane: str | None = None,
+        box: str | None = None,
+        run: str | None = None,
+        dropped: str | None = None,
+        mirrored: bool = False,
+        held_out: bool = False,
+        light_mass: Measured | None = None,
+        light_radius: Measured | None = None,
+        heavy_mass: Measured | None = None,
+        release: Release | str | None = None,
+        release_angle: Measured | None = None,
+        free_length: Measured | None = None,
+        hanging_length: Measured | None = None,
+        push_across: Measured | None = None,
+        camera: Mapping[str, Measured] | None = None,
+        event_errors: Mapping[str, Quantity] | None = None,
+    ) -> None:
+        """Declare the keywords by which a script makes one; `_takes_keywords` carries it out."""
 
-        def __init__(
-            self,
-            *,
-            points: Observations | Mapping[str, Any] | Any = None,
-            name: str = "",
-            file: str | None = None,
-            files: Mapping[str, str] | None = None,
-            tracks: Mapping[str, str] | None = None,
-            events: str | None = None,
-            kind: str | None = None,
-            frame_rate: Quantity | None = None,
-            clip_rate: Quantity | None = None,
-            units: Mapping[str, str] | None = None,
-            plane: str | None = None,
-            box: str | None = None,
-            run: str | None = None,
-            dropped: str | None = None,
-            mirrored: bool = False,
-            held_out: bool = False,
-            light_mass: Measured | None = None,
-            light_radius: Measured | None = None,
-            heavy_mass: Measured | None = None,
-            release: Release | str | None = None,
-            release_angle: Measured | None = None,
-            free_length: Measured | None = None,
-            hanging_length: Measured | None = None,
-            push_across: Measured | None = None,
-            camera: Mapping[str, Measured] | None = None,
-            event_errors: Mapping[str, Quantity] | None = None,
-        ) -> None: ...
+    by_keywords = __init__
 
     @model_validator(mode="before")
     @classmethod
@@ -301,24 +309,25 @@ class Study:
     gravity_range: Annotated[tuple[float, float], _LOW_AND_HIGH["gravity"]] = EARTH_GRAVITY
     """Acceleration of free fall that there may be where the trials were made; that on Earth if not given."""
 
-    if TYPE_CHECKING:
+    def __init__(
+        self,
+        *,
+        trials: Sequence[Trial],
+        name: str = "study",
+        title: str = "",
+        effects: Mapping[str, Any] | None = None,
+        candidates: Mapping[str, Mapping[str, Any]] | None = None,
+        fit: Sequence[str] | None = None,
+        limits: Mapping[str, Any] | None = None,
+        gravity_range: tuple[Quantity, Quantity] | None = None,
+        light_mass: Measured | None = None,
+        light_radius: Measured | None = None,
+        heavy_mass: Measured | None = None,
+        rod_radius: Measured | None = None,
+    ) -> None:
+        """Declare the keywords by which a script makes one; `_takes_keywords` carries it out."""
 
-        def __init__(
-            self,
-            *,
-            trials: Sequence[Trial],
-            name: str = "study",
-            title: str = "",
-            effects: Mapping[str, Any] | None = None,
-            candidates: Mapping[str, Mapping[str, Any]] | None = None,
-            fit: Sequence[str] | None = None,
-            limits: Mapping[str, Any] | None = None,
-            gravity_range: tuple[Quantity, Quantity] | None = None,
-            light_mass: Measured | None = None,
-            light_radius: Measured | None = None,
-            heavy_mass: Measured | None = None,
-            rod_radius: Measured | None = None,
-        ) -> None: ...
+    by_keywords = __init__
 
     def trial(self, name: str) -> Trial:
         """Return the trial of that name."""

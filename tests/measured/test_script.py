@@ -1,7 +1,6 @@
 """A study that a script makes: from arrays, DataFrames or observations the same as from a file, with errors of one line."""
 
 import inspect
-import re
 
 import numpy as np
 import pandas
@@ -67,10 +66,10 @@ def test_arrays_and_frames_and_yaml_give_one_study(frame, tmp_path):
 def test_signatures_name_every_keyword():
     """Type checkers and completion read them; what is understood is said by the keys of the file."""
     for model, places in ((Trial, OF_TRIAL), (Study, OF_STUDY)):
-        source = inspect.getsource(model).partition("def __init__(")[2].partition(") -> None")[0]
-        declared = set(re.findall(r"^ +(\w+):", source, re.MULTILINE))
-        message = str(pytest.raises(StudyError, model, nonsense=1).value)
-        known = set(message.partition("needed one of: ")[2].split(", ")) - {"name", "own_effects"}
+        declared = set(inspect.signature(model).parameters)
+        keys = {"file": "a.csv"} if model is Trial else {"trials": [lp.Trial(file="a.csv")]}
+        message = str(pytest.raises(StudyError, model, nonsense=1, **keys).value)
+        known = set(message.partition("needed one of: ")[2].split(", ")) - {"name"}
         assert declared - {"name", "points"} == known
         assert places.keys() <= declared
 
@@ -93,6 +92,7 @@ def test_signatures_name_every_keyword():
             {"points": {"t": [0, 1], "light_x": [1]}},
             "trial: points: found the shapes t (2,), light_x (1,), needed columns of one",
         ),
+        ({"points": None}, "trial: found neither points nor a file, needed one of them"),
         ({"points": {}}, "trial: points: found the shapes no columns, needed columns"),
     ],
 )
