@@ -1,17 +1,22 @@
-"""Write `result.schema.json`, the JSON Schema of result.json, from the classes of a result; run it when one of them changes."""
+"""Write the JSON Schemas of result.json and verdict.json from the classes of the results; run it when one of them changes."""
 
 import json
 from pathlib import Path
 
 from looping_pendulum.compare import result
+from looping_pendulum.discrepancy import result as verdict
 
-FILE = Path(result.__file__).with_name("result.schema.json")
+SCHEMAS = {
+    Path(result.__file__).with_name("result.schema.json"): result.ComparisonResult.json_schema,
+    Path(verdict.__file__).with_name("verdict.schema.json"): verdict.json_schema,
+}
 
 
-def text() -> str:
-    """Return the text of the file."""
-    return json.dumps(result.ComparisonResult.json_schema(), indent=1, ensure_ascii=False) + "\n"
+def text(file: Path) -> str:
+    """Return the text of one of the files."""
+    return json.dumps(SCHEMAS[file](), indent=1, ensure_ascii=False) + "\n"
 
 
 if __name__ == "__main__":
-    FILE.write_text(text(), encoding="utf-8")
+    for file in SCHEMAS:
+        file.write_text(text(file), encoding="utf-8")

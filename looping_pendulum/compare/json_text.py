@@ -12,6 +12,7 @@ from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 import numpy as np
 from pydantic import PlainValidator, TypeAdapter, ValidationError, WithJsonSchema
+from pydantic.json_schema import GenerateJsonSchema
 
 from looping_pendulum.errors import ResultError, one_line
 from looping_pendulum.files import read_file, utf8
@@ -77,6 +78,19 @@ def dump(result: Any, schema_id: str, version: int) -> str:
     tree = {"schema": {"id": schema_id, "version": version}} | plain(result)
     # A NaN that got through would be an error here rather than a file that other programs cannot read
     return json.dumps(tree, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def file_schema(
+    cls: Any, schema_id: str, version: int, generator: type[GenerateJsonSchema] = GenerateJsonSchema
+) -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of `dump`'s text of a result of the dataclass ``cls``."""
+    schema = TypeAdapter(cls).json_schema(mode="serialization", schema_generator=generator)
+    constants = {"id": {"const": schema_id}, "version": {"const": version}}
+    key = {"type": "object", "properties": constants, "required": list(constants)}
+    not_written = {f.name for f in dataclasses.fields(cls) if not f.compare}
+    written = {name: kind for name, kind in schema["properties"].items() if name not in not_written}
+    required = [name for name in schema["required"] if name not in not_written]
+    return schema | {"properties": {"schema": key} | written, "required": ["schema", *required]}
 
 
 def load(cls: type[T], text: str, schema_id: str, version: int, *, file: str, rewrite_hint: str) -> T:
@@ -154,13 +168,7 @@ class JsonResult:
     @classmethod
     def json_schema(cls) -> dict[str, Any]:
         """Return the JSON Schema (draft 2020-12) of the file."""
-        schema = TypeAdapter(cls).json_schema(mode="serialization")
-        constants = {"id": {"const": cls.SCHEMA_ID}, "version": {"const": cls.SCHEMA_VERSION}}
-        key = {"type": "object", "properties": constants, "required": list(constants)}
-        not_written = {f.name for f in dataclasses.fields(cls) if not f.compare}  # type: ignore[arg-type]
-        written = {name: kind for name, kind in schema["properties"].items() if name not in not_written}
-        required = [name for name in schema["required"] if name not in not_written]
-        return schema | {"properties": {"schema": key} | written, "required": ["schema", *required]}
+        return file_schema(cls, cls.SCHEMA_ID, cls.SCHEMA_VERSION)
 
     @classmethod
     def from_json(cls, text: str, file: str = "") -> Self:

@@ -22,8 +22,7 @@ from looping_pendulum.compare.align import Aligned
 from looping_pendulum.compare.deviation import Departure, Tube
 from looping_pendulum.compare.json_text import JsonResult, StoredParameters, plain
 from looping_pendulum.compare.trial import TrialComparison
-from looping_pendulum.errors import MissingPackageError
-from looping_pendulum.installation import install_command
+from looping_pendulum.pages.tables import data_frame
 from looping_pendulum.runs.events import Landmarks
 from looping_pendulum.runs.trajectory import Provenance, RunStatus, Trajectory, variant_label
 from looping_pendulum.scenarios.scenario import Inference
@@ -236,12 +235,7 @@ class ComparisonResult(JsonResult):
         MissingPackageError
             If pandas is not installed.
         """
-        try:
-            import pandas
-        except ImportError:
-            way_out = f"`rows()` gives the same as a list; to get pandas: `{install_command('pandas')}`"
-            raise MissingPackageError(f"to_frame: pandas is not installed; {way_out}") from None
-        return pandas.DataFrame(self.rows())
+        return data_frame(self.rows())
 
     def short_name(self, engine: EngineResult) -> str:
         """Return the label of ``engine``, with its profile if the engine was run with several or is the reference's own."""

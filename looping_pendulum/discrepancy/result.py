@@ -2,19 +2,25 @@
 
 SI and radians throughout, unless a unit is given. verdict.json has ``schema`` {id, version}, then the fields of
 `Identification` by their names, as documented there; null for what is not known or not finite. Fields marked `compare=False`
-(arrays for figures) are left out.
+(arrays for figures) are left out. `verdict.schema.json` beside this file is its JSON Schema, which
+`python -m scripts.result_schema` writes.
 """
 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
+from pydantic import InstanceOf
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue, SkipJsonSchema
+from pydantic_core import core_schema
 
 from looping_pendulum.compare import json_text
 from looping_pendulum.discrepancy.candidates import Candidate, in_words
@@ -29,14 +35,13 @@ from looping_pendulum.discrepancy.fit.likelihood import stated_interval
 from looping_pendulum.discrepancy.fit.problem import OutOfTime, time_limits
 from looping_pendulum.discrepancy.fit.residual import BLOCKS, ModelTest, failures_in_words
 from looping_pendulum.discrepancy.formulas import Unlisted
+from looping_pendulum.discrepancy.look.check import DeclarationCheck
 from looping_pendulum.discrepancy.next_experiment import Experiment
 from looping_pendulum.measured.free_parameter import ParameterRole
 from looping_pendulum.measured.observations import BODIES, EventObservation
 from looping_pendulum.measured.study import Estimate
+from looping_pendulum.pages.tables import data_frame, text_table
 from looping_pendulum.reference_ode.geometry import Array
-
-if TYPE_CHECKING:
-    from looping_pendulum.discrepancy.look.check import DeclarationCheck
 
 SCHEMA_ID = "looping-pendulum/identification"
 SCHEMA_VERSION = 12
@@ -219,9 +224,13 @@ class FitReport:
         return failures_in_words(self.tests)
 
 
-@dataclass(frozen=True, kw_only=True)
+Table = Literal["explanations", "effects", "trials", "residuals"]
+"""Tables of `Identification.rows`."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Identification:
-    """Everything that an identification yields."""
+    """Everything that an identification yields; `repr` shows the verdict and the explanations."""
 
     study: str
     title: str
@@ -263,9 +272,9 @@ class Identification:
     """Package -> version."""
     scenario: str = field(compare=False)
     """The repaired model of the first trial as a scenario file."""
-    trial_figures: tuple[PredictedTrial, ...] = field(default=(), compare=False)
+    trial_figures: SkipJsonSchema[tuple[InstanceOf[PredictedTrial], ...]] = field(default=(), compare=False)
     """Every trial that was tracked, for its figure."""
-    first_look: DeclarationCheck | None = field(default=None, compare=False)
+    first_look: SkipJsonSchema[InstanceOf[DeclarationCheck]] | None = field(default=None, compare=False)
     """Comparison of the points with the declaration before any fit; what looked wrong there is among the notes."""
 
     @property
@@ -295,10 +304,67 @@ class Identification:
             return ()
         return tuple(e.effects for e in self.credible if e.effects and not e.law)
 
+    def rows(self, table: Table = "explanations") -> list[dict[str, Any]]:
+        """Return a table, one dict a row [SI].
+
+        Parameters
+        ----------
+        table
+            "explanations": the most probable first. "effects": the effects of each explanation, with the ends of the interval
+            of 95 %, None where the data set none. "trials": the errors of each trial before and after. "residuals": every value
+            of a channel beside both models.
+        """
+        if table == "residuals":
+            return residual_rows(self.trial_figures, {"before": "_before", "after": "_after"})
+        if table == "trials":
+            return [dataclasses.asdict(e) for e in self.errors]
+        if table == "effects":
+            return [
+                {
+                    "explanation": e.in_words,
+                    "name": effect.name,
+                    "value": effect.value,
+                    "error": effect.error,
+                    "low": effect.interval_95[0],
+                    "high": effect.interval_95[1],
+                    "unit": effect.candidate.unit,
+                }
+                for e in self.explanations
+                for effect in e.effects
+            ]
+        columns = ("probability", "log10_odds", "credible", "held_out_error")
+        return [{"explanation": e.in_words} | {name: getattr(e, name) for name in columns} for e in self.explanations]
+
+    def to_frame(self, table: Table = "explanations") -> Any:
+        """Return `rows` as a `pandas.DataFrame`, in which None is NaN.
+
+        Raises
+        ------
+        MissingPackageError
+            If pandas is not installed.
+        """
+        return data_frame(self.rows(table))
+
+    def __repr__(self) -> str:
+        """Return the verdict, and what explains the data as a table."""
+        return f"{self.study}: {self.verdict}. {self.sentence}\n{text_table(self.rows())}"
+
 
 def dump(result: Identification) -> str:
     """Write a result as JSON text."""
     return json_text.dump(result, SCHEMA_ID, SCHEMA_VERSION)
+
+
+class _VerdictSchema(GenerateJsonSchema):
+    """Generator of a JSON Schema in which a number may be null: it is not finite."""
+
+    def float_schema(self, schema: core_schema.FloatSchema) -> JsonSchemaValue:
+        return super().float_schema(schema) | {"type": ["number", "null"]}
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of `dump`'s text."""
+    return json_text.file_schema(Identification, SCHEMA_ID, SCHEMA_VERSION, _VerdictSchema)
 
 
 def ranked_explanations(found: Explanations, held_out: Mapping[Key, float], until: float) -> tuple[RankedExplanation, ...]:
@@ -380,13 +446,14 @@ def predicted_trials(before: Judged, after: Judged) -> tuple[PredictedTrial, ...
     trials = [(before.training, after.training, k, False) for k in range(len(before.training.problem.data))]
     trials += [(b, a, 0, True) for b, a in zip(before.held_out.fits, after.held_out.fits, strict=True)]
     return tuple(
-        _predicted({"before": by_declared, "after": by_repaired}, k, held_out=held_out)
+        predicted_trial({"before": by_declared, "after": by_repaired}, k, held_out=held_out)
         for by_declared, by_repaired, k, held_out in trials
     )
 
 
-def _predicted(fits: Mapping[str, Fit], k: int, *, held_out: bool) -> PredictedTrial:
-    data = fits["after"].problem.data[k]
+def predicted_trial(fits: Mapping[str, Fit], k: int, *, held_out: bool) -> PredictedTrial:
+    """Return trial ``k`` of the problems of fits, by the key of the model of each, beside its predictions by these."""
+    data = [*fits.values()][-1].problem.data[k]
     predicted, residuals, chi2 = {}, {}, {}
     for model, fit in fits.items():
         own = fit.problem.data[k]  # with the noise that this model leaves
@@ -407,16 +474,16 @@ def trial_errors(trials: Sequence[PredictedTrial], before: Judged, after: Judged
         TrialError(
             trial=t.data.trial.name,
             held_out=t.held_out,
-            rms_before=_rms(t, "before"),
-            rms_after=_rms(t, "after"),
+            rms_before=rms_of_position(t, "before"),
+            rms_after=rms_of_position(t, "after"),
             standardised_rms_before=math.sqrt(t.chi2["before"]),
             standardised_rms_after=math.sqrt(t.chi2["after"]),
-            unit=_unit_of_position(t.data),
+            unit=unit_of_position(t.data),
         )
         for t in trials
     ]
     if not before.held_out.fits:  # blocks of time are judged together and have no fits of their own
-        units = {_unit_of_position(t.data) for t in trials if t.data.channels}
+        units = {unit_of_position(t.data) for t in trials if t.data.channels}
         rows.append(
             TrialError(
                 trial=BLOCKS,
@@ -431,12 +498,38 @@ def trial_errors(trials: Sequence[PredictedTrial], before: Judged, after: Judged
     return tuple(rows)
 
 
+def residual_rows(trials: Sequence[PredictedTrial], models: Mapping[str, str]) -> list[dict[str, Any]]:
+    """Return one row for each value of a channel [SI] beside the predictions, those of outliers included.
+
+    Parameters
+    ----------
+    models
+        Model -> what its columns have at their end, "_before".
+    """
+    rows = []
+    for t in trials:
+        for name, part in t.data.slices.items():
+            columns: dict[str, NDArray[Any]] = {
+                "t": t.data.t[part],
+                "measured": t.data.value[part],
+                "sigma": np.where(np.isfinite(t.data.sigma[part]), t.data.sigma[part], np.nan),
+                "outlier": t.data.is_outlier[part],
+            }
+            for model, ending in models.items():
+                columns[f"predicted{ending}"] = t.predicted[model][part]
+                columns[f"residual{ending}"] = columns["measured"] - t.predicted[model][part]
+            values = zip(*(column.tolist() for column in columns.values()), strict=True)
+            known = {"trial": t.data.trial.name, "held_out": t.data.trial.held_out, "channel": name}
+            rows += [known | dict(zip(columns, row, strict=True)) for row in values]
+    return rows
+
+
 def _position_channels(d: TrialData) -> list[str]:
     """Return the channels that errors are reported for: the light mass's coordinates or, without them, all."""
     return [n for n in BODIES["light"] if n in d.slices] or list(d.slices)
 
 
-def _rms(t: PredictedTrial, model: str) -> float | None:
+def rms_of_position(t: PredictedTrial, model: str) -> float | None:
     """Return the RMS residual of the light mass's position, or of all channels [SI]; None: there are only events."""
     if not t.data.channels:
         return None
@@ -445,7 +538,7 @@ def _rms(t: PredictedTrial, model: str) -> float | None:
     return math.sqrt(sum(float(np.mean(residual[part][used[part]] ** 2)) for part in parts))
 
 
-def _unit_of_position(d: TrialData) -> str:
+def unit_of_position(d: TrialData) -> str:
     """Return the SI unit of these residuals; empty: there are several, or no channels."""
     units = {c.unit for c in d.channels if c.name in _position_channels(d)}
     return units.pop() if len(units) == 1 else ""

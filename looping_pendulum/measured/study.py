@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
+import functools
+import inspect
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from functools import cached_property
 from pathlib import Path
@@ -11,11 +14,21 @@ from types import MappingProxyType
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator, Field, ValidationInfo, model_validator
+from pydantic import AfterValidator, Field, InstanceOf, ValidationInfo, model_validator
 from pydantic.dataclasses import dataclass
 
+from looping_pendulum.errors import ParameterError
 from looping_pendulum.measured.camera import CAMERA
 from looping_pendulum.measured.free_parameter import FreeParameter
+from looping_pendulum.measured.keywords import (
+    OF_STUDY,
+    OF_TRIAL,
+    Measured,
+    Quantity,
+    StudyError,
+    read_keywords,
+    table_text,
+)
 from looping_pendulum.measured.observations import (
     BOXES,
     KINDS,
@@ -45,6 +58,7 @@ from looping_pendulum.measured.study_file import Estimate as Estimate
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Coefficient, Effect
 from looping_pendulum.reference_ode.parameters import Parameters, Release, effect_tables, is_possible
+from looping_pendulum.scenarios.document import Document
 from looping_pendulum.scenarios.fields import (
     FILE_CONFIG,
     Flag,
@@ -54,8 +68,9 @@ from looping_pendulum.scenarios.fields import (
     in_brackets,
     in_no_file,
     one_of,
+    suggest,
 )
-from looping_pendulum.scenarios.own_effects import KEY_IN_STUDY, OwnEffects
+from looping_pendulum.scenarios.own_effects import KEY_IN_STUDY, OwnEffects, warn_of_faulty_packages
 from looping_pendulum.scenarios.quantities import APPARATUS, QUANTITIES
 from looping_pendulum.scenarios.units import QuantityKind
 
@@ -95,11 +110,81 @@ def _name(name: str, info: ValidationInfo) -> str:
     return name or Path(info.data["files"][0][0]).stem if "files" in info.data else name
 
 
+def _takes_keywords(read: Callable[..., Any], field_of_file: str) -> Callable[[Any], Any]:
+    """Return the decorator of a model that a script makes by keywords: those of its `by_keywords`, which ``read`` understands.
+
+    Parameters
+    ----------
+    field_of_file
+        Field without a default: where it is given, the program makes the model, by its fields.
+    """
+
+    def decorate(model: Any) -> Any:
+        by_fields, signature = model.__init__, inspect.signature(model.by_keywords)
+
+        @functools.wraps(by_fields)
+        def init(self: Any, **keywords: Any) -> None:
+            if field_of_file not in keywords:
+                made = read(**keywords)
+                keywords = {f.name: getattr(made, f.name) for f in dataclasses.fields(made)}
+            by_fields(self, **keywords)
+
+        model.__init__ = init
+        # For help and completion
+        model.__signature__ = signature.replace(parameters=[*signature.parameters.values()][1:])
+        return model
+
+    return decorate
+
+
+TABLE_KEYS = ("tracks", "kind", "frame_rate", "clip_rate", "units", "plane", "box", "run")
+"""Keys that say how a table is read."""
+
+
+def _trial_of_keywords(*, points: Any = None, name: str = "", **keywords: Any) -> Trial:
+    """Return the trial of a script's keywords."""
+    label = f"trial '{name}'" if name else "trial"
+    if points is None and not (keywords.get("file") or keywords.get("files")):
+        raise StudyError(f"{label}: found neither points nor a file, needed one of them; write for example points=frame")
+    if points is not None:
+        if twice := [key for key in ("file", "files") if key in keywords]:
+            raise StudyError(f"{label}: {twice[0]}: found a file beside points, needed one of them; leave one out")
+        if isinstance(points, Observations):
+            if needless := [key for key in TABLE_KEYS if keywords.get(key) is not None]:
+                found = "found it beside observations, which are read already"
+                raise StudyError(f"{label}: {needless[0]}: {found}; leave it out")
+            name = name or points.name
+        else:
+            points = table_text(points, label)
+        keywords["file"] = points.file if isinstance(points, Observations) else f"{name}.csv" if name else ""
+    return read_keywords(Trial, {"name": name, **keywords}, OF_TRIAL, {"<points>": points}, label=label)
+
+
+def _study_of_keywords(*, trials: Sequence[Trial] = (), name: str = "study", title: str = "", **keywords: Any) -> Study:
+    """Return the study of a script's keywords."""
+    warn_of_faulty_packages()
+    if strange := [t for t in trials if not isinstance(t, Trial)]:
+        raise StudyError(f"study: trials: found an object of the type {type(strange[0]).__name__}, needed a list of lp.Trial")
+    # Points may have no name, and so the file of them that `study_io.dump` names has none
+    named = [
+        t if t.name else dataclasses.replace(t, name=f"trial_{i}", files=((f"trial_{i}.csv", t.files[0][1]),))
+        for i, t in enumerate(trials, 1)
+    ]
+    given = {"title": title or name, "trials": named, **keywords}
+    return read_keywords(Study, given, OF_STUDY, {"<name>": name, "<folder>": Path()}, label="study", check=check_study)
+
+
 # The text under a field describes it in the program, in docs/keys.md and in an editor; in the program all values are in SI. A
 # field whose alias is in brackets is several keys of a file, which its type describes, or none.
+@_takes_keywords(_trial_of_keywords, "files")
 @dataclass(frozen=True, kw_only=True, config=FILE_CONFIG)
 class Trial:
-    """A trial: its file of tracked points or measured events, its release and its camera."""
+    """A trial: its file of tracked points or measured events, its release and its camera.
+
+    A script makes one by keywords: ``points``, which are a DataFrame, a mapping of names to arrays, or what `lp.track` returns;
+    the keys of a trial in a study file; and measured parameters by their names, such as ``heavy_mass`` and ``release_angle``.
+    Names and units of columns are those of a file's header, "light_x [cm]".
+    """
 
     files: Annotated[tuple[tuple[str, Mapping[str, str]], ...], FILES, in_brackets("files")]
     """Path from the study's folder, and mass -> name of its track in that file (an empty name: the only track)."""
@@ -137,6 +222,42 @@ class Trial:
     """Errors of the camera, with what is known of each; it replaces the usual prior."""
     event_errors: Annotated[Mapping[str, float], EVENT_ERRORS] = field(default_factory=dict)
     """Standard errors of events, for tables that do not print them."""
+    points: Annotated[InstanceOf[Observations] | str | None, in_no_file("points")] = field(default=None, repr=False)
+    """What a script gives in place of files: observations, or the text of a table."""
+
+    def __init__(
+        self,
+        *,
+        points: Observations | Mapping[str, Any] | Any = None,
+        name: str = "",
+        file: str | None = None,
+        files: Mapping[str, str] | None = None,
+        tracks: Mapping[str, str] | None = None,
+        events: str | None = None,
+        kind: str | None = None,
+        frame_rate: Quantity | None = None,
+        clip_rate: Quantity | None = None,
+        units: Mapping[str, str] | None = None,
+        plane: str | None = None,
+        box: str | None = None,
+        run: str | None = None,
+        dropped: str | None = None,
+        mirrored: bool = False,
+        held_out: bool = False,
+        light_mass: Measured | None = None,
+        light_radius: Measured | None = None,
+        heavy_mass: Measured | None = None,
+        release: Release | str | None = None,
+        release_angle: Measured | None = None,
+        free_length: Measured | None = None,
+        hanging_length: Measured | None = None,
+        push_across: Measured | None = None,
+        camera: Mapping[str, Measured] | None = None,
+        event_errors: Mapping[str, Quantity] | None = None,
+    ) -> None:
+        """Declare the keywords by which a script makes one; `_takes_keywords` carries it out."""
+
+    by_keywords = __init__
 
     @model_validator(mode="before")
     @classmethod
@@ -158,9 +279,14 @@ class ExperimentLimits:
     """Kinds of release that are possible; all if not given."""
 
 
+@_takes_keywords(_study_of_keywords, "folder")
 @dataclass(frozen=True, kw_only=True, config=FILE_CONFIG)
 class Study:
-    """Trials of one apparatus, and the effects that are declared to act in them."""
+    """Trials of one apparatus, and the effects that are declared to act in them.
+
+    A script makes one by keywords: ``trials``, the keys of a study file, and the measured apparatus by the names of its
+    parameters, such as ``light_mass`` and ``rod_radius``.
+    """
 
     name: Annotated[str, in_no_file("name")]
     """Name of the file, without its ending."""
@@ -182,6 +308,26 @@ class Study:
     """Limits of the trials that could be done next, for the proposal of the next experiment."""
     gravity_range: Annotated[tuple[float, float], _LOW_AND_HIGH["gravity"]] = EARTH_GRAVITY
     """Acceleration of free fall that there may be where the trials were made; that on Earth if not given."""
+
+    def __init__(
+        self,
+        *,
+        trials: Sequence[Trial],
+        name: str = "study",
+        title: str = "",
+        effects: Mapping[str, Any] | None = None,
+        candidates: Mapping[str, Mapping[str, Any]] | None = None,
+        fit: Sequence[str] | None = None,
+        limits: Mapping[str, Any] | None = None,
+        gravity_range: tuple[Quantity, Quantity] | None = None,
+        light_mass: Measured | None = None,
+        light_radius: Measured | None = None,
+        heavy_mass: Measured | None = None,
+        rod_radius: Measured | None = None,
+    ) -> None:
+        """Declare the keywords by which a script makes one; `_takes_keywords` carries it out."""
+
+    by_keywords = __init__
 
     def trial(self, name: str) -> Trial:
         """Return the trial of that name."""
@@ -373,10 +519,13 @@ def read_files(folder: Path, trial: Trial, rod_radius: Estimate | None = None) -
 
     has_film = any(is_film(path) for path, _ in trial.files)
     parts = tuple(
-        read_film(folder / path, stated_of_film(trial, rod_radius), trial.name)
+        dataclasses.replace(trial.points, name=trial.name)
+        if isinstance(trial.points, Observations)
+        else read_film(folder / path, stated_of_film(trial, rod_radius), trial.name)
         if is_film(path)
         else read(
-            folder / path,
+            folder / path if trial.points is None else f"points of '{trial.name}'",
+            content=trial.points,
             frame_rate=trial.frame_rate,
             clip_rate=trial.clip_rate,
             tracks=tracks or None,
@@ -448,3 +597,71 @@ def stated_of_film(trial: Trial, rod_radius: Estimate | None) -> dict[str, float
         "frame_rate": trial.frame_rate,
     }
     return {name: value for name, value in stated.items() if value is not None}
+
+
+def check_study(study: Study, doc: Document) -> None:
+    """Refuse what no key alone shows to be wrong.
+
+    Raises
+    ------
+    ScenarioError
+        In one line, with the key of ``doc``, of which the study was read.
+    """
+    _check_own_effects(study, doc)
+    _check_gravity(study, doc)
+    _check_names(study, doc)
+    for i, trial in enumerate(study.trials):
+        _check_trial(study, trial, doc, i)
+
+
+def _check_own_effects(study: Study, doc: Document) -> None:
+    """Refuse an effect of a camera parameter's name, as they share a namespace."""
+    for name in (own.name for own in study.own_effects if own.name in CAMERA):
+        message = f"found the name '{name}', which a camera's parameter has already; needed another, such as 'my_{name}'"
+        raise doc.error((KEY_IN_STUDY, name), message)
+
+
+def _check_gravity(study: Study, doc: Document) -> None:
+    """Refuse a gravity that there is not where the trials were made."""
+    low, high = study.gravity_range
+    gravity = study.effects.get("gravity")
+    if gravity is not None and not low <= gravity.value <= high:
+        where = "on Earth" if study.gravity_range == EARTH_GRAVITY else "by gravity_range"
+        raise doc.error(
+            ("effects", "gravity"),
+            f"found {gravity.value:g} m/s^2, needed {low:g} to {high:g} m/s^2, as {where}; elsewhere state the possible "
+            "values, for example 'gravity_range: [1.61 m/s^2, 1.64 m/s^2]'",
+        )
+
+
+def _check_names(study: Study, doc: Document) -> None:
+    """Refuse names of trials that occur twice, and unknown names under 'fit'."""
+    first_index: dict[str, int] = {}
+    for i, trial in enumerate(study.trials):
+        if first_index.setdefault(trial.name, i) != i:
+            message = f"found a second trial '{trial.name}', needed names that differ; write for example 'name: {trial.name}-2'"
+            raise doc.error(("trials", i, "name"), message)
+    if not study.training:
+        raise doc.error(("trials",), "found only held-out trials, needed one to learn from; set 'held_out: false' for one")
+    known = [*APPARATUS, *RELEASE, *study.effects]
+    for i, name in enumerate(study.fit or ()):
+        if name not in known:
+            raise doc.error(("fit", i), f"found '{name}', needed one of: {', '.join(known)}{suggest(name, known)}")
+    for name, known_value in study.effects.items():
+        if study.fit is not None and known_value.free and name not in study.fit:
+            raise doc.error(("effects", name), f"found 'free', but 'fit' leaves it out; add '{name}' to 'fit' or give a value")
+
+
+def _check_trial(study: Study, trial: Trial, doc: Document, index: int) -> None:
+    """Refuse a trial without a measured value that its release needs, or with impossible values."""
+    needs = (f"{trial.dropped}_mass",) if trial.release is Release.DROP else REQUIRED[trial.release]
+    for name in needs:
+        if study.estimate(name, trial) is None:
+            where = f"{'apparatus.' if name in APPARATUS else ''}{QUANTITIES[name].key}"
+            example = f"{QUANTITIES[name].last_key}: {QUANTITIES[name].measured_example}"
+            message = f"a {trial.release.value} release needed '{where}'; write for example '{example}'"
+            raise doc.error(("trials", index), f"{trial.name}: {message}")
+    try:
+        study.parameters({}, trial)
+    except ParameterError as error:
+        raise doc.error(("trials", index), f"{trial.name}: {error}") from None

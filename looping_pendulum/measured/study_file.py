@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 from pydantic import ValidationInfo
@@ -26,6 +27,7 @@ from looping_pendulum.scenarios.fields import (
     KeyGroup,
     QuantityField,
     SimpleField,
+    in_si_unit,
     input_error,
     suggest,
 )
@@ -70,7 +72,9 @@ class MeasuredField(QuantityField):
         """Initial value [SI] of one that is "free"; None: it has to be given."""
 
     def read(self, raw: object, /) -> Estimate:
-        """Return value and standard error [SI] of an entry of the file."""
+        """Return value and standard error [SI] of an entry of the file, or in a script of a number or of a pair [SI]."""
+        if isinstance(raw, tuple) and len(raw) == 2 and all(isinstance(each, Real) for each in raw):
+            raw = " +/- ".join(in_si_unit(each, self.kind.unit) for each in raw)
         text = raw.strip() if isinstance(raw, str) else ""
         if text == "free" or text.startswith("free from "):
             return self._free(text)
@@ -149,7 +153,7 @@ def low_and_high(kind: QuantityKind, example: str) -> SimpleField:
     """Return the type of a pair of a lowest and a highest value."""
 
     def read(raw: object) -> tuple[float, float]:
-        if not isinstance(raw, list) or len(raw) != 2:
+        if not isinstance(raw, (list, tuple)) or len(raw) != 2:
             raise input_error(f"expected a lowest and a highest value, got {quote(raw)}; write for example '{example}'")
         low, high = (QuantityField(kind).read(each) for each in raw)
         if not low <= high:

@@ -8,20 +8,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from looping_pendulum.errors import FileKeyError, ParameterError, ScenarioError
-from looping_pendulum.measured.camera import CAMERA
-from looping_pendulum.measured.study import EARTH_GRAVITY, REQUIRED, Study, Trial
-from looping_pendulum.measured.study_file import RELEASE, MeasuredField
+from looping_pendulum.errors import ScenarioError
+from looping_pendulum.measured.keywords import StudyError as StudyError
+from looping_pendulum.measured.study import Study, Trial, check_study
+from looping_pendulum.measured.study_file import MeasuredField
 from looping_pendulum.measured.tables.events import DATA_VARIABLE, data_folders
-from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import document, own_effects
 from looping_pendulum.scenarios.document import Document
-from looping_pendulum.scenarios.fields import file_keys, model_schema, read_model, suggest
-from looping_pendulum.scenarios.quantities import APPARATUS, QUANTITIES, quantity_kind
-
-
-class StudyError(FileKeyError):
-    """Raised if a file cannot be read as a study."""
+from looping_pendulum.scenarios.fields import file_keys, model_schema, read_model
+from looping_pendulum.scenarios.quantities import quantity_kind
 
 
 def load(path: str | Path) -> Study:
@@ -57,33 +52,10 @@ def _as_study_errors() -> Iterator[None]:
 def _study(doc: Document, name: str, folder: Path) -> Study:
     own_effects.warn_of_faulty_packages()
     study = read_model(Study, doc, {"<name>": name, "<folder>": folder})
-    _check_own_effects(study, doc)
-    _check_gravity(study, doc)
-    _check_names(study, doc)
     for i, trial in enumerate(study.trials):
         _check_file_locations(folder, trial, doc, i)
-        _check_trial(study, trial, doc, i)
+    check_study(study, doc)
     return study
-
-
-def _check_own_effects(study: Study, doc: Document) -> None:
-    """Refuse an effect of a camera parameter's name, as they share a namespace."""
-    for name in (own.name for own in study.own_effects if own.name in CAMERA):
-        message = f"found the name '{name}', which a camera's parameter has already; needed another, such as 'my_{name}'"
-        raise doc.error((own_effects.KEY_IN_STUDY, name), message)
-
-
-def _check_gravity(study: Study, doc: Document) -> None:
-    """Refuse a gravity that there is not where the trials were made."""
-    low, high = study.gravity_range
-    gravity = study.effects.get("gravity")
-    if gravity is not None and not low <= gravity.value <= high:
-        where = "on Earth" if study.gravity_range == EARTH_GRAVITY else "by gravity_range"
-        raise doc.error(
-            ("effects", "gravity"),
-            f"found {gravity.value:g} m/s^2, needed {low:g} to {high:g} m/s^2, as {where}; elsewhere state the possible "
-            "values, for example 'gravity_range: [1.61 m/s^2, 1.64 m/s^2]'",
-        )
 
 
 def _check_file_locations(folder: Path, trial: Trial, doc: Document, index: int) -> None:
@@ -120,39 +92,6 @@ def trial_of(doc: Document) -> Trial:
         If a key of it has an error.
     """
     return read_model(Study, doc, {"<name>": "", "<folder>": Path()}).trials[0]
-
-
-def _check_names(study: Study, doc: Document) -> None:
-    """Refuse names of trials that occur twice, and unknown names under 'fit'."""
-    first_index: dict[str, int] = {}
-    for i, trial in enumerate(study.trials):
-        if first_index.setdefault(trial.name, i) != i:
-            message = f"found a second trial '{trial.name}', needed names that differ; write for example 'name: {trial.name}-2'"
-            raise doc.error(("trials", i, "name"), message)
-    if not study.training:
-        raise doc.error(("trials",), "found only held-out trials, needed one to learn from; set 'held_out: false' for one")
-    known = [*APPARATUS, *RELEASE, *study.effects]
-    for i, name in enumerate(study.fit or ()):
-        if name not in known:
-            raise doc.error(("fit", i), f"found '{name}', needed one of: {', '.join(known)}{suggest(name, known)}")
-    for name, known_value in study.effects.items():
-        if study.fit is not None and known_value.free and name not in study.fit:
-            raise doc.error(("effects", name), f"found 'free', but 'fit' leaves it out; add '{name}' to 'fit' or give a value")
-
-
-def _check_trial(study: Study, trial: Trial, doc: Document, index: int) -> None:
-    """Refuse a trial without a measured value that its release needs, or with impossible values."""
-    needs = (f"{trial.dropped}_mass",) if trial.release is Release.DROP else REQUIRED[trial.release]
-    for name in needs:
-        if study.estimate(name, trial) is None:
-            where = f"{'apparatus.' if name in APPARATUS else ''}{QUANTITIES[name].key}"
-            example = f"{QUANTITIES[name].last_key}: {QUANTITIES[name].measured_example}"
-            message = f"a {trial.release.value} release needed '{where}'; write for example '{example}'"
-            raise doc.error(("trials", index), f"{trial.name}: {message}")
-    try:
-        study.parameters({}, trial)
-    except ParameterError as error:
-        raise doc.error(("trials", index), f"{trial.name}: {error}") from None
 
 
 def dump(study: Study) -> str:

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode.core.host import EVENT_COLUMNS, Runs, this_threads_core, traced
@@ -32,7 +32,7 @@ from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, default_du
 from looping_pendulum.reference_ode.state import Effects, State, heavy_drop
 from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, Event, Mode
 
-Columns = Mapping[str, Array]
+Columns = Mapping[str, ArrayLike]
 """Name, one of `column_names` -> one value per run, shape (n,), SI."""
 Progress = Callable[[int, int], None]
 """Called with the number of runs that have ended and the number of all runs."""
@@ -222,7 +222,7 @@ def solve_batch(
     base: Parameters | HasParameters,
     columns: Columns,
     *,
-    duration: float | Array | None = None,
+    duration: ArrayLike | None = None,
     tolerance: float = TOLERANCE,
     threads: int = 1,
     progress: Progress | None = None,
@@ -274,7 +274,7 @@ def sample_batch(
     columns: Columns,
     times: Sequence[Array],
     *,
-    duration: float | Array = DURATION,
+    duration: ArrayLike = DURATION,
     tolerance: float = TOLERANCE,
     max_steps: int = 0,
 ) -> BatchSamples:
@@ -311,9 +311,7 @@ def sample_batch(
 class _Batch:
     """Runs that share ``base`` but for ``columns``, checked."""
 
-    def __init__(
-        self, base: Parameters, columns: Columns, duration: float | Array, tolerance: float, max_steps: int = 0
-    ) -> None:
+    def __init__(self, base: Parameters, columns: Columns, duration: ArrayLike, tolerance: float, max_steps: int = 0) -> None:
         self.n = _checked_length(base, columns)
         self._base, self._columns = base, {name: np.asarray(values, dtype=float) for name, values in columns.items()}
         self._durations, self._tolerance = np.broadcast_to(np.asarray(duration, dtype=float), self.n), tolerance

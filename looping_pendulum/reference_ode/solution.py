@@ -9,7 +9,7 @@ from types import SimpleNamespace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from looping_pendulum.reference_ode.core.trace import EVENTS
 from looping_pendulum.reference_ode.effects.types import TURN
@@ -239,7 +239,7 @@ class Solution(Run):
     steps: Array
     """The driver's steps: their starts [s], lengths [s], modes and polynomials, shape (steps, `DENSE_COLUMNS`)."""
 
-    def sample(self, t: Array) -> Samples:
+    def sample(self, t: ArrayLike) -> Samples:
         """Sample the run at times ``t`` [s], shape (n,), in any order; they must lie within it.
 
         Raises

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from looping_pendulum.errors import IntegrationError, ParameterError
 from looping_pendulum.reference_ode.core.host import FAILURES, Model, Runs, this_threads_core, traced
@@ -51,7 +52,7 @@ def solve(parameters: Parameters | HasParameters, *, duration: float | None = No
 
 
 def solve_at(
-    parameters: Parameters | HasParameters, t: Array, *, duration: float | None = None, tolerance: float = TOLERANCE
+    parameters: Parameters | HasParameters, t: ArrayLike, *, duration: float | None = None, tolerance: float = TOLERANCE
 ) -> Samples:
     """Integrate as `solve` does, but keep only samples at times ``t`` [s], ascending; this is faster for many runs.
 

@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
+from numbers import Real
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -85,6 +86,11 @@ class FieldType:
         return self.json_schema
 
 
+def in_si_unit(number: Real, unit: str) -> str:
+    """Return a number of a script [SI] as text with its unit, all digits kept."""
+    return f"{float(number)!r} {unit}".rstrip()
+
+
 class QuantityField(FieldType):
     """A quantity: text with a unit in the file, a number [SI] in the program."""
 
@@ -92,8 +98,10 @@ class QuantityField(FieldType):
         self.kind = kind
 
     def read(self, raw: object, /) -> Any:
-        """Return the number [SI] for the value in the file."""
+        """Return the number [SI] for the value in the file, or in a script, where a number is in SI."""
         detail, expected = "", self.kind.noun
+        if isinstance(raw, Real) and not isinstance(raw, bool):
+            raw = in_si_unit(raw, self.kind.unit)
         if raw == TO_FILL_IN:
             raise input_error(f"found {TO_FILL_IN}, needed {self.kind.requirement}; fill it in, for example '{self.way_out}'")
         if isinstance(raw, str):
@@ -244,6 +252,8 @@ def whole_number(example: str, *, low: int = 1) -> SimpleField:
 
 
 def _flag(raw: object) -> bool:
+    if isinstance(raw, bool):
+        return raw
     known = SafeConstructor.bool_values  # YAML's words: yes, no, true, false, on, off
     if isinstance(raw, str) and raw.lower() in known:
         return known[raw.lower()]

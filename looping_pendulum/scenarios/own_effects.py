@@ -40,9 +40,9 @@ KEY_IN_STUDY = "candidates"
 """Key of the group in a study, where the effects are candidates unless it declares that they act."""
 
 
-def _pair(raw: object) -> list[str]:
-    if isinstance(raw, list) and len(raw) == 2 and all(isinstance(each, str) for each in raw):
-        return raw
+def _pair(raw: object) -> list[str | float]:
+    if isinstance(raw, (list, tuple)) and len(raw) == 2 and all(isinstance(each, (str, float, int)) for each in raw):
+        return list(raw)
     raise input_error(f"expected a lowest and a highest value, got {quote(raw)}; write for example '[-1 N, 1 N]'")
 
 
@@ -110,7 +110,7 @@ def _own_effect(name: str, keys: dict[str, Any]) -> OwnEffect:
     return own
 
 
-def _bounds(texts: Sequence[str], unit: str) -> tuple[float, float]:
+def _bounds(texts: Sequence[str | float], unit: str) -> tuple[float, float]:
     """Return the bounds of a coefficient [SI]."""
     quantity = QuantityField(QuantityKind(unit=unit))
     low, high = (quantity.read(each) for each in texts)

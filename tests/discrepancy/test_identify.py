@@ -7,6 +7,7 @@ import math
 import shutil
 import time
 
+import jsonschema
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -21,7 +22,7 @@ from looping_pendulum.discrepancy.identify import LEAST_RESERVED, OutOfTimeError
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.look.check import DeclarationError
 from looping_pendulum.discrepancy.report.writing import write
-from looping_pendulum.discrepancy.result import SCHEMA_ID, SCHEMA_VERSION, Identification, Verdict
+from looping_pendulum.discrepancy.result import SCHEMA_ID, SCHEMA_VERSION, Identification, Verdict, json_schema
 from looping_pendulum.discrepancy.verdict import verdict_by_evidence
 from looping_pendulum.measured.study_io import load
 from looping_pendulum.scenarios import loader
@@ -139,6 +140,7 @@ def test_files_are_as_promised_and_the_same_again(tmp_path, ambiguous):
     assert tree["schema"] == {"id": SCHEMA_ID, "version": SCHEMA_VERSION}
     fields = {f.name for f in dataclasses.fields(Identification) if f.compare}
     assert set(tree) == fields | {"schema"}
+    jsonschema.validate(tree, json_schema())
     scenario = loader.load(tmp_path / "a" / "repaired.yaml")
     assert scenario.parameters.coefficients["kinetic_friction"] == pytest.approx(0.34, rel=0.02)
 

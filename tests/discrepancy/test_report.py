@@ -622,7 +622,8 @@ def test_an_event_is_a_point_within_the_axis_or_a_cross_at_its_edge():
 def test_a_trial_has_its_points_its_outliers_both_models_and_a_panel_of_residuals_per_channel():
     result = made_up(Verdict.IDENTIFIED)
     (picture,) = result.trial_figures
-    top, *below = figures.trial_chart(result, picture, "trial-swing").panels
+    models = (("before", "declared model"), ("after", "repaired model"))
+    top, *below = figures.trial_chart(models, picture, "trial-swing").panels
     outliers = [curve for curve in top.curves if curve.marker == "x"]
     assert [list(curve.x) for curve in outliers] == [[picture.data.t[3]]] * 2
     assert [curve.in_legend for curve in outliers] == [True, False]

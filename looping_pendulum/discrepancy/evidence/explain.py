@@ -172,6 +172,20 @@ def _training(e: Explanation) -> list[TrialData]:
     return [d for d in e.fit.problem.data if not d.trial.held_out]
 
 
+def fit_declared_model(inputs: Inputs, seed: int) -> tuple[Fit, tuple[float, ...]]:
+    """Return the fit of the declared model to all trials, and the cost at which it ended from each of its starts.
+
+    Raises
+    ------
+    FitError
+        If the model cannot run.
+    """
+    problem = inputs.problem()
+    second = problem.prior_mean + np.random.default_rng(seed).standard_normal(len(problem.free_parameters))
+    fits = [calibrate(problem, start) for start in (problem.prior_mean, np.clip(second, problem.low, problem.high))]
+    return refit_with_estimated_noise(min(fits, key=lambda f: f.cost)), tuple(f.cost for f in fits)
+
+
 def explain(
     inputs: Inputs,
     seed: int = 0,
@@ -206,11 +220,8 @@ def explain(
         If the time is over before the declared model is calibrated.
     """
     report("calibrating")
-    problem = inputs.problem()
-    second = problem.prior_mean + np.random.default_rng(seed).standard_normal(len(problem.free_parameters))
-    fits = [calibrate(problem, start) for start in (problem.prior_mean, np.clip(second, problem.low, problem.high))]
-    costs = tuple(f.cost for f in fits)
-    search = Search(refit_with_estimated_noise(min(fits, key=lambda f: f.cost)), inputs.library, report, report_fit)
+    declared, costs = fit_declared_model(inputs, seed)
+    search = Search(declared, inputs.library, report, report_fit)
     try:
         search.run()
     except KeyboardInterrupt:

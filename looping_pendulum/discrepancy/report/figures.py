@@ -10,10 +10,13 @@ import math
 import textwrap
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from looping_pendulum.compare.figures import charts as charts_of_comparison
+from looping_pendulum.compare.result import ComparisonResult
+from looping_pendulum.discrepancy.fit_study import StudyFit
 from looping_pendulum.discrepancy.formulas import Unlisted
 from looping_pendulum.discrepancy.look.check import DeclarationCheck
 from looping_pendulum.discrepancy.look.mistakes import Distance
@@ -34,9 +37,13 @@ from looping_pendulum.pages.chart import (
     reach,
     with_room,
 )
+from looping_pendulum.pages.drawing import draw
 from looping_pendulum.pages.palette import COLOURS, GREY
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.runs.events import quantity_label
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 MODEL_COLOURS = {"before": COLOURS[1], "after": COLOURS[0]}
 """Key of a model in `PredictedTrial` -> its colour."""
@@ -62,13 +69,30 @@ TITLE_WIDTH = 42
 """Characters in a line of a panel's title."""
 
 
+def draw_all(result: Identification | StudyFit | ComparisonResult) -> dict[str, Figure]:
+    """Return the figures of a result by their names, drawn by Matplotlib; one that cannot be made is left out with a warning.
+
+    They are not pyplot's, so that nothing has to be closed: ``figures["motion"].savefig("motion.png")``.
+    """
+    if isinstance(result, ComparisonResult):
+        made = charts_of_comparison(result)
+    elif isinstance(result, Identification):
+        made = charts(result)
+    else:
+        stems = file_stems([("trial", t.data.trial.name) for t in result.trials])
+        pairs = zip(stems, result.trials, strict=True)
+        models = (("before", "declared model"),)
+        made = [trial_chart(models, trial, stem) for stem, trial in pairs if trial.data.channels]
+    return {chart.id: draw(chart) for chart in made}
+
+
 def charts(result: Identification) -> list[Chart]:
     """Return every figure that the result has data for, the first of the report first; what cannot be made is left out."""
     look = result.first_look
     worst = worst_trial(result.errors).trial if result.errors else ""
     trials = sorted(result.trial_figures, key=lambda figure: figure.data.trial.name != worst)
     stems = file_stems([("trial", figure.data.trial.name) for figure in trials])
-    of_trials = {stem: partial(trial_chart, result, figure, stem) for stem, figure in zip(stems, trials, strict=True)}
+    of_trials = {stem: partial(trial_chart, _models(result), figure, stem) for stem, figure in zip(stems, trials, strict=True)}
     makers: dict[str, Callable[[], Chart | None]] = {"motion": partial(motion_chart, result), **of_trials}
     if look is not None and look.notes:
         makers[FIRST_LOOK] = partial(first_look_chart, look)
@@ -168,8 +192,14 @@ def motion_chart(result: Identification) -> Chart | None:
     )
 
 
-def trial_chart(result: Identification, picture: PredictedTrial, name: str) -> Chart:
-    """Return tracked points and the models of one trial over time, and below them the residuals of each channel."""
+def trial_chart(models: Sequence[tuple[str, str]], picture: PredictedTrial, name: str) -> Chart:
+    """Return tracked points and the models of one trial over time, and below them the residuals of each channel.
+
+    Parameters
+    ----------
+    models
+        Pairs of the key of a model in ``picture`` and its label.
+    """
     top: list[Curve] = []
     below = []
     data = picture.data
@@ -178,7 +208,7 @@ def trial_chart(result: Identification, picture: PredictedTrial, name: str) -> C
         colour = COLOURS[i % len(COLOURS)]
         top.append(Curve(label=f"{channel}, tracked", x=t, y=measured, colour=colour, **POINTS))
         residuals = []
-        for side, label in _models(result):
+        for side, label in models:
             look: dict[str, Any] = {"dashes": (6, 3), "colour": GREY} if side == "before" else {}
             # The models have one entry in the legend for all channels
             top.append(Curve(label=label, x=t, y=picture.predicted[side][part], width=0.9, in_legend=i == 0, **look))

@@ -89,6 +89,7 @@ _NO_NAME = "one without a name"
 def read(
     path: str | Path,
     *,
+    content: str | None = None,
     frame_rate: float | None = None,
     clip_rate: float | None = None,
     tracks: Mapping[str, str] | None = None,
@@ -105,6 +106,8 @@ def read(
 
     Parameters
     ----------
+    content
+        Text of a table, which then has ``path`` for a name in messages; None: the file is read.
     frame_rate, clip_rate, kind, units, plane, box
         What is known of the file, as in `Stated`.
     tracks
@@ -131,16 +134,16 @@ def read(
             raise data_error(file, None, "", f"{key}: found {rate:g} Hz, {needed}")
     notes = ReadingNotes()
     stated = Stated(kind=kind, units=units or {}, plane=plane, box=box, frame_rate=frame_rate, clip_rate=clip_rate)
-    content = _parsed(path, file)
+    parsed = _parsed(path, file) if content is None else read_text(content.encode(), file)
     if proposes:
-        tracks, stated = _proposals(content, tracks, stated, notes)
-    if isinstance(content, TrackerProject):
-        sheets = _project_sheets(content, file, tracks, stated.units, notes)
-    elif kind == "events" or (kind == "auto" and is_event_table(content)):
-        return read_events(content, name)
+        tracks, stated = _proposals(parsed, tracks, stated, notes)
+    if isinstance(parsed, TrackerProject):
+        sheets = _project_sheets(parsed, file, tracks, stated.units, notes)
+    elif kind == "events" or (kind == "auto" and is_event_table(parsed)):
+        return read_events(parsed, name)
     else:
-        columns = _of_one_run(content, read_columns(content, kind, list((tracks or {}).values()), notes), run)
-        sheets = _sheets(content, columns, tracks, stated, notes)
+        columns = _of_one_run(parsed, read_columns(parsed, kind, list((tracks or {}).values()), notes), run)
+        sheets = _sheets(parsed, columns, tracks, stated, notes)
     for sheet in sheets:
         _refuse_implausible_values(sheet)
     channels = timed_channels(sheets, stated, notes)
