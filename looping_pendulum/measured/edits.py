@@ -45,18 +45,41 @@ FRAMES_AFTER_RELEASE = 2
 PRIOR_WIDENING, MIN_ANGLE_ERROR, MIN_SPEED_ERROR = 10.0, 0.05, 0.05
 """Errors of the prior of the start, in those of the polynomial, so that the first points hardly count twice; and the smallest
 errors of angle [rad] and speed [sqrt(g l)]."""
+MIN_REST_ROWS, REST_SIGMAS = 6, 5.0
+"""Fewest rows in which a mass rests, and their largest distance from where it does, in the noise of the points."""
+MIN_STEP = 2.0
+"""Least step of a mass that is stopped, in that distance: at the end of a swing, it is slow for some rows before."""
+HELD = "something other than its string holds the light mass: a hand, a wall, a knot, the rod"
 TOUCH_SIGMAS = 2.0
 """Standard errors of its distance by which the ball is clear of the rod as long as its points are used."""
 
 
 def read_trial(study: Study, trial: Trial) -> Observations:
-    """Read the files of a trial of ``study``, as `read_files` does, without pictures that are stored again."""
+    """Read the files of a trial, as `read_files` does, without pictures stored again, up to where something stops it."""
     observations = read_files(study.folder, trial, study.estimate("rod_radius", trial))
-    if any(is_film(path) for path, _ in trial.files):  # the decoder knows which pictures are stored again
+    if not any(is_film(path) for path, _ in trial.files):  # the decoder knows which pictures are stored again
+        notes = ReadingNotes()
+        channels = without_copies(observations.channels, notes)
+        observations = _edited(observations, tuple(channels), *notes.edits())
+    return _until_stop(observations)
+
+
+def _until_stop(observations: Observations) -> Observations:
+    """Return the observations before the light mass stops within a row, and stays there to the end of the record."""
+    channels = {c.name: c for c in observations.channels}
+    if not {"light_x", "light_y"} <= channels.keys():
         return observations
-    notes = ReadingNotes()
-    channels = without_copies(observations.channels, notes)
-    return _edited(observations, tuple(channels), *notes.edits())
+    x, y = channels["light_x"], channels["light_y"]
+    t, in_x, in_y = np.intersect1d(x.t, y.t, return_indices=True)
+    if len(t) < MIN_ROWS + MIN_REST_ROWS:
+        return observations
+    place = np.stack([x.value[in_x], y.value[in_y]], axis=1)
+    near = REST_SIGMAS * max(scatter(x), scatter(y))
+    away = np.hypot(*(place - np.median(place[-MIN_REST_ROWS:], axis=0)).T) > near
+    stop = int(np.flatnonzero(away)[-1]) + 1 if away.any() else 0
+    if not 2 <= stop <= len(t) - MIN_REST_ROWS or np.hypot(*(place[stop - 1] - place[stop - 2])) < MIN_STEP * near:
+        return observations
+    return end_of_record(float(t[stop]), HELD)(observations)
 
 
 def _edited(observations: Observations, channels: tuple[Channel, ...], *edits: Edit) -> Observations:

@@ -22,8 +22,8 @@ from looping_pendulum.discrepancy.look.evidence import NO_FIT, Fit, fit
 from looping_pendulum.discrepancy.look.mistakes import HIDDEN, LENGTHS, MISTAKES, ROWS, Distance, Mistake, distance, keys_of
 from looping_pendulum.discrepancy.look.prior import MAX_LEFT, MAX_LEFT_OUT, RIVAL, SMOOTHED_SHARE, STAYS
 from looping_pendulum.discrepancy.look.smoothing import smoothing
-from looping_pendulum.discrepancy.look.times import HELD, Path, Times, about, grown, held_or_later, shifted, uneven
-from looping_pendulum.measured.edits import Change, end_of_record, left_out_rows, read_trial, until_rod
+from looping_pendulum.discrepancy.look.times import Path, Times, about, grown, held_or_later, shifted, uneven
+from looping_pendulum.measured.edits import Change, left_out_rows, read_trial, until_rod
 from looping_pendulum.measured.observations import BODIES, DataError, ImplausibleLengthError, Observations
 from looping_pendulum.measured.study import Study, Trial, refuse_seen_points
 from looping_pendulum.pages.numbers import quantity
@@ -145,6 +145,11 @@ class Hypothesis:
     corrected: Case | None = None
     """The case without it."""
 
+    @property
+    def explains(self) -> bool:
+        """Return whether it explains the points; an effect that begins may be of any size."""
+        return self.fit.shows_masses if self.name == "later" else self.fit.explains
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrialLook:
@@ -164,17 +169,16 @@ class TrialLook:
     @property
     def best(self) -> list[Hypothesis]:
         """Return the most probable hypothesis, and its rivals, in the order of `MISTAKES`; empty: the table is right."""
-        able = sorted((h for h in self.hypotheses if self._is_able(h)), key=lambda h: -h.gain)
-        if not able or able[0].gain < math.log(RIVAL):
+        able = sorted((h for h in self.hypotheses if h.explains), key=lambda h: -h.gain)
+        if not able or able[0].gain < math.log(RIVAL) or self._leaves_out_much(able[0]):
             return []
         rivals = {h.name: h for h in reversed(able) if h.mistake and h.gain > able[0].gain - math.log(RIVAL)}
         return sorted(rivals.values(), key=lambda h: MISTAKES.index(h.mistake)) if able[0].mistake else able[:1]
 
-    def _is_able(self, h: Hypothesis) -> bool:
-        """Whether a hypothesis explains the points, all but few or to their noise; an effect that begins, of any size."""
+    def _leaves_out_much(self, h: Hypothesis) -> bool:
+        """Whether a hypothesis leaves many points out, without explaining the others to their noise."""
         left_out = 0.0 if h.times is None else 1 - float(h.times.taken.used.sum() / self.rows.is_point.sum())
-        explains = h.fit.shows_masses if h.name == "later" else h.fit.explains
-        return explains and (left_out <= MAX_LEFT_OUT or h.fit.is_clean)
+        return left_out > MAX_LEFT_OUT and not h.fit.explains_to_noise
 
 
 def look_at(case: Case, away: Distance) -> TrialLook | str:
@@ -246,12 +250,14 @@ def _times(case: Case, rows: Rows, table: Fit) -> Iterator[Iterator[Hypothesis]]
 
     if table is NO_FIT:
         return
-    yield judged([about(case, rows, table)])
+    near = about(case, rows, table)
+    yield judged([near])
     if rows.t[-1] < MAX_RECORD * case.fall_time:
         yield judged((t, t.fitted(case, rows, None if t.kind == "even" else table.x)) for t in uneven(case, rows))
         if not table.explains_to_noise:
             yield judged(shifted(case, rows, table))
             yield judged([grown(case, rows, table)])
+        if near or not table.explains_to_noise:  # a mass that stops is a clock that is slow, too
             yield judged(held_or_later(case, rows))
 
 
@@ -437,9 +443,6 @@ def _stuck(rows: Rows, found: Fit, far: float) -> Iterator[tuple[Change, str]]:
             ]
             spans = list(compress(spans, is_left_out))
         name = next(n for n, of in BODIES.items() if rows.channels[body[0]].name in of)
-        if name == "light" and spans and spans[-1][1] == len(rows.t) >= spans[-1][0] + MAY_REST:
-            a, _ = spans.pop()
-            yield end_of_record(float(rows.t[a]), HELD), HELD
         at = [rows.t[a:z] for a, z in spans]
         if at:
             of = f"the {name} mass's mark" if name in ("light", "heavy") else f"the {name}"

@@ -32,7 +32,8 @@ from looping_pendulum.discrepancy.look.prior import (
     UNEVEN_SHARE,
 )
 from looping_pendulum.measured.clock import even_clock
-from looping_pendulum.measured.edits import Change, end_of_record, even_times, left_out_rows, uneven_times
+from looping_pendulum.measured.edits import HELD, REST_SIGMAS, Change, end_of_record, even_times, left_out_rows, uneven_times
+from looping_pendulum.measured.noise import GAUSSIAN_MAD
 from looping_pendulum.reference_ode.geometry import Array
 
 IN_TURN = ((2, 1), (3, 0), (3, 1), (3, 2))
@@ -47,8 +48,6 @@ TOLERANCES, HELD_TOLERANCES = (0.03, 0.01, 0.003), (2e-3, 2e-4)
 """Errors of a fit to a part where it goes on, after half a second [m]; where a hand is looked for, and again near it."""
 MAX_TRIED_WITHOUT = 9
 """Most changes of a path that are each tried without."""
-REST_SIGMAS = 5.0
-"""Largest scatter of the points of a mass that is held, in those of one at rest: a hand trembles."""
 MIN_HELD, LATER_BEFORE = 4, 4
 """Fewest rows after the masses are held, and rows before an effect that begins is seen."""
 SHOWN = 3
@@ -57,7 +56,6 @@ ONE_CLOCK = (
     "share the film as the camera took it, without a part in slow motion, and mark it again, or mark one part and state its "
     "'frame_rate'"
 )
-HELD = "something other than its string holds the light mass: a hand, a wall, a knot, the rod"
 Changes = tuple[tuple[int, str, float], ...]
 """Row, "rate" (and how long a row lasts), "lost" (and how many), or "again" (1: later rows show their own pictures)."""
 
@@ -355,14 +353,14 @@ def held_or_later(case: Case, rows: Rows) -> Iterator[Path]:
         if not of_part.explains_to_noise:
             break
         known = of_part, count
-    if known is None or known[1] == len(rows.t):
+    if known is None:
         return
     held, near = rows.log_held(), known[0]
     for tolerance in HELD_TOLERANCES:
         instants = Instants.about(rows, near, _end(case), tolerance)
         own = instants.of_row[np.arange(len(rows.t)), np.minimum(instants.number, instants.of_row.shape[1] - 1)]
         row = int(np.argmax(np.concatenate([[0.0], np.cumsum(own - held)[:-MIN_HELD]]))) - 1  # a stop is seen a row late
-        if row < MIN_ROWS:
+        if not MIN_ROWS <= row < len(rows.t) - MIN_HELD - 1:
             return
         used = rows.is_point & (rows.t < rows.t[row])[:, None]
         near = fit(case, rows, Taken.as_written(rows, used=used), start=near.x)
@@ -376,10 +374,13 @@ def held_or_later(case: Case, rows: Rows) -> Iterator[Path]:
 
 
 def _rests(rows: Rows) -> bool:
-    """Return whether the first body that was tracked stands still."""
+    """Return whether the first body that was tracked stands still, as far as it is seen, but for some slips."""
     body = list(rows.bodies[0])
-    moved = np.nanstd(rows.value[:, body], axis=0) / np.nanmedian(rows.at_rest[:, body], axis=0)
-    return bool(np.all(moved < REST_SIGMAS))
+    rows = rows.part(np.asarray(rows.is_point[:, body].all(axis=1)))
+    if not len(rows.t):
+        return True
+    moved = GAUSSIAN_MAD * np.median(np.abs(rows.value[:, body] - np.median(rows.value[:, body], axis=0)), axis=0)
+    return bool(np.all(moved < REST_SIGMAS * np.median(rows.at_rest[:, body], axis=0)))
 
 
 def _where(changes: Changes, rows: Rows, kind: str) -> str:

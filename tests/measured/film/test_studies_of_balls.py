@@ -16,6 +16,7 @@ from tests.measured.film.conftest import tracked_study
 pytestmark = pytest.mark.accurate
 
 WRONG = {
+    818: "a hand that stops the ball in five pictures, and then covers it, is taken for a clock that changes",
     828: "the first look takes the slow end of a catch for a clock that changes; without it, the verdict is right",
     832: "no finite change shows the friction that grows with the wrap angle, so that its fit is not begun; a law is named",
 }
