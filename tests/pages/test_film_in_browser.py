@@ -5,6 +5,7 @@ import pytest
 
 from looping_pendulum.reference_ode.solve import solve_at
 from looping_pendulum.scenarios import loader
+from tests.pages.axe import violations
 from tests.pages.conftest import until
 from tests.pages.live_page import settled
 
@@ -79,6 +80,7 @@ def test_a_film_is_tracked_from_two_clicks_and_fitted(page, film):
     if "cannot" in page.inner_text("#film-message"):
         pytest.skip("this browser shows no H.264")
     assert f"{SIZE} × {SIZE}, {RATE}.0" in page.inner_text("#film-message").replace(f"{RATE}.00", f"{RATE}.0")
+    assert violations(page) == []
     page.click("#film-axis")
     click(page, *AXIS)
     page.click("#film-scale")

@@ -139,6 +139,7 @@ def test_a_page_whose_scripts_are_forbidden_says_so_in_one_sentence(chromium, tm
         shown = page.locator("body").aria_snapshot()
         assert "its scripts cannot run here" in shown, name
         assert "Skripte" in shown, name
+        assert 'heading "The looping pendulum" [level=1]' in shown, name
         assert "button" not in shown, name
         context.close()
 

@@ -50,7 +50,7 @@ export class Film {
   static async load(file) {
     const video = Object.assign(document.createElement("video"), { muted: true, playsInline: true, preload: "auto" });
     video.className = "film-source"; // in the page, but not seen: browsers do not decode what stands in none
-    document.body.append(video);
+    document.querySelector("main")?.append(video); // outside of it a screen reader would meet it in no landmark
     try {
       await new Promise((loaded, failed) => {
         video.addEventListener("loadeddata", loaded, { once: true });
