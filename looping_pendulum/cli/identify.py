@@ -154,7 +154,7 @@ def _look_at_study(study: Path, out: Path | None, write: Path | None, *, force: 
         prepare_output_file(path, force=force, option="--write")
     settle_films(loaded, track=track, keep=keep)
     with ProgressBars(line_every_seconds=LINE_EVERY) as bars:
-        check = take_first_look(loaded, bars.update)
+        check = take_first_look(loaded, progress=bars.update)
     for sentence in dict.fromkeys(sentence for trial in check.trials for sentence in trial.reading):
         trials = ", ".join(f"'{trial.trial}'" for trial in check.trials if sentence in trial.reading)
         say_prose(f"read {trials}: {sentence}")

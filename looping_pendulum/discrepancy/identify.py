@@ -111,7 +111,7 @@ def identify(
         # With matrices this small a second thread only takes processor time, and sums by two differ in their last digits
         with threadpool_limits(1, user_api="blas"):
             with time_limits(stop=search_ends):
-                first_look = take_first_look(study, lambda what, share: progress(what, LOOK_SHARE * share))
+                first_look = take_first_look(study, progress=lambda what, share: progress(what, LOOK_SHARE * share))
                 if not anyway:
                     first_look.refuse_mistakes()
                 inputs = read_inputs(study, first_look.observations)

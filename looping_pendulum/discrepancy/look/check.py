@@ -325,7 +325,7 @@ def _other_origin(look: TrialLook) -> list[Hypothesis]:
     return [Hypothesis(name="origin", fit=look.table, text=text, keys=keys)]
 
 
-def take_first_look(study: Study, progress: ReportShare = lambda what, share: None) -> DeclarationCheck:
+def take_first_look(study: Study, *, progress: ReportShare = lambda what, share: None) -> DeclarationCheck:
     """Read the files of a study and compare them with what it declares.
 
     Parameters
