@@ -31,6 +31,18 @@ ReportShare = Callable[[str, float], None]
 Result = TypeVar("Result")
 
 
+def notebook_progress() -> ReportShare:
+    """Return a function that shows in a notebook, in one line, what is being done; elsewhere it does nothing."""
+    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
+    if not hasattr(shell, "kernel"):
+        return lambda what, share: None
+    from IPython.display import DisplayHandle
+
+    line: Any = DisplayHandle()  # type: ignore[no-untyped-call]
+    line.display({"text/plain": ""}, raw=True)
+    return lambda what, share: line.update({"text/plain": f"{100 * share:.0f} %: {what}"}, raw=True)
+
+
 def core_count() -> int:
     """Return the number of cores that this process may use; a container or batch system may allow fewer than there are."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

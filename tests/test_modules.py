@@ -1,6 +1,8 @@
 """Every module of the project is imported and every script compiled, so that no command breaks unseen."""
 
 import importlib
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -48,3 +50,11 @@ def test_a_module_can_be_imported(name):
 @pytest.mark.parametrize("path", files_below(COMPILED), ids=lambda path: path.relative_to(PROJECT).as_posix())
 def test_a_script_can_be_compiled(path):
     compile(path.read_text(encoding="utf-8"), path.name, "exec")
+
+
+@pytest.mark.parametrize("name", ["discrepancy.identify", "discrepancy.fit_study", "measured.film_points"])
+def test_what_a_search_waits_for_imports_nothing_slow_that_it_does_not_use(name):
+    """The import of scipy.stats took a quarter of a second, for the density of Student's t."""
+    program = f"import sys, looping_pendulum.{name}; print({{'matplotlib', 'pandas', 'scipy.stats'}}.intersection(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout == "set()\n"

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+import looping_pendulum
+
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
 RUN = """
 import sys, nbformat
@@ -49,6 +51,18 @@ def test_there_are_three_without_outputs():
         for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
             assert cell.get("outputs", []) == []
             assert cell.get("execution_count") is None
+
+
+@needs_jupyter
+def test_a_search_shows_how_far_it_is(tmp_path):
+    """In one line, which is replaced: of 20 s of nothing a student knows not what they are."""
+    from nbformat.v4 import new_code_cell, new_notebook
+
+    study = Path(looping_pendulum.__file__).parent / "teaching" / "example" / "study.yaml"
+    source = f"import looping_pendulum as lp\nfound = lp.identify(lp.load_study({str(study)!r}))"
+    (tmp_path / "search.ipynb").write_text(json.dumps(new_notebook(cells=[new_code_cell(source)])), encoding="utf-8")
+    (line,) = executed(tmp_path / "search.ipynb", tmp_path)
+    assert "".join(line["data"]["text/plain"]) == "97 %: reporting"
 
 
 @pytest.mark.accurate  # daily, its calls are those of tests/test_cli.py and tests/compare

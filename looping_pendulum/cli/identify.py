@@ -33,6 +33,7 @@ from looping_pendulum.installation import command_line
 if TYPE_CHECKING:
     from looping_pendulum.discrepancy.look.check import DeclarationCheck
     from looping_pendulum.measured.observations import Observations
+    from looping_pendulum.measured.study import Study
 
 
 SET = "--set"
@@ -136,13 +137,15 @@ def _write_plain(observations: Observations, path: Path) -> None:
 
 def _look_at_study(study: Path, out: Path | None, write: Path | None, *, force: bool, track: bool, keep: bool) -> None:
     """Compare the points of a study's trials with what it declares."""
+    from looping_pendulum.measured import study_io
+
+    loaded = study_io.load(study)
+    _say_what_begins(loaded)
     from looping_pendulum.discrepancy.look.check import take_first_look
     from looping_pendulum.discrepancy.report import figures
     from looping_pendulum.files import prepare_output_file, prepare_output_folder
-    from looping_pendulum.measured import study_io
     from looping_pendulum.measured.observations import UNITS
 
-    loaded = study_io.load(study)
     folder = out or Path("report") / loaded.name
     if out is not None:  # refuse an unusable folder before the work, not after it
         prepare_output_folder(folder, files=(f"{figures.FIRST_LOOK}.png",))
@@ -150,7 +153,8 @@ def _look_at_study(study: Path, out: Path | None, write: Path | None, *, force: 
     for path in plain.values():
         prepare_output_file(path, force=force, option="--write")
     settle_films(loaded, track=track, keep=keep)
-    check = take_first_look(loaded)
+    with ProgressBars(line_every_seconds=LINE_EVERY) as bars:
+        check = take_first_look(loaded, progress=bars.update)
     for sentence in dict.fromkeys(sentence for trial in check.trials for sentence in trial.reading):
         trials = ", ".join(f"'{trial.trial}'" for trial in check.trials if sentence in trial.reading)
         say_prose(f"read {trials}: {sentence}")
@@ -178,6 +182,11 @@ def _look_at_study(study: Path, out: Path | None, write: Path | None, *, force: 
         )
     if not check.warnings:
         say(f"nothing looks wrong; next: {command_line('identify', study)}")
+
+
+def _say_what_begins(study: Study) -> None:
+    """Print what is done next: the import of what does it takes most of a second."""
+    note(f"0 %: reading the points of {', '.join(trial.name for trial in study.trials)}")
 
 
 def _plain_tables(write: Path, trials: Sequence[str]) -> dict[str, Path]:
@@ -265,14 +274,16 @@ def identify(
     looping-pendulum identify trials/study.yaml --out report/trials
     """
     began = time.monotonic()
+    from looping_pendulum.measured import study_io
+
+    loaded = study_io.load(study)
+    _say_what_begins(loaded)
     from looping_pendulum.discrepancy.identify import identify as find
     from looping_pendulum.discrepancy.report import writing
     from looping_pendulum.discrepancy.result import Verdict
     from looping_pendulum.files import prepare_output_folder
-    from looping_pendulum.measured import study_io
     from looping_pendulum.measured.film import is_film
 
-    loaded = study_io.load(study)
     folder = out or Path("report") / loaded.name
     prepare_output_folder(
         folder, files=writing.FILES, folders=writing.FOLDERS, record="verdict.json"

@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 from threadpoolctl import threadpool_limits
 
 from looping_pendulum.discrepancy.evidence.explain import fit_declared_model
@@ -119,7 +119,7 @@ class StudyFit:
             raise ParameterError(f"interval: found '{name}', needed one of: {', '.join(names)}{hint}")
         if not 0 < probability < 1:
             raise ParameterError(f"probability: found {probability}, needed a number between 0 and 1; write for example 0.95")
-        rise = float(chi2.ppf(probability, 1))
+        rise = 2 * float(gammaincinv(0.5, probability))  # quantile of chi2 of one degree of freedom
         return interval_end(self.fit, name, -1, rise), interval_end(self.fit, name, 1, rise)
 
     def rows(self, table: Table = "parameters") -> list[dict[str, Any]]:

@@ -42,12 +42,14 @@ from looping_pendulum.discrepancy.verdict import (
 )
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured.study import Study
-from looping_pendulum.processes import ReportShare
+from looping_pendulum.processes import ReportShare, notebook_progress
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.versions import MISSING, installed_version
 
+LOOK_SHARE = 0.2
+"""Share of the work that the first look counts for."""
 STEP_SHARE = 0.2
 """Share of the work that is left which a step counts for."""
 REPORT_SHARE = 0.97
@@ -66,7 +68,7 @@ def identify(
     study: Study,
     *,
     seed: int = 0,
-    progress: ReportShare = lambda what, share: None,
+    progress: ReportShare | None = None,
     time_limit: float | None = None,
     anyway: bool = False,
 ) -> Identification:
@@ -77,7 +79,7 @@ def identify(
     seed
         Seed of the random second start of the calibration; nothing else is random.
     progress
-        Called with a description of each step and the share of all work that is done.
+        Called with a description of each step and the share of all work that is done; None: a notebook shows both.
     time_limit
         Time [s] that all of this takes at most, reports included that are written of its result within some seconds: the search
         ends before, as after Ctrl-C, and the verdict says so; None: no limit.
@@ -96,7 +98,8 @@ def identify(
         If the declared model was not even calibrated within the time limit.
     """
     search_ends, judging_ends = _deadlines(time_limit)
-    done = 0.0
+    progress = notebook_progress() if progress is None else progress
+    done = LOOK_SHARE
 
     def next_step(what: str) -> None:
         nonlocal done
@@ -108,7 +111,7 @@ def identify(
         # With matrices this small a second thread only takes processor time, and sums by two differ in their last digits
         with threadpool_limits(1, user_api="blas"):
             with time_limits(stop=search_ends):
-                first_look = take_first_look(study)
+                first_look = take_first_look(study, progress=lambda what, share: progress(what, LOOK_SHARE * share))
                 if not anyway:
                     first_look.refuse_mistakes()
                 inputs = read_inputs(study, first_look.observations)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from looping_pendulum.errors import ParameterError
+from looping_pendulum.errors import IntegrationError, ParameterError
 from looping_pendulum.reference_ode.core.host import EVENT_COLUMNS, Runs, this_threads_core, traced
 from looping_pendulum.reference_ode.core.trace import EVENTS
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS
@@ -28,7 +28,7 @@ from looping_pendulum.reference_ode.parameters import (
     parameters_of,
 )
 from looping_pendulum.reference_ode.solution import MAX_RESTING_ROD_SPEED, string_overlap
-from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, default_duration
+from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, default_duration, failure
 from looping_pendulum.reference_ode.state import Effects, State, heavy_drop
 from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, Event, Mode
 
@@ -152,7 +152,7 @@ def _at_halt(unit: str, meaning: str, value: Callable[[EventTable], Array]) -> A
 
 @dataclass(frozen=True, kw_only=True)
 class BatchResult:
-    """Result of each run; every array has shape (n,). A failed run has nan, zero counts and a sequence of 0."""
+    """Result of each run; every array has shape (n,). A failed run has nan, zero counts and a sequence of 0, and an error."""
 
     halting_time: Array = _at_halt(
         "s", "start of the sticking that lasts until the light mass reaches the rod", lambda table: table.time
@@ -181,6 +181,8 @@ class BatchResult:
     end_time: Array = _column("s", "end of the run", lambda table: table.time[table.last])
     sequence: NDArray[np.uint64] = _column("", "hash of the sequence of modes", EventTable.sequences, np.uint64, 0)
     """`sequence_hash`."""
+    errors: dict[int, ParameterError | IntegrationError] = dataclasses.field(default_factory=dict)
+    """Index of a failed run -> the error that `solve` raises for it: impossible values, or an integration that broke down."""
 
     def __len__(self) -> int:
         return len(self.end)
@@ -188,11 +190,14 @@ class BatchResult:
     @classmethod
     def empty(cls, n: int) -> BatchResult:
         """Return results of ``n`` runs, all marked as failed until they are filled in."""
-        return cls(**{name: np.full(n, column.failed, dtype=column.kind) for name, column in COLUMNS.items()})
+        arrays: dict[str, Any] = {name: np.full(n, column.failed, dtype=column.kind) for name, column in COLUMNS.items()}
+        return cls(**arrays)
 
 
-COLUMNS: dict[str, RunColumn] = {field.name: field.metadata["column"] for field in dataclasses.fields(BatchResult)}
-"""Name of a field of `BatchResult` -> what it is."""
+COLUMNS: dict[str, RunColumn] = {
+    field.name: field.metadata["column"] for field in dataclasses.fields(BatchResult) if "column" in field.metadata
+}
+"""Name of an array of `BatchResult` -> what it is."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -250,19 +255,23 @@ def solve_batch(
     Raises
     ------
     ParameterError
-        If a column has an unknown name or another length than the others. A run whose values are impossible, or that breaks
-        down, is marked as failed and does not disturb the others.
+        If a column has an unknown name or another length than the others. A run that is impossible (a mass of 0 or NaN, a
+        static friction below the kinetic one), or that breaks down, raises nothing and does not disturb the others: its ``end``
+        is `FAILED`, and `BatchResult.errors` has the error that `solve` raises for it.
     """
     if threads < 1:
         raise ParameterError(f"threads: found {threads}, needed 1 or more")
     batch = _Batch(parameters_of(base), columns, default_duration(base) if duration is None else duration, tolerance)
     result = BatchResult.empty(batch.n)
-    ended = batch.n - len(batch.valid)
+    result.errors.update(batch.refusals)
+    ended = len(batch.refusals)
     for part, effects, runs in batch.carried_out(np.zeros(0), np.zeros(batch.n + 1, dtype=np.int64), threads):
         table = EventTable(runs, batch.values_of(part), effects)
         for name, column in COLUMNS.items():
             values = column.of_runs(table)
             getattr(result, name)[part[table.ended]] = values[table.ended]
+        for i in np.flatnonzero(runs.failures).tolist():
+            result.errors[int(part[i])] = failure(runs, i)
         ended += len(part)
         if progress is not None:
             progress(ended, batch.n)
@@ -316,13 +325,25 @@ class _Batch:
         self._base, self._columns = base, {name: np.asarray(values, dtype=float) for name, values in columns.items()}
         self._durations, self._tolerance = np.broadcast_to(np.asarray(duration, dtype=float), self.n), tolerance
         self._values = parameter_values(base, self._columns)
-        self.valid = np.flatnonzero(valid_runs(base, self._values, self.n))
-        """Runs whose values `Parameters` accepts."""
+        self.refusals = self._refused()
+        """Index of a run with impossible values -> the error that `Parameters` raises for them."""
+        self._valid = np.delete(np.arange(self.n), list(self.refusals))
         self._max_steps = max_steps
 
-    def values_of(self, runs: NDArray[np.int64]) -> dict[str, Any]:
-        """Return the parameters of some runs, by name: one value, or one per run."""
+    def values_of(self, runs: NDArray[np.int64] | int) -> dict[str, Any]:
+        """Return the parameters of some runs, or of one, by name: one value, or one per run."""
         return {name: value[runs] if np.ndim(value) else value for name, value in self._values.items()}
+
+    def _refused(self) -> dict[int, ParameterError]:
+        refused: dict[int, ParameterError] = {}
+        # All other coefficients are those of `base`, which was checked
+        given = [name for name in self._base.coefficients if isinstance(self._values[name], np.ndarray)]
+        for requirement in effect_tables(self._base.own_effects).requirements(given):
+            is_met = np.broadcast_to(requirement.is_met(self._values), self.n)
+            for run in np.flatnonzero(~is_met).tolist():
+                if run not in refused:
+                    refused[run] = ParameterError(requirement.message(self.values_of(run)))
+        return refused
 
     def _by_effects(self) -> Iterator[tuple[Effects, NDArray[np.int64]]]:
         """Yield effects and the valid runs in which they act: only an effect that sets in is left out at its null value."""
@@ -331,10 +352,10 @@ class _Batch:
         is_off = np.zeros(self.n, dtype=np.int64)
         for bit, name in enumerate(switches):
             is_off |= (self._values[name] == COEFFICIENTS[name].null) << np.int64(bit)
-        for pattern in np.unique(is_off[self.valid]).tolist():
+        for pattern in np.unique(is_off[self._valid]).tolist():
             off = {name: COEFFICIENTS[name].null for bit, name in enumerate(switches) if pattern >> bit & 1}
             base = self._base.replace(**off) if off else self._base
-            yield base.effects_with([name for name in names if name not in off]), self.valid[is_off[self.valid] == pattern]
+            yield base.effects_with([name for name in names if name not in off]), self._valid[is_off[self._valid] == pattern]
 
     def carried_out(
         self, t: Array, start: NDArray[np.int64], threads: int
@@ -392,19 +413,9 @@ def parameter_values(base: Parameters, columns: Columns) -> dict[str, Any]:
     # As in `Parameters.replace`, a vertical release keeps its angle
     if base.release is Release.VERTICAL:
         values["release_angle"] = base.release_angle
-    with np.errstate(invalid="ignore"):  # impossible values are marked by `valid_runs`
+    with np.errstate(invalid="ignore"):  # impossible values are refused afterwards
         # What follows stands back: the least damping is the equations' alone
         return derived_values(values, np.where) | values
-
-
-def valid_runs(base: Parameters, values: Mapping[str, Any], n: int) -> NDArray[np.bool_]:
-    """Return which of ``n`` runs have values that `Parameters` accepts."""
-    valid = np.ones(n, dtype=bool)
-    # All other coefficients are those of `base`, which was checked
-    given = [name for name in base.coefficients if isinstance(values[name], np.ndarray)]
-    for requirement in effect_tables(base.own_effects).requirements(given):
-        valid &= requirement.is_met(values)
-    return valid
 
 
 def _checked_length(base: Parameters, columns: Columns) -> int:

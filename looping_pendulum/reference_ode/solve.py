@@ -121,14 +121,14 @@ def carried_out(
         seeds=None if seeds is None else seeds(model),
         dense=dense,
     )
-    _refuse_failure(runs)
+    if runs.failures[0]:
+        raise failure(runs, 0)
     return runs
 
 
-def _refuse_failure(runs: Runs) -> None:
-    """Raise `IntegrationError` if the first of ``runs`` failed."""
-    if failure := int(runs.failures[0]):
-        _, mode, t, *y = runs.events[runs.event_counts[0] - 1].tolist()
-        state = ", ".join(f"{name} {value:g}" for name, value in zip(State._fields, y, strict=False) if value)
-        where = f"at t = {t:g} s, in mode {Mode(int(mode)).name.lower()}, with {state}"
-        raise IntegrationError(f"{FAILURES[failure]}, {where}; check the parameters")
+def failure(runs: Runs, run: int) -> IntegrationError:
+    """Return what went wrong in a run that failed, and where."""
+    _, mode, t, *y = runs.events[runs.event_counts[: run + 1].sum() - 1].tolist()
+    state = ", ".join(f"{name} {value:g}" for name, value in zip(State._fields, y, strict=False) if value)
+    where = f"at t = {t:g} s, in mode {Mode(int(mode)).name.lower()}, with {state}"
+    return IntegrationError(f"{FAILURES[int(runs.failures[run])]}, {where}; check the parameters")

@@ -17,7 +17,7 @@ from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import STATUS_OF_END
 from looping_pendulum.engines.registry import select
 from looping_pendulum.errors import ParameterError
-from looping_pendulum.reference_ode.batch import COLUMNS, ENDS, FAILED, RunColumn, solve_batch
+from looping_pendulum.reference_ode.batch import COLUMNS, ENDS, RunColumn, solve_batch
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.transitions import Event
@@ -147,10 +147,8 @@ def _reference_values(plan: MapPlan, region: Region, cancelled: threading.Event 
     base, columns = plan.scenario.parameters, plan.columns(region)
     batch = solve_batch(base, columns, duration=plan.duration, tolerance=plan.tolerance, progress=stop_if_cancelled)
     values: Values = {field.name: np.array(getattr(batch, field.name)) for field in FIELDS}
-    # A batch marks runs with impossible parameters as failed, as it does those that break down
-    for i in np.flatnonzero(batch.end == FAILED):
-        if _parameters_of_run(base, columns, int(i)) is None:
-            values["end"][i] = ENDINGS.index(IMPOSSIBLE)
+    refused = [run for run, error in batch.errors.items() if isinstance(error, ParameterError)]
+    values["end"][refused] = ENDINGS.index(IMPOSSIBLE)
     return values
 
 

@@ -18,6 +18,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FormatStrFormatter, MaxNLocator
 from numpy.typing import NDArray
+from zarr.storage import LocalStore
 
 from looping_pendulum.engines.registry import styles
 from looping_pendulum.pages.drawing import new_figure, png
@@ -45,7 +46,7 @@ def draw(plan: MapPlan, store: Path) -> dict[str, tuple[str, bytes]]:
     sampled = isinstance(plan.design, Sample)
     varied = [axis for axis in plan.design.axes if sampled or len(axis.values) > 1] or [plan.design.axes[0]]
     # As plain arrays, also where Dask is installed: it is loaded whole anyway
-    with xr.open_zarr(store, chunks=None) as data:
+    with xr.open_zarr(LocalStore(store, read_only=True), chunks=None) as data:
         most = MAX_POINTS if sampled or len(plan.design.axes) == 1 else MAX_CELLS
         steps = {dim: math.ceil(n / most) for dim, n in data.sizes.items()}
         thin = data[["halting_time", "stops", "end"]].isel({dim: slice(None, None, step) for dim, step in steps.items()}).load()

@@ -263,12 +263,14 @@ def open_map(folder: Path | str) -> xarray.Dataset:
         If there is no map, or if a file that is needed to read it is missing or damaged.
     """
     import xarray as xr
+    from zarr.storage import LocalStore
 
     path = Path(folder) / STORE
     if not (path / METADATA).is_file():
         raise MapError(f"{folder}: found no map, needed a folder that `looping-pendulum map` wrote")
     try:
-        data: xr.Dataset = xr.open_zarr(path)
+        # As a store, not as a path, which would be an address where the folder's name has "::"
+        data: xr.Dataset = xr.open_zarr(LocalStore(path, read_only=True))
     except Exception as error:  # a damaged file may raise any exception
         raise _damaged(path, f"{type(error).__name__}: {error}") from None
     # Zarr reads a missing chunk as its fill value, so that a lost coordinate raises nothing

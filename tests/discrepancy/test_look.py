@@ -568,14 +568,15 @@ def test_implausible_lengths_without_a_mistake_of_units_stay_an_error(example, t
 def test_command_look(example, tmp_path):
     done = here("look", str(example), "--out", str(tmp_path / "right"))
     assert done.returncode == 0, done.stderr
+    assert done.stderr == "0 %: reading the points of first, second\n"
     meaning, last = done.stdout.splitlines()[-2:]
     assert meaning.startswith("such a distance is no fault in itself: the motion is that of the declared values")
     assert last == f"nothing looks wrong; next: looping-pendulum identify {example}"
     wrong = mistaken(example, tmp_path, MISTAKES["mirrored"])
     done = here("look", str(wrong), "--out", str(tmp_path / "wrong"))
     assert done.returncode == 2
-    assert done.stderr.startswith("error: trials 'first', 'second': found a mirrored motion; needed 'mirrored: true'")
-    assert done.stderr.count("\n") == 1
+    _, fault = done.stderr.splitlines()
+    assert fault.startswith("error: trials 'first', 'second': found a mirrored motion; needed 'mirrored: true'")
     assert (tmp_path / "wrong" / "first-look.png").read_bytes().startswith(b"\x89PNG")
     assert not list((tmp_path / "right").iterdir())
 
@@ -587,7 +588,7 @@ def test_identify_stops_before_the_fit_and_says_how_to_go_on(example, tmp_path):
     assert done.returncode == 2
     assert "needed 'tracks: {light: light, heavy: heavy}'" in done.stderr
     assert done.stderr.endswith(f"{tmp_path / 'out' / 'first-look.png'} shows it; correct the study, or search --anyway\n")
-    assert done.stderr.count("\n") == 1
+    assert done.stderr.count("\n") == 2  # what is done, and the fault
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["first-look.png"]
 
 

@@ -1,6 +1,8 @@
 """Many runs at once: each equals the single run in every bit, alone, beside others and in threads; bad runs disturb none."""
 
+import dataclasses
 import math
+import re
 import threading
 
 import numpy as np
@@ -118,7 +120,14 @@ def test_a_batch_has_the_sequences_of_scipys_runs():
     np.testing.assert_array_equal(solve_batch(BASE, columns).sequence, expected.sequence)
 
 
-def test_impossible_runs_are_marked_and_disturb_no_other():
+def fields_of_run(columns, run):
+    """Return the fields of `Parameters` in one run."""
+    values = {name: float(values[run]) for name, values in columns.items()}
+    fields = {field.name: values.get(field.name, getattr(BASE, field.name)) for field in dataclasses.fields(Parameters)}
+    return fields | {"coefficients": {name: value for name, value in values.items() if name not in fields}}
+
+
+def test_impossible_runs_are_refused_with_the_reasons_of_a_single_run_and_disturb_no_other():
     columns = random_columns(6, seed=3)
     bad = {name: np.concatenate([values, values]) for name, values in columns.items()}
     for i, (name, value) in enumerate(
@@ -126,9 +135,15 @@ def test_impossible_runs_are_marked_and_disturb_no_other():
     ):
         bad[name][6 + i] = value
     bad["static_friction"][11] = 0.5 * bad["kinetic_friction"][11]
-    actual = solve_batch(BASE, bad)
+    bad["heavy_mass"][9] = 0.0  # of two faults the first is named, as by `Parameters`
+    actual = solve_batch(BASE, bad, threads=2)
     assert_same_bits(part(actual, slice(6)), one_by_one(BASE, columns))
     assert_same_bits(part(actual, slice(6, 12)), BatchResult.empty(6))
+    assert sorted(actual.errors) == list(range(6, 12))
+    for run, error in actual.errors.items():
+        assert isinstance(error, ParameterError)
+        with pytest.raises(ParameterError, match=f"^{re.escape(str(error))}$"):
+            Parameters(**fields_of_run(bad, run))
     samples = sample_batch(BASE, bad, [np.array([0.0, 0.1])] * 12)
     assert (samples.count > 0).tolist() == [True] * 6 + [False] * 6
     assert np.isfinite(samples.state[:, : samples.start[6]]).all()

@@ -305,6 +305,14 @@ def test_two_at_once_in_one_folder(tmp_path):
     assert run_silently(plan, tmp_path, solve=second).complete
 
 
+def test_a_folder_may_have_the_name_of_an_address(tmp_path):
+    """zarr took "zip::x" for a chained URL: the figure was left out, and the map was found damaged."""
+    folder = tmp_path / "zip::x"
+    assert run_silently(read(GRID), folder, figures=True).complete
+    assert open_map(folder)["end"].size == 72
+    assert (folder / "halting_time.png").exists()
+
+
 @pytest.mark.long
 def test_engines_may_be_mapped_too(tmp_path):
     text = "title: E\nscenario: ten_to_one\nengine: [reference, mujoco:capstan]\nparameters:\n  mass_ratio: [9, 10]\n"

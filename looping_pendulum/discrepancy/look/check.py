@@ -27,6 +27,7 @@ from looping_pendulum.measured.edits import Change, left_out_rows, read_trial, u
 from looping_pendulum.measured.observations import BODIES, DataError, ImplausibleLengthError, Observations
 from looping_pendulum.measured.study import Study, Trial, refuse_seen_points
 from looping_pendulum.pages.numbers import quantity
+from looping_pendulum.processes import ReportShare
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.quantities import QUANTITIES
 
@@ -330,8 +331,13 @@ def _other_origin(look: TrialLook) -> list[Hypothesis]:
     return [Hypothesis(name="origin", fit=look.table, text=text, keys=keys)]
 
 
-def take_first_look(study: Study) -> DeclarationCheck:
+def take_first_look(study: Study, *, progress: ReportShare = lambda what, share: None) -> DeclarationCheck:
     """Read the files of a study and compare them with what it declares.
+
+    Parameters
+    ----------
+    progress
+        Called with what is being done, and the share of it that is done.
 
     Raises
     ------
@@ -340,7 +346,7 @@ def take_first_look(study: Study) -> DeclarationCheck:
     """
     observed, unreadable = _read(study)
     with threadpool_limits(1, user_api="blas"):
-        check = _check(study, observed)
+        check = _check(study, observed, progress)
     for name, error in unreadable.items():
         if not any(name in m.trials and any(LENGTHS.name in n for n in m.names) for m in check.mistakes):
             raise error
@@ -366,11 +372,12 @@ def _read(study: Study) -> tuple[list[tuple[Trial, Observations]], dict[str, Imp
     return observed, unreadable
 
 
-def _check(study: Study, observed: Sequence[tuple[Trial, Observations]]) -> DeclarationCheck:
+def _check(study: Study, observed: Sequence[tuple[Trial, Observations]], progress: ReportShare) -> DeclarationCheck:
     """Look at all trials, and edit their observations once."""
     checks, looks, said = [], [], []
     edited = {trial.name: observations for trial, observations in observed}
-    for trial, observations in observed:
+    for i, (trial, observations) in enumerate(observed):
+        progress(f"comparing trial '{trial.name}' with the study", i / len(observed))
         case = Case.of(study, trial, observations)
         reason, away = _reason_to_pass(case), None
         if not reason:

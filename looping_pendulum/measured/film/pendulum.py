@@ -19,7 +19,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
-from scipy.stats import theilslopes
 
 from looping_pendulum.measured.film import FilmError
 from looping_pendulum.measured.film.moving import Blob, Blobs, MovingPath
@@ -106,6 +105,8 @@ def heavy_mass(blobs: Blobs, candidates: Sequence[MovingPath], t: Array, unit: f
 
     Blobs elsewhere on the vertical are shadows, or places where the background still shows the resting mass.
     """
+    from scipy.stats import theilslopes  # not at the top: its import takes as long as that of all other modules here
+
     best = candidates[0]
     slope, offset, *_ = (float(v) for v in theilslopes(best[:, 1], best[:, 2]))
     area, contrast = np.median(best[:, 3]), np.median(best[:, 4])

@@ -10,7 +10,8 @@ import atexit
 import ctypes
 import math
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib.resources import files
@@ -21,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.errors import IntegrationError, MissingPackageError, ParameterError
+from looping_pendulum.errors import IntegrationError, MissingPackageError, ParameterError, one_line
 from looping_pendulum.reference_ode.core import wasm
 from looping_pendulum.reference_ode.core.trace import trace
 from looping_pendulum.reference_ode.geometry import Array
@@ -129,7 +130,7 @@ _of_thread = threading.local()
 def _let_go() -> None:
     """Let go of all that is wasmtime's while its functions are still there; else each object would complain at the end."""
     vars(_of_thread).clear()
-    for kept in (_compiled, _compiled_driver, _engine):
+    for kept in (_compiled, _engine):
         kept.cache_clear()
 
 
@@ -147,27 +148,57 @@ def _wasmtime() -> ModuleType:
 
 
 @cache
-def _engine() -> Any:
-    return _wasmtime().Engine()
+def _engine(reserves: bool) -> Any:
+    """Return the engine whose memories each reserve 4 GB of addresses, or one whose memories reserve nothing."""
+    wasmtime = _wasmtime()
+    if reserves:
+        return wasmtime.Engine()
+    from wasmtime import _bindings as ffi  # `wasmtime.Config` does not have these settings yet
 
-
-@cache
-def _compiled_driver() -> Any:
-    return _wasmtime().Module(_engine(), files(__package__).joinpath("driver.wasm").read_bytes())
+    config = wasmtime.Config()
+    for setting in ("reservation", "guard_size", "reservation_for_growth"):
+        getattr(ffi, f"wasmtime_config_memory_{setting}_set")(config.ptr(), 0)
+    return wasmtime.Engine(config)
 
 
 @lru_cache(maxsize=256)
-def _compiled(model: Model) -> Any:
-    return _wasmtime().Module(_engine(), model.code)
+def _compiled(reserves: bool, code: bytes) -> Any:
+    return _wasmtime().Module(_engine(reserves), code)
+
+
+@contextmanager
+def _failures_in_one_sentence() -> Iterator[None]:
+    wasmtime = _wasmtime()
+    try:
+        yield
+    except wasmtime.WasmtimeError as error:
+        why = one_line(" ".join(str(error).split()))
+        message = f"wasmtime, which carries out runs, failed ({why})"
+        raise IntegrationError(f"{message}; where memory is limited, allow more, or use fewer threads") from None
 
 
 class Core:
-    """An instance of the driver, and the models that were loaded into it. It is for one thread."""
+    """An instance of the driver, and the models that were loaded into it. It is for one thread.
+
+    Raises
+    ------
+    MissingPackageError
+        If wasmtime does not start on this system.
+    IntegrationError
+        If there is not enough memory.
+    """
 
     def __init__(self) -> None:
         wasmtime = _wasmtime()
-        self._store = wasmtime.Store(_engine())
-        exports = wasmtime.Instance(self._store, _compiled_driver(), []).exports(self._store)
+        # With 4 GB of addresses reserved, no access needs a check of its bounds: runs are faster by a fifth, derivatives by two
+        # fifths. Where a limit (`ulimit -v`, a cluster's) does not allow that, the same bits come with checks
+        self._reserves = True
+        try:
+            exports = self._instantiated_driver()
+        except wasmtime.WasmtimeError:
+            self._reserves = False
+            with _failures_in_one_sentence():
+                exports = self._instantiated_driver()
         self._memory, self._table = exports["memory"], exports["__indirect_function_table"]
         self._maths = [exports[f"w_{name}"] for name in wasm.IMPORTED]
         exports["_initialize"](self._store)
@@ -175,6 +206,13 @@ class Core:
             _fast_call(self._store, exports[name]) for name in ("room", "release_room", "begin", "advance")
         )
         self._models: dict[Model, int] = {}
+
+    def _instantiated_driver(self) -> Any:
+        """Make the store, and return what the driver exports."""
+        wasmtime = _wasmtime()
+        self._store = wasmtime.Store(_engine(self._reserves))
+        driver = _compiled(self._reserves, files(__package__).joinpath("driver.wasm").read_bytes())
+        return wasmtime.Instance(self._store, driver, []).exports(self._store)
 
     @property
     def model_count(self) -> int:
@@ -301,12 +339,13 @@ class Core:
         """Return the address of the driver's ``Model``; load the model on its first use."""
         if model not in self._models:
             wasmtime = _wasmtime()
-            first = self._table.grow(self._store, model.count, None)
-            kind = wasmtime.GlobalType(wasmtime.ValType.i32(), False)
-            place = wasmtime.Global(self._store, kind, wasmtime.Val.i32(first))
-            with _making:
-                module = _compiled(model)
-            wasmtime.Instance(self._store, module, [*self._maths, self._memory, self._table, place])
+            with _failures_in_one_sentence():
+                first = self._table.grow(self._store, model.count, None)
+                kind = wasmtime.GlobalType(wasmtime.ValType.i32(), False)
+                place = wasmtime.Global(self._store, kind, wasmtime.Val.i32(first))
+                with _making:
+                    module = _compiled(self._reserves, model.code)
+                wasmtime.Instance(self._store, module, [*self._maths, self._memory, self._table, place])
             jacobian, table = 16, 16 + 8 * int(model.table[4])
             address = self._room(table + model.table.nbytes) & 0xFFFFFFFF
             if not address:

@@ -10,10 +10,11 @@ from functools import partial
 
 import numpy as np
 import pytest
+import wasmtime
 
 from looping_pendulum.errors import IntegrationError, ParameterError
 from looping_pendulum.reference_ode.batch import ENDS, solve_batch
-from looping_pendulum.reference_ode.core.host import this_threads_core, traced
+from looping_pendulum.reference_ode.core.host import Core, this_threads_core, traced
 from looping_pendulum.reference_ode.effects.own import OwnEffect
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import solve, solve_at
@@ -51,8 +52,11 @@ def test_a_formula_that_cannot_be_integrated_says_where(formula, fault):
         solve_at(parameters, T)
     assert str(error.value).endswith("; check the parameters")
     # Among other runs it alone fails
-    weak_and_absent = solve_batch(parameters, {"k": np.array([0.01, 0.0])}, duration=0.5)
-    assert [ENDS[end] == "failed" for end in weak_and_absent.end] == [True, False]
+    absent_and_weak = solve_batch(parameters, {"k": np.array([0.0, 0.01])}, duration=0.5)
+    assert [ENDS[end] == "failed" for end in absent_and_weak.end] == [False, True]
+    with pytest.raises(IntegrationError) as error:
+        solve_at(parameters, [], duration=0.5)
+    assert {run: str(why) for run, why in absent_and_weak.errors.items()} == {1: str(error.value)}
 
 
 @pytest.mark.parametrize(
@@ -74,8 +78,11 @@ def test_limits_that_are_no_numbers_are_refused(given, fault):
 def test_a_parameter_that_is_no_number_is_refused_and_fails_alone_among_others():
     with pytest.raises(ParameterError, match="^kinetic_friction: found nan"):
         TEN_TO_ONE.replace(kinetic_friction=math.nan)
-    ends = solve_batch(TEN_TO_ONE, {"light_mass": np.array([math.nan, 0.01])}, duration=0.2).end
-    assert [ENDS[end] == "failed" for end in ends] == [True, False]
+    batch = solve_batch(TEN_TO_ONE, {"kinetic_friction": np.array([0.2, math.nan])}, duration=0.2)
+    assert [ENDS[end] == "failed" for end in batch.end] == [False, True]
+    assert {run: str(error) for run, error in batch.errors.items()} == {
+        1: "kinetic_friction: found nan, needed between 0 and 5"
+    }
 
 
 def test_times_that_descend_are_refused():
@@ -129,6 +136,36 @@ def test_a_system_without_a_wheel_of_wasmtime_is_told_so(tmp_path):
     assert ended.stderr == (
         "error: wasmtime does not run on this system (unsupported architecture for wasmtime: riscv64); "
         "it has wheels for Linux, macOS and Windows with a 64-bit Python: see docs/install.md\n"
+    )
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux limits addresses")
+def test_four_gigabytes_of_addresses_are_enough():
+    """wasmtime reserves 4.3 GB for each thread where it can; the same bits come without them."""
+    program = (
+        "import sys, numpy as np, looping_pendulum as lp\n"
+        "if sys.argv[1:]: import resource; resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[1]),) * 2)\n"
+        "s = lp.load('ten_to_one'); print(lp.solve(s).end)\n"
+        "print(lp.solve_batch(s, {'kinetic_friction': np.linspace(0.1, 0.4, 600)}, threads=2).sequence)"
+    )
+
+    def output(*limit: str) -> str:
+        done = subprocess.run([sys.executable, "-c", program, *limit], capture_output=True, text=True, check=True)
+        return done.stdout
+
+    assert output("4000000000") == output()
+
+
+def test_what_wasmtime_cannot_do_is_one_sentence(monkeypatch):
+    def refuse(*_: object) -> None:
+        raise wasmtime.WasmtimeError("mmap failed to reserve 0x10000 bytes\n\nCaused by:\n    Cannot allocate memory\n")
+
+    monkeypatch.setattr(wasmtime, "Instance", refuse)
+    with pytest.raises(IntegrationError) as error:
+        Core()
+    assert str(error.value) == (
+        "wasmtime, which carries out runs, failed (mmap failed to reserve 0x10000 bytes Caused by: Cannot allocate memory); "
+        "where memory is limited, allow more, or use fewer threads"
     )
 
 
