@@ -20,23 +20,27 @@ from looping_pendulum.scenarios import document, loader
 from looping_pendulum.scenarios.document import Document, one_line, quote, shorten
 from looping_pendulum.scenarios.fields import (
     Group,
+    Key,
+    KeyGroup,
     QuantityField,
+    SimpleField,
     Text,
     input_error,
     model_schema,
     one_of,
     read_model,
-    suggest,
     whole_number,
 )
 from looping_pendulum.scenarios.quantities import FILE_KEYS, QUANTITIES
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.scenarios.units import QuantityKind
-from looping_pendulum.sweep.axis_file import COUNT, MAX_AXES, MAX_RUNS, parameters_schema, read_axis
+from looping_pendulum.sweep.axis_file import COUNT, MAX_RUNS, axis_field, axis_of
 from looping_pendulum.sweep.cells import engine_called
 from looping_pendulum.sweep.plan import REFERENCE, Axis, Grid, MapPlan, Sample
 from looping_pendulum.sweep.quantities import ALLOWED_OVERLAP, Variable, variables
 
+MAX_AXES = 3
+"""Largest number of quantities that a map varies."""
 MAX_ENGINE_RUNS = 20_000
 """Largest number of runs of engines without --max-runs; their runs take seconds."""
 TOLERANCE = 1e-9
@@ -56,9 +60,22 @@ def _names(raw: object) -> list[str]:
     return [str(name) for name in listed]
 
 
+PARAMETERS = {key: v for v in variables().values() for key in (v.name, FILE_KEYS.get(v.name, v.name))}
+"""Key under ``parameters`` -> its quantity: "release_angle" or, as in a scenario file, "release.angle"."""
+_AXES = KeyGroup(keys={key: Key(axis_field(variable)) for key, variable in PARAMETERS.items()})
+
+
+def _parameters(raw: object) -> dict[str, Any]:
+    if isinstance(raw, dict) and 1 <= len(raw) <= MAX_AXES:
+        keys: dict[str, Any] = _AXES.read(raw)
+        return keys
+    number = f"{len(raw)} quantities" if isinstance(raw, dict) else quote(raw)
+    example = "release_angle: {from: 60 deg, to: 130 deg, count: 71}"
+    raise input_error(f"found {number}, needed one to {MAX_AXES}; write for example '{example}'")
+
+
 Count = Annotated[int, COUNT]
-
-
+_PARAMETERS_SCHEMA = _AXES.json_schema | {"minProperties": 1, "maxProperties": MAX_AXES}
 _ENGINE_SCHEMA = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]}
 
 
@@ -86,7 +103,7 @@ class MapFile(Group):
     """reference, if not given, or engines and variants, whose runs take seconds each."""
     profile: Annotated[str, one_of(*(p.value for p in Profile))] = Profile.QUICK.value
     """Profile of the engines' settings; the reference has its tolerance."""
-    parameters: Annotated[Any, WithJsonSchema(parameters_schema())]
+    parameters: Annotated[dict[str, Any], SimpleField(_parameters, _PARAMETERS_SCHEMA)]
     """One to three quantities, each with a range or a list of values."""
     sample: SampleGroup | None = None
     tolerance: Annotated[float, QuantityField(QuantityKind(unit="", low=1e-15, high=1e-3, example="1e-12"))] = TOLERANCE
@@ -202,45 +219,22 @@ def _engines(doc: Document, checked: MapFile, scenario: Scenario) -> tuple[str, 
 
 
 def _axes(doc: Document, checked: MapFile, scenario: Scenario) -> tuple[Axis, ...]:
-    parameters = checked.parameters
-    if not isinstance(parameters, dict) or not 1 <= len(parameters) <= MAX_AXES:
-        number = f"{len(parameters)} quantities" if isinstance(parameters, dict) else quote(parameters)
-        example = "release_angle: {from: 60 deg, to: 130 deg, count: 71}"
-        raise doc.error(("parameters",), f"found {number}, needed one to {MAX_AXES}; write for example '{example}'")
     axes: list[Axis] = []
     varied: list[Variable] = []
-    for key, content in parameters.items():
-        variable = _variable(doc, key)
-        _refuse_overlap(doc, key, variable, varied)
+    for key, given in checked.parameters.items():
+        variable = PARAMETERS[key]
+        for other in varied:
+            both = sorted(set(variable.sets) & set(other.sets))
+            if both and {variable.name, other.name} != ALLOWED_OVERLAP:
+                message = f"found beside {other.name}, which also sets {both[0]}, needed only one of them; leave one out"
+                raise doc.error(("parameters", key), message)
         varied.append(variable)
         if variable.name == "release_angle" and scenario.parameters.release is Release.VERTICAL:
             message = "found an angle, but a vertical release hangs at 180 deg, needed another quantity; leave it out"
             raise doc.error(("parameters", key), message)
         try:
-            axes.append(read_axis(variable, content, sampled=checked.sample is not None))
+            axes.append(axis_of(variable, given, doc.data["parameters"][key], sampled=checked.sample is not None))
         except PydanticCustomError as error:
             # `input_error` notes the key inside the range, for its line
             raise doc.error(("parameters", key, *(error.context or {}).get("keys", ())), str(error)) from None
     return tuple(axes)
-
-
-def _variable(doc: Document, key: str) -> Variable:
-    """Return the quantity of a key under ``parameters``: "release_angle" or, as in a scenario file, "release.angle"."""
-    known = variables()
-    by_file_key = {file_key: name for name, file_key in FILE_KEYS.items() if name in known}
-    name = by_file_key.get(key, key)
-    if name in known:
-        return known[name]
-    near = suggest(key, (*known, *by_file_key))
-    usual = "release_angle, mass_ratio, kinetic_friction"
-    message = f"found an unknown quantity, needed a parameter or a coefficient of an effect such as {usual}{near}"
-    raise doc.error(("parameters", key), message)
-
-
-def _refuse_overlap(doc: Document, key: str, variable: Variable, others: list[Variable]) -> None:
-    """Refuse a quantity that sets the same parameter as another."""
-    for other in others:
-        both = sorted(set(variable.sets) & set(other.sets))
-        if both and {variable.name, other.name} != ALLOWED_OVERLAP:
-            message = f"found beside {other.name}, which also sets {both[0]}, needed only one of them; leave one out"
-            raise doc.error(("parameters", key), message)
