@@ -73,10 +73,10 @@ def choose_quiet(wanted: bool) -> bool:
     return wanted
 
 
-def say(text: str, *, err: bool = False, nl: bool = True) -> None:
+def say(text: str, *, err: bool = False) -> None:
     """Print ``text``, of one or several lines: a result, or with ``err`` an error."""
     if err or output.shows_text:
-        typer.echo(printable(text), err=err, nl=nl)
+        typer.echo(printable(text), err=err)
 
 
 def say_prose(text: str, indent: int = 0) -> None:

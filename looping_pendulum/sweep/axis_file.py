@@ -93,9 +93,7 @@ def _range(low: float, high: float, count: int, logarithmic: bool) -> Array:
     if count > MAX_RUNS:
         raise input_error(f"found {count} values of one quantity, needed at most {MAX_RUNS}; lower it", "count")
     if not low < high and not (low == high and count == 1):
-        raise input_error(
-            "found an end that is not above 'from', needed one that is; swap them, or list one under 'values'", "to"
-        )
+        raise input_error("found no more than 'from', needed more; swap them, or list one value under 'values'", "to")
     if logarithmic and low <= 0:
         raise input_error("found a start of 0 or less, needed one above 0 with 'spacing: log'", "from")
     if count == 1 and low < high:
