@@ -7,7 +7,7 @@ x right and y up, as the guide (docs/film.md) has a student set the axes in Trac
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,11 +18,11 @@ from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import label, select
 from looping_pendulum.errors import EngineError, HarnessError
 from looping_pendulum.files import read_file
-from looping_pendulum.measured.tables.delimited import MAX_LINE_LENGTH, numbered_lines
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.runs.trajectory import Trajectory
 from looping_pendulum.scenarios import loader
+from looping_pendulum.scenarios.document import one_line, shorten
 from looping_pendulum.scenarios.scenario import Scenario
 
 HEADER = ("t", "heavyx", "heavyy", "lightx", "lighty")
@@ -209,58 +209,31 @@ def _file_of_run(folder: Path, engine: str | None) -> Path:
 def _motion_of_file(path: Path) -> TrackedMotion:
     """Return the motion in a CSV file of `compare.trajectories.trajectory_csv`."""
     names = ("t", "heavy_x", "heavy_y", "heavy_vx", "heavy_vy", "light_x", "light_y", "light_vx", "light_vy")
-    rows = [[cell.strip() for cell in line.split(",")] for _, line in numbered_lines(_read_text(path))]
-    while rows and not any(rows[-1]):
-        rows.pop()  # empty lines at the end
-    header = [cell.partition(" [")[0] for cell in rows[0]] if rows else []
-    missing_columns = [name for name in names if name not in header]
-    if missing_columns:
-        raise TrackerError(
-            f"{path}: found no column {missing_columns[0]!r}, needed a file that `looping-pendulum run --out` wrote"
-        )
-    columns = np.array([_parse_row(path, line, row, [header.index(n) for n in names]) for line, row in enumerate(rows[1:], 2)])
-    if not len(columns):
-        raise TrackerError(f"{path}: found no samples, needed two or more")
-    t, heavy, heavy_v, light, light_v = np.split(columns, [1, 3, 5, 7], axis=1)
-    not_increasing = np.flatnonzero(np.diff(t[:, 0]) <= 0)
-    if not_increasing.size:
-        line = int(not_increasing[0]) + 3  # the second of the two rows; the first row of numbers stands on line 2
-        raise TrackerError(f"{path}:{line}: found {t[line - 2, 0]:g} s after {t[line - 3, 0]:g} s, needed times that grow")
-    return _interpolated_motion(path.stem, t[:, 0], (heavy, heavy_v), (light, light_v))
-
-
-def _read_text(path: Path) -> str:
-    """Return the text of a run's file.
-
-    Raises
-    ------
-    TrackerError
-        If it is too large, is not UTF-8, or has a line that is too long.
-    """
     try:
         raw = read_file(path, MAX_FILE_SIZE)
+        lines = raw.decode("utf-8-sig").splitlines() or [""]
     except OSError as error:
         raise TrackerError(f"{path}: cannot be read: {error.strerror}") from None
-    if len(raw) > MAX_FILE_SIZE:
-        raise TrackerError(f"{path}: found more than {MAX_FILE_SIZE // 1024**2} MiB, needed the file of one run")
-    try:
-        text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
-        message = f"{path}:{line}: found the byte 0x{raw[error.start]:02x}, needed UTF-8 text"
-        raise TrackerError(f"{message}, as `looping-pendulum run --out` writes it") from None
-    for line, content in numbered_lines(text):
-        if len(content) > MAX_LINE_LENGTH:
-            raise TrackerError(f"{path}:{line}: found a line of {len(content)} characters, needed a row of numbers")
-    return text
-
-
-def _parse_row(path: Path, line: int, row: Sequence[str], positions: Sequence[int]) -> list[float]:
+        raise TrackerError(f"{path}:{line}: found the byte 0x{raw[error.start]:02x}, needed UTF-8 text") from None
+    header = [cell.partition(" [")[0].strip() for cell in lines[0].split(",")]
+    missing_columns = [name for name in names if name not in header]
+    if missing_columns or len(raw) > MAX_FILE_SIZE:
+        found = f"no column {missing_columns[0]!r}" if missing_columns else f"more than {MAX_FILE_SIZE // 1024**2} MiB"
+        raise TrackerError(f"{path}: found {found}, needed a file of one run that `looping-pendulum run --out` wrote")
+    if not any(map(str.strip, lines[1:])):
+        raise TrackerError(f"{path}: found no samples, needed two or more")
     try:
-        numbers = [float(row[i]) for i in positions]
-    except (ValueError, IndexError):
-        raise TrackerError(f"{path}:{line}: found a row without all its numbers, needed times, places and velocities") from None
-    for number in numbers:
-        if not abs(number) <= MAX_NUMBER:
-            raise TrackerError(f"{path}:{line}: found {number:g}, needed numbers up to {MAX_NUMBER:g} in size")
-    return numbers
+        columns = np.loadtxt(lines[1:], delimiter=",", comments=None, usecols=[header.index(name) for name in names], ndmin=2)
+    except ValueError as error:
+        message = f"{path}: found a row without all its numbers ({shorten(str(error))}), needed times, places and velocities"
+        raise TrackerError(one_line(message)) from None
+    # The first row of numbers stands on line 2
+    for row, number in zip(*np.nonzero(~(np.abs(columns) <= MAX_NUMBER)), strict=True):
+        found = f"found {columns[row, number]:g}"
+        raise TrackerError(f"{path}:{row + 2}: {found}, needed numbers up to {MAX_NUMBER:g} in size")
+    t, heavy, heavy_v, light, light_v = np.split(columns, [1, 3, 5, 7], axis=1)
+    for row in np.flatnonzero(np.diff(t[:, 0]) <= 0) + 1:
+        raise TrackerError(f"{path}:{row + 2}: found {t[row, 0]:g} s after {t[row - 1, 0]:g} s, needed times that grow")
+    return _interpolated_motion(path.stem, t[:, 0], (heavy, heavy_v), (light, light_v))
