@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
+from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -41,17 +42,10 @@ def _run_counter(bars: ProgressBars) -> Callable[[int, int], None]:
         rate = (complete - first[1]) / max(now - first[0], 1e-9)
         seconds_left = (runs - complete) / rate
         description = f"{complete} of {runs} runs, {amount(rate)} runs/s"
-        line = f"{description}, {_duration(seconds_left)} left" if seconds_left else description
+        line = f"{description}, {timedelta(seconds=round(seconds_left))} left" if seconds_left else description
         bars.update(description, complete / runs, line=line)
 
     return show
-
-
-def _duration(seconds: float) -> str:
-    """Return a time such as "2 min 5 s"."""
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s" if minutes else f"{rest} s"
 
 
 def map_(

@@ -20,26 +20,11 @@ from looping_pendulum.discrepancy.evidence.explain import Explanations, Judged
 from looping_pendulum.discrepancy.evidence.laws import STRING_ON_ROD, TARGETS, Closure, motions
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.pages.numbers import number
-from looping_pendulum.reference_ode.effects.closure import COORDINATES, N_BASIS_FUNCTIONS
+from looping_pendulum.reference_ode.effects.closure import COORDINATE_UNITS, N_BASIS_FUNCTIONS
 from looping_pendulum.reference_ode.geometry import Array
 
 PROFILE_POINTS = 60
 """Points of a profile in the result."""
-COORDINATE_UNITS = {
-    "time": "s",
-    "free_length": "m",
-    "wrap_angle": "rad",
-    "retreat_speed": "m/s",
-    "across_speed": "m/s",
-    "slip_speed": "m/s",
-    "normal_load": "N",
-    "hanging_length": "m",
-    "horizontal_position": "m",
-    "height": "m",
-    "distance": "m",
-}
-"""Coordinate -> its SI unit."""
-assert set(COORDINATE_UNITS) == set(COORDINATES)
 FACTOR_TEXTS = {"constant": "", "retreat_speed": "-u", "across_speed": "-w"}
 """Factor -> its text before a formula; u is the light mass's speed away from the rod along the string, w across it.
 

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from importlib import resources
-from importlib.resources.abc import Traversable
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import write_atomically
 
-PACKAGE_FILES = resources.files("looping_pendulum.teaching")
+EXAMPLE = resources.files("looping_pendulum.teaching") / "example"
 MAP = resources.files("looping_pendulum.sweep") / "maps" / "quick.yaml"
 """Shipped map that the example folder gets as map.yaml; it takes seconds."""
-NOT_COPIED = ("__pycache__", "__init__.py")
+NOT_COPIED = {"__pycache__", "__init__.py"}
 
 
 class FolderError(HarnessError, ValueError):
@@ -39,24 +37,10 @@ def write_example(folder: Path) -> tuple[Path, ...]:
     if existing:
         shown = ", ".join(existing[:3]) + (", ..." if len(existing) > 3 else "")
         raise FolderError(f"{folder}: found {shown}, needed an empty or a new folder; write `looping-pendulum init my_folder`")
-    paths = []
-    for path, source in [
-        *sorted(_example_files(PACKAGE_FILES.joinpath("example"), PurePosixPath())),
-        (PurePosixPath("map.yaml"), MAP),
-    ]:
-        target = folder.joinpath(*path.parts)
-        write_atomically(target, source.read_bytes())
-        paths.append(target)
-    return tuple(paths)
-
-
-def _example_files(folder: Traversable, below: PurePosixPath) -> Iterator[tuple[PurePosixPath, Traversable]]:
-    """Yield every file of the shipped example, with its path in the folder."""
-    for entry in folder.iterdir():
-        if entry.name in NOT_COPIED:
-            continue
-        path = below / entry.name
-        if entry.is_dir():
-            yield from _example_files(entry, path)
-        else:
-            yield path, entry
+    with resources.as_file(EXAMPLE) as example:
+        sources = {path.relative_to(example): path for path in sorted(example.rglob("*")) if path.is_file()}
+        kept = {path: source.read_bytes() for path, source in sources.items() if not NOT_COPIED.intersection(path.parts)}
+    contents = kept | {Path("map.yaml"): MAP.read_bytes()}
+    for path, content in contents.items():
+        write_atomically(folder / path, content)
+    return tuple(folder / path for path in contents)

@@ -6,7 +6,7 @@ import json
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ from looping_pendulum.processes import ReportShare
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.document import quote
-from looping_pendulum.scenarios.fields import TO_FILL_IN, QuantityField
+from looping_pendulum.scenarios.fields import TO_FILL_IN, FieldType, QuantityField
 from looping_pendulum.scenarios.quantities import QUANTITIES
 
 PLAYBACK_RATE = 61.0
@@ -65,7 +65,7 @@ def new_scenario(name: str, *, like: str, given: Mapping[str, str]) -> str:
     NewFileError
         If a value cannot be read, or if the values contradict each other.
     """
-    values: dict[str, Any] = {quantity: _scenario_value(quantity, text) for quantity, text in given.items()}
+    values = {quantity: _read(QuantityField(QUANTITIES[quantity].kind), quantity, text) for quantity, text in given.items()}
     start = loader.load(like)
     duration = values.pop("duration", start.duration)
     friction = {n: values.pop(n) for n in tuple(values) if n in start.parameters.coefficients}
@@ -85,14 +85,6 @@ def new_scenario(name: str, *, like: str, given: Mapping[str, str]) -> str:
         *_commented({key: value for key, value in yaml.safe_load(loader.dump(scenario)).items() if value != ""}),
     ]
     return "\n".join(lines) + "\n"
-
-
-def _scenario_value(quantity: str, text: str) -> float:
-    try:
-        value: float = QuantityField(QUANTITIES[quantity].kind).read(text)
-    except PydanticCustomError as error:
-        raise NewFileError(f"{_option(quantity)}: {error}") from None
-    return value
 
 
 def _commented(tree: Mapping[str, Any], group: str = "", indent: str = "") -> list[str]:
@@ -164,14 +156,11 @@ def new_study(
         needed.insert(1, "light_radius")
     if needed:
         lines.append("apparatus:  # in all trials; one in which it differs may have the same keys")
-    ball = next((trial.ball for trial in trials if trial.ball), "")
+    shown = next((trial.shown for trial in trials if "light_radius" in trial.shown), {})
     for group in dict.fromkeys(QUANTITIES[quantity].group for quantity in needed):
         lines.append(f"  {group}:")
         for quantity in (q for q in needed if QUANTITIES[q].group == group):
-            if quantity == "light_radius" and ball and quantity not in shared:
-                lines.append(f"{_measured(quantity, {quantity: ball}, '    ')}; as the film shows it")
-            else:
-                lines.append(_measured(quantity, shared, "    "))
+            lines.append(_measured(quantity, shared, "    ", shown))
     usual = USUAL_EFFECTS_WITHOUT_ROD.get(next(iter(releases)), USUAL_EFFECTS) if len(releases) == 1 else USUAL_EFFECTS
     lines += ["effects:  # that you believe act; `looping-pendulum identify --schema` lists all", "  gravity: 9.81 m/s^2"]
     lines += [f"  {effect}: free" for effect in usual]
@@ -202,8 +191,8 @@ class _Trial:
     """Lines on how to read the file."""
     measured: Sequence[str]
     """Lines of what was measured."""
-    ball: str = ""
-    """Radius of the light mass, with its standard error, where a film shows it."""
+    shown: Mapping[str, str] = field(default_factory=dict)
+    """Name of a quantity -> its value with its standard error, where a film shows it."""
 
 
 def _different_names(trials: Sequence[_Trial]) -> list[str]:
@@ -224,7 +213,7 @@ def _trials_of(file: Path, given: Mapping[str, str], reporting: Reporting, *, tr
         says = f"a film; {file.stem}.track.png beside it shows what was tracked: check it"
         shown = _shown_by_film(file, given, reporting, track=track, keep=keep)
         measured = _measured_lines(Release.LOOPING, given, shown)
-        return [_Trial(file=file, says=says, release=Release.LOOPING, measured=measured, ball=shown.get("light_radius", ""))]
+        return [_Trial(file=file, says=says, release=Release.LOOPING, measured=measured, shown=shown)]
     try:
         found = survey(file)
     except DataError as error:
@@ -285,7 +274,7 @@ def _measured_lines(release: Release, given: Mapping[str, str], shown: Mapping[s
     needed = [q for q in REQUIRED[release] if q not in SHARED]
     if release is Release.DROP:
         needed = ["heavy_mass"]
-    lines = ["    heavy:", _measured("heavy_mass", given, "      ")] if "heavy_mass" in needed else []
+    lines = ["    heavy:", _measured("heavy_mass", given, "      ", shown)] if "heavy_mass" in needed else []
     if release is Release.LOOPING:
         kind = "looping  # or vertical, where both hang straight down; then without an angle"
         needed.append("hanging_length")
@@ -293,19 +282,19 @@ def _measured_lines(release: Release, given: Mapping[str, str], shown: Mapping[s
         kind = release.value
     lines += ["    release:", f"      kind: {kind}"]
     for quantity in [q for q in needed if QUANTITIES[q].group == "release"]:
-        if quantity in shown and quantity not in given:
-            lines.append(f"{_measured(quantity, shown, '      ')}; as the film shows it")
-        elif quantity in given or quantity != "hanging_length":
-            lines.append(_measured(quantity, given, "      "))
+        if quantity in given or quantity in shown or quantity != "hanging_length":
+            lines.append(_measured(quantity, given, "      ", shown))
     return lines
 
 
-def _measured(quantity: str, values: Mapping[str, str], indent: str) -> str:
-    """Return the line of a measured quantity: its value, or the mark for one to fill in."""
-    q, text = QUANTITIES[quantity], values.get(quantity, TO_FILL_IN)
+def _measured(quantity: str, given: Mapping[str, str], indent: str, shown: Mapping[str, str]) -> str:
+    """Return the line of a measured quantity: its value as given, or as a film shows it, or the mark for one to fill in."""
+    q, text = QUANTITIES[quantity], given.get(quantity) or shown.get(quantity, TO_FILL_IN)
     comment = q.meaning if text != TO_FILL_IN else f"{q.meaning}; for example {q.measured_example}"
     if text != TO_FILL_IN and not estimate_of(quantity, text).uncertain:
         comment += f"; taken as exact, as it has no standard error, such as +/- {q.usual_error}"
+    if quantity in shown and quantity not in given:
+        comment += "; as the film shows it"
     return f"{indent}{q.last_key}: {_scalar(text)}  # {comment}"
 
 
@@ -317,8 +306,14 @@ def estimate_of(quantity: str, text: str) -> Estimate:
     NewFileError
         If it is none; the message names the option.
     """
+    value: Estimate = _read(MeasuredField(QUANTITIES[quantity].kind), quantity, text)
+    return value
+
+
+def _read(field_type: FieldType, quantity: str, text: str) -> Any:
+    """Return the value of an option; an error names the option."""
     try:
-        return MeasuredField(QUANTITIES[quantity].kind).read(text)
+        return field_type.read(text)
     except PydanticCustomError as error:
         raise NewFileError(f"{_option(quantity)}: {error}") from None
 

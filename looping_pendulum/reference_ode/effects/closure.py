@@ -8,7 +8,7 @@ and the engines can all run it. Its coefficients, the weights of the basis funct
 from __future__ import annotations
 
 from operator import attrgetter, mul
-from types import SimpleNamespace
+from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
 from looping_pendulum.reference_ode.effects.types import Coefficient, Effect, EffectKind, Kinematics
@@ -16,20 +16,23 @@ from looping_pendulum.reference_ode.geometry import light_position
 
 N_BASIS_FUNCTIONS = 12
 """Number of radial basis functions, Gaussians whose centres are one width (standard deviation) apart."""
-COORDINATES = (
-    "time",
-    "free_length",
-    "wrap_angle",
-    "retreat_speed",
-    "across_speed",
-    "slip_speed",
-    "normal_load",
-    "hanging_length",
-    "horizontal_position",
-    "height",
-    "distance",
+COORDINATE_UNITS = MappingProxyType(
+    {
+        "time": "s",
+        "free_length": "m",
+        "wrap_angle": "rad",
+        "retreat_speed": "m/s",
+        "across_speed": "m/s",
+        "slip_speed": "m/s",
+        "normal_load": "N",
+        "hanging_length": "m",
+        "horizontal_position": "m",
+        "height": "m",
+        "distance": "m",
+    }
 )
-"""Coordinates of which the law may be a function, in the order of `coordinates_at`."""
+"""Coordinate of which the law may be a function -> its SI unit, in the order of `coordinates_at`."""
+COORDINATES = tuple(COORDINATE_UNITS)
 SIDES = ("along", "across", "gradient", "heavy", "friction")
 """Where it may act: on the light mass along or across the string or along the gradient of the coordinate, on the heavy mass
 upward, or on the coefficient of friction."""
