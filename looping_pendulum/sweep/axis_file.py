@@ -66,7 +66,7 @@ def axis_of(variable: Variable, given: dict[str, Any], written: Any, *, sampled:
         raise input_error(f"found an unknown key, {why}", min(extra))
     logarithmic = given.get("spacing") == "log"
     if "values" in given:
-        for other in given.keys() - {"values"}:
+        for other in (key for key in given if key != "values"):
             raise input_error("found beside 'values', needed either these or a range; delete one", other)
         values = given["values"]
     else:
@@ -93,7 +93,7 @@ def _range(low: float, high: float, count: int, logarithmic: bool) -> Array:
     if count > MAX_RUNS:
         raise input_error(f"found {count} values of one quantity, needed at most {MAX_RUNS}; lower it", "count")
     if not low < high and not (low == high and count == 1):
-        raise input_error("found no more than 'from', needed more; swap them, or list one value under 'values'", "to")
+        raise input_error("found a value not above 'from', needed a larger one; swap them, or list one under 'values'", "to")
     if logarithmic and low <= 0:
         raise input_error("found a start of 0 or less, needed one above 0 with 'spacing: log'", "from")
     if count == 1 and low < high:
