@@ -47,8 +47,10 @@ PRIOR_WIDENING, MIN_ANGLE_ERROR, MIN_SPEED_ERROR = 10.0, 0.05, 0.05
 errors of angle [rad] and speed [sqrt(g l)]."""
 MIN_REST_ROWS, REST_SIGMAS = 6, 5.0
 """Fewest rows in which a mass rests, and their largest distance from where it does, in the noise of the points."""
-MIN_STEP = 2.0
-"""Least step of a mass that is stopped, in that distance: at the end of a swing, it is slow for some rows before."""
+ROWS_BEFORE, MIN_WAY = 3, 5.0
+"""Rows in which a mass is stopped, and least way in them, in that distance: at the end of a swing, it is less than 4."""
+SLOWED = 0.7
+"""Largest way from row to row, in that before, of a mass that is being stopped."""
 HELD = "something other than its string holds the light mass: a hand, a wall, a knot, the rod"
 TOUCH_SIGMAS = 2.0
 """Standard errors of its distance by which the ball is clear of the rod as long as its points are used."""
@@ -65,7 +67,7 @@ def read_trial(study: Study, trial: Trial) -> Observations:
 
 
 def _until_stop(observations: Observations) -> Observations:
-    """Return the observations before the light mass stops within a row, and stays there to the end of the record."""
+    """Return the observations before the light mass stops within a few rows, and stays there to the end of the record."""
     channels = {c.name: c for c in observations.channels}
     if not {"light_x", "light_y"} <= channels.keys():
         return observations
@@ -75,10 +77,13 @@ def _until_stop(observations: Observations) -> Observations:
         return observations
     place = np.stack([x.value[in_x], y.value[in_y]], axis=1)
     near = REST_SIGMAS * max(scatter(x), scatter(y))
-    away = np.hypot(*(place - np.median(place[-MIN_REST_ROWS:], axis=0)).T) > near
-    stop = int(np.flatnonzero(away)[-1]) + 1 if away.any() else 0
-    if not 2 <= stop <= len(t) - MIN_REST_ROWS or np.hypot(*(place[stop - 1] - place[stop - 2])) < MIN_STEP * near:
+    away = np.hypot(*(place - np.median(place[-MIN_REST_ROWS:], axis=0)).T)
+    stop = int(np.flatnonzero(np.append(True, away > near))[-1])
+    if not ROWS_BEFORE <= stop <= len(t) - MIN_REST_ROWS or away[stop - ROWS_BEFORE] < MIN_WAY * near:
         return observations
+    step = np.hypot(*np.diff(place, axis=0).T)
+    while step[stop - 1] < SLOWED * step[stop - 2] and stop > ROWS_BEFORE:
+        stop -= 1
     return end_of_record(float(t[stop]), HELD)(observations)
 
 
