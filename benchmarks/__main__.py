@@ -8,42 +8,8 @@ import tempfile
 import time
 from collections.abc import Callable
 
-import numpy as np
-
 from benchmarks import browser, identify
-from looping_pendulum.measured.measurement import FIT_TOLERANCE
-from looping_pendulum.reference_ode.batch import sample_batch
-from looping_pendulum.reference_ode.solve import solve_at
-from looping_pendulum.scenarios import load
 from looping_pendulum.sweep import map_file
-
-TEN_TO_ONE = load("ten_to_one").parameters
-
-
-def batches(repeats: int) -> None:
-    """Runs with the samples of a film, singly and in batches of several sizes; CPU time, the least of all repetitions."""
-    t = np.arange(280) / 240.0
-
-    def least(task: Callable[[], object]) -> float:
-        task()
-        seconds = []
-        for _ in range(repeats):
-            started = time.process_time()
-            task()
-            seconds.append(time.process_time() - started)
-        return min(seconds)
-
-    def many(n: int) -> Callable[[], object]:
-        columns = {"kinetic_friction": TEN_TO_ONE.coefficients["kinetic_friction"] * np.linspace(0.99, 1.01, n)}
-        return lambda: sample_batch(TEN_TO_ONE, columns, [t] * n, duration=1.2, tolerance=FIT_TOLERANCE)
-
-    single = least(lambda: [solve_at(TEN_TO_ONE, t, duration=1.2, tolerance=FIT_TOLERANCE) for _ in range(20)]) / 20
-    print(f"\n## Runs of ten_to_one with 280 samples, at {FIT_TOLERANCE:g}, warm\n")
-    print("| runs in a batch | CPU time of one [us] | of a single run |\n|---|---|---|")
-    print(f"| single | {1e6 * single:.0f} | 1 |")
-    for n in (8, 30, 75, 300, 1000):
-        one = least(many(n)) / n
-        print(f"| {n} | {1e6 * one:.0f} | {one / single:.2f} |", flush=True)
 
 
 def million(repeats: int, runs: int) -> None:
@@ -104,7 +70,6 @@ def quick_comparison() -> None:
 
 
 BENCHMARKS: dict[str, Callable[[argparse.Namespace], None]] = {
-    "batches": lambda options: batches(options.repeats),
     "command-line": lambda options: command_line(options.repeats),
     "comparison": lambda _: quick_comparison(),
     "identify": lambda _: identify.benchmark(),

@@ -1,10 +1,11 @@
-"""Solve many runs that differ in some parameters, and return their results and samples as arrays."""
+"""Solve many runs that differ in some parameters, and return their results as arrays."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from types import SimpleNamespace
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from looping_pendulum.errors import IntegrationError, ParameterError
-from looping_pendulum.reference_ode.core.host import EVENT_COLUMNS, Runs, this_threads_core, traced
+from looping_pendulum.reference_ode.core.host import Runs, this_threads_core, traced
 from looping_pendulum.reference_ode.core.trace import EVENTS
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS
 from looping_pendulum.reference_ode.geometry import Array
@@ -28,7 +29,7 @@ from looping_pendulum.reference_ode.parameters import (
     parameters_of,
 )
 from looping_pendulum.reference_ode.solution import MAX_RESTING_ROD_SPEED, string_overlap
-from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, default_duration, failure
+from looping_pendulum.reference_ode.solve import TOLERANCE, default_duration, failure
 from looping_pendulum.reference_ode.state import Effects, State, heavy_drop
 from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, Event, Mode
 
@@ -49,8 +50,6 @@ SWITCH_COEFFICIENTS = frozenset(e.switch for e in EFFECTS.values() if e.switch)
 """Coefficients at whose null value an effect sets in, so that no derivative exists there."""
 MOST_RUNS = 500
 """Number of runs that are carried out at once by one thread: some 50 ms."""
-MOST_NUMBERS = 4 * 10**6
-"""Number of samples that the runs carried out at once may have: 32 MB."""
 
 # Offset basis and prime of the 64-bit FNV-1a hash
 _HASH_START, _HASH_FACTOR = np.uint64(0xCBF29CE484222325), np.uint64(0x100000001B3)
@@ -200,24 +199,6 @@ COLUMNS: dict[str, RunColumn] = {
 """Name of an array of `BatchResult` -> what it is."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class BatchSamples:
-    """States of runs at their own times, one run after another."""
-
-    t: Array
-    """Times since release [s], shape (m,)."""
-    start: NDArray[np.int64]
-    """Where each run's samples begin, and m, shape (n + 1,)."""
-    state: Array
-    """Entries of the state, shape (len(State), m); past a run's end those of its end; nan for a run that failed."""
-    count: NDArray[np.int64]
-    """How many of each run's times lie within it, shape (n,)."""
-
-    def part(self, run: int) -> slice:
-        """Return where the samples of a run are."""
-        return slice(int(self.start[run]), int(self.start[run + 1]))
-
-
 def column_names(base: Parameters) -> tuple[str, ...]:
     """Return the names that a column may have."""
     return (*NUMBERS, *base.coefficients)
@@ -261,149 +242,57 @@ def solve_batch(
     """
     if threads < 1:
         raise ParameterError(f"threads: found {threads}, needed 1 or more")
-    batch = _Batch(parameters_of(base), columns, default_duration(base) if duration is None else duration, tolerance)
-    result = BatchResult.empty(batch.n)
-    result.errors.update(batch.refusals)
-    ended = len(batch.refusals)
-    for part, effects, runs in batch.carried_out(np.zeros(0), np.zeros(batch.n + 1, dtype=np.int64), threads):
-        table = EventTable(runs, batch.values_of(part), effects)
-        for name, column in COLUMNS.items():
-            values = column.of_runs(table)
-            getattr(result, name)[part[table.ended]] = values[table.ended]
-        for i in np.flatnonzero(runs.failures).tolist():
-            result.errors[int(part[i])] = failure(runs, i)
-        ended += len(part)
-        if progress is not None:
-            progress(ended, batch.n)
+    base = parameters_of(base)
+    n = _checked_length(base, columns)
+    arrays = {name: np.asarray(column, dtype=float) for name, column in columns.items()}
+    durations = np.broadcast_to(np.asarray(default_duration(base) if duration is None else duration, dtype=float), n)
+    all_values = parameter_values(base, arrays)
+    result = BatchResult.empty(n)
+    result.errors.update(_refused(base, all_values, n))
+    valid, ended = np.delete(np.arange(n), list(result.errors)), len(result.errors)
+
+    def carry_out(effects_and_runs: tuple[Effects, NDArray[np.int64]]) -> tuple[NDArray[np.int64], EventTable, Runs]:
+        effects, part = effects_and_runs
+        model = traced(base.release, effects, derivatives=False)
+        values = {name: value[part] if np.ndim(value) else value for name, value in all_values.items()}
+        p = np.empty((len(part), len(model.names)))
+        for column, name in zip(p.T, model.names, strict=True):
+            column[:] = values[name]
+        no_samples = np.zeros(len(part) + 1, dtype=np.int32)
+        runs = this_threads_core().carry_out(model, p, durations[part], np.zeros(0), no_samples, tolerance=tolerance)
+        return part, EventTable(runs, values, effects), runs
+
+    parts = [
+        (effects, runs[begin : begin + MOST_RUNS])
+        for effects, runs in _by_effects(base, arrays, all_values, valid)
+        for begin in range(0, len(runs), MOST_RUNS)
+    ]
+    with ThreadPoolExecutor(threads) if threads > 1 else nullcontext() as pool:
+        for part, table, runs in pool.map(carry_out, parts) if pool else map(carry_out, parts):
+            for name, column in COLUMNS.items():
+                values = column.of_runs(table)
+                getattr(result, name)[part[table.ended]] = values[table.ended]
+            for i in np.flatnonzero(runs.failures).tolist():
+                result.errors[int(part[i])] = failure(runs, i)
+            ended += len(part)
+            if progress is not None:
+                progress(ended, n)
     return result
 
 
-def sample_batch(
-    base: Parameters,
-    columns: Columns,
-    times: Sequence[Array],
-    *,
-    duration: ArrayLike = DURATION,
-    tolerance: float = TOLERANCE,
-    max_steps: int = 0,
-) -> BatchSamples:
-    """Return samples of the runs of `solve_batch`, each at ascending times of its own [s].
-
-    Parameters
-    ----------
-    duration
-        Limit on the simulated time [s], for all runs or for each, shape (n,).
-    max_steps
-        Number of steps in one mode after which a run fails; 0: the driver's own limit.
-
-    Raises
-    ------
-    ParameterError
-        As `solve_batch` does, or if there are not as many times as runs.
-    """
-    batch = _Batch(base, columns, duration, tolerance, max_steps)
-    if len(times) != batch.n:
-        raise ParameterError(f"times: found those of {len(times)} runs, needed {batch.n}")
-    start = np.cumsum([0, *map(len, times)])
-    t = np.concatenate([np.zeros(0), *times])
-    state = np.full((len(t), len(State._fields)), np.nan)
-    count = np.zeros(batch.n, dtype=np.int64)
-    for part, _, runs in batch.carried_out(t, start, threads=1):
-        ended = runs.failures == 0
-        rows = _places(start, part)
-        keep = np.repeat(ended, (start[1:] - start[:-1])[part])
-        state[rows[keep]] = runs.samples[keep]
-        count[part[ended]] = runs.counts[ended]
-    return BatchSamples(t=t, start=start, state=state.T, count=count)
-
-
-class _Batch:
-    """Runs that share ``base`` but for ``columns``, checked."""
-
-    def __init__(self, base: Parameters, columns: Columns, duration: ArrayLike, tolerance: float, max_steps: int = 0) -> None:
-        self.n = _checked_length(base, columns)
-        self._base, self._columns = base, {name: np.asarray(values, dtype=float) for name, values in columns.items()}
-        self._durations, self._tolerance = np.broadcast_to(np.asarray(duration, dtype=float), self.n), tolerance
-        self._values = parameter_values(base, self._columns)
-        self.refusals = self._refused()
-        """Index of a run with impossible values -> the error that `Parameters` raises for them."""
-        self._valid = np.delete(np.arange(self.n), list(self.refusals))
-        self._max_steps = max_steps
-
-    def values_of(self, runs: NDArray[np.int64] | int) -> dict[str, Any]:
-        """Return the parameters of some runs, or of one, by name: one value, or one per run."""
-        return {name: value[runs] if np.ndim(value) else value for name, value in self._values.items()}
-
-    def _refused(self) -> dict[int, ParameterError]:
-        refused: dict[int, ParameterError] = {}
-        # All other coefficients are those of `base`, which was checked
-        given = [name for name in self._base.coefficients if isinstance(self._values[name], np.ndarray)]
-        for requirement in effect_tables(self._base.own_effects).requirements(given):
-            is_met = np.broadcast_to(requirement.is_met(self._values), self.n)
-            for run in np.flatnonzero(~is_met).tolist():
-                if run not in refused:
-                    refused[run] = ParameterError(requirement.message(self.values_of(run)))
-        return refused
-
-    def _by_effects(self) -> Iterator[tuple[Effects, NDArray[np.int64]]]:
-        """Yield effects and the valid runs in which they act: only an effect that sets in is left out at its null value."""
-        names = [name for name in self._columns if name in self._base.coefficients]
-        switches = sorted(SWITCH_COEFFICIENTS.intersection(names))
-        is_off = np.zeros(self.n, dtype=np.int64)
-        for bit, name in enumerate(switches):
-            is_off |= (self._values[name] == COEFFICIENTS[name].null) << np.int64(bit)
-        for pattern in np.unique(is_off[self._valid]).tolist():
-            off = {name: COEFFICIENTS[name].null for bit, name in enumerate(switches) if pattern >> bit & 1}
-            base = self._base.replace(**off) if off else self._base
-            yield base.effects_with([name for name in names if name not in off]), self._valid[is_off[self._valid] == pattern]
-
-    def carried_out(
-        self, t: Array, start: NDArray[np.int64], threads: int
-    ) -> Iterator[tuple[NDArray[np.int64], Effects, Runs]]:
-        """Yield the valid runs in parts, with their effects and results; sample times as in `BatchSamples`."""
-        lengths = start[1:] - start[:-1]
-        sizes = lengths + 40 * EVENT_COLUMNS
-        parts = [(part, effects) for effects, runs in self._by_effects() for part in _parts(runs, sizes[runs])]
-
-        def carry_out(part: NDArray[np.int64], effects: Effects) -> tuple[NDArray[np.int64], Effects, Runs]:
-            model = traced(self._base.release, effects, derivatives=False)
-            p = np.empty((len(part), len(model.names)))
-            for column, name in zip(p.T, model.names, strict=True):
-                value = self._values[name]
-                column[:] = value[part] if isinstance(value, np.ndarray) else value
-            own_start = np.append(0, np.cumsum(lengths[part])).astype(np.int32)
-            runs = this_threads_core().carry_out(
-                model,
-                p,
-                self._durations[part],
-                t[_places(start, part)],
-                own_start,
-                tolerance=self._tolerance,
-                max_steps=self._max_steps,
-            )
-            return part, effects, runs
-
-        if threads == 1 or len(parts) < 2:
-            yield from (carry_out(*part) for part in parts)
-            return
-        with ThreadPoolExecutor(threads) as pool:
-            yield from pool.map(carry_out, *zip(*parts, strict=True))
-
-
-def _parts(runs: NDArray[np.int64], sizes: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Return the runs in parts of at most `MOST_RUNS`, and of `MOST_NUMBERS` unless a run alone has more."""
-    parts, begin = [], 0
-    while begin < len(runs):
-        room = np.searchsorted(np.cumsum(sizes[begin : begin + MOST_RUNS]), MOST_NUMBERS, side="right")
-        parts.append(runs[begin : begin + max(int(room), 1)])
-        begin += len(parts[-1])
-    return parts
-
-
-def _places(start: NDArray[np.int64], runs: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the places of the samples of some runs, one run after another."""
-    first, lengths = start[runs], (start[1:] - start[:-1])[runs]
-    return np.repeat(first - np.append(0, np.cumsum(lengths)[:-1]), lengths) + np.arange(lengths.sum())
+def _by_effects(
+    base: Parameters, columns: Mapping[str, Array], values: Mapping[str, Any], valid: NDArray[np.int64]
+) -> Iterator[tuple[Effects, NDArray[np.int64]]]:
+    """Yield effects and the valid runs in which they act: only an effect that sets in is left out at its null value."""
+    names = [name for name in columns if name in base.coefficients]
+    switches = sorted(SWITCH_COEFFICIENTS.intersection(names))
+    is_off = np.zeros(len(valid), dtype=np.int64)
+    for bit, name in enumerate(switches):
+        is_off |= (values[name][valid] == COEFFICIENTS[name].null) << np.int64(bit)
+    for pattern in np.unique(is_off).tolist():
+        off = {name: COEFFICIENTS[name].null for bit, name in enumerate(switches) if pattern >> bit & 1}
+        with_off = base.replace(**off) if off else base
+        yield with_off.effects_with([name for name in names if name not in off]), valid[is_off == pattern]
 
 
 def parameter_values(base: Parameters, columns: Columns) -> dict[str, Any]:
@@ -416,6 +305,19 @@ def parameter_values(base: Parameters, columns: Columns) -> dict[str, Any]:
     with np.errstate(invalid="ignore"):  # impossible values are refused afterwards
         # What follows stands back: the least damping is the equations' alone
         return derived_values(values, np.where) | values
+
+
+def _refused(base: Parameters, values: Mapping[str, Any], n: int) -> dict[int, ParameterError]:
+    """Return the index of each of ``n`` runs with impossible values -> the error that `Parameters` raises for them."""
+    refused: dict[int, ParameterError] = {}
+    # All other coefficients are those of `base`, which was checked
+    given = [name for name in base.coefficients if isinstance(values[name], np.ndarray)]
+    for requirement in effect_tables(base.own_effects).requirements(given):
+        for run in np.flatnonzero(~np.broadcast_to(requirement.is_met(values), n)).tolist():
+            if run not in refused:
+                own = {name: value[run] if np.ndim(value) else value for name, value in values.items()}
+                refused[run] = ParameterError(requirement.message(own))
+    return refused
 
 
 def _checked_length(base: Parameters, columns: Columns) -> int:

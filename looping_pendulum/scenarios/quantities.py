@@ -203,9 +203,3 @@ def file_key(parameter: str) -> str:
 def group_of(group: str) -> tuple[Quantity, ...]:
     """Return the quantities whose keys stand in a group of a scenario file."""
     return tuple(q for q in QUANTITIES.values() if q.group == group)
-
-
-def unit_of(parameter: str) -> str:
-    """Return the SI unit of a quantity or of any coefficient of the library."""
-    known = QUANTITIES.get(parameter)
-    return known.kind.unit if known else effect_library.COEFFICIENTS[parameter].unit

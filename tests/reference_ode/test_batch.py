@@ -10,7 +10,7 @@ import pytest
 
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode import batch
-from looping_pendulum.reference_ode.batch import COLUMNS, ENDS, FAILED, BatchResult, sample_batch, sequence_hash, solve_batch
+from looping_pendulum.reference_ode.batch import COLUMNS, ENDS, FAILED, BatchResult, sequence_hash, solve_batch
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.sensitivity import SensitivityError, run_with_derivatives, solve_sensitivities
 from looping_pendulum.reference_ode.solve import TOLERANCE, solve, solve_at
@@ -144,10 +144,6 @@ def test_impossible_runs_are_refused_with_the_reasons_of_a_single_run_and_distur
         assert isinstance(error, ParameterError)
         with pytest.raises(ParameterError, match=f"^{re.escape(str(error))}$"):
             Parameters(**fields_of_run(bad, run))
-    samples = sample_batch(BASE, bad, [np.array([0.0, 0.1])] * 12)
-    assert (samples.count > 0).tolist() == [True] * 6 + [False] * 6
-    assert np.isfinite(samples.state[:, : samples.start[6]]).all()
-    assert np.isnan(samples.state[:, samples.start[6] :]).all()
 
 
 def test_static_friction_follows_the_kinetic_one():
@@ -183,7 +179,7 @@ def test_threads_share_the_work_and_report_it(monkeypatch):
 
 
 @pytest.mark.parametrize("name", [None, *TYPICAL])
-def test_samples_and_derivatives_are_those_of_single_runs_at_each_runs_own_times(name):
+def test_samples_of_a_run_with_derivatives_are_those_of_one_without(name):
     """Past the end of a run they are those of its end."""
     n, base = 8, BASE.replace(hanging_length=0.2)
     if name in ("pivot_friction", "pivot_damping"):
@@ -193,16 +189,12 @@ def test_samples_and_derivatives_are_those_of_single_runs_at_each_runs_own_times
     base, wrt = base.replace(**TYPICAL[name] if name else {}), ("light_mass", "kinetic_friction", "release_angle")
     if name:
         wrt += (next(iter(TYPICAL[name])),) if not name == "closure" else ("closure_across_3",)
-    times = [np.linspace(0, 1.5, 60) * (1 + 0.01 * i) for i in range(n)]
-    samples = sample_batch(base, columns, times, duration=3.0)
-    for i, t in enumerate(times):
-        p = parameters_of_run(base, columns, i)
+    for i in range(n):
+        p, t = parameters_of_run(base, columns, i), np.linspace(0, 1.5, 60) * (1 + 0.01 * i)
         alone = solve_at(p, t, duration=3.0)
-        assert samples.count[i] == len(alone.t)
         place = np.minimum(np.arange(len(t)), len(alone.t))
-        np.testing.assert_array_equal(samples.state[:, samples.part(i)], np.array(alone.and_end().state)[:, place])
         runs = run_with_derivatives(p, t, wrt, duration=3.0, tolerance=TOLERANCE).runs
-        np.testing.assert_array_equal(runs.samples.T, samples.state[:, samples.part(i)])
+        np.testing.assert_array_equal(runs.samples.T, np.array(alone.and_end().state)[:, place])
         try:
             exact = solve_sensitivities(p, t, wrt, duration=3.0).and_end()
         except SensitivityError:
@@ -229,8 +221,6 @@ def test_what_cannot_be_asked_for_is_refused():
     columns = {"heavy_mass": np.ones(2)}
     with pytest.raises(ParameterError, match="threads: found 0, needed 1 or more"):
         solve_batch(BASE, columns, threads=0)
-    with pytest.raises(ParameterError, match="times: found those of 1 runs, needed 2"):
-        sample_batch(BASE, columns, [np.zeros(1)])
 
 
 def test_the_hash_tells_sequences_apart():
