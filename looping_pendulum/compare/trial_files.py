@@ -16,7 +16,7 @@ from looping_pendulum.compare.trial import MeasuredTrack, MeasuredTrial
 from looping_pendulum.errors import ScenarioError
 from looping_pendulum.measured import study_io
 from looping_pendulum.measured.camera import Camera
-from looping_pendulum.measured.edits import read_trial, until_rod
+from looping_pendulum.measured.edits import read_trial, until_end
 from looping_pendulum.measured.observations import Channel, DataError, Observations
 from looping_pendulum.measured.study import Trial, read_files
 from looping_pendulum.measured.tables.events import MeasuredEventRow
@@ -206,4 +206,4 @@ def _trial_of_study(files: Sequence[str], given: dict[str, str]) -> MeasuredTria
         what = f"no trial {quote(name)} among" if name else "the trials"
         raise DataError(f"{files[0]}: found {what} {', '.join(names)}, needed one of them; choose by {OPTION} name={names[0]}")
     trial = study.trial(name)
-    return measured_trial(trial, until_rod(study, trial, read_trial(study, trial), {}))
+    return measured_trial(trial, until_end(study, trial, read_trial(study, trial), {}))

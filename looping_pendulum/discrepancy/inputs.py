@@ -11,7 +11,7 @@ from looping_pendulum.discrepancy.candidates import Candidate, candidates
 from looping_pendulum.discrepancy.fit.data import TrialData, trial_data
 from looping_pendulum.discrepancy.fit.event_prediction import check_event_rows
 from looping_pendulum.discrepancy.fit.problem import Problem, free_parameters_of
-from looping_pendulum.measured.edits import read_trial, until_rod, with_ball, with_free_start
+from looping_pendulum.measured.edits import read_trial, until_end, with_ball, with_free_start
 from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.measured.observations import DataError, Observations
 from looping_pendulum.measured.study import Study, Trial, refuse_seen_points
@@ -52,7 +52,7 @@ def read_inputs(study: Study, known: Mapping[str, Observations] = MappingProxyTy
     DataError
         If a file cannot be used.
     """
-    observed = tuple((t, known.get(t.name) or until_rod(study, t, read_trial(study, t), {})) for t in study.trials)
+    observed = tuple((t, known.get(t.name) or until_end(study, t, read_trial(study, t), {})) for t in study.trials)
     for _, o in observed:
         if not o.used:
             raise DataError(f"{o.file}: found no measured value, needed at least one; leave this trial out")

@@ -57,34 +57,13 @@ TOUCH_SIGMAS = 2.0
 
 
 def read_trial(study: Study, trial: Trial) -> Observations:
-    """Read the files of a trial, as `read_files` does, without pictures stored again, up to where something stops it."""
+    """Read the files of a trial of ``study``, as `read_files` does, without pictures that are stored again."""
     observations = read_files(study.folder, trial, study.estimate("rod_radius", trial))
-    if not any(is_film(path) for path, _ in trial.files):  # the decoder knows which pictures are stored again
-        notes = ReadingNotes()
-        channels = without_copies(observations.channels, notes)
-        observations = _edited(observations, tuple(channels), *notes.edits())
-    return _until_stop(observations)
-
-
-def _until_stop(observations: Observations) -> Observations:
-    """Return the observations before the light mass stops within a few rows, and stays there to the end of the record."""
-    channels = {c.name: c for c in observations.channels}
-    if not {"light_x", "light_y"} <= channels.keys():
+    if any(is_film(path) for path, _ in trial.files):  # the decoder knows which pictures are stored again
         return observations
-    x, y = channels["light_x"], channels["light_y"]
-    t, in_x, in_y = np.intersect1d(x.t, y.t, return_indices=True)
-    if len(t) < MIN_ROWS + MIN_REST_ROWS:
-        return observations
-    place = np.stack([x.value[in_x], y.value[in_y]], axis=1)
-    near = REST_SIGMAS * max(scatter(x), scatter(y))
-    away = np.hypot(*(place - np.median(place[-MIN_REST_ROWS:], axis=0)).T)
-    stop = int(np.flatnonzero(np.append(True, away > near))[-1])
-    if not ROWS_BEFORE <= stop <= len(t) - MIN_REST_ROWS or away[stop - ROWS_BEFORE] < MIN_WAY * near:
-        return observations
-    step = np.hypot(*np.diff(place, axis=0).T)
-    while step[stop - 1] < SLOWED * step[stop - 2] and stop > ROWS_BEFORE:
-        stop -= 1
-    return end_of_record(float(t[stop]), HELD)(observations)
+    notes = ReadingNotes()
+    channels = without_copies(observations.channels, notes)
+    return _edited(observations, tuple(channels), *notes.edits())
 
 
 def _edited(observations: Observations, channels: tuple[Channel, ...], *edits: Edit) -> Observations:
@@ -152,8 +131,8 @@ def with_ball(study: Study, trial: Trial, observations: Observations) -> Trial:
     return dataclasses.replace(trial, estimates={**trial.estimates, "light_radius": Estimate(value=radius.value)})
 
 
-def until_rod(study: Study, trial: Trial, observations: Observations, fitted: Mapping[str, float]) -> Observations:
-    """Return the observations before the ball reaches the rod, where it is no point any more, if its radius is known.
+def until_end(study: Study, trial: Trial, observations: Observations, fitted: Mapping[str, float]) -> Observations:
+    """Return the observations before the ball reaches the rod, or something stops it for good.
 
     Parameters
     ----------
@@ -161,6 +140,11 @@ def until_rod(study: Study, trial: Trial, observations: Observations, fitted: Ma
         Parameter -> its value in a fit [SI], for what the trial leaves free of its camera: the first guess of a free origin
         says nothing of where the rod is.
     """
+    return until_stop(_until_rod(study, trial, observations, fitted))
+
+
+def _until_rod(study: Study, trial: Trial, observations: Observations, fitted: Mapping[str, float]) -> Observations:
+    """Return the observations before the ball reaches the rod, where it is no point any more, if its radius is known."""
     radius, rod = ball_radius(study, trial, observations), study.estimate("rod_radius", trial)
     channels = {c.name: c for c in observations.channels}
     if radius is None or rod is None or not {"light_x", "light_y"} <= channels.keys():
@@ -174,6 +158,27 @@ def until_rod(study: Study, trial: Trial, observations: Observations, fitted: Ma
     touching = np.flatnonzero(is_near & np.append(is_near[1:], True))  # a single one may be a wrong point
     why = f"the light mass, {1e3 * radius.value:.3g} mm in radius, is at the rod, where it is no point any more"
     return end_of_record(float(t[touching[0]]), why)(observations) if len(touching) else observations
+
+
+def until_stop(observations: Observations) -> Observations:
+    """Return the observations before the light mass stops within a few rows, and stays there to the end of the record."""
+    channels = {c.name: c for c in observations.channels}
+    if not {"light_x", "light_y"} <= channels.keys():
+        return observations
+    x, y = channels["light_x"], channels["light_y"]
+    t, in_x, in_y = np.intersect1d(x.t, y.t, return_indices=True)
+    if len(t) < MIN_ROWS + MIN_REST_ROWS:
+        return observations
+    place = np.stack([x.value[in_x], y.value[in_y]], axis=1)
+    near = REST_SIGMAS * max(scatter(x), scatter(y))
+    away = np.hypot(*(place - np.median(place[-MIN_REST_ROWS:], axis=0)).T)
+    stop = int(np.flatnonzero(np.append(True, away > near))[-1])
+    if not ROWS_BEFORE <= stop <= len(t) - MIN_REST_ROWS or away[stop - ROWS_BEFORE] < MIN_WAY * near:
+        return observations
+    step = np.hypot(*np.diff(place, axis=0).T)
+    while step[stop - 1] < SLOWED * step[stop - 2] and stop > ROWS_BEFORE:
+        stop -= 1
+    return end_of_record(float(t[stop]), HELD)(observations)
 
 
 def without_copies(channels: Sequence[Channel], notes: ReadingNotes) -> list[Channel]:

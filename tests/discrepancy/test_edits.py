@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from looping_pendulum.cli.main import app
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.look.check import DeclarationError, take_first_look
-from looping_pendulum.measured.edits import read_trial, until_rod
+from looping_pendulum.measured.edits import until_end, until_stop
 from looping_pendulum.measured.study import read_files
 from looping_pendulum.measured.study_io import load
 from tests.blind import Apparatus, Effects
@@ -68,7 +68,7 @@ def test_points_end_where_a_ball_of_the_declared_radius_reaches_the_rod(tmp_path
     declared = study(tmp_path, points, radius="8 mm +/- 0.2 mm")
     end, said = end_of(declared)
     assert first_on_rod - 0.02 < end < first_on_rod
-    assert "the rod" in said
+    assert "8 mm in radius, is at the rod" in said
     # The study's data have it, and the model ends there, too, without a parameter that no point tells
     inputs = read_inputs(declared)
     assert max(inputs.training[0].t) == end
@@ -82,7 +82,7 @@ def test_points_of_a_refused_trial_end_at_the_rod_too(tmp_path):
     check = take_first_look(study(tmp_path, (t, light * [-1, 1], heavy * [-1, 1]), radius="8 mm +/- 0.2 mm"))
     assert [m.keys for m in check.mistakes] == ["mirrored: true"]
     (observations,) = check.observations.values()
-    assert "the rod" in observations.unused[-1].reason
+    assert "8 mm in radius, is at the rod" in observations.unused[-1].reason
 
 
 def test_a_ball_that_rests_on_the_string_that_it_wound_up_ends_the_points_after_all_that_is_looked_at(tmp_path):
@@ -99,16 +99,16 @@ def test_the_end_of_a_swing_is_no_stop(tmp_path):
     turns = np.flatnonzero((np.diff(np.sign(np.diff(x))) != 0) & (t[1:-1] > 0.4)) + 3
     for last in turns[:5]:
         (trial,) = (declared := study(tmp_path, (t[:last], light[:last], heavy[:last]))).trials
-        assert len(read_trial(declared, trial).channels[0]) == last
+        assert len(until_stop(read_files(declared.folder, trial)).channels[0]) == last
 
 
 def test_a_film_says_how_large_the_ball_is_unless_the_study_does(tmp_path):
     declared = study(tmp_path, positions(Effects(light_radius=8e-3)))
     (trial,) = declared.trials
     seen = dataclasses.replace(read_files(declared.folder, trial), light_radius=(8.1e-3, 3e-4))
-    assert "8.1 mm in radius, is at the rod" in until_rod(declared, trial, seen, {}).unused[-1].reason
+    assert "8.1 mm in radius, is at the rod" in until_end(declared, trial, seen, {}).unused[-1].reason
     stated = study(tmp_path, positions(Effects(light_radius=8e-3)), radius="7.9 mm")
-    assert "7.9 mm in radius" in until_rod(stated, stated.trials[0], seen, {}).unused[-1].reason
+    assert "7.9 mm in radius" in until_end(stated, stated.trials[0], seen, {}).unused[-1].reason
 
 
 LATE_OR_SLOW = [

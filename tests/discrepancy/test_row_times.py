@@ -144,9 +144,9 @@ def test_a_hand_ends_the_record_where_the_fitted_motion_ends(tmp_path):
     written[held:] = written[held] + 3e-4 * np.random.default_rng(5).standard_normal(written[held:].shape)
     check = look(tmp_path, written=written)
     assert not check.mistakes
-    [observations] = check.observations.values()
-    assert FILM.t[held - 3] <= observations.channel("light_x").t[-1] <= FILM.t[held + 1]
-    assert any("something other than its string" in edit.reason for edit in observations.unused)
+    [name] = check.put_right
+    assert FILM.t[held - 3] <= check.observations[name].channel("light_x").t[-1] <= FILM.t[held + 1]
+    assert any("something other than its string" in text for text in check.warnings)
 
 
 def test_equal_marks_of_masses_that_stay_are_no_picture_stored_again(tmp_path):

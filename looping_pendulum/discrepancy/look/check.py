@@ -23,7 +23,7 @@ from looping_pendulum.discrepancy.look.mistakes import HIDDEN, LENGTHS, MISTAKES
 from looping_pendulum.discrepancy.look.prior import MAX_LEFT, MAX_LEFT_OUT, RIVAL, SMOOTHED_SHARE, STAYS
 from looping_pendulum.discrepancy.look.smoothing import smoothing
 from looping_pendulum.discrepancy.look.times import Path, Times, about, grown, held_or_later, shifted, uneven
-from looping_pendulum.measured.edits import Change, left_out_rows, read_trial, until_rod
+from looping_pendulum.measured.edits import HELD, Change, end_of_record, left_out_rows, read_trial, until_end
 from looping_pendulum.measured.observations import BODIES, DataError, ImplausibleLengthError, Observations
 from looping_pendulum.measured.study import Study, Trial, refuse_seen_points
 from looping_pendulum.pages.numbers import quantity
@@ -405,7 +405,7 @@ def _check(study: Study, observed: Sequence[tuple[Trial, Observations]], progres
             for change, text in _stuck(look.rows, found, MAX_LEFT * look.case.free_length):
                 edited[look.name] = change(edited[look.name])
                 put_right.setdefault(text, []).append(look.name)
-        edited[look.name] = until_rod(study, look.case.trial, edited[look.name], found.values if found.explains else {})
+        edited[look.name] = until_end(study, look.case.trial, edited[look.name], found.values if found.explains else {})
     said += [f"{_trials(names)}: {text}" for text, names in put_right.items()]
     return DeclarationCheck(
         trials=tuple(checks),
@@ -450,6 +450,9 @@ def _stuck(rows: Rows, found: Fit, far: float) -> Iterator[tuple[Change, str]]:
             ]
             spans = list(compress(spans, is_left_out))
         name = next(n for n, of in BODIES.items() if rows.channels[body[0]].name in of)
+        if name == "light" and spans and spans[-1][1] == len(rows.t) >= spans[-1][0] + MAY_REST:
+            a, _ = spans.pop()
+            yield end_of_record(float(rows.t[a]), HELD), HELD
         at = [rows.t[a:z] for a, z in spans]
         if at:
             of = f"the {name} mass's mark" if name in ("light", "heavy") else f"the {name}"
