@@ -143,16 +143,25 @@ def until_end(study: Study, trial: Trial, observations: Observations, fitted: Ma
     return until_stop(_until_rod(study, trial, observations, fitted))
 
 
+def _light_points(observations: Observations) -> tuple[Array, Array, tuple[Channel, Channel]] | None:
+    """Return the times of the light mass's points [s], shape (n,), the points [m], shape (n, 2), and their channels."""
+    channels = {c.name: c for c in observations.channels}
+    if not {"light_x", "light_y"} <= channels.keys():
+        return None
+    x, y = channels["light_x"], channels["light_y"]
+    t, in_x, in_y = np.intersect1d(x.t, y.t, return_indices=True)
+    return t, np.stack([x.value[in_x], y.value[in_y]], axis=1), (x, y)
+
+
 def _until_rod(study: Study, trial: Trial, observations: Observations, fitted: Mapping[str, float]) -> Observations:
     """Return the observations before the ball reaches the rod, where it is no point any more, if its radius is known."""
     radius, rod = ball_radius(study, trial, observations), study.estimate("rod_radius", trial)
-    channels = {c.name: c for c in observations.channels}
-    if radius is None or rod is None or not {"light_x", "light_y"} <= channels.keys():
+    points = _light_points(observations)
+    if radius is None or rod is None or points is None:
         return observations
-    x, y = channels["light_x"], channels["light_y"]
-    t, in_x, in_y = np.intersect1d(x.t, y.t, return_indices=True)
+    t, place, (x, y) = points
     camera = Camera(**{n: fitted.get(n, e.value) if e.free else e.value for n, e in trial.camera.items()})
-    distance = np.hypot(*camera.true_position(np.stack([x.value[in_x], y.value[in_y]], axis=1)).T)
+    distance = np.hypot(*camera.true_position(place).T)
     sigma = math.hypot(estimate_noise((x, y)).a, radius.sigma or 0.0)
     is_near = distance < rod.value + radius.value + TOUCH_SIGMAS * sigma
     touching = np.flatnonzero(is_near & np.append(is_near[1:], True))  # a single one may be a wrong point
@@ -162,14 +171,10 @@ def _until_rod(study: Study, trial: Trial, observations: Observations, fitted: M
 
 def until_stop(observations: Observations) -> Observations:
     """Return the observations before the light mass stops within a few rows, and stays there to the end of the record."""
-    channels = {c.name: c for c in observations.channels}
-    if not {"light_x", "light_y"} <= channels.keys():
+    points = _light_points(observations)
+    if points is None or len(points[0]) < MIN_ROWS + MIN_REST_ROWS:
         return observations
-    x, y = channels["light_x"], channels["light_y"]
-    t, in_x, in_y = np.intersect1d(x.t, y.t, return_indices=True)
-    if len(t) < MIN_ROWS + MIN_REST_ROWS:
-        return observations
-    place = np.stack([x.value[in_x], y.value[in_y]], axis=1)
+    t, place, (x, y) = points
     near = REST_SIGMAS * max(scatter(x), scatter(y))
     away = np.hypot(*(place - np.median(place[-MIN_REST_ROWS:], axis=0)).T)
     stop = int(np.flatnonzero(np.append(True, away > near))[-1])
@@ -318,12 +323,10 @@ def _start(
     elif "angle" in channels:
         c = channels["angle"]
         t, value, noise = c.t, c.value + math.pi - camera.tilt, estimate_noise((c,)).a
-    elif {"light_x", "light_y"} <= channels.keys():
-        x, y = channels["light_x"], channels["light_y"]
-        t, in_x, in_y = np.intersect1d(x.t, y.t, return_indices=True)
-        position = camera.true_position(np.stack([x.value[in_x], y.value[in_y]], axis=1))
-        value = string_coordinates(position, _value(study, trial, "rod_radius"), math.pi)[1]
-        noise = estimate_noise((x, y)).a / length
+    elif points := _light_points(observations):
+        t, place, of_mass = points
+        value = string_coordinates(camera.true_position(place), _value(study, trial, "rod_radius"), math.pi)[1]
+        noise = estimate_noise(of_mass).a / length
     else:
         return None
     if len(t) < MIN_POINTS:

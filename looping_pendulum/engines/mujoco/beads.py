@@ -273,5 +273,5 @@ class MujocoBeads(BeadEngine):
                 default_row(s, "friction_to_normal_impedance", 1.0, "impratio", "how much harder friction is than contact"),
                 *solver_defaults(s, steps_per_group=1),
             ),
-            choices=(*bead_choices(s),),
+            choices=bead_choices(s),
         )
