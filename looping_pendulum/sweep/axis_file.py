@@ -74,7 +74,11 @@ def axis_of(variable: Variable, given: dict[str, Any], written: Any, *, sampled:
             if key not in given:
                 example = f"{{from: {QuantityField(variable.kind).way_out}, to: ...{'' if sampled else ', count: 50'}}}"
                 raise input_error(f"missing; write for example '{example}'", key)
-        values = _range(given["from"], given["to"], 2 if sampled else given["count"], logarithmic)
+        low, high, count = given["from"], given["to"], 2 if sampled else given["count"]
+        if low > high or (low == high and count > 1):
+            found = quote(written["to"])
+            raise input_error(f"found {found}, needed more than 'from'; swap them, or list one under 'values'", "to")
+        values = _range(low, high, count, logarithmic)
     first = written[0] if isinstance(written, list) else written["values"][0] if "values" in given else written["from"]
     unit = unit_text(first)
     return Axis(
@@ -92,8 +96,6 @@ def _range(low: float, high: float, count: int, logarithmic: bool) -> Array:
     """Return the values of a range; of a sample, its ends."""
     if count > MAX_RUNS:
         raise input_error(f"found {count} values of one quantity, needed at most {MAX_RUNS}; lower it", "count")
-    if not low < high and not (low == high and count == 1):
-        raise input_error("found a value not above 'from', needed a larger one; swap them, or list one under 'values'", "to")
     if logarithmic and low <= 0:
         raise input_error("found a start of 0 or less, needed one above 0 with 'spacing: log'", "from")
     if count == 1 and low < high:
