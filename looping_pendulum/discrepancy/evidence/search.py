@@ -73,7 +73,7 @@ class Search:
         self._expanded: set[Key] = set()
         self._dropped: set[tuple[Key, str]] = set()
         """What was added, and the part that was dropped again."""
-        self._at_most: dict[Key, tuple[float, float]] = {}
+        self.proposed: dict[Key, tuple[float, float]] = {}
         """What is made -> the log evidence of the best parent by whose linear model it was looked at, and its log posterior at
         most."""
         self._templates: dict[Key, list[Template]] = {}
@@ -201,7 +201,7 @@ class Search:
         before = self.grid, self.fitted
         self.grid, self.fitted = NoiseGrid(data), {}
         self._tested.clear()
-        self._at_most.clear()
+        self.proposed.clear()
         try:
             for e in sorted(kept, key=lambda e: len(e.key)):  # nothing first
                 if fit := fit_to_data(e.fit, data):
@@ -291,8 +291,8 @@ class Search:
             return True
         missing = max(self.best.log_z - a.parent.log_z, a.gain, 0.0)
         # The more its parent explains, the less is left to the linear model
-        said = max(self._at_most.get(a.key, (-math.inf, 0.0)), (a.parent.log_z, a.log_posterior + LINEAR_ERROR * missing))
-        self._at_most[a.key] = said
+        said = max(self.proposed.get(a.key, (-math.inf, 0.0)), (a.parent.log_z, a.log_posterior + LINEAR_ERROR * missing))
+        self.proposed[a.key] = said
         best_part = max((e.log_posterior for key, e in self.fitted.items() if key < a.key), default=-math.inf)
         return said[1] > max(self.best.log_posterior - MARGIN, best_part)
 
