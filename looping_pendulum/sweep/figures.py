@@ -43,22 +43,27 @@ NO_HALT = {**ENDING_DESCRIPTIONS, str(Event.LIGHT_REACHES_ROD): "the light mass 
 def draw(plan: MapPlan, store: Path) -> tuple[str, bytes]:
     """Draw the figure; return its caption and the PNG."""
     varied = [axis for axis in plan.axes if plan.sample or len(axis.values) > 1] or [plan.axes[0]]
+    # Of the quantities of a grid, those with the most values are drawn across and up; any other needs panels
+    panels = [] if plan.sample else sorted(plan.axes, key=lambda axis: len(axis.values))[:-2]
     # As plain arrays, also where Dask is installed: it is loaded whole anyway
     with xr.open_zarr(LocalStore(store, read_only=True), chunks=None) as data:
-        most = MAX_POINTS if plan.sample or len(plan.axes) == 1 else MAX_CELLS
-        steps = {dim: math.ceil(n / most) for dim, n in data.sizes.items()}
-        thin = data[["halting_time", "stops", "end"]].isel({dim: slice(None, None, step) for dim, step in steps.items()}).load()
+        most = dict.fromkeys(data.dims, MAX_POINTS if plan.sample or len(plan.axes) == 1 else MAX_CELLS)
+        most |= {axis.name: MAX_PANELS // len(plan.engines) or 1 for axis in panels}
+        # Evenly spaced, with the first and the last
+        drawn = {dim: np.linspace(0, n - 1, min(n, most[dim])).round().astype(int) for dim, n in data.sizes.items()}
+        thin = data[["halting_time", "stops", "end"]].isel(drawn).load()
+    is_whole = thin.sizes == data.sizes
     thin = thin.assign_coords({axis.name: thin[axis.name] / axis.scale for axis in plan.axes})
+    if not plan.several:
+        thin = thin.expand_dims(engine=list(plan.engines))
+    over = " and ".join(axis.name for axis in varied)
     if len(varied) == 1:
-        caption = f"Halting time and stops of the heavy mass over {varied[0].name}; grey: runs that do not halt."
+        caption = f"Halting time and stops of the heavy mass over {over}; grey: runs that do not halt."
         figure = _lines(plan, thin, varied[0])
     else:
-        over = " and ".join(axis.name for axis in varied)
         caption = f"Halting time over {over}; grey: runs that do not halt, and how they end."
-        figure = _map(plan, thin, varied)
-    if max(steps.values()) > 1:
-        caption += " Of so many runs, evenly chosen ones are drawn."
-    return caption, png(figure)
+        figure = _map(plan, thin, panels)
+    return caption if is_whole else f"{caption} Of so many runs, evenly chosen ones are drawn.", png(figure)
 
 
 def _label(axis: Axis) -> str:
@@ -77,8 +82,7 @@ def _lines(plan: MapPlan, data: xr.Dataset, axis: Axis) -> Figure:
     few = plan.runs // len(plan.engines) <= 200 and not plan.sample
     look = styles(plan.engines)
     for i, engine in enumerate(plan.engines):
-        one = data.isel(engine=i) if plan.several else data
-        x, halt, stops = (one[name].values.ravel() for name in (axis.name, "halting_time", "stops"))
+        x, halt, stops = (data.isel(engine=i)[name].values.ravel() for name in (axis.name, "halting_time", "stops"))
         colour = "black" if engine == REFERENCE else look[engine].colour
         how: dict[str, Any] = {"color": colour, "marker": "o", "ms": 4 if few else 2, "ls": "-" if few else "", "lw": 0.8}
         above.plot(x, halt, label=engine, **how)
@@ -94,39 +98,31 @@ def _lines(plan: MapPlan, data: xr.Dataset, axis: Axis) -> Figure:
     return figure
 
 
-def _panels(plan: MapPlan, data: xr.Dataset, varied: list[Axis]) -> Iterator[tuple[str, Axis, Axis, xr.Dataset]]:
-    """Yield, for each engine, each pair of a sample's quantities, or two of a grid's at each of some values of a third one."""
-    for i, engine in enumerate(plan.engines):
-        one = data.isel(engine=i) if plan.several else data
-        of = [engine] if plan.several else []
-        if plan.sample or len(varied) == 2:
-            for x, y in itertools.combinations(varied, 2):
-                yield ", ".join(of), x, y, one.squeeze()
-        else:
-            # The quantity with the fewest values, since each needs a panel
-            third = min(varied, key=lambda axis: len(axis.values))
-            x, y = (axis for axis in varied if axis is not third)
-            # Evenly spaced, with the first and the last
-            n = data.sizes[third.name]
-            for j in np.unique(np.linspace(0, n - 1, min(n, MAX_PANELS // len(plan.engines) or 1)).round().astype(int)):
-                part = one.isel({third.name: j})
-                yield ", ".join([*of, f"{_label(third)} {float(part[third.name]):.4g}"]), x, y, part
+def _parts(plan: MapPlan, data: xr.Dataset, panels: list[Axis]) -> Iterator[tuple[str, Axis, Axis, xr.Dataset]]:
+    """Yield title, quantities across and up, and runs of each panel: of an engine, and of a value of each of ``panels``."""
+    pairs = itertools.combinations([axis for axis in plan.axes if axis not in panels], 2)
+    stacked = data.stack(panel=["engine", *(axis.name for axis in panels)])
+    for (x, y), i in itertools.product(pairs, range(stacked.sizes["panel"])):
+        part = stacked.isel(panel=i)
+        title = [part["engine"].item()] if plan.several else []
+        title += [f"{_label(axis)} {part[axis.name].item():.4g}" for axis in panels]
+        yield ", ".join(title), x, y, part
 
 
-def _map(plan: MapPlan, data: xr.Dataset, varied: list[Axis]) -> Figure:
-    """Draw the halting time over two or three quantities."""
+def _map(plan: MapPlan, data: xr.Dataset, panels: list[Axis]) -> Figure:
+    """Draw the halting time over two quantities, of a grid in a panel for each value of ``panels``."""
     halting = data["halting_time"]
     codes = np.unique(data["end"].values[halting.isnull()])
     greys = np.linspace(*GREYS, len(codes))
     # Of the runs without a halt; those that halt are drawn over it
     data["grey"] = (halting.dims, np.interp(data["end"], codes, greys) if len(codes) else np.full(halting.shape, np.nan))
-    panels = list(_panels(plan, data, varied))
-    columns = 1 if len(panels) == 1 else 2 if len(panels) in (2, 4) else 3
-    rows = math.ceil(len(panels) / columns)
+    parts = list(_parts(plan, data, panels))
+    columns = 1 if len(parts) == 1 else 2 if len(parts) in (2, 4) else 3
+    rows = math.ceil(len(parts) / columns)
     figure = new_figure(7.6, 5.6, dpi=130) if columns == 1 else new_figure(3.9 * columns, 3.5 * rows, dpi=130)
     grid = list(figure.subplots(rows, columns, squeeze=False).ravel())
     norm = _norm(halting.values)
-    for axes, (title, x, y, part) in zip(grid, panels, strict=False):
+    for axes, (title, x, y, part) in zip(grid, parts, strict=False):
         how: dict[str, Any] = {"x": x.name, "y": y.name, "ax": axes, "add_colorbar": False}
         how |= {"xscale": _scale(x), "yscale": _scale(y)}
         if plan.sample:
@@ -138,7 +134,7 @@ def _map(plan: MapPlan, data: xr.Dataset, varied: list[Axis]) -> Figure:
             part["halting_time"].plot.pcolormesh(cmap=MAP, norm=norm, **how)
         axes.set(xlabel=_label(x), ylabel=_label(y))
         axes.set_title(title, fontsize="medium")
-    for axes in grid[len(panels) :]:
+    for axes in grid[len(parts) :]:
         axes.set_axis_off()
     _add_colour_bar(figure, grid, norm)
     figure.suptitle(plan.title)

@@ -73,7 +73,7 @@ _BY_KEY = {key: q for q in VARIABLES.values() for key in (q.name, q.key)}
 """Key under ``parameters`` -> its quantity: "release_angle" or, as in a scenario file, "release.angle"."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Axis:
     """A varied quantity of a map."""
 

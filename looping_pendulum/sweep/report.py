@@ -85,13 +85,14 @@ def write(plan: MapPlan, store: MapStore, folder: Path, *, figures: bool) -> lis
     """Write report, figure and a copy of the map file to ``folder``, the same bytes for the same map; return the summaries."""
     write_atomically(folder / COPY, plan.text)
     summaries = summarize(plan, store)
-    caption = ""
+    caption, png = "", b""
     if figures:
         from looping_pendulum.sweep.figures import draw  # matplotlib takes half a second to import
 
         with optional_output("the figure"):
             caption, png = draw(plan, store.path)
-            write_atomically(folder / FIGURE, png)
+    if png:
+        write_atomically(folder / FIGURE, png)
     write_atomically(folder / REPORT, map_markdown(plan, summaries, store.attributes, caption))
     return summaries
 

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,6 +69,8 @@ class MapStore:
     """
 
     def __init__(self, plan: MapPlan, folder: Path) -> None:
+        import zarr  # not at the top: reading a map file takes a third of a second less
+
         self.plan, self.path, self.attributes = plan, folder / STORE, attributes(plan)
         if (self.path / METADATA).exists():
             self._refuse_other(folder)
@@ -77,7 +79,8 @@ class MapStore:
         # Written again each time, which restores what was lost or damaged. The group's own comes first: with it the map exists
         for key, content in sorted(self._files_without_results().items(), key=lambda item: item[0] != METADATA):
             write_atomically(self.path / key, content)
-        self._arrays: dict[str, Any] = dict(_open_group(self.path, "r+").arrays())
+        # By the arrays' own descriptions, not by the copies of them that the group's has
+        self._arrays: dict[str, Any] = dict(zarr.open_group(self.path, mode="r+", use_consolidated=False).arrays())
 
     def missing(self) -> list[Region]:
         """Return the chunks that are not computed yet, or damaged; remove temporary files that a killed process left."""
@@ -108,7 +111,7 @@ class MapStore:
         """Refuse a store of another map, or one begun with other versions of packages: the results would be mixed."""
         way_out = "choose another folder with --out, or delete this one"
         try:
-            stored: dict[str, Any] = dict(_open_group(self.path, "r").attrs)
+            stored = dict(json.loads((self.path / METADATA).read_bytes())["attributes"])
         except Exception:
             message = f"{self.path}: found something that is no map, needed a map of this file; {way_out}"
             raise MapError(one_line(message)) from None
@@ -122,7 +125,7 @@ class MapStore:
 
     def _files_without_results(self) -> dict[str, bytes]:
         """Return name -> content of a store's files before there are results, the same whenever and wherever it is made."""
-        import zarr  # not at the top: reading a map file takes a third of a second less
+        import zarr
         from zarr.codecs import ZstdCodec
         from zarr.storage import MemoryStore
 
@@ -164,19 +167,12 @@ def _layout(plan: MapPlan) -> dict[str, NewArray]:
     )
     for axis in plan.axes:
         units = {"units": axis.quantity.kind.unit or "1", "written_units": axis.written or "1"}
-        values = np.full(plan.sample.count, np.nan) if plan.sample else axis.values
+        values = np.broadcast_to(np.nan, plan.sample.count) if plan.sample else axis.values
         arrays[axis.name] = ("run" if plan.sample else axis.name,), values, {"long_name": axis.quantity.meaning, **units}
     if plan.several:
         names = np.array(plan.engines, dtype=np.dtypes.StringDType())
         arrays["engine"] = ("engine",), names, {"long_name": "engine and variant"}
     return arrays
-
-
-def _open_group(path: Path, mode: Literal["r", "r+"]) -> Any:
-    import zarr
-
-    # By the arrays' own descriptions, not by the copies of them that the group's has
-    return zarr.open_group(path, mode=mode, use_consolidated=False)
 
 
 def _refuse_other_files(folder: Path) -> None:
