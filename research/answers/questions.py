@@ -37,7 +37,7 @@ MAX_POWER_LAW_RESIDUAL = 0.05
 def run_plan(name: str) -> tuple[MapPlan, BatchResult]:
     """Solve every run of a shipped map file."""
     plan = map_file.load(name)
-    values = plan.values_in(tuple(slice(0, n) for n in tuple(plan.sizes.values())))
+    values = plan.values_in(tuple(slice(0, n) for n in plan.sizes.values()))
     result = solve_batch(
         plan.scenario.parameters,
         columns(plan.scenario.parameters, values),
@@ -63,8 +63,9 @@ def halting_map() -> dict[str, Any]:
     plan, result = run_plan("angle_and_ratio")
     _store("halting_map", plan, result)
     ratios = plan.axes[1].values
-    halts = np.isfinite(result.halting_time).reshape(tuple(plan.sizes.values()))
-    first = result.stops.reshape(tuple(plan.sizes.values())) == 1
+    shape = tuple(plan.sizes.values())
+    halts = np.isfinite(result.halting_time).reshape(shape)
+    first = result.stops.reshape(shape) == 1
     return {
         "scenario": SCENARIO,
         "runs": plan.runs,

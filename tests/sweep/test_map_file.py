@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from looping_pendulum.errors import ScenarioError
+from looping_pendulum.reference_ode.batch import ENDS
 from looping_pendulum.reference_ode.effects import COEFFICIENTS
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.scenarios import load as load_scenario
 from looping_pendulum.sweep import map_file
-from looping_pendulum.sweep.cells import FIELDS
+from looping_pendulum.sweep.cells import ENDINGS, FIELDS
 from looping_pendulum.sweep.map_file import run_count
 from looping_pendulum.sweep.quantities import FACTORS, VARIABLES, Axis, columns
 from looping_pendulum.sweep.store import attributes
@@ -55,6 +56,10 @@ def test_every_number_of_an_apparatus_may_be_varied():
     assert VARIABLES["release_angle"].kind.unit == "rad"
     assert VARIABLES["light_radius"].kind.low == 0
     assert all(variable.meaning for variable in VARIABLES.values())
+
+
+def test_the_codes_of_a_batch_are_those_of_a_map():
+    assert ENDINGS[: len(ENDS)] == tuple(map(str, ENDS))
 
 
 def test_no_axis_has_the_name_of_another_array_of_a_map():
