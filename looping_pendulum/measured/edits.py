@@ -57,10 +57,12 @@ TOUCH_SIGMAS = 2.0
 
 
 def read_trial(study: Study, trial: Trial) -> Observations:
-    """Read the files of a trial of ``study``, as `read_files` does, without pictures that are stored again."""
+    """Read the files of a trial, as `read_files` does, without pictures stored again, a film until its ball is at the rod."""
     observations = read_files(study.folder, trial, study.estimate("rod_radius", trial))
     if any(is_film(path) for path, _ in trial.files):  # the decoder knows which pictures are stored again
-        return observations
+        # A film shows radius and rod in one scale. Where a ball rests on the wound string, it looks like a clock that is slow
+        is_placed = not any(e.free for e in trial.camera.values())
+        return _until_rod(study, trial, observations, {}) if is_placed else observations
     notes = ReadingNotes()
     channels = without_copies(observations.channels, notes)
     return _edited(observations, tuple(channels), *notes.edits())

@@ -10,8 +10,9 @@ from typer.testing import CliRunner
 from looping_pendulum.cli.main import app
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.look.check import DeclarationError, take_first_look
+from looping_pendulum.measured import edits
 from looping_pendulum.measured.edits import until_end, until_stop
-from looping_pendulum.measured.study import read_files
+from looping_pendulum.measured.study import Estimate, read_files
 from looping_pendulum.measured.study_io import load
 from tests.blind import Apparatus, Effects
 from tests.blind.simulator import simulate
@@ -109,6 +110,18 @@ def test_a_film_says_how_large_the_ball_is_unless_the_study_does(tmp_path):
     assert "8.1 mm in radius, is at the rod" in until_end(declared, trial, seen, {}).unused[-1].reason
     stated = study(tmp_path, positions(Effects(light_radius=8e-3)), radius="7.9 mm")
     assert "7.9 mm in radius" in until_end(stated, stated.trials[0], seen, {}).unused[-1].reason
+
+
+def test_a_film_is_read_until_its_ball_is_at_the_rod(tmp_path, monkeypatch):
+    """A ball that rested there looked like a clock that is eight times too slow, and the film was refused."""
+    declared = study(tmp_path, positions(Effects(light_radius=8e-3)))
+    (trial,) = declared.trials
+    seen = dataclasses.replace(read_files(declared.folder, trial), light_radius=(8e-3, 2e-4))
+    monkeypatch.setattr(edits, "is_film", lambda path: True)
+    monkeypatch.setattr(edits, "read_files", lambda *_: seen)
+    assert "8 mm in radius, is at the rod" in edits.read_trial(declared, trial).unused[-1].reason
+    free = dataclasses.replace(trial, camera={"origin_x": Estimate(value=0.0, free=True)})
+    assert edits.read_trial(declared, free) == seen  # where the rod is, only a fit tells
 
 
 LATE_OR_SLOW = [

@@ -11,7 +11,7 @@ import ctypes
 import math
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib.resources import files
@@ -151,13 +151,16 @@ def _wasmtime() -> ModuleType:
 def _engine(reserves: bool) -> Any:
     """Return the engine whose memories each reserve 4 GB of addresses, or one whose memories reserve nothing."""
     wasmtime = _wasmtime()
-    if reserves:
-        return wasmtime.Engine()
-    from wasmtime import _bindings as ffi  # `wasmtime.Config` does not have these settings yet
-
     config = wasmtime.Config()
-    for setting in ("reservation", "guard_size", "reservation_for_growth"):
-        getattr(ffi, f"wasmtime_config_memory_{setting}_set")(config.ptr(), 0)
+    # Compiled models are kept in the user's folder of caches, which wasmtime tidies: a seventh of the time of an `identify`.
+    # Where that folder cannot be written, all goes as before
+    with suppress(wasmtime.WasmtimeError):
+        config.cache = True
+    if not reserves:
+        from wasmtime import _bindings as ffi  # `wasmtime.Config` has these settings in its newest releases only
+
+        for setting in ("reservation", "guard_size", "reservation_for_growth"):
+            getattr(ffi, f"wasmtime_config_memory_{setting}_set")(config.ptr(), 0)
     return wasmtime.Engine(config)
 
 

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -154,6 +155,25 @@ def test_four_gigabytes_of_addresses_are_enough():
         return done.stdout
 
     assert output("4000000000") == output()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have other folders of caches")
+@pytest.mark.parametrize("damage", [None, b"", b"not compiled"], ids=["whole", "empty", "other bytes"])
+def test_compiled_models_are_kept_in_the_folder_of_caches(tmp_path, damage):
+    program = "import looping_pendulum as lp; print(lp.solve(lp.load('ten_to_one')).end)"
+
+    def output(folder: Path) -> str:
+        environment = os.environ | {"XDG_CACHE_HOME": str(folder)}
+        command = [sys.executable, "-c", program]
+        return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout
+
+    assert output(tmp_path) == output(Path("/proc/none"))  # where nothing can be written, nothing is kept
+    kept = {file for file in tmp_path.rglob("modules/*/*") if not file.suffix}
+    assert kept
+    for file in kept if damage is not None else ():
+        file.write_bytes(damage)
+    assert output(tmp_path) == output(Path("/proc/none"))
+    assert {file for file in tmp_path.rglob("modules/*/*") if not file.suffix} == kept
 
 
 def test_what_wasmtime_cannot_do_is_one_sentence(monkeypatch):
