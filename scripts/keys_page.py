@@ -14,8 +14,8 @@ from looping_pendulum.scenarios.fields import QUANTITY_TEXT, QuantityField, unde
 from looping_pendulum.scenarios.quantities import file_key, quantity_kind
 from looping_pendulum.scenarios.schema import ScenarioFile
 from looping_pendulum.scenarios.units import pretty
-from looping_pendulum.sweep.map_file import MapFile
-from looping_pendulum.sweep.quantities import RATIOS, variables
+from looping_pendulum.sweep.map_file import MapPlan
+from looping_pendulum.sweep.quantities import FACTORS, VARIABLES
 
 HEAD = ["key", "it takes", "example", "default", "meaning"]
 ELSEWHERE = {
@@ -165,9 +165,9 @@ def camera_rows() -> Iterator[list[str]]:
 def variable_rows() -> Iterator[list[str]]:
     """Yield a row for each quantity of a map that is no coefficient."""
     coefficients = {c.name for effect in LIBRARY for c in effect.coefficients}
-    for variable in variables().values():
+    for variable in VARIABLES.values():
         if variable.name not in coefficients:
-            other = "" if variable.name in RATIOS else f"`{file_key(variable.name)}`"
+            other = "" if variable.name in FACTORS else f"`{file_key(variable.name)}`"
             example = f"`{QuantityField(variable.kind).kind.example_text}`"
             yield [f"`{variable.name}`", other, variable.kind.requirement, example, variable.meaning]
 
@@ -212,7 +212,7 @@ that nothing is known of the value.
 
 One scenario, run again and again while one to three quantities change ([maps](maps.md)).
 
-{section(MapFile)}
+{section(MapPlan)}
 ## Coefficients of effects
 
 The key of a scenario is in the third column. A study gives a coefficient under `effects` as `EFFECT: value`, which is that of

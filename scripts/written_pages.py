@@ -35,7 +35,7 @@ def metrics_page() -> str:
     """Return the page of the metrics and of a map's variables."""
     head = ["metric", "SI unit", "shown in", "limit", "meaning"]
     rows = [[f"`{m.name}`", m.unit, m.shown_in.name, m.limit_words, m.description] for m in METRICS.values()]
-    variables = [[f"`{f.name}`", f.unit, f.meaning] for f in FIELDS]
+    variables = [[f"`{name}`", f.unit, f.meaning] for name, f in FIELDS.items()]
     return f"""# Metrics
 
 These numbers say how far an engine's run is from the reference. `result.json` holds them in SI units, and `null` where a metric

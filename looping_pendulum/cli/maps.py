@@ -16,7 +16,7 @@ from looping_pendulum.cli.file_kinds import takes
 from looping_pendulum.cli.terminal import ProgressBars, note, say, say_file, say_prose, show_json, show_table
 
 if TYPE_CHECKING:
-    from looping_pendulum.sweep.plan import MapPlan
+    from looping_pendulum.sweep.map_file import MapPlan
 
 LINE_INTERVAL = 10.0
 """Without a terminal, time between two lines of progress [s]."""
@@ -133,11 +133,10 @@ def _show_size(plan: MapPlan) -> None:
     from looping_pendulum.pages.numbers import amount
     from looping_pendulum.sweep.store import BYTES_PER_RUN
 
-    sizes = " x ".join(f"{size}" for size in plan.design.shape)
-    engines = f" x {len(plan.engines)} engines" if len(plan.engines) > 1 else ""
-    over = ", ".join(axis.name for axis in plan.design.axes)
+    sizes = " x ".join(f"{size}" for size in plan.sizes.values())
+    over = ", ".join(plan.sizes)
     megabytes = plan.runs * BYTES_PER_RUN / 1e6
-    message = f"{plan.runs} runs ({sizes}{engines}: {over}) in {plan.chunk_count} chunks, at most {amount(megabytes)} MB"
+    message = f"{plan.runs} runs ({sizes}: {over}) in {plan.chunk_count} chunks, at most {amount(megabytes)} MB"
     note(message)
     sys.stderr.flush()
 
@@ -149,7 +148,7 @@ def _list_maps() -> None:
     rows, listed = [], []
     for shipped in map_file.shipped():
         plan = map_file.load(shipped)
-        over = [axis.name for axis in plan.design.axes]
+        over = [axis.name for axis in plan.axes]
         rows.append([shipped, str(plan.runs), ", ".join(over), plan.title])
         listed.append({"map": shipped, "runs": plan.runs, "over": over, "title": plan.title})
     show_table(["map", "runs", "over", "title"], rows)

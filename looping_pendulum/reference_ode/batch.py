@@ -137,6 +137,11 @@ class RunColumn:
     failed: float
     """Its value for a run that broke down."""
 
+    @property
+    def missing(self) -> float:
+        """Its value for a run of which it is not known, as an array of its kind can hold it."""
+        return {"f": float("nan"), "i": -1, "u": 0}[np.dtype(self.kind).kind]
+
 
 def _column(
     unit: str, meaning: str, of_runs: Callable[[EventTable], Any], kind: type[np.generic] = np.float64, failed: float = np.nan
@@ -248,7 +253,7 @@ def solve_batch(
     durations = np.broadcast_to(np.asarray(default_duration(base) if duration is None else duration, dtype=float), n)
     all_values = parameter_values(base, arrays)
     result = BatchResult.empty(n)
-    result.errors.update(_refused(base, all_values, n))
+    result.errors.update(impossible_runs(base, all_values, n))
     valid, ended = np.delete(np.arange(n), list(result.errors)), len(result.errors)
 
     def carry_out(effects_and_runs: tuple[Effects, NDArray[np.int64]]) -> tuple[NDArray[np.int64], EventTable, Runs]:
@@ -307,8 +312,8 @@ def parameter_values(base: Parameters, columns: Columns) -> dict[str, Any]:
         return derived_values(values, np.where) | values
 
 
-def _refused(base: Parameters, values: Mapping[str, Any], n: int) -> dict[int, ParameterError]:
-    """Return the index of each of ``n`` runs with impossible values -> the error that `Parameters` raises for them."""
+def impossible_runs(base: Parameters, values: Mapping[str, Any], n: int) -> dict[int, ParameterError]:
+    """Return the index of each of ``n`` runs with impossible values -> the error that `Parameters` raises for it."""
     refused: dict[int, ParameterError] = {}
     # All other coefficients are those of `base`, which was checked
     given = [name for name in base.coefficients if isinstance(values[name], np.ndarray)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import CancelledError
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -13,80 +13,50 @@ from numpy.typing import NDArray
 
 from looping_pendulum import __version__
 from looping_pendulum.engines.isolation import run_isolated
-from looping_pendulum.engines.protocol import Engine, Profile
+from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.engines.reference import STATUS_OF_END
 from looping_pendulum.engines.registry import select
-from looping_pendulum.errors import ParameterError
-from looping_pendulum.reference_ode.batch import COLUMNS, ENDS, RunColumn, solve_batch
-from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.errors import EngineError, ParameterError
+from looping_pendulum.reference_ode.batch import COLUMNS, impossible_runs, parameter_values, solve_batch
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.transitions import Event
-from looping_pendulum.runs.events import Landmarks, run_landmarks
+from looping_pendulum.runs.events import run_landmarks
 from looping_pendulum.runs.trajectory import RunStatus, Trajectory
+from looping_pendulum.scenarios.document import one_line
 from looping_pendulum.scenarios.scenario import Scenario
-from looping_pendulum.sweep.plan import REFERENCE, MapPlan, Region
-from looping_pendulum.versions import installed_version
+from looping_pendulum.sweep.map_file import REFERENCE, MapPlan, Region, run_count
+from looping_pendulum.versions import MISSING, installed_version
 
 IMPOSSIBLE = "impossible"
 """Ending of a run that was not made because its parameters contradict each other."""
-ENDINGS: tuple[str, ...] = tuple(
-    # The reference's endings first, so that its codes are those of `ENDS`, which a batch gives
-    dict.fromkeys([*map(str, ENDS), IMPOSSIBLE, *(status.name.lower() for status in RunStatus if not status.ok)])
-)
-"""Endings of a run; the field `end` is the index into this tuple."""
+# The reference's endings first, so that their codes are those of `ENDS`, which a batch gives
 ENDING_DESCRIPTIONS = {
     str(Event.LIGHT_REACHES_ROD): "the light mass reached the rod",
     str(Event.HEAVY_REACHES_ROD): "the heavy mass reached the rod",
     str(Event.UNWRAPPED): "the string left the rod",
     str(Event.TIME_UP): "still moving when its time was up",
-    **{status.name.lower(): status.value for status in RunStatus if not status.ok},
     "failed": "the run broke down",
     IMPOSSIBLE: "impossible parameters, not run",
+    **{status.name.lower(): status.value for status in RunStatus if not status.ok and status is not RunStatus.FAILED},
 }
 """Ending -> its description."""
-UNKNOWN_COUNT = -1
-"""Value of a count that an engine does not report."""
-NOT_YET_RUN = -1
-"""Value of the field `end` of runs that are not computed yet."""
-
-Values = dict[str, NDArray[np.generic]]
-"""Name of a field -> its values, shape (n,)."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Field:
-    """A field of a map: one value per run."""
-
-    name: str
-    unit: str
-    """SI unit; '' for a plain number."""
-    dtype: str
-    meaning: str
-    fill: float
-    """Value of runs that are not computed yet, and of what an engine does not report."""
-
-
-def _field(name: str, column: RunColumn) -> Field:
-    kind = np.dtype(column.kind)
-    # An unsigned field has no -1
-    fill = {"f": float("nan"), "i": UNKNOWN_COUNT, "u": 0}[kind.kind]
+ENDINGS = tuple(ENDING_DESCRIPTIONS)
+"""Endings of a run; the field `end` is the index into this tuple."""
+FIELDS = {
     # A code has its words in the attributes of its field, and a number that is not known is NaN
-    unknown = "" if kind.kind == "f" or name == "end" else f"; {fill}: the engine does not tell"
-    return Field(name=name, unit=column.unit, dtype=kind.name, meaning=f"{column.meaning}{unknown}", fill=fill)
-
-
-FIELDS = tuple(_field(name, column) for name, column in COLUMNS.items())
+    name: column
+    if name == "end" or column.kind is np.float64
+    else replace(column, meaning=f"{column.meaning}; {column.missing}: the engine does not tell")
+    for name, column in COLUMNS.items()
+}
+"""Field of a map -> what it is: one value per run."""
+NOT_YET_RUN = FIELDS["end"].missing
+"""Value of the field `end` of runs that are not computed yet."""
 PACKAGES = ("numpy", "scipy", "wasmtime")
 """Packages that results depend on, beside this package; SciPy chooses the points of a sample."""
 
-
-@dataclass(frozen=True, kw_only=True)
-class ChunkResult:
-    """Values of the runs of a chunk."""
-
-    values: Values
-    versions: dict[str, str]
-    """Package -> version that the values depend on."""
+Values = dict[str, NDArray[np.generic]]
+"""Field -> its values, shape (n,)."""
 
 
 def solve_chunk(
@@ -95,14 +65,17 @@ def solve_chunk(
     *,
     time_limit: float,
     memory_limit: int,
+    expected_versions: Mapping[str, str] | None = None,
     cancelled: threading.Event | None = None,
-) -> ChunkResult:
+) -> Values:
     """Compute the runs of one chunk of a map, on this machine or on one of a cluster.
 
     Parameters
     ----------
     time_limit, memory_limit
         Limits of each run of an engine [s], [bytes].
+    expected_versions
+        Package -> version with which the map is made, for a worker of a cluster to compare with its own.
     cancelled
         Event that ends the work early.
 
@@ -110,90 +83,87 @@ def solve_chunk(
     ------
     CancelledError
         If ``cancelled`` is set meanwhile.
+    EngineError
+        If this machine has another version of a package.
     """
-    engine = plan.engine(region)
-    if engine == REFERENCE:
-        values = _reference_values(plan, region, cancelled)
-    else:
-        limited = partial(run_isolated, time_limit=time_limit, memory_limit=memory_limit, cancelled=cancelled)
-        values = _engine_values(plan, region, limited)
+    _stop_if(cancelled)
+    expected = expected_versions or {}
+    for package, here, needed in differing_versions(versions(plan) if expected else {}, expected):
+        message = f"--cluster: found {package} {here} on a worker, needed {needed} as on the machine that writes the map"
+        raise EngineError(one_line(f"{message}; install {package} {needed} there"))
+    if plan.engine(region) == REFERENCE:
+        return _reference_values(plan, region, cancelled)
+    limited = partial(run_isolated, time_limit=time_limit, memory_limit=memory_limit, cancelled=cancelled)
+    values = _engine_values(plan, region, limited)
+    _stop_if(cancelled)
+    return values
+
+
+def _stop_if(cancelled: threading.Event | None) -> None:
     if cancelled is not None and cancelled.is_set():
         raise CancelledError
-    return ChunkResult(values=values, versions=versions(engine, plan.profile))
 
 
-def versions(engine: str, profile: Profile) -> dict[str, str]:
-    """Return package -> version for all that an engine's results depend on; "none" if a package is not installed."""
-    packages = {*PACKAGES, *(() if engine == REFERENCE else engine_called(engine, profile).abilities.packages)}
-    return {"looping-pendulum": __version__} | {package: installed_version(package) for package in sorted(packages)}
+def versions(plan: MapPlan) -> dict[str, str]:
+    """Return package -> version for all that a map's results depend on; "none" if a package is not installed."""
+    engines = select((name for name in plan.engines if name != REFERENCE), plan.profile)
+    packages = {*PACKAGES, *(package for engine in engines for package in engine.abilities.packages)}
+    listed = {package: installed_version(package) for package in packages}
+    return dict(sorted((listed | {"looping-pendulum": __version__}).items()))
 
 
 def differing_versions(one: Mapping[str, str], other: Mapping[str, str]) -> list[tuple[str, str, str]]:
     """Return (package, version in ``one``, in ``other``) where they differ; "none" if one has no such package."""
-    pairs = [(package, one.get(package, "none"), other.get(package, "none")) for package in sorted({*one, *other})]
+    pairs = [(package, one.get(package, MISSING), other.get(package, MISSING)) for package in sorted({*one, *other})]
     return [pair for pair in pairs if pair[1] != pair[2]]
 
 
-def engine_called(name: str, profile: Profile) -> Engine:
-    """Return the engine variant with this label."""
-    return select([name], profile)[0]
-
-
 def _reference_values(plan: MapPlan, region: Region, cancelled: threading.Event | None) -> Values:
-    def stop_if_cancelled(done: int, runs: int) -> None:
-        if cancelled is not None and cancelled.is_set():
-            raise CancelledError
-
     base, columns = plan.scenario.parameters, plan.columns(region)
-    batch = solve_batch(base, columns, duration=plan.duration, tolerance=plan.tolerance, progress=stop_if_cancelled)
-    values: Values = {field.name: np.array(getattr(batch, field.name)) for field in FIELDS}
+    batch = solve_batch(
+        base, columns, duration=plan.duration, tolerance=plan.tolerance, progress=lambda done, runs: _stop_if(cancelled)
+    )
     refused = [run for run, error in batch.errors.items() if isinstance(error, ParameterError)]
-    values["end"][refused] = ENDINGS.index(IMPOSSIBLE)
-    return values
+    batch.end[refused] = ENDINGS.index(IMPOSSIBLE)
+    return {name: getattr(batch, name) for name in FIELDS}
 
 
 def _engine_values(plan: MapPlan, region: Region, limited: Callable[[Engine, Scenario], Trajectory]) -> Values:
-    engine, columns = engine_called(plan.engine(region), plan.profile), plan.columns(region)
-    n = len(next(iter(columns.values())))
-    values: Values = {field.name: np.full(n, field.fill, dtype=field.dtype) for field in FIELDS}
-    # For the runs that the loop leaves out; the others write over it
-    values["end"][:] = ENDINGS.index(IMPOSSIBLE)
-    for i in range(n):
-        parameters = _parameters_of_run(plan.scenario.parameters, columns, i)
-        if parameters is not None:
-            scenario = replace(plan.scenario, parameters=parameters, duration=plan.duration, tolerances=(), measured=None)
-            run = limited(engine, scenario)
-            for name, value in _summary(run, run_landmarks(run, parameters)).items():
-                values[name][i] = value
+    (engine,), base, columns = select([plan.engine(region)], plan.profile), plan.scenario.parameters, plan.columns(region)
+    n = run_count(region)
+    values: Values = {name: np.full(n, field.missing, dtype=field.kind) for name, field in FIELDS.items()}
+    impossible = impossible_runs(base, parameter_values(base, columns), n)
+    values["end"][list(impossible)] = ENDINGS.index(IMPOSSIBLE)
+    for i in (i for i in range(n) if i not in impossible):
+        parameters = base.replace(**{name: float(column[i]) for name, column in columns.items()})
+        scenario = replace(plan.scenario, parameters=parameters, duration=plan.duration, tolerances=(), measured=None)
+        for name, value in _summary(limited(engine, scenario), parameters).items():
+            values[name][i] = value
     return values
 
 
-def _parameters_of_run(base: Parameters, columns: Mapping[str, Array], i: int) -> Parameters | None:
-    """Return the parameters of run ``i``; None if they contradict each other."""
-    try:
-        return base.replace(**{name: float(column[i]) for name, column in columns.items()})
-    except ParameterError:
-        return None
-
-
-def _summary(run: Trajectory, landmarks: Landmarks) -> dict[str, float]:
-    """Return the fields of a map for an engine's run."""
+def _summary(run: Trajectory, parameters: Parameters) -> dict[str, float]:
+    """Return the fields of a map for an engine's run; without those that it does not tell."""
     # A map uses the reference's words for the ends that an engine's run and the reference have in common
     known = {status: str(event) for event, status in STATUS_OF_END.items()} | {RunStatus.FINISHED: str(Event.TIME_UP)}
-    summary: dict[str, float] = {"end": ENDINGS.index(known.get(run.status) or run.status.name.lower())}
+    end = ENDINGS.index(known.get(run.status) or run.status.name.lower())
     if len(run.t) == 0:
-        return summary
-    # A run that was cut while its string rested might have slid again, which a map must not show as a halt
-    if landmarks.halting_confirmed:
-        at_halt = (landmarks.halting_time, landmarks.wrap_angle_at_halt, landmarks.free_length_at_halt)
-        for name, value in zip(("halting_time", "halting_wrap_angle", "halting_free_length"), at_halt, strict=True):
-            summary[name] = float("nan") if value is None else value
-    return summary | {
+        return {"end": end}
+    found = run_landmarks(run, parameters)
+    at_halt = {
+        "halting_time": found.halting_time,
+        "halting_wrap_angle": found.wrap_angle_at_halt,
+        "halting_free_length": found.free_length_at_halt,
+    }
+    at_end = {
+        "end": end,
         "drop": float(run.heavy_drop[-1]),
         "wrap_angle": float(run.wrap_angle[-1]),
         "free_length": float(run.free_length[-1]),
-        "stops": len(landmarks.stops),
-        "slip_count": len(landmarks.slip_onsets),
-        "slack_intervals": UNKNOWN_COUNT,
+        "stops": len(found.stops),
+        "slip_count": len(found.slip_onsets),
         "end_time": float(run.t[-1]),
     }
+    # A run that was cut while its string rested might have slid again, which a map must not show as a halt
+    halt = {name: value for name, value in at_halt.items() if found.halting_confirmed and value is not None}
+    return at_end | halt

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
-from urllib.parse import urlsplit
 
 from looping_pendulum.errors import EngineError, MissingPackageError
 from looping_pendulum.installation import install_command
 from looping_pendulum.scenarios.document import one_line, quote
 
-SCHEMES = ("tcp", "tls", "ws", "wss")
-"""Protocols with which Dask connects to a scheduler."""
+ADDRESS = re.compile(r"((tcp|tls|wss?)://)?[^\s/?#@]+:[0-9]{1,5}", re.IGNORECASE)
+"""Regular expression of the address of a scheduler, with the protocols by which Dask connects to one."""
 CONNECT_TIME = 5.0
 """Time limit for a scheduler to answer [s]."""
 WORKER_TIME = 15.0
@@ -32,12 +32,7 @@ def check_address(address: str) -> None:
     EngineError
         If it cannot be one.
     """
-    try:
-        parts = urlsplit(address if "://" in address else f"tcp://{address}")
-        good = parts.scheme in SCHEMES and bool(parts.hostname) and bool(parts.port) and not (parts.path or parts.query)
-    except ValueError:
-        good = False
-    if not good:
+    if not ADDRESS.fullmatch(address):
         message = f"--cluster: found {quote(address)}, needed the address of a Dask scheduler; write for example"
         raise EngineError(one_line(f"{message} --cluster tcp://127.0.0.1:8786"))
 

@@ -5,6 +5,8 @@ The map is read from its store chunk by chunk, so that memory use does not grow 
 
 from __future__ import annotations
 
+from collections import Counter, defaultdict
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -18,13 +20,15 @@ from looping_pendulum.pages.markdown import fenced
 from looping_pendulum.pages.numbers import number
 from looping_pendulum.pages.templates import markdown_templates, sections
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.sweep.cells import ENDING_DESCRIPTIONS, ENDINGS, FIELDS
-from looping_pendulum.sweep.plan import Axis, MapPlan, Sample
-from looping_pendulum.sweep.store import MapStore, attributes
+from looping_pendulum.sweep.cells import ENDING_DESCRIPTIONS, ENDINGS, FIELDS, Values
+from looping_pendulum.sweep.map_file import MapPlan
+from looping_pendulum.sweep.quantities import Axis
+from looping_pendulum.sweep.store import MapStore
 
 REPORT = "map.md"
 COPY = "map.yaml"
-RANGES = tuple(field.name for field in FIELDS if field.dtype in ("float64", "int32"))
+FIGURE = "halting_time.png"
+RANGES = tuple(name for name, field in FIELDS.items() if field.kind in (np.float64, np.int32))
 """Fields of which a report gives the smallest, mean and largest value: not codes."""
 
 
@@ -57,66 +61,54 @@ class EngineSummary:
     engine: str
     runs: int = 0
     halted: int = 0
-    ends: dict[str, int] = field(default_factory=dict)
+    ends: Counter[str] = field(default_factory=Counter)
     """Ending -> number of runs that end so without a halt."""
     ranges: dict[str, ValueRange] = field(default_factory=lambda: {name: ValueRange() for name in RANGES})
-    where_halting: dict[str, ValueRange] = field(default_factory=dict)
+    where_halting: dict[str, ValueRange] = field(default_factory=lambda: defaultdict(ValueRange))
     """Varied quantity -> range of its values in runs that halt."""
+
+    def add(self, values: Values, given: Mapping[str, Array]) -> None:
+        """Add runs, by their fields and by the values of the varied quantities."""
+        halted = np.isfinite(values["halting_time"])
+        self.runs += len(halted)
+        self.halted += int(halted.sum())
+        self.ends.update(ENDINGS[code] for code in values["end"][~halted].tolist())
+        for name, of_field in self.ranges.items():
+            # A negative count means that the engine does not report it
+            known = values[name].astype(float)
+            of_field.add(known if FIELDS[name].kind is np.float64 else known[known >= 0])
+        for name, varied in given.items():
+            self.where_halting[name].add(varied[halted])
 
 
 def write(plan: MapPlan, store: MapStore, folder: Path, *, figures: bool) -> list[EngineSummary]:
     """Write report, figure and a copy of the map file to ``folder``, the same bytes for the same map; return the summaries."""
     write_atomically(folder / COPY, plan.text)
     summaries = summarize(plan, store)
-    drawn: dict[str, tuple[str, bytes]] = {}
+    caption, png = "", b""
     if figures:
         from looping_pendulum.sweep.figures import draw  # matplotlib takes half a second to import
 
         with optional_output("the figure"):
-            drawn = draw(plan, store.path)
-    for name, (_, png) in drawn.items():
-        write_atomically(folder / name, png)
-    write_atomically(folder / REPORT, map_markdown(plan, summaries, {name: caption for name, (caption, _) in drawn.items()}))
+            caption, png = draw(plan, store.path)
+    if png:
+        write_atomically(folder / FIGURE, png)
+    write_atomically(folder / REPORT, map_markdown(plan, summaries, store.attributes, caption))
     return summaries
 
 
 def summarize(plan: MapPlan, store: MapStore) -> list[EngineSummary]:
     """Read a whole map once and return one summary per engine."""
-    axes = [axis.name for axis in plan.design.axes]
-    summaries = {
-        engine: EngineSummary(engine=engine, where_halting={name: ValueRange() for name in axes}) for engine in plan.engines
-    }
+    summaries = {engine: EngineSummary(engine=engine) for engine in plan.engines}
     for region in plan.regions():
-        _add(summaries[plan.engine(region)], store.read(region), plan.values_in(region))
+        summaries[plan.engine(region)].add(store.read(region), plan.values_in(region))
     return list(summaries.values())
 
 
-def _add(summary: EngineSummary, values: dict[str, Any], given: dict[str, Array]) -> None:
-    halted = np.isfinite(values["halting_time"])
-    summary.runs += len(halted)
-    summary.halted += int(halted.sum())
-    for code, count in zip(*np.unique(values["end"][~halted], return_counts=True), strict=True):
-        ending = ENDINGS[int(code)]
-        summary.ends[ending] = summary.ends.get(ending, 0) + int(count)
-    for name in RANGES:
-        # A negative count means that the engine does not report it.
-        known = values[name][values[name] >= 0] if values[name].dtype.kind == "i" else values[name]
-        summary.ranges[name].add(known.astype(float))
-    for name, varied in given.items():
-        summary.where_halting[name].add(varied[halted])
-
-
-def map_markdown(plan: MapPlan, summaries: list[EngineSummary], captions: dict[str, str]) -> str:
-    """Return the report in Markdown: verdict, figures, tables, provenance."""
-    report = sections(
-        _templates(),
-        "map.md.jinja",
-        plan=plan,
-        summaries=summaries,
-        captions=captions,
-        metadata=attributes(plan),
-        sample=plan.design if isinstance(plan.design, Sample) else None,
-    )
+def map_markdown(plan: MapPlan, summaries: list[EngineSummary], metadata: Mapping[str, Any], caption: str) -> str:
+    """Return the report in Markdown: verdict, figure, tables, provenance. ``metadata``: the store's attributes."""
+    shown = {"plan": plan, "summaries": summaries, "metadata": metadata, "caption": caption, "figure": FIGURE}
+    report = sections(_templates(), "map.md.jinja", **shown)
     # Not by the template, which removes empty lines: this is the file as it is
     return "\n".join([*report, f"## Map file\n\n{fenced(plan.text, 'yaml')}\n"])
 
@@ -129,7 +121,7 @@ def _templates() -> Environment:
         "percent_of": _percent,
         "sentence": verdict,
     }
-    environment.globals |= {"ENDING_DESCRIPTIONS": ENDING_DESCRIPTIONS, "UNITS": {field.name: field.unit for field in FIELDS}}
+    environment.globals |= {"ENDING_DESCRIPTIONS": ENDING_DESCRIPTIONS, "FIELDS": FIELDS}
     return environment
 
 

@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
@@ -18,9 +18,9 @@ from looping_pendulum.processes import POLL_INTERVAL, core_count
 from looping_pendulum.reference_ode.batch import Progress
 from looping_pendulum.scenarios.document import one_line
 from looping_pendulum.sweep import cells, report
-from looping_pendulum.sweep.cells import ChunkResult, differing_versions, versions
+from looping_pendulum.sweep.cells import Values
 from looping_pendulum.sweep.dask_cluster import cluster_executor
-from looping_pendulum.sweep.plan import MapPlan, Region, run_count
+from looping_pendulum.sweep.map_file import MapPlan, Region, run_count
 from looping_pendulum.sweep.report import EngineSummary
 from looping_pendulum.sweep.store import MapStore, claimed
 
@@ -61,7 +61,7 @@ def run_map(
     time_limit: float = TIME_LIMIT,
     memory_limit: int = MEMORY_LIMIT,
     progress: Progress = lambda done, runs: None,
-    solve: Callable[..., ChunkResult] = cells.solve_chunk,
+    solve: Callable[..., Values] = cells.solve_chunk,
 ) -> MapOutcome:
     """Make the map of ``plan`` in ``folder``, or continue one that was interrupted.
 
@@ -100,18 +100,24 @@ def run_map(
         interrupted, started = False, time.monotonic()
         cancelled = threading.Event()
         compute = partial(solve, plan, time_limit=time_limit, memory_limit=memory_limit)
+        executor: AbstractContextManager[Executor]
         if cluster is None:
             jobs = jobs or core_count()
-            executor, limit = _threads(jobs, cancelled), 2 * jobs
+            # Threads do: the core computes without the interpreter's lock, and engines run in processes of their own
+            executor, limit = ThreadPoolExecutor(jobs), 2 * jobs
             compute = partial(compute, cancelled=cancelled)
         else:
             executor, limit = cluster_executor(cluster), MAX_ON_CLUSTER
+            compute = partial(compute, expected_versions=store.attributes["versions"])
         try:
             with executor as pool:
-                for region, future in _ended(pool, compute, missing, limit):
-                    store.write(region, _checked_result(future, plan, region, cluster).values)
-                    done += run_count(region)
-                    progress(done, plan.runs)
+                try:
+                    for region, future in _ended(pool, compute, missing, limit):
+                        store.write(region, _result(future, cluster))
+                        done += run_count(region)
+                        progress(done, plan.runs)
+                finally:
+                    cancelled.set()
         except KeyboardInterrupt:
             interrupted = True
         seconds = time.monotonic() - started
@@ -121,11 +127,11 @@ def run_map(
 
 
 def _ended(
-    executor: Executor, compute: Callable[[Region], ChunkResult], regions: list[Region], limit: int
-) -> Iterator[tuple[Region, Future[ChunkResult]]]:
+    executor: Executor, compute: Callable[[Region], Values], regions: list[Region], limit: int
+) -> Iterator[tuple[Region, Future[Values]]]:
     """Compute chunks, at most ``limit`` at a time; yield each when it has ended."""
     waiting = iter(regions)
-    computing: dict[Future[ChunkResult], Region] = {}
+    computing: dict[Future[Values], Region] = {}
     while True:
         computing |= {executor.submit(compute, region): region for region in islice(waiting, limit - len(computing))}
         if not computing:
@@ -135,24 +141,10 @@ def _ended(
             yield computing.pop(future), future
 
 
-@contextmanager
-def _threads(count: int, cancelled: threading.Event) -> Iterator[Executor]:
-    """Return a context with an executor of threads, which end with it: what they have not done is cancelled.
-
-    Threads do: the core computes without the interpreter's lock, and engines run in processes of their own.
-    """
-    executor = ThreadPoolExecutor(count)
+def _result(future: Future[Values], cluster: str | None) -> Values:
+    """Return the result of a chunk; an error of the cluster's own is an `EngineError` of one line."""
     try:
-        yield executor
-    finally:
-        cancelled.set()
-        executor.shutdown(cancel_futures=True)
-
-
-def _checked_result(future: Future[ChunkResult], plan: MapPlan, region: Region, cluster: str | None) -> ChunkResult:
-    """Return the result of a chunk, which a cluster's machine must have computed with the same versions as here."""
-    try:
-        result = future.result()
+        return future.result()
     except Exception as error:
         # Our own errors are one line already, and the fault is not the cluster's
         if cluster is None or isinstance(error, HarnessError):
@@ -162,7 +154,3 @@ def _checked_result(future: Future[ChunkResult], plan: MapPlan, region: Region, 
         what = "its scheduler no longer answers" if lost else f"a chunk failed ({why})"
         message = f"--cluster: {cluster}: {what}; what is finished is kept"
         raise EngineError(one_line(f"{message}: repair the cluster and run the same command again")) from None
-    for package, there, here in differing_versions(result.versions, versions(plan.engine(region), plan.profile)):
-        message = f"--cluster: found {package} {there} on a worker, needed {here} as on this machine"
-        raise EngineError(one_line(f"{message}; install {package} {here} there"))
-    return result

@@ -15,24 +15,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from looping_pendulum.engines.registry import label, select
 from looping_pendulum.files import LockedError, locked, write_atomically
 from looping_pendulum.scenarios import dump
 from looping_pendulum.scenarios.document import one_line, shorten
-from looping_pendulum.sweep.cells import (
-    ENDING_DESCRIPTIONS,
-    ENDINGS,
-    FIELDS,
-    NOT_YET_RUN,
-    Values,
-    differing_versions,
-    engine_called,
-    versions,
-)
-from looping_pendulum.sweep.plan import REFERENCE, Grid, MapError, MapPlan, Region, Sample
+from looping_pendulum.sweep.cells import ENDING_DESCRIPTIONS, ENDINGS, FIELDS, NOT_YET_RUN, Values, differing_versions, versions
+from looping_pendulum.sweep.map_file import REFERENCE, MapError, MapPlan, Region
 
 if TYPE_CHECKING:
     import xarray
@@ -43,7 +36,9 @@ LOCK = ".lock"
 """Name of the file that keeps a second process out of the output folder."""
 METADATA = "zarr.json"
 """Name of the file that describes a group."""
-BYTES_PER_RUN = sum(np.dtype(field.dtype).itemsize for field in FIELDS)
+NewArray = tuple[tuple[str, ...], NDArray[Any], dict[str, Any]]
+"""Dimensions, values and attributes of an array of a store."""
+BYTES_PER_RUN = sum(np.dtype(field.kind).itemsize for field in FIELDS.values())
 """Uncompressed size of a run's values."""
 
 
@@ -74,15 +69,18 @@ class MapStore:
     """
 
     def __init__(self, plan: MapPlan, folder: Path) -> None:
-        self.plan, self.path = plan, folder / STORE
+        import zarr  # not at the top: reading a map file takes a third of a second less
+
+        self.plan, self.path, self.attributes = plan, folder / STORE, attributes(plan)
         if (self.path / METADATA).exists():
-            _refuse_other(plan, folder)
+            self._refuse_other(folder)
         else:
             _refuse_other_files(folder)
         # Written again each time, which restores what was lost or damaged. The group's own comes first: with it the map exists
-        for key, content in sorted(_files_without_results(plan).items(), key=lambda item: item[0] != METADATA):
+        for key, content in sorted(self._files_without_results().items(), key=lambda item: item[0] != METADATA):
             write_atomically(self.path / key, content)
-        self._arrays: dict[str, Any] = dict(_open_group(self.path, "r+").arrays())
+        # By the arrays' own descriptions, not by the copies of them that the group's has
+        self._arrays: dict[str, Any] = dict(zarr.open_group(self.path, mode="r+", use_consolidated=False).arrays())
 
     def missing(self) -> list[Region]:
         """Return the chunks that are not computed yet, or damaged; remove temporary files that a killed process left."""
@@ -98,24 +96,83 @@ class MapStore:
 
     def read(self, region: Region) -> Values:
         """Return the results of a chunk, shape (n,) each."""
-        return {field.name: np.asarray(self._arrays[field.name][region]).ravel() for field in FIELDS}
+        return {name: np.asarray(self._arrays[name][region]).ravel() for name in FIELDS}
 
     def write(self, region: Region, values: Values) -> None:
         """Write the results of a chunk, shape (n,) each."""
-        if isinstance(self.plan.design, Sample):
+        if self.plan.sample:
             for name, given in self.plan.values_in(region).items():
                 self._arrays[name][region[-1]] = given
         # The end comes last: it says that the chunk is there as a whole
         for name in sorted(values, key="end".__eq__):
-            array = self._arrays[name]
-            array[region] = values[name].reshape([where.stop - where.start for where in region])
+            self._arrays[name][region] = values[name].reshape([where.stop - where.start for where in region])
+
+    def _refuse_other(self, folder: Path) -> None:
+        """Refuse a store of another map, or one begun with other versions of packages: the results would be mixed."""
+        way_out = "choose another folder with --out, or delete this one"
+        try:
+            stored = dict(json.loads((self.path / METADATA).read_bytes())["attributes"])
+        except Exception:
+            message = f"{self.path}: found something that is no map, needed a map of this file; {way_out}"
+            raise MapError(one_line(message)) from None
+        if stored.get("map_id") != self.attributes["map_id"]:
+            title = shorten(str(stored.get("title", "?")))
+            message = f"{folder}: found another map ({title!r}, or this one before a change)"
+            raise MapError(one_line(f"{message}, needed the map of {self.plan.file}; {way_out}"))
+        for package, old, new in differing_versions(stored.get("versions", {}), self.attributes["versions"]):
+            message = f"{folder}: found a map begun with {package} {old}, and here is {new}; a map is made with one"
+            raise MapError(one_line(f"{message}: install {package} {old}, or {way_out}"))
+
+    def _files_without_results(self) -> dict[str, bytes]:
+        """Return name -> content of a store's files before there are results, the same whenever and wherever it is made."""
+        import zarr
+        from zarr.codecs import ZstdCodec
+        from zarr.storage import MemoryStore
+
+        files: dict[str, Any] = {}
+        group = zarr.create_group(MemoryStore(files), attributes=self.attributes)
+        for name, (dims, values, attrs) in _layout(self.plan).items():
+            is_whole = dims == (name,)
+            # The value of a lost chunk: Zarr's default of 0 would look like a coordinate
+            fill = values.flat[0] if not is_whole else "" if name == "engine" else np.nan
+            group.create_array(
+                name,
+                data=values,
+                write_data=is_whole,
+                chunks=values.shape if is_whole else tuple(self.plan.chunk_sizes[dim] for dim in dims),
+                fill_value=fill,
+                compressors=[ZstdCodec(level=3, checksum=True)],
+                attributes=attrs,
+                dimension_names=dims,
+            )
+        with warnings.catch_warnings():
+            # Zarr warns that consolidated metadata is not in the standard yet; without it xarray warns
+            warnings.simplefilter("ignore")
+            zarr.consolidate_metadata(group.store)
+        return {name: content.to_bytes() for name, content in files.items()}
 
 
-def _open_group(path: Path, mode: Literal["r", "r+"]) -> Any:
-    import zarr  # not at the top: reading a map file takes a third of a second less
-
-    # By the arrays' own descriptions, not by the copies of them that the group's has
-    return zarr.open_group(path, mode=mode, use_consolidated=False)
+def _layout(plan: MapPlan) -> dict[str, NewArray]:
+    """Return the arrays of a map by name, with the values of coordinates, and of the others how they are before any run."""
+    beside = {"coordinates": " ".join(axis.name for axis in plan.axes)} if plan.sample else {}
+    arrays: dict[str, NewArray] = {}
+    for name, field in FIELDS.items():
+        # One value, whatever the size of the map
+        values = np.broadcast_to(np.array(field.missing, field.kind), tuple(plan.sizes.values()))
+        arrays[name] = (tuple(plan.sizes), values, {"long_name": field.meaning, "units": field.unit or "1", **beside})
+    arrays["end"][2].update(
+        flag_values=list(range(len(ENDINGS))),
+        flag_meanings=" ".join(ENDINGS),
+        flag_words=list(ENDING_DESCRIPTIONS.values()),
+    )
+    for axis in plan.axes:
+        units = {"units": axis.quantity.kind.unit or "1", "written_units": axis.written or "1"}
+        values = np.broadcast_to(np.nan, plan.sample.count) if plan.sample else axis.values
+        arrays[axis.name] = ("run" if plan.sample else axis.name,), values, {"long_name": axis.quantity.meaning, **units}
+    if plan.several:
+        names = np.array(plan.engines, dtype=np.dtypes.StringDType())
+        arrays["engine"] = ("engine",), names, {"long_name": "engine and variant"}
+    return arrays
 
 
 def _refuse_other_files(folder: Path) -> None:
@@ -129,123 +186,42 @@ def _refuse_other_files(folder: Path) -> None:
 
 def attributes(plan: MapPlan) -> dict[str, Any]:
     """Return the attributes of the store; they are the same for the same map, whenever and wherever it is made."""
-    packages = {package: version for engine in plan.engines for package, version in versions(engine, plan.profile).items()}
-    metadata: dict[str, Any] = {
+    engines = select((name for name in plan.engines if name != REFERENCE), plan.profile)
+    decisive = {
+        "engine": list(plan.engines),
+        "profile": plan.profile.value,
+        "tolerance": plan.tolerance,
+        "duration": plan.duration,
+        "sample": plan.sample and plan.sample.model_dump(),
+    }
+    return {
         "title": plan.title,
         "description": plan.description,
         "map": plan.name,
-        "map_id": map_id(plan),
+        "map_id": _checksum(plan, decisive),
         "map_file": plan.text,
         "map_file_sha256": hashlib.sha256(plan.text.encode()).hexdigest(),
         "scenario": plan.scenario.name,
         # Without tolerances and measurements, which only a comparison of engines needs
         "scenario_file": dump(replace(plan.scenario, tolerances=(), measured=None, inferred=())),
-        "engine": list(plan.engines),
-        "profile": plan.profile.value,
-        "tolerance": plan.tolerance,
-        "duration": plan.duration,
-        "versions": dict(sorted(packages.items())),
+        **decisive,
+        "versions": versions(plan),
         "units": "SI",
-    }
-    settings = {name: vars(engine_called(name, plan.profile).settings) for name in plan.engines if name != REFERENCE}
-    if settings:
         # Through JSON, which turns what Zarr's attributes cannot hold into text
-        metadata["engine_settings"] = json.loads(json.dumps(settings, default=str))
-    if sample := _sample(plan):
-        metadata["sample"] = sample
-    return metadata
+        "engine_settings": json.loads(json.dumps({label(engine): vars(engine.settings) for engine in engines}, default=str)),
+    }
 
 
-def map_id(plan: MapPlan) -> str:
+def _checksum(plan: MapPlan, decisive: dict[str, Any]) -> str:
     """Return the checksum of all that determines the results, the same on every processor."""
     axes = []
-    for axis in plan.design.axes:
+    for axis in plan.axes:
         # Logarithmic values are powers, whose last bits depend on the processor
         values = axis.values[[0, -1]] if axis.logarithmic else axis.values
         axes.append([axis.name, axis.logarithmic, len(axis.values), values.tolist()])
-    all_of_it = {
-        "parameters": plan.scenario.parameters.as_dict(),
-        "axes": axes,
-        "sample": _sample(plan),
-        "engines": plan.engines,
-        "profile": plan.profile.value,
-        "tolerance": plan.tolerance,
-        "duration": plan.duration,
-        # It does not change values, but a store has chunks of one shape, so that a map cannot go on with another
-        "chunk": plan.chunk_shape,
-    }
-    return hashlib.sha256(json.dumps(all_of_it, sort_keys=True).encode()).hexdigest()
-
-
-def _sample(plan: MapPlan) -> dict[str, Any] | None:
-    """Return how the runs of a sample are chosen; None for a grid."""
-    design = plan.design
-    return {"method": design.method, "count": design.count, "seed": design.seed} if isinstance(design, Sample) else None
-
-
-def _refuse_other(plan: MapPlan, folder: Path) -> None:
-    """Refuse a store of another map, or one begun with other versions of packages: the results would be mixed."""
-    way_out = "choose another folder with --out, or delete this one"
-    try:
-        stored: dict[str, Any] = dict(_open_group(folder / STORE, "r").attrs)
-    except Exception:
-        message = f"{folder / STORE}: found something that is no map, needed a map of this file; {way_out}"
-        raise MapError(one_line(message)) from None
-    wanted = attributes(plan)
-    if stored.get("map_id") != wanted["map_id"]:
-        title = shorten(str(stored.get("title", "?")))
-        message = f"{folder}: found another map ({title!r}, or this one before a change), needed the map of {plan.file}"
-        raise MapError(one_line(f"{message}; {way_out}"))
-    for package, old, new in differing_versions(stored.get("versions", {}), wanted["versions"]):
-        message = f"{folder}: found a map begun with {package} {old}, and here is {new}; a map is made with one"
-        raise MapError(one_line(f"{message}: install {package} {old}, or {way_out}"))
-
-
-def _files_without_results(plan: MapPlan) -> dict[str, bytes]:
-    """Return name -> content of the files of a store that holds no results yet: the same whenever and wherever it is made."""
-    import zarr
-    import zarr.storage
-    from zarr.codecs import ZstdCodec
-
-    files: dict[str, Any] = {}
-    store = zarr.storage.MemoryStore(files)
-    group = zarr.create_group(store, attributes=attributes(plan))
-    compressors = [ZstdCodec(level=3, checksum=True)]
-
-    def coordinate(name: str, values: Any, fill: Any, attrs: dict[str, Any]) -> None:
-        whole: dict[str, Any] = {"data": values, "chunks": values.shape, "dimension_names": (name,), "compressors": compressors}
-        # The value of a lost chunk: Zarr's default of 0 would look like a coordinate
-        group.create_array(name, **whole, fill_value=fill, attributes=attrs)
-
-    def results(name: str, dims: int, dtype: str, fill: float, attrs: dict[str, Any]) -> None:
-        """Create an array of results over the last ``dims`` dimensions."""
-        part = slice(-dims, None)
-        kind: dict[str, Any] = {"dtype": dtype, "fill_value": fill, "compressors": compressors}
-        cut: dict[str, Any] = {"shape": plan.shape[part], "chunks": plan.chunk_shape[part], "dimension_names": plan.dims[part]}
-        group.create_array(name, **kind, **cut, attributes=attrs)
-
-    beside: dict[str, Any] = {}
-    if plan.several:
-        names = np.array(plan.engines, dtype=np.dtypes.StringDType())
-        coordinate("engine", names, "", {"long_name": "engine and variant"})
-    for axis in plan.design.axes:
-        of_axis = {"long_name": axis.meaning, "units": axis.unit or "1", "written_units": axis.written or "1"}
-        if isinstance(plan.design, Grid):
-            coordinate(axis.name, axis.values, float("nan"), of_axis)
-        else:
-            results(axis.name, 1, "float64", float("nan"), of_axis)
-            beside = {"coordinates": " ".join(a.name for a in plan.design.axes)}
-    for field in FIELDS:
-        of_field: dict[str, Any] = {"long_name": field.meaning, "units": field.unit or "1", **beside}
-        if field.name == "end":
-            endings = {"flag_values": list(range(len(ENDINGS))), "flag_meanings": " ".join(ENDINGS)}
-            of_field |= endings | {"flag_words": [ENDING_DESCRIPTIONS[name] for name in ENDINGS]}
-        results(field.name, len(plan.dims), field.dtype, field.fill, of_field)
-    with warnings.catch_warnings():
-        # Zarr warns that consolidated metadata is not in the standard yet; without it xarray warns
-        warnings.simplefilter("ignore")
-        zarr.consolidate_metadata(store)
-    return {name: content.to_bytes() for name, content in files.items()}
+    # The chunk does not change values, but a store has chunks of one shape, so that a map cannot go on with another
+    known = decisive | {"parameters": plan.scenario.parameters.as_dict(), "axes": axes, "chunk": plan.chunk_sizes}
+    return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()
 
 
 def open_map(folder: Path | str) -> xarray.Dataset:

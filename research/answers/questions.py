@@ -9,7 +9,7 @@ from looping_pendulum.reference_ode.batch import ENDS, BatchResult, solve_batch
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.sweep import map_file
-from looping_pendulum.sweep.plan import MapPlan
+from looping_pendulum.sweep.map_file import MapPlan
 from looping_pendulum.sweep.quantities import columns
 
 from .common import CASES, case, letters, rounded, write_map
@@ -37,7 +37,7 @@ MAX_POWER_LAW_RESIDUAL = 0.05
 def run_plan(name: str) -> tuple[MapPlan, BatchResult]:
     """Solve every run of a shipped map file."""
     plan = map_file.load(name)
-    values = plan.design.values_in(tuple(slice(0, n) for n in plan.design.shape))
+    values = plan.values_in(tuple(slice(0, n) for n in plan.sizes.values()))
     result = solve_batch(
         plan.scenario.parameters,
         columns(plan.scenario.parameters, values),
@@ -48,10 +48,10 @@ def run_plan(name: str) -> tuple[MapPlan, BatchResult]:
 
 
 def _store(name: str, plan: MapPlan, result: BatchResult) -> None:
-    shape = plan.design.shape
+    shape = tuple(plan.sizes.values())
     write_map(
         name,
-        **{axis.name: axis.values for axis in plan.design.axes},
+        **{axis.name: axis.values for axis in plan.axes},
         halting_time=result.halting_time.reshape(shape),
         end=result.end.reshape(shape).astype(np.uint8),
         stops=np.minimum(result.stops, 255).reshape(shape).astype(np.uint8),
@@ -62,9 +62,10 @@ def halting_map() -> dict[str, Any]:
     """Map the halting time over release angle and mass ratio."""
     plan, result = run_plan("angle_and_ratio")
     _store("halting_map", plan, result)
-    ratios = plan.design.axes[1].values
-    halts = np.isfinite(result.halting_time).reshape(plan.design.shape)
-    first = result.stops.reshape(plan.design.shape) == 1
+    ratios = plan.axes[1].values
+    shape = tuple(plan.sizes.values())
+    halts = np.isfinite(result.halting_time).reshape(shape)
+    first = result.stops.reshape(shape) == 1
     return {
         "scenario": SCENARIO,
         "runs": plan.runs,
@@ -181,8 +182,8 @@ def _explain_boundary(base: Parameters, degrees: float, ratio: float) -> dict[st
 def mass_scale() -> dict[str, Any]:
     """Scale both masses at a fixed ratio, with constant drag and with drag that grows as the cross-sections do."""
     plan, result = run_plan("masses_at_fixed_ratio")
-    scales, ratios = (axis.values for axis in plan.design.axes)
-    shape = plan.design.shape
+    scales, ratios = (axis.values for axis in plan.axes)
+    shape = tuple(plan.sizes.values())
     base = plan.scenario.parameters
     times = result.halting_time.reshape(shape)
     out: dict[str, Any] = {"scale": rounded(scales), "ratio": rounded(ratios), "ratios": []}
@@ -244,10 +245,10 @@ def friction_and_radius() -> dict[str, Any]:
     """Map the halting time over friction and rod radius for the 10:1 trial."""
     plan, result = run_plan("friction_and_radius")
     _store("friction_and_radius", plan, result)
-    halts = np.isfinite(result.halting_time).reshape(plan.design.shape)
+    halts = np.isfinite(result.halting_time).reshape(tuple(plan.sizes.values()))
     base = plan.scenario.parameters
-    frictions = plan.design.axes[0].values
-    radii = plan.design.axes[1].values
+    frictions = plan.axes[0].values
+    radii = plan.axes[1].values
     shown = [int(np.abs(radii - r).argmin()) for r in (0.002, 0.004, base.rod_radius, 0.010, 0.015, 0.020)]
     windows = [_halting_interval(frictions, halts[:, i]) for i in shown]
     return {

@@ -34,7 +34,7 @@ from looping_pendulum.scenarios.fields import QuantityField
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.scenarios.units import QUANTITY_NOUNS, QuantityKind, show, to_si
 from looping_pendulum.sweep import map_file
-from looping_pendulum.sweep.plan import run_count
+from looping_pendulum.sweep.map_file import run_count
 from looping_pendulum.teaching import tracker
 from looping_pendulum.teaching.new_file import radius_of
 from tests.fuzz import command_lines

@@ -14,7 +14,7 @@ from looping_pendulum.scenarios import dump, json_schema, load
 from looping_pendulum.scenarios.fields import KeyGroup
 from looping_pendulum.scenarios.schema import ScenarioFile
 from looping_pendulum.sweep import map_file
-from looping_pendulum.sweep.map_file import MapFile
+from looping_pendulum.sweep.map_file import MapPlan
 from scripts.keys_page import ELSEWHERE, page
 from tests.command_line import here
 from tests.scenarios.test_shipped import NAMES
@@ -23,7 +23,7 @@ PACKAGE = Path(__file__).parents[2] / "looping_pendulum"
 SCENARIO = (PACKAGE / "scenarios" / "ten_to_one.yaml").read_text(encoding="utf-8")
 STUDY = (PACKAGE / "teaching" / "example" / "study.yaml").read_text(encoding="utf-8")
 MAP = (PACKAGE / "sweep" / "maps" / "quick.yaml").read_text(encoding="utf-8")
-SECTIONS = {"Scenario": ScenarioFile, "Study": Study, "Map": MapFile}
+SECTIONS = {"Scenario": ScenarioFile, "Study": Study, "Map": MapPlan}
 
 
 class EditorLoader(yaml.SafeLoader):

@@ -10,7 +10,7 @@ from itertools import zip_longest
 import numpy as np
 from zarr.storage import LocalStore
 
-from looping_pendulum.sweep import cells, map_file, runner
+from looping_pendulum.sweep import map_file, runner
 from looping_pendulum.sweep.cells import ENDINGS, FIELDS
 from tests.sweep.maps import field_files
 
@@ -19,16 +19,16 @@ def solve(plan, region, **limits):
     """Numbers that tell one run from every other; every fifth run does not halt. Takes $FAKE_SLEEP s."""
     time.sleep(float(os.environ.get("FAKE_SLEEP", "0")))
     total = sum(np.cos(1e3 * column) for column in plan.columns(region).values())
-    values = {field.name: np.full(len(total), 0, dtype=field.dtype) for field in FIELDS}
-    for field in FIELDS:
-        if field.dtype == "float64":
-            values[field.name] = np.asarray(total * len(field.name))
+    values = {
+        name: total * len(name) if field.kind is np.float64 else np.zeros(len(total), dtype=field.kind)
+        for name, field in FIELDS.items()
+    }
     values["stops"] = np.asarray(100 * abs(total), dtype=np.int32)
     values["sequence"] = np.asarray(total).view(np.uint64).copy()
     without = values["stops"] % 5 == 0
     values["halting_time"][without] = np.nan
     values["end"] = np.where(without, ENDINGS.index("unwrapped"), ENDINGS.index("light_reaches_rod")).astype(np.int8)
-    return cells.ChunkResult(values=values, versions=cells.versions(plan.engine(region), plan.profile))
+    return values
 
 
 def kill_at(folder, files):

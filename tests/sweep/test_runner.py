@@ -17,7 +17,7 @@ from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.batch import solve_batch
 from looping_pendulum.sweep import cells, map_file, open_map, run_map
 from looping_pendulum.sweep.cells import ENDINGS, FIELDS
-from looping_pendulum.sweep.plan import MapError
+from looping_pendulum.sweep.map_file import MapError
 from tests.sweep import fake
 from tests.sweep.maps import GRID, LONG, SAMPLE, chunk_files, contents, run
 
@@ -54,7 +54,7 @@ def test_a_grid_says_what_the_batch_says(tmp_path):
     plan = map_file.load_text(GRID.replace("count: 6", "count: 4").replace("count: 12", "count: 3"))
     outcome = run_map(plan, tmp_path, jobs=1)
     assert outcome.complete
-    angle, ratio = np.meshgrid(*(axis.values for axis in plan.design.axes), indexing="ij")
+    angle, ratio = np.meshgrid(*(axis.values for axis in plan.axes), indexing="ij")
     batch = solve_batch(
         plan.scenario.parameters,
         {"release_angle": angle.ravel(), "heavy_mass": 0.01 * ratio.ravel()},
@@ -63,11 +63,9 @@ def test_a_grid_says_what_the_batch_says(tmp_path):
     )
     with xr.open_zarr(tmp_path / "map.zarr") as data:
         assert data["halting_time"].dims == ("release_angle", "mass_ratio")
-        for field in FIELDS:  # every bit: `solve_batch` promises that no result depends on what runs beside
-            assert np.array_equal(
-                data[field.name].values.ravel(), getattr(batch, field.name), equal_nan=field.dtype == "float64"
-            )
-            assert data[field.name].attrs["long_name"] == field.meaning
+        for name, field in FIELDS.items():  # every bit: `solve_batch` promises that no result depends on what runs beside
+            assert np.array_equal(data[name].values.ravel(), getattr(batch, name), equal_nan=field.kind is np.float64)
+            assert data[name].attrs["long_name"] == field.meaning
         assert np.degrees(data["release_angle"].values) == pytest.approx(np.linspace(60, 130, 4))
         assert data["release_angle"].attrs["units"] == "rad"
         assert data.attrs["map_file"] == plan.text
@@ -101,7 +99,7 @@ def test_a_sample_has_its_parameters_beside_its_results(tmp_path):
     plan = read(SAMPLE)
     run_silently(plan, tmp_path, figures=True)
     data = open_map(tmp_path)
-    expected = plan.design.values_in((slice(0, 100),))
+    expected = plan.values_in((slice(0, 100),))
     assert set(data.coords) == {"release_angle", "rod_radius"}
     assert data["drop"].dims == ("run",)
     for name, values in expected.items():
@@ -204,10 +202,10 @@ def test_chunks_without_a_halt_are_done_too(tmp_path):
     plan = read(GRID)
 
     def never(plan, region, **limits):
-        result = fake.solve(plan, region)
-        for field in FIELDS:
-            result.values[field.name][:] = ENDINGS.index("failed") if field.name == "end" else field.fill
-        return result
+        values = fake.solve(plan, region)
+        for name, field in FIELDS.items():
+            values[name][:] = ENDINGS.index("failed") if name == "end" else field.missing
+        return values
 
     run_silently(plan, tmp_path, solve=never)
     assert run_silently(plan, tmp_path, solve=never).runs_before == 72
