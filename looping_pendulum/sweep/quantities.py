@@ -123,6 +123,8 @@ def _axis_field(variable: Quantity, *, sampled: bool = False) -> SimpleField:
     def read(raw: Any) -> Axis:
         written = {"values": raw} if isinstance(raw, list) else raw
         is_listed = isinstance(written, dict) and "values" in written
+        for other in sorted({*written} - {"values"}, key=str) if is_listed else ():
+            raise input_error("found beside 'values', needed only one of them; delete one", str(other))
         keys = (listed if is_listed else ranged).read(written)
         first: Any = written["values"][0] if is_listed else written["from"]
         return Axis(

@@ -153,12 +153,7 @@ FAULTS = {
     "ends swapped": (["mass_ratio: {from: 3, to: 2, count: 5}"], [], "mass_ratio.to:", "swap them"),
     "twice": (["mass_ratio: [2, 2]"], [], "out of order or twice", "sort them"),
     "out of bounds": (["mass_ratio: [-2]"], [], "a plain number above 0", "'-2'"),
-    "range and list": (
-        ["mass_ratio: {values: [2], count: 3}"],
-        [],
-        "mass_ratio.count: found an unknown key",
-        "needed one of: values",
-    ),
+    "range and list": (["mass_ratio: {values: [2], count: 3}"], [], "mass_ratio.count: found beside 'values'", "delete one"),
     "log from 0": (["kinetic_friction: {from: 0, to: 1, count: 3, spacing: log}"], [], "above 0 with 'spacing: log'", "from"),
     "two that meet": (["mass_ratio: [2]", "heavy_mass: [20 g]"], [], "also sets heavy_mass", "leave one out"),
     "count in a sample": ([ANGLE], ["sample: {count: 10}"], "release_angle.count: found it in a sample", "under 'sample'"),
