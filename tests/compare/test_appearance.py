@@ -84,7 +84,7 @@ def ladder():
 
 
 def test_figures_look_as_agreed(full):
-    actual = looks(full) | {"ladder": fingerprint.of_figure(convergence_plots.ladder_figure(*ladder()))}
+    actual = looks(full) | {"ladder": fingerprint.of_figure(draw(convergence_plots.ladder_chart(*ladder())))}
     actual = json.loads(json.dumps(actual))
     if os.environ.get("APPEARANCE") == "write":
         STORED.write_text(json.dumps(actual, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
