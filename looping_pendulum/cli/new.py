@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from looping_pendulum.cli.common import LINE_EVERY, Force, KeepPoints, TrackFilms, refuse_both, scenario_names
+from looping_pendulum.cli.common import Force, KeepPoints, TrackFilms, refuse_both, scenario_names
 from looping_pendulum.cli.file_kinds import takes
 from looping_pendulum.cli.terminal import ProgressBars, say
 from looping_pendulum.cli.usage import App
@@ -122,7 +122,7 @@ def study(
     prepare_output_file(out, force=force)
     refuse_both(track=track, keep=keep)
     title, given = out.stem.replace("_", " "), _given(context)
-    with ProgressBars(line_every_seconds=LINE_EVERY) as bars:
+    with ProgressBars() as bars:
         text = new_study(title, out.parent, files, given, track=track, keep=keep, progress=bars.update)
     _write(out, text)
     _write_schema(out, "study", json_schema)

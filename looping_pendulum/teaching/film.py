@@ -124,7 +124,7 @@ class _Stage:
         p = result.parameters
         self._radius, self._string = p.rod_radius, p.release is not Release.DROP
         self._title = without_mathtext(result.title)
-        self._speed = f", slowed down {slower:.3g} times" if slower > 1 else f", sped up {1 / slower:.3g} times"
+        self._speed = f"slowed down {slower:.3g} times" if slower >= 1 else f"sped up {1 / slower:.3g} times"
         self._runs: list[Trajectory] = []
         curves = []
         for name, run, style in drawn_runs(result, result.samples):
@@ -181,7 +181,7 @@ class _Stage:
         for (t, x, y), rings in zip(self._points, lines, strict=True):
             known = t <= time + 1e-9
             rings.set_data(x[known], y[known])
-        axes.set_title(f"{self._title}\n{time:.3f} s{self._speed}", fontsize=11)
+        axes.set_title(f"{self._title}\n{time:.3f} s, {self._speed}", fontsize=11)
         return []
 
 
