@@ -427,7 +427,7 @@ class FilmTrack:
                 column = f"{mass}_{axis}"
                 stated_error = (t[after], error[after, i])
                 channels.append(
-                    Channel(name=column, t=t[after], value=position[after, i], column=column, stated_error=stated_error)
+                    Channel(name=column, t=t[after], value=position[after, i], stated_error=stated_error)
                 )
         return Observations(
             name=name,
