@@ -101,12 +101,12 @@ def ladder_chart(v: VariantStudy, ladder: LadderStudy) -> Chart:
     # From the coarsest to the finest, which is always on the right
     limits = ends[0] / beyond, ends[1] * beyond
     verdicts = {one.quantity: one for one in ladder.verdicts}
-    own = Guide(x=ladder.own or None, text="its own setting")
+    own = [Guide(x=ladder.own, text="its own setting")] if ladder.own else []
     panels = [
         Panel(
             curves=_errors(v, ladder, verdicts, ends),
             y=ChartAxis(label="RMS distance of\nthe light mass [mm]", scale="log"),
-            guides=[own],
+            guides=own,
             height=3,
         )
     ]
@@ -115,7 +115,7 @@ def ladder_chart(v: VariantStudy, ladder: LadderStudy) -> Chart:
             Panel(
                 curves=_halts(v, ladder, verdicts[HALT], ends),
                 y=ChartAxis(label="halting time,\nengine less reference [ms]"),
-                guides=[Guide(y=0.0, colour=BLACK), replace(own, text="")],
+                guides=[Guide(y=0.0, colour=BLACK), *(replace(guide, text="") for guide in own)],
                 height=2,
             )
         )
