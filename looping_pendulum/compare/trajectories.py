@@ -17,7 +17,7 @@ from looping_pendulum.compare.run_cache import run_key
 from looping_pendulum.compare.trial import TrialComparison, residual
 from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.errors import ResultError
-from looping_pendulum.files import file_stems, read_file
+from looping_pendulum.files import file_stems
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.runs.trajectory import (
@@ -48,8 +48,6 @@ CSV_COLUMNS = (
 )
 """Header with unit, field of `Trajectory` and component of it; a last column ``mode`` has the name of the mode."""
 CSV_HEADER = [*(name for name, _, _ in CSV_COLUMNS), "mode"]
-MAX_FILE_SIZE = 64 * 1024 * 1024
-"""Largest size of a run's file [bytes]; a run has 1000 rows per second, of some 200 bytes each."""
 NOT_ALWAYS_KNOWN = ("string_slip", "light_tension", "heavy_tension")
 """Fields that are None where the engine does not report them."""
 RETRIED_STATUSES = (RunStatus.INTERRUPTED, RunStatus.TIME_LIMIT, RunStatus.MEMORY_LIMIT)
@@ -160,39 +158,15 @@ def _samples(result: ComparisonResult, folder: Path) -> ResultSamples:
 
 def _trajectory(path: Path | None, **fields: Any) -> Trajectory:
     """Read a file that `trajectory_csv` wrote; without a path, return a run without samples."""
-    return Trajectory(**(_arrays([]) if path is None else read_arrays(path)), **fields)
-
-
-def read_arrays(path: Path) -> dict[str, Any]:
-    """Return the arrays of a `Trajectory`, by their names, from a file that `trajectory_csv` wrote.
-
-    Raises
-    ------
-    ResultError
-        If it is no such file.
-    """
-    try:
-        raw = read_file(path, MAX_FILE_SIZE)
-        header, *lines = raw.decode().splitlines() or [""]
-    except OSError as error:
-        raise ResultError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        header = ""
-    if header.split(",") != CSV_HEADER or len(raw) > MAX_FILE_SIZE:
-        raise ResultError(f"{path}: found other columns, needed a file of one run that `looping-pendulum run --out` wrote")
-    try:
-        return _arrays([line.split(",") for line in lines])
-    except (ValueError, KeyError, IndexError):
-        raise ResultError(f"{path}: found a row without all its numbers, needed {len(CSV_HEADER)} cells") from None
-
-
-def _arrays(rows: Sequence[Sequence[str]]) -> dict[str, Any]:
-    """Return the arrays of a `Trajectory` from the cells of its file."""
+    lines = [] if path is None else path.read_text(encoding="utf-8").splitlines()
+    if lines and lines[0].split(",") != CSV_HEADER:
+        raise ResultError(f"{path}: found other columns, needed {','.join(CSV_HEADER)}")
+    cells = [line.split(",") for line in lines[1:]]
     width = len(CSV_COLUMNS)
-    numbers = np.array([[float(cell) if cell else np.nan for cell in row[:width]] for row in rows]).reshape(-1, width)
-    modes = [UNKNOWN_MODE if not row[width] else Mode[row[width].upper()] for row in rows]
-    arrays: dict[str, Any] = {"mode": np.array(modes, dtype=np.int8)}
+    numbers = np.array([[float(c) if c else np.nan for c in row[:width]] for row in cells]).reshape(-1, width)
     for field in dict.fromkeys(field for _, field, _ in CSV_COLUMNS):
         values = numbers[:, [field == one for _, one, _ in CSV_COLUMNS]]
-        arrays[field] = values if values.shape[1] > 1 else values[:, 0]
-    return arrays | {field: None for field in NOT_ALWAYS_KNOWN if np.isnan(arrays[field]).all()}
+        fields[field] = values if values.shape[1] > 1 else values[:, 0]
+    fields |= {field: None for field in NOT_ALWAYS_KNOWN if np.isnan(fields[field]).all()}
+    modes = [UNKNOWN_MODE if not row[-1] else Mode[row[-1].upper()] for row in cells]
+    return Trajectory(mode=np.array(modes, dtype=np.int8), **fields)

@@ -13,15 +13,16 @@ from pathlib import Path
 
 import numpy as np
 
-from looping_pendulum.compare.trajectories import read_arrays
 from looping_pendulum.engines.isolation import run_isolated
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import label, select
 from looping_pendulum.errors import EngineError, HarnessError
+from looping_pendulum.files import read_file
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.runs.trajectory import Trajectory
 from looping_pendulum.scenarios import loader
+from looping_pendulum.scenarios.document import one_line, shorten
 from looping_pendulum.scenarios.scenario import Scenario
 
 HEADER = ("t", "heavyx", "heavyy", "lightx", "lighty")
@@ -36,8 +37,11 @@ MAX_START = 86400.0
 MAX_FRAMES = 1_000_000
 """Largest number of rows; an hour at `FRAME_RATE` has 864 000 frames."""
 
+MAX_FILE_SIZE = 64 * 1024 * 1024
+"""Largest size of a run's file [bytes]; a run has 1000 rows per second, of some 200 bytes each."""
+
 MAX_NUMBER = 1e6
-"""Largest number in a run [s, m or m/s]: beyond it there is no motion of this apparatus."""
+"""Largest number in a run's file [s, m or m/s]: beyond it there is no motion of this apparatus."""
 
 FRAME_ROUNDING = 1e-9
 """Rounding error of a frame number [frames]: a frame this little before the release counts as at it.
@@ -178,9 +182,6 @@ def _interpolated_motion(name: str, t: Array, heavy: tuple[Array, Array], light:
 
     if len(t) < 2:
         raise TrackerError(f"{name}: found {len(t)} samples, needed two or more")
-    if not (np.diff(t) > 0).all() or not (np.abs(np.column_stack([t, *heavy, *light])) <= MAX_NUMBER).all():
-        needed = f"times that grow, and numbers up to {MAX_NUMBER:g} in size"
-        raise TrackerError(f"{name}: found samples out of order or without a number, needed {needed}")
     splines = [CubicHermiteSpline(t, *mass) for mass in (heavy, light)]
     return TrackedMotion(name=name, end=float(t[-1]), positions=lambda at: (splines[0](at), splines[1](at)))
 
@@ -205,6 +206,32 @@ def _file_of_run(folder: Path, engine: str | None) -> Path:
 
 def _motion_of_file(path: Path) -> TrackedMotion:
     """Return the motion in a CSV file of `compare.trajectories.trajectory_csv`."""
-    run = read_arrays(path)
-    masses = ((run[f"{mass}_position"], run[f"{mass}_velocity"]) for mass in ("heavy", "light"))
-    return _interpolated_motion(path.stem, run["t"], *masses)
+    names = ("t", "heavy_x", "heavy_y", "heavy_vx", "heavy_vy", "light_x", "light_y", "light_vx", "light_vy")
+    try:
+        raw = read_file(path, MAX_FILE_SIZE)
+        lines = raw.decode("utf-8-sig").splitlines() or [""]
+    except OSError as error:
+        raise TrackerError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        raise TrackerError(f"{path}:{line}: found the byte 0x{raw[error.start]:02x}, needed UTF-8 text") from None
+    header = [cell.partition(" [")[0].strip() for cell in lines[0].split(",")]
+    missing_columns = [name for name in names if name not in header]
+    if missing_columns or len(raw) > MAX_FILE_SIZE:
+        found = f"no column {missing_columns[0]!r}" if missing_columns else f"more than {MAX_FILE_SIZE // 1024**2} MiB"
+        raise TrackerError(f"{path}: found {found}, needed a file of one run that `looping-pendulum run --out` wrote")
+    if not any(map(str.strip, lines[1:])):
+        raise TrackerError(f"{path}: found no samples, needed two or more")
+    try:
+        columns = np.loadtxt(lines[1:], delimiter=",", comments=None, usecols=[header.index(name) for name in names], ndmin=2)
+    except ValueError as error:
+        message = f"{path}: found a row without all its numbers ({shorten(str(error))}), needed times, places and velocities"
+        raise TrackerError(one_line(message)) from None
+    # The first row of numbers stands on line 2
+    for row, number in zip(*np.nonzero(~(np.abs(columns) <= MAX_NUMBER)), strict=True):
+        found = f"found {columns[row, number]:g}"
+        raise TrackerError(f"{path}:{row + 2}: {found}, needed numbers up to {MAX_NUMBER:g} in size")
+    t, heavy, heavy_v, light, light_v = np.split(columns, [1, 3, 5, 7], axis=1)
+    for row in np.flatnonzero(np.diff(t[:, 0]) <= 0) + 1:
+        raise TrackerError(f"{path}:{row + 2}: found {t[row, 0]:g} s after {t[row - 1, 0]:g} s, needed times that grow")
+    return _interpolated_motion(path.stem, t[:, 0], (heavy, heavy_v), (light, light_v))

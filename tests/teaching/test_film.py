@@ -10,7 +10,7 @@ from PIL import Image
 from looping_pendulum.compare.trajectories import trajectory_csv
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import select
-from looping_pendulum.errors import HarnessError, ResultError
+from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import file_stem
 from looping_pendulum.measured.tables.readers import read
 from looping_pendulum.reference_ode.solve import solve
@@ -154,7 +154,7 @@ def test_a_file_that_is_no_run_is_refused_in_one_line(tmp_path):
     file = tmp_path / "marks.csv"
     file.write_text("t,x,y\n0,1,2\n")
     (tmp_path / "empty").mkdir()
-    with pytest.raises(ResultError, match="found other columns, needed a file of one run"):
+    with pytest.raises(TrackerError, match="found no column 'heavy_x'"):
         find_motion(str(file))
     with pytest.raises(TrackerError, match="found no runs"):
         find_motion(str(tmp_path / "empty"))
