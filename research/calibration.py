@@ -75,7 +75,7 @@ def run(
     known = {study.name: outcome for study in studies if (outcome := _stored(folder, study)) is not None}
     by_name = {study.name: study for study in studies}
     interrupted = False
-    with ProgressBars(time_left=True, line_every_fraction=0.1) as bars, ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
+    with ProgressBars(time_left=True) as bars, ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
         bars.update("blind studies", len(known) / max(len(studies), 1))
         try:
             for future in as_completed(

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.cli.terminal import convergence_bars
+from looping_pendulum.cli.terminal import ProgressBars
 from looping_pendulum.compare.align import align
 from looping_pendulum.compare.comparison import compare
 from looping_pendulum.compare.json_text import plain
@@ -137,7 +137,7 @@ def measure(chosen: Sequence[Engine], sample: Sequence[Scenario], work: Path, jo
         if not engine.abilities.unsupported(scenario.parameters)
         and STATIC_FRICTION not in engine.abilities.lacks(scenario.parameters)  # declared missing: no accuracy to measure
     ]
-    with convergence_bars() as bars:
+    with ProgressBars(time_left=True) as bars:
         done = make_runs(tasks, work, jobs=jobs, time_limit=time_limit, progress=bars.update, cancelled=threading.Event())
     references = {scenario.name: Reference(scenario) for scenario in sample}
     measured: dict[str, Any] = {}

@@ -18,7 +18,7 @@ import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from looping_pendulum.cli.terminal import convergence_bars
+from looping_pendulum.cli.terminal import ProgressBars
 from looping_pendulum.compare.convergence.result import ConvergenceResult, VariantStudy
 from looping_pendulum.compare.convergence.study import plan_variant, study_convergence, write
 from looping_pendulum.engines.protocol import Engine, Profile
@@ -57,7 +57,7 @@ def main() -> None:
         missing = sorted({package for engine in engines for package in missing_packages(engine)})
         if missing:
             parser.error(f"needed {', '.join(missing)}, which this Python has not: its rows would be empty")
-        with convergence_bars() as bars:
+        with ProgressBars(time_left=True) as bars:
             result = study_convergence(
                 load(SCENARIO),
                 engines,

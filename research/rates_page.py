@@ -171,7 +171,7 @@ def figure(studies: list[dict[str, Any]]) -> Figure:
     """Draw each study with one hidden effect or law as a marker in its row, by the odds by which the data show it."""
     known = [s for s in studies if len(s["hidden"]) == 1 and s["log10_odds"] is not None]
     effects = sorted({s["hidden"][0] for s in known}, reverse=True)
-    picture, (axes,) = make_figure(8.0, 1.6 + 0.26 * len(effects))
+    picture, (axes,) = make_figure(8.0, 1.6 + 0.26 * len(effects), left=2.4)
     shifts = np.random.default_rng(0).uniform(-JITTER, JITTER, len(known))
     for judgement, (words, marker, colour) in LOOKS.items():
         chosen = [(study, shift) for study, shift in zip(known, shifts, strict=True) if study["judgement"] == judgement]
@@ -183,7 +183,7 @@ def figure(studies: list[dict[str, Any]]) -> Figure:
     axes.set_xscale("symlog", linthresh=2.0)
     axes.set_xlabel("decimal logarithm of the odds by which a fit with the known answer shows it")
     axes.set_title(f"One hidden effect or law in {len(known)} blind studies: what is said of it")
-    legend_below(picture, columns=2)
+    legend_below(picture)
     return picture
 
 

@@ -2,11 +2,12 @@
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from looping_pendulum.cli import terminal as cli_terminal
-from looping_pendulum.cli.terminal import ProgressBars, convergence_bars, say, say_file, show_table
+from looping_pendulum.cli.terminal import ProgressBars, say, say_file, show_table
 from tests.command_line import here
 
 HOSTILE = "[/x][red]\x1b[2J\u202e\u2066\x07\x9b1A\ud800"
@@ -35,11 +36,10 @@ def test_a_file_is_printed_unchanged_only_into_another(capsys, monkeypatch, is_t
     assert capsys.readouterr().out == ("title: \\u202ex\n" if is_terminal else "title: \u202ex\n")
 
 
-@pytest.mark.parametrize("make_bars", [ProgressBars, convergence_bars])
-def test_bars_show_descriptions_as_plain_text(capsys, monkeypatch, make_bars):
+def test_bars_show_descriptions_as_plain_text(capsys, monkeypatch):
     monkeypatch.setenv("FORCE_COLOR", "1")  # rich then takes the stream for a terminal
     monkeypatch.setenv("COLUMNS", "200")
-    with make_bars() as bars:
+    with ProgressBars() as bars:
         bars.update(HOSTILE, 0.5)
         bars._bar.refresh()
     err = capsys.readouterr().err
@@ -48,12 +48,13 @@ def test_bars_show_descriptions_as_plain_text(capsys, monkeypatch, make_bars):
     assert "\x1b[2J" not in err
 
 
-def test_without_a_terminal_a_tenth_of_the_work_is_a_line(capsys):
-    with convergence_bars() as bars:
-        for percent in range(0, 101, 4):
-            bars.update("runs", percent / 100)
-    lines = capsys.readouterr().err.splitlines()
-    assert lines == [f"{percent} %: runs" for percent in (12, 24, 36, 48, 60, 72, 84, 96)]
+def test_without_a_terminal_there_is_a_line_every_ten_seconds_and_at_the_end(capsys, monkeypatch):
+    seconds = iter([0.0, *(2.0 * k for k in range(13))])
+    monkeypatch.setattr(cli_terminal, "time", SimpleNamespace(monotonic=lambda: next(seconds)))
+    with ProgressBars() as bars:
+        for k in range(13):
+            bars.update("runs", k / 12)
+    assert capsys.readouterr().err.splitlines() == ["42 %: runs", "83 %: runs", "100 %: runs"]
 
 
 def test_no_command_prints_past_this_place():

@@ -51,8 +51,6 @@ def engine_names() -> list[str]:
     return list(dict.fromkeys([*(label.partition(":")[0] for label in labels), *labels, *others, "all"]))
 
 
-LINE_EVERY = 10.0
-"""Time between two lines on what is done, where no bar shows it [s]."""
 OUTSIDE_TOLERANCE, BAD_INPUT, INTERRUPTED = 1, 2, 130
 """Exit statuses beside 0; 130 is the shell's own for a command that Ctrl-C ended."""
 INTERRUPTED_FOLDER = "interrupted"
@@ -199,7 +197,7 @@ def settle_films(study: Study, *, track: bool, keep: bool) -> None:
     for trial in study.trials:
         stated = stated_of_film(trial, study.estimate("rod_radius", trial))
         for film in (study.folder / path for path, _ in trial.files if is_film(path)):
-            with ProgressBars(line_every_seconds=LINE_EVERY) as bars:
+            with ProgressBars() as bars:
                 settle_film(film, stated, track=track, keep=keep, progress=bars.update)
 
 

@@ -9,7 +9,7 @@ import typer
 
 from looping_pendulum.cli import common
 from looping_pendulum.cli.quantities import quantity
-from looping_pendulum.cli.terminal import convergence_bars, say, say_prose, show_json, show_table
+from looping_pendulum.cli.terminal import ProgressBars, say, say_prose, show_json, show_table
 from looping_pendulum.engines import Profile
 
 
@@ -66,7 +66,7 @@ def converge(
     prepare_output_folder(
         folder, files=("convergence.md", FILE), folders=("figures",), record=FILE
     )  # refuse an unusable folder before the work, not after it
-    with convergence_bars() as bars:
+    with ProgressBars(time_left=True) as bars:
         result = study_convergence(
             chosen,
             engines,

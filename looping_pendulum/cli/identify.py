@@ -13,7 +13,6 @@ import typer
 
 from looping_pendulum.cli.common import (
     INTERRUPTED,
-    LINE_EVERY,
     AsJson,
     Force,
     KeepPoints,
@@ -153,7 +152,7 @@ def _look_at_study(study: Path, out: Path | None, write: Path | None, *, force: 
     for path in plain.values():
         prepare_output_file(path, force=force, option="--write")
     settle_films(loaded, track=track, keep=keep)
-    with ProgressBars(line_every_seconds=LINE_EVERY) as bars:
+    with ProgressBars() as bars:
         check = take_first_look(loaded, progress=bars.update)
     for sentence in dict.fromkeys(sentence for trial in check.trials for sentence in trial.reading):
         trials = ", ".join(f"'{trial.trial}'" for trial in check.trials if sentence in trial.reading)
@@ -292,7 +291,7 @@ def identify(
     if films := [path for trial in loaded.trials for path, _ in trial.files if is_film(path)]:
         note(films_in_words(len(films), time_limit))
     left = None if time_limit is None else max(time_limit - (time.monotonic() - began), MIN_TIME_LIMIT)
-    with stop_at_mistakes(folder), ProgressBars(line_every_seconds=LINE_EVERY) as bars:
+    with stop_at_mistakes(folder), ProgressBars() as bars:
         result = find(loaded, seed=seed, progress=bars.update, time_limit=left, anyway=anyway)
     interrupted = result.verdict is Verdict.INTERRUPTED
     with without_interrupts():

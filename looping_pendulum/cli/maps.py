@@ -18,9 +18,6 @@ from looping_pendulum.cli.terminal import ProgressBars, note, say, say_file, say
 if TYPE_CHECKING:
     from looping_pendulum.sweep.map_file import MapPlan
 
-LINE_INTERVAL = 10.0
-"""Without a terminal, time between two lines of progress [s]."""
-
 
 def _run_counter(bars: ProgressBars) -> Callable[[int, int], None]:
     """Return a callback that shows how many runs are complete, their rate, and without a terminal the time left."""
@@ -107,7 +104,7 @@ def map_(
             folder, files=(report.REPORT, report.COPY), folders=(STORE,), record=STORE
         )  # refuse an unusable folder before the work, not after it
     _show_size(plan)
-    with ProgressBars(time_left=True, line_every_seconds=LINE_INTERVAL) as bars:
+    with ProgressBars(time_left=True) as bars:
         outcome = runner.run_map(
             plan,
             folder,

@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import Annotated, Any
 
 import typer
 
-from looping_pendulum.cli.common import LINE_EVERY, Force, KeepPoints, TrackFilms, refuse_both, scenario_names
+from looping_pendulum.cli.common import Force, KeepPoints, TrackFilms, refuse_both, scenario_names
 from looping_pendulum.cli.file_kinds import takes
 from looping_pendulum.cli.terminal import ProgressBars, say
 from looping_pendulum.cli.usage import App
 from looping_pendulum.installation import command_line
 
-if TYPE_CHECKING:
-    from looping_pendulum.processes import ReportShare
-
-T = TypeVar("T")
 ENDINGS = (".yaml", ".yml")
 
 new = App(
@@ -34,8 +29,14 @@ def _option(what: str, *names: str) -> Any:
     return typer.Option(*names, metavar="VALUE", help=what)
 
 
+LightMass = Annotated[str | None, _option('Mass that loops round the rod: "12 g".')]
+RodRadius = Annotated[str | None, _option('Radius of the rod: "6.25 mm".')]
+RodDiameter = Annotated[str | None, _option('Its diameter instead: "12.5 mm".')]
+
+
 @new.command()
 def scenario(
+    context: typer.Context,
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the scenario, and of its file NAME.yaml.")],
     like: Annotated[
         str,
@@ -46,14 +47,16 @@ def scenario(
             callback=takes("scenario"),
         ),
     ] = "ten_to_one",
-    light_mass: Annotated[str | None, _option('Mass that loops round the rod: "12 g".')] = None,
+    light_mass: LightMass = None,
     heavy_mass: Annotated[str | None, _option('Mass that falls: "120 g".')] = None,
-    rod_radius: Annotated[str | None, _option('Radius of the rod: "6.25 mm".')] = None,
-    rod_diameter: Annotated[str | None, _option('Its diameter instead: "12.5 mm".')] = None,
+    rod_radius: RodRadius = None,
+    rod_diameter: RodDiameter = None,
     free_length: Annotated[str | None, _option('String from the rod to the light mass: "58 cm".')] = None,
     hanging_length: Annotated[str | None, _option('String from the rod to the heavy mass: "5 cm".')] = None,
     release_angle: Annotated[str | None, _option('Angle of the string: "90 deg" is level, "180 deg" straight down.')] = None,
-    friction: Annotated[str | None, _option("Friction coefficient of the string on the rod: 0.34.")] = None,
+    kinetic_friction: Annotated[
+        str | None, _option("Friction coefficient of the string on the rod: 0.34.", "--friction")
+    ] = None,
     duration: Annotated[str | None, _option('How long to watch: "1.05 s".')] = None,
     force: Force = False,
 ) -> None:
@@ -67,16 +70,7 @@ def scenario(
 
     path = Path(name if name.endswith(ENDINGS) else f"{name}.yaml")
     prepare_output_file(path, force=force, option="NAME")
-    given = _given(
-        light_mass=light_mass,
-        heavy_mass=heavy_mass,
-        rod_radius=_radius(rod_radius, rod_diameter),
-        free_length=free_length,
-        hanging_length=hanging_length,
-        release_angle=release_angle,
-        kinetic_friction=friction,
-        duration=duration,
-    )
+    given = {quantity: values[0] for quantity, values in _given(context).items()}
     _write(path, new_scenario(path.stem.removesuffix(".scenario").replace("_", " "), like=like, given=given))
     _write_schema(path, "scenario", json_schema)
     say(f"next: {command_line('run', path)}")
@@ -84,6 +78,7 @@ def scenario(
 
 @new.command()
 def study(
+    context: typer.Context,
     files: Annotated[
         list[Path],
         typer.Argument(
@@ -93,11 +88,11 @@ def study(
         ),
     ],
     out: Annotated[Path, typer.Option(metavar="STUDY.yaml", help="Where to write the study.")] = Path("my_study.yaml"),
-    light_mass: Annotated[str | None, _option('Mass that loops round the rod: "20 g +/- 0.1 g".')] = None,
+    light_mass: LightMass = None,
     light_radius: Annotated[str | None, _option('Radius of that ball: "8 mm +/- 0.1 mm"; a film shows it.')] = None,
     heavy_mass: Annotated[list[str] | None, _option('Mass that falls: "200 g +/- 0.5 %"; once, or once for each file.')] = None,
-    rod_radius: Annotated[str | None, _option('Radius of the rod: "6.25 mm +/- 1 %".')] = None,
-    rod_diameter: Annotated[str | None, _option('Its diameter instead: "12.5 mm +/- 1 %".')] = None,
+    rod_radius: RodRadius = None,
+    rod_diameter: RodDiameter = None,
     free_length: Annotated[
         list[str] | None, _option('String from the rod to the light mass: "58 cm +/- 1 mm"; once, or for each file.')
     ] = None,
@@ -126,17 +121,9 @@ def study(
 
     prepare_output_file(out, force=force)
     refuse_both(track=track, keep=keep)
-    radius = _radius(rod_radius, rod_diameter)
-    given = _given(
-        light_mass=[light_mass] if light_mass else None,
-        light_radius=[light_radius] if light_radius else None,
-        heavy_mass=heavy_mass,
-        rod_radius=[radius] if radius else None,
-        free_length=free_length,
-        hanging_length=hanging_length,
-        release_angle=release_angle,
-    )
-    text = new_study(out.stem.replace("_", " "), out.parent, files, given, _progress, track=track, keep=keep)
+    title, given = out.stem.replace("_", " "), _given(context)
+    with ProgressBars() as bars:
+        text = new_study(title, out.parent, files, given, track=track, keep=keep, progress=bars.update)
     _write(out, text)
     _write_schema(out, "study", json_schema)
     todo = text.count(f": {TO_FILL_IN}")
@@ -145,17 +132,23 @@ def study(
     say(f"{fill_in}: {command_line('look', out)}")
 
 
-def _given(**values: T | None) -> Mapping[str, T]:
-    """Return the options that were given."""
-    return {name: value for name, value in values.items() if value}
+def _given(context: typer.Context) -> dict[str, list[str]]:
+    """Return the values of the options that are quantities, by their names; half of the diameter is the rod's radius.
 
-
-def _radius(radius: str | None, diameter: str | None) -> str | None:
+    Raises
+    ------
+    NewFileError
+        If the rod has a radius and a diameter.
+    """
+    from looping_pendulum.scenarios.quantities import QUANTITIES
     from looping_pendulum.teaching.new_file import NewFileError, radius_of
 
-    if radius and diameter:
-        raise NewFileError("--rod-diameter: found it beside --rod-radius, needed one of them; leave one out")
-    return radius_of(diameter) if diameter else radius
+    values = {name: value if isinstance(value, list) else [value] for name, value in context.params.items() if value}
+    if "rod_diameter" in values:
+        if "rod_radius" in values:
+            raise NewFileError("--rod-diameter: found it beside --rod-radius, needed one of them; leave one out")
+        values["rod_radius"] = [radius_of(diameter) for diameter in values["rod_diameter"]]
+    return {name: given for name, given in values.items() if name in QUANTITIES}
 
 
 def _write(path: Path, text: str) -> None:
@@ -168,9 +161,3 @@ def _write(path: Path, text: str) -> None:
 def _write_schema(path: Path, kind: str, schema: Callable[[], Any]) -> None:
     """Write the JSON Schema that the first line names, by which an editor explains each key and marks what is wrong."""
     _write(path.with_name(f"{kind}.schema.json"), json.dumps(schema(), indent=2) + "\n")
-
-
-@contextmanager
-def _progress() -> Iterator[ReportShare]:
-    with ProgressBars(line_every_seconds=LINE_EVERY) as bars:
-        yield bars.update

@@ -197,14 +197,7 @@ def demonstrations(
 
 
 def live(
-    scenario: Annotated[
-        str,
-        typer.Argument(
-            metavar="[SCENARIO]",
-            help="Shipped scenario, or path of a YAML file, with which it starts.",
-            callback=takes("scenario"),
-        ),
-    ] = "ten_to_one",
+    scenario: common.OptionalScenario = "ten_to_one",
     out: Annotated[Path, typer.Option(metavar="FILE", help="File to write.")] = Path("live.html"),
     force: common.Force = False,
     results: Annotated[

@@ -10,7 +10,6 @@ them.
 
 from __future__ import annotations
 
-import math
 import re
 import shutil
 import sys
@@ -46,6 +45,8 @@ class OutputChoice:
 output = OutputChoice()
 """Choice of the command that runs; a process runs one command at a time."""
 
+LINE_EVERY = 10.0
+"""Time between two lines on what is done, where no bar shows it [s]."""
 WIDTH_OUTSIDE_TERMINAL = 200
 """Width of a table that goes into a file or another program [characters]."""
 BETWEEN_COLUMNS = 3
@@ -203,16 +204,12 @@ def _unbroken(text: str) -> str:
 
 @dataclass(kw_only=True)
 class ProgressBars:
-    """A bar per task on a terminal; elsewhere lines of text now and then, or nothing."""
+    """A bar per task on a terminal; elsewhere a line every `LINE_EVERY`, and one at the end."""
 
     time_left: bool = False
     """Whether to estimate the time that is left: of use where work is spread evenly over the task."""
     keep: bool = False
     """Whether the bars stay on the terminal at the end."""
-    line_every_fraction: float = math.inf
-    """Without a terminal, a line is printed whenever the task has advanced by this fraction."""
-    line_every_seconds: float = math.inf
-    """Without a terminal, a line is printed after this time [s], and one at the end."""
 
     def __enter__(self) -> ProgressBars:
         # rich is imported here, as it would double the time that --help takes
@@ -233,7 +230,6 @@ class ProgressBars:
             speed_estimate_period=120.0,  # [s]; longer than the default of 30 s, as a single run may take minutes
         )
         self._tasks: dict[str, Any] = {}
-        self._line_fraction = 0.0
         self._line_time = time.monotonic()
         self._bar.start()
         return self
@@ -241,36 +237,34 @@ class ProgressBars:
     def __exit__(self, *exception: Any) -> None:
         self._bar.stop()
 
-    def update(self, description: str, fraction: float, *, task: str = "", line: str = "") -> None:
-        """Show that ``fraction`` of a task is complete.
+    def update(self, description: str, fraction: float, *, line: str = "") -> None:
+        """Show that ``fraction`` of the work is complete.
 
         Parameters
         ----------
         description
             What is being done, beside the bar.
-        task
-            Which bar; the first update of a task adds one.
         line
             Text of the line without a terminal; default: percentage and description.
         """
-        if task in self._tasks:
-            self._bar.update(self._tasks[task], completed=fraction, description=printable(description))
-        else:
-            # Not add and then update: rich would count a fraction that was complete before for the speed. It annotates an int.
-            self._tasks[task] = self._bar.add_task(printable(description), total=1.0, completed=fraction)  # type: ignore[arg-type]
-        due = fraction >= self._line_fraction + self.line_every_fraction
-        if math.isfinite(self.line_every_seconds):
-            due = due or fraction >= 1 or time.monotonic() >= self._line_time + self.line_every_seconds
-        if due and not self.on_terminal:
-            self._line_fraction, self._line_time = fraction, time.monotonic()
+        self._show("", description, fraction)
+        now = time.monotonic()
+        if not self.on_terminal and (fraction >= 1 or now >= self._line_time + LINE_EVERY):
+            self._line_time = now
             note(line or f"{100 * fraction:.0f} %: {description}")
 
     def update_engine(self, engine: Any, fraction: float) -> None:
         """Show that ``fraction`` of the run of ``engine`` is complete, on a bar of its own."""
         from looping_pendulum.engines.registry import label
 
-        name = label(engine)
-        self.update(name, fraction, task=name)
+        self._show(label(engine), label(engine), fraction)
+
+    def _show(self, task: str, description: str, fraction: float) -> None:
+        if task in self._tasks:
+            self._bar.update(self._tasks[task], completed=fraction, description=printable(description))
+        else:
+            # Not add and then update: rich would count a fraction that was complete before for the speed. It annotates an int.
+            self._tasks[task] = self._bar.add_task(printable(description), total=1.0, completed=fraction)  # type: ignore[arg-type]
 
     def show_finished_run(self, run: Trajectory) -> None:
         """Print a line for a run that has ended, where no bar shows it."""
@@ -278,8 +272,3 @@ class ProgressBars:
             # A run that was stopped from outside has no times: they are NaN, which does not equal itself.
             cost = f" ({run.cpu_time:.1f} s of CPU time)" if run.cpu_time == run.cpu_time else ""
             note(f"{run.label}: {run.status.value}{cost}")
-
-
-def convergence_bars() -> ProgressBars:
-    """Return the display of a study of convergence: one bar with the time left, or a line for every tenth of the work."""
-    return ProgressBars(time_left=True, line_every_fraction=0.1)

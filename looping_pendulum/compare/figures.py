@@ -66,7 +66,7 @@ def path_chart(result: ComparisonResult, samples: ResultSamples) -> Chart:
     reference, radius = samples.reference, result.parameters.rod_radius
     lines = [
         run_curve(name, run.light_position[:, 0], run.light_position[:, 1], style)
-        for name, run, style in _runs(result, samples)
+        for name, run, style in drawn_runs(result, samples)
     ]
     curves = lines[:1]
     tracked = None if result.trial is None else result.trial.light_positions()
@@ -202,7 +202,7 @@ def residual_chart(result: ComparisonResult, samples: ResultSamples, trial: Tria
         track, unit = comparison.track, RESIDUAL_UNITS[comparison.track.unit]
         curves = [
             run_curve(name, np.array(track.t), distance(track, run) * unit.per_si_unit, style, in_legend=not panels)
-            for name, run, style in _runs(result, samples)
+            for name, run, style in drawn_runs(result, samples)
         ]
         panels.append(Panel(curves=curves, y=ChartAxis(label=f"{track.name}:\nresidual [{unit.name}]", scale="log")))
     return Chart(
@@ -275,7 +275,7 @@ def half_width(row: MeasuredRow) -> float:
     return PRINTED_HALF_DIGIT if row.sigma is None else row.sigma
 
 
-def _runs(result: ComparisonResult, samples: ResultSamples) -> list[tuple[str, Trajectory, Style | None]]:
+def drawn_runs(result: ComparisonResult, samples: ResultSamples) -> list[tuple[str, Trajectory, Style | None]]:
     """Return name, motion and style of the reference, which has none, and of each engine whose run makes a line."""
     return [("reference", samples.reference, None), *((name, a.run, style) for name, a, style in _drawn(result, samples))]
 

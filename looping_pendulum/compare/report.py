@@ -20,7 +20,7 @@ from looping_pendulum.compare.result import ComparisonResult, EngineResult, Meas
 from looping_pendulum.compare.trial import RESIDUAL_UNITS, RunResidual, TrackComparison
 from looping_pendulum.pages import report as pages
 from looping_pendulum.pages.chart import Chart
-from looping_pendulum.pages.figures import MAX_LINE_POINTS, on_page
+from looping_pendulum.pages.figures import MAX_LINE_POINTS
 from looping_pendulum.pages.markdown import code, escaped
 from looping_pendulum.pages.numbers import GAP, fixed, number, quantity, signed
 from looping_pendulum.pages.report import glossary
@@ -70,7 +70,7 @@ def render_page(
     return pages.report_page(
         f"{result.title}: engines against the reference",
         [head, *others[:place]],
-        [on_page(chart) for chart in charts],
+        charts,
         others[place + 1 : -1],  # without the words, of which the page has a list of its own
         glossary("comparison"),
         f"Lines join at most {MAX_LINE_POINTS} samples of a run; every number on this page comes from all of them.",

@@ -65,9 +65,7 @@ def story(
         sentences.append(_where(departures[0], parameters))
         sentences.append(_why(departures[0], supplies, parameters, missing, mistake))
     sentences.append(f"{velocities[0].upper()}{velocities[1:]}." if velocities else "")
-    sentences.append(
-        f"Its halt is not comparable: {not_comparable}." if not_comparable else _halting(own, expected, run, missing)
-    )
+    sentences.append(halting(own, expected, run, missing, not_comparable))
     sentences.append(_rebound(own))
     # Without any friction law, a missing static friction says nothing more
     if STATIC_FRICTION in missing and "friction_law" not in missing:
@@ -147,7 +145,10 @@ def _unmodelled(missing: list[str]) -> str:
     return f"neither the engine nor the adapter models {_listed([PHYSICS_DESCRIPTIONS[m] for m in missing], 'or')}"
 
 
-def _halting(own: Landmarks, expected: Landmarks, run: Trajectory, missing: tuple[str, ...]) -> str:
+def halting(own: Landmarks, expected: Landmarks, run: Trajectory, missing: tuple[str, ...], not_comparable: str = "") -> str:
+    """Return a sentence on how a run with samples halts, beside the reference; empty: neither does; arguments as of `story`."""
+    if not_comparable:
+        return f"Its halt is not comparable: {not_comparable}."
     end = float(run.t[-1])
     if expected.halting_time is None:
         if own.halting_time is None:

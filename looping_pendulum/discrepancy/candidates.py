@@ -25,8 +25,6 @@ APPARATUS = MappingProxyType(
     }
 )
 """Parameter that may be wrong by a factor -> meaning of the factor."""
-UNITS_OF_APPARATUS = MappingProxyType({"light_mass": "kg", "free_length": "m", "rod_radius": "m"})
-"""Parameter that may be wrong by a factor -> its unit."""
 FACTOR_BOUNDS = (0.5, 2.0)
 """Smallest and largest factor."""
 COMPANION_STARTS = 5

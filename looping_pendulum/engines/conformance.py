@@ -480,8 +480,6 @@ EFFECT_TOLERANCE = 0.1
 
 The engine's own error is the same with and without the effect, so it cancels in the difference.
 """
-MIN_DISPLACEMENT = 5e-4
-"""Smallest displacement of a mass that the effect must cause in its check [m], so that the check can detect its absence."""
 
 
 _cached_runs: deque[tuple[Parameters, Array, Array]] = deque(maxlen=64)

@@ -79,8 +79,6 @@ class Channel:
     """Times by the file's clock, or by the true frame rate if that is given [s], shape (n,), ascending."""
     value: Array
     """Measured values [SI], shape (n,)."""
-    column: str = ""
-    """Name of its column in the file."""
     last_digit: float = 0.0
     """What one unit of the values' last digit is worth in the file [SI]; 0: not known."""
     time_error: float = 0.0

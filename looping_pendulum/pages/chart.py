@@ -1,4 +1,4 @@
-"""A figure as data: drawn by Matplotlib for report.md (`drawing.draw`), and by Plotly for a page (`figures.on_page`).
+"""A figure as data: drawn by Matplotlib for report.md and films (`drawing.draw`), by Plotly for a page (`figures.on_page`).
 
 Colours are those on white paper, as Matplotlib knows them; a page turns them into those of its ground.
 """

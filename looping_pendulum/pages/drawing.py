@@ -18,13 +18,25 @@ SPANS, BARS, GUIDES, CURVES, DISC, MARKS = 0.5, 0.8, 1, 2, 4, 6
 """Order of drawing; curves above each other are a thousandth apart."""
 ROOM_FOR_WORDS = 0.15
 """Room beyond the longest bar for the words beside it, as a share of the axis."""
+LINE, CHARACTER, NUMBER_LENGTH = 0.2, 0.078, 6
+"""Height of a line of text and width of a character [inches], and characters of a number beside an axis."""
+MAX_COLUMNS, HANDLE_ROOM = 3, 0.75
+"""Most columns of a legend, and width of what stands before an entry's words [inches]."""
+TITLE_ROOM, SLANTED_ROOM = 0.4, 0.8
+"""Heights of a title and of the slanted words below it [inches]."""
 
 
 def draw(chart: Chart) -> Figure:
     """Return a chart as Matplotlib's figure."""
     count, columns = len(chart.panels), chart.columns
     rows = tuple(panel.height for panel in chart.panels) if columns is None else (1,) * -(-count // columns)
-    figure, all_axes = make_figure(*chart.size, rows=rows, columns=columns)
+    slanted = any(guide.text for panel in chart.panels for guide in panel.guides)
+    room = {"left": max(_room_beside(panel.y) for panel in chart.panels), "top": TITLE_ROOM}
+    if slanted:
+        room["top"] += SLANTED_ROOM
+    elif columns is not None:
+        room["top"] += LINE * max(1 + panel.title.count("\n") for panel in chart.panels)
+    figure, all_axes = make_figure(*chart.size, rows=rows, columns=columns, **room)
     for axes, panel in zip(all_axes, chart.panels, strict=False):
         _draw_panel(axes, panel)
         _set_axis(axes, "y", panel.y)
@@ -34,9 +46,7 @@ def draw(chart: Chart) -> Figure:
             axes.set_aspect("equal")
     title = f"{without_mathtext(chart.subject)}: {chart.title}"
     if columns is None:
-        # Slanted words above the axes need room below the title
-        pad = 58 if any(guide.text for panel in chart.panels for guide in panel.guides) else None
-        all_axes[0].set_title(title, pad=pad)
+        all_axes[0].set_title(title, pad=72 * SLANTED_ROOM if slanted else None)
     else:
         figure.suptitle(title)
         for axes, panel in zip(all_axes, chart.panels, strict=False):
@@ -45,6 +55,12 @@ def draw(chart: Chart) -> Figure:
             axes.set_visible(False)
     legend_below(figure)
     return figure
+
+
+def _room_beside(axis: ChartAxis) -> float:
+    """Return the room for the label of a y axis and for what stands beside its ticks [inches]."""
+    longest = max((len(line) for words in (axis.ticks or {}).values() for line in words.split("\n")), default=NUMBER_LENGTH)
+    return 0.25 + CHARACTER * longest + (LINE * (1 + axis.label.count("\n")) if axis.label else 0.0)
 
 
 def _draw_panel(axes: Axes, panel: Panel) -> None:
@@ -114,14 +130,33 @@ def _set_axis(axes: Axes, name: Literal["x", "y"], axis: ChartAxis) -> None:
 
 
 def make_figure(
-    width: float, height: float, rows: tuple[int, ...] = (1,), columns: int | None = None
+    width: float,
+    height: float,
+    rows: tuple[int, ...] = (1,),
+    columns: int | None = None,
+    *,
+    left: float = 0.9,
+    top: float = TITLE_ROOM,
 ) -> tuple[Figure, tuple[Axes, ...]]:
     """Return a figure [inches] with axes, which have grid lines, in rows with the ratio of their heights.
 
-    Without a number of ``columns`` they stand below each other and share their x axis.
+    Without a number of ``columns`` they stand below each other and share their x axis. `legend_below` makes room for what is
+    below the axes.
+
+    Parameters
+    ----------
+    left, top
+        Room beside and above the axes [inches].
     """
-    figure = new_figure(width, height, dpi=130)
-    grid = figure.subplots(len(rows), columns or 1, squeeze=False, sharex=columns is None, height_ratios=list(rows))
+    # Not by pyplot, which keeps every figure open and may look for a display
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), dpi=130)
+    gaps = {"hspace": 0.1} if columns is None else {"hspace": 0.45, "wspace": 0.3}
+    room = {"left": left / width, "right": 1 - 0.2 / width, "top": 1 - top / height} | gaps
+    grid = figure.subplots(
+        len(rows), columns or 1, squeeze=False, sharex=columns is None, gridspec_kw=room | {"height_ratios": rows}
+    )
     for axes in grid.flat:
         axes.grid(True, color="0.92", lw=0.6)
         axes.set_axisbelow(True)
@@ -130,20 +165,22 @@ def make_figure(
 
 def new_figure(width: float, height: float, dpi: float | None = None) -> Figure:
     """Return an empty figure [inches] that makes room for the labels of its axes; ``dpi``: pixels per inch."""
-    # Not by pyplot, which keeps every figure open and may look for a display
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), dpi=dpi, layout="constrained")
 
 
-def legend_below(figure: Figure, columns: int = 3) -> None:
-    """Put one legend for all axes below the figure."""
+def legend_below(figure: Figure) -> None:
+    """Put one legend for all axes at the lower edge of the figure, and the axes above it."""
+    below = max(1 + axes.get_xlabel().count("\n") for axes in figure.axes)
     pairs = [pair for axes in figure.axes for pair in zip(*axes.get_legend_handles_labels(), strict=True)]
     if pairs:
         handles, labels = zip(*pairs, strict=True)
-        figure.legend(
-            handles, labels, loc="outside lower center", ncols=min(columns, len(pairs)), frameon=False, handlelength=3.2
-        )
+        width = HANDLE_ROOM + CHARACTER * max(map(len, labels))
+        columns = max(1, min(MAX_COLUMNS, len(pairs), int(figure.get_figwidth() / width)))
+        figure.legend(handles, labels, loc="lower center", ncols=columns, frameon=False, handlelength=3.2)
+        below += -(-len(pairs) // columns)
+    figure.subplots_adjust(bottom=(0.45 + LINE * below) / figure.get_figheight())
 
 
 def png(figure: Figure) -> bytes:

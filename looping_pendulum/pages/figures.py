@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -42,37 +41,23 @@ MAX_LINE_POINTS = 600
 """Most points of one line: a page with every variant stays below 6 MB."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Figure:
-    """A figure of a page."""
-
-    id: str
-    """Id of its HTML element, unique on the page."""
-    caption: str
-    """Description of what it shows, also for screen readers."""
-    traces: tuple[dict[str, Any], ...]
-    layout: dict[str, Any]
-    height: int = 420
-    """Height [px]."""
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the figure as plain data for the page's script."""
-        return {"id": self.id, "traces": list(self.traces), "layout": self.layout | {"height": self.height}}
-
-
 @cache
 def plotly_source() -> str:
     """Return the text of plotly.js."""
     return (files("plotly") / "package_data" / "plotly.min.js").read_text(encoding="utf-8")
 
 
-def on_page(chart: Chart) -> Figure:
-    """Return a chart as an interactive figure; a click on a word of its legend hides the curves of that label in all panels."""
+def on_page(chart: Chart) -> dict[str, Any]:
+    """Return a chart as an interactive figure: its id, its caption, and plotly's traces and layout as plain data.
+
+    A click on a word of its legend hides the curves of that label in all panels.
+    """
     traces: list[dict[str, Any]] = []
     shapes: list[dict[str, Any]] = []
     words: list[dict[str, Any]] = []
     # Without the last Plotly shows no legend for a single line
     layout: dict[str, Any] = {"shapes": shapes, "annotations": words, "showlegend": True}
+    layout["height"] = round(PIXELS_PER_INCH * chart.size[1])
     if chart.columns is None:
         layout["xaxis"] = _axis(chart.x) | {"anchor": _number("y", len(chart.panels) - 1)}
     else:
@@ -113,13 +98,7 @@ def on_page(chart: Chart) -> Figure:
         layout["legend"] = {"itemsizing": "constant"}
     # Room for slanted words, or for titles of two lines
     layout |= {"margin": {"t": 90 if chart.columns is None else 50}} if words else {}
-    return Figure(
-        id=chart.id,
-        caption=chart.caption,
-        traces=tuple(traces),
-        layout=layout,
-        height=round(PIXELS_PER_INCH * chart.size[1]),
-    )
+    return {"id": chart.id, "caption": chart.caption, "traces": traces, "layout": layout}
 
 
 def _number(letter: str, panel: int) -> str:

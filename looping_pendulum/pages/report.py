@@ -13,36 +13,38 @@ from importlib.resources import files
 from markupsafe import Markup
 
 from looping_pendulum.pages import markdown
-from looping_pendulum.pages.figures import Figure, plotly_source
+from looping_pendulum.pages.chart import Chart
+from looping_pendulum.pages.figures import on_page, plotly_source
 from looping_pendulum.pages.shell import SHARED_PACKAGE, asset, page
 
 
 def report_page(
     title: str,
     before: Sequence[str],
-    figures: Sequence[Figure],
+    charts: Sequence[Chart],
     after: Sequence[str],
     terms: Mapping[str, str],
     note: str,
-    first: Sequence[Figure] = (),
+    first: Sequence[Chart] = (),
 ) -> str:
     """Return the page.
 
     Parameters
     ----------
     before, after
-        Markdown sections above and below the figures, each with its heading first; the first is the page's own title.
+        Markdown sections above and below the ``charts``, each with its heading first; the first is the page's own title.
         Empty ones are left out.
     terms
         Term -> meaning, for readers who do not know it.
     note
         A sentence about all figures.
     first
-        Figures directly below the first section.
+        Charts directly below the first section.
     """
     head, *above = [markdown.html(text) for text in before if text]
     scripts = [asset(SHARED_PACKAGE, "tables.js")]
-    if figures or first:
+    above_figures, figures = [[on_page(chart) for chart in some] for some in (first, charts)]
+    if above_figures or figures:
         scripts += [plotly_source(), asset(SHARED_PACKAGE, "figures.js")]
     return page(
         SHARED_PACKAGE,
@@ -50,12 +52,12 @@ def report_page(
         title=title,
         styles=[(SHARED_PACKAGE, "report.css")],
         scripts=scripts,
-        data={"figures": [figure.as_dict() for figure in (*first, *figures)]},
+        data={"figures": above_figures + figures},
         head=head,
         above=[_section(html, f"part-{i}") for i, html in enumerate(above)],
         below=[_section(markdown.html(text), f"more-{i}") for i, text in enumerate(t for t in after if t)],
         figures=figures,
-        first=first,
+        first=above_figures,
         terms=terms,
         note=note,
     )

@@ -161,11 +161,6 @@ class Samples:
         across, cosine, sine = self.state.heavy_across_speed, np.cos(self.state.heavy_tilt), np.sin(self.state.heavy_tilt)
         return xy_pairs(across * cosine - speed * sine, across * sine + speed * cosine)
 
-    def height_at_release(self, mass: str) -> Any:
-        """Return the height of a mass, "light" or "heavy", at release [m]."""
-        _, p, effects = self._model
-        return height_at_release(p, effects, mass)
-
     @cached_property
     def _model(self) -> tuple[Any, SimpleNamespace, Effects]:
         p = self.run.parameters

@@ -18,7 +18,7 @@ from looping_pendulum.compare.deviation import EVENT_DESCRIPTIONS, events_to_sho
 from looping_pendulum.compare.metrics import RMS_END_TIMES
 from looping_pendulum.compare.report import name
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, ResultSamples
-from looping_pendulum.compare.stories import PHYSICS_DESCRIPTIONS
+from looping_pendulum.compare.stories import PHYSICS_DESCRIPTIONS, halting
 from looping_pendulum.compare.trial import RESIDUAL_UNITS, distance
 from looping_pendulum.engines.protocol import physics_of
 from looping_pendulum.engines.registry import styles
@@ -30,10 +30,9 @@ from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import DURATION, solve
 from looping_pendulum.reference_ode.transitions import Mode
-from looping_pendulum.runs.events import Landmarks
 from looping_pendulum.runs.outcome import outcome
 from looping_pendulum.runs.tension import AVERAGING_TIME, tension_from_motion
-from looping_pendulum.runs.trajectory import UNKNOWN_MODE, Supplier, Supplies, Trajectory
+from looping_pendulum.runs.trajectory import UNKNOWN_MODE, Supplier, Trajectory
 from looping_pendulum.scenarios.scenario import Scenario
 
 FILE = "demo.html"
@@ -180,8 +179,8 @@ def _engine_run(result: ComparisonResult, engine: EngineResult, aligned: Aligned
         "events": _timeline_events(engine, gap),
         "end": engine.end_time,
         "gap": gap,
-        "caption": caption(result, engine, p),
-        "detail": f"{detail(engine, p)} {_residual_words(result, result.engines.index(engine))}".strip(),
+        "caption": _caption(result, engine, aligned.run),
+        "detail": f"{_detail(engine, p)} {_residual_words(result, result.engines.index(engine))}".strip(),
         "story": engine.story,
         "title": name(engine),
     } | _sampled_motion(aligned.run, aligned.distance, p, rate)
@@ -200,22 +199,26 @@ def _timeline_events(engine: EngineResult, gap: str) -> list[dict[str, Any]]:
     return [{"kind": kind, "t": time, "words": words} for kind, time, words in sorted(events, key=lambda event: event[1])]
 
 
-def caption(result: ComparisonResult, engine: EngineResult, p: Parameters) -> str:
+def _caption(result: ComparisonResult, engine: EngineResult, run: Trajectory) -> str:
     """Return one line about a run for everyone: who supplies the friction, and when it halts."""
-    parts = [_friction(engine.provenance.supplies, p), _halting(engine, result.reference.sampled)]
-    if not engine.ok:
-        parts.insert(0, f"Not shown to the end: {engine.status_sentence}." if engine.samples else "Nothing to show.")
+    if not engine.samples:
+        return f"Nothing to show. {_friction(engine, result.parameters)}"
+    parts = [
+        "" if engine.ok else f"Not shown to the end: {engine.status_sentence}.",
+        _friction(engine, result.parameters),
+        halting(engine.landmarks, result.reference.sampled, run, engine.lacks, engine.not_comparable),
+    ]
     return " ".join(part for part in parts if part)
 
 
-def detail(engine: EngineResult, p: Parameters) -> str:
+def _detail(engine: EngineResult, p: Parameters) -> str:
     """Return what those ask who know engines: how the friction is supplied, how far the path is, what the run lacks."""
     law = engine.provenance.supplies.friction_law
     how = f"Friction: {law.how}." if "friction_law" in physics_of(p) else ""
     return " ".join(part for part in (how, _path(engine), _lacks(engine)) if part)
 
 
-def _friction(supplies: Supplies, p: Parameters) -> str:
+def _friction(engine: EngineResult, p: Parameters) -> str:
     if "friction_law" not in physics_of(p):
         return "Friction plays no part here."
     who = {
@@ -223,23 +226,7 @@ def _friction(supplies: Supplies, p: Parameters) -> str:
         Supplier.ADAPTER: "Friction fed in by our adapter",
         Supplier.NOBODY: "No friction on the rod",
     }
-    return f"{who[supplies.friction_law.by]}."
-
-
-def _halting(engine: EngineResult, reference: Landmarks) -> str:
-    halting_time = engine.landmarks.halting_time
-    if engine.not_comparable:
-        return f"Its halt is not comparable: {engine.not_comparable}."
-    delay = engine.metrics["halting_time_error"]
-    if delay is not None:
-        return f"Halts at {halting_time:.4f} s, {quantity(abs(delay), 's')} {'after' if delay > 0 else 'before'} the reference."
-    if halting_time is not None:
-        return f"Comes to rest at {halting_time:.4f} s; the reference never does."
-    if reference.halting_time is None or engine.end_time is None:
-        return ""
-    if engine.end_time < reference.halting_time:
-        return f"Its run ends at {engine.end_time:.3f} s, before the reference halts."
-    return f"Does not halt by {engine.end_time:.2f} s."
+    return f"{who[engine.provenance.supplies.friction_law.by]}."
 
 
 def _path(engine: EngineResult) -> str:
@@ -299,21 +286,12 @@ def _rounded(values: Array, decimals: int) -> list[float | None]:
 
 def _mode_intervals(reference: Trajectory) -> list[dict[str, Any]]:
     """Return the time intervals of the reference's modes: each one's start [s] and the mode's name."""
-    changes = np.flatnonzero(np.diff(reference.mode)) + 1
-    starts = [0, *changes.tolist()]
-    return [{"from": float(reference.t[i]), "mode": _mode_name(int(reference.mode[i]))} for i in starts]
-
-
-def _mode_name(mode: int) -> str:
-    return "unknown" if mode == UNKNOWN_MODE else Mode(mode).name.lower()
+    names = {mode.value: mode.name.lower() for mode in Mode} | {UNKNOWN_MODE: "unknown"}
+    starts = [0, *(np.flatnonzero(np.diff(reference.mode)) + 1).tolist()]
+    return [{"from": float(reference.t[i]), "mode": names[int(reference.mode[i])]} for i in starts]
 
 
 def _versions(result: ComparisonResult) -> list[str]:
     """Return for the reference and for each engine who made the run, with which versions."""
-    reference = result.reference
-    made = [("reference", reference.provenance)]
-    made += [(name(engine), engine.provenance) for engine in result.engines]
-    return [
-        ", ".join([who, *(f"{package} {version}" for package, version in provenance.versions.items())])
-        for who, provenance in made
-    ]
+    made = [("reference", result.reference.provenance), *((name(engine), engine.provenance) for engine in result.engines)]
+    return [", ".join([who, *(f"{package} {v}" for package, v in provenance.versions.items())]) for who, provenance in made]

@@ -4,25 +4,19 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.animation import FFMpegWriter
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Circle
+from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
 from PIL import Image
 
+from looping_pendulum.compare.figures import drawn_runs
 from looping_pendulum.compare.result import ComparisonResult
-from looping_pendulum.engines.registry import styles
 from looping_pendulum.errors import HarnessError
-from looping_pendulum.files import write_atomically
-from looping_pendulum.pages.chart import tracked_points
-from looping_pendulum.pages.drawing import curve_look, without_mathtext
-from looping_pendulum.pages.palette import Style
+from looping_pendulum.pages.chart import Chart, ChartAxis, Curve, Panel, reach, tracked_points, with_room
+from looping_pendulum.pages.drawing import draw, png, without_mathtext
 from looping_pendulum.processes import ReportShare
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release
@@ -74,25 +68,22 @@ def write_film(result: ComparisonResult, path: Path, progress: ReportShare | Non
         If ``result`` was read from a file without trajectories.
     """
     check_film(path)
-    stage = _Stage(result)
     times, slower = frame_times(result.duration)
-
-    def drawn() -> Iterator[float]:
-        for i, time in enumerate(times):
-            stage.draw(float(time), slower)
-            yield float(time)
-            if progress is not None:
-                progress(f"film, frame {i + 1} of {len(times)}", (i + 1) / len(times))
-
+    stage = _Stage(result, slower)
     if path.suffix.lower() == ".gif":
-        write_atomically(path, _gif(stage, float(times[-1]), drawn()))
-        return
-    part = path.with_name(f".{path.stem}.part.mp4")  # so that a film that breaks off is not taken for a whole one
+        stage.draw(times[-1])  # the last frame has every colour, those of whole paths included
+        writer: PillowWriter | FFMpegWriter = _GifWriter(Image.open(io.BytesIO(png(stage.figure))))
+    else:
+        writer = FFMpegWriter(fps=FRAME_RATE, metadata={"title": result.title})
+
+    def report(frame: int, count: int) -> None:
+        if progress is not None:
+            progress(f"film, frame {frame + 1} of {count}", (frame + 1) / count)
+
+    film = FuncAnimation(stage.figure, stage.draw, frames=times, init_func=lambda: [], cache_frame_data=False)
+    part = path.with_name(f".{path.stem}.part{path.suffix}")  # so that a film that breaks off is not taken for a whole one
     try:
-        writer = FFMpegWriter(fps=FRAME_RATE, metadata={"title": result.title}, extra_args=["-pix_fmt", "yuv420p"])
-        with writer.saving(stage.figure, str(part), DPI):
-            for _ in drawn():
-                writer.grab_frame()
+        film.save(part, writer, dpi=DPI, progress_callback=report)
         os.replace(part, path)
     finally:
         part.unlink(missing_ok=True)
@@ -104,90 +95,81 @@ def frame_times(duration: float) -> tuple[Array, float]:
     return np.linspace(0.0, duration, count), (count - 1) / FRAME_RATE / duration
 
 
-def _gif(stage: _Stage, end: float, drawn: Iterator[float]) -> bytes:
-    """Return the frames as a GIF; each is reduced to its few colours at once, so that they do not fill the memory."""
-    # The last frame has every colour, those of whole paths included
-    stage.draw(end, 1.0)
-    palette = stage.image().quantize(GIF_COLOURS)
-    frames = [stage.image().quantize(palette=palette, dither=Image.Dither.NONE) for _ in drawn]
-    # The choice of colours tints the ground a little, which a white slide would show
-    ground = int(np.asarray(frames[0])[0, 0])
-    colours = palette.getpalette() or []
-    colours[3 * ground : 3 * ground + 3] = (255, 255, 255)
-    for frame in frames:
+class _GifWriter(PillowWriter):
+    """Writes a GIF whose frames are reduced to its few colours at once, so that they do not fill the memory."""
+
+    def __init__(self, example: Image.Image) -> None:
+        super().__init__(fps=FRAME_RATE)
+        self._example = example.convert("RGB").quantize(GIF_COLOURS)
+
+    def grab_frame(self, **settings: Any) -> None:
+        """Add what the figure shows now, in the colours of the example."""
+        super().grab_frame(**settings)
+        frames: list[Image.Image] = self._frames  # type: ignore[attr-defined]
+        frame = frames.pop().quantize(palette=self._example, dither=Image.Dither.NONE)
+        # The choice of colours tints the ground a little, which a white slide would show
+        ground = int(np.asarray(frame)[0, 0])
+        colours = frame.getpalette() or []
+        colours[3 * ground : 3 * ground + 3] = (255, 255, 255)
         frame.putpalette(colours)
-    out = io.BytesIO()
-    frames[0].save(out, "GIF", save_all=True, append_images=frames[1:], duration=1000 // FRAME_RATE, loop=0)
-    return out.getvalue()
+        frames.append(frame)
 
 
 class _Stage:
     """The apparatus at one time, as a figure."""
 
-    def __init__(self, result: ComparisonResult) -> None:
+    def __init__(self, result: ComparisonResult, slower: float) -> None:
         if result.samples is None:
             raise ValueError("this result was read without its trajectories; make it again with `looping-pendulum compare`")
         p = result.parameters
         self._radius, self._string = p.rod_radius, p.release is not Release.DROP
-        look = styles(e.label for e in result.engines)
-        whole: list[tuple[str, Trajectory, Style | None]] = [("reference", result.samples.reference, None)]
-        whole += [
-            (result.short_name(e), a.run, look[e.label])
-            for e, a in zip(result.engines, result.samples.aligned, strict=True)
-            if len(a.t) > 1
-        ]
-        self._runs = [(name, first_samples(run, finite_length(run)), style) for name, run, style in whole]
-        self._trial = result.trial
-        self.figure = Figure(figsize=SIZE, dpi=DPI, layout="constrained")
-        self._canvas = FigureCanvasAgg(self.figure)
-        self._axes = self.figure.subplots()
-        self._axes.set_aspect("equal")
-        self._axes.set(xlabel="x [m]", ylabel="y [m]")
-        self._axes.grid(True, color="0.93", lw=0.6)
-        self._axes.set_axisbelow(True)
-        self._axes.add_patch(Circle((0, 0), self._radius, facecolor="0.7", edgecolor="black", lw=0.8, zorder=6))
         self._title = without_mathtext(result.title)
-        self._draw_runs()
-        places = np.concatenate([np.vstack([run.light_position, run.heavy_position]) for _, run, _ in self._runs])
-        low, high = np.nanmin(places, axis=0), np.nanmax(places, axis=0)
-        margin = 0.06 * float(np.max(high - low))
-        self._axes.set_xlim(low[0] - margin, high[0] + margin)
-        self._axes.set_ylim(low[1] - margin, high[1] + margin)
-        self.figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=9)
-        # Placed once: for every frame it would take most of the time, and nothing but numbers changes
-        self.draw(0.0, 1.5)
-        self._canvas.draw()  # type: ignore[no-untyped-call]
-        self.figure.set_layout_engine("none")
-
-    def _draw_runs(self) -> None:
-        self._lines = []
-        for name, run, style in self._runs:
-            colour, dashes = ("black", (1, 0)) if style is None else (style.colour, style.dashes)
-            dashed: dict[str, Any] = {} if dashes == (1, 0) else {"dashes": dashes}
-            masses_style: dict[str, Any] = {"marker": "o", "ms": 11, "mfc": "white", "mew": 2.2}
-            if style is not None:
-                masses_style = {"marker": style.marker, "ms": 7}
-            wide = style is None
-            (path,) = self._axes.plot([], [], color=colour, alpha=0.5, lw=2.6 if wide else 1.4, zorder=2, **dashed)
-            (string,) = self._axes.plot([], [], color=colour, lw=2.0 if wide else 1.1, zorder=3)
-            masses_style |= {"ls": "none", "color": colour, "label": without_mathtext(name), "zorder": 4}
-            (masses,) = self._axes.plot([], [], **masses_style)
-            self._lines.append((run, path, string, masses))
-        self._points: list[tuple[Array, Array, Array, Line2D]] = []
-        for track in [] if self._trial is None else [c.track for c in self._trial.tracks]:
+        self._speed = f"slowed down {slower:.3g} times" if slower >= 1 else f"sped up {1 / slower:.3g} times"
+        self._runs: list[Trajectory] = []
+        curves = []
+        for name, run, style in drawn_runs(result, result.samples):
+            self._runs.append(first_samples(run, finite_length(run)))
+            if style is None:
+                path: dict[str, Any] = {"width": 2.6}
+                masses: dict[str, Any] = {"marker": "o", "size": 11, "hollow": True}
+            else:
+                path = {"width": 1.4, "colour": style.colour, "dashes": style.dashes}
+                masses = {"marker": style.marker, "size": 7, "colour": style.colour}
+            string = {"width": 2.0} if style is None else {"width": 1.1, "colour": style.colour}
+            curves += [Curve(label=label, x=[], y=[], **look) for label, look in (("", path), ("", string), (name, masses))]
+        self._points: list[tuple[Array, Array, Array]] = []
+        for track in [] if result.trial is None else [comparison.track for comparison in result.trial.tracks]:
             mass = track.name.partition(" ")[0]
             x, y = (track.channel(f"{mass}_{axis}") for axis in ("x", "y"))
             if x is not None and y is not None:
-                label = None if self._points else "tracked points"
-                (rings,) = self._axes.plot([], [], **curve_look(tracked_points([], [])), label=label, zorder=5)
-                self._points.append((np.array(track.t), np.array(x), np.array(y), rings))
+                curves.append(replace(tracked_points([], []), in_legend=not self._points))
+                self._points.append((np.array(track.t), np.array(x), np.array(y)))
+        places = np.vstack([position for run in self._runs for position in (run.light_position, run.heavy_position)])
+        x_limits, y_limits = with_room(*(reach([column]) for column in places.T))
+        panel = Panel(curves=curves, y=ChartAxis(label="y [m]", limits=y_limits), disc=self._radius, to_scale=True)
+        self.figure = draw(
+            Chart(
+                id="film",
+                caption="",
+                subject=result.scenario,
+                title="",
+                x=ChartAxis(label="x [m]", limits=x_limits),
+                panels=[panel],
+                size=SIZE,
+            )
+        )
+        self.figure.set_dpi(DPI)
 
-    def draw(self, time: float, slower: float) -> None:
+    def draw(self, time: float) -> list[Any]:
         """Draw everything at ``time`` [s]."""
-        for run, path, string, masses in self._lines:
+        (axes,) = self.figure.axes
+        lines = iter(axes.lines)
+        for run in self._runs:
+            path, string, masses = next(lines), next(lines), next(lines)
             shown = int(np.searchsorted(run.t, time, side="right"))
             light, heavy = (_at(run, values, time) for values in (run.light_position, run.heavy_position))
             path.set_data(*run.light_position[:shown].T)
+            path.set_alpha(0.5)
             masses.set_data(*np.column_stack([light, heavy]))
             ended = time > run.t[-1] + 1e-9
             for line in (string, masses):
@@ -196,18 +178,11 @@ class _Stage:
                 angle = np.linspace(0.0, max(float(_at(run, run.wrap_angle, time)), 0.0), 60)
                 wound = self._radius * np.column_stack([np.cos(angle), np.sin(angle)])
                 string.set_data(*np.vstack([heavy, wound, light]).T)
-        for t, x, y, rings in self._points:
+        for (t, x, y), rings in zip(self._points, lines, strict=True):
             known = t <= time + 1e-9
             rings.set_data(x[known], y[known])
-        speed = f"slowed down {slower:.3g} times" if slower > 1 else f"sped up {1 / slower:.3g} times" if slower < 1 else ""
-        self._axes.set_title(f"{self._title}\n{time:.3f} s{', ' + speed if speed else ''}", fontsize=11)
-
-    def image(self) -> Image.Image:
-        """Return what was drawn last."""
-        self._canvas.draw()  # type: ignore[no-untyped-call]
-        width, height = self._canvas.get_width_height()
-        pixels = self._canvas.buffer_rgba()  # type: ignore[no-untyped-call]
-        return Image.frombuffer("RGBA", (width, height), pixels, "raw", "RGBA", 0, 1).convert("RGB")
+        axes.set_title(f"{self._title}\n{time:.3f} s, {self._speed}", fontsize=11)
+        return []
 
 
 def _at(run: Trajectory, values: Array, time: float) -> Array:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import yaml
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from pydantic_core import PydanticCustomError
 
 from looping_pendulum.errors import HarnessError, ParameterError
@@ -25,10 +25,10 @@ from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.fields import TO_FILL_IN, FieldType, QuantityField
-from looping_pendulum.scenarios.quantities import QUANTITIES
+from looping_pendulum.scenarios.quantities import APPARATUS, QUANTITIES
 
-PLAYBACK_RATE = 61.0
-"""Rate at or below which a table may be of slow motion as it plays [Hz]: films play at 24 to 60 frames a second."""
+PLAYBACK_STEP = 1 / 61
+"""Time between rows from which on a table may be of slow motion as it plays [s]: films play at 24 to 60 frames a second."""
 RELEASE_OF_KIND = {"positions": Release.LOOPING, "events": Release.LOOPING, "angle": Release.HELD, "drop": Release.DROP}
 """Kind of a file -> release that it most probably shows."""
 USUAL_EFFECTS = ("capstan", "light_drag", "heavy_drag", "string_drag")
@@ -38,10 +38,8 @@ A drag that is not declared is ascribed to what acts alike: without the string's
 """
 USUAL_EFFECTS_WITHOUT_ROD = {Release.HELD: ("light_drag",), Release.DROP: ("heavy_drag",)}
 """Release -> the same for a study of such trials alone; on a string of one length, its drag looks like the mass's."""
-SHARED = ("light_mass", "light_radius", "rod_radius")
-"""What a study has once for all trials, of what is measured."""
-Reporting = Callable[[], AbstractContextManager[ReportShare | None]]
-"""Returns a context with a function to call while a film is tracked."""
+SHARED = tuple(name for name in APPARATUS if name != "heavy_mass")
+"""What a study has once for all trials, of what is measured; each trial names its own heavy mass."""
 
 
 class NewFileError(HarnessError, ValueError):
@@ -105,10 +103,10 @@ def new_study(
     folder: Path,
     files: Sequence[Path],
     given: Mapping[str, Sequence[str]],
-    reporting: Reporting,
     *,
     track: bool = False,
     keep: bool = False,
+    progress: ReportShare | None = None,
 ) -> str:
     """Return the YAML of a study, in which `TO_FILL_IN` stands for each value that is neither given nor shown by a file.
 
@@ -120,11 +118,11 @@ def new_study(
         Films and tables, in the order of their trials.
     given
         Name of a quantity -> its value with its unit and standard error, one for all files or one for each.
-    reporting
-        Context in which films are tracked, for what they show of the release.
     track, keep
         Of a film that has no points, or was tracked with other values than the given ones: whether to track it, or to take the
         points that are there.
+    progress
+        Called while a film is tracked.
 
     Raises
     ------
@@ -140,162 +138,124 @@ def new_study(
     trials: list[_Trial] = []
     for i, file in enumerate(files):
         mine = {quantity: texts[i if len(texts) > 1 else 0] for quantity, texts in given.items()}
-        trials += _trials_of(file, mine, reporting, track=track, keep=keep)
-    shared = {quantity: texts[0] for quantity, texts in given.items()}
+        trials += _trials_of(file, mine, track=track, keep=keep, progress=progress)
+    names: set[str] = set()
+    for trial in trials:
+        name, n = trial.name, 1
+        while trial.name in names:
+            n += 1
+            trial.name = f"{name}-{n}"
+        names.add(trial.name)
     releases = {trial.release for trial in trials}
-    names = _different_names(trials)
-    lines = [
-        "# yaml-language-server: $schema=study.schema.json",
-        "# Trials of one apparatus: what was measured, and what the films and tables show.",
-        f'# Write a value with its unit and its standard error wherever {TO_FILL_IN} stands: "20 g +/- 0.1 g"; or',
-        '# "free from 20 g" if nobody knows it. Then: looping-pendulum look THIS_FILE',
-        f"title: {_scalar(title)}",
-    ]
-    needed = [q for q in SHARED if any(q in REQUIRED[release] for release in releases)]
-    if "rod_radius" in needed:  # what winds up comes to the rod, where its size counts
-        needed.insert(1, "light_radius")
-    if needed:
-        lines.append("apparatus:  # in all trials; one in which it differs may have the same keys")
+    required = {quantity for release in releases for quantity in REQUIRED[release]}
+    if "rod_radius" in required:  # what winds up comes to the rod, where its size counts
+        required.add("light_radius")
     shown = next((trial.shown for trial in trials if "light_radius" in trial.shown), {})
-    for group in dict.fromkeys(QUANTITIES[quantity].group for quantity in needed):
-        lines.append(f"  {group}:")
-        for quantity in (q for q in needed if QUANTITIES[q].group == group):
-            lines.append(_measured(quantity, shared, "    ", shown))
-    usual = USUAL_EFFECTS_WITHOUT_ROD.get(next(iter(releases)), USUAL_EFFECTS) if len(releases) == 1 else USUAL_EFFECTS
-    lines += ["effects:  # that you believe act; `looping-pendulum identify --schema` lists all", "  gravity: 9.81 m/s^2"]
-    lines += [f"  {effect}: free" for effect in usual]
-    lines.append("trials:")
-    for i, (trial, name) in enumerate(zip(trials, names, strict=True)):
+    environment = Environment(
+        loader=PackageLoader("looping_pendulum.teaching", ""), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters["yaml"] = _scalar
+    return environment.get_template("study.yaml.jinja").render(
+        title=title,
+        apparatus=_measured(required.intersection(SHARED), {quantity: texts[0] for quantity, texts in given.items()}, shown),
+        effects=USUAL_EFFECTS_WITHOUT_ROD.get(releases.pop(), USUAL_EFFECTS) if len(releases) == 1 else USUAL_EFFECTS,
+        trials=trials,
         # With forward slashes, so that the study also loads on another system
-        path = Path(os.path.relpath(trial.file, folder)).as_posix()
-        lines += [f"  # {trial.says}", f"  - name: {_scalar(name)}", f"    file: {_scalar(path)}"]
-        lines += [f"    run: {_scalar(trial.run)}"] if trial.run else []
-        lines += trial.reading
-        if 0 < i == len(trials) - 1:
-            lines.append("    held_out: true  # kept away from the fit, to judge the verdict on")
-        lines += trial.measured
-    return "\n".join(lines) + "\n"
+        path=lambda file: Path(os.path.relpath(file, folder)).as_posix(),
+        TO_FILL_IN=TO_FILL_IN,
+        PLAYBACK_STEP=PLAYBACK_STEP,
+    )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True)
 class _Trial:
-    """A trial of the study, and the lines of its entry."""
+    """A trial of the study."""
 
+    name: str
     file: Path
     says: str
     """What the file says of itself, in a line."""
     release: Release
     run: str = ""
     """Number of the run, in a file of several."""
-    reading: Sequence[str] = ()
-    """Lines on how to read the file."""
-    measured: Sequence[str]
-    """Lines of what was measured."""
+    table: FileSurvey | None = None
+    """None: it is a film."""
+    measured: Mapping[str, Sequence[str]]
+    """Group of keys -> lines of what was measured."""
     shown: Mapping[str, str] = field(default_factory=dict)
     """Name of a quantity -> its value with its standard error, where a film shows it."""
 
-
-def _different_names(trials: Sequence[_Trial]) -> list[str]:
-    """Return a name for each trial, by its file and run."""
-    names: list[str] = []
-    for trial in trials:
-        stem = f"{trial.file.stem}-{trial.run}" if trial.run else trial.file.stem
-        others = (stem, *(f"{stem}-{n}" for n in range(2, len(trials) + 1)))
-        names.append(next(name for name in others if name not in names))
-    return names
+    @property
+    def tracks(self) -> Mapping[str, str]:
+        """Return mass -> name of its track, where the names do not say it."""
+        masses = {} if self.table is None else self.table.masses
+        return masses if any(mass_in_name(name) != mass for mass, name in masses.items()) else {}
 
 
-def _trials_of(file: Path, given: Mapping[str, str], reporting: Reporting, *, track: bool, keep: bool) -> list[_Trial]:
-    """Return the trial of a film or table, or that of each run in it."""
+def _trials_of(file: Path, given: Mapping[str, str], **of_film: Any) -> list[_Trial]:
+    """Return the trial of a film or table, or that of each run in it; ``of_film`` are options of `settle_film`."""
     if not file.exists():
         raise NewFileError(f"found no file {quote(str(file))}, needed a film or a table of tracked points; correct the path")
-    if is_film(file):
-        says = f"a film; {file.stem}.track.png beside it shows what was tracked: check it"
-        shown = _shown_by_film(file, given, reporting, track=track, keep=keep)
-        measured = _measured_lines(Release.LOOPING, given, shown)
-        return [_Trial(file=file, says=says, release=Release.LOOPING, measured=measured, shown=shown)]
     try:
-        found = survey(file)
+        if is_film(file):
+            says = f"a film; {file.stem}.track.png beside it shows what was tracked: check it"
+            shown = _shown_by_film(file, given, **of_film)
+            measured = _measured_in_trial(Release.LOOPING, given, shown)
+            return [_Trial(name=file.stem, file=file, says=says, release=Release.LOOPING, measured=measured, shown=shown)]
+        table = survey(file)
     except DataError as error:
         raise NewFileError(str(error)) from None
-    release = RELEASE_OF_KIND[found.kind]
+    release = RELEASE_OF_KIND[table.kind]
     return [
         _Trial(
+            name=f"{file.stem}-{run}" if run else file.stem,
             file=file,
-            says=_summary(found),
+            says=_summary(table),
             release=release,
             run=run,
-            reading=_reading_lines(found),
-            measured=_measured_lines(release, given, {}),
+            table=table,
+            measured=_measured_in_trial(release, given, {}),
         )
-        for run in (found.runs if len(found.runs) > 1 else ("",))
+        for run in (table.runs if len(table.runs) > 1 else ("",))
     ]
 
 
-def _shown_by_film(film: Path, given: Mapping[str, str], reporting: Reporting, *, track: bool, keep: bool) -> dict[str, str]:
+def _shown_by_film(film: Path, given: Mapping[str, str], **of_film: Any) -> dict[str, str]:
     """Return what a film shows of ball and release, by the names of quantities; nothing without the free length, its scale."""
     if "free_length" not in given:
         return {}
-    length = estimate_of("free_length", given["free_length"])
-    stated = {"free_length": length.value, "free_length_error": length.sigma or 0.0}
-    if "rod_radius" in given:
-        radius = estimate_of("rod_radius", given["rod_radius"])
-        stated |= {"rod_radius": radius.value, "rod_radius_error": radius.sigma or 0.0}
-    try:
-        with reporting() as progress:
-            return settle_film(film, stated, track=track, keep=keep, progress=progress).shown()
-    except DataError as error:
-        raise NewFileError(str(error)) from None
+    stated: dict[str, float] = {}
+    for quantity in ("free_length", "rod_radius"):
+        if quantity in given:
+            estimate = estimate_of(quantity, given[quantity])
+            stated |= {quantity: estimate.value, f"{quantity}_error": estimate.sigma or 0.0}
+    return settle_film(film, stated, **of_film).shown()
 
 
-def _reading_lines(found: FileSurvey) -> list[str]:
-    """Return the lines that say how a table is read where it does not say so itself; what is guessed has a comment."""
-    lines = []
-    masses = found.masses
-    if any(mass_in_name(name) != mass for mass, name in masses.items()):
-        lines.append("    tracks:  # by their motion, as their names do not say it: the heavy mass falls along a vertical line")
-        lines += [f"      {mass}: {_scalar(name)}" for mass, name in masses.items()]
-    units = found.units
-    if units:
-        lines.append("    units:  # guessed, as the file does not name them")
-        lines += [f"      {kind}: {unit}" for kind, unit in units.items()]
-    rate = _rows_per_second(found)
-    if found.kind == "positions" and rate is None:
-        lines.append(f"    frame_rate: {TO_FILL_IN}  # true frame rate of the camera, such as 240 Hz: the file has no times")
-    elif found.kind == "positions" and rate is not None and 0 < rate <= PLAYBACK_RATE:
-        lines.append("    # frame_rate: 240 Hz  # without the first '#', for slow motion: the camera's true rate")
-    if found.starts_on_the_right:
-        lines.append("    mirrored: true  # the light mass starts on the right")
+def _measured_in_trial(release: Release, given: Mapping[str, str], shown: Mapping[str, str]) -> dict[str, list[str]]:
+    """Return group of keys -> lines of what is measured in a trial; ``shown`` is what its film shows."""
+    quantities = {"heavy_mass"} if release is Release.DROP else set(REQUIRED[release]).difference(SHARED)
+    if release is Release.LOOPING and ("hanging_length" in given or "hanging_length" in shown):
+        quantities.add("hanging_length")
+    return _measured(quantities, given, shown)
+
+
+def _measured(quantities: Set[str], given: Mapping[str, str], shown: Mapping[str, str]) -> dict[str, list[str]]:
+    """Return group of keys -> lines of measured quantities: values as given or as a film shows them, or marks to fill in."""
+    lines: dict[str, list[str]] = {}
+    for quantity, q in QUANTITIES.items():
+        if quantity not in quantities:
+            continue
+        text = given.get(quantity) or shown.get(quantity, TO_FILL_IN)
+        comment = q.meaning
+        if text == TO_FILL_IN:
+            comment += f"; for example {q.measured_example}"
+        elif not estimate_of(quantity, text).uncertain:
+            comment += f"; taken as exact, as it has no standard error, such as +/- {q.usual_error}"
+        if quantity in shown and quantity not in given:
+            comment += "; as the film shows it"
+        lines.setdefault(q.group, []).append(f"{q.last_key}: {_scalar(text)}  # {comment}")
     return lines
-
-
-def _measured_lines(release: Release, given: Mapping[str, str], shown: Mapping[str, str]) -> list[str]:
-    """Return the lines of what was measured in a trial; ``shown`` is what its film shows."""
-    needed = [q for q in REQUIRED[release] if q not in SHARED]
-    if release is Release.DROP:
-        needed = ["heavy_mass"]
-    lines = ["    heavy:", _measured("heavy_mass", given, "      ", shown)] if "heavy_mass" in needed else []
-    if release is Release.LOOPING:
-        kind = "looping  # or vertical, where both hang straight down; then without an angle"
-        needed.append("hanging_length")
-    else:
-        kind = release.value
-    lines += ["    release:", f"      kind: {kind}"]
-    for quantity in [q for q in needed if QUANTITIES[q].group == "release"]:
-        if quantity in given or quantity in shown or quantity != "hanging_length":
-            lines.append(_measured(quantity, given, "      ", shown))
-    return lines
-
-
-def _measured(quantity: str, given: Mapping[str, str], indent: str, shown: Mapping[str, str]) -> str:
-    """Return the line of a measured quantity: its value as given, or as a film shows it, or the mark for one to fill in."""
-    q, text = QUANTITIES[quantity], given.get(quantity) or shown.get(quantity, TO_FILL_IN)
-    comment = q.meaning if text != TO_FILL_IN else f"{q.meaning}; for example {q.measured_example}"
-    if text != TO_FILL_IN and not estimate_of(quantity, text).uncertain:
-        comment += f"; taken as exact, as it has no standard error, such as +/- {q.usual_error}"
-    if quantity in shown and quantity not in given:
-        comment += "; as the film shows it"
-    return f"{indent}{q.last_key}: {_scalar(text)}  # {comment}"
 
 
 def estimate_of(quantity: str, text: str) -> Estimate:
@@ -335,17 +295,10 @@ def _summary(found: FileSurvey) -> str:
         return "a table of events"
     names = ", ".join(quote(t.name) if t.name else "one without a name" for t in found.tracks)
     what = {"drop": "heights", "angle": "angles"}.get(found.kind, f"tracks {names}")
-    rate = _rows_per_second(found)
-    rows = "no times, only frames" if rate is None else f"{rate:.4g} rows a second" if rate else "a single row"
+    step = found.time_step
+    rows = "no times, only frames" if step is None else f"{1 / step:.4g} rows a second" if step > 0 else "a single row"
     lengths = "" if found.kind == "angle" else f"; lengths in {found.length_unit or 'a unit that it does not name'}"
     return f"{what}; {rows}{lengths}"
-
-
-def _rows_per_second(found: FileSurvey) -> float | None:
-    """Return the rate of the rows by the file's own times [Hz]; 0 if it has one row, None without times."""
-    if found.time_step is None:
-        return None
-    return 1 / found.time_step if found.time_step > 0 else 0.0
 
 
 def _scalar(value: str | float) -> str:

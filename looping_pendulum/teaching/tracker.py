@@ -76,8 +76,6 @@ class Overlay:
     """Name of the motion."""
     first_frame: int
     """Number of the video's frame that the first row belongs to."""
-    frame_rate: float
-    """True frame rate of the video [frames per second]."""
     t: Array
     """Times by the video's clock [s], shape (n,)."""
     heavy: Array
@@ -123,7 +121,7 @@ def overlay(motion: TrackedMotion, *, frame_rate: float = FRAME_RATE, start: flo
     t = np.arange(first, last + 1) / frame_rate
     # Clipped: `FRAME_ROUNDING` may put the first or last frame just outside the motion
     heavy, light = motion.positions(np.clip(t - start, 0.0, motion.end))
-    return Overlay(name=motion.name, first_frame=first, frame_rate=frame_rate, t=t, heavy=heavy, light=light)
+    return Overlay(name=motion.name, first_frame=first, t=t, heavy=heavy, light=light)
 
 
 def find_motion(source: str, engine: str | None = None, profile: Profile = Profile.QUICK) -> TrackedMotion:

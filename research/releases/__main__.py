@@ -57,7 +57,7 @@ def main() -> None:
     package = distribution_of(engines[0])
     releases = chosen_releases(package, list_releases(package), first=options.first, last=options.last, listed=options.versions)
     prepare_output_folder(options.work, folders=("releases", "environments"))
-    with ProgressBars(time_left=True, line_every_fraction=0.05) as bars:
+    with ProgressBars(time_left=True) as bars:
         study = ReleaseStudy(
             engines,
             load("ten_to_one"),

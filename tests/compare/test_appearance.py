@@ -54,7 +54,7 @@ def looks(result):
     """Name -> figure, of both kinds."""
     charts = figures.charts(result)
     fingerprints = {chart.id: fingerprint.of_figure(draw(chart)) for chart in charts}
-    return fingerprints | {f"page {chart.id}": fingerprint.plain(dataclasses.asdict(on_page(chart))) for chart in charts}
+    return fingerprints | {f"page {chart.id}": fingerprint.plain(on_page(chart)) for chart in charts}
 
 
 def ladder():
@@ -84,7 +84,7 @@ def ladder():
 
 
 def test_figures_look_as_agreed(full):
-    actual = looks(full) | {"ladder": fingerprint.of_figure(convergence_plots.ladder_figure(*ladder()))}
+    actual = looks(full) | {"ladder": fingerprint.of_figure(draw(convergence_plots.ladder_chart(*ladder())))}
     actual = json.loads(json.dumps(actual))
     if os.environ.get("APPEARANCE") == "write":
         STORED.write_text(json.dumps(actual, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
@@ -136,7 +136,7 @@ def test_event_times_are_drawn_less_the_measured_ones(full):
     reference = [row.reference for row in full.measured if row.unit == "s" and row.measured is not None]
     expected = [1e3 * (v - m) for v, m in zip(reference, measured, strict=True) if v is not None]
     np.testing.assert_allclose(drawn["reference"][0], expected, rtol=1e-12)
-    (reference,) = [trace for trace in on_page(figures.events_chart(full)).traces if trace["name"] == "reference"]
+    (reference,) = [trace for trace in on_page(figures.events_chart(full))["traces"] if trace["name"] == "reference"]
     np.testing.assert_allclose([x for x, _ in reference["customdata"]], expected, rtol=1e-5)  # a page has six digits
 
 
@@ -146,5 +146,5 @@ def test_the_star_is_where_the_light_mass_was_at_the_halt(full):
     place = [np.interp(halt, late.t, late.light_position[:, k]) for k in (0, 1)]
     stars = [np.ravel(line.get_data()) for line in draw(chart).axes[0].lines if line.get_marker() == "*"]
     assert any(np.allclose(star, place, atol=1e-12) for star in stars)
-    pairs = [(t["x"][0], t["y"][0]) for t in on_page(chart).traces if len(t["x"]) == 1]
+    pairs = [(t["x"][0], t["y"][0]) for t in on_page(chart)["traces"] if len(t["x"]) == 1]
     assert any(np.allclose(pair, place, atol=1e-6) for pair in pairs)

@@ -208,7 +208,7 @@ def test_a_report_begins_with_the_sentence_the_picture_and_what_to_do_next(verdi
 @functools.cache
 def captions(verdict):
     charts = figures.charts(made_up(verdict))
-    assert all(draw(chart).axes and on_page(chart).traces for chart in charts)
+    assert all(draw(chart).axes and on_page(chart)["traces"] for chart in charts)
     return [chart.caption for chart in charts]
 
 
@@ -498,16 +498,16 @@ def test_the_figure_of_explanations_has_a_bar_for_each_that_adds_something():
     result = made_up(Verdict.IDENTIFIED)
     chart = figures.explanations_chart(result)
     figure = on_page(chart)
-    credible, others = figure.traces
+    credible, others = figure["traces"]
     assert (credible["y"], credible["x"], credible["text"]) == ([0], [70.0], ["98.0 %"])
     assert (others["y"], others["x"], others["text"]) == ([1, 2], [68.3, 69.1], ["2.0 %", "\N{EN DASH}"])
     assert (credible["marker"]["color"], others["marker"]["color"]) == ("var(--run-0)", "var(--soft)")
-    assert figure.layout["yaxis"]["ticktext"] == ["swing", "clock_ratio", "swing + clock_ratio"]
-    assert figure.layout["yaxis"]["range"] == [2.5, -0.5], "the best on top"
+    assert figure["layout"]["yaxis"]["ticktext"] == ["swing", "clock_ratio", "swing + clock_ratio"]
+    assert figure["layout"]["yaxis"]["range"] == [2.5, -0.5], "the best on top"
     (axes,) = draw(chart).axes
     assert [bar.get_width() for bar in axes.patches] == [70.0, 68.3, 69.1]
     assert axes.get_ylim() == (2.5, -0.5)
-    assert [label.get_text() for label in axes.get_yticklabels()] == figure.layout["yaxis"]["ticktext"]
+    assert [label.get_text() for label in axes.get_yticklabels()] == figure["layout"]["yaxis"]["ticktext"]
     assert [text.get_text() for text in axes.texts] == [*credible["text"], *others["text"]]
 
 
@@ -518,7 +518,7 @@ def test_explanations_of_one_name_have_bars_of_their_own():
     chart = figures.explanations_chart(result)
     (axes,) = draw(chart).axes
     assert len({bar.get_y() for bar in axes.patches}) == 3
-    (trace,) = on_page(chart).traces
+    (trace,) = on_page(chart)["traces"]
     assert len(set(trace["y"])) == 3
 
 
@@ -527,7 +527,7 @@ def test_the_long_name_of_a_law_stands_in_lines():
     result = dataclasses.replace(made_up(Verdict.UNLISTED), explanations=(explanation(OTHER, law=BRAKE), NOTHING))
     name = "clock_ratio + unlisted force on the heavy mass as a function of the retreat speed"
     chart = figures.explanations_chart(result)
-    (shown,) = on_page(chart).layout["yaxis"]["ticktext"]
+    (shown,) = on_page(chart)["layout"]["yaxis"]["ticktext"]
     assert shown.replace("<br>", " ") == name
     assert max(map(len, shown.split("<br>"))) <= figures.LABEL_WIDTH
     (axes,) = draw(chart).axes

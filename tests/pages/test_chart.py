@@ -37,7 +37,7 @@ def test_bars_reach_from_zero_and_have_their_words():
     low, high = axes.get_xlim()
     assert low < -1.1
     assert high > 3.1, "room for words"
-    (trace,) = page.traces
+    (trace,) = page["traces"]
     assert (trace["type"], trace["orientation"], trace["x"], trace["y"]) == ("bar", "h", [3.0, -1.0], [0.0, 1.2])
     # Plotly moves bars that have no offset beside those of other traces
     assert (trace["width"], trace["offset"]) == (0.4, -0.2)
@@ -50,11 +50,11 @@ def test_a_band_lies_about_its_line():
     (band,) = axes.collections
     corners = {tuple(corner) for corner in band.get_paths()[0].vertices}
     assert {(0.0, 4.0), (0.0, 6.0), (1.0, 5.0), (1.0, 9.0)} <= corners
-    low, high, own = page.traces
+    low, high, own = page["traces"]
     assert (low["y"], high["y"], own["y"]) == ([4.0, 5.0], [6.0, 9.0], [5.0, 7.0])
     assert (high["fill"], high["fillcolor"]) == ("tonexty", "faint var(--reference)")
-    assert [trace["showlegend"] for trace in page.traces] == [False, False, True]
-    assert {trace["legendgroup"] for trace in page.traces} == {"a"}, "a click hides all three"
+    assert [trace["showlegend"] for trace in page["traces"]] == [False, False, True]
+    assert {trace["legendgroup"] for trace in page["traces"]} == {"a"}, "a click hides all three"
 
 
 def test_a_line_across_may_be_the_middle_of_a_shaded_span():
@@ -62,7 +62,7 @@ def test_a_line_across_may_be_the_middle_of_a_shaded_span():
     spans = [span.get_extents().transformed(axes.transData.inverted()) for span in axes.patches]
     assert (spans[0].x0, spans[0].x1) == pytest.approx((-1, 3))
     assert (spans[1].y0, spans[1].y1) == pytest.approx((7, 13))
-    x_line, x_span, y_line, y_span = page.layout["shapes"]
+    x_line, x_span, y_line, y_span = page["layout"]["shapes"]
     assert (x_line["x0"], x_line["x1"], x_line["line"]) == (1.0, 1.0, {"color": "var(--reference)", "width": 1})
     assert (x_span["type"], x_span["x0"], x_span["x1"], x_span["yref"]) == ("rect", -1.0, 3.0, "y domain")
     assert (y_line["y0"], y_line["line"]["dash"]) == (10.0, "dot")
@@ -77,7 +77,7 @@ def test_every_two_points_have_a_line_of_their_own(count):
     x = axes.lines[0].get_xdata()
     assert np.isnan(x[2::3]).all()
     np.testing.assert_array_equal(x[~np.isnan(x)], values)
-    (trace,) = page.traces
+    (trace,) = page["traces"]
     assert trace["x"][:3] == [0.0, 1.0, None]
     assert len(trace["x"]) == len(x) == count * 3 // 2
     assert (trace["showlegend"], trace["hoverinfo"]) == (False, "skip"), "it has no name"
@@ -86,19 +86,19 @@ def test_every_two_points_have_a_line_of_their_own(count):
 
 def test_words_of_points_stand_beside_the_pointer():
     _, page = both(Curve(label="a", x=[1.0], y=[0.0], marker="o", words=["<b>"]), y=ChartAxis(ticks={0.0: "row"}))
-    assert (page.traces[0]["text"], page.traces[0]["hovertemplate"]) == (["&lt;b&gt;"], "%{text}")
+    assert (page["traces"][0]["text"], page["traces"][0]["hovertemplate"]) == (["&lt;b&gt;"], "%{text}")
 
 
 @pytest.mark.parametrize(("size", "sizing"), [(2.4, "constant"), (3.2, None)])
 def test_a_legend_shows_no_point_too_small_to_see(size, sizing):
     _, page = both(Curve(label="a", x=[1.0], y=[0.0], marker="o", size=size))
-    assert page.layout.get("legend", {}).get("itemsizing") == sizing
+    assert page["layout"].get("legend", {}).get("itemsizing") == sizing
 
 
 def test_words_beside_an_axis_may_have_lines_and_no_markup():
     axes, page = both(y=ChartAxis(ticks={0.0: "$a$\n<b>"}, limits=(0.5, -0.5)))
     assert [label.get_text() for label in axes.get_yticklabels()] == ["\\$a\\$\n<b>"]
-    assert page.layout["yaxis"]["ticktext"] == ["$a$<br>&lt;b&gt;"]
+    assert page["layout"]["yaxis"]["ticktext"] == ["$a$<br>&lt;b&gt;"]
 
 
 def test_panels_of_a_grid_have_axes_and_titles_of_their_own():
@@ -115,13 +115,13 @@ def test_panels_of_a_grid_have_axes_and_titles_of_their_own():
     assert (first.get_aspect(), second.get_aspect()) == (1.0, "auto")
     assert figure.get_suptitle() == "s: t"
     page = on_page(grid)
-    assert (page.layout["grid"]["rows"], page.layout["grid"]["columns"]) == (2, 2)
-    assert [(trace["xaxis"], trace["yaxis"]) for trace in page.traces] == [("x", "y"), ("x2", "y2"), ("x3", "y3")]
-    assert [page.layout[name]["title"]["text"] for name in ("xaxis", "xaxis2", "xaxis3")] == ["shared", "other", "shared"]
-    assert (page.layout["xaxis"]["scaleanchor"], page.layout["xaxis2"]["range"]) == ("y", [0.0, 9.0])
-    assert not any("domain" in page.layout[name] for name in ("yaxis", "yaxis2")), "the grid places them"
-    assert [(shape["xref"], shape["yref"]) for shape in page.layout["shapes"]] == [("x2", "y2 domain")] * 2
-    titles = [(words["text"], words["xref"]) for words in page.layout["annotations"]]
+    assert (page["layout"]["grid"]["rows"], page["layout"]["grid"]["columns"]) == (2, 2)
+    assert [(trace["xaxis"], trace["yaxis"]) for trace in page["traces"]] == [("x", "y"), ("x2", "y2"), ("x3", "y3")]
+    assert [page["layout"][name]["title"]["text"] for name in ("xaxis", "xaxis2", "xaxis3")] == ["shared", "other", "shared"]
+    assert (page["layout"]["xaxis"]["scaleanchor"], page["layout"]["xaxis2"]["range"]) == ("y", [0.0, 9.0])
+    assert not any("domain" in page["layout"][name] for name in ("yaxis", "yaxis2")), "the grid places them"
+    assert [(shape["xref"], shape["yref"]) for shape in page["layout"]["shapes"]] == [("x2", "y2 domain")] * 2
+    titles = [(words["text"], words["xref"]) for words in page["layout"]["annotations"]]
     assert titles == [("&lt;one&gt;<br>of $three$", "x domain"), ("two", "x2 domain"), ("three", "x3 domain")]
 
 

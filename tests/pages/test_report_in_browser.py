@@ -36,8 +36,8 @@ def test_comparison_draws_its_figures_and_fetches_nothing(comparison):
     assert page.locator(".figure").count() == len(figures) == 4
     assert page.locator("#residuals .scatterlayer .trace").count() == 2 * 4, "two bodies, the reference and three runs"
     for figure in figures:
-        lines = page.locator(f"#{figure.id} .scatterlayer .trace").count()
-        assert lines == len(figure.traces)
+        lines = page.locator(f"#{figure['id']} .scatterlayer .trace").count()
+        assert lines == len(figure["traces"])
     page.click("#theme")  # drawn again in the other colours
     until(page, "document.querySelector('#path .main-svg').style.background !== 'rgb(255, 255, 255)'")
     page.click("#theme")

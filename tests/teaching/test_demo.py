@@ -84,7 +84,7 @@ def test_captions_say_who_supplies_friction_and_details_what_is_lacking():
     data = page_data(small_result())
     captions, details = ({run["name"]: run[part] for run in data["runs"]} for part in ("caption", "detail"))
     assert "No friction on the rod" in captions["mujoco:documented"]
-    assert "Does not halt" in captions["mujoco:documented"]
+    assert "Its heavy mass does not halt" in captions["mujoco:documented"]
     assert "Lacks the string's friction on the rod and sticking and slipping" in details["mujoco:documented"]
     assert "dof_frictionloss" in details["mujoco:capstan"]
     assert "dof_frictionloss" not in captions["mujoco:capstan"], "one plain line; what only experts read is folded"

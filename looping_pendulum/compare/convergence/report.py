@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jinja2 import Template
@@ -20,15 +21,13 @@ from looping_pendulum.compare.convergence.result import (
 )
 from looping_pendulum.compare.convergence.verdict import LADDERS, format_setting
 from looping_pendulum.files import file_stem, optional_output
-from looping_pendulum.pages.drawing import legend_below, make_figure, png, without_mathtext
+from looping_pendulum.pages.chart import BLACK, MARGIN, Chart, ChartAxis, Curve, Guide, Panel
+from looping_pendulum.pages.drawing import draw as drawn
+from looping_pendulum.pages.drawing import png
 from looping_pendulum.pages.numbers import DISPLAY_UNITS, number
-from looping_pendulum.pages.palette import COLOURS, GREY
+from looping_pendulum.pages.palette import COLOURS
 from looping_pendulum.pages.templates import markdown_templates
 from looping_pendulum.runs.trajectory import supplies_as_rows
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 QUANTITY_LABELS = {
     "path_0.35s": "path to 0.35 s",
@@ -87,76 +86,83 @@ def draw(result: ConvergenceResult) -> dict[str, tuple[str, str, bytes]]:
         for ladder in v.ladders:
             # A line needs two points, and a logarithmic axis positive values
             if sum(rung.value > 0 and any(rung.run.errors[path] for path in PATH_END_TIMES) for rung in ladder.rungs) > 1:
-                name = f"{file_stem(v.label, v.profile, ladder.setting)}.png"
-                caption = (
-                    f"{v.label}: error against the reference (full) and against its own limit (dashed) as {ladder.setting} "
-                    "is refined to the right; below, the halting time's error."
-                )
+                chart = ladder_chart(v, ladder)
+                name = f"{chart.id}.png"
                 with optional_output(f"figures/{name}"):
-                    figures[name] = v.label, caption, png(ladder_figure(v, ladder))
+                    figures[name] = v.label, chart.caption, png(drawn(chart))
     return figures
 
 
-def ladder_figure(v: VariantStudy, ladder: LadderStudy) -> Figure:
-    """Draw the errors from the reference and from the ladder's limit against the setting; below, the halting time's error."""
-    halts = any(rung.run.errors[HALT] is not None for rung in ladder.rungs)
-    figure, axes = make_figure(7.6, 6.6 if halts else 4.8, rows=(3, 2) if halts else (1,))
-    verdicts = {one.quantity: one for one in ladder.verdicts}
-    _errors(axes[0], v, ladder, verdicts)
-    if halts:
-        _halts(axes[1], v, ladder, verdicts[HALT])
-    last = axes[-1]
-    last.set_xscale("log")
+def ladder_chart(v: VariantStudy, ladder: LadderStudy) -> Chart:
+    """Return the errors from the reference and from the ladder's limit over the setting; below, the halting time's error."""
     values = [rung.value for rung in ladder.rungs if rung.value > 0]
-    # Finer settings are always on the right
-    if values[0] > values[-1]:
-        last.invert_xaxis()
-    last.set_xlabel(f"{ladder.setting}{f' [{ladder.unit}]' if ladder.unit else ''}, finer to the right")
-    axes[0].set_title(without_mathtext(f"{v.label}, {v.profile}: {ladder.setting}"))
-    legend_below(figure, columns=2)
-    return figure
+    ends = values[0], values[-1]
+    beyond = (ends[1] / ends[0]) ** MARGIN
+    # From the coarsest to the finest, which is always on the right
+    limits = ends[0] / beyond, ends[1] * beyond
+    verdicts = {one.quantity: one for one in ladder.verdicts}
+    own = [Guide(x=ladder.own, text="its own setting")] if ladder.own else []
+    panels = [
+        Panel(
+            curves=_errors(v, ladder, verdicts, ends),
+            y=ChartAxis(label="RMS distance of\nthe light mass [mm]", scale="log"),
+            guides=own,
+            height=3,
+        )
+    ]
+    if any(rung.run.errors[HALT] is not None for rung in ladder.rungs):
+        panels.append(
+            Panel(
+                curves=_halts(v, ladder, verdicts[HALT], ends),
+                y=ChartAxis(label="halting time,\nengine less reference [ms]"),
+                guides=[Guide(y=0.0, colour=BLACK), *(replace(guide, text="") for guide in own)],
+                height=2,
+            )
+        )
+    unit = f" [{ladder.unit}]" if ladder.unit else ""
+    return Chart(
+        id=file_stem(v.label, v.profile, ladder.setting),
+        caption=f"{v.label}: error against the reference (full) and against its own limit (dashed) as {ladder.setting} "
+        "is refined to the right; below, the halting time's error.",
+        subject=f"{v.label}, {v.profile}",
+        title=ladder.setting,
+        x=ChartAxis(label=f"{ladder.setting}{unit}, finer to the right", scale="log", limits=limits),
+        panels=panels,
+        size=(7.6, 5.2 if len(panels) == 1 else 7.4),
+    )
 
 
-def _errors(axes: Axes, v: VariantStudy, ladder: LadderStudy, verdicts: dict[str, QuantityVerdict]) -> None:
+def _errors(
+    v: VariantStudy, ladder: LadderStudy, verdicts: Mapping[str, QuantityVerdict], ends: tuple[float, float]
+) -> list[Curve]:
+    curves = []
     for name, (marker, colour) in PATH_STYLES.items():
-        words, verdict = f"to {PATH_END_TIMES[name]:g} s", verdicts[name]
-        how: dict[str, Any] = {"marker": marker, "color": colour, "ms": 5}
-        axes.plot(*_points(ladder, [r.run.errors[name] for r in ladder.rungs]), label=f"from the reference, {words}", **how)
+        words, verdict, spread = f"to {PATH_END_TIMES[name]:g} s", verdicts[name], v.spread[name]
+        look: dict[str, Any] = {"marker": marker, "colour": colour, "width": 1.5}
+        x, y = _points(ladder, [r.run.errors[name] for r in ladder.rungs])
+        curves.append(Curve(label=f"from the reference, {words}", x=x, y=y, **look))
         if verdict.limit_error is not None:
             order = "" if verdict.order is None else f", order {verdict.order:.2g}"
-            to_limit = _points(ladder, [r.to_limit[name] for r in ladder.rungs])
-            axes.plot(*to_limit, dashes=(4, 2), mfc="white", label=f"from its own limit, {words}{order}", **how)
-        spread = v.spread[name]
+            x, y = _points(ladder, [r.to_limit[name] for r in ladder.rungs])
+            curves.append(Curve(label=f"from its own limit, {words}{order}", x=x, y=y, dashes=(4, 2), hollow=True, **look))
         if spread is not None and spread > 0:
-            axes.axhline(spread * 1e3, color=colour, lw=0.8, dashes=(1, 2), label=f"noise, {words}")
-    if ladder.own:
-        axes.axvline(ladder.own, color=GREY, lw=0.9, zorder=1, label="the variant's own setting")
-    axes.set_yscale("log")
-    axes.set_ylabel("RMS distance of the light mass [mm]")
+            noise = [1e3 * spread] * 2
+            curves.append(Curve(label=f"noise, {words}", x=ends, y=noise, colour=colour, width=0.8, dashes=(1, 2)))
+    return curves
 
 
-def _halts(axes: Axes, v: VariantStudy, ladder: LadderStudy, verdict: QuantityVerdict) -> None:
+def _halts(v: VariantStudy, ladder: LadderStudy, verdict: QuantityVerdict, ends: tuple[float, float]) -> list[Curve]:
     known = [(r.value, error * 1e3) for r in ladder.rungs if r.value > 0 and (error := r.run.errors[HALT]) is not None]
     x, y = np.array(known).T
     spread = v.spread[HALT]
-    bars = None if spread is None else np.full(len(x), 2 * spread * 1e3)
-    axes.errorbar(
-        x,
-        y,
-        yerr=bars,
-        fmt="D-",
-        ms=4,
-        color=COLOURS[2],
-        capsize=3,
-        label="halting time; bars: twice its noise",
-    )
+    noise = None if spread is None else np.full(len(x), 2e3 * spread)
+    look: dict[str, Any] = {"colour": COLOURS[2], "marker": "D", "size": 4.0, "width": 1.5}
+    curves = [Curve(label="halting time; band: twice its noise", x=x, y=y, band=noise, **look)]
     if verdict.limit_error is not None and verdict.uncertainty is not None:
-        middle, half = verdict.limit_error * 1e3, verdict.uncertainty * 1e3
-        axes.axhspan(middle - half, middle + half, color=COLOURS[2], alpha=0.15, lw=0, label="its limit, 95 %")
-    axes.axhline(0, color="black", lw=1.0)
-    if ladder.own:
-        axes.axvline(ladder.own, color=GREY, lw=0.9, zorder=1)
-    axes.set_ylabel("halting time,\nengine less reference [ms]")
+        limit, half = [1e3 * verdict.limit_error] * 2, [1e3 * verdict.uncertainty] * 2
+        look = {"colour": COLOURS[2], "width": 0.8, "dashes": (4, 2)}
+        curves.append(Curve(label="its limit; band: 95 %", x=ends, y=limit, band=half, **look))
+    return curves
 
 
 def _points(ladder: LadderStudy, values: Sequence[float | None]) -> tuple[list[float], list[float]]:

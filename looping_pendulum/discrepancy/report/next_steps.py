@@ -7,12 +7,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from looping_pendulum.discrepancy.candidates import UNITS_OF_APPARATUS, in_words
+from looping_pendulum.discrepancy.candidates import APPARATUS, in_words
 from looping_pendulum.discrepancy.formulas import Unlisted
 from looping_pendulum.discrepancy.result import FittedEffect, Identification, Verdict
 from looping_pendulum.measured.observations import UNITS
 from looping_pendulum.pages.numbers import amount, number, quantity, uncertain, unit_in_words
 from looping_pendulum.runs.events import quantity_label
+from looping_pendulum.scenarios.quantities import QUANTITIES
 
 EXAMPLES = 3
 """Effects that are named as examples of what could hide."""
@@ -76,7 +77,8 @@ def _after_identified(result: Identification) -> list[str]:
 
 def _measure_again(effect: FittedEffect) -> str:
     """Return which values to measure again, with the one that the data ask for and the stated one."""
-    si_unit = effect.candidate.unit or UNITS_OF_APPARATUS.get(effect.candidate.parameter, "")
+    parameter = effect.candidate.parameter
+    si_unit = QUANTITIES[parameter].kind.unit if parameter in APPARATUS else effect.candidate.unit
     unit, per_unit = PEOPLES_UNITS.get(si_unit, (unit_in_words(si_unit), 1.0))
     said = []
     for wrong in effect.wrong_values:
@@ -88,7 +90,7 @@ def _measure_again(effect: FittedEffect) -> str:
     if not said:
         return f"Measure again {what}."
     ratio = " Only the ratio of the masses shows, so weigh the heavy ones, too."
-    return f"Measure again {what}: {'; '.join(said)}.{ratio if effect.candidate.parameter == 'light_mass' else ''}"
+    return f"Measure again {what}: {'; '.join(said)}.{ratio if parameter == 'light_mass' else ''}"
 
 
 def _after_ambiguous(result: Identification) -> list[str]:

@@ -11,7 +11,6 @@ from looping_pendulum.files import optional_output, write_atomically
 from looping_pendulum.pages import drawing
 from looping_pendulum.pages import report as pages
 from looping_pendulum.pages.chart import Chart
-from looping_pendulum.pages.figures import on_page
 from looping_pendulum.pages.report import glossary
 
 FILES, FOLDERS = ("verdict.json", "repaired.yaml", "report.md", "report.html"), ("figures",)
@@ -41,13 +40,12 @@ def write(result: Identification, folder: Path) -> Path:
 
 def identification_page(result: Identification, charts: Sequence[Chart]) -> str:
     """Return the page as HTML: the sections of report.md, and interactive figures."""
-    shown = [on_page(chart) for chart in charts]
     return pages.report_page(
         f"{result.title}: what the model lacks",
         markdown.before_figures(result),
-        shown[1:],
+        charts[1:],
         markdown.after_figures(result),
         glossary("identification"),
         "Residual: measured less predicted. Grey bands: two standard errors, which contain 95 % of mere noise.",
-        first=shown[:1],
+        first=charts[:1],
     )

@@ -426,9 +426,7 @@ class FilmTrack:
             for i, axis in enumerate("xy"):
                 column = f"{mass}_{axis}"
                 stated_error = (t[after], error[after, i])
-                channels.append(
-                    Channel(name=column, t=t[after], value=position[after, i], column=column, stated_error=stated_error)
-                )
+                channels.append(Channel(name=column, t=t[after], value=position[after, i], stated_error=stated_error))
         return Observations(
             name=name,
             file=self.path,

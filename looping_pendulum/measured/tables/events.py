@@ -53,7 +53,6 @@ class MeasuredEventRow:
 class MeasuredEventTable:
     """The measured events of one trial."""
 
-    file: str
     rows: tuple[MeasuredEventRow, ...]
     """In the order of the source."""
     states_errors: bool
@@ -167,7 +166,7 @@ def event_table(text: DelimitedText) -> MeasuredEventTable:
             message = f"found {row.quantity} {row.index} again (first on line {first}), needed it once; delete one"
             raise text.error(line.line, "index", message)
         rows.append(row)
-    return MeasuredEventTable(file=text.file, rows=tuple(rows), states_errors=head == TIDY_COLUMNS)
+    return MeasuredEventTable(rows=tuple(rows), states_errors=head == TIDY_COLUMNS)
 
 
 def _row(text: DelimitedText, line: TableLine, head: tuple[str, ...]) -> MeasuredEventRow:

@@ -131,7 +131,6 @@ def _channel(name: str, column: Column, t: Array, time_error: float) -> Channel:
         name=name,
         t=t[kept],
         value=column.value[kept] * column.factor,
-        column=column.label,
         time_error=time_error,
         last_digit=column.digit * column.factor,
         stated_error=None if column.error is None else (t[kept], column.error[kept]),
