@@ -22,7 +22,6 @@ from scripts.written_pages import engine_facts_page
 from tests.apparatus import TEN_TO_ONE
 from tests.command_line import here
 from tests.engines.bad_engines import GoodEngine
-from tests.engines.faulty import forget_adapters
 from tests.engines.page_example import blocks, module
 
 ADAPTER = """
@@ -70,20 +69,10 @@ FACTS = {
 
 
 @pytest.fixture
-def ninth(tmp_path, monkeypatch):
-    """Install the ninth engine: its folder, and a line of its package's metadata."""
-    folder = tmp_path / "ninth_engine"
-    folder.mkdir()
-    (folder / "__init__.py").write_text(ADAPTER)
-    (folder / "engine.json").write_text(json.dumps(FACTS))
-    info = tmp_path / "ninth_engine-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: ninth-engine\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[looping_pendulum.engines]\nninth = ninth_engine\n")
-    monkeypatch.syspath_prepend(str(tmp_path))
-    forget_adapters()
-    yield
-    forget_adapters()
+def ninth(offer, tmp_path):
+    """Install the ninth engine with its facts."""
+    (tmp_path / "engine.json").write_text(json.dumps(FACTS))
+    offer(ninth=ADAPTER)
 
 
 @pytest.mark.usefixtures("ninth")
@@ -91,7 +80,7 @@ def test_it_is_found_in_every_table_and_help():
     assert "ninth" in engine_names()  # what a shell completes
     listed = here("engines").stdout
     assert "ninth:rest" in listed
-    assert "of the package ninth-engine" in re.sub(r"\s+", " ", listed)
+    assert "of the package elsewhere" in re.sub(r"\s+", " ", listed)
     support = re.sub(r"[\s│┃]+", " ", here("engines", "--support").stdout)
     assert "10 of 12" in support  # ended properly
     assert "2 to 8" in support

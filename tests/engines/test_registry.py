@@ -30,7 +30,7 @@ from looping_pendulum.runs.trajectory import RunStatus
 from looping_pendulum.scenarios.scenario import Scenario
 from tests.apparatus import TEN_TO_ONE
 from tests.command_line import here
-from tests.engines.faulty import FaultyEngine, forget_adapters
+from tests.engines.faulty import FaultyEngine
 
 GOOD = """
 from tests.engines.faulty import FaultyEngine
@@ -61,30 +61,6 @@ BROKEN = {
     ),
     "pymunk": (GOOD.replace('"good"', '"pymunk"'), "the name 'pymunk' is taken"),
 }
-
-
-@pytest.fixture
-def offer(tmp_path, monkeypatch):
-    """Install adapters of another package: name -> source."""
-
-    def install(**adapters):
-        points = "[looping_pendulum.engines]\n"
-        for name, source in adapters.items():
-            module = f"adapter_{name}"
-            monkeypatch.delitem(sys.modules, module, raising=False)
-            if source is not None:
-                (tmp_path / f"{module}.py").write_text(source)
-            points += f"{name} = {module}\n"
-        info = tmp_path / "elsewhere-1.0.dist-info"
-        info.mkdir()
-        (info / "METADATA").write_text("Metadata-Version: 2.1\nName: elsewhere\nVersion: 1.0\n")
-        (info / "entry_points.txt").write_text(points)
-        monkeypatch.syspath_prepend(str(tmp_path))
-        forget_adapters()
-        return tmp_path
-
-    yield install
-    forget_adapters()
 
 
 def test_another_packages_engine_is_one_of_the_main_engines(offer):
