@@ -4,31 +4,32 @@ Most were found by `make fuzz`, the others by faults put in on purpose.
 """
 
 import json
+from functools import cache
 
 import pytest
 
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured.tables.readers import DataError, read
-from tests.fuzz.command_lines import RefusedLine, encoded
+from tests.fuzz.command_lines import encoded
 from tests.fuzz.damage import BLANKS
 from tests.fuzz.judging import CPU_LIMIT, time_limit, was_accepted
-from tests.fuzz.kinds import EVENT_TABLES, KINDS, _result
+from tests.fuzz.kinds import EVENT_TABLES, KINDS, small_result
 
 HALF = '"\\ud800"'
 """A lone surrogate, as YAML and JSON let one write it."""
 
 
 @pytest.fixture(scope="module")
-def folders(tmp_path_factory):
-    """Folder of each kind, with the files that its inputs name."""
-    made = {}
+def folder_of(tmp_path_factory):
+    """Return a cached function: kind -> the folder where its inputs are run, with the files that they name."""
 
-    def folder(kind, monkeypatch):
-        is_new = kind not in made
-        made.setdefault(kind, tmp_path_factory.mktemp(kind))
-        monkeypatch.chdir(made[kind])
-        if is_new:
+    @cache
+    def folder(kind):
+        made = tmp_path_factory.mktemp(kind)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.chdir(made)
             KINDS[kind].seeds()
+        return made
 
     return folder
 
@@ -91,15 +92,6 @@ FILES = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("kind", "content", "said"), FILES, ids=[f"{k}: {s[:50]}" for k, _, s in FILES])
-def test_a_hostile_file_gives_its_line(kind, content, said, folders, monkeypatch):
-    folders(kind, monkeypatch)
-    with time_limit(CPU_LIMIT), pytest.raises(HarnessError) as caught:
-        KINDS[kind].run(content if isinstance(content, bytes) else content.encode())
-    assert said in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
 def read_time(tmp_path, text):
     path = tmp_path / "events.csv"
     path.write_text(f"quantity,index,measured,paper_numerical,unit\nstop,1,{text},,s\n")
@@ -133,17 +125,14 @@ SHAPES = [
 ]
 
 
-@pytest.mark.parametrize(("path", "value", "said"), SHAPES, ids=[said for *_, said in SHAPES])
-def test_a_result_of_the_wrong_shape_names_the_place(path, value, said, folders, monkeypatch):
-    folders("baseline", monkeypatch)
-    tree = json.loads(_result().to_json())
+def of_shape(path, value):
+    """Return a stored result in which something has another shape."""
+    tree = json.loads(small_result().to_json())
     holder = tree
     for key in path[:-1]:
         holder = holder[key]
     holder[path[-1]] = value
-    with pytest.raises(HarnessError, match="not as documented") as caught:
-        KINDS["baseline"].run(json.dumps(tree).encode())
-    assert said in str(caught.value)
+    return json.dumps(tree).encode()
 
 
 SLOW = [
@@ -165,8 +154,8 @@ SLOW = [
 
 
 @pytest.mark.parametrize(("kind", "data"), SLOW, ids=[f"{kind}: {data[:12]!r}" for kind, data in SLOW])
-def test_a_hostile_text_is_refused_or_read_in_time(kind, data, folders, monkeypatch):
-    folders(kind, monkeypatch)
+def test_a_hostile_text_is_refused_or_read_in_time(kind, data, folder_of, monkeypatch):
+    monkeypatch.chdir(folder_of(kind))
     was_accepted(KINDS[kind].run, data)
 
 
@@ -190,10 +179,19 @@ LINES = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("arguments", "said"), LINES, ids=lambda value: repr(value)[:60])
-def test_a_hostile_command_line_gives_one_line_and_exit_status_two(arguments, said, folders, monkeypatch):
-    folders("command-line", monkeypatch)
-    with time_limit(CPU_LIMIT), pytest.raises(RefusedLine) as caught:  # it holds the line, and the status was 2
-        KINDS["command-line"].run(encoded(arguments))
+REFUSED = [
+    *FILES,
+    *(("baseline", lambda path=path, value=value: of_shape(path, value), said) for path, value, said in SHAPES),
+    *(("command-line", encoded(arguments), said) for arguments, said in LINES),
+]
+
+
+@pytest.mark.parametrize(("kind", "content", "said"), REFUSED, ids=[f"{kind}: {said[:50]}" for kind, _, said in REFUSED])
+def test_a_hostile_input_gives_its_line(kind, content, said, folder_of, monkeypatch):
+    monkeypatch.chdir(folder_of(kind))
+    content = content() if callable(content) else content
+    data = content.encode() if isinstance(content, str) else content
+    with time_limit(CPU_LIMIT), pytest.raises(HarnessError) as caught:  # of a command line, too, and its status was 2
+        KINDS[kind].run(data)
     assert said in str(caught.value)
-    assert not was_accepted(KINDS["command-line"].run, encoded(arguments))
+    assert "\n" not in str(caught.value)
