@@ -260,23 +260,21 @@ def test_a_grid_is_none_where_nothing_tells_it():
 
 @pytest.mark.parametrize("step", [1, 2, 4])
 @pytest.mark.parametrize("rate", [30.0, 120.0, 240.0, 1000.0])
-def test_whole_numbers_named_as_times_are_frames_also_where_rows_are_lost(tmp_path, step, rate):
+def test_whole_numbers_named_as_times_are_frames_also_where_rows_are_lost(clip, step, rate):
     """Lost rows made seconds of them in 52 of 60 tables, in silence."""
     rng = np.random.default_rng([step, int(rate)])
     kept = np.sort(rng.choice(200, 170, replace=False))
     frame = step * kept + 17
-    path = tmp_path / "clip.csv"
-    path.write_text("t,light_x\n" + "".join(f"{f},{(f / 1000) ** 2:.6f}\n" for f in frame))
+    path = clip("t,light_x\n" + "".join(f"{f},{(f / 1000) ** 2:.6f}\n" for f in frame))
     observations = read(path, frame_rate=rate)
     assert observations.channels[0].t == pytest.approx((frame - frame[0]) / rate, abs=1e-12)
     assert "whole numbers without a unit: taken as" in observations.summary()
 
 
 @pytest.mark.parametrize("rate", [30.0, 60.0, 120.0, 240.0, 480.0, 960.0])
-def test_whole_numbers_are_milliseconds_where_their_steps_are_those_of_a_film(tmp_path, rate):
+def test_whole_numbers_are_milliseconds_where_their_steps_are_those_of_a_film(clip, rate):
     """At 480/s and 960/s they were taken as frame numbers, whose steps these are not."""
-    path = tmp_path / "clip.csv"
-    path.write_text("t,light_x\n" + "".join(f"{1000 * i / rate:.0f},{(i / 200) ** 2:.6f}\n" for i in range(200)))
+    path = clip("t,light_x\n" + "".join(f"{1000 * i / rate:.0f},{(i / 200) ** 2:.6f}\n" for i in range(200)))
     for stated in ({}, {"frame_rate": rate}, {"frame_rate": 960.0, "clip_rate": rate}):
         observations = read(path, **stated)
         played = rate / stated.get("frame_rate", rate)
@@ -298,9 +296,8 @@ def test_whole_numbers_are_milliseconds_where_their_steps_are_those_of_a_film(tm
         (4, {"frame_rate": 250.0}, "taken as milliseconds"),
     ],
 )
-def test_equal_whole_steps_are_asked_for_where_they_may_be_both(tmp_path, step, stated, taken):
-    path = tmp_path / "clip.csv"
-    path.write_text("t,light_x\n" + "".join(f"{step * i},{(i / 200) ** 2:.6f}\n" for i in range(40)))
+def test_equal_whole_steps_are_asked_for_where_they_may_be_both(clip, step, stated, taken):
+    path = clip("t,light_x\n" + "".join(f"{step * i},{(i / 200) ** 2:.6f}\n" for i in range(40)))
     if taken.startswith("taken"):
         assert taken in read(path, **stated).summary()
     else:

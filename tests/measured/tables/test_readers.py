@@ -17,17 +17,6 @@ LIGHT = {"light": "mass A"}
 BOTH = {"light": "mass A", "heavy": "mass B"}
 
 
-@pytest.fixture
-def clip(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-    def write(content):
-        Path("clip.csv").write_bytes(content if isinstance(content, bytes) else content.encode())
-        return "clip.csv"
-
-    return write
-
-
 XY = {"light_x": [1.2, -1.4], "light_y": [2.1, 0.5]}
 FORMS = {
     "tracker": (",mass A,,\nt,x,y,\n0.0E0,1.2E0,2.1E0,\n1.0E-2,-1.4E0,5.0E-1,\n", {"tracks": LIGHT}),
