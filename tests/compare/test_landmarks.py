@@ -280,41 +280,6 @@ def test_a_reference_that_does_not_reach_the_rod_runs_to_its_end(reference, clos
     assert sampled.landmarks_beside().halting_time == pytest.approx(HALT, abs=1e-6)
 
 
-def test_landmarks_of_the_closed_form(closed_form, make_run):
-    for status, confirmed in ((RunStatus.FINISHED, False), (RunStatus.LIGHT_REACHED_ROD, True)):
-        landmarks = run_landmarks(make_run(status=status), closed_form.parameters)
-        assert landmarks.halting_time == pytest.approx(closed_form.halt, abs=1e-9)
-        assert landmarks.halting_confirmed is confirmed
-        assert landmarks.drop_at_halt == pytest.approx(closed_form.drop, abs=5e-6)  # b dt^2 / 8, between samples
-        assert landmarks.wrap_angle_at_halt == pytest.approx(closed_form.wrap_angle, abs=1e-4)
-        assert landmarks.free_length_at_halt == pytest.approx(closed_form.free_length, abs=5e-6)
-
-
-def test_reference_speaks_by_its_own_events(closed_form, reference, times):
-    landmarks = reference_landmarks(reference, times)
-    assert [s.time for s in landmarks.stops] == [closed_form.halt]
-    assert landmarks.halting_time == closed_form.halt
-    assert landmarks.drop_at_halt == pytest.approx(closed_form.drop, rel=1e-12)
-    assert landmarks.wrap_angle_at_halt == pytest.approx(closed_form.wrap_angle, rel=1e-12)
-    assert landmarks.light_reaches_rod == 1.1
-
-
-def test_a_run_cut_just_after_a_stop_does_not_halt(closed_form, make_run):
-    landmarks = run_landmarks(make_run(until=closed_form.halt + 0.04), closed_form.parameters)
-    assert landmarks.halting_time is None
-    assert len(landmarks.stops) == 1
-    assert landmarks.rebound is None
-    assert run_landmarks(make_run(until=0.0), closed_form.parameters).stops == ()
-
-
-def test_extrema_of_a_cosine():
-    t, rate = np.arange(1100) * DT, 9.0
-    turns = extrema(t, 0.2 * np.cos(rate * t + 0.5))
-    expected = [(k * math.pi - 0.5) / rate for k in (1, 2, 3)]
-    assert [e.time for e in turns] == [pytest.approx(e, abs=1e-6) for e in expected]  # the parabola misses by order dt^3 rate^2
-    assert [e.value for e in turns] == [pytest.approx(v, abs=1e-8) for v in (-0.2, 0.2, -0.2)]
-
-
 def test_the_references_samples_give_the_references_events(scenario):
     """Two to one: a reversal, a stick, a break-away and the halt, read off samples at 1 kHz."""
     coefficients = {"kinetic_friction": 0.265, "light_drag": 6e-4, "heavy_drag": 6e-4, "string_drag": 5.9e-3}
