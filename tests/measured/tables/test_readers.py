@@ -1,7 +1,6 @@
 """Every form in which measured data comes, good and bad; the oracle is the table that the text was made from."""
 
 import math
-import os
 import re
 import time
 from pathlib import Path
@@ -440,14 +439,6 @@ def test_many_short_rows_take_no_time_for_each_pair_of_rows(clip):
     start = time.process_time()
     assert len(read(clip("t,light_x,light_y\n" + rows)).channel("light_x")) == 13_333
     assert time.process_time() - start < 10
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
-def test_a_pipe_is_no_file(tmp_path):
-    """It was waited for without end."""
-    os.mkfifo(tmp_path / "clip.csv")
-    with pytest.raises(DataError, match=r"clip.csv: cannot be read: found a pipe or a device, needed a file"):
-        read(tmp_path / "clip.csv")
 
 
 def test_a_missing_file_says_so(tmp_path):
