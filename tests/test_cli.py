@@ -82,12 +82,6 @@ def test_help_teaches_and_imports_nothing_heavy():
         assert len(help_texts[name]) > 200, name
 
 
-def test_scenarios_lists_prints_and_describes():
-    assert "ten_to_one" in here("scenarios").stdout
-    assert "6" in here("scenarios", "ten_to_one").stdout
-    assert json.loads(here("scenarios", "--schema").stdout)["type"] == "object"
-
-
 def test_engines_says_who_supplies_what_and_what_is_missing():
     done = here("engines")
     assert done.returncode == 0
