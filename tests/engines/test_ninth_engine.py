@@ -8,13 +8,11 @@ import re
 import pytest
 
 from looping_pendulum.cli.common import engine_names
-from looping_pendulum.compare.harness import compare_engines
 from looping_pendulum.compare.run_cache import run_key
 from looping_pendulum.engines.facts import EngineFacts
 from looping_pendulum.engines.isolation import run_isolated
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import engine, engine_facts, how_to_get, select, styles
-from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.palette import COLOUR_NAMES, COLOURS
 from looping_pendulum.runs.trajectory import RunStatus
 from looping_pendulum.scenarios import load
@@ -134,12 +132,3 @@ def test_the_pages_facts_are_facts():
     facts = module("page_of_facts", blocks("python")[-1]).FACTS
     assert isinstance(facts, EngineFacts)
     assert facts.variant("euler").colour in COLOUR_NAMES
-
-
-def test_engines_are_compared_by_name_and_as_objects():
-    scenario = dataclasses.replace(load("drop"), duration=0.02, tolerances=())
-    result = compare_engines(scenario, engines=["reference", GoodEngine("rest", Profile.QUICK)])
-    assert [row.label for row in result.engines] == ["reference", "good:rest"]
-    assert [row.status for row in result.engines] == [RunStatus.FINISHED.name] * 2
-    with pytest.raises(EngineError, match="engines: found int, needed a name such as 'pymunk', or an engine"):
-        compare_engines(scenario, engines=[3])
