@@ -327,6 +327,11 @@ BAD = {
     "neither times nor a rate": ("light_x,light_y\n0,1\n0,2\n", r": found frame numbers but no times, .*'frame_rate'"),
     "six columns": ("0,1,2,3,4,5\n", r":1: found 6 columns without names, needed a line of names above"),
     "frames without rate": ("frame,light_x,light_y\n7,1,2\n9,1,2\n", r".*found frame numbers but no times, .*'frame_rate'"),
+    "frames that are times": (
+        "frame,light_x\n0,1\n0.0333,2\n",
+        r":3: column frame: found no whole number, needed a frame's; if these are times, name the column 't'",
+        {"frame_rate": 30.0},
+    ),
     "frames go back": ("t,frame,light_x\n0,9,1\n.1,7,2\n", r":3: column frame: found 7 after 9", {"frame_rate": 30.0}),
     "empty": ("", r": found no rows"),
     "only names": ("t,light_x,light_y\n", r":1: found no table of numbers"),
