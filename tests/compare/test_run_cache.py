@@ -196,15 +196,6 @@ def test_after_an_interrupt_no_run_is_begun_and_the_cut_one_is_not_done(tmp_path
     assert len(begun) == 4
 
 
-def test_an_error_of_a_run_is_not_swallowed(tmp_path, tasks, monkeypatch):
-    def run(*_, **__):
-        raise OSError("no space left")
-
-    monkeypatch.setattr(run_cache, "run_isolated", run)
-    with pytest.raises(OSError, match="no space left"):
-        runs_of(tasks, tmp_path)
-
-
 def test_there_are_as_many_jobs_as_are_asked_for_or_as_there_are_cores(tmp_path, monkeypatch):
     asked = []
     monkeypatch.setattr(run_cache, "core_count", lambda: 8)
