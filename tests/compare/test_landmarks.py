@@ -280,6 +280,14 @@ def test_a_reference_that_does_not_reach_the_rod_runs_to_its_end(reference, clos
     assert sampled.landmarks_beside().halting_time == pytest.approx(HALT, abs=1e-6)
 
 
+def test_extrema_of_a_cosine():
+    t, rate = np.arange(1100) * DT, 9.0
+    turns = extrema(t, 0.2 * np.cos(rate * t + 0.5))
+    expected = [(k * math.pi - 0.5) / rate for k in (1, 2, 3)]
+    assert [e.time for e in turns] == [pytest.approx(e, abs=1e-6) for e in expected]  # the parabola misses by order dt^3 rate^2
+    assert [e.value for e in turns] == [pytest.approx(v, abs=1e-8) for v in (-0.2, 0.2, -0.2)]
+
+
 def test_the_references_samples_give_the_references_events(scenario):
     """Two to one: a reversal, a stick, a break-away and the halt, read off samples at 1 kHz."""
     coefficients = {"kinetic_friction": 0.265, "light_drag": 6e-4, "heavy_drag": 6e-4, "string_drag": 5.9e-3}
