@@ -280,6 +280,16 @@ def test_a_reference_that_does_not_reach_the_rod_runs_to_its_end(reference, clos
     assert sampled.landmarks_beside().halting_time == pytest.approx(HALT, abs=1e-6)
 
 
+def test_landmarks_of_the_closed_form(closed_form, make_run):
+    for status, confirmed in ((RunStatus.FINISHED, False), (RunStatus.LIGHT_REACHED_ROD, True)):
+        landmarks = run_landmarks(make_run(status=status), closed_form.parameters)
+        assert landmarks.halting_time == pytest.approx(closed_form.halt, abs=1e-9)
+        assert landmarks.halting_confirmed is confirmed
+        assert landmarks.drop_at_halt == pytest.approx(closed_form.drop, abs=5e-6)  # b dt^2 / 8, between samples
+        assert landmarks.wrap_angle_at_halt == pytest.approx(closed_form.wrap_angle, abs=1e-4)
+        assert landmarks.free_length_at_halt == pytest.approx(closed_form.free_length, abs=5e-6)
+
+
 def test_extrema_of_a_cosine():
     t, rate = np.arange(1100) * DT, 9.0
     turns = extrema(t, 0.2 * np.cos(rate * t + 0.5))
