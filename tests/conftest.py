@@ -1,5 +1,6 @@
 """What the whole suite needs: the longest tests first, and the backend."""
 
+import contextlib
 import gc
 import os
 import shutil
@@ -39,6 +40,15 @@ def esbuild():
     """Skip what needs esbuild where it is not."""
     if not ESBUILD.exists():
         pytest.skip("esbuild is not installed: npm ci")
+
+
+@pytest.fixture
+def offer(tmp_path):
+    """Install adapters of another package: name -> source."""
+    from tests.engines.faulty import adapters_of_another_package
+
+    with contextlib.ExitStack() as installed:
+        yield lambda **sources: installed.enter_context(adapters_of_another_package(tmp_path, sources))
 
 
 @pytest.fixture(scope="session")

@@ -1,6 +1,7 @@
 """Code blocks of a page of the documentation, and the package that the page makes of them."""
 
 import importlib.util
+import os
 import re
 import subprocess
 import sys
@@ -8,12 +9,23 @@ import zipfile
 
 import pytest
 
+from tests.docs_commands import PROJECT
+
 BUILD = "from setuptools.build_meta import build_wheel; build_wheel('dist')"
 
 
 def blocks(page, language):
     """Return the code blocks of one language, in the order of the page."""
     return re.findall(rf"^```{language}\n(.*?)^```$", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+
+
+def python(site, *arguments, folder=None):
+    """Run Python with the packages of the folder ``site``, and with this one."""
+    path = os.pathsep.join([str(site), str(PROJECT)])
+    environment = os.environ | {"PYTHONPATH": path, "COLUMNS": "200"}
+    return subprocess.run(
+        [sys.executable, *arguments], capture_output=True, text=True, timeout=600, cwd=folder, env=environment
+    )
 
 
 def install(page, module, tmp_path_factory):

@@ -21,7 +21,7 @@ from looping_pendulum.files import write_atomically
 from looping_pendulum.scenarios import loader
 from tests.command_line import can_be_interrupted, here
 from tests.compare.conftest import quick_figures  # noqa: F401, a fixture
-from tests.engines.faulty import forget_adapters, offer
+from tests.engines.faulty import adapter_of
 
 REFERENCE = "reference"
 """An engine whose process starts quickly."""
@@ -36,21 +36,6 @@ def command(*arguments):
         timeout=120,
         env=os.environ | {"COLUMNS": "200"},
     )
-
-
-@pytest.fixture
-def offered(tmp_path, monkeypatch):
-    """Engines of somebody else's package, written as Python."""
-
-    def install(*engines):
-        offer(tmp_path, *engines)
-        monkeypatch.syspath_prepend(str(tmp_path))
-        monkeypatch.delitem(sys.modules, "faulty_engines", raising=False)
-        forget_adapters()
-
-    yield install
-    forget_adapters()
-    sys.modules.pop("faulty_engines", None)
 
 
 def one_line_error(done):
@@ -95,12 +80,6 @@ def test_help_teaches_and_imports_nothing_heavy():
     assert list(help_texts) == names
     for name in names:
         assert len(help_texts[name]) > 200, name
-
-
-def test_scenarios_lists_prints_and_describes():
-    assert "ten_to_one" in here("scenarios").stdout
-    assert "6" in here("scenarios", "ten_to_one").stdout
-    assert json.loads(here("scenarios", "--schema").stdout)["type"] == "object"
 
 
 def test_engines_says_who_supplies_what_and_what_is_missing():
@@ -186,10 +165,10 @@ def test_a_baseline_lists_what_changed_and_leaves_the_exit_status(compared, tmp_
 
 
 @pytest.mark.long
-def test_a_memory_limit_has_a_unit_and_stops_a_run(offered):
+def test_a_memory_limit_has_a_unit_and_stops_a_run(offer):
     line = one_line_error(here("run", "drop", "--memory-limit", "2"))
     assert "write for example '2 GiB'" in line
-    offered("FaultyEngine('memory')")
+    offer(faulty=adapter_of("FaultyEngine('memory')"))
     done = here("run", "two_to_one", "-e", "faulty", "--memory-limit", "300 MiB")
     assert done.returncode == 1, done.stderr
     assert "stopped by its memory limit; raise --memory-limit" in " ".join(done.stdout.split())
@@ -221,8 +200,8 @@ def limited(folder, tolerances):
 LIMIT = "tolerances: {%s: {quick: {tube_fraction: {limit: 0.5, reason: easily kept}}}}\n"
 
 
-def test_a_check_that_judges_nothing_is_exit_status_two(tmp_path, offered):
-    offered("FaultyEngine('missing', packages=('no_such_package',), releases=Release)")
+def test_a_check_that_judges_nothing_is_exit_status_two(tmp_path, offer):
+    offer(faulty=adapter_of("FaultyEngine('missing', packages=('no_such_package',), releases=Release)"))
     path = limited(tmp_path, LIMIT % "'faulty:missing'")
     done = here("check", path)
     assert done.returncode == 2
@@ -275,9 +254,9 @@ def test_interrupt_keeps_what_was_computed(tmp_path):
 
 @pytest.mark.long
 @pytest.mark.usefixtures("quick_figures")
-def test_the_page_appears_with_the_first_engine_and_a_complete_one_is_kept(tmp_path, offered):
+def test_the_page_appears_with_the_first_engine_and_a_complete_one_is_kept(tmp_path, offer):
     """One after the other, so that one ends while the other has yet to start; both pages are read as they are written."""
-    offered("FaultyEngine('none')")
+    offer(faulty=adapter_of("FaultyEngine('none')"))
     arguments = ["compare", "ten_to_one", "-e", "faulty", "-e", REFERENCE, "--jobs", "1", "--out", str(tmp_path / "out")]
     page, pages = tmp_path / "out" / "report.html", []
 

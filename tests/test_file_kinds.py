@@ -90,11 +90,14 @@ def test_a_pipe_is_refused_and_not_waited_for(command, name, tmp_path, monkeypat
     monkeypatch.chdir(tmp_path)
     for pipe in set(PIPES.values()):
         os.mkfifo(pipe)
-    Path("of_a_pipe.yaml").write_text("title: x\ntrials: [{file: pipe.csv, release: {angle: 112 deg, free_length: 58 cm}}]\n")
+    Path("of_a_pipe.yaml").write_text(
+        "title: x\napparatus: {light: {mass: 10 g}, heavy: {mass: 100 g}, rod: {radius: 6 mm}}\n"
+        "trials: [{file: pipe.csv, release: {angle: 112 deg, free_length: 58 cm}}]\n"
+    )
     signal.alarm(60)
     try:
         done = here(*command, name)
     finally:
         signal.alarm(0)
     assert done.returncode == 2
-    assert done.stderr.startswith("error: ")
+    assert "found a pipe or a device, needed " in done.stderr

@@ -19,7 +19,7 @@ from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.units import to_si
 from tests.command_line import can_be_interrupted
 from tests.compare.conftest import quick_figures  # noqa: F401, for the sessions whose reports are not what a test is about
-from tests.engines.faulty import forget_adapters, offer
+from tests.engines.faulty import adapter_of
 
 pytest_plugins = "pytester"
 
@@ -88,19 +88,6 @@ def _all_is_imported():
     registry.all_engines(Profile.QUICK)
     solve(loader.load("drop").parameters)
     to_si("1 in", "m")  # pint, whose import replaces finders of packages
-
-
-@pytest.fixture
-def offered(pytester):
-    """Engines of somebody else's package, written as Python."""
-
-    def install(*engines):
-        offer(pytester.path, *engines)
-        pytester.syspathinsert()
-        forget_adapters()
-
-    yield install
-    forget_adapters()
 
 
 @pytest.fixture
@@ -201,9 +188,9 @@ def test_a_session_that_only_shows_setups_is_a_success_though_nothing_is_judged(
 
 @pytest.mark.long
 @pytest.mark.usefixtures("quick_figures")
-def test_expected_failures_are_strict(project, offered):
+def test_expected_failures_are_strict(project, offer):
     pytester = project(mine=EXPECTED)
-    offered("FaultyEngine('none', releases=Release)")
+    offer(faulty=adapter_of("FaultyEngine('none', releases=Release)"))
     done = run(pytester, "-rx")
     done.assert_outcomes(passed=1, xfailed=1, failed=1)
     done.stdout.fnmatch_lines(
@@ -213,12 +200,13 @@ def test_expected_failures_are_strict(project, offered):
 
 
 @pytest.mark.usefixtures("quick_figures")
-def test_engines_that_are_not_here_are_skips_with_the_way_to_get_them_and_crashes_fail_one_item(project, offered):
+def test_engines_that_are_not_here_are_skips_with_the_way_to_get_them_and_crashes_fail_one_item(project, offer):
     pytester = project(mine=OTHERS)
-    offered(
+    engines = (
         "FaultyEngine('missing', packages=('no_such_package',), releases=Release)",
         "FaultyEngine('segfault', releases=Release)",
     )
+    offer(faulty=adapter_of(*engines))
     done = run(pytester, "-rs")
     done.assert_outcomes(skipped=2, failed=1, passed=1)
     done.stdout.fnmatch_lines_random(
@@ -233,9 +221,9 @@ def test_engines_that_are_not_here_are_skips_with_the_way_to_get_them_and_crashe
 
 
 @pytest.mark.long
-def test_a_session_that_judges_nothing_is_no_success(project, offered):
+def test_a_session_that_judges_nothing_is_no_success(project, offer):
     pytester = project(gap=MISSING, bare="tolerances: {}", mine=TOLERANCES)
-    offered("FaultyEngine('missing', packages=('no_such_package',), releases=Release)")
+    offer(faulty=adapter_of("FaultyEngine('missing', packages=('no_such_package',), releases=Release)"))
     done = run(pytester, "gap.scenario.yaml", "-rs")
     done.assert_outcomes(skipped=2, errors=1)  # the gap stays visible
     assert done.ret == 2
@@ -280,13 +268,14 @@ def test_an_unknown_engine_in_a_tolerance_is_an_error(project, name, message):
 
 @pytest.mark.long
 @pytest.mark.usefixtures("quick_figures")
-def test_an_engines_name_means_its_main_variants(project, offered):
+def test_an_engines_name_means_its_main_variants(project, offer):
     pytester = project(mine=BY_NAME)
-    offered(
+    engines = (
         "FaultyEngine('one', releases=Release)",
         "FaultyEngine('other', releases=Release)",
         "FaultyEngine('study', releases=Release, main=False)",
     )
+    offer(faulty=adapter_of(*engines))
     done = run(pytester, "mine.scenario.yaml", "-v")
     node_names = [
         line.partition("::")[2].partition(" ")[0] for line in done.stdout.lines if line.startswith("mine.scenario.yaml::")
@@ -330,12 +319,12 @@ def test_profile_and_time_limit_are_passed_on(project):
 
 @pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
-def test_an_interrupt_ends_the_session_and_is_no_failed_limit(project, tmp_path):
+def test_an_interrupt_ends_the_session_and_is_no_failed_limit(project, offer, tmp_path):
     pytester = project(mine=HANGING)
-    offer(pytester.path, "FaultyEngine('hang', releases=Release)")
+    offer(faulty=adapter_of("FaultyEngine('hang', releases=Release)"))
     scratch = tmp_path / "scratch"
     scratch.mkdir()
-    path = os.pathsep.join([str(pytester.path), str(ROOT)])
+    path = os.pathsep.join([str(tmp_path), str(ROOT)])
     process = subprocess.Popen(
         [sys.executable, "-m", "pytest", *BLOCKED, "-k", "hang", "--basetemp", str(tmp_path / "base")],
         cwd=pytester.path,

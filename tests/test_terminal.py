@@ -105,25 +105,23 @@ def test_no_table_cuts_a_word_or_a_number(command, width, monkeypatch, tmp_path)
     assert all(len(line) <= width for line in ruled)
 
 
-def test_a_table_that_fits_is_in_one_part():
-    cells = [["engine", "error [mm]"], ["mujoco", "0.1"]]
-    assert list(cli_terminal._parts(cells, 80)) == [cells]
-
-
-def test_columns_that_do_not_fit_follow_below_with_the_first_column():
-    cells = [["engine", "first", "second"], ["mujoco", "1" * 20, "2" * 20]]
-    assert list(cli_terminal._parts(cells, 40)) == [[row[:2] for row in cells], [[row[0], row[2]] for row in cells]]
-
-
-def test_each_part_tells_the_rows_apart():
-    """Of a check's outcomes below, each began with the scenario alone, which all had."""
-    cells = [["scenario", "engine", "value", "outcome"]]
-    cells += [["drop", engine, "1" * 12, "2" * 12] for engine in ("mujoco", "pymunk")]
-    above, below = cli_terminal._parts(cells, 40)
-    assert [row[:2] for row in above] == [row[:2] for row in below] == [row[:2] for row in cells]
-    assert [row[2:] for row in below] == [row[3:] for row in cells]
-
-
-def test_tables_are_laid_out_in_one_place():
-    package = Path(cli_terminal.__file__).parents[1]
-    assert [path.name for path in package.rglob("*.py") if "from rich.table" in path.read_text()] == ["terminal.py"]
+@pytest.mark.parametrize(
+    ("cells", "width", "parts"),
+    [
+        ([["engine", "error"], ["mujoco", "0.1"]], 80, [(0, 1)]),
+        ([["engine", "first", "second"], ["mujoco", "1" * 20, "2" * 20]], 40, [(0, 1), (0, 2)]),
+        # Of a check's outcomes below, each began with the scenario alone, which all had
+        (
+            [["scenario", "engine", "value", "outcome"], *(["drop", engine, "1" * 12, "2" * 12] for engine in ("a", "b"))],
+            40,
+            [(0, 1, 2), (0, 1, 3)],
+        ),
+    ],
+)
+def test_columns_that_do_not_fit_follow_below_with_those_that_tell_the_rows_apart(capsys, monkeypatch, cells, width, parts):
+    monkeypatch.setattr(cli_terminal, "WIDTH_OUTSIDE_TERMINAL", width)
+    show_table(cells[0], cells[1:])
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert [line for line in lines if line and set(line[0]) != {"─"}] == [
+        [row[i] for i in part] for part in parts for row in cells
+    ]

@@ -2,8 +2,7 @@
 
 import json
 import os
-import subprocess
-import sys
+from functools import partial
 
 import pytest
 
@@ -29,12 +28,7 @@ def package(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def python(package):
-    def run(*arguments):
-        path = os.pathsep.join([str(package), str(PROJECT)])
-        environment = os.environ | {"PYTHONPATH": path, "COLUMNS": "200"}
-        return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, timeout=240, env=environment)
-
-    return run
+    return partial(page_package.python, package)
 
 
 @pytest.fixture
@@ -173,10 +167,7 @@ def test_a_faulty_package_is_left_out_whole(tmp_path, module, said):
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: faulty-metrics\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text("[looping_pendulum.metrics]\nfaulty = faulty_metrics\n")
     script = "from looping_pendulum.scenarios.metrics import METRICS; print(*METRICS)"
-    path = os.pathsep.join([str(tmp_path), str(PROJECT)])
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, env=os.environ | {"PYTHONPATH": path}
-    )
+    done = page_package.python(tmp_path, "-c", script)
     assert done.stdout.split() == list(METRICS)
     assert (
         f"the metrics of faulty_metrics of the package faulty-metrics are left out: {said}; correct or uninstall" in done.stderr

@@ -2,8 +2,6 @@
 
 import json
 import math
-import os
-import subprocess
 import sys
 
 import pytest
@@ -21,6 +19,7 @@ from tests.blind.cases import CASES
 from tests.command_line import here
 from tests.discrepancy.blind_study import TWO_RATIOS, WHOLE_LIBRARY, only_candidates, write_study
 from tests.docs_commands import PROJECT
+from tests.page_package import python
 from tests.scenarios.test_errors import GOOD
 
 PAGE = PROJECT / "docs" / "write-an-effect.md"
@@ -79,14 +78,6 @@ def package(tmp_path_factory):
     return page_package.install(PAGE, "looping_pulse", tmp_path_factory)
 
 
-def python(package, *arguments):
-    """Run Python with the package installed."""
-    path = os.pathsep.join([str(package), str(PROJECT)])
-    return subprocess.run(
-        [sys.executable, *arguments], capture_output=True, text=True, timeout=600, env=os.environ | {"PYTHONPATH": path}
-    )
-
-
 @pytest.fixture
 def pushed(tmp_path):
     path = tmp_path / "pushed.yaml"
@@ -135,8 +126,10 @@ print(run_key(engine, scenario), sorted(data["coefficients"].items()))
 
 
 def test_a_module_of_the_package_may_be_imported_first(package):
-    done = python(package, "-c", "import looping_pulse; from looping_pendulum.reference_ode import effects as e; "
-                  "print('pulse' in e.EFFECTS, e.FAULTS)")  # fmt: skip
+    script = (
+        "import looping_pulse; from looping_pendulum.reference_ode import effects as e; print('pulse' in e.EFFECTS, e.FAULTS)"
+    )
+    done = python(package, "-c", script)
     assert done.stdout == "True ()\n", done.stderr
 
 

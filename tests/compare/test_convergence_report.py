@@ -161,6 +161,7 @@ def test_a_study_is_watched_to_a_tenth_of_a_second_after_the_halt(scenario, monk
     monkeypatch.setattr(study, "Reference", lambda scenario: None)
     monkeypatch.setattr(study, "reference_target", lambda *_: SimpleNamespace(numbers={HALT: halt}))
     assert study.cut_to_watched(scenario, None).duration == pytest.approx(duration)
+    assert study.cut_to_watched(scenario, 0.4).duration == 0.4
 
 
 class Exact:

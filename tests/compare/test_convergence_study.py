@@ -65,13 +65,6 @@ def halting(study):
     return tuple(next(v for v in verdicts if v.quantity == HALT) for verdicts in (study.ladders[0].verdicts, study.verdicts))
 
 
-def test_runs_are_watched_to_after_the_halt(scenario):
-    assert scenario.duration == 0.7
-    later = dataclasses.replace(load("two_to_one"), duration=1.2)
-    assert cut_to_watched(later, None).duration == pytest.approx(0.953 + 0.1, abs=1e-3)
-    assert cut_to_watched(load("ten_to_one"), 0.4).duration == 0.4
-
-
 def test_a_first_order_delay_leads_to_the_reference_but_is_not_there(scenario, targets):
     study = studied(DelayedEngine(order=1.0, slope=5.0), scenario, targets)
     ladder, variant = halting(study)

@@ -320,14 +320,6 @@ def test_a_figure_without_words_has_no_legend():
     assert list(figure.get_size_inches()) == [4.0, 3.0]
 
 
-def test_the_star_on_the_page_is_where_the_light_mass_was(compared, closed_form):
-    star = traces_of(compared(), "path")["reference halts"]
-    run = compared().samples.reference
-    place = [np.interp(closed_form.halt, run.t, run.light_position[:, k]) for k in (0, 1)]
-    assert [star["x"][0], star["y"][0]] == pytest.approx(place, abs=1e-6)
-    assert math.hypot(star["x"][0] - place[0], star["y"][0] - place[1]) < 1e-6
-
-
 EARLY, LATE = PATH_END_TIMES
 
 

@@ -290,23 +290,6 @@ def test_landmarks_of_the_closed_form(closed_form, make_run):
         assert landmarks.free_length_at_halt == pytest.approx(closed_form.free_length, abs=5e-6)
 
 
-def test_reference_speaks_by_its_own_events(closed_form, reference, times):
-    landmarks = reference_landmarks(reference, times)
-    assert [s.time for s in landmarks.stops] == [closed_form.halt]
-    assert landmarks.halting_time == closed_form.halt
-    assert landmarks.drop_at_halt == pytest.approx(closed_form.drop, rel=1e-12)
-    assert landmarks.wrap_angle_at_halt == pytest.approx(closed_form.wrap_angle, rel=1e-12)
-    assert landmarks.light_reaches_rod == 1.1
-
-
-def test_a_run_cut_just_after_a_stop_does_not_halt(closed_form, make_run):
-    landmarks = run_landmarks(make_run(until=closed_form.halt + 0.04), closed_form.parameters)
-    assert landmarks.halting_time is None
-    assert len(landmarks.stops) == 1
-    assert landmarks.rebound is None
-    assert run_landmarks(make_run(until=0.0), closed_form.parameters).stops == ()
-
-
 def test_extrema_of_a_cosine():
     t, rate = np.arange(1100) * DT, 9.0
     turns = extrema(t, 0.2 * np.cos(rate * t + 0.5))

@@ -196,15 +196,6 @@ def test_after_an_interrupt_no_run_is_begun_and_the_cut_one_is_not_done(tmp_path
     assert len(begun) == 4
 
 
-def test_an_error_of_a_run_is_not_swallowed(tmp_path, tasks, monkeypatch):
-    def run(*_, **__):
-        raise OSError("no space left")
-
-    monkeypatch.setattr(run_cache, "run_isolated", run)
-    with pytest.raises(OSError, match="no space left"):
-        runs_of(tasks, tmp_path)
-
-
 def test_there_are_as_many_jobs_as_are_asked_for_or_as_there_are_cores(tmp_path, monkeypatch):
     asked = []
     monkeypatch.setattr(run_cache, "core_count", lambda: 8)
@@ -288,11 +279,13 @@ def test_a_comparison_of_another_scenario_is_not_taken(stored, changes):
     folder, scenario, engines, _ = stored
     if "parameters" in changes:
         changes = {"parameters": scenario.parameters.replace(light_mass=0.011)}
-    assert stored_result(folder, dataclasses.replace(scenario, **changes), engines) is None
+    for asked_for in (engines, None):
+        assert stored_result(folder, dataclasses.replace(scenario, **changes), asked_for) is None
 
 
 def test_a_comparison_of_other_engines_or_of_a_run_cut_short_is_not_taken(stored):
     folder, scenario, engines, result = stored
+    assert stored_result(folder, scenario, None) == result, "of any engines, where none are asked for"
     assert stored_result(folder, scenario, engines[:1]) is None
     assert stored_result(folder, scenario, engines[::-1]) is None
     for status in ("INTERRUPTED", "TIME_LIMIT", "MEMORY_LIMIT"):
@@ -301,11 +294,19 @@ def test_a_comparison_of_other_engines_or_of_a_run_cut_short_is_not_taken(stored
         assert stored_result(folder, scenario, engines) is None
 
 
-def test_a_stored_comparison_with_a_damaged_file_is_not_taken(stored):
+@pytest.mark.parametrize(
+    ("file", "damaged"),
+    [
+        ("result.json", lambda text: "{"),
+        ("result.json", lambda text: "{}"),
+        ("trajectories/reference.csv", lambda text: "t [s]\n0\n"),
+        ("trajectories/reference.csv", lambda text: text.replace("light_x", "left_x", 1)),
+    ],
+)
+def test_a_stored_comparison_with_a_damaged_or_missing_file_is_not_taken(stored, file, damaged):
     folder, scenario, engines, _ = stored
-    csv = folder / "trajectories/reference.csv"
-    csv.write_text(csv.read_text().replace("light_x", "left_x", 1))
+    path = folder / file
+    path.write_text(damaged(path.read_text()))
     assert stored_result(folder, scenario, engines) is None
-    csv.unlink()
+    path.unlink()
     assert stored_result(folder, scenario, engines) is None
-    assert stored_result(folder / "nowhere", scenario, engines) is None

@@ -11,7 +11,6 @@ from typer.testing import CliRunner
 
 from looping_pendulum.cli import common as cli_common
 from looping_pendulum.cli import main as cli
-from looping_pendulum.cli import terminal as cli_terminal
 from looping_pendulum.compare import compare, figures, write
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.discrepancy.report import figures as identify_figures
@@ -33,67 +32,35 @@ HOSTILE = ("[/x]", "[bold", "$\\frac{", "$a$", "a" * 260, "_hidden", "half a pai
 """Names that ended a command after its work: markup of rich, formulas of matplotlib, too long, no characters at all."""
 
 
-@pytest.mark.accurate  # daily, all names at once, below
-@pytest.mark.usefixtures("quick_figures")
-@pytest.mark.parametrize("name", HOSTILE)
-def test_no_name_of_a_trial_costs_the_report_of_identify(tmp_path, name, capsys):
-    """A trial called "[/x]" ended `identify` with MarkupError and nothing written."""
-    check_identify(made_up.identification(name), tmp_path)
-    cli_terminal.show_table(["trial [mm]", name], [[name, "[red]"]])
-    shown = capsys.readouterr().out
-    assert "[mm]" in shown
-    assert "[red]" in shown
-    assert name.encode(errors="backslashreplace").decode()[:5].strip() in shown
-
-
-def check_identify(result, folder):
-    writing.write(result, folder)
-    assert sorted(path.name for path in folder.iterdir() if path.is_file()) == sorted(writing.FILES)
-    assert json.loads((folder / "verdict.json").read_text())["study"] == utf8(result.study).decode()
-    assert [path.name for path in (folder / "figures").iterdir()] == ["motion.png"]  # the page has them all
-    assert (folder / "report.html").read_text(encoding="utf-8").count("<figure>") == 5
-
-
 @pytest.mark.long
 def test_all_these_names_in_one_report_of_identify(tmp_path):
     """With the figures as they are: names beside the bars, below the axes, and in several lines."""
     each = [made_up.identification(name) for name in HOSTILE]
-    explanations = tuple(one.explanations[1] for one in each)
-    errors, events = (sum((getattr(one, what) for one in each), ()) for what in ("errors", "events"))
+    of_trials = {what: sum((getattr(one, what) for one in each), ()) for what in ("errors", "events", "trial_figures")}
     name = " ".join(HOSTILE)
-    whole = dataclasses.replace(each[0], study=name, title=name, explanations=explanations, errors=errors, events=events)
-    check_identify(whole, tmp_path)
-
-
-def hostile_run(make_run, name):
-    return make_run(engine="toy", variant=name, settings={"how": name}, message=name, status=RunStatus.FAILED)
-
-
-@pytest.mark.accurate  # daily, all names at once, below
-@pytest.mark.usefixtures("quick_figures")
-@pytest.mark.parametrize("name", HOSTILE)
-def test_no_name_or_message_of_an_engine_costs_the_report_of_compare(tmp_path, scenario, reference, make_run, name):
-    check_compare(scenario, reference, name, [hostile_run(make_run, name)], tmp_path)
-
-
-def check_compare(scenario, reference, name, runs, folder):
-    named = dataclasses.replace(scenario, name=name, title=name, description=name)
-    result = compare(named, reference, runs)
-    write(result, folder)
-    back = ComparisonResult.from_json((folder / "result.json").read_text())
-    assert (back == result) == name.isascii()
-    assert back.title == utf8(name).decode()
-    assert [one.message for one in back.engines] == [utf8(run.message).decode() for run in runs]
-    assert len(list((folder / "figures").iterdir())) == 3
-    assert len(list((folder / "trajectories").iterdir())) == 1 + len(runs)
-    assert (folder / "report.html").exists()
+    explanations = tuple(one.explanations[1] for one in each)
+    whole = dataclasses.replace(each[0], study=name, title=name, explanations=explanations, **of_trials)
+    writing.write(whole, tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir() if path.is_file()) == sorted(writing.FILES)
+    assert json.loads((tmp_path / "verdict.json").read_text())["study"] == utf8(name).decode()
+    assert [path.name for path in (tmp_path / "figures").iterdir()] == ["motion.png"]  # the page has them all
+    assert (tmp_path / "report.html").read_text(encoding="utf-8").count("<figure>") == 4 + len(each)
 
 
 def test_all_these_names_in_one_report_of_compare(tmp_path, scenario, reference, make_run):
     """With the figures as they are: names in titles and legends, each of several lines."""
     short = [name for name in HOSTILE if len(name) < MAX_LABEL_LENGTH]
     assert len(" ".join(short)) > MAX_LABEL_LENGTH - 5  # a title shows all of them, or nearly
-    check_compare(scenario, reference, " ".join(short), [hostile_run(make_run, name) for name in HOSTILE], tmp_path)
+    title = " ".join(short)
+    runs = [make_run(engine="toy", variant=n, settings={"how": n}, message=n, status=RunStatus.FAILED) for n in HOSTILE]
+    result = compare(dataclasses.replace(scenario, name=title, title=title, description=title), reference, runs)
+    write(result, tmp_path)
+    back = ComparisonResult.from_json((tmp_path / "result.json").read_text())
+    assert back.title == utf8(title).decode()
+    assert [one.message for one in back.engines] == [utf8(run.message).decode() for run in runs]
+    assert len(list((tmp_path / "figures").iterdir())) == 3
+    assert len(list((tmp_path / "trajectories").iterdir())) == 1 + len(runs)
+    assert (tmp_path / "report.html").exists()
 
 
 @pytest.mark.usefixtures("quick_figures")

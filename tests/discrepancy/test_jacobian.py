@@ -10,41 +10,18 @@ from looping_pendulum.discrepancy.fit import event_prediction
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.measured import measurement, study_io
-from looping_pendulum.measured.camera import CAMERA
-from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.solve import DURATION
 from tests.blind.cases import CASES
 from tests.blind.pendulum import Pendulum, write_gyroscope
 from tests.discrepancy.event_study import write_blind_study
 from tests.discrepancy.held_study import write_held_study
+from tests.discrepancy.test_problem import FREE_OF_A_CAMERA, with_candidate, with_errors_of_the_camera
 
 FINE = 1e-12
 """Tolerance of the runs whose differences are the oracle of derivatives."""
 STEP = 3e-4
 """Step of the differences, in scales."""
-
-
-def with_candidate(problem, candidate, companions=()):
-    """The problem with a candidate, and a value of it that changes little."""
-    reach = min(candidate.bounds[1] - candidate.null, 0.02 * (abs(candidate.null) or 1.0)) or -0.02
-    added = dataclasses.replace(candidate.free_parameter(1.0), scale=abs(reach))
-    extended = problem.with_parameters(added, *candidate.companion_parameters(companions))
-    x = np.zeros(len(extended.names))
-    x[len(problem.names)] = 0.7 * np.sign(reach)
-    return extended, x
-
-
-def with_errors_of_the_camera(problem, names):
-    trials = tuple(d.trial.name for d in problem.data)
-    return problem.with_parameters(
-        *(
-            FreeParameter(
-                name=n, parameter=n, role=ParameterRole.CAMERA, trials=trials, init_value=CAMERA[n].null, scale=CAMERA[n].error
-            )
-            for n in names
-        )
-    )
 
 
 def differences(problem, x, step, monkeypatch):
@@ -76,8 +53,7 @@ def test_the_declared_model(problem, monkeypatch):
 
 def test_every_error_of_the_camera(problem, monkeypatch):
     """Clocks and a rolling shutter among them."""
-    names = sorted(set(CAMERA) - {"origin_x", "origin_y", "rate_offset"})
-    extended = with_errors_of_the_camera(problem, names)
+    extended = with_errors_of_the_camera(problem, FREE_OF_A_CAMERA)
     x = np.random.default_rng(2).normal(0, 0.2, len(extended.names))
     assert_derivatives(extended, x, monkeypatch)
 

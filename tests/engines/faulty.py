@@ -1,14 +1,17 @@
 """Engines that misbehave on purpose, in a module of their own, so that they can be pickled for their process."""
 
+import contextlib
 import ctypes
 import math
 import os
 import subprocess
+import sys
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
+import pytest
 
 from looping_pendulum.engines import other_packages, registry
 from looping_pendulum.engines.protocol import Abilities, Profile, SteppedEngine
@@ -53,12 +56,6 @@ class FaultyEngine(SteppedEngine):
             run.light_position[round(FAULT_AT * 1000) :] = math.nan
         if self.variant == "leaves_child":
             print(subprocess.Popen(["sleep", "600"], start_new_session=True).pid, flush=True)  # noqa: T201
-        faulty_fields = {
-            "returns_complex": {"light_position": run.light_position.astype(complex)},
-            "returns_wrong_shape": {"heavy_position": run.heavy_position[:-1]},
-            "returns_unknown_mode": {"mode": np.full(len(run.t), 77)},
-        }
-        run = replace(run, **faulty_fields.get(self.variant, {}))
         return None if self.variant == "returns_nothing" else run
 
     def build(self, scenario):
@@ -120,14 +117,31 @@ def forget_adapters() -> None:
     other_packages.DESCRIBED.clear()
 
 
-def offer(folder: Path, *engines: str) -> None:
-    """Install ``engines``, Python expressions, into ``folder`` as another package's entry point would."""
-    (folder / "faulty_engines.py").write_text(
+def adapter_of(*engines: str) -> str:
+    """Return the source of an adapter that offers ``engines``, Python expressions."""
+    return (
         "from looping_pendulum.reference_ode.parameters import Release\n"
         "from tests.engines.faulty import FaultyEngine\n"
         f"def engines(profile):\n    return [{', '.join(engines)}]\n"
     )
-    info = folder / "faulty_engines-1.dist-info"
+
+
+@contextlib.contextmanager
+def adapters_of_another_package(folder: Path, sources: Mapping[str, str | None]) -> Iterator[None]:
+    """Install adapters, name -> source of its module (None: it has none), as the entry points of the package "elsewhere"."""
+    modules = {name: f"adapter_{name}" for name in sources}
+    info = folder / "elsewhere-1.0.dist-info"
     info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: faulty-engines\nVersion: 1\n")
-    (info / "entry_points.txt").write_text("[looping_pendulum.engines]\nfaulty = faulty_engines\n")
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: elsewhere\nVersion: 1.0\n")
+    points = "".join(f"{name} = {module}\n" for name, module in modules.items())
+    (info / "entry_points.txt").write_text(f"[{registry.ENTRY_POINTS}]\n{points}")
+    for name, source in sources.items():
+        if source is not None:
+            (folder / f"{modules[name]}.py").write_text(source)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(folder))
+        forget_adapters()
+        yield
+    forget_adapters()
+    for module in modules.values():
+        sys.modules.pop(module, None)

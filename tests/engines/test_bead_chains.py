@@ -135,19 +135,6 @@ def test_held_pendulum_follows_the_reference(chain):
     assert np.ptp(held.heavy_position, axis=0).max() == 0.0
 
 
-@of_chains(RIGS, daily=RIGS)
-def test_drop_is_free_fall(chain):
-    # Oracle: g t^2 / 2. A symplectic Euler step or sub-step h falls g t (t + h) / 2. Bound: rounding; in the games' single
-    # precision each sub-step rounds place and velocity, by 3e-8 of them at random or up to half a unit in the last place alike;
-    # Box2D's 80000 give 35 um, so three times that.
-    fallen = simulated(chain, TEN_TO_ONE.replace(release="drop", **NO_DRAG), 0.2)
-    step = chain.settings.time_step / (chain.settings.sub_steps if chain.name in GAMES else 1)
-    bound = 1e-4 if chain.name in GAMES else 1e-9
-    for position in (fallen.light_position, fallen.heavy_position):
-        euler = 0.5 * 9.81 * fallen.t * (fallen.t + step)
-        np.testing.assert_allclose(position[0, 1] - position[:, 1], euler, rtol=0, atol=bound)
-
-
 @pytest.mark.parametrize("degrees", [90, 180, 270])
 @of_chains(("drake", *GAMES), daily=GAMES)  # of Drake daily the static ratio, below
 def test_tension_ratio_obeys_the_capstan_law(chain, degrees):

@@ -123,14 +123,6 @@ def test_tension_ratio_obeys_the_capstan_law_nearly():
     assert abs(measure_capstan_exponent(ExudynCable(), duration=0.1).error) < 0.03
 
 
-@needs_exudyn
-def test_drop_is_free_fall():
-    # Oracle: g t^2 / 2, which the generalised-alpha method gives exactly; bound: rounding and Newton's tolerance.
-    fallen = simulated(ExudynCable(), TEN_TO_ONE.replace(release="drop", **NO_DRAG), 0.1)
-    for position in (fallen.light_position, fallen.heavy_position):
-        np.testing.assert_allclose(position[0, 1] - position[:, 1], 0.5 * 9.81 * fallen.t**2, rtol=0, atol=1e-6)
-
-
 def test_profiles_refine():
     quick, accurate = SETTINGS[Profile.QUICK], SETTINGS[Profile.ACCURATE]
     assert accurate.time_step < quick.time_step

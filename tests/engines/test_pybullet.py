@@ -197,17 +197,6 @@ def test_in_a_vertical_release_the_wrap_angle_stays() -> None:
     assert typical_wrap_angle(TEN_TO_ONE.replace(release=Release.VERTICAL)) == math.pi
 
 
-def test_drop_is_free_fall() -> None:
-    pytest.importorskip("pybullet")
-    engine = PybulletChain()
-    run = engine.simulate(scenario(0.2, release="drop")).raise_if_failed()
-    # Velocity first, then position with the new velocity: n steps fall g dt^2 n (n + 1) / 2, so too far by exactly g dt t / 2.
-    expected = 0.5 * G * run.t**2 + 0.5 * G * engine.settings.time_step * run.t
-    assert run.heavy_drop == pytest.approx(expected, abs=1e-12)
-    assert run.light_position[0, 1] - run.light_position[:, 1] == pytest.approx(expected, abs=1e-12)
-    assert run.light_position[:, 0] == pytest.approx(run.light_position[0, 0], abs=1e-12)
-
-
 def test_fall_with_quadratic_drag_follows_its_closed_form() -> None:
     pytest.importorskip("pybullet")
     engine, drag = PybulletChain(), 0.05

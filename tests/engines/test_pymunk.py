@@ -164,16 +164,6 @@ def test_halted_string_sticks(ten_to_one):
     assert abs(creep) < 1e-3
 
 
-def test_drop_is_free_fall():
-    # Oracle: g t^2 / 2. Chipmunk moves bodies with the speed of the step before, so it falls exactly g t (t - dt) / 2.
-    fallen = run(TEN_TO_ONE.replace(release=Release.DROP, **NO_DRAG), 0.2)
-    euler = 0.5 * 9.81 * fallen.t * (fallen.t - QUICK.time_step)
-    for position in (fallen.light_position, fallen.heavy_position):
-        assert np.allclose(position[0, 1] - position[:, 1], euler, rtol=0, atol=1e-9)
-        assert np.ptp(position[:, 0]) == 0.0
-    assert np.isnan(fallen.string_stretch).all()
-
-
 def test_drop_with_drag_follows_the_reference():
     # Oracle: the reference, whose fall is the closed form. Bound: half a step late, g t dt / 2, and half a group of steps early
     # for the drag that is given at its start.

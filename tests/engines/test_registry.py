@@ -30,7 +30,7 @@ from looping_pendulum.runs.trajectory import RunStatus
 from looping_pendulum.scenarios.scenario import Scenario
 from tests.apparatus import TEN_TO_ONE
 from tests.command_line import here
-from tests.engines.faulty import FaultyEngine, forget_adapters
+from tests.engines.faulty import FaultyEngine
 
 GOOD = """
 from tests.engines.faulty import FaultyEngine
@@ -61,30 +61,6 @@ BROKEN = {
     ),
     "pymunk": (GOOD.replace('"good"', '"pymunk"'), "the name 'pymunk' is taken"),
 }
-
-
-@pytest.fixture
-def offer(tmp_path, monkeypatch):
-    """Install adapters of another package: name -> source."""
-
-    def install(**adapters):
-        points = "[looping_pendulum.engines]\n"
-        for name, source in adapters.items():
-            module = f"adapter_{name}"
-            monkeypatch.delitem(sys.modules, module, raising=False)
-            if source is not None:
-                (tmp_path / f"{module}.py").write_text(source)
-            points += f"{name} = {module}\n"
-        info = tmp_path / "elsewhere-1.0.dist-info"
-        info.mkdir()
-        (info / "METADATA").write_text("Metadata-Version: 2.1\nName: elsewhere\nVersion: 1.0\n")
-        (info / "entry_points.txt").write_text(points)
-        monkeypatch.syspath_prepend(str(tmp_path))
-        forget_adapters()
-        return tmp_path
-
-    yield install
-    forget_adapters()
 
 
 def test_another_packages_engine_is_one_of_the_main_engines(offer):
@@ -146,14 +122,8 @@ def test_a_package_inside_one_that_is_missing_is_missing():
 
 
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-OPTIONAL = {
-    "drake": ("pydrake", "drake>=1.51"),
-    "box2d": ("pyb2d3", "pyb2d3>=0.11.1"),
-    "rapier": ("rapier3d", "rapier3d>=0.36.1"),
-    "exudyn": ("exudyn", "exudyn>=1.13.6"),
-    "newton": ("newton", "newton>=1.8"),
-}
-"""Engine -> name of its package in Python, and what pip is asked for."""
+OPTIONAL = {"drake": "pydrake", "box2d": "pyb2d3", "rapier": "rapier3d", "exudyn": "exudyn", "newton": "newton"}
+"""Engine -> name of its package in Python."""
 NOT_WITH_THE_TESTS = {"newton"}
 """Engines that are not installed for the tests: Newton and Warp take 400 MB, and only the accurate tests run them."""
 
@@ -161,16 +131,15 @@ NOT_WITH_THE_TESTS = {"newton"}
 @pytest.mark.parametrize("engine", OPTIONAL)
 def test_it_takes_the_third_partys_road(engine):
     """Oracle: pyproject.toml. Nothing but the entry point knows its adapter."""
-    _, wanted = OPTIONAL[engine]
+    wanted, *_ = PROJECT["optional-dependencies"][engine]
     assert PROJECT["entry-points"][ENTRY_POINTS][engine] == f"looping_pendulum.engines.{engine}"
-    assert wanted in PROJECT["optional-dependencies"][engine]
     assert engine in NOT_WITH_THE_TESTS or any(need.startswith(wanted) for need in PROJECT["optional-dependencies"]["test"])
     assert not any(need.startswith(wanted.partition(">")[0]) for need in PROJECT["dependencies"])
 
 
 @pytest.mark.parametrize("engine", OPTIONAL)
 def test_without_it_a_run_is_a_gap_that_says_how_to_get_it(engine):
-    package, wanted = OPTIONAL[engine]
+    package, (wanted, *_) = OPTIONAL[engine], PROJECT["optional-dependencies"][engine]
     if importlib.util.find_spec(package):
         pytest.skip(f"{package} is installed")
     scenario = Scenario(name="test", title="", description="", parameters=TEN_TO_ONE, duration=0.01)
@@ -181,9 +150,7 @@ def test_without_it_a_run_is_a_gap_that_says_how_to_get_it(engine):
     assert trajectory.message == f"get it: {how_to_get(package, anywhere=True)}"
 
 
-PACKAGES = {name: name for name in ("mujoco", "pymunk", "pybullet")} | {
-    name: package for name, (package, _) in OPTIONAL.items()
-}
+PACKAGES = {name: name for name in ("mujoco", "pymunk", "pybullet")} | OPTIONAL
 
 
 @pytest.mark.parametrize("engine", PACKAGES)

@@ -295,7 +295,7 @@ def _scenario() -> Scenario:
 
 
 @cache
-def _result() -> ComparisonResult:
+def small_result() -> ComparisonResult:
     """A small real result, of an engine that is the reference itself."""
     scenario = _scenario()
     run = replace(ENGINE.simulate(scenario), wall_time=0.01, cpu_time=0.01)  # the same bytes every time
@@ -310,7 +310,7 @@ def _result() -> ComparisonResult:
 
 def _run_file_seeds() -> list[bytes]:
     import_module("scipy.interpolate")
-    result = _result()
+    result = small_result()
     assert result.samples is not None
     folder = Path("stored")
     (folder / "trajectories").mkdir(parents=True, exist_ok=True)
@@ -322,7 +322,7 @@ def _run_file_seeds() -> list[bytes]:
 
 def run_run_file(data: bytes) -> None:
     """Read a run's file as `tracker` does, and as `demo` does, which runs the engines again where it cannot be read."""
-    engine = _result().engines[0]
+    engine = small_result().engines[0]
     path = Path("stored") / "trajectories" / f"{file_stem(engine.label, engine.profile)}.csv"
     path.write_bytes(data)
     with mock.patch("looping_pendulum.compare.trajectories.run_key", return_value="key"):  # it takes 50 ms
@@ -333,7 +333,7 @@ def run_run_file(data: bytes) -> None:
 
 
 def _baseline_seeds() -> list[bytes]:
-    return [_result().to_json().encode()]
+    return [small_result().to_json().encode()]
 
 
 def run_baseline(data: bytes) -> None:
@@ -341,7 +341,7 @@ def run_baseline(data: bytes) -> None:
     path = Path("result.json")
     path.write_bytes(data)
     earlier = baseline.read_baseline(path, "drop")
-    for changes in (baseline.changes_since(earlier, _result()), baseline.changes_since(_result(), earlier)):
+    for changes in (baseline.changes_since(earlier, small_result()), baseline.changes_since(small_result(), earlier)):
         assert comparison_markdown(earlier, changes=changes).encode()
         assert changes.to_json().encode()
 

@@ -1,7 +1,6 @@
 """Study files: what they say, what is wrong with bad ones, and that a written one reads back the same."""
 
 import math
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -343,16 +342,6 @@ def test_what_the_program_makes_is_in_si(study):
         trial.frame_rate = 60.0
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no pipes with names")
-def test_a_pipe_is_no_study(tmp_path):
-    """Opening one waited for ever for somebody to write into it."""
-    os.mkfifo(tmp_path / "two.yaml")
-    with pytest.raises(StudyError, match="two.yaml: cannot be read: found a pipe or a device, needed a file"):
-        load(tmp_path / "two.yaml")
-    with pytest.raises(StudyError, match="found a folder, needed a file"):
-        load(tmp_path)
-
-
 def test_many_trials_take_time_in_proportion():
     """Every trial was checked by the parameters of all trials: 800 of them took 20 s."""
     head, tail = STUDY[: STUDY.index("trials:")], "release: {angle: 112 deg, free_length: 58 cm}}\n"
@@ -364,6 +353,8 @@ def test_many_trials_take_time_in_proportion():
 def test_errors_of_files(tmp_path):
     with pytest.raises(StudyError, match="none.yaml: cannot be read"):
         load(tmp_path / "none.yaml")
+    with pytest.raises(StudyError, match="found a folder, needed a file"):
+        load(tmp_path)
     with pytest.raises(StudyError, match="needed a study"):
         load_text("", "two.yaml")
     assert issubclass(StudyError, HarnessError)

@@ -65,6 +65,19 @@ def preset(page, name):
     settled(page)
 
 
+def type_into(page, selector, text):
+    """Type into a field, and leave it."""
+    page.fill(selector, text)
+    page.keyboard.press("Tab")
+
+
+def downloaded(page, button):
+    """Return the bytes of the file that a button saves."""
+    with page.expect_download() as download:
+        page.click(button)
+    return Path(download.value.path()).read_bytes()
+
+
 def value(page, name):
     return page.evaluate("(name) => live.state.values[name]", name)
 

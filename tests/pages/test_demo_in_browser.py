@@ -7,7 +7,7 @@ from looping_pendulum.runs.trajectory import RunStatus
 from looping_pendulum.teaching import demo
 from tests.pages.axe import violations
 from tests.pages.conftest import PHONE, sideways, until
-from tests.pages.live_page import COUNT, STAGE, at, light_mass, page_text, played_to, preset, settled
+from tests.pages.live_page import COUNT, STAGE, at, light_mass, page_text, played_to, preset, settled, type_into
 from tests.pages.small import HOSTILE, LABELS, hostile_result, small_result, with_points
 
 ROUNDING = 1e-5
@@ -298,8 +298,7 @@ def test_hostile_names_show_as_text(visit):
     assert page.inner_text("#story") == HOSTILE
     assert HOSTILE in page.locator("#engine-runs .name").nth(1).inner_text()
     assert HOSTILE in page.locator("#now th").nth(7).text_content()
-    page.fill("#field-mass_ratio", "3")
-    page.keyboard.press("Tab")
+    type_into(page, "#field-mass_ratio", "3")
     settled(page)
     assert HOSTILE in page.inner_text("#engine-notice")
     assert HOSTILE in page.inner_text("#engine-back")

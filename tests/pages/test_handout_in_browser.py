@@ -8,7 +8,7 @@ import pytest
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.reference_ode.transitions import Event, Mode
 from looping_pendulum.scenarios import loader
-from tests.pages.live_page import COUNT, at, preset, settled, value
+from tests.pages.live_page import COUNT, at, preset, settled, type_into, value
 from tests.pages.test_languages_in_browser import assert_german, german, german_words  # noqa: F401
 
 PRINTED = "window.dispatchEvent(new Event('beforeprint'))"
@@ -124,8 +124,7 @@ def test_answers_are_those_of_the_pages_runs(page, printed, name):
     page.emulate_media(media="screen")
     for label, wanted, _ in changes(question):
         field = page.get_by_label(label, exact=True).first.get_attribute("id").replace("range", "field")
-        page.fill(f"#{field}", wanted)
-        page.keyboard.press("Tab")
+        type_into(page, f"#{field}", wanted)
     settled(page)
     page.evaluate(PRINTED)
     answer, why = changed, ""

@@ -6,7 +6,7 @@ import pytest
 
 from looping_pendulum.teaching import demo
 from tests.pages.conftest import PHONE, sideways, until
-from tests.pages.live_page import at, page_text, preset, settled, value
+from tests.pages.live_page import at, page_text, preset, settled, type_into, value
 from tests.pages.small import small_result, thick_result, with_points
 from tests.pages.test_live_files_in_browser import drop_file
 
@@ -143,8 +143,7 @@ def test_nothing_on_the_page_stays_english(german, german_words):
         ("release_angle", "abc"),
         ("release_angle", "400"),
     ):
-        page.fill(f"#field-{setting}", words)
-        page.keyboard.press("Tab")
+        type_into(page, f"#field-{setting}", words)
         settled(page)
         assert_german(page, german_words)
     assert page.inner_text("#fault") == "Winkel des Fadens gegen senkrecht oben: 400 ° gefunden, möglich sind 5 bis 180 °"
@@ -305,8 +304,7 @@ def test_numbers_have_a_comma_and_are_taken_with_one(german):
     page = german.page
     assert page.input_value("#field-release_angle") == "113,08"
     assert "0,3814 s" in page.inner_text("#result")
-    page.fill("#field-release_angle", "112,5")
-    page.keyboard.press("Tab")
+    type_into(page, "#field-release_angle", "112,5")
     settled(page)
     assert value(page, "release_angle") == 112.5
     assert page.get_attribute("#range-release_angle", "aria-valuetext") == "112,5 °"
@@ -318,8 +316,7 @@ def test_numbers_have_a_comma_and_are_taken_with_one(german):
 
 @pytest.mark.long
 def test_another_language_keeps_all_that_was_set(page):
-    page.fill("#field-mass_ratio", "7")
-    page.keyboard.press("Tab")
+    type_into(page, "#field-mass_ratio", "7")
     page.evaluate("live.player.stopAt(0.2)")
     state, past = page.evaluate("live.state"), page.evaluate("live.history.place")
     page.select_option("#language", "de")

@@ -5,7 +5,7 @@ import re
 import pytest
 
 from tests.pages.conftest import DESKTOP, PHONE, sideways, until
-from tests.pages.live_page import page_text, played_to, settled, value
+from tests.pages.live_page import page_text, played_to, settled, type_into, value
 
 NUMBERS = {"atwood": ("4,9", "9.81"), "lowest": ("3.15", "8")}
 CHOICES = {
@@ -138,8 +138,7 @@ def test_the_lowest_ratio_is_searched_with_the_slider(predicted):
     assert page.evaluate("document.activeElement.id") == "range-mass_ratio"
     hints = {"10": "lessonHigh", "2.5": "lessonNever", "1.7": "lessonGap", "3.4": "lessonHigh", "3.1": "lessonNever"}
     for ratio, hint in (hints | {"3.2": "lessonRatioFound"}).items():
-        page.fill("#field-mass_ratio", ratio.replace(".", table["decimalSign"]))
-        page.keyboard.press("Tab")
+        type_into(page, "#field-mass_ratio", ratio.replace(".", table["decimalSign"]))
         settled(page)
         page.click("#lesson-check")
         words = table[hint].replace("{ratio}", ratio.replace(".", table["decimalSign"]))
@@ -147,8 +146,7 @@ def test_the_lowest_ratio_is_searched_with_the_slider(predicted):
         until(page, f"document.getElementById('lesson-answer').textContent.includes({words!r})")
     assert_told(page, table, "lowest", said, right)
     # With another length the ratio is another one
-    page.fill("#field-free_length", "70")
-    page.keyboard.press("Tab")
+    type_into(page, "#field-free_length", "70")
     page.click("#lesson-check")
     assert page.inner_text("#lesson-answer") == table["lessonLeft"]
 
@@ -169,8 +167,7 @@ def test_a_wrong_drag_is_put_right_by_its_slider(predicted):
     assert page.evaluate("live.lesson.points.length") > 90
     hidden = page.evaluate("live.lesson.film.hidden")
     for drag, key in ((0.25, "lessonFar"), (hidden + 0.5, "lessonFar"), (hidden, "lessonNear")):
-        page.fill("#field-light_drag", str(drag))
-        page.keyboard.press("Tab")
+        type_into(page, "#field-light_drag", str(drag))
         settled(page)
         page.click("#lesson-check")
         words = page.inner_text("#lesson-answer")
@@ -238,8 +235,7 @@ def test_a_step_whose_settings_were_changed_tells_nothing(visit):
     # What is predicted later does not count
     predict(page, "frictionless", "turns")
     assert page.inner_text("#lesson-answer").startswith("Watch")
-    page.fill("#field-mass_ratio", "4")
-    page.keyboard.press("Tab")
+    type_into(page, "#field-mass_ratio", "4")
     until(page, "live.lesson.watched === null")
     assert page.inner_text("#lesson-answer").startswith("The settings are no longer")
     predict(page, "frictionless", "falls")

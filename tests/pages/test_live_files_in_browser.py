@@ -21,7 +21,7 @@ from looping_pendulum.scenarios import load, shipped
 from looping_pendulum.teaching.example_folder import write_example
 from tests.measured.test_clock import motion
 from tests.pages.conftest import until
-from tests.pages.live_page import preset, settled, value
+from tests.pages.live_page import downloaded, preset, settled, type_into, value
 
 FITTED = re.compile(r"(.+): (-?[\d.]+) ± ([\d.]+)")
 """A line of what a fit found: name, value and standard error."""
@@ -30,6 +30,12 @@ FITTED = re.compile(r"(.+): (-?[\d.]+) ± ([\d.]+)")
 @pytest.fixture
 def example(tmp_path):
     return next(path for path in write_example(tmp_path / "example") if path.name == "first.csv")
+
+
+def refusal(page):
+    """Wait until the page refuses a trial, and return what it says."""
+    until(page, "document.getElementById('trial-error').textContent !== ''")
+    return page.inner_text("#trial-error")
 
 
 def drop_file(page, name, content):
@@ -55,8 +61,7 @@ def test_a_trial_is_dropped_and_drawn_over_the_motion(page, example):
     distance = float(re.search(r"Typical distance from the run: ([\d.]+) mm", message)[1])
     # With the angle of the trial, which its study file states, the points are nearer
     for name, number in (("release_angle", 112), ("free_length", 58)):
-        page.fill(f"#field-{name}", str(number))
-        page.keyboard.press("Tab")
+        type_into(page, f"#field-{name}", str(number))
     settled(page)
     nearer = float(re.search(r"run: ([\d.]+) mm", page.inner_text("#trial-message"))[1])
     assert nearer != distance
@@ -71,10 +76,7 @@ def test_a_trial_with_german_commas_named_tracks_and_centimetres(page):
     page.set_input_files(
         "#trial-file", {"name": "versuch.csv", "mimeType": "text/csv", "buffer": f";Kugel;\nt;x;y\n{rows}".encode()}
     )
-    until(page, "document.getElementById('trial-error').textContent !== ''")
-    assert page.inner_text("#trial-error") == (
-        "versuch.csv: found 'Kugel', needed to know which mass each track is; choose them"
-    )
+    assert refusal(page).startswith("versuch.csv: found 'Kugel', needed to know which mass each track is")
     page.select_option("#trial-light", label="Kugel")
     assert "found light_x = 55 m, needed at most 20 m" in page.inner_text("#trial-error")
     page.select_option("#trial-length", "cm")
@@ -83,8 +85,7 @@ def test_a_trial_with_german_commas_named_tracks_and_centimetres(page):
     assert page.evaluate("live.trial.points('light')[0]") == pytest.approx([0, 0.55, -0.2])
     page.check("#trial-mirror")
     assert page.evaluate("live.trial.points('light')[0]") == pytest.approx([0, -0.55, -0.2])
-    page.fill("#trial-release", "0,05")
-    page.keyboard.press("Tab")
+    type_into(page, "#trial-release", "0,05")
     assert page.evaluate("live.trial.points('light')[0][0]") == pytest.approx(-0.05)
 
 
@@ -104,10 +105,7 @@ def test_a_clock_that_begins_elsewhere_is_told_and_stands_in_the_study(page):
 def test_an_export_of_trackers_needs_its_tracks_only(page):
     rows = "".join(f"{0.01 * i:.2f},{-0.5 + 0.01 * i:.3f},-.2,{0.01 * i:.2f},.006,{-0.05 - i / 1000:.3f},\n" for i in range(20))
     drop_file(page, "tracker.csv", f",mass A,,,mass B,,\nt,x,y,t,x,y,\n{rows}")
-    until(page, "document.getElementById('trial-error').textContent !== ''")
-    assert page.inner_text("#trial-error").endswith(
-        "found 'mass A', 'mass B', needed to know which mass each track is; choose them"
-    )
+    assert "found 'mass A', 'mass B', needed to know" in refusal(page)
     page.select_option("#trial-light", label="mass A")
     page.select_option("#trial-heavy", label="mass B")
     settled(page)
@@ -117,8 +115,7 @@ def test_an_export_of_trackers_needs_its_tracks_only(page):
 
 def test_a_bad_file_cannot_write_into_the_page(page):
     drop_file(page, "bad.csv", "t,light_x,light_y\n0,1,2\n.01,<img src=x onerror=alert(1)>,3\n")
-    until(page, "document.getElementById('trial-error').textContent !== ''")
-    assert page.inner_text("#trial-error").startswith("bad.csv:3: column 'light_x': found '<img src=x onerror=alert(1)>'")
+    assert refusal(page).startswith("bad.csv:3: column 'light_x': found '<img src=x onerror=alert(1)>'")
     assert page.locator("#trial-error img").count() == 0
 
 
@@ -130,11 +127,7 @@ def test_a_file_that_is_no_plain_table_is_sent_to_look(opened):
         ("words.txt", b"not a table"),
     ):
         page.set_input_files("#trial-file", {"name": name, "mimeType": "text/csv", "buffer": content})
-        until(page, "document.getElementById('trial-error').textContent !== ''")
-        assert page.text_content("#trial-error") == (
-            f"{name}: found no column t of times in the first two lines; this page reads plain tables only: "
-            f"use looping-pendulum look '{name}' --write plain.csv, which writes a plain table"
-        )
+        assert refusal(page).endswith(f"use looping-pendulum look '{name}' --write plain.csv, which writes a plain table")
         assert page.evaluate("live.trial.trial") is None
         page.click("#trial-remove")
     assert opened.complaints == []
@@ -168,9 +161,7 @@ def test_a_table_of_its_own_kind_is_read_by_saying_what_its_columns_are(opened):
     read = page.evaluate("Object.fromEntries(live.trial.trial.channels.map(({ name, value }) => [name, value[3]]))")
     # The last column states no unit
     assert read == pytest.approx({"heavy_x": -0.27, "heavy_y": -0.13, "light_x": 0.005, "light_y": -0.215}, abs=1e-9)
-    with page.expect_download() as download:
-        page.click("#trial-plain")
-    saved = Path(download.value.path()).read_text(encoding="utf-8").splitlines()
+    saved = downloaded(page, "#trial-plain").decode().splitlines()
     assert saved[0] == "t [s],heavy_x [m],heavy_y [m],light_x [m],light_y [m]"
     assert len(saved) == 1 + 30
     page.click("#trial-remove")
@@ -184,9 +175,7 @@ def test_a_table_of_its_own_kind_is_read_by_saying_what_its_columns_are(opened):
 
 @pytest.mark.long
 def test_files_of_the_page(page, tmp_path):
-    with page.expect_download() as download:
-        page.click("#save-scenario")
-    assert Path(download.value.path()).read_text(encoding="utf-8") == page.evaluate("live.keeping.scenario()")
+    assert downloaded(page, "#save-scenario").decode() == page.evaluate("live.keeping.scenario()")
     for name in shipped():
         preset(page, name)
         file = tmp_path / "live.scenario.yaml"
@@ -197,15 +186,11 @@ def test_files_of_the_page(page, tmp_path):
             if isinstance(number, float):
                 assert getattr(written.values(), key) == pytest.approx(number, rel=1e-9), (name, key)
     preset(page, "ten_to_one")
-    with page.expect_download() as download:
-        page.click("#save-numbers")
-    lines = Path(download.value.path()).read_text(encoding="utf-8").splitlines()
+    lines = downloaded(page, "#save-numbers").decode().splitlines()
     assert lines[0].startswith("t [s],light_x [m],light_y [m],")
     reference = solve(load("ten_to_one").parameters).sample([0.3]).light_position[0]
     assert [float(cell) for cell in lines[301].split(",")[1:3]] == pytest.approx(list(reference), abs=1e-7)
-    with page.expect_download() as download:
-        page.click("#save-picture")
-    assert Path(download.value.path()).read_bytes().startswith(b"\x89PNG")
+    assert downloaded(page, "#save-picture").startswith(b"\x89PNG")
     assert page.evaluate("live.keeping.words()")[:2] == ["t = 0.000 s", "Angle of the string from straight up 113.08 °"]
 
 
@@ -217,8 +202,7 @@ GOOD = "t,light_x,light_y\n" + "".join(f"{0.01 * i:.2f},{-0.5 + 0.01 * i:.3f},{-
 def test_a_bad_file_keeps_the_good_trial(page, bad):
     drop_file(page, "good.csv", GOOD)
     until(page, "live.trial.trial !== null")
-    page.fill("#trial-release", "0.02")
-    page.keyboard.press("Tab")
+    type_into(page, "#trial-release", "0.02")
     settled(page)
     points, message = page.evaluate("live.trial.points('light')"), page.inner_text("#trial-message")
     drop_file(page, "bad.csv", bad)
@@ -268,8 +252,7 @@ def test_a_wrong_frame_rate_is_named_as_look_names_it(page, slower, words):
     assert message == (
         f"The times are {words} what the settings allow, as of a wrong frame rate: the true frames per second would be 240."
     )
-    page.fill("#trial-rate", "240")
-    page.keyboard.press("Tab")
+    type_into(page, "#trial-rate", "240")
     settled(page)
     assert page.inner_text("#trial-faults") == ""
     assert "Typical distance from the run: 0.0 mm" in page.inner_text("#trial-message")

@@ -13,7 +13,7 @@ from looping_pendulum.scenarios import load
 from looping_pendulum.teaching.example_folder import write_example
 from tests.pages.axe import violations
 from tests.pages.conftest import DESKTOP, PHONE, sideways, until
-from tests.pages.live_page import page_text, preset, settled, value
+from tests.pages.live_page import page_text, preset, settled, type_into, value
 
 SHOWN = 0.05
 """Half of the last digit of a drop on the page [cm]."""
@@ -60,10 +60,8 @@ def show_everything(page, tmp_path):
     page.check("#forces")
     page.set_input_files("#trial-file", first)
     until(page, "live.trial.trial !== null")
-    page.fill("#field-mass_ratio", "12")
-    page.keyboard.press("Tab")
-    page.fill("#field-release_angle", "400")
-    page.keyboard.press("Tab")
+    type_into(page, "#field-mass_ratio", "12")
+    type_into(page, "#field-release_angle", "400")
     assert page.inner_text("#fault")
     page.locator("#map").scroll_into_view_if_needed()
     until(page, "live.map.grids.length > 0")

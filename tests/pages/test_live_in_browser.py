@@ -13,7 +13,7 @@ from looping_pendulum.live.write import live_settings
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import load, shipped
 from tests.pages.conftest import DESKTOP, PHONE, sideways, until
-from tests.pages.live_page import act_at_random, light_mass, page_text, played_to, preset, settled, value
+from tests.pages.live_page import act_at_random, light_mass, page_text, played_to, preset, settled, type_into, value
 
 SHOWN = 5e-5
 """Half of the last digit of a time on the page [s]."""
@@ -158,8 +158,7 @@ def test_a_slider_follows_the_mouse(page):
     ],
 )
 def test_a_bad_number_is_refused_in_one_line(page, typed, message):
-    page.fill("#field-release_angle", typed)
-    page.keyboard.press("Tab")
+    type_into(page, "#field-release_angle", typed)
     assert page.inner_text("#fault") == message
     beside = "document.getElementById('fault').previousElementSibling"
     assert page.evaluate(f"{beside}.dataset.name") == "release_angle", "it stands beside the field"
@@ -178,20 +177,16 @@ def test_a_refusal_outlives_the_frame_of_a_change_just_before_it(page):
     settled(page)
     assert value(page, "mass_ratio") == 12
     assert page.inner_text("#fault").startswith("Angle of the string from straight up: found 400 °")
-    page.fill("#field-release_angle", "100")
-    page.keyboard.press("Tab")
+    type_into(page, "#field-release_angle", "100")
     assert page.inner_text("#fault") == ""
 
 
 def test_friction_at_rest_is_never_below_that_of_sliding(page):
-    page.fill("#field-kinetic_friction", "0.5")
-    page.keyboard.press("Tab")
+    type_into(page, "#field-kinetic_friction", "0.5")
     assert value(page, "static_friction") == 0.5  # equal before, so it follows
-    page.fill("#field-static_friction", "0.8")
-    page.keyboard.press("Tab")
+    type_into(page, "#field-static_friction", "0.8")
     assert value(page, "kinetic_friction") == 0.5
-    page.fill("#field-static_friction", "0.3")
-    page.keyboard.press("Tab")
+    type_into(page, "#field-static_friction", "0.3")
     assert value(page, "kinetic_friction") == 0.3
 
 
@@ -222,8 +217,7 @@ def test_the_light_mass_is_dragged_to_its_release(page):
 def test_undo_and_redo_go_through_all_settings(page):
     states = [page.evaluate("location.hash")]
     for angle in (100, 90, 80):
-        page.fill("#field-release_angle", str(angle))
-        page.keyboard.press("Tab")
+        type_into(page, "#field-release_angle", str(angle))
         states.append(page.evaluate("location.hash"))
     assert len(set(states)) == 4
     for state in reversed(states[:-1]):
@@ -241,8 +235,7 @@ def test_undo_and_redo_go_through_all_settings(page):
 
 def test_a_ghost_and_the_change_as_numbers(page):
     first = page.evaluate("live.run.halt")
-    page.fill("#field-mass_ratio", "12")
-    page.keyboard.press("Tab")
+    type_into(page, "#field-mass_ratio", "12")
     settled(page)
     now = page.evaluate("live.run.halt")
     words = page.inner_text("#compared")

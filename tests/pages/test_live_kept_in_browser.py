@@ -5,7 +5,7 @@ import json
 import pytest
 
 from tests.pages.conftest import until
-from tests.pages.live_page import page_text, settled
+from tests.pages.live_page import page_text, settled, type_into
 
 STARTED = "'live' in window"
 LINES = "looping-pendulum class; Ann; atwood=4.8/4.91\nlooping-pendulum class; Bo; atwood=5/4.91"
@@ -60,8 +60,7 @@ def test_after_a_reload_all_is_there_again(visit, locale):
     page = opened.page
     answer_second_step(page)
     write_class(page)
-    page.fill("#field-mass_ratio", "7")
-    page.keyboard.press("Tab")
+    type_into(page, "#field-mass_ratio", "7")
     page.click("#lesson-next")
     page.check("#lesson-options input[value=more]")  # at once before the reload: nothing may wait
     seen = ["live.state", "live.lesson.works", "live.lesson.place", "live.history.before", "location.hash"]
@@ -118,8 +117,7 @@ def test_back_is_one_step_back_and_forward_brings_all_again(visit):
 
 def test_undo_never_leaves_the_page(visit):
     page = visit(page_text()).page
-    page.fill("#field-mass_ratio", "7")
-    page.keyboard.press("Tab")
+    type_into(page, "#field-mass_ratio", "7")
     page.evaluate("for (let i = 0; i < 5; i++) live.go('undo')")
     arrived(page, 0)
     page.evaluate("for (let i = 0; i < 5; i++) live.go('undo')")
@@ -130,8 +128,7 @@ def test_undo_never_leaves_the_page(visit):
 @pytest.mark.long
 def test_a_link_that_is_followed_is_a_step_of_its_own(visit):
     page = visit(page_text()).page
-    page.fill("#field-mass_ratio", "7")
-    page.keyboard.press("Tab")
+    type_into(page, "#field-mass_ratio", "7")
     page.evaluate("location.hash = 'release=looping&mass_ratio=4'")
     arrived(page, 2)
     assert page.evaluate("live.history.before.values.mass_ratio") == 7
@@ -164,8 +161,7 @@ def test_where_the_address_cannot_change_it_goes_back_all_the_same(visit):
     page = opened.page
     page.context.add_init_script(NO_ADDRESS)
     reload(page)
-    page.fill("#field-mass_ratio", "7")
-    page.keyboard.press("Tab")
+    type_into(page, "#field-mass_ratio", "7")
     reload(page)
     assert page.evaluate("live.state.values.mass_ratio") == 7
     page.click("#undo")
@@ -227,8 +223,7 @@ def test_two_tabs_do_not_take_one_anothers_work(visit):
 def test_steps_are_begun_anew(visit):
     page = visit(page_text()).page
     answer_second_step(page)
-    page.fill("#field-mass_ratio", "7")
-    page.keyboard.press("Tab")
+    type_into(page, "#field-mass_ratio", "7")
     page.click("#lesson-steps li:nth-child(1) button")
     page.fill("#lesson-number", "4.8")
     page.click("#lesson-change")

@@ -7,7 +7,7 @@ from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import load
 from looping_pendulum.teaching import demo
 from tests.pages.conftest import until
-from tests.pages.live_page import COUNT, STAGE, act_at_random, at, preset, settled, value
+from tests.pages.live_page import COUNT, STAGE, act_at_random, at, preset, settled, type_into, value
 from tests.pages.small import small_result, thick_result, twin_result
 
 ROUNDING = 1e-5
@@ -47,8 +47,7 @@ def test_with_other_settings_the_runs_are_not_drawn_and_a_button_leads_back(visi
 
 def test_the_last_setting_stays_as_a_ghost_beside_the_runs(visit):
     page = visit(demo.demo_page(small_result())).page
-    page.fill("#field-mass_ratio", "3")
-    page.keyboard.press("Tab")
+    type_into(page, "#field-mass_ratio", "3")
     settled(page)
     assert page.evaluate("live.ghost.halt") == pytest.approx(small_result().reference.landmarks.halting_time, abs=1e-7)
     page.click("#engine-back")

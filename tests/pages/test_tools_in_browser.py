@@ -10,7 +10,7 @@ import pytest
 
 from tests.pages.axe import violations
 from tests.pages.conftest import DESKTOP, PHONE, sideways, until
-from tests.pages.live_page import COUNT, STAGE, at, page_text, settled
+from tests.pages.live_page import COUNT, STAGE, at, page_text, settled, type_into
 from tests.pages.test_languages_in_browser import KEEP_WHAT_IS_DRAWN, assert_german, german_words  # noqa: F401
 
 SKY, YELLOW = "#56b4e9", "#e69f00"
@@ -262,8 +262,7 @@ def test_formula_and_straight_line_are_held_to_measured_points(page):
     page.fill("#own-formula", "40 t")
     page.check("#own-line")
     page.fill("#own-from", "0.1")
-    page.fill("#own-to", "0.5")
-    page.keyboard.press("Tab")
+    type_into(page, "#own-to", "0.5")
     settled(page)
     start = page.evaluate("100 * live.run.at(0).heavy[1]") + 3
     assert "40 measured points" in page.inner_text("#own-result")

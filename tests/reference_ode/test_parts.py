@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.reference_ode import parameters as parameter_module
 from looping_pendulum.reference_ode import rules, solution, state
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS
 from looping_pendulum.reference_ode.effects.closure import (
@@ -173,7 +172,6 @@ def test_what_is_known_of_effects_is_found_once():
     for find in (
         lambda: extra_variables(SWINGING.effects),
         lambda: variables(Mode.SLACK, SWINGING.effects),
-        lambda: parameter_module._active_effects(frozenset({"heavy_swing"}), SWINGING.release, ()),
     ):
         assert find() is find()
 

@@ -71,26 +71,6 @@ def test_a_string_that_creeps_on_has_not_halted_however_slowly_it_creeps(speed):
     assert halt is None or t[-1] - halt <= RESOLUTION / speed + DT  # no more than the resolution is left to creep
 
 
-@pytest.mark.parametrize(("watched", "ended", "halts"), [(0.04, False, False), (0.06, False, True), (0.005, True, False)])
-def test_a_rest_must_be_watched(watched, ended, halts):
-    t = np.arange(round((0.3 + watched) / DT) + 1) * DT
-    assert (halting_time(t, braked(t, 0.3, 20.0), RESOLUTION, ended=ended) is not None) is halts
-
-
-def test_a_string_that_sticks_since_the_release_halts_then():
-    t = np.arange(200) * DT
-    assert halting_time(t, np.zeros(200), RESOLUTION, ended=True) == 0.0
-    assert halting_time(t[:2], np.zeros(2), RESOLUTION, ended=True) is None
-
-
-def test_a_reversal_is_one_stop_and_no_stick():
-    t, turn = np.arange(600) * DT, 0.3007
-    place = np.where(t < turn, -8 * (t - turn) ** 2 / 2, -20 * (t - turn) ** 2 / 2)
-    (rest,) = find_rests(t, place)
-    assert rest.stop == pytest.approx(turn, abs=1e-9)
-    assert slip_onset(t, place, rest, 2) is None
-
-
 def test_a_slow_reversal_that_looks_like_a_rest_is_still_no_stick():
     t, turn, rate = np.arange(600) * DT, 0.3007, 2.0
     place = -rate * (t - turn) ** 2 / 2
@@ -113,13 +93,6 @@ def test_jitter_at_rest_makes_no_stops():
     t = np.arange(1000) * DT
     jitter = 0.3 * RESOLUTION * np.sin(900 * t)
     assert len(find_rests(t, braked(t, 0.3, 20.0) + jitter)) == 1
-
-
-def test_turns_are_distinguished_from_noise():
-    t = np.arange(1100) * DT
-    noisy = 0.2 * np.cos(9 * t + 0.5) + np.random.default_rng(3).uniform(-2e-4, 2e-4, len(t))
-    assert len(turning_points(noisy, 1e-3)) == 3
-    assert turning_points(np.zeros(5), 1e-3) == turning_points(np.zeros(0), 1e-3) == []
 
 
 # ---- the detector of sliding and resting on a dozen samples each, where every position and time can be worked out by hand

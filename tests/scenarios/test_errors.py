@@ -1,7 +1,5 @@
 """Every faulty file gives one line: file, line, key, what was found, what was needed, and a way out."""
 
-import os
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -194,13 +192,6 @@ def test_an_unknown_name_lists_what_there_is(name):
     assert len(line) < 400
     assert all(known in line for known in shipped())
     assert ("did you mean 'ten_to_one'?" in line) == ("to_one" in name)
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no pipes with names")
-def test_a_pipe_is_no_scenario(tmp_path):
-    os.mkfifo(tmp_path / "pipe.yaml")
-    with pytest.raises(ScenarioError, match="found a pipe or a device, needed a file"):
-        load(tmp_path / "pipe.yaml")
 
 
 @settings(max_examples=200, deadline=None)

@@ -1,8 +1,7 @@
-"""The demonstration's data against the result they come from, and when results on disk are used again."""
+"""The demonstration's data against the result they come from; when results on disk are used again: test_run_cache.py."""
 
 import dataclasses
 import json
-import shutil
 
 import numpy as np
 import pytest
@@ -10,25 +9,14 @@ from typer.testing import CliRunner
 
 from looping_pendulum.cli import common as cli_common
 from looping_pendulum.cli import main as cli
-from looping_pendulum.compare import ComparisonResult, write
-from looping_pendulum.compare.trajectories import stored_result
+from looping_pendulum.compare import ComparisonResult
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.runs.trajectory import RunStatus
 from looping_pendulum.scenarios import load
 from looping_pendulum.teaching import demo
 from looping_pendulum.teaching.demo import COARSE_RATE, FINE_RATE, page_data
 from tests.compare.conftest import quick_figures  # noqa: F401, a fixture
-from tests.pages.small import LABELS, engines, small_result, twin_result
-
-TWO_TO_ONE = load("two_to_one")
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    """What `compare` leaves."""
-    path = tmp_path_factory.mktemp("results")
-    write(small_result(), path)
-    return path
+from tests.pages.small import LABELS, small_result, twin_result
 
 
 def run_of(data, name):
@@ -118,70 +106,6 @@ def test_a_long_run_is_drawn_more_coarsely():
 def test_a_result_without_trajectories_is_refused():
     with pytest.raises(ValueError, match="make it again"):
         demo.demo_page(dataclasses.replace(small_result(), samples=None))
-
-
-@pytest.mark.long
-def test_results_on_disk_come_back_with_their_trajectories(folder):
-    result = small_result()
-    again = stored_result(folder, TWO_TO_ONE, engines())
-    assert again == result
-    for mine, theirs in zip(again.samples.aligned, result.samples.aligned, strict=True):
-        assert np.allclose(mine.run.light_position, theirs.run.light_position, rtol=0, atol=1e-9)  # nine digits of a metre
-        assert np.allclose(mine.distance, theirs.distance, rtol=0, atol=3e-9, equal_nan=True)
-        assert mine.run.status is theirs.run.status
-        assert mine.run.provenance.supplies == theirs.run.provenance.supplies
-    reference = again.samples.reference
-    assert (reference.mode == result.samples.reference.mode).all()
-    assert reference.events == result.samples.reference.events
-    fresh, kept = page_data(result), page_data(again)
-    assert kept["runs"][1]["drop"] == pytest.approx(fresh["runs"][1]["drop"], abs=2e-6)
-
-
-def test_results_of_any_engines_are_taken_where_none_are_asked_for(folder):
-    assert stored_result(folder, TWO_TO_ONE, engines()[:2]) is None
-    assert stored_result(folder, TWO_TO_ONE, None) == small_result()
-    assert stored_result(folder, load("ten_to_one"), None) is None
-
-
-def test_results_of_another_input_are_not_used(folder):
-    shorter = dataclasses.replace(TWO_TO_ONE, duration=0.5)
-    assert stored_result(folder, shorter, engines()) is None
-    heavier = dataclasses.replace(TWO_TO_ONE, parameters=TWO_TO_ONE.parameters.replace(heavy_mass=0.2))
-    assert stored_result(folder, heavier, engines()) is None
-    assert stored_result(folder, dataclasses.replace(TWO_TO_ONE, title="Another"), engines()) is None
-    assert stored_result(folder, TWO_TO_ONE, engines()[:2]) is None
-    documented, *others = engines()
-    finer = documented.with_settings(time_step=documented.settings.time_step / 2)
-    assert stored_result(folder, TWO_TO_ONE, [finer, *others]) is None
-    assert stored_result(folder / "nowhere", TWO_TO_ONE, engines()) is None
-
-
-@pytest.mark.parametrize("status", ["INTERRUPTED", "TIME_LIMIT", "MEMORY_LIMIT"])
-def test_a_run_that_was_cut_short_is_made_again(folder, tmp_path, status):
-    copy = shutil.copytree(folder, tmp_path / "copy")
-    result = small_result()
-    cut = dataclasses.replace(result.engines[0], status=status, ok=False)
-    (copy / "result.json").write_text(dataclasses.replace(result, engines=(cut, *result.engines[1:])).to_json())
-    assert stored_result(copy, TWO_TO_ONE, engines()) is None
-
-
-@pytest.mark.parametrize(
-    ("file", "text"),
-    [
-        ("result.json", "{"),
-        ("result.json", "{}"),
-        ("trajectories/reference.csv", "t [s]\n0\n"),
-        ("trajectories/reference.csv", None),
-    ],
-)
-def test_a_damaged_folder_is_not_used(folder, tmp_path, file, text):
-    copy = shutil.copytree(folder, tmp_path / "copy")
-    assert stored_result(copy, TWO_TO_ONE, engines()) is not None
-    if text is None:
-        (copy / file).unlink()
-    else:
-        (copy / file).write_text(text)
-    assert stored_result(copy, TWO_TO_ONE, engines()) is None
 
 
 @pytest.mark.long

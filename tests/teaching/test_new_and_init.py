@@ -34,13 +34,6 @@ def run(*arguments):
     return CliRunner().invoke(app, [str(a) for a in arguments])
 
 
-@pytest.mark.parametrize("command", ["new", "init", "tracker", "demonstrations"])
-def test_help_shows_how_it_is_written(command):
-    done = run(command, "--help")
-    assert done.exit_code == 0
-    assert f"looping-pendulum {command} " in " ".join(done.output.split())
-
-
 @pytest.mark.parametrize("name", shipped())
 def test_a_new_scenario_is_the_one_that_it_is_like(here, name):
     assert run("new", "scenario", "mine", "--like", name).exit_code == 0

@@ -139,11 +139,9 @@ FORMS = {
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_a_form_gives_the_points_of_each_mass(tmp_path, form):
+def test_a_form_gives_the_points_of_each_mass(clip, form):
     text, options = FORMS[form]
-    path = tmp_path / "clip.csv"
-    path.write_text(text)
-    observations = read(path, **options)
+    observations = read(clip(text), **options)
     assert {c.name.partition("_")[0] for c in observations.channels} == set(options.get("tracks", KNOWN))
     for channel in observations.channels:
         mass, _, axis = channel.name.partition("_")
@@ -153,10 +151,8 @@ def test_a_form_gives_the_points_of_each_mass(tmp_path, form):
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_advice_that_is_followed_leads_to_points(tmp_path, form):
-    path = tmp_path / "clip.csv"
-    path.write_text(FORMS[form][0])
-    observations, _ = follow_advice(path)
+def test_advice_that_is_followed_leads_to_points(clip, form):
+    observations, _ = follow_advice(clip(FORMS[form][0]))
     assert len(observations.channels) >= 2
 
 
@@ -173,10 +169,9 @@ def test_advice_that_is_followed_leads_to_points(tmp_path, form):
         ("polar, degrees without a unit", "units", "if the file is in another unit, say so: 'units: {angle: deg}'"),
     ],
 )  # fmt: skip
-def test_what_a_table_does_not_say_is_asked(tmp_path, form, without, said):
+def test_what_a_table_does_not_say_is_asked(clip, form, without, said):
     text, options = FORMS[form]
-    path = tmp_path / "clip.csv"
-    path.write_text(text)
+    path = clip(text)
     with pytest.raises(DataError) as caught:
         read(path, **{key: value for key, value in options.items() if key != without})
     message = str(caught.value)
@@ -187,75 +182,64 @@ def test_what_a_table_does_not_say_is_asked(tmp_path, form, without, said):
 @pytest.mark.parametrize(
     ("mark", "unit", "size"), [(-9999, "mm", 1e3), (-9999, "m", 1), (999, "cm", 100), (99999, "px", 500), (-1000, "mm", 1e3)]
 )
-def test_any_mark_of_a_lost_object_is_one_in_any_unit(tmp_path, rows, mark, unit, size):
+def test_any_mark_of_a_lost_object_is_one_in_any_unit(clip, rows, mark, unit, size):
     light = size * LIGHT
     light[list(rows)] = mark
-    path = tmp_path / "clip.csv"
-    path.write_text(table(f"t [s],light_x [{unit}],light_y [{unit}]", [SEEN, *light.T], digits=4))
+    path = clip(table(f"t [s],light_x [{unit}],light_y [{unit}]", [SEEN, *light.T], digits=4))
     observations = read(path, units={"length": "2 mm"} if unit == "px" else None)
     assert observations.channel("light_x").value == pytest.approx(np.delete(LIGHT[:, 0], list(rows)), abs=1e-4)
     assert f"{len(rows)} not used: light_x: the mark of a lost object" in observations.summary()
 
 
 @pytest.mark.parametrize("rows", [(20, 41), (30, 31, 32), range(50, 60)])
-def test_a_place_far_away_that_comes_again_is_a_mark(tmp_path, rows):
+def test_a_place_far_away_that_comes_again_is_a_mark(clip, rows):
     """(-1, -1) in pixels, which the program has put into its axes."""
     light = LIGHT.copy()
     light[list(rows)] = (-2.3157, 1.2841)
-    path = tmp_path / "clip.csv"
-    path.write_text(table("t [s],light_x [m],light_y [m]", [SEEN, *light.T]))
+    path = clip(table("t [s],light_x [m],light_y [m]", [SEEN, *light.T]))
     assert read(path).channel("light_y").value == pytest.approx(np.delete(LIGHT[:, 1], list(rows)), abs=1e-6)
 
 
-def test_one_coordinate_may_be_lost(tmp_path):
+def test_one_coordinate_may_be_lost(clip):
     light = LIGHT.copy()
     light[[12, 40], 0] = -999
-    path = tmp_path / "clip.csv"
-    path.write_text(table("t [s],light_x [m],light_y [m]", [SEEN, *light.T]))
-    observations = read(path)
+    observations = read(clip(table("t [s],light_x [m],light_y [m]", [SEEN, *light.T])))
     assert [len(c) for c in observations.channels] == [ROWS - 2, ROWS]
 
 
-def test_a_mass_that_rests_and_then_moves_is_not_lost(tmp_path):
+def test_a_mass_that_rests_and_then_moves_is_not_lost(clip):
     light = np.concatenate([np.repeat(LIGHT[:1], 20, axis=0), LIGHT[5:45]])
-    path = tmp_path / "clip.csv"
-    path.write_text(table("t [s],light_x [m],light_y [m]", [SEEN, *light.T]))
-    assert "lost" not in read(path).summary()
+    assert "lost" not in read(clip(table("t [s],light_x [m],light_y [m]", [SEEN, *light.T]))).summary()
 
 
-def test_a_mark_in_a_lone_column(tmp_path):
+def test_a_mark_in_a_lone_column(clip):
     height = 30 - 4.9 * TIME**2
     height[[5, 33]] = -9999
-    path = tmp_path / "clip.csv"
-    path.write_text(table("time,height", [SEEN, height]))
-    assert len(read(path).channel("height")) == ROWS - 2
+    assert len(read(clip(table("time,height", [SEEN, height]))).channel("height")) == ROWS - 2
 
 
 @pytest.mark.parametrize(
     "date",
     ["08. Aug", "08.Aug", "8-Aug", "2026-08-08", "2026-08-08 00:00:00", "08.08.2026", "05. Mai", "05. Mrz", "Dez 34"],
 )
-def test_a_number_that_a_spreadsheet_turned_into_a_date_names_its_cause(tmp_path, date):
-    path = tmp_path / "clip.csv"
-    path.write_text(f"t,light_x [cm]\n0,8.05\n0.01,{date}\n0.02,8.11\n")
+def test_a_number_that_a_spreadsheet_turned_into_a_date_names_its_cause(clip, date):
+    path = clip(f"t,light_x [cm]\n0,8.05\n0.01,{date}\n0.02,8.11\n")
     said = rf":3: column light_x \[cm\]: found '{date}', a date that a spreadsheet made of a number.*; or empty the cell"
     with pytest.raises(DataError, match=said):
         read(path)
-    path.write_text("t,light_x [cm]\n0,8.05\n0.01,\n0.02,8.11\n")
+    path = clip("t,light_x [cm]\n0,8.05\n0.01,\n0.02,8.11\n")
     assert len(read(path).channel("light_x")) == 2
 
 
-def test_an_angle_that_is_asked_for_needs_no_places(tmp_path):
-    path = tmp_path / "clip.csv"
-    path.write_text(table("t [s],x,y,w,h,angle [rad]", [SEEN, *LIGHT.T, *SIZE.T, ANGLE - np.pi]))
+def test_an_angle_that_is_asked_for_needs_no_places(clip):
+    path = clip(table("t [s],x,y,w,h,angle [rad]", [SEEN, *LIGHT.T, *SIZE.T, ANGLE - np.pi]))
     assert read(path, kind="angle").channel("angle").value == pytest.approx(ANGLE - np.pi, abs=1e-6)
 
 
-def test_an_angle_without_a_unit_is_in_radians_and_said_so(tmp_path):
-    path = tmp_path / "clip.csv"
-    path.write_text(table("time,angle", [SEEN, 2.5 * np.cos(4 * TIME)]))
+def test_an_angle_without_a_unit_is_in_radians_and_said_so(clip):
+    path = clip(table("time,angle", [SEEN, 2.5 * np.cos(4 * TIME)]))
     assert "angles without a unit taken in rad; if they are in degrees, say so by 'units: {angle: deg}'" in read(path).summary()
-    path.write_text(table("time,angle", [SEEN, 10 * np.cos(4 * TIME)]))
+    path = clip(table("time,angle", [SEEN, 10 * np.cos(4 * TIME)]))
     with pytest.raises(DataError, match=r"found 10 rad at the beginning, needed at most 3.142; .*'units: {angle: deg}'"):
         read(path)
     assert read(path, units={"angle": "deg"}).channel("angle").value[0] == pytest.approx(np.radians(10))
@@ -269,9 +253,8 @@ def test_an_angle_without_a_unit_is_in_radians_and_said_so(tmp_path):
         ("frame,light_x\n0,1\n1,2\n2,3\n1e9,4\n", "found frames from 0 to 1e+09, needed at most 1000000"),
     ],
 )
-def test_times_that_no_film_has_are_refused(tmp_path, content, said):
-    path = tmp_path / "clip.csv"
-    path.write_text(content)
+def test_times_that_no_film_has_are_refused(clip, content, said):
+    path = clip(content)
     with pytest.raises(DataError, match=re.escape(said)):
         read(path, frame_rate=240.0 if content.startswith("frame") else None)
 
@@ -294,10 +277,9 @@ MANY = {
 
 
 @pytest.mark.parametrize("case", MANY)
-def test_much_of_anything_is_refused_in_time(tmp_path, case):
+def test_much_of_anything_is_refused_in_time(clip, case):
     """8000 lines of text, 16 kB, took 60 s: the names of all lines above were read again at each line."""
-    path = tmp_path / "clip.csv"
-    path.write_bytes(MANY[case][: 20 * 1024**2])
+    path = clip(MANY[case][: 20 * 1024**2])
     start = time.process_time()
     with pytest.raises(DataError):
         read(path)

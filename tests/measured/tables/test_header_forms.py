@@ -173,11 +173,9 @@ FORMS = {
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_a_header_gives_the_points_of_each_mass(tmp_path, form):
+def test_a_header_gives_the_points_of_each_mass(clip, form):
     text, options = FORMS[form]
-    path = tmp_path / "clip.csv"
-    path.write_text(text)
-    observations = read(path, **options)
+    observations = read(clip(text), **options)
     known = {"light": LIGHT, "heavy": HEAVY}
     assert {c.name.partition("_")[0] for c in observations.channels} == set(options.get("tracks", known))
     for channel in observations.channels:
@@ -188,19 +186,15 @@ def test_a_header_gives_the_points_of_each_mass(tmp_path, form):
 
 @pytest.mark.parametrize("tracks", [None, {"light": "A", "heavy": "B"}, {"light": "B: #2, [x]", "heavy": "light"}])
 @pytest.mark.parametrize("form", FORMS)
-def test_advice_that_is_followed_leads_to_points(tmp_path, form, tracks):
-    path = tmp_path / "clip.csv"
-    path.write_text(FORMS[form][0])
-    observations, said = follow_advice(path, tracks=tracks)
+def test_advice_that_is_followed_leads_to_points(clip, form, tracks):
+    observations, said = follow_advice(clip(FORMS[form][0]), tracks=tracks)
     assert observations is not None or "columns without names, needed a line of names" in said[-1]
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_advice_of_look_is_typed_as_it_stands(tmp_path, form):
+def test_advice_of_look_is_typed_as_it_stands(clip, form):
     """It named keys of a study, which a table has not."""
-    path = tmp_path / "clip.csv"
-    path.write_text(FORMS[form][0])
-    said = follow_advice_of_look(path)
+    said = follow_advice_of_look(clip(FORMS[form][0]))
     assert "light_x" in said[-1] or "columns without names, needed a line of names" in said[-1]
 
 
@@ -209,9 +203,8 @@ def test_look_takes_no_keys_beside_a_study(tmp_path):
     assert "--set: found it beside a study, needed a table" in str(done.exception)
 
 
-def test_a_name_with_signs_of_yaml_is_advised_in_quotes(tmp_path):
-    path = tmp_path / "clip.csv"
-    path.write_text("t;{A}, #1 x;{A}, #1 y;B: 2 x;B: 2 y\n" + table(beside(first=timed), ";"))
+def test_a_name_with_signs_of_yaml_is_advised_in_quotes(clip):
+    path = clip("t;{A}, #1 x;{A}, #1 y;B: 2 x;B: 2 y\n" + table(beside(first=timed), ";"))
     observations, said = follow_advice(path)
     assert len(observations.channels) == 4
     assert "'tracks: {light: " in said[0]
@@ -219,11 +212,9 @@ def test_a_name_with_signs_of_yaml_is_advised_in_quotes(tmp_path):
 
 @pytest.mark.parametrize("lost", [(7,), (3, 4, 5, 11)])
 @pytest.mark.parametrize(("high", "low"), [(0.99, 0.01), (0.4, 0.1)])
-def test_points_of_which_the_tracker_is_not_sure_are_lost(tmp_path, lost, high, low):
-    path = tmp_path / "clip.csv"
+def test_points_of_which_the_tracker_is_not_sure_are_lost(clip, lost, high, low):
     rows = [(i, *HEAVY[i].tolist(), *LIGHT[i].tolist(), low if i in lost else high) for i in range(ROWS)]
-    path.write_text("frame,heavy_x,heavy_y,light_x,light_y,light_likelihood\n" + table(rows))
-    observations = read(path, **RATE)
+    observations = read(clip("frame,heavy_x,heavy_y,light_x,light_y,light_likelihood\n" + table(rows)), **RATE)
     assert observations.channel("light_y").value == pytest.approx(np.delete(LIGHT[:, 1], lost), abs=1e-5)
     assert len(observations.channel("heavy_y")) == ROWS
     assert f"{len(lost)} not used: light_x: the tracker's score is low" in observations.summary()
@@ -231,58 +222,55 @@ def test_points_of_which_the_tracker_is_not_sure_are_lost(tmp_path, lost, high, 
 
 @pytest.mark.parametrize("rows", [range(18, 24), range(9, 12), range(4)], ids=["end", "middle", "start"])
 @pytest.mark.parametrize(("mark", "unit"), [(0, "m"), (-1, "px")])
-def test_a_lost_object_that_is_written_as_a_place_is_lost(tmp_path, rows, mark, unit):
-    path = tmp_path / "clip.csv"
+def test_a_lost_object_that_is_written_as_a_place_is_lost(clip, rows, mark, unit):
     light = [(mark, mark) if i in rows else LIGHT[i].tolist() for i in range(ROWS)]
-    path.write_text(f"t,light_x [{unit}],light_y [{unit}]\n" + table((*timed(i), *light[i]) for i in range(ROWS)))
+    path = clip(f"t,light_x [{unit}],light_y [{unit}]\n" + table((*timed(i), *light[i]) for i in range(ROWS)))
     observations = read(path, units={"length": "1 m"} if unit == "px" else None)
     assert observations.channel("light_x").value == pytest.approx(np.delete(LIGHT[:, 0], list(rows)), abs=1e-5)
 
 
-def test_a_mass_that_begins_at_the_origin_is_not_lost(tmp_path):
-    path = tmp_path / "clip.csv"
-    path.write_text("t,heavy_x,heavy_y\n" + table((float(t), 0, round(-2 * t * t, 5)) for t in TIME))
+def test_a_mass_that_begins_at_the_origin_is_not_lost(clip):
+    path = clip("t,heavy_x,heavy_y\n" + table((float(t), 0, round(-2 * t * t, 5)) for t in TIME))
     assert read(path).channel("heavy_y").value[0] == 0
 
 
-def test_an_angle_beside_pixels_needs_no_size_of_them(tmp_path):
-    path = tmp_path / "clip.csv"
-    path.write_text(
+def test_an_angle_beside_pixels_needs_no_size_of_them(clip):
+    path = clip(
         "t [s],x [px],y [px],angle [deg]\n" + table((float(t), 300 + i, 200, 60 * float(t)) for i, t in enumerate(TIME))
     )
     assert read(path).channel("angle").value == pytest.approx(np.radians(60 * TIME), abs=1e-6)
 
 
-def test_two_runs_one_below_the_other_are_asked_for(tmp_path):
-    path = tmp_path / "clip.csv"
-    path.write_text("t,light_x,light_y\n" + table(below(lambda k, i: timed(i), (HEAVY, LIGHT))))
+def test_two_runs_one_below_the_other_are_asked_for(clip):
+    path = clip("t,light_x,light_y\n" + table(below(lambda k, i: timed(i), (HEAVY, LIGHT))))
     with pytest.raises(DataError, match=r"found the runs 1, 2, needed one trial; choose by 'run: 1'"):
         read(path)
     assert read(path, run="2").channel("light_x").value == pytest.approx(LIGHT[:, 0], abs=1e-5)
 
 
-def test_rows_that_are_frames_count_those_without_points(tmp_path):
+def test_rows_that_are_frames_count_those_without_points(clip):
     """A line of tabs was taken for a blank line, and all later rows came a frame too early."""
-    path = tmp_path / "clip.csv"
     rows = [row if i != 7 else ("", "", "", "") for i, row in enumerate(beside(start=()))]
     header = "heavy_x\theavy_y\tlight_x\tlight_y\n"
-    path.write_text(header + table(rows, "\t"))
+    path = clip(header + table(rows, "\t"))
     assert read(path, **RATE).channel("light_x").t == pytest.approx(np.delete(TIME, 7))
-    path.write_text(header + table(rows, "\t").replace("\n\t\t\t\n", "\n\n"))
+    path = clip(header + table(rows, "\t").replace("\n\t\t\t\n", "\n\n"))
     with pytest.raises(DataError, match="found no column of times"):
         read(path, **RATE)
 
 
-def test_an_object_that_is_lost_stays_at_its_last_place(tmp_path):
-    path, notes = tmp_path / "clip.csv", ReadingNotes()
+def test_an_object_that_is_lost_stays_at_its_last_place(clip):
+    def seen(light):
+        rows = ((float(t), *place) for t, place in zip(TIME, light.tolist(), strict=True))
+        return without_copies(read(clip("t,light_x,light_y\n" + table(rows))).channels, notes)[0]
+
+    notes = ReadingNotes()
     noise = np.random.default_rng(1).normal(0, 1e-3, (ROWS, 2))
     light = np.round(LIGHT + noise, 4)
     light[14:] = light[13]
-    path.write_text("t,light_x,light_y\n" + table((float(t), *place) for t, place in zip(TIME, light.tolist(), strict=True)))
-    assert without_copies(read(path).channels, notes)[0].value == pytest.approx(light[:14, 0])
+    assert seen(light).value == pytest.approx(light[:14, 0])
     assert notes.unused["light_x: a copy of the point before"] == 10
     # A mass at rest whose noise is far below the last digit is seen to rest
     still = np.round(LIGHT, 2)
     still[14:] = still[13]
-    path.write_text("t,light_x,light_y\n" + table((float(t), *place) for t, place in zip(TIME, still.tolist(), strict=True)))
-    assert len(without_copies(read(path).channels, notes)[0]) == ROWS
+    assert len(seen(still)) == ROWS

@@ -1,7 +1,6 @@
 """Every form in which measured data comes, good and bad; the oracle is the table that the text was made from."""
 
 import math
-import os
 import re
 import time
 from pathlib import Path
@@ -15,17 +14,6 @@ from looping_pendulum.measured.tables.readers import DataError, read, survey
 
 LIGHT = {"light": "mass A"}
 BOTH = {"light": "mass A", "heavy": "mass B"}
-
-
-@pytest.fixture
-def clip(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-    def write(content):
-        Path("clip.csv").write_bytes(content if isinstance(content, bytes) else content.encode())
-        return "clip.csv"
-
-    return write
 
 
 XY = {"light_x": [1.2, -1.4], "light_y": [2.1, 0.5]}
@@ -339,6 +327,11 @@ BAD = {
     "neither times nor a rate": ("light_x,light_y\n0,1\n0,2\n", r": found frame numbers but no times, .*'frame_rate'"),
     "six columns": ("0,1,2,3,4,5\n", r":1: found 6 columns without names, needed a line of names above"),
     "frames without rate": ("frame,light_x,light_y\n7,1,2\n9,1,2\n", r".*found frame numbers but no times, .*'frame_rate'"),
+    "frames that are times": (
+        "frame,light_x\n0,1\n0.0333,2\n",
+        r":3: column frame: found no whole number, needed a frame's; if these are times, name the column 't'",
+        {"frame_rate": 30.0},
+    ),
     "frames go back": ("t,frame,light_x\n0,9,1\n.1,7,2\n", r":3: column frame: found 7 after 9", {"frame_rate": 30.0}),
     "empty": ("", r": found no rows"),
     "only names": ("t,light_x,light_y\n", r":1: found no table of numbers"),
@@ -451,14 +444,6 @@ def test_many_short_rows_take_no_time_for_each_pair_of_rows(clip):
     start = time.process_time()
     assert len(read(clip("t,light_x,light_y\n" + rows)).channel("light_x")) == 13_333
     assert time.process_time() - start < 10
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
-def test_a_pipe_is_no_file(tmp_path):
-    """It was waited for without end."""
-    os.mkfifo(tmp_path / "clip.csv")
-    with pytest.raises(DataError, match=r"clip.csv: cannot be read: found a pipe or a device, needed a file"):
-        read(tmp_path / "clip.csv")
 
 
 def test_a_missing_file_says_so(tmp_path):
