@@ -241,7 +241,8 @@ def fit_addition(a: Addition, needless_below: float = -math.inf) -> tuple[Fit, P
         of_law = np.append(np.zeros(len(a.law.closure.point_coefficients)), a.law.weights / a.law.prior[0])
     more, amounts, at = [], [], parent.x
     for t, amount in zip(a.templates, a.amounts, strict=True):
-        value = t.value(amount) or t.delta
+        # Below a finite change nothing is known: a fit that begins there may find no way to the value that explains
+        value = t.value(max(amount, 1.0) if t.finite else amount) or t.delta
         effect = dataclasses.replace(t.candidate.free_parameter(max(t.scale, abs(value))), prior=WIDE)
         more += [effect, *t.companions]
         amounts += [value / effect.scale, *(0.0 for _ in t.companions)]

@@ -287,7 +287,7 @@ class Search:
         derivative. What is then no better than a part of it, is needless.
         """
         is_finite = len(a.templates) == 1 and a.templates[0].finite
-        if a.parts.law is None and (len(a.key) == 1 or (is_finite and not self.settled)):
+        if (a.parts.law is None and len(a.key) == 1) or (is_finite and not self.settled):
             return True
         missing = max(self.best.log_z - a.parent.log_z, a.gain, 0.0)
         # The more its parent explains, the less is left to the linear model
