@@ -60,7 +60,7 @@ mutation.sqlite: cosmic-ray.toml | $(VENV)/mutation
 	$(BIN)/cosmic-ray init --force $< $@
 	$(BIN)/cr-filter-operators $@ $<
 
-fuzz: $(VENV)/test ## try 20 000 damaged files, quantities and command lines (some minutes)
+fuzz: $(VENV)/test ## try 20 000 damaged files, quantities and command lines (half an hour)
 	FUZZ_EXAMPLES=2200 $(BIN)/python -m pytest -n 2 --timeout 0 tests/fuzz/test_damaged.py tests/measured/tables/test_readers_generated.py
 
 lint: $(VENV)/dev $(if $(NPM),node_modules) ## style, types, and the one-way direction of the imports; the live page's JavaScript, where npm is
