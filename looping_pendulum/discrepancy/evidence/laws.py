@@ -131,7 +131,7 @@ class Closure:
         return f"{law}{factor} as a function of the {self.coordinate.replace('_', ' ')}"
 
     def added_to(self, study: Study) -> Study:
-        """Return ``study`` with this closure among its effects, its weights still zero."""
+        """Return ``study`` with this closure among its effects, in place of any other, its weights still zero."""
         fixed = {
             f"closure_of_{self.coordinate}": 1.0,
             f"closure_by_{self.factor}": 1.0,
@@ -139,7 +139,9 @@ class Closure:
             "closure_start": self.first_centre / self.spacing,
             **self.point_coefficients,
         }
-        return dataclasses.replace(study, effects={**study.effects, **{n: Estimate(value=v) for n, v in fixed.items()}})
+        # A fit from which a law was dropped still has what places it
+        others = {n: e for n, e in study.effects.items() if not n.startswith("closure_")}
+        return dataclasses.replace(study, effects={**others, **{n: Estimate(value=v) for n, v in fixed.items()}})
 
     def basis_functions(self, s: Array) -> Array:
         """Return every basis function at coordinates ``s`` of shape (n,), shape (n, N_BASIS_FUNCTIONS)."""
