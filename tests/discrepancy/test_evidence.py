@@ -246,6 +246,18 @@ def test_the_priors_add_to_one(library):
     assert effects + laws == pytest.approx(1.0, abs=1e-9)
 
 
+def test_laws_beside_a_fit_from_which_a_law_was_dropped_are_those_beside_any_fit(base):
+    """What placed the dropped law placed their pulses, too: none had any evidence, and the right one was never fitted."""
+    grid, p = NoiseGrid(base.problem.data), base.problem
+    known = laws_beside(base, grid, 0, raw(base))
+    dropped = known.runs.closure("light mass", "wrap_angle", "across_speed")
+    problem = Problem(dropped.added_to(p.study), p.data, p.free_parameters, (p.prior_mean, p.prior_weights))
+    left = laws_beside(dataclasses.replace(base, problem=problem), grid, 0, raw(base))
+    for one, other in zip(known.all(), left.all(), strict=True):
+        assert one.closure == other.closure
+        assert one.log_bayes_factor == pytest.approx(other.log_bayes_factor, abs=1e-6)
+
+
 def test_a_law_has_no_evidence_that_its_fit_has_not_kept(base):
     """Beside other weights the linear model promised 34 nats: a clean film had a law with probability 1, its fit no better."""
     grid = NoiseGrid(base.problem.data)
