@@ -15,7 +15,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from matplotlib.ticker import FormatStrFormatter, LogLocator, MaxNLocator
+from matplotlib.ticker import FormatStrFormatter, LogFormatter, LogLocator, MaxNLocator
 from numpy.typing import NDArray
 from zarr.storage import LocalStore
 
@@ -28,7 +28,7 @@ from looping_pendulum.sweep.quantities import Axis
 
 MAP = "viridis"
 """Matplotlib's colour map: safe for colour-blind readers, and monotone when printed in grey."""
-GREYS = (0.92, 0.45)
+GREYS = (0.82, 0.42)
 """Lightest and darkest grey of runs without a halt; their endings are evenly between them."""
 MAX_CELLS = 1500
 """Largest number of values of an axis that are drawn; of more, every second or third is."""
@@ -133,6 +133,10 @@ def _map(plan: MapPlan, data: xr.Dataset, panels: list[Axis]) -> Figure:
             part["grey"].plot.pcolormesh(cmap="gray", vmin=0, vmax=1, **how)
             part["halting_time"].plot.pcolormesh(cmap=MAP, norm=norm, **how)
         axes.set(xlabel=_label(x), ylabel=_label(y))
+        for drawn, axis in ((x, axes.xaxis), (y, axes.yaxis)):
+            if drawn.logarithmic:  # 6, where Matplotlib has 6 x 10^0
+                axis.set_major_formatter(LogFormatter())
+                axis.set_minor_formatter(LogFormatter())
         axes.set_title(title, fontsize="medium")
     for axes in grid[len(parts) :]:
         axes.set_axis_off()
