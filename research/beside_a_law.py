@@ -103,7 +103,7 @@ def row_of(study: BlindStudy, log10_odds: float) -> list[str]:
             " + ".join(study.hidden),
             f"10^{log10_odds:.1f}",
             in_words(best.key),
-            f"{max(proposed) - best.log_posterior:+.1f}" if proposed else "no",
+            "yes" if fitted else f"{max(proposed) - best.log_posterior:+.1f}" if proposed else "no",
             behind(fitted, best),
             behind(from_planted_value(search, study), best),
         ]
