@@ -6,7 +6,6 @@ fitted from the planted value of the effect, as nobody who searches could.
 """
 
 import argparse
-import dataclasses
 import json
 import math
 import tempfile
@@ -19,7 +18,7 @@ from threadpoolctl import threadpool_limits
 
 import looping_pendulum as lp
 from looping_pendulum.discrepancy.evidence.explain import explain
-from looping_pendulum.discrepancy.evidence.explanation import WIDE, Addition, Explanation, Parts, explained, fit_addition, raw
+from looping_pendulum.discrepancy.evidence.explanation import Addition, Explanation, Parts, explained, fit_addition, raw
 from looping_pendulum.discrepancy.evidence.laws import body_of, laws_beside
 from looping_pendulum.discrepancy.evidence.search import NOTHING, Search, in_words
 from looping_pendulum.discrepancy.fit.calibration import minimise
@@ -28,36 +27,21 @@ from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.pages.markdown import table
 from research.calibration import RESULT
 from research.calibration_summary import NAMED
-from research.known_answer import SHOWN
-from tests.blind.cases import CASES
-from tests.discrepancy.blind_sample import COUNTS, BlindStudy, draw, hidden_numbers, planted_values, write_files
-from tests.discrepancy.expected import Explained, truth
+from research.known_answer import SHOWN, planted_companions, planted_parameters
+from tests.discrepancy.blind_sample import COUNTS, BlindStudy, draw, planted_values, write_files
+from tests.discrepancy.expected import Explained, parts_of, truth
 
 HEADERS = ("study", "hidden", "odds by the known formula", "what wins", "proposed", "fitted", "from the planted value")
 HELD = 1e-3
 """Prior standard deviation that holds an effect at its planted value [that value]."""
 
 
-def parts_of(parts: Parts) -> Explained:
-    """Return the effects of an explanation, and the body and coordinate of its law."""
-    law = (body_of(parts.law.target), parts.law.coordinate) if parts.law else None
-    return frozenset(c.name for c in parts.effects), law
-
-
 def from_planted_value(search: Search, study: BlindStudy) -> list[Explanation]:
     """Return the explanations with what is hidden, fitted from where the effect has its planted value."""
     effects, law_acts_on = truth(study.hidden)
     base, planted = search.fitted[NOTHING].fit, planted_values(study)
-    companions = {name: value for case in hidden_numbers(study) for name, value in CASES[case].fixed}
     chosen = tuple(c for c in search.library if c.name in effects)
-    added, start = [], []
-    for c in chosen:
-        scale = abs(planted[c.name] - c.null)
-        added += [
-            dataclasses.replace(c.free_parameter(scale), prior=WIDE),
-            *c.companion_parameters([companions[k.name] for k in c.companions]),
-        ]
-        start += [(planted[c.name] - c.null) / scale, *(0.0 for _ in c.companions)]
+    added, start = planted_parameters(chosen, planted, planted_companions(study))
     p = base.problem
 
     def problem(sigma: Sequence[float], mean: Sequence[float]) -> Problem:

@@ -29,6 +29,7 @@ from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.effects.own import ENTRY_POINTS
 from tests.blind.cases import CASES
@@ -54,7 +55,7 @@ def known_answer(study: BlindStudy, path: Path) -> Outcome:
     """Return the log posterior of every part of what is hidden in a study, whose file is at ``path``; see `log_posteriors`."""
     numbers = hidden_numbers(study)
     values = {**planted_values(study), **{LAW + name: value for name, value in numbers.items() if name in PLANTED_LAWS}}
-    companions = {k: v for name in numbers for k, v in CASES[name].fixed if not isinstance(v, tuple)}
+    companions = planted_companions(study)
     if not any(name.startswith(LAW) for name in values):
         return _outcome(path, values, companions)
     with _installed_laws() as folder:
@@ -65,6 +66,11 @@ def known_answer(study: BlindStudy, path: Path) -> Outcome:
         return {"failed": done.stderr[-500:]}
     outcome: Outcome = json.loads(done.stdout.splitlines()[-1])
     return outcome
+
+
+def planted_companions(study: BlindStudy) -> dict[str, float]:
+    """Return the planted value of each companion coefficient in a study [SI], by name."""
+    return {k: v for name in hidden_numbers(study) for k, v in CASES[name].fixed if not isinstance(v, tuple)}
 
 
 @contextlib.contextmanager
@@ -119,6 +125,20 @@ def log_posteriors(path: Path, values: Mapping[str, float], companions: Mapping[
     return found
 
 
+def planted_parameters(
+    chosen: Sequence[Candidate], values: Mapping[str, float], companions: Mapping[str, float]
+) -> tuple[list[FreeParameter], list[float]]:
+    """Return some candidates and their companions as free parameters, and where these have their planted values [scales]."""
+    more: list[FreeParameter] = []
+    start: list[float] = []
+    for c in chosen:
+        scale = abs(values[c.name] - c.null)
+        beside = c.companion_parameters([companions[k.name] for k in c.companions])
+        more += [dataclasses.replace(c.free_parameter(scale), prior=WIDE), *beside]
+        start += [(values[c.name] - c.null) / scale, *(0.0 for _ in c.companions)]
+    return more, start
+
+
 def _fitted(
     declared: Fit, best: Fit, chosen: Sequence[Candidate], values: Mapping[str, float], companions: Mapping[str, float]
 ) -> Fit:
@@ -127,12 +147,7 @@ def _fitted(
     It begins with their true values, and the other parameters as the declared model's fit has them, as ``best`` has them, and
     from nothing but what is stated.
     """
-    more, start = [], []
-    for c in chosen:
-        scale = abs(values[c.name] - c.null)
-        beside = c.companion_parameters([companions[k.name] for k in c.companions])
-        more += [dataclasses.replace(c.free_parameter(scale), prior=WIDE), *beside]
-        start += [(values[c.name] - c.null) / scale, *(0.0 for _ in c.companions)]
+    more, start = planted_parameters(chosen, values, companions)
     problem = Problem(declared.problem.study, best.problem.data, (*declared.problem.free_parameters, *more))
     others = len(declared.x)
     fits = []

@@ -131,7 +131,7 @@ def _show_size(plan: MapPlan) -> None:
     from looping_pendulum.sweep.store import BYTES_PER_RUN
 
     sizes = " x ".join(f"{size}" for size in plan.sizes.values())
-    over = ", ".join(plan.sizes)
+    over = ", ".join(["engine"] * plan.several + [axis.name for axis in plan.axes])
     megabytes = plan.runs * BYTES_PER_RUN / 1e6
     message = f"{plan.runs} runs ({sizes}: {over}) in {plan.chunk_count} chunks, at most {amount(megabytes)} MB"
     note(message)

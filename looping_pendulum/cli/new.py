@@ -29,11 +29,6 @@ def _option(what: str, *names: str) -> Any:
     return typer.Option(*names, metavar="VALUE", help=what)
 
 
-LightMass = Annotated[str | None, _option('Mass that loops round the rod: "12 g".')]
-RodRadius = Annotated[str | None, _option('Radius of the rod: "6.25 mm".')]
-RodDiameter = Annotated[str | None, _option('Its diameter instead: "12.5 mm".')]
-
-
 @new.command()
 def scenario(
     context: typer.Context,
@@ -47,10 +42,10 @@ def scenario(
             callback=takes("scenario"),
         ),
     ] = "ten_to_one",
-    light_mass: LightMass = None,
+    light_mass: Annotated[str | None, _option('Mass that loops round the rod: "12 g".')] = None,
     heavy_mass: Annotated[str | None, _option('Mass that falls: "120 g".')] = None,
-    rod_radius: RodRadius = None,
-    rod_diameter: RodDiameter = None,
+    rod_radius: Annotated[str | None, _option('Radius of the rod: "6.25 mm".')] = None,
+    rod_diameter: Annotated[str | None, _option('Its diameter instead: "12.5 mm".')] = None,
     free_length: Annotated[str | None, _option('String from the rod to the light mass: "58 cm".')] = None,
     hanging_length: Annotated[str | None, _option('String from the rod to the heavy mass: "5 cm".')] = None,
     release_angle: Annotated[str | None, _option('Angle of the string: "90 deg" is level, "180 deg" straight down.')] = None,
@@ -88,11 +83,11 @@ def study(
         ),
     ],
     out: Annotated[Path, typer.Option(metavar="STUDY.yaml", help="Where to write the study.")] = Path("my_study.yaml"),
-    light_mass: LightMass = None,
+    light_mass: Annotated[str | None, _option('Mass that loops round the rod: "20 g +/- 0.1 g".')] = None,
     light_radius: Annotated[str | None, _option('Radius of that ball: "8 mm +/- 0.1 mm"; a film shows it.')] = None,
     heavy_mass: Annotated[list[str] | None, _option('Mass that falls: "200 g +/- 0.5 %"; once, or once for each file.')] = None,
-    rod_radius: RodRadius = None,
-    rod_diameter: RodDiameter = None,
+    rod_radius: Annotated[str | None, _option('Radius of the rod: "6.25 mm +/- 1 %".')] = None,
+    rod_diameter: Annotated[str | None, _option('Its diameter instead: "12.5 mm +/- 1 %".')] = None,
     free_length: Annotated[
         list[str] | None, _option('String from the rod to the light mass: "58 cm +/- 1 mm"; once, or for each file.')
     ] = None,

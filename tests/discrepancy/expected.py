@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 
+from looping_pendulum.discrepancy.evidence.explanation import Parts
 from looping_pendulum.discrepancy.evidence.laws import body_of
 from looping_pendulum.discrepancy.result import RankedExplanation
 from tests.blind.cases import CASES, Case
@@ -91,6 +92,6 @@ def truth(hidden: Iterable[str]) -> Explained:
     return effects, (body_of(laws[0][0]), laws[0][1]) if laws else None
 
 
-def parts_of(e: RankedExplanation) -> Explained:
+def parts_of(e: RankedExplanation | Parts) -> Explained:
     """Return the effects of an explanation, and the body and coordinate of its law, whatever its direction and factor."""
     return frozenset(effect.name for effect in e.effects), (body_of(e.law.target), e.law.coordinate) if e.law else None

@@ -20,6 +20,7 @@ from looping_pendulum.discrepancy.evidence.explanation import (
     checked,
     explained,
     fit_addition,
+    fit_without,
     raw,
 )
 from looping_pendulum.discrepancy.evidence.laws import (
@@ -248,11 +249,15 @@ def test_the_priors_add_to_one(library):
 
 def test_laws_beside_a_fit_from_which_a_law_was_dropped_are_those_beside_any_fit(base):
     """What placed the dropped law placed their pulses, too: none had any evidence, and the right one was never fitted."""
-    grid, p = NoiseGrid(base.problem.data), base.problem
+    grid = NoiseGrid(base.problem.data)
     known = laws_beside(base, grid, 0, raw(base))
-    dropped = known.runs.closure("light mass", "wrap_angle", "across_speed")
-    problem = Problem(dropped.added_to(p.study), p.data, p.free_parameters, (p.prior_mean, p.prior_weights))
-    left = laws_beside(dataclasses.replace(base, problem=problem), grid, 0, raw(base))
+    law = known.law(known.runs.closure("light mass", "wrap_angle", "across_speed"))
+    parent = explained(grid, base, Parts(), 7, [0])
+    a = Addition(parent=parent, law=law, step=law.step, gain=law.log_bayes_factor, decrease=law.decrease, library=7)
+    dropped = fit_without(explained(grid, *fit_addition(a), 7, [0]), law.closure.name)
+    of_base = Problem(base.problem.study, dropped.problem.data, dropped.problem.free_parameters)
+    known = laws_beside(dataclasses.replace(dropped, problem=of_base), grid, 0, raw(dropped))
+    left = laws_beside(dropped, grid, 0, raw(dropped))
     for one, other in zip(known.all(), left.all(), strict=True):
         assert one.closure == other.closure
         assert one.log_bayes_factor == pytest.approx(other.log_bayes_factor, abs=1e-6)

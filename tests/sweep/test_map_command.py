@@ -21,7 +21,7 @@ from looping_pendulum.sweep.dask_cluster import CONNECT_TIME
 from looping_pendulum.sweep.store import MapStore
 from tests.command_line import can_be_interrupted
 from tests.sweep import fake
-from tests.sweep.maps import GRID, LONG, chunk_files, contents, program
+from tests.sweep.maps import GRID, LONG, SAMPLE, chunk_files, contents, program
 from tests.sweep.test_runner import run_silently
 
 
@@ -70,6 +70,12 @@ def test_ctrl_c_at_the_command_line(tmp_path):
     assert "Traceback" not in said
     kept = re.search(r"interrupted: (\d+) of 6000 runs are kept in .*; the same command continues from there", said)
     assert int(kept[1]) >= 12
+
+
+def test_the_size_of_a_sample_names_what_varies(tmp_path):
+    (tmp_path / "map.yaml").write_text(SAMPLE)
+    done = CliRunner().invoke(app, ["map", str(tmp_path / "map.yaml"), "--out", str(tmp_path / "out"), "--no-figures"])
+    assert done.stderr.startswith("100 runs (100: release_angle, rod_radius) in ")
 
 
 def test_the_command_maps_and_reports(tmp_path):

@@ -16,13 +16,24 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from looping_pendulum.discrepancy.candidates import Candidate
-from looping_pendulum.discrepancy.evidence.laws import Closure, Law, Prior, best_prior, log_share, prior_root, weighed, with_law
+from looping_pendulum.discrepancy.evidence.laws import (
+    Closure,
+    Law,
+    Prior,
+    best_prior,
+    log_share,
+    prior_root,
+    weighed,
+    with_law,
+    without_law,
+)
 from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid, sigma_of
 from looping_pendulum.discrepancy.evidence.prior import log_density, log_occam, log_prior
 from looping_pendulum.discrepancy.evidence.templates import Template
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate, minimise
 from looping_pendulum.discrepancy.fit.data import TrialData
 from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.measured.study import Study
 from looping_pendulum.reference_ode.geometry import Array
 
 Key = frozenset[str]
@@ -324,16 +335,18 @@ def enough_cost(fit: Fit) -> float:
 
 def fit_without(e: Explanation, part: str) -> Fit | None:
     """Fit an explanation again without one of its parts; None: it cannot run."""
-    dropped = e.parts.parameters_of(part)
-    return _refit(e.fit, [i for i, n in enumerate(e.fit.problem.names) if n not in dropped], e.fit.problem.data)
+    dropped, p = e.parts.parameters_of(part), e.fit.problem
+    # What places a law would move the pulses by which other laws are judged
+    study = without_law(p.study) if e.parts.law and e.parts.law.name == part else p.study
+    return _refit(e.fit, [i for i, n in enumerate(p.names) if n not in dropped], p.data, study)
 
 
-def _refit(fit: Fit, kept: Sequence[int], data: Sequence[TrialData]) -> Fit | None:
+def _refit(fit: Fit, kept: Sequence[int], data: Sequence[TrialData], study: Study) -> Fit | None:
     """Fit some of a fit's parameters to other data, from where they were; None: the model cannot run."""
     p = fit.problem
     prior = p.prior_mean[kept], p.prior_weights[np.ix_(kept, kept)]
     try:
-        problem = Problem(p.study, data, [p.free_parameters[i] for i in kept], prior)
+        problem = Problem(study, data, [p.free_parameters[i] for i in kept], prior)
         return minimise(problem, fit.x[kept], cost_tolerance=enough_cost(fit))
     except FitError:
         return None
@@ -349,4 +362,4 @@ def fit_to_data(fit: Fit, data: Sequence[TrialData], last: Collection[str] = ())
     """
     trials = {d.trial.name for d in data}
     kept = [i for i, n in enumerate(fit.problem.free_parameters) if trials & set(n.trials)]
-    return _refit(fit, sorted(kept, key=lambda i: fit.problem.names[i] in last), data)
+    return _refit(fit, sorted(kept, key=lambda i: fit.problem.names[i] in last), data, fit.problem.study)

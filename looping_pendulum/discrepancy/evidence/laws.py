@@ -131,7 +131,7 @@ class Closure:
         return f"{law}{factor} as a function of the {self.coordinate.replace('_', ' ')}"
 
     def added_to(self, study: Study) -> Study:
-        """Return ``study`` with this closure among its effects, in place of any other, its weights still zero."""
+        """Return ``study`` with this closure among its effects, its weights still zero."""
         fixed = {
             f"closure_of_{self.coordinate}": 1.0,
             f"closure_by_{self.factor}": 1.0,
@@ -139,9 +139,7 @@ class Closure:
             "closure_start": self.first_centre / self.spacing,
             **self.point_coefficients,
         }
-        # A fit from which a law was dropped still has what places it
-        others = {n: e for n, e in study.effects.items() if not n.startswith("closure_")}
-        return dataclasses.replace(study, effects={**others, **{n: Estimate(value=v) for n, v in fixed.items()}})
+        return dataclasses.replace(study, effects={**study.effects, **{n: Estimate(value=v) for n, v in fixed.items()}})
 
     def basis_functions(self, s: Array) -> Array:
         """Return every basis function at coordinates ``s`` of shape (n,), shape (n, N_BASIS_FUNCTIONS)."""
@@ -151,6 +149,11 @@ class Closure:
     def profile(self, weights: Array, s: Array) -> Array:
         """Return the weighted sum at coordinates ``s``, shape of ``s``; [N], or [N s/m] times a speed; [1] for friction."""
         return np.asarray(self.basis_functions(s) @ weights)
+
+
+def without_law(study: Study) -> Study:
+    """Return ``study`` without what `Closure.added_to` has put among its effects."""
+    return dataclasses.replace(study, effects={n: e for n, e in study.effects.items() if not n.startswith("closure_")})
 
 
 def factors_of(target: str) -> tuple[str, ...]:
