@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from looping_pendulum.discrepancy.evidence.explanation import NOTHING, explained, fit_addition
+from looping_pendulum.discrepancy.evidence.explanation import NOTHING, Addition, explained, fit_addition
 from looping_pendulum.discrepancy.evidence.search import Search
+from looping_pendulum.discrepancy.evidence.templates import templates
 from looping_pendulum.discrepancy.fit.calibration import calibrate
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
@@ -28,6 +29,8 @@ from looping_pendulum.teaching.example_folder import write_example
 IMAGES = Path(__file__).parents[1] / "docs" / "img"
 DEMO_TIME = 0.62
 """Time that the demonstration shows in its picture [s]: the runs have separated, and none has ended."""
+START = 0.1
+"""Amount of a further effect with which its fit begins."""
 WINDOW = {"width": 1200, "height": 1060}
 FIGURES = {"report/ten_to_one/figures/divergence.png": "divergence.png"}
 STUDY_FIGURES = {"report/study/figures/motion.png": "identify.png"}
@@ -61,8 +64,16 @@ def draw_evidence(study: Path, picture: Path) -> None:
         search = Search(refit_with_estimated_noise(calibrate(problem)), inputs.library)
         search.run()
         best = search.best
-        more = max((a for a in search.possible.values() if a.parent is best), key=lambda a: a.decrease)
-        pair = explained(search.grid, fit_addition(more), more.parts, len(inputs.library))
+        others = [c for c in inputs.library if c not in best.parts.effects]
+        added = [
+            Addition(
+                parent=best, templates=(t,), amounts=(START,), step=np.zeros(len(best.fit.x)), gain=0.0, decrease=0.0,
+                library=len(inputs.library),
+            )
+            for t in templates(best.fit, others, {})
+        ]  # fmt: skip
+        nearest = min(filter(None, map(fit_addition, added)), key=lambda fitted: fitted[0].cost)
+        pair = explained(search.grid, *nearest, len(inputs.library))
     law = max((e for e in search.fitted.values() if e.parts.law), key=lambda e: e.log_posterior)
     shown = [search.fitted[NOTHING], best, pair, law]
     names = [" + ".join(sorted(e.key)).replace("_", " ").replace(" by ", "\nby ") or "nothing" for e in shown]
