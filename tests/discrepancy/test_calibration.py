@@ -1,6 +1,7 @@
 """The fit: planted values come back, wrong starts end at the same place, derivatives are derivatives, bounds hold."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -81,6 +82,22 @@ def test_a_fit_that_was_cut_short_has_not_converged(fit):
     start = fit.x + np.where(np.array(fit.problem.names) == "kinetic_friction", 1.0, 0.0)
     cut = minimise(fit.problem, start, max_iterations=2)
     assert not cut.converged
+
+
+def test_a_fit_ends_at_a_kink_from_which_no_step_leads_down():
+    """There the linear model promises a decrease for ever, by a step that is too long by any factor."""
+    costs = []
+
+    def residuals_and_jacobian(x):
+        slope = -1.0 if x[0] <= 1 else 5.0
+        costs.append(4 * (slope * (x[0] - 1) + 2) ** 2)
+        return np.array([2 * (slope * (x[0] - 1) + 2)]), np.array([[-2 * slope]])
+
+    problem = SimpleNamespace(low=np.array([-9.0]), high=np.array([9.0]), residuals_and_jacobian=residuals_and_jacobian)
+    found = minimise(problem, np.zeros(1), cost_tolerance=1e-3)
+    assert found.x == pytest.approx(1.0, abs=1e-2)
+    assert not found.converged
+    assert len(costs) < 30
 
 
 @pytest.mark.parametrize("name", STORED)

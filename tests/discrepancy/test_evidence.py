@@ -294,6 +294,13 @@ def predicted(monkeypatch, search, inputs, log_odds_of_a_part):
     return Explanations(search, inputs, interrupted=False)
 
 
+def with_what_does_nothing(search):
+    """The best explanation with a further effect, by which no data change."""
+    other = next(c for c in search.library if c not in search.best.parts.effects)
+    parts = Parts(effects=(*search.best.parts.effects, other))
+    return dataclasses.replace(search.best, parts=parts, log_prior=search.best.log_prior - 5.0)
+
+
 def test_without_what_the_held_out_trial_refuses_the_declared_model_is_not_enough(search, inputs, monkeypatch):
     refused = predicted(monkeypatch, search, inputs, -1.1 * prior.DECISIVE)
     assert refused.credible == (NOTHING,)
@@ -302,6 +309,17 @@ def test_without_what_the_held_out_trial_refuses_the_declared_model_is_not_enoug
     words = "a drag on the light mass in proportion to its speed (light_linear_drag)"
     assert test.failure == f"the data ask for {words}, which the held-out trials contradict"
     assert not test.passes
+
+
+def test_with_what_is_refused_goes_what_adds_nothing_that_shows_to_it(search, inputs, monkeypatch):
+    """Beside a law, an effect that does nothing would otherwise be named in its place, with the law."""
+    inputs = dataclasses.replace(inputs, held_out=((inputs.training[0], ()),))
+    monkeypatch.setattr(Explanations, "_log_prediction", lambda self, e: -2 * prior.DECISIVE if e.key == {DRAG} else 0.0)
+    whole = with_what_does_nothing(search)
+    monkeypatch.setitem(search.fitted, whole.key, whole)
+    found = Explanations(search, inputs, interrupted=False)
+    assert found.contradicted.key == {DRAG}
+    assert not any(DRAG in key for key in found.probabilities)
 
 
 @pytest.mark.parametrize("log_odds", [-0.9 * prior.DECISIVE, 0.0, 5.0])
@@ -319,10 +337,11 @@ def test_densities_of_the_same_data_say_themselves_how_sure_they_are():
 
 
 def test_what_adds_too_little_to_be_seen_counts_as_a_part(search):
-    ranked = dict(posterior(search.fitted))
-    wholes = [e for e in search.fitted.values() if e.key > {DRAG}]
-    assert all(e.log_posterior < search.best.log_posterior for e in wholes)
-    assert not any(e.key in ranked for e in wholes)
+    whole = with_what_does_nothing(search)
+    assert whole.log_posterior < search.best.log_posterior
+    alone, ranked = dict(posterior(search.fitted)), dict(posterior(search.fitted | {whole.key: whole}))
+    assert ranked.keys() == alone.keys()
+    assert ranked[search.best.key] > alone[search.best.key]
 
 
 @pytest.mark.long

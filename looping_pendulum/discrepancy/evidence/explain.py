@@ -60,8 +60,12 @@ class Explanations:
             while not self.interrupted and (wrong := self._refused()):
                 if NOTHING not in self.credible:
                     self.contradicted = self.contradicted or wrong[0]
-                for e in wrong:
-                    del self._fitted[e.key]
+                # With what adds nothing that shows to it, and so was counted with it
+                refused = {
+                    key for e in wrong for key, whole in self._fitted.items()
+                    if key >= e.key and whole.log_posterior <= e.log_posterior
+                }  # fmt: skip
+                self._fitted = {key: e for key, e in self._fitted.items() if key not in refused}
                 self._rank()
         except KeyboardInterrupt:
             self.interrupted = True

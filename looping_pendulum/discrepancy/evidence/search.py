@@ -284,10 +284,10 @@ class Search:
         """Return whether an addition is fitted exactly: others than single effects if they may come near the best.
 
         The linear model may be wrong by a share of what there is to be explained, and says nothing of an effect that has no
-        derivative. What is then no better than a part of it, is needless.
+        derivative, which is fitted where its parent leaves a misfit. What is then no better than a part of it, is needless.
         """
         is_finite = len(a.templates) == 1 and a.templates[0].finite
-        if (a.parts.law is None and len(a.key) == 1) or (is_finite and not self.settled):
+        if (a.parts.law is None and len(a.key) == 1) or (is_finite and not self.passes(a.parent)):
             return True
         missing = max(self.best.log_z - a.parent.log_z, a.gain, 0.0)
         # The more its parent explains, the less is left to the linear model

@@ -163,13 +163,15 @@ def minimise(
     cost, damping, iterations = float(r @ r), FIRST_DAMPING, 1
     longest_step, least = MAX_STEP, math.inf
     model = _LinearModel(problem, x, r, jacobian)
-    while iterations < max_iterations and damping <= MAX_DAMPING and model.largest_decrease >= cost_tolerance * cost:
+    while iterations < max_iterations and model.largest_decrease >= cost_tolerance * cost:
         if fits_end_now():
             break
         there = model.point(damping, longest_step)
         while model.decrease(there) <= 0 and damping <= MAX_DAMPING:  # some components were clipped, and the others misled
             damping *= 10
             there = model.point(damping, longest_step)
+        if model.decrease(there) < cost_tolerance * cost:  # no longer step leads down: the derivatives do not hold farther
+            break
         new, new_jacobian = problem.residuals_and_jacobian(there)
         iterations += 1
         if new is None or float(new @ new) >= cost:
