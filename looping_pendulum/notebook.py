@@ -10,6 +10,7 @@ from looping_pendulum.pages import markdown
 
 if TYPE_CHECKING:
     from looping_pendulum.compare.result import ComparisonResult
+    from looping_pendulum.discrepancy.fit_study import StudyFit
     from looping_pendulum.discrepancy.result import Identification
     from looping_pendulum.reference_ode.solution import Run
     from looping_pendulum.runs.trajectory import Trajectory
@@ -125,11 +126,21 @@ def identification(result: Identification) -> str:
     return str(markdown.html("\n\n".join(before_figures(result))))
 
 
+def study_fit(result: StudyFit) -> str:
+    """Return the fitted parameters of a declared model, and the remarks on them."""
+    from looping_pendulum.pages.tables import text_cells
+
+    rows = result.rows()
+    table = _table([*rows[0]], text_cells(rows))
+    return _html(f"Fit of {result.fit.problem.study.name}", result.summary, table, *map(markdown.escaped, result.remarks))
+
+
 FORMATTERS: dict[tuple[str, str], Callable[[Any], str]] = {
     ("looping_pendulum.reference_ode.solution", "Run"): reference_run,
     ("looping_pendulum.scenarios.scenario", "Scenario"): scenario,
     ("looping_pendulum.runs.trajectory", "Trajectory"): trajectory,
     ("looping_pendulum.compare.result", "ComparisonResult"): comparison,
     ("looping_pendulum.discrepancy.result", "Identification"): identification,
+    ("looping_pendulum.discrepancy.fit_study", "StudyFit"): study_fit,
 }
 """Module and name of a class -> what shows it. By name, so that showing a scenario imports nothing of the reports."""

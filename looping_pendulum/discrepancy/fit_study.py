@@ -166,21 +166,30 @@ class StudyFit:
         known: Mapping[str, Any] = self.fit.problem.study.coefficients
         return str((known.get(parameter) or CAMERA[parameter]).unit)
 
-    def __repr__(self) -> str:
-        """Return the parameters as a table, and which tests fail."""
+    @property
+    def summary(self) -> str:
+        """How well the model fits, in one line."""
+        converged = "" if self.converged else "; it has not converged"
+        return f"{self.fit.problem.count} values, chi2 per degree of freedom {self.tests.chi2_per_dof:.3g}{converged}"
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What else is known: errors that last, strong correlations, and which tests fail."""
         noise = " and ".join(
             f"{BODY_IN_WORDS[body]} {quantity(n.amplitude, UNIT_OF_BODY[body])} for some {quantity(n.correlation_time, 's')}"
             for body, n in self.correlated_noise.items()
         )
         pairs = "; ".join(f"{a} and {b} {c:.3f}" for a, b, c in self.fit.correlations())
-        return "\n".join([
-            f"Fit of {self.fit.problem.study.name}: {self.fit.problem.count} values, "
-            f"chi2 per degree of freedom {self.tests.chi2_per_dof:.3g}{'' if self.converged else '; it has not converged'}",
-            text_table(self.rows()),
+        return (
             *([f"Errors that last, or what the model lacks: {noise}; `identify` tells which"] if noise else []),
             *([f"Correlations above 0.9: {pairs}"] if pairs else []),
             f"What fails: {'; '.join(failures_in_words(self.tests.results)) or 'nothing'}",
-        ])  # fmt: skip
+        )
+
+    def __repr__(self) -> str:
+        """Return the parameters as a table, and the remarks."""
+        heading = f"Fit of {self.fit.problem.study.name}: {self.summary}"
+        return "\n".join([heading, text_table(self.rows()), *self.remarks])
 
 
 def fit(study: Study, *, seed: int = 0, anyway: bool = False) -> StudyFit:

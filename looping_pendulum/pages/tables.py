@@ -14,9 +14,14 @@ Rows = Sequence[Mapping[str, Any]]
 
 def text_table(rows: Rows) -> str:
     """Return rows as lines of aligned cells below the names of the columns; numbers have six digits at most."""
-    cells = [[*rows[0]], *([_cell(value) for value in row.values()] for row in rows)] if rows else []
+    cells = [[*rows[0]], *text_cells(rows)] if rows else []
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     return "\n".join("  ".join(c.ljust(width) for c, width in zip(line, widths, strict=True)).rstrip() for line in cells)
+
+
+def text_cells(rows: Rows) -> list[list[str]]:
+    """Return the cells of each row as text; numbers have six digits at most, None is empty."""
+    return [[_cell(value) for value in row.values()] for row in rows]
 
 
 def _cell(value: Any) -> str:
