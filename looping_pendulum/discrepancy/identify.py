@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from looping_pendulum import __version__
 from looping_pendulum.discrepancy.candidates import in_words
 from looping_pendulum.discrepancy.evidence.explain import Explanations, Judged, explain
-from looping_pendulum.discrepancy.evidence.explanation import Explanation
+from looping_pendulum.discrepancy.evidence.explanation import NOTHING, Explanation
 from looping_pendulum.discrepancy.evidence.templates import SmallestVisible
 from looping_pendulum.discrepancy.fit.data import noises_of
 from looping_pendulum.discrepancy.fit.problem import OutOfTime, fits_end_now, refuse_if_time_is_over, time_limits
@@ -152,8 +152,9 @@ def _put_together(
     """
     before = _judged(found, found.nothing, ends)
     after = before if found.best is found.nothing else _judged(found, found.best, ends)
-    declared_tests = tests_of(before, before, found.contradiction)
-    tests = declared_tests if after is before else tests_of(after, before, ())
+    contradiction = found.contradiction
+    declared_tests = tests_of(before, before, contradiction if found.credible == (NOTHING,) else None)
+    tests = declared_tests if after is before else tests_of(after, before, None)
     is_explained = decide(verdict_by_evidence(found), tests) is not Verdict.UNEXPLAINED
     credible = [e for e in found.ranked if e.key in found.credible]
     law = next((e for e in credible if e.parts.law), None) if is_explained and after is not before else None
@@ -183,7 +184,7 @@ def _put_together(
         ),
         notes=(
             *first_look.notes,
-            *verdict_notes(verdict, explanations, ruled_out, noise, outliers, inputs.study.trials),
+            *verdict_notes(verdict, explanations, contradiction, ruled_out, noise, outliers, inputs.study.trials),
         ),
         effects=effects,
         explanations=explanations,

@@ -53,15 +53,15 @@ class ModelTests:
     """Log of the factor by which the model makes held-out data more probable than the declared one; None: it is that."""
     fall: ModelTest | None = None
     """Fall of the held-out error [its standard deviation] by a model with a law; None: it has none, or no trial is held out."""
-    contradiction: tuple[ModelTest, ...] = ()
-    """Of the declared model where more probable ones fail the held-out data: their odds."""
+    contradiction: ModelTest | None = None
+    """Of the declared model where a more probable one fails the held-out data: its odds."""
     explained_share: float = 0.0
     """Share of the declared model's excess of chi2 over noise, on the worst held-out data, that the model explains."""
 
     @property
     def all(self) -> tuple[ModelTest, ...]:
         """Every test."""
-        return (*self.fit, *self.held_out, *(t for t in (self.gain, self.fall) if t), *self.contradiction)
+        return (*self.fit, *self.held_out, *(t for t in (self.gain, self.fall, self.contradiction) if t))
 
     @property
     def predicts(self) -> bool:
@@ -80,13 +80,13 @@ class ModelTests:
         return is_no_worse and (self.predicts or (self.confirmed and self.explained_share > LEAST_EXPLAINED))
 
 
-def tests_of(model: Judged, declared: Judged, contradiction: tuple[ModelTest, ...]) -> ModelTests:
+def tests_of(model: Judged, declared: Judged, contradiction: ModelTest | None) -> ModelTests:
     """Return the tests of a model, which is compared with the declared one unless it is that.
 
     Parameters
     ----------
     contradiction
-        What else the model fails: `Explanations.contradiction` of the declared one.
+        `Explanations.contradiction`, where the declared model alone is left.
     """
     gain, fall, share = None, None, 0.0
     if model is not declared:
@@ -313,6 +313,7 @@ def _unexplained(nearest: RankedExplanation, error: TrialError, tests: ModelTest
 def verdict_notes(
     verdict: Verdict,
     explanations: Sequence[RankedExplanation],
+    contradiction: ModelTest | None,
     ruled_out: Sequence[tuple[str, str]],
     noise: Mapping[str, CorrelatedNoise],
     outliers: Sequence[Outliers],
@@ -322,6 +323,8 @@ def verdict_notes(
 
     Parameters
     ----------
+    contradiction
+        `Explanations.contradiction`.
     ruled_out
         Name of each listed effect whose value would be impossible, and what is known of it.
     noise
@@ -334,6 +337,12 @@ def verdict_notes(
     if verdict is Verdict.UNLISTED and len(laws) > 1:
         others = "; ".join(f"a {law}" for law in laws[1:])
         notes.append(f"Which law it is, is less sure than that there is one: the data do not exclude, in its place, {others}.")
+    if verdict in (Verdict.IDENTIFIED, Verdict.AMBIGUOUS) and contradiction and not contradiction.passes:
+        times = amount(math.exp(min(contradiction.value, 300.0)))
+        notes.append(
+            f"By all trials together {contradiction.failure}, though it is {times} times as probable. Film one more trial, "
+            "with another heavy mass or angle, and hold it out."
+        )
     if verdict is Verdict.IDENTIFIED:
         notes += [f"{name} was ruled out, as {known}." for name, known in ruled_out]
     nearest = next((e for e in explanations if e.names), None)

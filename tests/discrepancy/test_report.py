@@ -110,10 +110,18 @@ def test_what_the_held_out_data_refuse_is_said_of_the_declared_model():
         subject="drag", statistic="", value=11.0, limit=3.0,
         failure="the data ask for drag, which the held-out trials contradict",
     )  # fmt: skip
-    declared = dataclasses.replace(model_tests(gain=None), contradiction=(refused,))
+    declared = dataclasses.replace(model_tests(gain=None), contradiction=refused)
     errors = pages.identification("swing").errors
     words = said(Verdict.UNEXPLAINED, (NOTHING,), errors, tests=declared, declared=declared)
     assert "but the data ask for drag, which the held-out trials contradict, and no effect of the library" in words
+
+
+@pytest.mark.parametrize(("log_odds", "said"), [(8.4, 1), (2.0, 0)])
+def test_what_is_much_more_probable_than_what_is_named_but_refused_is_said(log_odds, said):
+    failure = "the data ask for drag, which no held-out trial confirms"
+    refused = ModelTest(subject="drag", statistic="", value=log_odds, limit=3.0, failure=failure)
+    notes = verdict_notes(Verdict.IDENTIFIED, EXPLANATIONS[Verdict.IDENTIFIED], refused, (), {}, (), TRIALS)
+    assert [note.startswith(f"By all trials together {failure}, though it is 4447 times") for note in notes] == [True] * said
 
 
 def test_where_held_out_trials_neither_confirm_nor_contradict_the_sentence_says_what_decides():
@@ -171,7 +179,7 @@ def made_up(verdict):
         explanations=explanations,
         unlisted=unlisted,
         sentence=said(verdict, explanations, (held_out,), unlisted),
-        notes=verdict_notes(verdict, explanations, (IMPOSSIBLE,), noise, result.outliers, TRIALS),
+        notes=verdict_notes(verdict, explanations, None, (IMPOSSIBLE,), noise, result.outliers, TRIALS),
         errors=(held_out,),
         correlated_noise=noise,
         smallest_visible=visible,
@@ -407,8 +415,8 @@ def test_every_failure_is_words():
     ],
 )  # fmt: skip
 def test_the_notes_say_what_comes_near_and_what_is_ruled_out(verdict, explanations, notes):
-    assert verdict_notes(verdict, explanations, (IMPOSSIBLE,), {}, (), TRIALS) == notes
-    of_one = verdict_notes(verdict, explanations, (IMPOSSIBLE,), {}, (), TRIALS[:1])[len(notes) :]
+    assert verdict_notes(verdict, explanations, None, (IMPOSSIBLE,), {}, (), TRIALS) == notes
+    of_one = verdict_notes(verdict, explanations, None, (IMPOSSIBLE,), {}, (), TRIALS[:1])[len(notes) :]
     named = any(e.credible and e.effects for e in explanations)
     assert [note.partition(":")[0] for note in of_one] == (["All this comes from one trial"] if named else [])
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from looping_pendulum.discrepancy import candidates
 from looping_pendulum.discrepancy.evidence.explanation import NOTHING, Explanation, Key, checked, explained, fit_to_data
 from looping_pendulum.discrepancy.evidence.marginal import NoiseGrid
 from looping_pendulum.discrepancy.evidence.prior import CHECKED, CREDIBLE, DECISIVE, LAW_PREDICTS, TIE
@@ -52,7 +51,7 @@ class Explanations:
         self._predicted: dict[Key, float] = {}
         self._of_training: dict[Key, Fit | None] = {}
         self.contradicted: Explanation | None = None
-        """What would be more probable than the declared model, but that the held-out trials refuse it."""
+        """What would be more probable than the declared model, but that the held-out trials contradict or do not confirm it."""
         # What has not converged is not ranked
         self._fitted = {key: e for key, e in search.fitted.items() if key == NOTHING or e.fit.converged}
         self._rank()
@@ -118,21 +117,17 @@ class Explanations:
         return self._predicted[e.key]
 
     @property
-    def contradiction(self) -> tuple[ModelTest, ...]:
-        """The test that the declared model, which alone is left, fails: there is more to the data."""
-        e = self.contradicted
-        if e is None or self.credible != (NOTHING,):
-            return ()
-        asked = " and ".join(map(candidates.in_words, sorted(e.key)))
-        refused = "do not confirm" if e.parts.law else "contradict"
-        return (
-            ModelTest(
-                subject=in_words(e.key),
-                statistic="log odds against the declared model",
-                value=e.log_posterior - self.search.fitted[NOTHING].log_posterior,
-                limit=DECISIVE,
-                failure=f"the data ask for {asked}, which the held-out trials {refused}",
-            ),
+    def contradiction(self) -> ModelTest | None:
+        """The test of what is left by what is more probable, but refused; None: nothing was."""
+        if (e := self.contradicted) is None:
+            return None
+        refused = "no held-out trial confirms" if e.parts.law else "the held-out trials contradict"
+        return ModelTest(
+            subject=in_words(e.key),
+            statistic=f"log odds against {in_words(self.best.key)}",
+            value=e.log_posterior - self.search.fitted[self.best.key].log_posterior,
+            limit=DECISIVE,
+            failure=f"the data ask for {e.parts.in_words}, which {refused}",
         )
 
     @property

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import block_diag
 
-from looping_pendulum.discrepancy.candidates import Candidate
+from looping_pendulum.discrepancy.candidates import Candidate, in_words
 from looping_pendulum.discrepancy.evidence.laws import (
     Closure,
     Law,
@@ -64,6 +64,12 @@ class Parts:
     def key(self) -> Key:
         """Names of all parts."""
         return frozenset([c.name for c in self.effects] + ([self.law.name] if self.law else []))
+
+    @property
+    def in_words(self) -> str:
+        """All parts in plain words; "nothing" without any."""
+        law = [f"an unlisted {self.law.in_words}"] if self.law else []
+        return " and ".join([*(in_words(name) for name in sorted(c.name for c in self.effects)), *law]) or "nothing"
 
     @property
     def kind(self) -> tuple[int, bool]:
