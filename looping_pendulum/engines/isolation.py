@@ -17,9 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
-from looping_pendulum.engines.protocol import Engine, declared
+from looping_pendulum.engines.protocol import Engine, known_fields
 from looping_pendulum.engines.registry import how_to_get, missing_packages
-from looping_pendulum.engines.worker import JOB, identity, named
+from looping_pendulum.engines.worker import FAILURE, JOB
 from looping_pendulum.errors import EngineError, one_line, shorten
 from looping_pendulum.pages.numbers import number
 from looping_pendulum.processes import (
@@ -33,8 +33,9 @@ from looping_pendulum.processes import (
     run_many,
     run_python,
 )
+from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.runs.storage import field_error, read_run, read_samples, recorded_count
-from looping_pendulum.runs.trajectory import COLUMNS, SAMPLE_INTERVAL, RunStatus, Trajectory, from_samples
+from looping_pendulum.runs.trajectory import COLUMNS, SAMPLE_INTERVAL, Provenance, RunStatus, Trajectory, from_samples
 from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.scenarios.units import UnitError, to_si
@@ -46,6 +47,8 @@ MEMORY_LIMIT = 2 * 1024**3
 
 Runs of the shipped adapters were measured to take 35 to 141 MiB.
 """
+
+NO_SAMPLES = np.empty((0, len(COLUMNS)))
 
 PREFIX = "looping-pendulum-"
 """Beginning of the name of a run's temporary folder."""
@@ -93,18 +96,18 @@ def run_isolated(
     """
     missing = missing_packages(engine) if interpreter is None else ()
     if missing:
-        return _empty_trajectory(engine, scenario, RunStatus.MISSING, f"get it: {how_to_get(missing[0], anywhere=True)}")
+        return _unfinished(engine, scenario, RunStatus.MISSING, f"get it: {how_to_get(missing[0], anywhere=True)}")
     unsupported = engine.abilities.unsupported(scenario.parameters)
     if unsupported:
-        return _empty_trajectory(engine, scenario, RunStatus.UNSUPPORTED, unsupported)
+        return _unfinished(engine, scenario, RunStatus.UNSUPPORTED, unsupported)
     if cancelled is not None and cancelled.is_set():
-        return _empty_trajectory(engine, scenario, RunStatus.INTERRUPTED, "")
+        return _unfinished(engine, scenario, RunStatus.INTERRUPTED, "")
     try:
         job = pickle.dumps((engine, scenario, time_limit))
     # Another package's engine may hold anything, and raise anything on being pickled
     except Exception as error:
         why = f"it cannot be pickled for its process: {type(error).__name__}: {error}"
-        return _empty_trajectory(engine, scenario, RunStatus.FAILED, why)
+        return _unfinished(engine, scenario, RunStatus.FAILED, why)
     expected = max(1, round(scenario.duration / SAMPLE_INTERVAL) + 1)
 
     def report_progress() -> None:
@@ -131,7 +134,7 @@ def run_isolated(
             return _result(folder, engine, scenario, *_status(ending, time_limit, memory_limit))
     except OSError as error:
         why = f"its process could not start, or its files not be read: {error.filename}: {error.strerror}"
-        return _empty_trajectory(engine, scenario, RunStatus.CRASHED, why)
+        return _unfinished(engine, scenario, RunStatus.CRASHED, why)
 
 
 def _status(ending: Ending, time_limit: float, memory_limit: int) -> tuple[RunStatus | None, str]:
@@ -158,11 +161,17 @@ def _result(folder: Path, engine: Engine, scenario: Scenario, status: RunStatus 
     with contextlib.suppress(OSError), (folder / OUTPUT).open("rb") as file:
         file.seek(max(0, file_size(folder / OUTPUT) - MAX_RETURNED_OUTPUT))
         output = file.read().decode(errors="replace")
-    parameters = scenario.parameters
     if status is None:
-        known = named(engine, scenario) | declared(engine, parameters)
         try:
-            run = read_run(folder, parameters=parameters, duration=scenario.duration, output=output, **known)
+            if (folder / FAILURE).exists():
+                raise EngineError((folder / FAILURE).read_text(encoding="utf-8"))
+            run = read_run(
+                folder,
+                parameters=scenario.parameters,
+                duration=scenario.duration,
+                output=output,
+                **known_fields(engine, scenario),
+            )
             if run.status in OF_THE_PROCESS:
                 raise field_error("status", run.status.name, f"none of {', '.join(status.name for status in OF_THE_PROCESS)}")
             return replace(run, message=_short(run.message))
@@ -171,9 +180,7 @@ def _result(folder: Path, engine: Engine, scenario: Scenario, status: RunStatus 
         except EngineError as error:
             status, message = RunStatus.FAILED, _short(str(error))
     rows = read_samples(folder, duration=scenario.duration)
-    return from_samples(
-        rows, parameters=parameters, status=status, message=message, output=output, **identity(engine, scenario)
-    )
+    return _unfinished(engine, scenario, status, message, rows=rows, output=output)
 
 
 def _short(message: str) -> str:
@@ -238,14 +245,18 @@ def start_order(engines: Sequence[Engine], workers: int) -> list[int]:
     return shortest_first[cut:][::-1] + shortest_first[:cut]
 
 
-def _empty_trajectory(engine: Engine, scenario: Scenario, status: RunStatus, message: str) -> Trajectory:
-    """Return a trajectory without samples, of an engine that could not be started."""
+def _unfinished(
+    engine: Engine, scenario: Scenario, status: RunStatus, message: str, *, rows: Array = NO_SAMPLES, output: str = ""
+) -> Trajectory:
+    """Return the trajectory of a run that its engine could not return itself."""
     return from_samples(
-        np.empty((0, len(COLUMNS))),
+        rows,
         parameters=scenario.parameters,
         status=status,
         message=message,
-        **identity(engine, scenario),
+        output=output,
+        provenance=Provenance(versions={}, settings=vars(engine.settings), supplies=engine.abilities.supplies),
+        **known_fields(engine, scenario),
     )
 
 

@@ -18,10 +18,8 @@ from looping_pendulum.engines.facts import ValidatedRange, outside_range
 from looping_pendulum.engines.studies import Studies
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.effects import Effect, EffectKind
-from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.runs.trajectory import (
-    COLUMNS,
     SAMPLE_INTERVAL,
     Provenance,
     RunStatus,
@@ -29,8 +27,8 @@ from looping_pendulum.runs.trajectory import (
     Supplies,
     Supply,
     Trajectory,
+    check_column_count,
     from_samples,
-    padded_row,
 )
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.versions import installed_version
@@ -140,39 +138,23 @@ class Abilities:
         return kinds <= self.effect_kinds
 
 
-def declared(engine: Engine, parameters: Parameters) -> dict[str, Any]:
-    """Return the fields of a `Trajectory` that follow from the declarations of ``engine``, independently of its run."""
+RecordSample = Callable[[Sequence[float]], None]
+"""Function that stores one sample, a row of `COLUMNS`, as soon as it is computed, so that a crash loses none."""
+
+
+def known_fields(engine: Engine, scenario: Scenario) -> dict[str, Any]:
+    """Return the fields of a `Trajectory` that are known of ``engine`` and ``scenario`` before the run."""
+    abilities, p = engine.abilities, scenario.parameters
     return {
-        "lacks": engine.abilities.lacks(parameters),
-        "additions": engine.abilities.additions,
-        "from_reference": engine.abilities.from_reference,
-        "outside_range": engine.abilities.outside_range(engine.profile.value, parameters),
+        "engine": engine.name,
+        "variant": engine.variant,
+        "profile": engine.profile.value,
+        "scenario": scenario.name,
+        "lacks": abilities.lacks(p),
+        "additions": abilities.additions,
+        "from_reference": abilities.from_reference,
+        "outside_range": abilities.outside_range(engine.profile.value, p),
     }
-
-
-class Recorder(Protocol):
-    """Stores samples as they are computed, so that a crash loses none; see `worker.FileRecorder`."""
-
-    def add(self, row: Sequence[float]) -> None:
-        """Store one row of `COLUMNS`."""
-
-    def rows(self) -> Array:
-        """Return all rows stored so far, shape (n, len(COLUMNS))."""
-
-
-class MemoryRecorder:
-    """Stores samples in the memory of this process."""
-
-    def __init__(self) -> None:
-        self._rows: list[tuple[float, ...]] = []
-
-    def add(self, row: Sequence[float]) -> None:
-        """Store one row of `COLUMNS`."""
-        self._rows.append(tuple(padded_row(row)))
-
-    def rows(self) -> Array:
-        """Return all rows stored so far, shape (n, len(COLUMNS))."""
-        return np.array(self._rows, dtype=float).reshape(-1, len(COLUMNS))
 
 
 # `registry` asks isinstance of engines that other packages offer
@@ -192,8 +174,11 @@ class Engine(Protocol):
     settings: Any
     """A frozen dataclass of every numerical setting that changes the result, SI."""
 
-    def simulate(self, scenario: Scenario, recorder: Recorder | None = None) -> Trajectory:
+    def simulate(self, scenario: Scenario, record: RecordSample | None = None) -> Trajectory:
         """Run ``scenario`` from its release to its duration, or until the light mass reaches the rod."""
+
+    def with_settings(self, **changes: Any) -> Engine:
+        """Return this variant with some settings changed."""
 
     def studies(self) -> Studies:
         """Return what can be varied of this variant, starting from its settings."""
@@ -206,7 +191,10 @@ class Rig(Protocol):
         """Step the engine through one `SAMPLE_INTERVAL`, applying the effects' forces at every step."""
 
     def read(self) -> tuple[float, ...]:
-        """Return positions [m], velocities [m/s], string stretch and, if known, string slip [m]: `COLUMNS` without the time."""
+        """Return positions [m], velocities [m/s], string stretch and slip [m]: `COLUMNS` without the time.
+
+        The slip counts from anywhere: that of the first reading is taken off. Stretch and slip are NaN where not known.
+        """
 
 
 class SteppedEngine(abc.ABC):
@@ -231,27 +219,30 @@ class SteppedEngine(abc.ABC):
         # With less than 4 mm of string the light mass turns so fast that steps cannot follow; MuJoCo breaks down there
         return max(scenario.parameters.end_length, 4e-3)
 
-    def simulate(self, scenario: Scenario, recorder: Recorder | None = None) -> Trajectory:
+    def simulate(self, scenario: Scenario, record: RecordSample | None = None) -> Trajectory:
         """Run ``scenario`` from its release to its duration, or until the light mass reaches the rod."""
-        recorder = recorder if recorder is not None else MemoryRecorder()
+        rows: list[Sequence[float]] = []
+
+        def add(row: Sequence[float]) -> None:
+            check_column_count(len(row))
+            rows.append(row)
+            if record is not None:
+                record(row)
+
         rig = self.build(scenario)
         started, cpu_started = time.perf_counter(), time.process_time()
-        status = _run(rig, scenario, self.end_length(scenario), recorder.add)
+        status = _run(rig, scenario, self.end_length(scenario), add)
         return from_samples(
-            recorder.rows(),
+            np.array(rows, dtype=float),
             parameters=scenario.parameters,
-            engine=self.name,
-            variant=self.variant,
-            profile=self.profile.value,
-            scenario=scenario.name,
             status=status,
             wall_time=time.perf_counter() - started,
             cpu_time=time.process_time() - cpu_started,
             provenance=self.provenance(),
-            **declared(self, scenario.parameters),
+            **known_fields(self, scenario),
         )
 
-    def with_settings(self, **changes: object) -> Self:
+    def with_settings(self, **changes: Any) -> Self:
         """Return this variant with some settings changed."""
         # A copy, not a call of the constructor, whose arguments differ between variants
         changed = copy.copy(self)
@@ -373,7 +364,8 @@ def _run(rig: Rig, scenario: Scenario, end_length: float, add: Callable[[Sequenc
     end_distance = math.hypot(end_length, p.rod_radius)
     max_stretch, max_distance = MAX_STRETCH_FRACTION * p.string_length, MAX_DISTANCE_FACTOR * p.string_length
     row = rig.read()
-    add((0.0, *row))
+    slip_at_release = row[-1]
+    add((0.0, *row[:-1], row[-1] - slip_at_release))
     for sample in range(1, round(scenario.duration / SAMPLE_INTERVAL) + 1):
         rig.advance()
         row = rig.read()
@@ -382,11 +374,10 @@ def _run(rig: Rig, scenario: Scenario, end_length: float, add: Callable[[Sequenc
         if has_string and max(math.hypot(*row[:2]), math.hypot(*row[4:6])) > max_distance:
             return RunStatus.OUT_OF_REACH
         if has_string and math.hypot(row[0], row[1]) <= end_distance:
-            return (
-                RunStatus.LIGHT_REACHED_ROD
-            )  # inside this interval, and the rig may have stopped there: so its end is no sample
+            # Inside this interval, and the rig may have stopped there: so its end is no sample
+            return RunStatus.LIGHT_REACHED_ROD
         # Multiplied, not summed up, so that rounding does not accumulate in the times
-        add((sample * SAMPLE_INTERVAL, *row))
+        add((sample * SAMPLE_INTERVAL, *row[:-1], row[-1] - slip_at_release))
         # False for NaN, the stretch of an engine that does not know it
         if has_string and row[8] > max_stretch:
             return RunStatus.STRING_DRIFT

@@ -14,7 +14,7 @@ from typing import Any
 
 from looping_pendulum.engines.facts import EngineFacts, Package, own_facts
 from looping_pendulum.engines.other_packages import DESCRIBED, Description, description, load
-from looping_pendulum.engines.protocol import Engine, Profile, SteppedEngine
+from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.errors import EngineError, MissingPackageError, ScenarioError
 from looping_pendulum.installation import install_command
 from looping_pendulum.pages import palette
@@ -256,8 +256,6 @@ def engine(name: str, *, profile: Profile | str = Profile.QUICK, **settings: Any
         raise MissingPackageError(f"{label(chosen)}: {package} is not installed; to get it: {how_to_get(package)}")
     if not settings:
         return chosen
-    if not isinstance(chosen, SteppedEngine):
-        raise EngineError(f"{label(chosen)}: found settings, needed an engine that has some that can be changed")
     known = [field.name for field in dataclasses.fields(chosen.settings)]
     for setting in settings:
         if setting not in known:

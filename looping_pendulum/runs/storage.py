@@ -9,14 +9,14 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import json
-import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 
 from looping_pendulum.errors import EngineError
+from looping_pendulum.files import write_atomically
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.transitions import Mode
@@ -31,8 +31,8 @@ from looping_pendulum.runs.trajectory import (
     Supply,
     Trajectory,
     TrajectoryEvent,
+    check_column_count,
     from_samples,
-    padded_row,
 )
 
 SAMPLES, RECORD = "samples.bin", "run.json"
@@ -81,27 +81,6 @@ class RunRecord:
     cpu_time: float
 
 
-class FileRecorder:
-    """Appends samples to the file in the folder of a run, each with its own write, so that a crash loses none."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._file = (folder / SAMPLES).open("ab", buffering=0)
-
-    def add(self, row: Sequence[float]) -> None:
-        """Store one row of `COLUMNS`; one of another length is refused, because all later rows would be read wrongly."""
-        further = [np.nan] * len(FURTHER_COLUMNS)
-        self._file.write(np.array([*padded_row(row), *further], dtype=float).tobytes())
-
-    def rows(self) -> Array:
-        """Return all rows stored so far, shape (n, len(COLUMNS))."""
-        return _rows(self._folder)[:, : len(COLUMNS)]
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
-
-
 def _rows(folder: Path) -> Array:
     """Return the complete rows of the file of samples; a half-written last one is left out."""
     path = folder / SAMPLES
@@ -112,6 +91,19 @@ def _rows(folder: Path) -> Array:
 
 
 # ---- writing, in the process of the run
+
+
+@contextlib.contextmanager
+def recording(folder: Path) -> Iterator[Callable[[Sequence[float]], None]]:
+    """Give a function that appends a row of `COLUMNS` to the samples in ``folder``, with its own write: a crash loses none."""
+    with (folder / SAMPLES).open("ab", buffering=0) as file:
+
+        def record(row: Sequence[float]) -> None:
+            # One of another length is refused, because all later rows would be read wrongly
+            check_column_count(len(row))
+            file.write(np.array([*row, *[np.nan] * len(FURTHER_COLUMNS)], dtype=float).tobytes())
+
+        yield record
 
 
 def write_run(folder: Path, run: object) -> None:
@@ -127,18 +119,9 @@ def write_run(folder: Path, run: object) -> None:
     count = np.size(run.t)
     columns = [_numbers(name, getattr(run, name), (count, *shape)) for name, shape in SHAPES.items()]
     rows = np.column_stack(columns)
-    partial = folder / f"{SAMPLES}.part{os.getpid()}"
-    partial.write_bytes(rows.tobytes())
-    partial.replace(folder / SAMPLES)
-    write_record(folder, {field.name: getattr(run, field.name) for field in dataclasses.fields(RunRecord)})
-
-
-def write_record(folder: Path, record: Mapping[str, Any]) -> None:
-    """Write how a run ended: the fields of a `RunRecord`, which `read_run` checks."""
-    partial = folder / f"{RECORD}.part{os.getpid()}"
-    partial.write_text(json.dumps(record, default=_as_json), encoding="utf-8")
-    # Renaming is atomic, so nobody ever reads half a record
-    partial.replace(folder / RECORD)
+    write_atomically(folder / SAMPLES, rows.tobytes())
+    record = {field.name: getattr(run, field.name) for field in dataclasses.fields(RunRecord)}
+    write_atomically(folder / RECORD, json.dumps(record, default=_as_json))
 
 
 def _as_json(value: object) -> Any:
