@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import abc
 import copy
 import dataclasses
 import math
@@ -14,7 +13,7 @@ from typing import Any, ClassVar, Protocol, Self, runtime_checkable
 import numpy as np
 
 from looping_pendulum.engines import Profile as Profile
-from looping_pendulum.engines.facts import ValidatedRange, outside_range
+from looping_pendulum.engines.facts import ValidatedRange
 from looping_pendulum.engines.studies import Studies
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.effects import Effect, EffectKind
@@ -126,8 +125,17 @@ class Abilities:
         return tuple(lacking)
 
     def outside_range(self, profile: str, parameters: Parameters) -> tuple[str, ...]:
-        """Return which quantities of ``parameters`` lie outside the range in which ``profile``'s accuracy was measured."""
-        return outside_range(self.validated, profile, parameters)
+        """Return which quantities of ``parameters`` lie outside the range over which ``profile``'s accuracy was measured.
+
+        Each is a phrase as of `ValidatedRange.outside`. A variant that states no range gives none. If it states several
+        ranges, the one with the fewest quantities outside counts.
+        """
+        known = [each for each in self.validated if each.profile == profile]
+        if not known:
+            return ()
+        if all(parameters.release not in each.releases for each in known):
+            return (f"release {parameters.release.value!r} (measured: {', '.join(sorted(known[0].releases))})",)
+        return min((each.outside(parameters) for each in known), key=len)
 
     def reaches(self, effect: Effect) -> bool:
         """Return whether ``effect`` reaches this variant.
@@ -197,22 +205,49 @@ class Rig(Protocol):
         """
 
 
-class SteppedEngine(abc.ABC):
-    """An engine that steps through time: the adapter builds the rig, and this class has the time loop."""
+class SteppedEngine:
+    """An engine that steps through time: the adapter builds the rig, and this class has the time loop.
+
+    Parameters
+    ----------
+    variant
+        One of `variants`, where the class has several.
+    profile
+        Chooses the settings.
+    settings
+        Replaces the profile's settings.
+    """
 
     name: str
     variant: str
     profile: Profile
     abilities: Abilities
     settings: Any
+    distribution: ClassVar[str]
+    """The engine's package, as pip names it; where there are several, override `versions`."""
+    rig: ClassVar[Callable[..., Any]]
+    """Class of the apparatus, called with parameters and settings; where it needs more, override `build`."""
+    variants: ClassVar[Mapping[str, Abilities]] = {}
+    """Variant -> its abilities, where the class has several."""
+    settings_by_profile: ClassVar[Mapping[Any, Any]]
+    """Profile, or variant and profile -> settings."""
 
-    @abc.abstractmethod
+    def __init__(self, *, variant: str | None = None, profile: Profile = Profile.QUICK, settings: Any = None) -> None:
+        if self.variants:
+            self.variant = variant or self.variant
+            self.abilities = self.variants[self.variant]
+        self.profile = profile
+        usual = self.settings_by_profile
+        self.settings = settings if settings is not None else usual.get((self.variant, profile), usual.get(profile))
+
     def build(self, scenario: Scenario) -> Rig:
-        """Rebuild the scenario's apparatus at the moment of release."""
+        """Build the scenario's apparatus at the moment of release."""
+        rig: Rig = self.rig(scenario.parameters, self.settings)
+        return rig
 
-    @abc.abstractmethod
     def versions(self) -> dict[str, str]:
         """Return the version of each package that `simulate` uses."""
+        return {self.distribution: installed_version(self.distribution)}
 
     def end_length(self, scenario: Scenario) -> float:
         """Return the free length [m] at which the run ends; an adapter raises it where its rig cannot follow further."""
@@ -260,46 +295,6 @@ class SteppedEngine(abc.ABC):
         )
 
 
-class TunedEngine(SteppedEngine):
-    """A stepped engine of a single package, with default settings for each profile.
-
-    Parameters
-    ----------
-    variant
-        One of `variants`, where the class has several.
-    profile
-        Chooses the settings.
-    settings
-        Replaces the profile's settings, for studies of convergence.
-    """
-
-    distribution: ClassVar[str]
-    """The engine's package, as pip names it."""
-    rig: ClassVar[Callable[..., Any]]
-    """Class of the apparatus, called with parameters and settings; a variant that needs more overrides `build`."""
-    variants: ClassVar[Mapping[str, Abilities]] = {}
-    """Variant -> its abilities, where the class has several."""
-    settings_by_profile: ClassVar[Mapping[Any, Any]]
-    """Profile, or variant and profile -> settings."""
-
-    def __init__(self, *, variant: str | None = None, profile: Profile = Profile.QUICK, settings: Any = None) -> None:
-        if self.variants:
-            self.variant = variant or self.variant
-            self.abilities = self.variants[self.variant]
-        self.profile = profile
-        usual = self.settings_by_profile
-        self.settings = settings if settings is not None else usual.get((self.variant, profile), usual.get(profile))
-
-    def build(self, scenario: Scenario) -> Rig:
-        """Build the scenario's apparatus at the moment of release."""
-        rig: Rig = self.rig(scenario.parameters, self.settings)
-        return rig
-
-    def versions(self) -> dict[str, str]:
-        """Return the version of the engine's package."""
-        return {self.distribution: installed_version(self.distribution)}
-
-
 def steps_per_sample(time_step: float) -> int:
     """Return the number of steps of ``time_step`` [s] in one `SAMPLE_INTERVAL`.
 
@@ -317,23 +312,6 @@ def steps_per_sample(time_step: float) -> int:
     return steps
 
 
-def groups_per_sample(time_step: float, steps_per_group: int) -> int:
-    """Return the number of groups of steps of ``time_step`` [s] in one `SAMPLE_INTERVAL`.
-
-    Raises
-    ------
-    EngineError
-        If the number of steps or of groups is not a whole number.
-    """
-    steps = steps_per_sample(time_step)
-    if steps % steps_per_group:
-        raise EngineError(
-            f"time_step: found {time_step:g} s in groups of {steps_per_group}, needed a whole number of groups "
-            f"in {SAMPLE_INTERVAL:g} s; write groups of 1"
-        )
-    return steps // steps_per_group
-
-
 class StepGroups:
     """What follows from settings with steps in groups; a dataclass that derives from it has the fields."""
 
@@ -344,12 +322,16 @@ class StepGroups:
 
     def __post_init__(self) -> None:
         """Raise EngineError where groups of steps do not divide the sample interval."""
-        groups_per_sample(self.time_step, self.steps_per_group)
+        if steps_per_sample(self.time_step) % self.steps_per_group:
+            raise EngineError(
+                f"time_step: found {self.time_step:g} s in groups of {self.steps_per_group}, needed a whole number of groups "
+                f"in {SAMPLE_INTERVAL:g} s; write groups of 1"
+            )
 
     @property
     def groups_per_sample(self) -> int:
         """Number of groups of steps in one sample interval."""
-        return groups_per_sample(self.time_step, self.steps_per_group)
+        return steps_per_sample(self.time_step) // self.steps_per_group
 
     @property
     def group_time(self) -> float:

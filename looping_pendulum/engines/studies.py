@@ -83,6 +83,8 @@ def default_row(settings: Any, setting: str, default: Any, name: str, effect: st
     """Return the default of a setting that is called ``name`` in the engine, with both values written alike, in ``unit``."""
 
     def text(value: Any) -> str:
+        if isinstance(value, bool):
+            return "on" if value else "off"
         return quantity(value, unit, 3) if unit else value if isinstance(value, str) else f"{value:g}"
 
     return HiddenDefault(name, text(default), text(getattr(settings, setting)), effect, {setting: default})

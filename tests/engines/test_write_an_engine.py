@@ -104,11 +104,10 @@ def test_a_reading_of_another_length_says_what_it_needs(spring, left):
             return (*super().read(), 0.0, 0.0)[:left]
 
     class MisreadEngine(spring.SpringEngine):
-        def build(self, scenario):
-            return Misread(scenario.parameters, self.settings)
+        rig = Misread
 
     with pytest.raises(EngineError, match=rf"a sample: found {left + 1} values .*needed 11: t, light_x, .*read\(\) gives all"):
-        MisreadEngine(Profile.QUICK).simulate(scenario(LOSSLESS, 0.002))
+        MisreadEngine().simulate(scenario(LOSSLESS, 0.002))
 
 
 @pytest.mark.accurate
@@ -129,7 +128,7 @@ def test_the_error_of_an_engine_without_a_ladder_names_the_page_that_has_one(spr
             return Studies()
 
     page = "studies(), in docs/write-an-engine.md"
-    assert skip_reason(error_is_covered_by_refinement, Plain(Profile.QUICK)) == f"it offers no ladder: {page}"
+    assert skip_reason(error_is_covered_by_refinement, Plain()) == f"it offers no ladder: {page}"
 
 
 def test_the_pages_test_snippet_runs(package, tmp_path):

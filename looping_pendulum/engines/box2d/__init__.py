@@ -19,8 +19,8 @@ from looping_pendulum.engines.chain import (
     bead_choices,
     bend_rungs,
 )
-from looping_pendulum.engines.protocol import Engine, Profile, TunedEngine
-from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies
+from looping_pendulum.engines.protocol import Engine, Profile, SteppedEngine
+from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies, default_row
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import Vector
 from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL
@@ -166,7 +166,7 @@ _LIMITS = (
 )
 
 
-class Box2dChain(TunedEngine):
+class Box2dChain(SteppedEngine):
     """A chain of beads over a static circle."""
 
     name = "box2d"
@@ -177,16 +177,12 @@ class Box2dChain(TunedEngine):
     settings: Box2dChainSettings
     abilities = bead_abilities(
         "box2d:chain",
-        quick_cost=8.0,
         rod="static circle",
         stick_slip="the solver clamps friction to its cone",
         packages=("pyb2d3",),
         summary="Point beads on distance joints over a static circle, one joint for each straight part of the string.",
         limits=_LIMITS,
         bead_mass_ratio=SETTINGS[Profile.QUICK].bead_mass_ratio,
-        known_failures={
-            "samples_every_millisecond_from_rest": "places are in single precision: measured 12 nm off at release",
-        },
         main=False,
     )
 
@@ -232,19 +228,19 @@ class Box2dChain(TunedEngine):
                     "the length of which the shortest joint is 0.005",
                     {"length_unit": 1.0},
                 ),
-                HiddenDefault(
+                default_row(
+                    s,
+                    "sleeping",
+                    True,
                     "enableSleep",
-                    "on",
-                    "off",
                     "bodies below 0.05 length units per time unit are stopped after 0.5 time units",
-                    {"sleeping": True},
                 ),
-                HiddenDefault(
+                default_row(
+                    s,
+                    "continuous",
+                    True,
                     "enableContinuous",
-                    "on",
-                    "off",
                     "beads that would pass into the rod within a step are stopped at its surface",
-                    {"continuous": True},
                 ),
             ),
             choices=(

@@ -22,8 +22,8 @@ from looping_pendulum.engines.chain import (
     bead_choices,
     bend_rungs,
 )
-from looping_pendulum.engines.protocol import Engine, Profile, TunedEngine
-from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies
+from looping_pendulum.engines.protocol import Engine, Profile, SteppedEngine
+from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies, default_row
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import Vector
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -286,7 +286,7 @@ _LIMITS = (
 )
 
 
-class DrakeChain(TunedEngine):
+class DrakeChain(SteppedEngine):
     """A chain of beads over a static sphere."""
 
     name = "drake"
@@ -297,7 +297,6 @@ class DrakeChain(TunedEngine):
     settings: DrakeChainSettings
     abilities = bead_abilities(
         "drake:chain",
-        quick_cost=25.0,
         rod="static sphere",
         stick_slip="friction is regularised below the stiction tolerance",
         packages=("pydrake",),
@@ -326,12 +325,12 @@ class DrakeChain(TunedEngine):
                     "length of a step",
                     {"time_step": SAMPLE_INTERVAL, "steps_per_group": 1},
                 ),
-                HiddenDefault(
-                    "discrete_contact_approximation",
+                default_row(
+                    s,
+                    "contact_approximation",
                     "lagged",
-                    s.contact_approximation,
+                    "discrete_contact_approximation",
                     "which convex problem stands for Coulomb's law; lagged takes the friction's bound from the step before",
-                    {"contact_approximation": "lagged"},
                 ),
                 HiddenDefault(
                     "point_stiffness",

@@ -21,7 +21,7 @@ from looping_pendulum.engines.chain import (
     point_on_string,
     polygon_friction,
 )
-from looping_pendulum.engines.protocol import Engine, Profile, TunedEngine, steps_per_sample
+from looping_pendulum.engines.protocol import Engine, Profile, SteppedEngine, steps_per_sample
 from looping_pendulum.engines.shipped import shipped_abilities
 from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies, default_row
 from looping_pendulum.errors import EngineError
@@ -348,7 +348,7 @@ VELOCITY_PENALTY = 1.0
 """Friction per sliding speed without sticking [N s/m], with which a segment that carries 50 mN creeps at 17 mm/s."""
 
 
-class ExudynCable(TunedEngine):
+class ExudynCable(SteppedEngine):
     """A cable of finite elements over a circle."""
 
     name = "exudyn"
@@ -358,7 +358,6 @@ class ExudynCable(TunedEngine):
     settings: CableSettings
     abilities = shipped_abilities(
         "exudyn:cable",
-        quick_cost=70.0,
         winding="contact of the cable's segments with a circle",
         friction_law="Coulomb friction between segments and circle, its coefficient solved for their corners",
         stick_slip="the same contact: a sticking segment is held by a spring",
@@ -373,10 +372,6 @@ class ExudynCable(TunedEngine):
             "the string weighs 1 % of the light mass; 0.4 % is taken off that",
             "the string is slightly taut before its release, lest it buckle",
         ),
-        known_failures={
-            "vertical_release_obeys_the_capstan_law": "measured an acceleration 1.2 % too large: friction is 2 % too small; "
-            "elements half as long bring a third of it back, and contacts four times as stiff lose half as much again",
-        },
         main=False,
     )
 
@@ -400,26 +395,27 @@ class ExudynCable(TunedEngine):
             ),
             defaults=(
                 default_row(s, "spectral_radius", 0.9, "spectralRadius", "how little fast oscillations are damped"),
-                HiddenDefault(
+                default_row(
+                    s,
+                    "modified_newton",
+                    True,
                     "useModifiedNewton",
-                    "on",
-                    "off",
                     "the Jacobian is kept from step to step, which contacts that open and close make wrong",
-                    {"modified_newton": True},
                 ),
-                HiddenDefault(
+                default_row(
+                    s,
+                    "contact_tolerance",
+                    1.0,
                     "discontinuous.iterationTolerance",
-                    "1 N",
-                    quantity(s.contact_tolerance, "N", 3),
                     "the error of a contact's force that a step is accepted with: one that begins to slide is held too hard",
-                    {"contact_tolerance": 1.0},
+                    unit="N",
                 ),
-                HiddenDefault(
+                default_row(
+                    s,
+                    "integration",
+                    0,
                     "useReducedOrderIntegration",
-                    "0",
-                    f"{s.integration}",
                     "elements that bend must stretch, so that they resist bending round the rod",
-                    {"integration": 0},
                 ),
                 HiddenDefault(
                     "frictionStiffness",

@@ -30,7 +30,7 @@ from looping_pendulum.engines.mujoco.model import (
     solver_defaults,
     time_constant_default,
 )
-from looping_pendulum.engines.protocol import Profile, TunedEngine
+from looping_pendulum.engines.protocol import Profile, SteppedEngine
 from looping_pendulum.engines.studies import HiddenDefault, Ladder, Studies, default_row
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
@@ -213,7 +213,7 @@ class MujocoBeadRig(RebuiltRig):
         self._mujoco.mj_step(current.model, current.data, count)
 
 
-class MujocoBeads(TunedEngine):
+class MujocoBeads(SteppedEngine):
     """MuJoCo with the string as a chain of beads over a cylinder."""
 
     name = "mujoco"
@@ -224,7 +224,6 @@ class MujocoBeads(TunedEngine):
     settings: BeadSettings
     abilities = bead_abilities(
         "mujoco:beads",
-        quick_cost=4.0,
         rod="cylinder",
         stick_slip="the solver keeps friction within its elliptic cone",
         summary="Beads on links of fixed length over a cylinder, a limited tendon for each straight part of the string.",
@@ -255,13 +254,7 @@ class MujocoBeads(TunedEngine):
             defaults=(
                 time_constant_default(s, "string_time_constant", "solref (links)", "how fast links return to their length"),
                 time_constant_default(s, "contact_time_constant", "solref (contacts)", "how fast beads come to rest"),
-                HiddenDefault(
-                    "solimp (links)",
-                    "0.95",
-                    f"{s.string_impedance:g}",
-                    "how much of a link is enforced",
-                    {"string_impedance": 0.95},
-                ),
+                default_row(s, "string_impedance", 0.95, "solimp (links)", "how much of a link is enforced"),
                 HiddenDefault(
                     "solimp (contacts)",
                     "0.9 to 0.95",

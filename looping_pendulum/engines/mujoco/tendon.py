@@ -26,12 +26,12 @@ from looping_pendulum.engines.mujoco.model import (
     solver_defaults,
     time_constant_default,
 )
-from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities, Profile, TunedEngine, steps_per_sample
+from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities, Profile, SteppedEngine, steps_per_sample
 from looping_pendulum.engines.shipped import shipped_abilities
 from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode import effects
-from looping_pendulum.reference_ode.cartesian import cartesian_force, masses_at_release
+from looping_pendulum.reference_ode.cartesian import cartesian_force, kinematics, masses_at_release
 from looping_pendulum.reference_ode.effects import EffectKind, Kinematics
 from looping_pendulum.reference_ode.geometry import light_position, next_string_coordinates
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -203,14 +203,6 @@ class AlternatingTendons:
         self._limit_enabled[1 - self.tendon] = 0
 
 
-def _kinematics(time: float, free_length: float, wrap_angle: float, vx: float, vy: float, heavy_vy: float) -> Kinematics:
-    """Return the kinematics on which the effects depend, from those of the string and the masses' velocities [m/s]."""
-    cosine, sine = math.cos(wrap_angle), math.sin(wrap_angle)
-    retreat, across = vy * cosine - vx * sine, -(vx * cosine + vy * sine)
-    speed = math.hypot(vx, vy)
-    return Kinematics(time, free_length, wrap_angle, retreat, across, abs(across), speed, heavy_vy, abs(heavy_vy))
-
-
 SAMPLES = 2000
 """Number of samples of the reference's run."""
 ZERO_FRICTION_RATIO = 1e-12
@@ -344,7 +336,7 @@ class TendonRig:
     def _prepare(self) -> None:
         """Set the string's length limit, the applied forces and the friction bound for the coming step."""
         vx, vy, heavy_v = self._velocities()
-        k = _kinematics(self._data.time, self._free_length, self._wrap_angle, vx, vy, heavy_v)
+        k = kinematics(self._data.time, self._free_length, self._wrap_angle, vx, vy, heavy_v)
         if self._tendons is not None:
             self._tendons.select(self._wrap_angle)
             correction = 0.0
@@ -522,9 +514,6 @@ _ABILITIES = {
             "beforehand",
             _LATE_CATCH,
         ),
-        known_failures={
-            "follows_the_reference_past_the_halt_and_a_full_turn": "measured 121 mm off at 0.39 s: it does not halt it",
-        },
         main=False,
     ),
     "defaults": _abilities(
@@ -534,14 +523,6 @@ _ABILITIES = {
             "without friction the heavy mass never halts",
             "MuJoCo's step of 2 ms is halved, so that samples fall on steps",
         ),
-        known_failures={
-            "held_pendulum_swings_to_the_other_side": "measured 6 % of the fall's energy off: the string stretches",
-            "string_keeps_its_length": "measured 1.8 mm in 0.15 s, where 1 mm is allowed: a string with a time constant of "
-            "20 ms",
-            "runs_to_its_end": "the string stretches by more than its budget before the light mass is at the rod",
-            "release_has_the_exact_acceleration": "measured a start 0.58 ms early: half of Euler's step of 1 ms, and a soft "
-            "string",
-        },
         main=False,
     ),
 }
@@ -554,7 +535,7 @@ def _step_rungs(time_constants: Sequence[str]) -> Ladder:
     return Ladder("time_step", "s", rungs, "the constraints' time constants stay 2 steps" if time_constants else "")
 
 
-class MujocoTendon(TunedEngine):
+class MujocoTendon(SteppedEngine):
     """MuJoCo with the string as a spatial tendon over a cylinder.
 
     Parameters

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.engines.chain import NO_STOP, ONE_COEFFICIENT, point_on_string
-from looping_pendulum.engines.protocol import Engine, Profile, StepGroups, TunedEngine
+from looping_pendulum.engines.protocol import Engine, Profile, StepGroups, SteppedEngine
 from looping_pendulum.engines.shipped import shipped_abilities
 from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies, default_row
 from looping_pendulum.errors import EngineError
@@ -230,13 +230,9 @@ _LIMITS = (
     "Newton computes in single precision",
     NO_STOP,
 )
-_WOUND_TOO_FAR = (
-    "the run is ended at half a turn, after 0.207 s: beyond it Newton has the friction of the angle that is left to a full "
-    "turn (measured: a ratio of 1.71 at 270 degrees, where 4.96 is right)"
-)
 
 
-class NewtonTendon(TunedEngine):
+class NewtonTendon(SteppedEngine):
     """A tendon over a fixed roller."""
 
     name = "newton"
@@ -247,23 +243,11 @@ class NewtonTendon(TunedEngine):
     settings: NewtonTendonSettings
     abilities = shipped_abilities(
         "newton:tendon",
-        quick_cost=3.0,
         winding="tangents to a fixed roller; string that winds on is taken from the straight parts",
         friction_law="the capstan law of the roller, up to half a turn",
         stick_slip="the same: string passes only where the tensions differ by more than the law's ratio",
         summary="A massless tendon over a fixed roller with the capstan law, in Newton's position-based solver on the CPU.",
         limits=_LIMITS,
-        known_failures={"samples_every_millisecond_from_rest": "places are in single precision: measured 12 nm off at release"}
-        | dict.fromkeys(
-            (
-                "free_length_and_wrap_angle_are_those_of_the_position",
-                "runs_to_its_end",
-                "release_against_friction_has_the_exact_acceleration",
-                "energy_never_grows_with_losses",
-                "follows_the_reference_past_the_halt_and_a_full_turn",
-            ),
-            _WOUND_TOO_FAR,
-        ),
         main=False,
     )
 
@@ -291,12 +275,12 @@ class NewtonTendon(TunedEngine):
                     {"length_unit": 1.0},
                 ),
                 default_row(s, "iterations", 2, "iterations", "corrections of the string's length per step"),
-                HiddenDefault(
+                default_row(
+                    s,
+                    "relaxation",
+                    0.7,
                     "joint_linear_relaxation",
-                    "0.7",
-                    f"{s.relaxation:g}",
                     "share of a correction that is made, of the string's length, too",
-                    {"relaxation": 0.7},
                 ),
             ),
             choices=(

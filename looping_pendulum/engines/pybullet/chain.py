@@ -16,7 +16,8 @@ import math
 import os
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from looping_pendulum.engines.chain import (
     hanging_rest_length,
     polygon_radius,
 )
-from looping_pendulum.engines.protocol import Profile, Rig, TunedEngine
+from looping_pendulum.engines.protocol import Abilities, Profile, Rig, SteppedEngine
 from looping_pendulum.engines.pybullet.world import (
     DEFAULT_DAMPING,
     DEFAULT_ITERATIONS,
@@ -574,45 +575,63 @@ SETTINGS = {
     ),
 }
 
-TWO_TO_ONE_LIMIT = (
-    "quick: whether two_to_one comes to rest is chance: of five releases up to 6 nanoradians from its own one never did, and "
-    "the others halted 0 to 38 ms late"
+PYBULLET_DEFAULTS = PybulletChainSettings(
+    time_step=LARGEST_STEP,
+    link_length=5e-3,
+    outer_link_length=8e-3,
+    solver_iterations=DEFAULT_ITERATIONS,
+    force_interval=1,
+    linear_damping=DEFAULT_DAMPING,
+    angular_damping=DEFAULT_DAMPING,
+    speed_limit=DEFAULT_SPEED_LIMIT,
+    joint_motors=True,
+    rod="cylinder",
+    friction_with_damping=True,
+    polygon=False,
+    divided_step=False,
 )
+"""PyBullet's default settings, except its step of 1/240 s, which is longer than the sample interval."""
 
 
-class PybulletChain(TunedEngine):
-    """A chain of links over a static sphere."""
-
-    name = "pybullet"
-    distribution = "pybullet"
-    variant = "chain"
-    settings_by_profile = SETTINGS
-    rig = PybulletChainRig
-    settings: PybulletChainSettings
-    abilities = shipped_abilities(
-        "pybullet:chain",
-        quick_cost=10.0,
-        winding="contact of the links' end spheres with a static sphere of the rod's section; quick: the adapter joins and "
-        "splits links on the straight parts only",
+def _abilities(variant: str, *, limits: tuple[str, ...], **declared: Any) -> Abilities:
+    """Return the abilities of a variant."""
+    return shipped_abilities(
+        f"pybullet:{variant}",
         friction_law="Coulomb contact at every node; the adapter solves its coefficient from the capstan law for the polygon's "
         "corners",
         stick_slip="Coulomb contact",
-        summary="One Featherstone multibody of links that slides over a static sphere under Coulomb contact.",
         limits=(
             ONE_COEFFICIENT,
             f"at most {MAX_JOINTS} joints are reported rightly: links of a long string are laid up to {MAX_LINK_LENGTHENING:g} "
             "times longer than the settings say, and a longer string still is refused",
             "explicit steps: where the rod holds back more than at ten_to_one they are shorter than the settings say",
             "links of several millimetres are long for a thin rod: the string's speed over it ripples as nodes pass",
-            TWO_TO_ONE_LIMIT,
             "reduced coordinates cannot stretch: the string stretch is 0 by construction, not a measurement",
+            *limits,
         ),
         # A link that winds on must not be longer than the rod is thick
         min_rod_radius=max(settings.outer_link_length for settings in SETTINGS.values()) / 2,
+        **declared,
+    )
+
+
+_WEIGHT = (
+    f"a string that weighs {100 * MASS_FRACTION:g} % of the light mass, "
+    f"from which {100 * MASS_FRACTION * MASS_COMPENSATION:g} % is taken off"
+)
+_ABILITIES = {
+    "chain": _abilities(
+        "chain",
+        winding="contact of the links' end spheres with a static sphere of the rod's section; quick: the adapter joins and "
+        "splits links on the straight parts only",
+        summary="One Featherstone multibody of links that slides over a static sphere under Coulomb contact.",
+        limits=(
+            "quick: whether two_to_one comes to rest is chance: of five releases up to 6 nanoradians from its own one never "
+            "did, and the others halted 0 to 38 ms late",
+        ),
         from_reference=("the length of a step",),
         first_additions=(
-            f"a string that weighs {100 * MASS_FRACTION:g} % of the light mass, "
-            f"from which {100 * MASS_FRACTION * MASS_COMPENSATION:g} % is taken off",
+            _WEIGHT,
             "a contact coefficient and radius solved from the capstan law for the chain's corners: a little of that law is fed "
             "in",
         ),
@@ -624,7 +643,36 @@ class PybulletChain(TunedEngine):
             "the wrap angle over which that coefficient is right on average: the release's, and a quarter turn for what "
             "follows",
         ),
-    )
+    ),
+    "defaults": _abilities(
+        "defaults",
+        winding="contact of the links' end spheres with a static cylinder",
+        summary="The same multibody with PyBullet's defaults: damping, joint motors, speed clamp, a cylinder as rod.",
+        limits=("PyBullet's own step of 1/240 s is run at 1 ms, where samples fall",),
+        additions=(_WEIGHT,),
+        main=False,
+    ),
+}
+"""Variant -> what it can do."""
+
+
+class PybulletChain(SteppedEngine):
+    """A chain of links over a rod.
+
+    Parameters
+    ----------
+    variant
+        "chain": over a static sphere, with settings that make it exact.
+        "defaults": with PyBullet's own settings.
+    """
+
+    name = "pybullet"
+    distribution = "pybullet"
+    variant = "chain"
+    variants = _ABILITIES
+    settings_by_profile = SETTINGS | {("defaults", profile): PYBULLET_DEFAULTS for profile in Profile}
+    rig = PybulletChainRig
+    settings: PybulletChainSettings
 
     def build(self, scenario: Scenario) -> Rig:
         """Build the scenario's apparatus at the moment of release."""
@@ -640,6 +688,8 @@ class PybulletChain(TunedEngine):
     def studies(self) -> Studies:
         """Return ladders of step, link length and iterations, PyBullet's defaults, and the adapter's choices."""
         s = self.settings
+        if self.variant == "defaults":  # the studies of "chain" measure each default by itself
+            return Studies()
         # From four times to half of the settings' own, in whole numbers of steps per sample, and none below 1 us
         own_count = SAMPLE_INTERVAL / s.time_step
         counts = [min(round(own_count / n), round(SAMPLE_INTERVAL / 1e-6)) for n in (4, 2, 1, 0.5)]
@@ -670,12 +720,13 @@ class PybulletChain(TunedEngine):
                 "share of an angular velocity lost per second",
                 {"angular_damping": DEFAULT_DAMPING},
             ),
-            HiddenDefault(
+            default_row(
+                s,
+                "neighbour_margin",
+                DEFAULT_NEIGHBOUR_MARGIN,
                 "contactBreakingThreshold",
-                f"{1e3 * DEFAULT_NEIGHBOUR_MARGIN:g} mm",
-                f"{1e3 * s.neighbour_margin:g} mm",
                 "how large the boxes are that find neighbours; the sweep's order with them",
-                {"neighbour_margin": DEFAULT_NEIGHBOUR_MARGIN},
+                unit="m",
             ),
             HiddenDefault(
                 "rod",
@@ -735,70 +786,3 @@ class PybulletChain(TunedEngine):
             defaults=[default for default in defaults if self.with_settings(**default.changes).settings != s],
             choices=[choice for choice in choices if self.with_settings(**choice.changes).settings != s],
         )
-
-
-PYBULLET_DEFAULTS = PybulletChainSettings(
-    time_step=LARGEST_STEP,
-    link_length=5e-3,
-    outer_link_length=8e-3,
-    solver_iterations=DEFAULT_ITERATIONS,
-    force_interval=1,
-    linear_damping=DEFAULT_DAMPING,
-    angular_damping=DEFAULT_DAMPING,
-    speed_limit=DEFAULT_SPEED_LIMIT,
-    joint_motors=True,
-    rod="cylinder",
-    friction_with_damping=True,
-    polygon=False,
-    divided_step=False,
-)
-
-
-_MOTORS_HOLD_JOINTS = "joint motors hold every hinge"
-_EFFECTS = (
-    *("light_drag", "heavy_drag", "light_linear_drag", "heavy_linear_drag", "attitude_drag", "wind"),
-    *("side_force", "side_stiffness", "push_across", "push_along"),
-)
-_KNOWN_FAILURES = {
-    "velocity_is_the_rate_of_position": f"measured 66 m/s off, as the chain flies apart after 0.14 s: {_MOTORS_HOLD_JOINTS}",
-    "frictionless_vertical_release_is_an_atwood_machine": f"measured -0.0002 m/s^2 for 8.03: {_MOTORS_HOLD_JOINTS}",
-    "vertical_release_obeys_the_capstan_law": f"measured -0.0002 m/s^2 for 5.80: {_MOTORS_HOLD_JOINTS}",
-    "held_pendulum_swings_to_the_other_side": f"{_MOTORS_HOLD_JOINTS}, and take the pendulum's energy",
-    "string_keeps_its_length": "measured 88 mm off the taut string's path: joint motors hold it bent where it is bent",
-    "release_has_the_exact_acceleration": f"measured no motion of the heavy mass: {_MOTORS_HOLD_JOINTS}",
-    "release_against_friction_has_the_exact_acceleration": f"measured no motion of the heavy mass: {_MOTORS_HOLD_JOINTS}",
-    "energy_is_kept_without_losses": f"measured no motion of the heavy mass: {_MOTORS_HOLD_JOINTS}",
-    "energy_never_grows_with_losses": f"measured no motion of the heavy mass: {_MOTORS_HOLD_JOINTS}",
-    "follows_the_reference_without_losses": "measured 480 mm off at 0.14 s: the chain flies apart",
-    "follows_the_reference_past_the_halt_and_a_full_turn": "measured 220 mm off at 0.42 s: the chain flies apart",
-} | {
-    f"{effect}_acts_as_in_the_reference": f"measured no motion of the heavy mass: {_MOTORS_HOLD_JOINTS}" for effect in _EFFECTS
-}
-"""Checks of `engines.conformance` that it fails, with the measured reason."""
-
-
-class PybulletDefaults(PybulletChain):
-    """The chain with PyBullet's own settings."""
-
-    variant = "defaults"
-    settings_by_profile = dict.fromkeys(Profile, PYBULLET_DEFAULTS)
-    abilities = replace(
-        PybulletChain.abilities,
-        main=False,
-        from_reference=(),
-        additions=(
-            f"the string weighs {100 * MASS_FRACTION:g} % of the light mass; "
-            f"{100 * MASS_FRACTION * MASS_COMPENSATION:g} % is taken off that",
-        ),
-        validated=(),
-        known_failures=_KNOWN_FAILURES,
-        summary="The same multibody with PyBullet's defaults: damping, joint motors, speed clamp, a cylinder as rod.",
-        limits=(
-            *(limit for limit in PybulletChain.abilities.limits if limit != TWO_TO_ONE_LIMIT),
-            "PyBullet's own step of 1/240 s is run at 1 ms, where samples fall",
-        ),
-    )
-
-    def studies(self) -> Studies:
-        """Return no studies: the studies of `chain` measure each default by itself."""
-        return Studies()

@@ -41,12 +41,8 @@ class PybulletChainSettings:
     """Iterations (sweeps over all constraints) of the solver per step (numSolverIterations)."""
     force_interval: int = 5
     """Steps between two updates of the effects' forces; a test compares it with 1."""
-    joint_error_reduction: float = 0.2
-    """Fraction of a joint's position error that a step corrects (Bullet's erp)."""
     contact_error_reduction: float = 0.2
     """Fraction of a penetration that a step corrects (contactERP)."""
-    friction_error_reduction: float = 0.2
-    """Fraction of the drift of a sticking contact that a step corrects (frictionERP)."""
     neighbour_margin: float = DEFAULT_NEIGHBOUR_MARGIN
     """Margin by which the bounding boxes of the neighbour search exceed the shapes [m] (contactBreakingThreshold).
 
@@ -130,9 +126,7 @@ class World:
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=settings.time_step,
             numSolverIterations=settings.solver_iterations,
-            erp=settings.joint_error_reduction,
             contactERP=settings.contact_error_reduction,
-            frictionERP=settings.friction_error_reduction,
             contactBreakingThreshold=settings.neighbour_margin,
             physicsClientId=self.client,
         )

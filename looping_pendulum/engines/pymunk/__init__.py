@@ -25,7 +25,7 @@ from looping_pendulum.engines.chain import (
     bead_abilities,
     point_on_string,
 )
-from looping_pendulum.engines.protocol import Engine, Profile, TunedEngine
+from looping_pendulum.engines.protocol import Engine, Profile, SteppedEngine
 from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies, default_row
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import MassesAtRelease, Vector
@@ -292,7 +292,7 @@ class PymunkRig(JointRig):
         return joint
 
 
-class PymunkChain(TunedEngine):
+class PymunkChain(SteppedEngine):
     """Chain of beads over a static circle."""
 
     name = "pymunk"
@@ -303,7 +303,6 @@ class PymunkChain(TunedEngine):
     settings: PymunkChainSettings
     abilities = bead_abilities(
         "pymunk:chain",
-        quick_cost=7.0,
         rod="static circle",
         stick_slip="the solver clamps friction to its cone",
         summary="Point beads on pin joints over a static circle, a slide joint for each straight part of the string.",

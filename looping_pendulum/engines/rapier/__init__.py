@@ -20,7 +20,7 @@ from looping_pendulum.engines.chain import (
     bead_choices,
     bend_rungs,
 )
-from looping_pendulum.engines.protocol import Engine, Profile, TunedEngine
+from looping_pendulum.engines.protocol import Engine, Profile, SteppedEngine
 from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies, default_row
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import Vector
@@ -152,7 +152,7 @@ _LIMITS = (
 )
 
 
-class RapierChain(TunedEngine):
+class RapierChain(SteppedEngine):
     """A chain of beads over a fixed cylinder."""
 
     name = "rapier"
@@ -163,16 +163,12 @@ class RapierChain(TunedEngine):
     settings: RapierChainSettings
     abilities = bead_abilities(
         "rapier:chain",
-        quick_cost=8.0,
         rod="fixed cylinder",
         stick_slip="the solver clamps friction to its cone",
         packages=("rapier3d",),
         summary="Point beads on ropes over a fixed cylinder, one rope for each straight part of the string.",
         limits=_LIMITS,
         bead_mass_ratio=SETTINGS[Profile.QUICK].bead_mass_ratio,
-        known_failures={
-            "samples_every_millisecond_from_rest": "places are in single precision: measured 8 nm off at release",
-        },
         main=False,
     )
 
@@ -194,12 +190,12 @@ class RapierChain(TunedEngine):
                     "length of a step, during which a contact keeps its direction",
                     {"time_step": SAMPLE_INTERVAL, "steps_per_group": 1},
                 ),
-                HiddenDefault(
+                default_row(
+                    s,
+                    "iterations",
+                    1,
                     "num_internal_pgs_iterations",
-                    "1",
-                    f"{s.iterations}",
                     "how often joints and contacts are solved in a sub-step; joints begin each time without a force",
-                    {"iterations": 1},
                 ),
                 default_row(s, "sub_steps", 4, "num_solver_iterations", "number of sub-steps in a step"),
                 HiddenDefault(
@@ -209,26 +205,22 @@ class RapierChain(TunedEngine):
                     "how stiff contacts with fixed bodies are",
                     {"contact_hertz": 60.0},
                 ),
-                HiddenDefault(
+                default_row(
+                    s,
                     "friction_in_bias_pass",
-                    "off",
-                    "on",
+                    False,
+                    "friction_in_bias_pass",
                     "whether friction is solved before places move, too; without it a held string creeps twice as far",
-                    {"friction_in_bias_pass": False},
                 ),
-                HiddenDefault(
+                default_row(
+                    s,
                     "contact_recycling",
-                    "on",
-                    "off",
+                    True,
+                    "contact_recycling",
                     "a contact keeps its direction until its bodies have moved by 0.05 length units",
-                    {"contact_recycling": True},
                 ),
-                HiddenDefault(
-                    "can_sleep",
-                    "on",
-                    "off",
-                    "bodies below 0.05 length units per second are stopped after 0.5 s",
-                    {"sleeping": True},
+                default_row(
+                    s, "sleeping", True, "can_sleep", "bodies below 0.05 length units per second are stopped after 0.5 s"
                 ),
             ),
             choices=(
