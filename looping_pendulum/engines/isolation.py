@@ -49,6 +49,7 @@ Runs of the shipped adapters were measured to take 35 to 141 MiB.
 """
 
 NO_SAMPLES = np.empty((0, len(COLUMNS)))
+"""Rows of a run that has none."""
 
 PREFIX = "looping-pendulum-"
 """Beginning of the name of a run's temporary folder."""
@@ -155,32 +156,28 @@ def _status(ending: Ending, time_limit: float, memory_limit: int) -> tuple[RunSt
 def _result(folder: Path, engine: Engine, scenario: Scenario, status: RunStatus | None, message: str) -> Trajectory:
     """Return the trajectory of a worker that has ended, from the files in its folder.
 
-    ``status`` is None if the worker ended by itself and should have written its record.
+    ``status`` is None if the worker ended by itself and should have written its record, or what its engine raised.
     """
     output = ""
     with contextlib.suppress(OSError), (folder / OUTPUT).open("rb") as file:
         file.seek(max(0, file_size(folder / OUTPUT) - MAX_RETURNED_OUTPUT))
         output = file.read().decode(errors="replace")
+    failure = folder / FAILURE
+    if status is None and failure.exists():
+        status, message = RunStatus.FAILED, failure.read_text(encoding="utf-8", errors="replace")
     if status is None:
+        known = known_fields(engine, scenario)
         try:
-            if (folder / FAILURE).exists():
-                raise EngineError((folder / FAILURE).read_text(encoding="utf-8"))
-            run = read_run(
-                folder,
-                parameters=scenario.parameters,
-                duration=scenario.duration,
-                output=output,
-                **known_fields(engine, scenario),
-            )
+            run = read_run(folder, parameters=scenario.parameters, duration=scenario.duration, output=output, **known)
             if run.status in OF_THE_PROCESS:
                 raise field_error("status", run.status.name, f"none of {', '.join(status.name for status in OF_THE_PROCESS)}")
             return replace(run, message=_short(run.message))
         except FileNotFoundError:
             status, message = RunStatus.CRASHED, "it ended without a result"
         except EngineError as error:
-            status, message = RunStatus.FAILED, _short(str(error))
+            status, message = RunStatus.FAILED, str(error)
     rows = read_samples(folder, duration=scenario.duration)
-    return _unfinished(engine, scenario, status, message, rows=rows, output=output)
+    return _unfinished(engine, scenario, status, _short(message), rows=rows, output=output)
 
 
 def _short(message: str) -> str:

@@ -9,9 +9,10 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import json
+import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any, get_type_hints
 
 import numpy as np
 
@@ -36,7 +37,7 @@ from looping_pendulum.runs.trajectory import (
 )
 
 SAMPLES, RECORD = "samples.bin", "run.json"
-"""Files in the folder of a run: its samples, and how it ended (`RunRecord`)."""
+"""Files in the folder of a run: its samples, and how it ended (`RECORDED`)."""
 ROW = (*COLUMNS, *FURTHER_COLUMNS)
 """Values of a sample in the file, 8-byte floats; NaN where a value is not known."""
 MODE = ROW.index("mode")
@@ -64,21 +65,10 @@ SHAPES: dict[str, tuple[int, ...]] = {
 MAY_BE_NONE = ("string_slip", "light_tension", "heavy_tension")
 """Arrays that a trajectory may lack."""
 
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class RunRecord:
-    """How a run ended, beside its samples; each field as in `Trajectory`."""
-
-    engine: str
-    variant: str
-    profile: str
-    scenario: str
-    status: RunStatus
-    message: str
-    events: tuple[TrajectoryEvent, ...]
-    provenance: Provenance
-    wall_time: float
-    cpu_time: float
+RECORDED = (
+    *("engine", "variant", "profile", "scenario", "status", "message", "events", "provenance", "wall_time", "cpu_time"),
+)
+"""Fields of a trajectory that say how its run ended, beside its samples."""
 
 
 def _rows(folder: Path) -> Array:
@@ -120,7 +110,7 @@ def write_run(folder: Path, run: object) -> None:
     columns = [_numbers(name, getattr(run, name), (count, *shape)) for name, shape in SHAPES.items()]
     rows = np.column_stack(columns)
     write_atomically(folder / SAMPLES, rows.tobytes())
-    record = {field.name: getattr(run, field.name) for field in dataclasses.fields(RunRecord)}
+    record = {name: getattr(run, name) for name in RECORDED}
     write_atomically(folder / RECORD, json.dumps(record, default=_as_json))
 
 
@@ -176,21 +166,21 @@ def read_run(folder: Path, *, parameters: Parameters, duration: float, **fields:
     """
     record = _read_record((folder / RECORD).read_bytes())
     for name in ("engine", "variant", "profile", "scenario"):
-        if getattr(record, name) != fields.get(name, getattr(record, name)):
-            raise field_error(name, repr(getattr(record, name)), f"the engine's own, {fields[name]!r}")
+        if record[name] != fields.get(name, record[name]):
+            raise field_error(name, repr(record[name]), f"the engine's own, {fields[name]!r}")
     rows = _rows(folder)
     t = rows[:, 0]
     good = _leading_times(t, duration)
     if good < len(t):
         found = f"{t[good]:g} s after {t[good - 1]:g} s" if good else f"{t[0]:g} s"
         raise field_error("t", found, f"rising times within the scenario's 0 to {duration:g} s")
-    if record.status.ok and not len(t):
-        raise field_error("t", f"no sample of a run that {record.status.value!r}", "at least one")
+    if record["status"].ok and not len(t):
+        raise field_error("t", f"no sample of a run that {record['status'].value!r}", "at least one")
     modes = rows[:, MODE]
     if not (known := np.isnan(modes) | np.isin(modes, MODES)).all():
         named = ", ".join(f"{mode.value} ({mode.name.lower()})" for mode in Mode)
         raise field_error("mode", f"{modes[~known][0]:g}", f"one of {named} or {UNKNOWN_MODE} (unknown)")
-    run = from_samples(_only_possible(rows), parameters=parameters, **(vars(record) | fields))
+    run = from_samples(_only_possible(rows), parameters=parameters, **(record | fields))
     finite = np.isfinite(run.light_position).all() and np.isfinite(run.heavy_position).all()
     return dataclasses.replace(run, status=RunStatus.NOT_FINITE) if run.status.ok and not finite else run
 
@@ -223,24 +213,27 @@ def _only_possible(rows: Array) -> Array:
     return np.where(possible, rows, np.nan)
 
 
-def _read_record(text: bytes) -> RunRecord:
-    """Return the record in a file.
+def _read_record(text: bytes) -> dict[str, Any]:
+    """Return the fields of a trajectory in a file of how its run ended.
 
     Raises
     ------
     EngineError
-        If a field is not as `RunRecord` states.
+        If one is not as `Trajectory` states.
     """
     # Not at the top: the process of a run only writes, and pydantic takes longer to import than a short run
-    from pydantic import Field, TypeAdapter, ValidationError
+    from pydantic import ValidationError, create_model
 
+    types = get_type_hints(Trajectory)
+    fields: dict[str, Any] = {name: (types[name], ...) for name in RECORDED}
     try:
-        record = TypeAdapter(RunRecord).validate_json(text, strict=True)
-        times = TypeAdapter(list[Annotated[float, Field(allow_inf_nan=False)]])
-        times.validate_python([event.time for event in record.events])
+        record = dict(create_model("Record", **fields).model_validate_json(text, strict=True))
     except ValidationError as error:
         first = error.errors()[0]
         field = ".".join(str(part) for part in first["loc"]) or "a record"
         found, needed = repr(first["input"])[:60], first["msg"].removeprefix("Input should be ")
         raise field_error(field, found, needed) from None
+    for event in record["events"]:
+        if not math.isfinite(event.time):
+            raise field_error("events", f"a time of {event.time} s", "a finite one")
     return record

@@ -216,11 +216,11 @@ BEFORE = {
     "child_hoards": (child_hoards, ("MEMORY_LIMIT",), "limit 200 MiB"),
     "hidden_child_hoards": (hidden_child_hoards, ("MEMORY_LIMIT",), "limit 200 MiB"),
     "fills_its_folder": (fills_its_folder, ("DISK_LIMIT",), "held 2 GiB, limit 1 GiB"),
-    "deletes_its_folder": (deletes_its_folder, ("CRASHED",), ""),
+    "deletes_its_folder": (deletes_its_folder, GOES, ""),
     "closes_files": (closes_files, ("FAILED", "CRASHED"), ""),
     "plants_a_record": (plants_a_record, ("FAILED",), "simulate returned a record"),
     "plants_samples": (plants_samples, ("CRASHED",), "ended without a result"),
-    "makes_json_fail": (makes_json_fail, ("CRASHED",), "exit status 1"),
+    "makes_json_fail": (makes_json_fail, ("FAILED",), "TypeError"),
     "makes_open_fail": (makes_open_fail, ("CRASHED",), "exit status 1"),
     # It leaves something behind, and its run is as good as any
     "leaves_a_hidden_child": (leaves_a_hidden_child, GOES, ""),
