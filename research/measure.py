@@ -23,8 +23,7 @@ import numpy as np
 
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.result import Identification
-from looping_pendulum.engines.protocol import MemoryRecorder, Profile, SteppedEngine
-from looping_pendulum.engines.pybullet.world import RodShape
+from looping_pendulum.engines.protocol import Profile, SteppedEngine
 from looping_pendulum.engines.registry import select
 from looping_pendulum.engines.static_capstan import measure_capstan_exponent
 from looping_pendulum.errors import EngineError
@@ -225,7 +224,7 @@ def pymunk_public_calls() -> dict[str, Any]:
 def pybullet_cylinder() -> dict[str, Any]:
     """Measure the error of a vertical drop of PyBullet's chain over a sphere, which the adapter uses, and over a cylinder."""
     scenario = load("atwood")
-    runs = {shape: engine("pybullet:chain", rod=shape).simulate(scenario) for shape in RodShape}
+    runs = {shape: engine("pybullet:chain", rod=shape).simulate(scenario) for shape in ("sphere", "cylinder")}
     return {shape.value: acceleration_error(run, scenario) for shape, run in runs.items()}
 
 
@@ -278,13 +277,13 @@ def _exponent_error(degrees: float, profile: Profile = Profile.QUICK, **changes:
 
 def _trial(profile: Profile) -> dict[str, Any]:
     """Return where the 10:1 trial is ended, and the light mass's distance from the reference until then."""
-    scenario, recorder = load("ten_to_one"), MemoryRecorder()
+    scenario, samples = load("ten_to_one"), []
     try:
-        engine("newton:tendon", profile).simulate(scenario, recorder)
+        engine("newton:tendon", profile).simulate(scenario, samples.append)
     except EngineError as error:
         if "beyond half a turn" not in str(error):
             raise
-    rows = recorder.rows()
+    rows = np.array(samples)
     exact = solve_at(scenario.parameters, rows[:, 0], duration=rows[-1, 0] + 0.01)
     distances = np.linalg.norm(rows[:, 1:3] - exact.light_position, axis=1)
     rms = {f"{end:g}s": math.sqrt(np.mean(distances[rows[:, 0] <= end + 1e-9] ** 2)) for end in TENDON_END_TIMES}

@@ -269,9 +269,9 @@ def _engine(row: Candidate) -> Engine:
     """Return the variant with the settings of ``row``: its own, a rung of its ladders, or one of `COARSE`."""
     engine: Any = select([row.variant], Profile.QUICK)[0]
     rungs = {
-        f"{ladder.setting} {value:g}": rung
+        f"{ladder.setting} {value:g}": engine.with_settings(**changes)
         for ladder in engine.studies().ladders
-        for value, rung in zip(ladder.values, ladder.engines, strict=True)
+        for value, changes in zip(ladder.values, ladder.changes, strict=True)
     }
     coarse = {describe(changes): engine.with_settings(**changes) for changes in COARSE.get(row.variant, ())}
     found: Engine = {"": engine, **rungs, **coarse}[row.settings]

@@ -58,15 +58,17 @@ def _runs(variant: VariantStudy, engine: Engine) -> Iterator[StoredRun]:
     studies = engine.studies()
     yield StoredRun(name=f"{variant.label}, its own settings", engine=engine, summary=variant.own)
     made = {
-        (ladder.setting, value): e for ladder in studies.ladders for value, e in zip(ladder.values, ladder.engines, strict=True)
+        (ladder.setting, value): engine.with_settings(**changes)
+        for ladder in studies.ladders
+        for value, changes in zip(ladder.values, ladder.changes, strict=True)
     }
     for ladder in variant.ladders:
         for rung in ladder.rungs:
             again = next((e for (s, v), e in made.items() if s == ladder.setting and abs(v - rung.value) <= 1e-5 * v), None)
             if again is not None:
                 yield StoredRun(name=f"{variant.label}, {ladder.setting} {rung.value:g}", engine=again, summary=rung.run)
-    others = {(c.what, c.instead): c.engine for c in studies.choices} | {
-        (d.setting, d.default): d.engine for d in studies.defaults
+    others = {(c.what, c.instead): engine.with_settings(**c.changes) for c in studies.choices} | {
+        (d.setting, d.default): engine.with_settings(**d.changes) for d in studies.defaults
     }
     for row in (*variant.choices, *variant.defaults):
         if (row.what, row.other) in others:

@@ -17,9 +17,8 @@ from pathlib import Path
 from looping_pendulum import __version__
 from looping_pendulum.compare.json_text import plain
 from looping_pendulum.engines.isolation import MEMORY_LIMIT, run_isolated
-from looping_pendulum.engines.protocol import Engine, declared
+from looping_pendulum.engines.protocol import Engine, known_fields
 from looping_pendulum.engines.registry import label
-from looping_pendulum.engines.worker import named
 from looping_pendulum.files import file_stem, write_atomically
 from looping_pendulum.processes import ReportShare, core_count, run_many
 from looping_pendulum.runs.storage import RECORD, SAMPLES, read_run, write_run
@@ -93,7 +92,7 @@ def load_run(path: Path, task: RunTask, time_limit: float) -> Trajectory | None:
     if not path.is_file():
         return None
     parameters = task.scenario.parameters
-    known = named(task.engine, task.scenario) | declared(task.engine, parameters)
+    known = known_fields(task.engine, task.scenario)
     try:
         with tempfile.TemporaryDirectory() as folder, zipfile.ZipFile(path) as files:
             for name in (SAMPLES, RECORD):

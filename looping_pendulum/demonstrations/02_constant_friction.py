@@ -14,7 +14,7 @@ Change it: Load "two_to_one" instead, or set another `kinetic_friction`: how doe
 import matplotlib.pyplot as plt
 
 import looping_pendulum as lp
-from looping_pendulum.engines.mujoco.tendon import FrictionSize, MujocoTendon, friction_loss
+from looping_pendulum.engines.mujoco.tendon import FrictionSize, friction_loss
 
 trial = lp.load("ten_to_one")
 reference = lp.engine("reference", profile="accurate").simulate(trial)
@@ -23,7 +23,7 @@ sizes = {
     "the mean": FrictionSize.EQUAL_WORK,
     "as before the halt": FrictionSize.AT_HALT,
 }
-runs = {name: MujocoTendon(variant="frictionloss", friction_size=size).simulate(trial) for name, size in sizes.items()}
+runs = {name: lp.engine("mujoco:frictionloss", friction_size=size).simulate(trial) for name, size in sizes.items()}
 constant = {name: friction_loss(trial.parameters, size) for name, size in sizes.items()}
 halt = {name: lp.landmarks(run, trial).halting_time for name, run in runs.items()}
 

@@ -11,10 +11,9 @@ import numpy as np
 
 from looping_pendulum.engines.protocol import Abilities, StepGroups
 from looping_pendulum.engines.shipped import shipped_abilities
-from looping_pendulum.engines.studies import ChoiceRow, LadderRow
+from looping_pendulum.engines.studies import AdapterChoice, Ladder
 from looping_pendulum.pages.numbers import quantity
-from looping_pendulum.reference_ode.cartesian import MassesAtRelease, Vector
-from looping_pendulum.reference_ode.geometry import Array, light_position
+from looping_pendulum.reference_ode.geometry import light_position
 from looping_pendulum.reference_ode.parameters import Parameters
 
 # A compromise: a lighter chain is softer or needs shorter steps, and in a heavier one the string's own inertia shows
@@ -35,26 +34,12 @@ NO_STOP = (
 )
 """Sentences on limits that several chain variants share."""
 
-CORNER_CHOICES: tuple[ChoiceRow, ...] = (
-    ("contact friction", "corrected for the corners", "mu itself", {"polygon_friction": False}),
-    ("circle of the beads", "corrected for the corners", "R itself", {"polygon_radius": False}),
+CORNER_CHOICES = (
+    AdapterChoice("contact friction", "corrected for the corners", "mu itself", {"polygon_friction": False}),
+    AdapterChoice("circle of the beads", "corrected for the corners", "R itself", {"polygon_radius": False}),
 )
 """Choices of an adapter that corrects contacts for the corners of the chain (`polygon_friction`, `polygon_radius`)."""
 
-ADD_THRESHOLD = 0.2
-"""A bead is added when its position on the straight string is this near to the rod's polygon, in units of R bend^2.
-
-In these units the position approaches the polygon by 1 while the string is wound, or slides, by one link.
-"""
-REMOVE_THRESHOLD = 0.5
-"""The outermost bead is removed when the string without it would pass the polygon at this distance, in units of R bend^2.
-
-It is larger than `ADD_THRESHOLD`, so that no bead is added and removed in turn.
-"""
-MIN_BEADS = 2
-"""Number of beads that always remain."""
-MIN_STRAIGHT_LINKS = 1.5
-"""Length, in links, below which a straight part of the string gets no more beads."""
 BEAD_RADIUS = 1e-3
 """Usual radius of a bead [m]."""
 MIN_ROD_RADIUS = 1.5 * BEAD_RADIUS
@@ -62,9 +47,6 @@ MIN_ROD_RADIUS = 1.5 * BEAD_RADIUS
 
 Through a rod of 1.2 mm the chain of pymunk slips (10:1, 110 deg), through one of 1 mm that of MuJoCo (ten_to_one).
 """
-
-Point = Sequence[float] | Array
-"""Coordinates x and y [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,12 +77,14 @@ class BeadChainSettings(StepGroups):
         return polygon_friction(friction, self.bend) if self.polygon_friction else friction
 
 
-def bead_choices(settings: BeadChainSettings) -> tuple[ChoiceRow, ...]:
+def bead_choices(settings: BeadChainSettings) -> tuple[AdapterChoice, ...]:
     """Return the choices that every adapter of beads makes: about the corners, the beads, and how often they are updated."""
     return (
         *CORNER_CHOICES,
-        ("bead radius", quantity(settings.bead_radius, "m", 3), "0.5 mm", {"bead_radius": 5e-4}),
-        ("steps between two updates of drag and beads", f"{settings.steps_per_group}", "1", {"steps_per_group": 1}),
+        AdapterChoice("bead radius", quantity(settings.bead_radius, "m", 3), "0.5 mm", {"bead_radius": 5e-4}),
+        AdapterChoice(
+            "steps between two updates of drag and beads", f"{settings.steps_per_group}", "1", {"steps_per_group": 1}
+        ),
     )
 
 
@@ -140,89 +124,26 @@ def bead_abilities(
     )
 
 
-def bend_rungs(settings: Any, bends: Iterable[float]) -> LadderRow:
+def bend_rungs(settings: Any, bends: Iterable[float]) -> Ladder:
     """Return a ladder of the ``bends`` between a bead chain's links on the rod [rad]; a shorter link has a lighter bead."""
     density = settings.bead_mass_ratio / settings.bend
     rungs = [{"bend": bend, "bead_mass_ratio": density * bend} for bend in bends]
-    return "bend", "rad", rungs, "a bead's mass, so that the string's mass per length stays"
+    return Ladder("bend", "rad", rungs, "a bead's mass, so that the string's mass per length stays")
 
 
-def next_bead_position(bead: Point, mass: Point, link_length: float) -> tuple[float, float]:
-    """Return where the next bead would be on the straight string from ``bead`` to ``mass``: ``link_length`` [m] further."""
-    (x, y), (mass_x, mass_y) = bead, mass
-    fraction = link_length / math.hypot(mass_x - x, mass_y - y)
-    return x + fraction * (mass_x - x), y + fraction * (mass_y - y)
-
-
-class BeadRule:
-    """Where beads are: at release on the rod, and later also where the straight string is about to meet it.
-
-    A bead on a straight part bears no transverse force, so adding or removing one there changes no force.
-    """
-
-    def __init__(self, parameters: Parameters, settings: BeadChainSettings) -> None:
-        p, s = parameters, settings
-        self._parameters, self._bend = p, s.bend
-        self._node_radius = s.node_radius(p.rod_radius)
-        self.link_length = p.rod_radius * s.bend
-        unit = p.rod_radius * s.bend**2
-        # Squares, so that the rule, which is asked many times per sample, takes no roots
-        add_below, remove_above = (self._node_radius + n * unit for n in (ADD_THRESHOLD, REMOVE_THRESHOLD))
-        self._add_below, self._remove_above = add_below**2, remove_above**2
-
-    def beads_at_release(self, masses: MassesAtRelease) -> tuple[list[Vector], list[Vector]]:
-        """Return positions [m] and velocities [m/s] of the beads on the rod at release, light side first.
-
-        The outermost beads lie within half a link of their tangent points, on either side of them.
-        """
-        angle, bend = self._parameters.release_angle, self._bend
-        count = max(round(angle / bend) + 1, MIN_BEADS)
-        first = angle - 0.5 * (angle - (count - 1) * bend)
-        angles = first - bend * np.arange(count)
-        outwards = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        sliding = masses.heavy_velocity[1] * np.stack([-outwards[:, 1], outwards[:, 0]], axis=1)
-        return [(x, y) for x, y in (self._node_radius * outwards).tolist()], [(vx, vy) for vx, vy in sliding.tolist()]
-
-    def bead_count_change(self, mass: Point, outermost: Point, following: Point, rest_length: float, beads: int) -> int:
-        """Return 1 to add a bead between ``mass`` and the ``outermost`` bead, -1 to remove the latter, 0 to change nothing.
-
-        ``following`` is the bead next to the outermost one, ``rest_length`` [m] that of the straight part, and ``beads`` the
-        present number of beads.
-        """
-        x, y = next_bead_position(outermost, mass, self.link_length)
-        if x * x + y * y < self._add_below:
-            return 1 if rest_length > MIN_STRAIGHT_LINKS * self.link_length else 0
-        if beads > MIN_BEADS:
-            x, y = next_bead_position(following, mass, self.link_length)
-            return -1 if x * x + y * y > self._remove_above else 0
-        return 0
-
-
-class SlipGauge:
-    """Measures how far the string has slid over the rod, from the positions of a chain's nodes.
-
-    The slip is the change of the rest length that hangs below the rod's centre: none of that part lies on the rod, and the
-    string's stretch does not count in it. A corner of the polygon that passes there changes it by less than R bend^3.
-    """
-
-    def __init__(self) -> None:
-        self._at_release: float | None = None
-
-    def read(self, places: Sequence[Point], rest_lengths: Sequence[float]) -> float:
-        """Return the slip since the first reading [m], positive towards the heavy mass; NaN if it cannot be determined.
-
-        ``places`` run from the light mass over every node to the heavy mass, ``rest_lengths`` [m] belong to the links between.
-        """
-        hanging = hanging_rest_length(places, rest_lengths)
-        if self._at_release is None:
-            self._at_release = hanging
-        return hanging - self._at_release
-
-
-def hanging_rest_length(places: Sequence[Point], rest_lengths: Sequence[float]) -> float:
+def hanging_rest_length(places: Sequence[Sequence[float]], rest_lengths: Sequence[float]) -> float:
     """Return the rest length [m] from the heavy mass up to where the string first reaches the height of the rod's centre.
 
-    It is NaN where the heavy mass is not below that height. Arguments as for `SlipGauge.read`.
+    Its change is the string's slip over the rod: none of that part lies on the rod, and the string's stretch does not count in
+    it. A corner of the polygon that passes there changes it by less than R bend^3. It is NaN where the heavy mass is not below
+    that height.
+
+    Parameters
+    ----------
+    places
+        Positions x and y [m] from the light mass over every node to the heavy mass.
+    rest_lengths
+        Of the links between [m].
     """
     lower = places[-1][1]
     if not lower < 0:

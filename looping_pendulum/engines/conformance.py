@@ -9,7 +9,6 @@ shows which check catches which bug.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import pickle
 from collections import deque
@@ -17,7 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from math import radians
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -121,8 +120,8 @@ class CachedEngine:
         self.abilities, self.settings = engine.abilities, engine.settings
         self._runs: list[tuple[Scenario, Trajectory | Exception]] = []
 
-    def simulate(self, scenario: Scenario, recorder: object = None) -> Trajectory:
-        """Return the run of ``scenario``; samples come with the trajectory, not through ``recorder``."""
+    def simulate(self, scenario: Scenario, record: object = None) -> Trajectory:
+        """Return the run of ``scenario``; samples come with the trajectory, not through ``record``."""
         outcome = next((outcome for cached, outcome in self._runs if cached == scenario), None)
         if outcome is None:
             try:
@@ -140,14 +139,13 @@ class CachedEngine:
             return self.engine.simulate(scenario)
         return run_isolated(self.engine, scenario, time_limit=self._time_limit).raise_if_failed()
 
+    def with_settings(self, **changes: Any) -> CachedEngine:
+        """Return the engine with some settings changed, cached in the same way."""
+        return CachedEngine(self.engine.with_settings(**changes), time_limit=self._time_limit)
+
     def studies(self) -> Studies:
-        """Return the ladders of the engine, whose rungs have a process for each run, too."""
-        return Studies(
-            ladders=tuple(
-                dataclasses.replace(ladder, engines=tuple(CachedEngine(e, time_limit=self._time_limit) for e in ladder.engines))
-                for ladder in self.engine.studies().ladders
-            )
-        )
+        """Return the studies of the engine."""
+        return self.engine.studies()
 
 
 START_TOLERANCE = 1e-9
@@ -574,7 +572,7 @@ def _adjacent_rung(engine: Engine, ladder: Ladder) -> tuple[float, Engine]:
     finer = [i for i, ratio in enumerate(ratios) if ratio < 1 - 1e-9]
     coarser = [i for i, ratio in enumerate(ratios) if ratio > 1 + 1e-9]
     i = finer[0] if finer else coarser[-1]
-    return ratios[i], ladder.engines[i]
+    return ratios[i], engine.with_settings(**ladder.changes[i])
 
 
 class EffectCase(NamedTuple):

@@ -123,20 +123,6 @@ class ValidatedRange:
         return tuple(phrases)
 
 
-def outside_range(validated: Sequence[ValidatedRange], profile: str, parameters: Parameters) -> tuple[str, ...]:
-    """Return the quantities of ``parameters`` outside the range over which a variant's ``profile`` was measured.
-
-    Each is a phrase as of `ValidatedRange.outside`. A variant that states no range gives none. If it states several ranges,
-    the one with the fewest quantities outside counts.
-    """
-    known = [each for each in validated if each.profile == profile]
-    if not known:
-        return ()
-    if all(parameters.release not in each.releases for each in known):
-        return (f"release {parameters.release.value!r} (measured: {', '.join(sorted(known[0].releases))})",)
-    return min((each.outside(parameters) for each in known), key=len)
-
-
 # ---- facts of a variant and of an engine
 
 
@@ -174,6 +160,15 @@ class VariantFacts:
     """One of `palette.MARKERS`; empty: one is chosen."""
     additions: tuple[Addition, ...] = ()
     measured: tuple[ValidatedRange, ...] = ()
+    known_failures: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """Measured reason -> the checks of `conformance` that the variant fails by it; see `Abilities.known_failures`."""
+    quick_cost: float | None = None
+    """As in `Abilities`; None: not measured."""
+
+    @property
+    def failed_checks(self) -> dict[str, str]:
+        """Return the checks that the variant is known to fail -> the reason."""
+        return {check: reason for reason, checks in self.known_failures.items() for check in checks}
 
     def __post_init__(self) -> None:
         """Refuse a colour or a symbol that the pages do not have."""
@@ -227,6 +222,7 @@ def facts_from_plain(tree: Mapping[str, Any]) -> EngineFacts:
             **row,
             "additions": tuple(addition(each) for each in row.get("additions", ())),
             "measured": tuple(measured(each) for each in row.get("measured", ())),
+            "known_failures": {reason: tuple(checks) for reason, checks in row.get("known_failures", {}).items()},
         })  # fmt: skip
 
     return EngineFacts(

@@ -17,9 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
-from looping_pendulum.engines.protocol import Engine, declared
+from looping_pendulum.engines.protocol import Engine, known_fields
 from looping_pendulum.engines.registry import how_to_get, missing_packages
-from looping_pendulum.engines.worker import JOB, identity, named
+from looping_pendulum.engines.worker import FAILURE, JOB
 from looping_pendulum.errors import EngineError, one_line, shorten
 from looping_pendulum.pages.numbers import number
 from looping_pendulum.processes import (
@@ -33,8 +33,9 @@ from looping_pendulum.processes import (
     run_many,
     run_python,
 )
+from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.runs.storage import field_error, read_run, read_samples, recorded_count
-from looping_pendulum.runs.trajectory import COLUMNS, SAMPLE_INTERVAL, RunStatus, Trajectory, from_samples
+from looping_pendulum.runs.trajectory import COLUMNS, SAMPLE_INTERVAL, Provenance, RunStatus, Trajectory, from_samples
 from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.scenarios.units import UnitError, to_si
@@ -46,6 +47,9 @@ MEMORY_LIMIT = 2 * 1024**3
 
 Runs of the shipped adapters were measured to take 35 to 141 MiB.
 """
+
+NO_SAMPLES = np.empty((0, len(COLUMNS)))
+"""Rows of a run that has none."""
 
 PREFIX = "looping-pendulum-"
 """Beginning of the name of a run's temporary folder."""
@@ -93,18 +97,18 @@ def run_isolated(
     """
     missing = missing_packages(engine) if interpreter is None else ()
     if missing:
-        return _empty_trajectory(engine, scenario, RunStatus.MISSING, f"get it: {how_to_get(missing[0], anywhere=True)}")
+        return _unfinished(engine, scenario, RunStatus.MISSING, f"get it: {how_to_get(missing[0], anywhere=True)}")
     unsupported = engine.abilities.unsupported(scenario.parameters)
     if unsupported:
-        return _empty_trajectory(engine, scenario, RunStatus.UNSUPPORTED, unsupported)
+        return _unfinished(engine, scenario, RunStatus.UNSUPPORTED, unsupported)
     if cancelled is not None and cancelled.is_set():
-        return _empty_trajectory(engine, scenario, RunStatus.INTERRUPTED, "")
+        return _unfinished(engine, scenario, RunStatus.INTERRUPTED, "")
     try:
         job = pickle.dumps((engine, scenario, time_limit))
     # Another package's engine may hold anything, and raise anything on being pickled
     except Exception as error:
         why = f"it cannot be pickled for its process: {type(error).__name__}: {error}"
-        return _empty_trajectory(engine, scenario, RunStatus.FAILED, why)
+        return _unfinished(engine, scenario, RunStatus.FAILED, why)
     expected = max(1, round(scenario.duration / SAMPLE_INTERVAL) + 1)
 
     def report_progress() -> None:
@@ -131,7 +135,7 @@ def run_isolated(
             return _result(folder, engine, scenario, *_status(ending, time_limit, memory_limit))
     except OSError as error:
         why = f"its process could not start, or its files not be read: {error.filename}: {error.strerror}"
-        return _empty_trajectory(engine, scenario, RunStatus.CRASHED, why)
+        return _unfinished(engine, scenario, RunStatus.CRASHED, why)
 
 
 def _status(ending: Ending, time_limit: float, memory_limit: int) -> tuple[RunStatus | None, str]:
@@ -152,28 +156,28 @@ def _status(ending: Ending, time_limit: float, memory_limit: int) -> tuple[RunSt
 def _result(folder: Path, engine: Engine, scenario: Scenario, status: RunStatus | None, message: str) -> Trajectory:
     """Return the trajectory of a worker that has ended, from the files in its folder.
 
-    ``status`` is None if the worker ended by itself and should have written its record.
+    ``status`` is None if the worker ended by itself and should have written its record, or what its engine raised.
     """
     output = ""
     with contextlib.suppress(OSError), (folder / OUTPUT).open("rb") as file:
         file.seek(max(0, file_size(folder / OUTPUT) - MAX_RETURNED_OUTPUT))
         output = file.read().decode(errors="replace")
-    parameters = scenario.parameters
+    failure = folder / FAILURE
+    if status is None and failure.exists():
+        status, message = RunStatus.FAILED, failure.read_text(encoding="utf-8", errors="replace")
     if status is None:
-        known = named(engine, scenario) | declared(engine, parameters)
+        known = known_fields(engine, scenario)
         try:
-            run = read_run(folder, parameters=parameters, duration=scenario.duration, output=output, **known)
+            run = read_run(folder, parameters=scenario.parameters, duration=scenario.duration, output=output, **known)
             if run.status in OF_THE_PROCESS:
                 raise field_error("status", run.status.name, f"none of {', '.join(status.name for status in OF_THE_PROCESS)}")
             return replace(run, message=_short(run.message))
         except FileNotFoundError:
             status, message = RunStatus.CRASHED, "it ended without a result"
         except EngineError as error:
-            status, message = RunStatus.FAILED, _short(str(error))
+            status, message = RunStatus.FAILED, str(error)
     rows = read_samples(folder, duration=scenario.duration)
-    return from_samples(
-        rows, parameters=parameters, status=status, message=message, output=output, **identity(engine, scenario)
-    )
+    return _unfinished(engine, scenario, status, _short(message), rows=rows, output=output)
 
 
 def _short(message: str) -> str:
@@ -238,14 +242,18 @@ def start_order(engines: Sequence[Engine], workers: int) -> list[int]:
     return shortest_first[cut:][::-1] + shortest_first[:cut]
 
 
-def _empty_trajectory(engine: Engine, scenario: Scenario, status: RunStatus, message: str) -> Trajectory:
-    """Return a trajectory without samples, of an engine that could not be started."""
+def _unfinished(
+    engine: Engine, scenario: Scenario, status: RunStatus, message: str, *, rows: Array = NO_SAMPLES, output: str = ""
+) -> Trajectory:
+    """Return the trajectory of a run that its engine could not return itself."""
     return from_samples(
-        np.empty((0, len(COLUMNS))),
+        rows,
         parameters=scenario.parameters,
         status=status,
         message=message,
-        **identity(engine, scenario),
+        output=output,
+        provenance=Provenance(versions={}, settings=vars(engine.settings), supplies=engine.abilities.supplies),
+        **known_fields(engine, scenario),
     )
 
 

@@ -6,6 +6,7 @@ engine. A fault costs the adapter's own row, and never a command.
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import io
 import pickle
@@ -18,7 +19,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from looping_pendulum.engines.facts import EngineFacts
-from looping_pendulum.engines.protocol import Abilities, Engine, Profile, Recorder
+from looping_pendulum.engines.protocol import Abilities, Engine, Profile, RecordSample
 from looping_pendulum.engines.studies import Studies
 from looping_pendulum.errors import EngineError
 from looping_pendulum.processes import Cause, end_with_parent, finish, run_python
@@ -26,7 +27,7 @@ from looping_pendulum.runs.trajectory import Trajectory, variant_label
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.versions import source_digest
 
-ENGINE_MEMBERS = ("name", "variant", "profile", "abilities", "settings", "simulate", "studies")
+ENGINE_MEMBERS = ("name", "variant", "profile", "abilities", "settings", "simulate", "with_settings", "studies")
 """Attributes and methods that an engine must have (`protocol.Engine`)."""
 TIME_LIMIT = 30.0
 """Time that an adapter may take to be imported and described [s]; those of this package take half a second."""
@@ -56,18 +57,14 @@ class StandIn:
         The engine, in the process that describes it.
     adapter
         Entry point's name and module.
-    abilities
+    abilities, studies
         The engine's, checked.
-    place
-        Where the adapter has it: ("choices", 1) for the engine of its second choice; empty for the variant itself.
     """
 
-    # All else is in __dict__, of which the key of a cached run is made: an equal run at another place is the same
-    __slots__ = ("__dict__", "_place", "_studies")
+    # All else is in __dict__, of which the key of a cached run is made: settings that a change leaves as they are change no key
+    __slots__ = ("__dict__", "_changes", "_studies")
 
-    def __init__(
-        self, engine: Engine, adapter: tuple[str, str], abilities: Abilities, place: tuple[str | int, ...] = ()
-    ) -> None:
+    def __init__(self, engine: Engine, adapter: tuple[str, str], abilities: Abilities, studies: Studies) -> None:
         self.name, self.variant, self.profile = adapter[0], str(engine.variant), Profile(engine.profile)
         self.abilities, self.adapter = abilities, adapter
         settings = [field.name for field in dataclasses.fields(engine.settings)]
@@ -75,7 +72,8 @@ class StandIn:
         state = getattr(engine, "__dict__", {}).items()
         self.state = {name: _plain(value) for name, value in state if name not in ("abilities", "settings")}
         self.source = f"{type(engine).__module__}.{type(engine).__qualname__} {source_digest(type(engine).__module__)}"
-        self._place, self._studies = place, Studies()
+        self._studies = studies
+        self._changes: dict[str, Any] = {}
 
     def _settings(self) -> Any:
         """Return the engine's settings as a frozen dataclass with the same fields."""
@@ -84,26 +82,26 @@ class StandIn:
     # Made anew, as an object of such a class cannot be pickled
     settings: Any = property(_settings)
 
+    def with_settings(self, **changes: Any) -> StandIn:
+        """Return the engine with some settings changed."""
+        changed = copy.copy(self)
+        changed.fields, changed._changes = self.fields | changes, self._changes | changes
+        return changed
+
     def studies(self) -> Studies:
         """Return what can be varied of the engine."""
         return self._studies
 
-    def simulate(self, scenario: Scenario, recorder: Recorder | None = None) -> Trajectory:
+    def simulate(self, scenario: Scenario, record: RecordSample | None = None) -> Trajectory:
         """Import the engine, and run ``scenario``."""
-        engine = self._engine()
-        return engine.simulate(scenario) if recorder is None else engine.simulate(scenario, recorder)
+        return self._engine().simulate(scenario, record)
 
     def _engine(self) -> Engine:
         """Return the engine, which this process imports now."""
         name, module = self.adapter
         engines = load(EntryPoint(name, module, ""), self.profile)
         (found,) = (engine for engine in engines if engine.variant == self.variant)
-        if not self._place:
-            return found
-        part, *positions = self._place
-        entry = getattr(found.studies(), str(part))[positions[0]]
-        engine: Engine = entry.engines[positions[1]] if part == "ladders" else entry.engine
-        return engine
+        return found.with_settings(**self._changes) if self._changes else found
 
 
 @cache
@@ -185,37 +183,18 @@ def describe(adapter: EntryPoint) -> Description:
 
 
 def _stand_in(engine: Engine, adapter: EntryPoint, facts: EngineFacts) -> StandIn:
-    """Return the stand-in of ``engine``, with those of its studies and with what the facts say was measured of it."""
-    point = (adapter.name, adapter.value)
+    """Return the stand-in of ``engine``, with what the facts say was measured of it."""
     measured = facts.variant(engine.variant)
     abilities = _checked(Abilities, engine.abilities, "abilities")
     abilities = dataclasses.replace(
         abilities,
         validated=abilities.validated or measured.measured,
         additions=(*map(str, measured.additions), *abilities.additions),
+        known_failures=measured.failed_checks | dict(abilities.known_failures),
+        quick_cost=measured.quick_cost or abilities.quick_cost,
     )
-    studies = engine.studies()
-    if not isinstance(studies, Studies):
-        raise EngineError(f"studies() gave {type(studies).__name__}, needed Studies")
-    made = StandIn(engine, point, abilities)
-    made._studies = Studies(
-        ladders=tuple(
-            dataclasses.replace(
-                ladder,
-                engines=tuple(StandIn(rung, point, abilities, ("ladders", i, j)) for j, rung in enumerate(ladder.engines)),
-            )
-            for i, ladder in enumerate(studies.ladders)
-        ),
-        defaults=tuple(
-            dataclasses.replace(default, engine=StandIn(default.engine, point, abilities, ("defaults", i)))
-            for i, default in enumerate(studies.defaults)
-        ),
-        choices=tuple(
-            dataclasses.replace(choice, engine=StandIn(choice.engine, point, abilities, ("choices", i)))
-            for i, choice in enumerate(studies.choices)
-        ),
-    )
-    return made
+    studies = _checked(Studies, engine.studies(), "studies")
+    return StandIn(engine, (adapter.name, adapter.value), abilities, studies)
 
 
 def _checked(kind: type[T], value: object, what: str) -> T:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import abc
 import copy
 import dataclasses
 import math
@@ -14,14 +13,12 @@ from typing import Any, ClassVar, Protocol, Self, runtime_checkable
 import numpy as np
 
 from looping_pendulum.engines import Profile as Profile
-from looping_pendulum.engines.facts import ValidatedRange, outside_range
+from looping_pendulum.engines.facts import ValidatedRange
 from looping_pendulum.engines.studies import Studies
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.effects import Effect, EffectKind
-from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.runs.trajectory import (
-    COLUMNS,
     SAMPLE_INTERVAL,
     Provenance,
     RunStatus,
@@ -29,8 +26,8 @@ from looping_pendulum.runs.trajectory import (
     Supplies,
     Supply,
     Trajectory,
+    check_column_count,
     from_samples,
-    padded_row,
 )
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.versions import installed_version
@@ -128,8 +125,17 @@ class Abilities:
         return tuple(lacking)
 
     def outside_range(self, profile: str, parameters: Parameters) -> tuple[str, ...]:
-        """Return which quantities of ``parameters`` lie outside the range in which ``profile``'s accuracy was measured."""
-        return outside_range(self.validated, profile, parameters)
+        """Return which quantities of ``parameters`` lie outside the range over which ``profile``'s accuracy was measured.
+
+        Each is a phrase as of `ValidatedRange.outside`. A variant that states no range gives none. If it states several
+        ranges, the one with the fewest quantities outside counts.
+        """
+        known = [each for each in self.validated if each.profile == profile]
+        if not known:
+            return ()
+        if all(parameters.release not in each.releases for each in known):
+            return (f"release {parameters.release.value!r} (measured: {', '.join(sorted(known[0].releases))})",)
+        return min((each.outside(parameters) for each in known), key=len)
 
     def reaches(self, effect: Effect) -> bool:
         """Return whether ``effect`` reaches this variant.
@@ -140,39 +146,23 @@ class Abilities:
         return kinds <= self.effect_kinds
 
 
-def declared(engine: Engine, parameters: Parameters) -> dict[str, Any]:
-    """Return the fields of a `Trajectory` that follow from the declarations of ``engine``, independently of its run."""
+RecordSample = Callable[[Sequence[float]], None]
+"""Function that stores one sample, a row of `COLUMNS`, as soon as it is computed, so that a crash loses none."""
+
+
+def known_fields(engine: Engine, scenario: Scenario) -> dict[str, Any]:
+    """Return the fields of a `Trajectory` that are known of ``engine`` and ``scenario`` before the run."""
+    abilities, p = engine.abilities, scenario.parameters
     return {
-        "lacks": engine.abilities.lacks(parameters),
-        "additions": engine.abilities.additions,
-        "from_reference": engine.abilities.from_reference,
-        "outside_range": engine.abilities.outside_range(engine.profile.value, parameters),
+        "engine": engine.name,
+        "variant": engine.variant,
+        "profile": engine.profile.value,
+        "scenario": scenario.name,
+        "lacks": abilities.lacks(p),
+        "additions": abilities.additions,
+        "from_reference": abilities.from_reference,
+        "outside_range": abilities.outside_range(engine.profile.value, p),
     }
-
-
-class Recorder(Protocol):
-    """Stores samples as they are computed, so that a crash loses none; see `worker.FileRecorder`."""
-
-    def add(self, row: Sequence[float]) -> None:
-        """Store one row of `COLUMNS`."""
-
-    def rows(self) -> Array:
-        """Return all rows stored so far, shape (n, len(COLUMNS))."""
-
-
-class MemoryRecorder:
-    """Stores samples in the memory of this process."""
-
-    def __init__(self) -> None:
-        self._rows: list[tuple[float, ...]] = []
-
-    def add(self, row: Sequence[float]) -> None:
-        """Store one row of `COLUMNS`."""
-        self._rows.append(tuple(padded_row(row)))
-
-    def rows(self) -> Array:
-        """Return all rows stored so far, shape (n, len(COLUMNS))."""
-        return np.array(self._rows, dtype=float).reshape(-1, len(COLUMNS))
 
 
 # `registry` asks isinstance of engines that other packages offer
@@ -192,8 +182,11 @@ class Engine(Protocol):
     settings: Any
     """A frozen dataclass of every numerical setting that changes the result, SI."""
 
-    def simulate(self, scenario: Scenario, recorder: Recorder | None = None) -> Trajectory:
+    def simulate(self, scenario: Scenario, record: RecordSample | None = None) -> Trajectory:
         """Run ``scenario`` from its release to its duration, or until the light mass reaches the rod."""
+
+    def with_settings(self, **changes: Any) -> Engine:
+        """Return this variant with some settings changed."""
 
     def studies(self) -> Studies:
         """Return what can be varied of this variant, starting from its settings."""
@@ -206,71 +199,14 @@ class Rig(Protocol):
         """Step the engine through one `SAMPLE_INTERVAL`, applying the effects' forces at every step."""
 
     def read(self) -> tuple[float, ...]:
-        """Return positions [m], velocities [m/s], string stretch and, if known, string slip [m]: `COLUMNS` without the time."""
+        """Return positions [m], velocities [m/s], string stretch and slip [m]: `COLUMNS` without the time.
+
+        The slip counts from anywhere: that of the first reading is taken off. Stretch and slip are NaN where not known.
+        """
 
 
-class SteppedEngine(abc.ABC):
-    """An engine that steps through time: the adapter builds the rig, and this class has the time loop."""
-
-    name: str
-    variant: str
-    profile: Profile
-    abilities: Abilities
-    settings: Any
-
-    @abc.abstractmethod
-    def build(self, scenario: Scenario) -> Rig:
-        """Rebuild the scenario's apparatus at the moment of release."""
-
-    @abc.abstractmethod
-    def versions(self) -> dict[str, str]:
-        """Return the version of each package that `simulate` uses."""
-
-    def end_length(self, scenario: Scenario) -> float:
-        """Return the free length [m] at which the run ends; an adapter raises it where its rig cannot follow further."""
-        # With less than 4 mm of string the light mass turns so fast that steps cannot follow; MuJoCo breaks down there
-        return max(scenario.parameters.end_length, 4e-3)
-
-    def simulate(self, scenario: Scenario, recorder: Recorder | None = None) -> Trajectory:
-        """Run ``scenario`` from its release to its duration, or until the light mass reaches the rod."""
-        recorder = recorder if recorder is not None else MemoryRecorder()
-        rig = self.build(scenario)
-        started, cpu_started = time.perf_counter(), time.process_time()
-        status = _run(rig, scenario, self.end_length(scenario), recorder.add)
-        return from_samples(
-            recorder.rows(),
-            parameters=scenario.parameters,
-            engine=self.name,
-            variant=self.variant,
-            profile=self.profile.value,
-            scenario=scenario.name,
-            status=status,
-            wall_time=time.perf_counter() - started,
-            cpu_time=time.process_time() - cpu_started,
-            provenance=self.provenance(),
-            **declared(self, scenario.parameters),
-        )
-
-    def with_settings(self, **changes: object) -> Self:
-        """Return this variant with some settings changed."""
-        # A copy, not a call of the constructor, whose arguments differ between variants
-        changed = copy.copy(self)
-        changed.settings = dataclasses.replace(self.settings, **changes)
-        return changed
-
-    def studies(self) -> Studies:
-        """Return what can be varied of this variant; an adapter that has nothing to vary keeps this."""
-        return Studies()
-
-    def provenance(self) -> Provenance:
-        """Return versions, settings and suppliers of this engine's runs."""
-        return Provenance(
-            versions=self.versions(), settings=dataclasses.asdict(self.settings), supplies=self.abilities.supplies
-        )
-
-
-class TunedEngine(SteppedEngine):
-    """A stepped engine of a single package, with default settings for each profile.
+class SteppedEngine:
+    """An engine that steps through time: the adapter builds the rig, and this class has the time loop.
 
     Parameters
     ----------
@@ -279,13 +215,18 @@ class TunedEngine(SteppedEngine):
     profile
         Chooses the settings.
     settings
-        Replaces the profile's settings, for studies of convergence.
+        Replaces the profile's settings.
     """
 
+    name: str
+    variant: str
+    profile: Profile
+    abilities: Abilities
+    settings: Any
     distribution: ClassVar[str]
-    """The engine's package, as pip names it."""
+    """The engine's package, as pip names it; where there are several, override `versions`."""
     rig: ClassVar[Callable[..., Any]]
-    """Class of the apparatus, called with parameters and settings; a variant that needs more overrides `build`."""
+    """Class of the apparatus, called with parameters and settings; where it needs more, override `build`."""
     variants: ClassVar[Mapping[str, Abilities]] = {}
     """Variant -> its abilities, where the class has several."""
     settings_by_profile: ClassVar[Mapping[Any, Any]]
@@ -305,8 +246,53 @@ class TunedEngine(SteppedEngine):
         return rig
 
     def versions(self) -> dict[str, str]:
-        """Return the version of the engine's package."""
+        """Return the version of each package that `simulate` uses."""
         return {self.distribution: installed_version(self.distribution)}
+
+    def end_length(self, scenario: Scenario) -> float:
+        """Return the free length [m] at which the run ends; an adapter raises it where its rig cannot follow further."""
+        # With less than 4 mm of string the light mass turns so fast that steps cannot follow; MuJoCo breaks down there
+        return max(scenario.parameters.end_length, 4e-3)
+
+    def simulate(self, scenario: Scenario, record: RecordSample | None = None) -> Trajectory:
+        """Run ``scenario`` from its release to its duration, or until the light mass reaches the rod."""
+        rows: list[Sequence[float]] = []
+
+        def add(row: Sequence[float]) -> None:
+            check_column_count(len(row))
+            rows.append(row)
+            if record is not None:
+                record(row)
+
+        rig = self.build(scenario)
+        started, cpu_started = time.perf_counter(), time.process_time()
+        status = _run(rig, scenario, self.end_length(scenario), add)
+        return from_samples(
+            np.array(rows, dtype=float),
+            parameters=scenario.parameters,
+            status=status,
+            wall_time=time.perf_counter() - started,
+            cpu_time=time.process_time() - cpu_started,
+            provenance=self.provenance(),
+            **known_fields(self, scenario),
+        )
+
+    def with_settings(self, **changes: Any) -> Self:
+        """Return this variant with some settings changed."""
+        # A copy, not a call of the constructor, whose arguments differ between variants
+        changed = copy.copy(self)
+        changed.settings = dataclasses.replace(self.settings, **changes)
+        return changed
+
+    def studies(self) -> Studies:
+        """Return what can be varied of this variant; an adapter that has nothing to vary keeps this."""
+        return Studies()
+
+    def provenance(self) -> Provenance:
+        """Return versions, settings and suppliers of this engine's runs."""
+        return Provenance(
+            versions=self.versions(), settings=dataclasses.asdict(self.settings), supplies=self.abilities.supplies
+        )
 
 
 def steps_per_sample(time_step: float) -> int:
@@ -326,23 +312,6 @@ def steps_per_sample(time_step: float) -> int:
     return steps
 
 
-def groups_per_sample(time_step: float, steps_per_group: int) -> int:
-    """Return the number of groups of steps of ``time_step`` [s] in one `SAMPLE_INTERVAL`.
-
-    Raises
-    ------
-    EngineError
-        If the number of steps or of groups is not a whole number.
-    """
-    steps = steps_per_sample(time_step)
-    if steps % steps_per_group:
-        raise EngineError(
-            f"time_step: found {time_step:g} s in groups of {steps_per_group}, needed a whole number of groups "
-            f"in {SAMPLE_INTERVAL:g} s; write groups of 1"
-        )
-    return steps // steps_per_group
-
-
 class StepGroups:
     """What follows from settings with steps in groups; a dataclass that derives from it has the fields."""
 
@@ -353,12 +322,16 @@ class StepGroups:
 
     def __post_init__(self) -> None:
         """Raise EngineError where groups of steps do not divide the sample interval."""
-        groups_per_sample(self.time_step, self.steps_per_group)
+        if steps_per_sample(self.time_step) % self.steps_per_group:
+            raise EngineError(
+                f"time_step: found {self.time_step:g} s in groups of {self.steps_per_group}, needed a whole number of groups "
+                f"in {SAMPLE_INTERVAL:g} s; write groups of 1"
+            )
 
     @property
     def groups_per_sample(self) -> int:
         """Number of groups of steps in one sample interval."""
-        return groups_per_sample(self.time_step, self.steps_per_group)
+        return steps_per_sample(self.time_step) // self.steps_per_group
 
     @property
     def group_time(self) -> float:
@@ -373,7 +346,8 @@ def _run(rig: Rig, scenario: Scenario, end_length: float, add: Callable[[Sequenc
     end_distance = math.hypot(end_length, p.rod_radius)
     max_stretch, max_distance = MAX_STRETCH_FRACTION * p.string_length, MAX_DISTANCE_FACTOR * p.string_length
     row = rig.read()
-    add((0.0, *row))
+    slip_at_release = row[-1]
+    add((0.0, *row[:-1], row[-1] - slip_at_release))
     for sample in range(1, round(scenario.duration / SAMPLE_INTERVAL) + 1):
         rig.advance()
         row = rig.read()
@@ -382,11 +356,10 @@ def _run(rig: Rig, scenario: Scenario, end_length: float, add: Callable[[Sequenc
         if has_string and max(math.hypot(*row[:2]), math.hypot(*row[4:6])) > max_distance:
             return RunStatus.OUT_OF_REACH
         if has_string and math.hypot(row[0], row[1]) <= end_distance:
-            return (
-                RunStatus.LIGHT_REACHED_ROD
-            )  # inside this interval, and the rig may have stopped there: so its end is no sample
+            # Inside this interval, and the rig may have stopped there: so its end is no sample
+            return RunStatus.LIGHT_REACHED_ROD
         # Multiplied, not summed up, so that rounding does not accumulate in the times
-        add((sample * SAMPLE_INTERVAL, *row))
+        add((sample * SAMPLE_INTERVAL, *row[:-1], row[-1] - slip_at_release))
         # False for NaN, the stretch of an engine that does not know it
         if has_string and row[8] > max_stretch:
             return RunStatus.STRING_DRIFT

@@ -14,7 +14,7 @@ from typing import Any
 
 from looping_pendulum.engines.facts import EngineFacts, Package, own_facts
 from looping_pendulum.engines.other_packages import DESCRIBED, Description, description, load
-from looping_pendulum.engines.protocol import Engine, Profile, SteppedEngine
+from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.errors import EngineError, MissingPackageError, ScenarioError
 from looping_pendulum.installation import install_command
 from looping_pendulum.pages import palette
@@ -102,26 +102,25 @@ def load_engines(profile: Profile, names: Collection[str] | None = None) -> tupl
 
     ``names``: load these engines only, so that others' adapters are not even looked at.
     """
-    adapters = [adapter for adapter in adapter_modules() if names is None or adapter.name in names]
-    found: dict[EntryPoint, Description | str] = {}
-    waiting: list[EntryPoint] = []
-    for adapter in adapters:
-        if not is_own(adapter):
-            if adapter.name in own_engines() | {other.name for other in waiting}:
-                found[adapter] = f"the name {adapter.name!r} is taken; needed another entry point name"
-            else:
-                waiting.append(adapter)
-    # At the same time, as one that hangs is waited for
-    with ThreadPoolExecutor(core_count()) as pool:
-        found |= zip(waiting, pool.map(description, waiting), strict=True)
     engines: list[Engine] = []
-    faults: dict[str, str] = {}
-    for adapter in adapters:
-        described = found.get(adapter)
-        if described is None:
+    found: dict[EntryPoint, Description | str] = {}
+    others: dict[str, EntryPoint] = {}
+    for adapter in adapter_modules():
+        if names is not None and adapter.name not in names:
+            continue
+        if is_own(adapter):
             # Not guarded: a fault in an adapter of this package is a bug, and must show
             engines += adapter.load().engines(profile)
-        elif isinstance(described, Description):
+        elif adapter.name in own_engines() | others.keys():
+            found[adapter] = f"the name {adapter.name!r} is taken; needed another entry point name"
+        else:
+            others[adapter.name] = adapter
+    # At the same time, as one that hangs is waited for
+    with ThreadPoolExecutor(core_count()) as pool:
+        found |= zip(others.values(), pool.map(description, others.values()), strict=True)
+    faults: dict[str, str] = {}
+    for adapter, described in found.items():
+        if isinstance(described, Description):
             engines += described.engines[profile]
         else:
             faults[adapter.name] = (
@@ -256,8 +255,6 @@ def engine(name: str, *, profile: Profile | str = Profile.QUICK, **settings: Any
         raise MissingPackageError(f"{label(chosen)}: {package} is not installed; to get it: {how_to_get(package)}")
     if not settings:
         return chosen
-    if not isinstance(chosen, SteppedEngine):
-        raise EngineError(f"{label(chosen)}: found settings, needed an engine that has some that can be changed")
     known = [field.name for field in dataclasses.fields(chosen.settings)]
     for setting in settings:
         if setting not in known:

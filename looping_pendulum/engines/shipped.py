@@ -47,5 +47,7 @@ def shipped_abilities(
         supplies=Supplies(drag=APPLIED_DRAG, **by),
         additions=(*first_additions, *map(str, facts.additions), *additions),
         validated=facts.measured,
+        known_failures=facts.failed_checks,
+        quick_cost=facts.quick_cost or 1.0,
         **(usual | declared),
     )

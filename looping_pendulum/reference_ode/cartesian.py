@@ -17,6 +17,14 @@ CartesianForce = Callable[[float, float, float, float, float, float], tuple[floa
 """(time, x, y, vx, vy, heavy_vy) -> (fx, fy, heavy_fy), SI."""
 
 
+def kinematics(time: float, free_length: float, wrap_angle: float, vx: float, vy: float, heavy_vy: float) -> Kinematics:
+    """Return the kinematics on which the effects depend, from those of the string and the masses' velocities [m/s]."""
+    cosine, sine = math.cos(wrap_angle), math.sin(wrap_angle)
+    # Components along -e1 and t1, the directions of `Kinematics`
+    retreat, across = vy * cosine - vx * sine, -(vx * cosine + vy * sine)
+    return Kinematics(time, free_length, wrap_angle, retreat, across, abs(across), math.hypot(vx, vy), heavy_vy, abs(heavy_vy))
+
+
 def cartesian_force(parameters: Parameters) -> CartesianForce | None:
     """Return ``force(time, x, y, vx, vy, heavy_vy) -> (fx, fy, heavy_fy)`` [N], or None where no such force acts.
 
@@ -43,10 +51,8 @@ def cartesian_force(parameters: Parameters) -> CartesianForce | None:
     def force(time: float, x: float, y: float, vx: float, vy: float, heavy_vy: float) -> tuple[float, float, float]:
         nonlocal last_angle
         free_length, last_angle = next_string_coordinates(x, y, radius, last_angle)
+        k = kinematics(time, free_length, last_angle, vx, vy, heavy_vy)
         cosine, sine = math.cos(last_angle), math.sin(last_angle)
-        # Components along -e1 and t1, the directions of `Kinematics`
-        retreat, across = vy * cosine - vx * sine, -(vx * cosine + vy * sine)
-        k = Kinematics(time, free_length, last_angle, retreat, across, abs(across), math.hypot(vx, vy), heavy_vy, abs(heavy_vy))
         along_force, across_force = effects.force_on_light_mass(math, k, p, on_light)
         return (
             along_force * sine - across_force * cosine,

@@ -415,18 +415,18 @@ def _without_repetitions(times: list[float]) -> list[float]:
 # ---- quantities of event tables
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class EventQuantity:
     """One quantity of an event table, such as the time of a stop."""
 
     kind: str
     """"time", "height" (of the heavy mass, less its height at release), "drop" (the same, downward), "length" or "angle"."""
-    values: Callable[[Landmarks], Sequence[float | None]]
-    """Function that returns all values of it in a run [SI], in order of time; None in place of one that the run lacks."""
     measured_at: str
     """Name of the quantity that is the time at which this one is measured; a time names itself."""
     several: bool
     """Whether a run can have more than one, distinguished by their index."""
+    values: Callable[[Landmarks], Sequence[float | None]]
+    """Function that returns all values of it in a run [SI], in order of time; None in place of one that the run lacks."""
 
     @property
     def unit(self) -> str:
@@ -434,28 +434,28 @@ class EventQuantity:
         return {"time": "s", "angle": "rad"}.get(self.kind, "m")
 
 
-_QUANTITIES: tuple[tuple[str, str, str, bool, Callable[[Landmarks], Sequence[float | None]]], ...] = (
-    ("x1_extremum", "time", "x1_extremum", True, lambda m: [e.time for e in m.x1_extrema]),
-    ("y1_extremum", "time", "y1_extremum", True, lambda m: [e.time for e in m.y1_extrema]),
-    ("stop_time", "time", "stop_time", True, lambda m: [s.time for s in m.stops]),
-    ("height_change_at_stop", "height", "stop_time", True, lambda m: [s.height_change for s in m.stops]),
-    ("slip_onset_time", "time", "slip_onset_time", True, lambda m: m.slip_onsets),
-    ("t_A", "time", "t_A", False, lambda m: [s.time for s in m.stops[:1]]),
-    ("height_change_at_A", "height", "t_A", False, lambda m: [s.height_change for s in m.stops[:1]]),
-    ("t_B", "time", "t_B", False, lambda m: [s.time for s in m.stops[1:2]]),
-    ("height_change_at_B", "height", "t_B", False, lambda m: [s.height_change for s in m.stops[1:2]]),
-    ("t_C", "time", "t_C", False, lambda m: [t for t in m.slip_onsets if m.halting_time and t < m.halting_time][-1:]),
-    ("halting_time", "time", "halting_time", False, lambda m: [m.halting_time]),
-    ("height_change_at_halt", "height", "halting_time", False, lambda m: [] if m.drop_at_halt is None else [-m.drop_at_halt]),
-    ("drop_at_halt", "drop", "halting_time", False, lambda m: [m.drop_at_halt]),
-    ("wrap_angle_at_halt", "angle", "halting_time", False, lambda m: [m.wrap_angle_at_halt]),
-    ("free_length_at_halt", "length", "halting_time", False, lambda m: [m.free_length_at_halt]),
-    ("time_light_reaches_rod", "time", "time_light_reaches_rod", False, lambda m: [m.light_reaches_rod]),
-)
 EVENT_QUANTITIES = MappingProxyType(
     {
-        name: EventQuantity(kind=kind, measured_at=measured_at, several=several, values=values)
-        for name, kind, measured_at, several, values in _QUANTITIES
+        "x1_extremum": EventQuantity("time", "x1_extremum", True, lambda m: [e.time for e in m.x1_extrema]),
+        "y1_extremum": EventQuantity("time", "y1_extremum", True, lambda m: [e.time for e in m.y1_extrema]),
+        "stop_time": EventQuantity("time", "stop_time", True, lambda m: [s.time for s in m.stops]),
+        "height_change_at_stop": EventQuantity("height", "stop_time", True, lambda m: [s.height_change for s in m.stops]),
+        "slip_onset_time": EventQuantity("time", "slip_onset_time", True, lambda m: m.slip_onsets),
+        "t_A": EventQuantity("time", "t_A", False, lambda m: [s.time for s in m.stops[:1]]),
+        "height_change_at_A": EventQuantity("height", "t_A", False, lambda m: [s.height_change for s in m.stops[:1]]),
+        "t_B": EventQuantity("time", "t_B", False, lambda m: [s.time for s in m.stops[1:2]]),
+        "height_change_at_B": EventQuantity("height", "t_B", False, lambda m: [s.height_change for s in m.stops[1:2]]),
+        "t_C": EventQuantity(
+            "time", "t_C", False, lambda m: [t for t in m.slip_onsets if m.halting_time and t < m.halting_time][-1:]
+        ),
+        "halting_time": EventQuantity("time", "halting_time", False, lambda m: [m.halting_time]),
+        "height_change_at_halt": EventQuantity(
+            "height", "halting_time", False, lambda m: [] if m.drop_at_halt is None else [-m.drop_at_halt]
+        ),
+        "drop_at_halt": EventQuantity("drop", "halting_time", False, lambda m: [m.drop_at_halt]),
+        "wrap_angle_at_halt": EventQuantity("angle", "halting_time", False, lambda m: [m.wrap_angle_at_halt]),
+        "free_length_at_halt": EventQuantity("length", "halting_time", False, lambda m: [m.free_length_at_halt]),
+        "time_light_reaches_rod": EventQuantity("time", "time_light_reaches_rod", False, lambda m: [m.light_reaches_rod]),
     }
 )
 """Event quantity by name.

@@ -9,14 +9,15 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import json
-import os
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any, get_type_hints
 
 import numpy as np
 
 from looping_pendulum.errors import EngineError
+from looping_pendulum.files import write_atomically
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.transitions import Mode
@@ -31,12 +32,12 @@ from looping_pendulum.runs.trajectory import (
     Supply,
     Trajectory,
     TrajectoryEvent,
+    check_column_count,
     from_samples,
-    padded_row,
 )
 
 SAMPLES, RECORD = "samples.bin", "run.json"
-"""Files in the folder of a run: its samples, and how it ended (`RunRecord`)."""
+"""Files in the folder of a run: its samples, and how it ended (`RECORDED`)."""
 ROW = (*COLUMNS, *FURTHER_COLUMNS)
 """Values of a sample in the file, 8-byte floats; NaN where a value is not known."""
 MODE = ROW.index("mode")
@@ -64,42 +65,10 @@ SHAPES: dict[str, tuple[int, ...]] = {
 MAY_BE_NONE = ("string_slip", "light_tension", "heavy_tension")
 """Arrays that a trajectory may lack."""
 
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class RunRecord:
-    """How a run ended, beside its samples; each field as in `Trajectory`."""
-
-    engine: str
-    variant: str
-    profile: str
-    scenario: str
-    status: RunStatus
-    message: str
-    events: tuple[TrajectoryEvent, ...]
-    provenance: Provenance
-    wall_time: float
-    cpu_time: float
-
-
-class FileRecorder:
-    """Appends samples to the file in the folder of a run, each with its own write, so that a crash loses none."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._file = (folder / SAMPLES).open("ab", buffering=0)
-
-    def add(self, row: Sequence[float]) -> None:
-        """Store one row of `COLUMNS`; one of another length is refused, because all later rows would be read wrongly."""
-        further = [np.nan] * len(FURTHER_COLUMNS)
-        self._file.write(np.array([*padded_row(row), *further], dtype=float).tobytes())
-
-    def rows(self) -> Array:
-        """Return all rows stored so far, shape (n, len(COLUMNS))."""
-        return _rows(self._folder)[:, : len(COLUMNS)]
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
+RECORDED = (
+    *("engine", "variant", "profile", "scenario", "status", "message", "events", "provenance", "wall_time", "cpu_time"),
+)
+"""Fields of a trajectory that say how its run ended, beside its samples."""
 
 
 def _rows(folder: Path) -> Array:
@@ -112,6 +81,19 @@ def _rows(folder: Path) -> Array:
 
 
 # ---- writing, in the process of the run
+
+
+@contextlib.contextmanager
+def recording(folder: Path) -> Iterator[Callable[[Sequence[float]], None]]:
+    """Give a function that appends a row of `COLUMNS` to the samples in ``folder``, with its own write: a crash loses none."""
+    with (folder / SAMPLES).open("ab", buffering=0) as file:
+
+        def record(row: Sequence[float]) -> None:
+            # One of another length is refused, because all later rows would be read wrongly
+            check_column_count(len(row))
+            file.write(np.array([*row, *[np.nan] * len(FURTHER_COLUMNS)], dtype=float).tobytes())
+
+        yield record
 
 
 def write_run(folder: Path, run: object) -> None:
@@ -127,18 +109,9 @@ def write_run(folder: Path, run: object) -> None:
     count = np.size(run.t)
     columns = [_numbers(name, getattr(run, name), (count, *shape)) for name, shape in SHAPES.items()]
     rows = np.column_stack(columns)
-    partial = folder / f"{SAMPLES}.part{os.getpid()}"
-    partial.write_bytes(rows.tobytes())
-    partial.replace(folder / SAMPLES)
-    write_record(folder, {field.name: getattr(run, field.name) for field in dataclasses.fields(RunRecord)})
-
-
-def write_record(folder: Path, record: Mapping[str, Any]) -> None:
-    """Write how a run ended: the fields of a `RunRecord`, which `read_run` checks."""
-    partial = folder / f"{RECORD}.part{os.getpid()}"
-    partial.write_text(json.dumps(record, default=_as_json), encoding="utf-8")
-    # Renaming is atomic, so nobody ever reads half a record
-    partial.replace(folder / RECORD)
+    write_atomically(folder / SAMPLES, rows.tobytes())
+    record = {name: getattr(run, name) for name in RECORDED}
+    write_atomically(folder / RECORD, json.dumps(record, default=_as_json))
 
 
 def _as_json(value: object) -> Any:
@@ -193,21 +166,21 @@ def read_run(folder: Path, *, parameters: Parameters, duration: float, **fields:
     """
     record = _read_record((folder / RECORD).read_bytes())
     for name in ("engine", "variant", "profile", "scenario"):
-        if getattr(record, name) != fields.get(name, getattr(record, name)):
-            raise field_error(name, repr(getattr(record, name)), f"the engine's own, {fields[name]!r}")
+        if record[name] != fields.get(name, record[name]):
+            raise field_error(name, repr(record[name]), f"the engine's own, {fields[name]!r}")
     rows = _rows(folder)
     t = rows[:, 0]
     good = _leading_times(t, duration)
     if good < len(t):
         found = f"{t[good]:g} s after {t[good - 1]:g} s" if good else f"{t[0]:g} s"
         raise field_error("t", found, f"rising times within the scenario's 0 to {duration:g} s")
-    if record.status.ok and not len(t):
-        raise field_error("t", f"no sample of a run that {record.status.value!r}", "at least one")
+    if record["status"].ok and not len(t):
+        raise field_error("t", f"no sample of a run that {record['status'].value!r}", "at least one")
     modes = rows[:, MODE]
     if not (known := np.isnan(modes) | np.isin(modes, MODES)).all():
         named = ", ".join(f"{mode.value} ({mode.name.lower()})" for mode in Mode)
         raise field_error("mode", f"{modes[~known][0]:g}", f"one of {named} or {UNKNOWN_MODE} (unknown)")
-    run = from_samples(_only_possible(rows), parameters=parameters, **(vars(record) | fields))
+    run = from_samples(_only_possible(rows), parameters=parameters, **(record | fields))
     finite = np.isfinite(run.light_position).all() and np.isfinite(run.heavy_position).all()
     return dataclasses.replace(run, status=RunStatus.NOT_FINITE) if run.status.ok and not finite else run
 
@@ -240,24 +213,27 @@ def _only_possible(rows: Array) -> Array:
     return np.where(possible, rows, np.nan)
 
 
-def _read_record(text: bytes) -> RunRecord:
-    """Return the record in a file.
+def _read_record(text: bytes) -> dict[str, Any]:
+    """Return the fields of a trajectory in a file of how its run ended.
 
     Raises
     ------
     EngineError
-        If a field is not as `RunRecord` states.
+        If one is not as `Trajectory` states.
     """
     # Not at the top: the process of a run only writes, and pydantic takes longer to import than a short run
-    from pydantic import Field, TypeAdapter, ValidationError
+    from pydantic import ValidationError, create_model
 
+    types = get_type_hints(Trajectory)
+    fields: dict[str, Any] = {name: (types[name], ...) for name in RECORDED}
     try:
-        record = TypeAdapter(RunRecord).validate_json(text, strict=True)
-        times = TypeAdapter(list[Annotated[float, Field(allow_inf_nan=False)]])
-        times.validate_python([event.time for event in record.events])
+        record = dict(create_model("Record", **fields).model_validate_json(text, strict=True))
     except ValidationError as error:
         first = error.errors()[0]
         field = ".".join(str(part) for part in first["loc"]) or "a record"
         found, needed = repr(first["input"])[:60], first["msg"].removeprefix("Input should be ")
         raise field_error(field, found, needed) from None
+    for event in record["events"]:
+        if not math.isfinite(event.time):
+            raise field_error("events", f"a time of {event.time} s", "a finite one")
     return record

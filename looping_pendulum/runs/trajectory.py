@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
@@ -20,9 +18,9 @@ COLUMNS = (
     *("t", "light_x", "light_y", "light_vx", "light_vy", "heavy_x", "heavy_y", "heavy_vx", "heavy_vy", "string_stretch"),
     "string_slip",
 )
-"""Values that an adapter reads at each sample, SI: positions from the rod's centre, x right and y up.
+"""Values of each sample, SI: positions from the rod's centre, x right and y up.
 
-An engine that does not know the last one leaves it out.
+Stretch and slip of the string are NaN where an engine does not know them.
 """
 
 SAMPLE_INTERVAL = 1e-3
@@ -33,9 +31,6 @@ SAME_TIME = 1e-9
 
 LARGEST = 1e9
 """Largest position [m] or speed [m/s] that counts as a number: nothing is so far, and the squares of the largest overflow."""
-
-OPTIONAL_COLUMNS = 1
-"""How many of the last `COLUMNS` a sample may leave out."""
 
 FURTHER_COLUMNS = ("free_length", "wrap_angle", "mode", "light_tension", "heavy_tension")
 """Values at each sample that only an engine states which knows them itself, as fields of a `Trajectory`."""
@@ -207,25 +202,12 @@ def variant_label(engine: str, variant: str) -> str:
     return f"{engine}:{variant}" if variant else engine
 
 
-def padded_row(row: Sequence[float]) -> Sequence[float]:
-    """Return ``row`` of `COLUMNS`, with NaN in place of the optional columns that it leaves out.
-
-    Raises
-    ------
-    EngineError
-        If it has too few or too many values.
-    """
-    _check_column_count(len(row))
-    return (*row, *[math.nan] * (len(COLUMNS) - len(row)))
-
-
-def _check_column_count(count: int) -> None:
-    """Raise an EngineError if a sample cannot have ``count`` values."""
-    min_count = len(COLUMNS) - OPTIONAL_COLUMNS
-    if not min_count <= count <= len(COLUMNS):
+def check_column_count(count: int) -> None:
+    """Raise an EngineError if a sample with its time has not ``count`` values."""
+    if count != len(COLUMNS):
         raise EngineError(
-            f"a sample: found {count} values with its time, needed {min_count} or {len(COLUMNS)}: {', '.join(COLUMNS)}; "
-            "a rig's read() gives all but t, and may leave out the last"
+            f"a sample: found {count} values with its time, needed {len(COLUMNS)}: {', '.join(COLUMNS)}; "
+            "a rig's read() gives all but t, and NaN for a stretch or slip that it does not know"
         )
 
 
@@ -235,8 +217,8 @@ def from_samples(samples: Array, *, parameters: Parameters, **fields: Any) -> Tr
     Parameters
     ----------
     samples
-        Rows of `COLUMNS`, with or without the string's slip and `FURTHER_COLUMNS`: shape (n, 10), (n, 11) or (n, 16).
-        A further column without any number is not known.
+        Rows of `COLUMNS`, with or without `FURTHER_COLUMNS`: shape (n, 11) or (n, 16). A further column without any number
+        is not known.
 
     Raises
     ------
@@ -249,10 +231,10 @@ def from_samples(samples: Array, *, parameters: Parameters, **fields: Any) -> Tr
         columns = dict(zip(FURTHER_COLUMNS, samples[:, len(COLUMNS) :].T, strict=True))
         further = {name: column for name, column in columns.items() if np.isfinite(column).any()}
     else:
-        _check_column_count(count)
+        check_column_count(count)
     if "mode" in further:
         further["mode"] = np.where(np.isnan(further["mode"]), UNKNOWN_MODE, further["mode"]).astype(np.int8)
-    slip = samples[:, 10] if count > 10 else np.empty(0)
+    slip = samples[:, 10]
     light = samples[:, 1:3]
     free_length, wrap_angle = string_coordinates(light, parameters.rod_radius, parameters.release_angle)
     if parameters.release is Release.DROP:

@@ -26,7 +26,6 @@ from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.runs.trajectory import (
     COLUMNS,
-    OPTIONAL_COLUMNS,
     Provenance,
     RunStatus,
     Supplier,
@@ -78,8 +77,8 @@ def rows(t: np.ndarray, delay: float = 0.0) -> np.ndarray:
     x, y = light_position(np, free_length, angle, p.rod_radius)
     zero = np.zeros_like(t)
     vx, vy = (np.gradient(each, t) if len(t) > 1 else zero for each in (x, y))
-    columns = (t, x, y, vx, vy, zero + p.rod_radius, -p.hanging_length - fallen, zero, -speed, zero)
-    assert len(columns) == len(COLUMNS) - OPTIONAL_COLUMNS
+    columns = (t, x, y, vx, vy, zero + p.rod_radius, -p.hanging_length - fallen, zero, -speed, zero, np.full_like(t, np.nan))
+    assert len(columns) == len(COLUMNS)
     return np.column_stack(columns)
 
 

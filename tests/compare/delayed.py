@@ -48,13 +48,13 @@ class DelayedEngine:
         seed = hash((s.time_step, parameters.release_angle, parameters.free_length, parameters.hanging_length)) % 2**32
         return s.offset + s.slope * s.time_step**s.order + s.jitter * float(np.random.default_rng(seed).uniform(-1, 1))
 
-    def simulate(self, scenario, recorder=None):
+    def simulate(self, scenario, record=None):
         t = np.arange(round(scenario.duration / SAMPLE_INTERVAL) + 1) * SAMPLE_INTERVAL
         asked = np.maximum(t - self.delay(scenario.parameters), 0.0)
         moved = solve_at(scenario.parameters, np.unique(asked))
         back = np.searchsorted(np.unique(asked), asked)
         parts = (moved.light_position, moved.light_velocity, moved.heavy_position, moved.heavy_velocity)
-        rows = np.column_stack([t, *(part[back] for part in parts), np.zeros(len(t))])
+        rows = np.column_stack([t, *(part[back] for part in parts), np.zeros(len(t)), np.full(len(t), np.nan)])
         return from_samples(
             rows,
             parameters=scenario.parameters,
@@ -67,18 +67,13 @@ class DelayedEngine:
             provenance=Provenance(versions={}, settings=dataclasses.asdict(self.settings), supplies=SUPPLIES),
         )
 
-    def changed(self, **changes) -> DelayedEngine:
+    def with_settings(self, **changes) -> DelayedEngine:
         return DelayedEngine(**(dataclasses.asdict(self.settings) | changes))
 
     def studies(self) -> Studies:
-        steps = self.settings.steps
-        rungs = tuple(self.changed(time_step=step) for step in steps)
-        coarse = self.changed(time_step=8e-4)
         other = self.settings.other_offset
         return Studies(
-            ladders=(Ladder(setting="time_step", unit="s", values=steps, engines=rungs),),
-            defaults=(HiddenDefault(setting="step", default="0.8 ms", ours="0.4 ms", effect="lateness", engine=coarse),),
-            choices=()
-            if other is None
-            else (AdapterChoice(what="when it starts", ours="now", instead="then", engine=self.changed(offset=other)),),
+            ladders=(Ladder("time_step", "s", self.settings.steps),),
+            defaults=(HiddenDefault("step", "0.8 ms", "0.4 ms", "lateness", {"time_step": 8e-4}),),
+            choices=() if other is None else (AdapterChoice("when it starts", "now", "then", {"offset": other}),),
         )

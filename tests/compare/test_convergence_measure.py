@@ -125,7 +125,7 @@ def number(value):
     return np.array([[value]])
 
 
-STEPS_LADDER = Ladder(setting="step", unit="s", values=(4e-3, 2e-3, 1e-3), engines=(None,) * 3)
+STEPS_LADDER = Ladder("step", "s", (4e-3, 2e-3, 1e-3))
 
 
 @pytest.mark.parametrize(
@@ -211,14 +211,9 @@ def test_the_changes_of_all_ladders_add_up_to_one_limit():
 # ---- ladders that act on one another
 
 
-def settings(**values):
-    return SimpleNamespace(settings=SimpleNamespace(**values))
-
-
 def ladder(setting, values, **taken):
     """A ladder of ``setting``; ``taken``: other settings that it takes along, their values rung by rung."""
-    engines = [settings(**{setting: v, **{name: x[k] for name, x in taken.items()}}) for k, v in enumerate(values)]
-    return Ladder(setting=setting, unit="", values=tuple(values), engines=tuple(engines))
+    return Ladder(setting, "", [{setting: v, **{name: x[k] for name, x in taken.items()}} for k, v in enumerate(values)])
 
 
 @pytest.mark.parametrize(
@@ -251,7 +246,7 @@ def test_of_two_that_take_each_other_along_the_first_counts():
 def measured_ladder(halts, own=None, ended=None):
     rungs = tuple(measured(halt=halt, ended=good) for halt, good in zip(halts, ended or [True] * len(halts), strict=True))
     values = tuple(8.0 / 2**k for k in range(len(halts)))
-    made = Ladder(setting="a", unit="", values=values, engines=(None,) * len(halts))
+    made = Ladder("a", "", values)
     return MeasuredLadder(ladder=made, own=own, refined_further_by="", rungs=rungs, noise=LEAST_NOISE)
 
 
@@ -348,7 +343,7 @@ def test_coarse_rungs_of_every_ladder_come_before_fine_ones(scenario):
     engine = DelayedEngine()
     steps = engine.studies().ladders[0]
     orders = (1, 2, 4)
-    other = Ladder(setting="order", unit="", values=orders, engines=tuple(engine.changed(order=x) for x in orders))
+    other = Ladder("order", "", orders)
     engine.studies = lambda: Studies(ladders=(steps, other))
     rungs = [task for task in plan_variant(engine, scenario, []).tasks() if task.what.split()[-1][0].isdigit()]
     assert [len(task.coarser) for task in rungs] == [0, 0, 1, 1, 2, 2, 3]
@@ -424,11 +419,10 @@ def test_what_the_reference_does_not_have_is_not_judged(goal, scenario):
 
 def test_what_a_variant_offers_is_run_as_it_says(scenario):
     engine = DelayedEngine()
-    other = engine.changed(offset=5e-3)
+    other = {"offset": 5e-3}
     engine.studies = lambda: Studies(
-        choices=(AdapterChoice(what="c", ours="o", instead="i", engine=other),),
-        defaults=(HiddenDefault(setting="d", default="0", ours="1", effect="e", engine=other),),
+        choices=(AdapterChoice("c", "o", "i", other),), defaults=(HiddenDefault("d", "0", "1", "e", other),)
     )
     made = plan_variant(engine, scenario, [])
-    assert made.choices[0][1].engine is made.defaults[0][1].engine is other
+    assert made.choices[0][1].engine.settings == made.defaults[0][1].engine.settings == DelayedEngine(**other).settings
     assert (made.ladders, made.starts) == ((), ())

@@ -115,9 +115,8 @@ def test_the_ladder_of_mujocos_capstan_is_of_second_order(scenario, targets):
     short = dataclasses.replace(scenario, duration=0.36)
     engine = select(["mujoco:capstan"], Profile.QUICK)[0]
     ladder = next(x for x in engine.studies().ladders if x.setting == "time_step")
-    kept = [k for k, step in enumerate(ladder.values) if step >= 1e-4]
-    values, engines = (tuple(x[k] for k in kept) for x in (ladder.values, ladder.engines))
-    engine.studies = lambda: Studies(ladders=(Ladder(setting="time_step", unit="s", values=values, engines=engines),))
+    kept = [changes for changes in ladder.changes if changes["time_step"] >= 1e-4]
+    engine.studies = lambda: Studies(ladders=(Ladder("time_step", "s", kept),))
     study = studied(engine, short, (dataclasses.replace(targets[0], scenario=short), {}, []))
     verdict = study.ladders[0].verdicts[0]
     assert (verdict.quantity, verdict.verdict) == ("path_0.35s", Verdict.CONVERGED)

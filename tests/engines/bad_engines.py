@@ -178,7 +178,7 @@ def filled(name, value):
     return changed(**{name: lambda run: np.full_like(getattr(run, name), value)})
 
 
-ROW = (-0.4, -0.4, 0.0, 0.0, 0.00625, -0.03, 0.0, 0.0, 0.0)
+ROW = (-0.4, -0.4, 0.0, 0.0, 0.00625, -0.03, 0.0, 0.0, 0.0, math.nan)
 """Sample of a light mass at rest, without its time."""
 
 
@@ -187,7 +187,7 @@ def records(*rows):
 
     def act(engine):
         for row in rows:
-            engine.recorder.add(row)
+            engine.record(row)
         os._exit(1)
 
     return act
@@ -216,11 +216,11 @@ BEFORE = {
     "child_hoards": (child_hoards, ("MEMORY_LIMIT",), "limit 200 MiB"),
     "hidden_child_hoards": (hidden_child_hoards, ("MEMORY_LIMIT",), "limit 200 MiB"),
     "fills_its_folder": (fills_its_folder, ("DISK_LIMIT",), "held 2 GiB, limit 1 GiB"),
-    "deletes_its_folder": (deletes_its_folder, ("CRASHED",), ""),
+    "deletes_its_folder": (deletes_its_folder, GOES, ""),
     "closes_files": (closes_files, ("FAILED", "CRASHED"), ""),
     "plants_a_record": (plants_a_record, ("FAILED",), "simulate returned a record"),
     "plants_samples": (plants_samples, ("CRASHED",), "ended without a result"),
-    "makes_json_fail": (makes_json_fail, ("CRASHED",), "exit status 1"),
+    "makes_json_fail": (makes_json_fail, ("FAILED",), "TypeError"),
     "makes_open_fail": (makes_open_fail, ("CRASHED",), "exit status 1"),
     # It leaves something behind, and its run is as good as any
     "leaves_a_hidden_child": (leaves_a_hidden_child, GOES, ""),
@@ -239,8 +239,8 @@ BEFORE = {
     # What it recorded before it died is garbage from some sample on
     "records_a_garbage_time": (records((0.0, *ROW), (1e300, *ROW)), ("CRASHED",), "exit status 1"),
     "records_falling_times": (records((0.002, *ROW), (0.001, *ROW)), ("CRASHED",), "exit status 1"),
-    "records_huge_numbers": (records(*((k * 1e-3, *[1e308] * 9) for k in range(40))), ("CRASHED",), "exit status 1"),
-    "records_nan": (records(*((k * 1e-3, *[math.nan] * 9) for k in range(40))), ("CRASHED",), "exit status 1"),
+    "records_huge_numbers": (records(*((k * 1e-3, *[1e308] * 10) for k in range(40))), ("CRASHED",), "exit status 1"),
+    "records_nan": (records(*((k * 1e-3, *[math.nan] * 10) for k in range(40))), ("CRASHED",), "exit status 1"),
     "records_short_rows": (records((0.0, 1.0)), ("FAILED",), "found 2 values"),
 }
 """Engine -> what it does before its run, statuses that its row may have, and what its sentence holds."""
@@ -304,11 +304,11 @@ class BadEngine(SteppedEngine):
     def versions(self):
         return {}
 
-    def simulate(self, scenario, recorder=None):
-        self.recorder = recorder
+    def simulate(self, scenario, record=None):
+        self.record = record
         if self.variant in BEFORE:
             BEFORE[self.variant][0](self)
-        run = super().simulate(scenario, recorder)
+        run = super().simulate(scenario, record)
         return AFTER[self.variant][0](run) if self.variant in AFTER else run
 
 

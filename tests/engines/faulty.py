@@ -50,8 +50,8 @@ class FaultyEngine(SteppedEngine):
     def versions(self):
         return {"numpy": "?"}
 
-    def simulate(self, scenario, recorder=None):
-        run = super().simulate(scenario, recorder)
+    def simulate(self, scenario, record=None):
+        run = super().simulate(scenario, record)
         if self.variant == "returns_nan":
             run.light_position[round(FAULT_AT * 1000) :] = math.nan
         if self.variant == "leaves_child":
@@ -103,7 +103,7 @@ class FaultyRig:
         faults = {"nan": math.nan, "flies_off": 1e11}
         x = faults.get(self.fault, -0.4) if self.time >= FAULT_AT else -0.4
         stretch = 1.0 if self.fault == "stretches" and self.time >= FAULT_AT else 0.0
-        return (x, -0.4, 0.0, 0.0, 0.00625, -0.03, 0.0, 0.0, stretch)
+        return (x, -0.4, 0.0, 0.0, 0.00625, -0.03, 0.0, 0.0, stretch, math.nan)
 
 
 def alive(pid):

@@ -198,7 +198,7 @@ def test_a_run_that_fails_is_not_waited_for_twice():
     class Failing(FaultyEngine):
         runs = 0
 
-        def simulate(self, scenario, recorder=None):
+        def simulate(self, scenario, record=None):
             self.runs += 1
             raise ValueError("no rod today")
 

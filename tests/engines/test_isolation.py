@@ -7,7 +7,6 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import closing
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -17,11 +16,10 @@ import pytest
 from looping_pendulum import processes
 from looping_pendulum.compare import compare, write
 from looping_pendulum.engines.isolation import parse_memory, run_all, run_isolated, start_order
-from looping_pendulum.engines.protocol import MemoryRecorder, Profile
+from looping_pendulum.engines.protocol import Profile, known_fields
 from looping_pendulum.engines.reference import Reference, ReferenceEngine
-from looping_pendulum.engines.worker import named
 from looping_pendulum.errors import EngineError
-from looping_pendulum.runs.storage import FileRecorder, read_run, read_samples, write_run
+from looping_pendulum.runs.storage import read_run, read_samples, recording, write_run
 from looping_pendulum.runs.trajectory import COLUMNS, Provenance, RunStatus, TrajectoryEvent, from_samples
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.scenario import Scenario
@@ -366,7 +364,7 @@ SPOILED = {
 def through_files(run, folder):
     """Return ``run`` as its files give it back."""
     write_run(folder, run)
-    return read_run(folder, parameters=TEN_TO_ONE, duration=SCENARIO.duration, **named(ENGINE, SCENARIO))
+    return read_run(folder, parameters=TEN_TO_ONE, duration=SCENARIO.duration, **known_fields(ENGINE, SCENARIO))
 
 
 @pytest.mark.parametrize("what", SPOILED)
@@ -388,13 +386,12 @@ def test_a_good_run_comes_back_as_it_was_even_of_other_kinds_of_numbers(good, tm
 
 
 def test_a_sample_of_another_length_is_refused_before_it_shifts_the_others(tmp_path):
-    with closing(FileRecorder(tmp_path)) as recorder:
-        with pytest.raises(EngineError, match="found 9 values with its time, needed 10 or 11"):
-            recorder.add([0.0] * 9)
-        assert len(recorder.rows()) == 0
+    with recording(tmp_path) as record, pytest.raises(EngineError, match="found 10 values with its time, needed 11"):
+        record([0.0] * 10)
+    assert len(read_samples(tmp_path, duration=1.0)) == 0
 
 
-# ---- a reading may leave out the string's slip, and what it says of it survives a run's file, its cache and its CSV
+# ---- what a reading says of the string's slip survives a run's file, its cache and its CSV
 
 
 PARAMETERS = load("ten_to_one").parameters
@@ -413,21 +410,15 @@ def trajectory(rows):
     )
 
 
-@pytest.mark.parametrize("slips", [(), (0.003,)])
-def test_both_recorders_keep_a_row_with_and_without_its_slip(tmp_path, slips):
-    in_file, in_memory = FileRecorder(tmp_path), MemoryRecorder()
-    for recorder in (in_file, in_memory):
-        recorder.add((*SHORT, *slips))
-        recorder.add((0.001, *SHORT[1:], *slips))
-    known = (*SHORT[1:], *(slips or (math.nan,)))
-    expected = np.array([(0.0, *known), (0.001, *known)])
-    for rows in (in_file.rows(), in_memory.rows(), read_samples(tmp_path, duration=1.0)[:, : len(COLUMNS)]):
-        assert rows.shape == (2, len(COLUMNS))
-        np.testing.assert_array_equal(rows, expected)
-    in_file._file.close()
+@pytest.mark.parametrize("slip", [math.nan, 0.003])
+def test_a_recorded_row_is_read_with_its_slip(tmp_path, slip):
+    expected = np.array([(*SHORT, slip), (0.001, *SHORT[1:], slip)])
+    with recording(tmp_path) as record:
+        for row in expected:
+            record(row)
+    np.testing.assert_array_equal(read_samples(tmp_path, duration=1.0)[:, : len(COLUMNS)], expected)
 
 
 def test_a_slip_that_nobody_said_is_none():
-    assert trajectory(np.array([SHORT, SHORT])).string_slip is None
     assert trajectory(np.array([(*SHORT, math.nan)] * 2)).string_slip is None
     np.testing.assert_array_equal(trajectory(np.array([(*SHORT, 0.003)] * 2)).string_slip, [0.003, 0.003])

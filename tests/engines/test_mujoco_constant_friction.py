@@ -14,8 +14,8 @@ from tests.apparatus import NO_DRAG, TEN_TO_ONE, scenario
 pytest.importorskip("mujoco")
 
 
-def run(parameters, duration, variant="frictionloss", **fields):
-    return MujocoTendon(variant=variant, **fields).simulate(scenario(parameters, duration))
+def run(parameters, duration, variant="frictionloss", **settings):
+    return MujocoTendon(variant=variant).with_settings(**settings).simulate(scenario(parameters, duration))
 
 
 def rms(trajectory, parameters, until):

@@ -26,7 +26,7 @@ ADAPTER = """
 from pathlib import Path
 
 from looping_pendulum.engines.facts import read_facts
-from looping_pendulum.engines.studies import Studies, ladder
+from looping_pendulum.engines.studies import Ladder, Studies
 from tests.engines.bad_engines import GoodEngine
 
 FACTS = read_facts(Path(__file__).with_name("engine.json"))
@@ -37,7 +37,7 @@ class Ninth(GoodEngine):
     variant = "rest"
 
     def studies(self):
-        return Studies(ladders=(ladder(self.with_settings, "time_step", "s", [{"time_step": 1e-3}, {"time_step": 5e-4}]),))
+        return Studies(ladders=(Ladder("time_step", "s", (1e-3, 5e-4)),))
 
 
 def engines(profile):
@@ -120,10 +120,11 @@ def test_a_rung_of_its_ladder_runs_and_is_cached_as_what_it_is():
     (stand_in,) = select(["ninth"], Profile.QUICK)
     (steps,) = stand_in.studies().ladders
     scenario = dataclasses.replace(load("drop"), duration=0.02)
-    run = run_isolated(steps.engines[1], scenario)
+    rungs = [stand_in.with_settings(**changes) for changes in steps.changes]
+    run = run_isolated(rungs[1], scenario)
     assert run.status is RunStatus.FINISHED, run.message
     assert run.provenance.settings == {"time_step": 5e-4}
-    keys = [run_key(each, scenario) for each in (stand_in, *steps.engines)]
+    keys = [run_key(each, scenario) for each in (stand_in, *rungs)]
     assert keys[0] == keys[1] != keys[2]
     assert run_key(pickle.loads(pickle.dumps(stand_in)), scenario) == keys[0]
 

@@ -74,9 +74,9 @@ def test_an_engine_that_a_script_imports_from_its_folder_travels_and_shadows_not
         "from my_helper import VARIANT\nfrom tests.engines.faulty import FaultyEngine\n"
         "class Mine(FaultyEngine):\n"
         "    def __init__(self):\n        super().__init__(VARIANT)\n"
-        "    def simulate(self, scenario, recorder=None):\n"
+        "    def simulate(self, scenario, record=None):\n"
         "        import mujoco\n        print('site-packages' in mujoco.__file__, flush=True)\n"
-        "        return super().simulate(scenario, recorder)\n"
+        "        return super().simulate(scenario, record)\n"
     )
     (tmp_path / "mujoco.py").write_text("")
     (tmp_path / "script.py").write_text(

@@ -14,6 +14,7 @@ from looping_pendulum.engines.pybullet.chain import (
     MAX_WAVE_FRACTION,
     MAX_WAVE_FRACTION_AT_CONTACTS,
     SETTINGS,
+    ChainState,
     Joining,
     PybulletChain,
     body_masses,
@@ -23,7 +24,7 @@ from looping_pendulum.engines.pybullet.chain import (
     with_nodes,
     with_rigid_links,
 )
-from looping_pendulum.engines.pybullet.world import ChainState, SteppedRig
+from looping_pendulum.engines.pybullet.world import SteppedRig
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL
 from looping_pendulum.scenarios.scenario import Scenario

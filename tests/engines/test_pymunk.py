@@ -95,14 +95,15 @@ def test_a_leak_interval_that_does_not_divide_the_groups_is_refused():
 def test_studies_change_one_thing_at_a_time(profile):
     engine = PymunkChain(profile=profile)
     for ladder in engine.studies().ladders:
-        assert ladder.engines[0].settings == engine.settings  # no rung is coarser than what is used
-        for value, rung in zip(ladder.values, ladder.engines, strict=True):
+        rungs = [engine.with_settings(**changes) for changes in ladder.changes]
+        assert rungs[0].settings == engine.settings  # no rung is coarser than what is used
+        for value, rung in zip(ladder.values, rungs, strict=True):
             follows = {"time_step": rung.settings.time_step} if ladder.follows else {}
             assert rung.settings == replace(engine.settings, **{ladder.setting: value} | follows)
             if ladder.follows:  # a joint's stiffness, iterations * bead_mass / time_step^2, stays
                 assert value / rung.settings.time_step**2 == pytest.approx(ladder.values[0] / engine.settings.time_step**2)
     for entry in (*engine.studies().defaults, *engine.studies().choices):
-        assert entry.engine.settings != engine.settings
+        assert engine.with_settings(**entry.changes).settings != engine.settings
 
 
 @pytest.mark.long

@@ -47,7 +47,7 @@ BROKEN = {
     "empty": ("\n", "has no attribute 'engines'"),
     "lists_nothing_known": (
         "def engines(profile):\n    return [object()]\n",
-        "gave object without name, variant, profile, abilities, settings, simulate, studies",
+        "gave object without name, variant, profile, abilities, settings, simulate, with_settings, studies",
     ),
     "calls_itself_else": (GOOD, "gave one called 'good'; needed the entry point's name, 'calls_itself_else'"),
     "doubles": (
@@ -169,11 +169,11 @@ def test_studies_vary_what_they_say(engine):
         for one in import_module(f"looping_pendulum.engines.{engine}").engines(profile):
             studies = one.studies()
             for ladder in studies.ladders:
-                assert [getattr(rung.settings, ladder.setting) for rung in ladder.engines] == pytest.approx(list(ladder.values))
+                rungs = [one.with_settings(**changes) for changes in ladder.changes]
+                assert [getattr(rung.settings, ladder.setting) for rung in rungs] == pytest.approx(list(ladder.values))
                 assert len(set(ladder.values)) == len(ladder.values)
-            for other in (entry.engine for entry in (*studies.defaults, *studies.choices)):
-                assert other.variant == one.variant
-                assert vars(other) != vars(one)
+            for entry in (*studies.defaults, *studies.choices):
+                assert one.with_settings(**entry.changes).settings != one.settings
 
 
 def test_one_engine_is_had_by_its_name_with_settings_of_ones_own():
@@ -181,6 +181,7 @@ def test_one_engine_is_had_by_its_name_with_settings_of_ones_own():
     assert label(engine("pybullet")) in {label(one) for one in main_engines(Profile.QUICK)}
     assert engine("reference").name == "reference"
     assert engine("mujoco:capstan", time_step=1e-4).settings.time_step == 1e-4
+    assert engine("reference", tolerance=1e-6).settings.tolerance == 1e-6
 
 
 @pytest.mark.parametrize(
@@ -189,7 +190,7 @@ def test_one_engine_is_had_by_its_name_with_settings_of_ones_own():
         ("mujocko", {}, "no engine is called 'mujocko'"),
         ("all", {}, "found several variants of 'all', needed one of box2d:"),
         ("mujoco:capstan", {"timestep": 1}, "mujoco:capstan: found no setting 'timestep', needed one of time_step, "),
-        ("reference", {"time_step": 1}, "found settings, needed an engine that has some that can be changed"),
+        ("reference", {"time_step": 1}, "reference: found no setting 'time_step', needed one of tolerance"),
     ],
 )
 def test_an_engine_that_cannot_be_had_says_why(name, settings, message):

@@ -86,7 +86,7 @@ LIGHT_STRETCH = "light = free_length + p.rod_radius * self.wrap_angle - self.out
 COUNT = "self.wrap_angle += math.remainder(angle - self.wrap_angle, 2 * math.pi)"
 START_OUT = "p.free_length + p.rod_radius * p.release_angle"
 STEPS = "range(steps_per_sample(self.settings.time_step))"
-READ = "return (*self.light, *self.light_velocity, *self.heavy, 0.0, self.heavy_speed, stretch)"
+READ = "return (*self.light, *self.light_velocity, *self.heavy, 0.0, self.heavy_speed, stretch, slip)"
 FORCE = "self.force(self.time, x, y, vx, vy, self.heavy_speed)"
 LOSSLESS, LOSSY = "follows_the_reference_without_losses", "follows_the_reference_past_the_halt_and_a_full_turn"
 RELEASE_ACCELERATION, RELEASE_AGAINST_FRICTION = (
@@ -170,7 +170,7 @@ BUGS = (
     ),
     Bug(
         name="masses' columns swapped",
-        code=((READ, "return (*self.heavy, 0.0, self.heavy_speed, *self.light, *self.light_velocity, stretch)"),),
+        code=((READ, "return (*self.heavy, 0.0, self.heavy_speed, *self.light, *self.light_velocity, stretch, slip)"),),
         caught_by=(START,),
     ),
     Bug(
@@ -344,9 +344,10 @@ class Handed:
     def __init__(self, engine, change):
         self.engine, self.change = engine, change
         self.name, self.variant, self.profile = engine.name, engine.variant, engine.profile
-        self.abilities, self.settings, self.studies = engine.abilities, engine.settings, engine.studies
+        self.abilities, self.settings = engine.abilities, engine.settings
+        self.with_settings, self.studies = engine.with_settings, engine.studies
 
-    def simulate(self, scenario, recorder=None):
+    def simulate(self, scenario, record=None):
         return self.change(self.engine.simulate(scenario))
 
 

@@ -14,10 +14,10 @@ from looping_pendulum.engines.facts import (
     VariantFacts,
     facts_from_plain,
     facts_path,
-    outside_range,
     own_facts,
 )
 from looping_pendulum.engines.protocol import Profile
+from looping_pendulum.engines.pymunk import PymunkChain
 from looping_pendulum.engines.registry import select
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import load
@@ -42,28 +42,29 @@ RANGE = ValidatedRange(
     bounds={"mass ratio M2/M1": (2.0, 12.0), "rod radius": (3e-3, 15e-3), "kinetic friction": (0.1, 0.6)},
     errors={"rms_0.7s": ErrorDistribution(count=39, median=1e-3, ninety=2e-3, worst=5e-3)},
 )
+MEASURED_ABILITIES = dataclasses.replace(PymunkChain.abilities, validated=(RANGE,))
 
 
 def test_a_scenario_inside_the_range_gets_no_warning():
-    assert outside_range([RANGE], "quick", TEN_TO_ONE) == ()
+    assert MEASURED_ABILITIES.outside_range("quick", TEN_TO_ONE) == ()
 
 
 def test_every_quantity_outside_its_bounds_is_named_with_value_and_bounds():
     p = TEN_TO_ONE.replace(heavy_mass=0.3, rod_radius=2e-3)
-    assert outside_range([RANGE], "quick", p) == (
+    assert MEASURED_ABILITIES.outside_range("quick", p) == (
         "mass ratio M2/M1 30 (measured: 2 to 12)",
         "rod radius 2 mm (measured: 3 to 15)",
     )
 
 
 def test_a_release_that_was_not_measured_is_named():
-    assert outside_range([RANGE], "quick", TEN_TO_ONE.replace(release="vertical")) == (
+    assert MEASURED_ABILITIES.outside_range("quick", TEN_TO_ONE.replace(release="vertical")) == (
         "release 'vertical' (measured: looping)",
     )
 
 
 def test_a_profile_without_a_range_says_nothing():
-    assert outside_range([RANGE], "accurate", TEN_TO_ONE.replace(heavy_mass=0.3)) == ()
+    assert MEASURED_ABILITIES.outside_range("accurate", TEN_TO_ONE.replace(heavy_mass=0.3)) == ()
 
 
 def test_a_range_reads_back():

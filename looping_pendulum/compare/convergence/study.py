@@ -146,16 +146,19 @@ def plan_variant(engine: Engine, scenario: Scenario, starts: Sequence[tuple[str,
                 f"{name}: ladder of {ladder.setting}: {error}; put them in order in the adapter's studies()"
             ) from None
         rungs: list[RunTask] = []
-        for value, one in zip(ladder.values, ladder.engines, strict=True):
-            rungs.append(task(one, f"{ladder.setting} {value:g}", coarser=rungs))
+        for value, changes in zip(ladder.values, ladder.changes, strict=True):
+            rungs.append(task(engine.with_settings(**changes), f"{ladder.setting} {value:g}", coarser=rungs))
         ladders.append((ladder, tuple(rungs)))
     return StudyPlan(
         engine=engine,
         own=task(engine, "at its own settings"),
         starts=tuple((what, task(engine, what, where)) for what, where in starts),
         ladders=tuple(ladders),
-        choices=tuple((choice, task(choice.engine, choice.what)) for choice in studies.choices),
-        defaults=tuple((default, task(default.engine, f"default {default.setting}")) for default in studies.defaults),
+        choices=tuple((choice, task(engine.with_settings(**choice.changes), choice.what)) for choice in studies.choices),
+        defaults=tuple(
+            (default, task(engine.with_settings(**default.changes), f"default {default.setting}"))
+            for default in studies.defaults
+        ),
     )
 
 
@@ -387,8 +390,9 @@ def setting_value(engine: Engine, setting: str) -> float | None:
 
 def finest_value(ladder: Ladder, setting: str) -> float | None:
     """Return the value that ``setting`` has on the finest rung; None if the ladder does not change it."""
-    values = [setting_value(engine, setting) for engine in ladder.engines]
-    return values[-1] if values and values[0] != values[-1] else None
+    values = [changes.get(setting) for changes in ladder.changes]
+    changes_it = values and isinstance(values[-1], (int, float)) and values[0] != values[-1]
+    return values[-1] if changes_it else None
 
 
 def refined_further_by(place: int, ladders: Sequence[Ladder]) -> str:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from looping_pendulum.engines.bead_rig import BeadEngine, JointWorld
+from looping_pendulum.engines.bead_rig import JointRig
 from looping_pendulum.engines.chain import (
     NO_STOP,
     ONE_COEFFICIENT,
@@ -19,11 +19,10 @@ from looping_pendulum.engines.chain import (
     bead_choices,
     bend_rungs,
 )
-from looping_pendulum.engines.protocol import Engine, Profile
-from looping_pendulum.engines.studies import Studies, studies_from_rows
+from looping_pendulum.engines.protocol import Engine, Profile, SteppedEngine
+from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies, default_row
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import Vector
-from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL
 
 
@@ -64,95 +63,80 @@ BEADS = -1
 """Collision group of the beads: shapes of the same negative group never touch."""
 
 
-class Box2dWorld(JointWorld):
-    """A world of Box2D that speaks SI units, and in which only beads and the rod touch each other.
+class Box2dRig(JointRig):
+    """The apparatus in Box2D, in which only beads and the rod touch each other.
 
     Box2D's lengths are SI over `Box2dChainSettings.length_unit`, its times over `time_unit`, its masses are kilograms.
     """
 
-    def __init__(self, parameters: Parameters, settings: Box2dChainSettings) -> None:
+    def _create_world(self) -> None:
         import pyb2d3
 
-        super().__init__(parameters, settings)
+        s = self._settings
         self._box2d = pyb2d3
-        self._length, self._time = settings.length_unit, settings.time_unit
-        self._speed = self._length / self._time
-        self._force = self._length / self._time**2  # for a mass of 1 kg
-        self._step, self._sub_steps = settings.time_step / self._time, settings.sub_steps
-        self._world = pyb2d3.World(gravity=(0.0, -parameters.coefficients["gravity"] / self._force))
-        self._world.sleeping_enabled = settings.sleeping
-        self._world.continuous_enabled = settings.continuous
-        self._world.set_contact_tuning(
-            settings.contact_hertz * self._time, settings.contact_damping_ratio, settings.push_speed / self._speed
-        )
+        self._length_unit, time_unit = s.length_unit, s.time_unit
+        self._speed_unit = self._length_unit / time_unit
+        self._force_unit = self._length_unit / time_unit**2  # for a mass of 1 kg
+        self._time_step = s.time_step / time_unit
+        self._world = pyb2d3.World(gravity=(0.0, -self._parameters.coefficients["gravity"] / self._force_unit))
+        self._world.sleeping_enabled = s.sleeping
+        self._world.continuous_enabled = s.continuous
+        self._world.set_contact_tuning(s.contact_hertz * time_unit, s.contact_damping_ratio, s.push_speed / self._speed_unit)
 
-    def add_rod(self, radius: float, friction: float) -> None:
-        """Add a static circle of ``radius`` [m] at the origin, and let beads have the ``friction`` on it."""
+    def _add_rod(self, radius: float, friction: float) -> None:
         self._friction = friction
         self._add_circle(self._world.create_static_body(position=(0.0, 0.0)), radius)
 
-    def create_bead(self, position: Vector, velocity: Vector, mass: float) -> Any:
-        """Return a new bead of ``mass`` [kg]."""
-        bead = self.create_mass(position, velocity, mass)
+    def _create_bead(self, position: Vector, velocity: Vector, mass: float) -> Any:
+        bead = self._create_mass(position, velocity, mass)
         self._add_circle(bead, self._settings.bead_radius, group_index=BEADS)
         # A shape adds its own mass to its body
         self._set_mass(bead, mass)
         return bead
 
-    def create_mass(self, position: Vector, velocity: Vector, mass: float) -> Any:
-        """Return a new body of ``mass`` [kg] that touches nothing and does not turn."""
+    def _create_mass(self, position: Vector, velocity: Vector, mass: float) -> Any:
         body = self._world.create_dynamic_body(
-            position=self._scaled(position, self._length),
-            linear_velocity=self._scaled(velocity, self._speed),
+            position=self._scaled(position, self._length_unit),
+            linear_velocity=self._scaled(velocity, self._speed_unit),
             fixed_rotation=True,
         )
         self._set_mass(body, mass)
         return body
 
-    def create_held(self, position: Vector) -> Any:
-        """Return a new body that is held at ``position`` [m]."""
-        return self._world.create_static_body(position=self._scaled(position, self._length))
+    def _create_held(self, position: Vector) -> Any:
+        return self._world.create_static_body(position=self._scaled(position, self._length_unit))
 
-    def create_link(self, a: Any, b: Any, length: float) -> Any:
-        """Return a new joint of ``length`` [m], which pulls and pushes."""
-        return self._world.create_distance_joint(a, b, length=length / self._length)
+    def _create_link(self, a: Any, b: Any, length: float) -> Any:
+        return self._world.create_distance_joint(a, b, length=length / self._length_unit)
 
-    def create_straight(self, a: Any, b: Any, length: float) -> Any:
-        """Return a new joint for a straight part of the string, of ``length`` [m], which only pulls."""
-        longest = length / self._length
+    def _create_straight(self, a: Any, b: Any, length: float) -> Any:
+        longest = length / self._length_unit
         # Box2D sees to limits only where a spring is enabled; one of 0 Hz exerts no force
         return self._world.create_distance_joint(
             a, b, length=longest, enable_spring=True, hertz=0.0, enable_limit=True, min_length=MIN_LENGTH, max_length=longest
         )
 
-    @staticmethod
-    def remove_joint(joint: Any) -> None:
-        """Remove a link or a straight part."""
+    def _remove_joint(self, joint: Any) -> None:
         joint.destroy()
 
-    @staticmethod
-    def remove_body(bead: Any) -> None:
-        """Remove a bead that no joint joins any more."""
+    def _remove_body(self, bead: Any) -> None:
         bead.destroy()
 
-    def advance(self, count: int, forces: Sequence[tuple[Any, Vector]]) -> None:
-        """Take ``count`` steps, during which these ``forces`` [N] act on bodies."""
-        scaled = [(body, (fx / self._force, fy / self._force)) for body, (fx, fy) in forces]
+    def _take_steps(self, count: int, forces: Sequence[tuple[Any, Vector]]) -> None:
+        scaled = [(body, (fx / self._force_unit, fy / self._force_unit)) for body, (fx, fy) in forces]
         for _ in range(count):
             # Box2D forgets a force after a step
             for body, force in scaled:
                 body.apply_force_to_center(force)
-            self._world.step(self._step, self._sub_steps)
+            self._world.step(self._time_step, self._settings.sub_steps)
 
-    def position_of(self, body: Any) -> Vector:
-        """Return the position [m] of ``body``."""
+    def _position_of(self, body: Any) -> Vector:
         x, y = body.position
-        return x * self._length, y * self._length
+        return x * self._length_unit, y * self._length_unit
 
-    def velocity_of(self, body: Any) -> Vector:
-        """Return the velocity [m/s] of ``body``."""
+    def _velocity_of(self, body: Any) -> Vector:
         vx, vy = body.linear_velocity
-        return vx * self._speed, vy * self._speed
+        return vx * self._speed_unit, vy * self._speed_unit
 
     def _add_circle(self, body: Any, radius: float, **collision: int) -> None:
         shape = self._box2d.shape_def(
@@ -160,7 +144,7 @@ class Box2dWorld(JointWorld):
             material=self._box2d.surface_material(friction=self._friction, restitution=0.0),
             filter=self._box2d.make_filter(**collision),
         )
-        body.create_shape(shape, self._box2d.circle(radius=radius / self._length))
+        body.create_shape(shape, self._box2d.circle(radius=radius / self._length_unit))
 
     def _set_mass(self, body: Any, mass: float) -> None:
         data = self._box2d.MassData()
@@ -182,26 +166,23 @@ _LIMITS = (
 )
 
 
-class Box2dChain(BeadEngine):
+class Box2dChain(SteppedEngine):
     """A chain of beads over a static circle."""
 
     name = "box2d"
     distribution = "pyb2d3"
-    world = Box2dWorld
+    variant = "chain"
+    rig = Box2dRig
     settings_by_profile = SETTINGS
     settings: Box2dChainSettings
     abilities = bead_abilities(
         "box2d:chain",
-        quick_cost=8.0,
         rod="static circle",
         stick_slip="the solver clamps friction to its cone",
         packages=("pyb2d3",),
         summary="Point beads on distance joints over a static circle, one joint for each straight part of the string.",
         limits=_LIMITS,
         bead_mass_ratio=SETTINGS[Profile.QUICK].bead_mass_ratio,
-        known_failures={
-            "samples_every_millisecond_from_rest": "places are in single precision: measured 12 nm off at release",
-        },
         main=False,
     )
 
@@ -210,23 +191,22 @@ class Box2dChain(BeadEngine):
         s = self.settings
         sub_step = s.time_step / s.sub_steps
         steps = [{"time_step": dt, "sub_steps": max(round(dt / sub_step), 1)} for dt in (4e-5, 2e-5, 1e-5, 5e-6)]
-        return studies_from_rows(
-            self,
+        return Studies(
             ladders=(
-                ("time_step", "s", steps, "the number of sub-steps, so that their length stays"),
-                ("sub_steps", "", (2, 4, 8, 16)),
+                Ladder("time_step", "s", steps, "the number of sub-steps, so that their length stays"),
+                Ladder("sub_steps", "", (2, 4, 8, 16)),
                 bend_rungs(s, (0.4, 0.28, 0.2, 0.14)),
-                ("bead_mass_ratio", "", (8e-4, 4e-4, 2e-4, 1e-4)),
+                Ladder("bead_mass_ratio", "", (8e-4, 4e-4, 2e-4, 1e-4)),
             ),
             defaults=(
-                (
+                HiddenDefault(
                     "timeStep",
                     "none; 1 ms is finer than the 1/60 s of its guides",
                     quantity(s.time_step, "s", 3),
                     "length of a step, during which a contact keeps its direction",
                     {"time_step": SAMPLE_INTERVAL, "steps_per_group": 1},
                 ),
-                (
+                HiddenDefault(
                     "jointHertz",
                     "60 Hz",
                     f"{60e-3 / s.time_unit:g} kHz, by units of {quantity(s.time_unit, 's', 3)}; "
@@ -234,40 +214,40 @@ class Box2dChain(BeadEngine):
                     "how stiff joints are; pyb2d3 gives no access to it",
                     {"time_unit": 1.0},
                 ),
-                (
+                HiddenDefault(
                     "contactHertz",
                     "30 Hz",
                     "a quarter of the sub-steps' frequency",
                     "how stiff contacts are",
                     {"contact_hertz": 30.0},
                 ),
-                (
+                HiddenDefault(
                     "lengthUnitsPerMeter",
                     "1: no joint is shorter than 5 mm",
                     f"units of {quantity(s.length_unit, 'm', 3)}",
                     "the length of which the shortest joint is 0.005",
                     {"length_unit": 1.0},
                 ),
-                (
+                default_row(
+                    s,
+                    "sleeping",
+                    True,
                     "enableSleep",
-                    "on",
-                    "off",
                     "bodies below 0.05 length units per time unit are stopped after 0.5 time units",
-                    {"sleeping": True},
                 ),
-                (
+                default_row(
+                    s,
+                    "continuous",
+                    True,
                     "enableContinuous",
-                    "on",
-                    "off",
                     "beads that would pass into the rod within a step are stopped at its surface",
-                    {"continuous": True},
                 ),
             ),
             choices=(
-                ("bead mass", f"{s.bead_mass_ratio:g} M1", "half", {"bead_mass_ratio": s.bead_mass_ratio / 2}),
-                ("length unit", quantity(s.length_unit, "m", 3), "1 mm", {"length_unit": 1e-3}),
+                AdapterChoice("bead mass", f"{s.bead_mass_ratio:g} M1", "half", {"bead_mass_ratio": s.bead_mass_ratio / 2}),
+                AdapterChoice("length unit", quantity(s.length_unit, "m", 3), "1 mm", {"length_unit": 1e-3}),
                 *bead_choices(s),
-                ("contact damping ratio", f"{s.contact_damping_ratio:g}", "1", {"contact_damping_ratio": 1.0}),
+                AdapterChoice("contact damping ratio", f"{s.contact_damping_ratio:g}", "1", {"contact_damping_ratio": 1.0}),
             ),
         )
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.engines.bead_rig import HEAVY, LIGHT, OUTERMOST, BeadEngine, Forces, RebuiltWorld
+from looping_pendulum.engines.bead_rig import HEAVY, LIGHT, OUTERMOST, Forces, RebuiltRig
 from looping_pendulum.engines.chain import (
     NO_STOP,
     STRAIGHT_STRING,
@@ -22,8 +22,8 @@ from looping_pendulum.engines.chain import (
     bead_choices,
     bend_rungs,
 )
-from looping_pendulum.engines.protocol import Engine, Profile
-from looping_pendulum.engines.studies import Studies, studies_from_rows
+from looping_pendulum.engines.protocol import Engine, Profile, SteppedEngine
+from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies, default_row
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import Vector
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -191,36 +191,30 @@ class ChainModel:
             self._root.SetDiscreteState(self._next)
 
 
-class DrakeWorld(RebuiltWorld):
-    """Drake, with a plant for every number of beads, as a plant cannot change once it is finalized."""
+class DrakeRig(RebuiltRig):
+    """The apparatus in Drake, with a plant for every number of beads, as a plant cannot change once it is finalized."""
 
     _model: ChainModel
 
-    def __init__(self, parameters: Parameters, settings: DrakeChainSettings) -> None:
-        super().__init__(parameters, settings)
+    def _create_world(self) -> None:
         self._ends = (LIGHT,) if self._is_held else (LIGHT, HEAVY)
         """Ends of the string whose mass can move."""
         self._taut = {LIGHT: True, HEAVY: True}
         self._extra_length = {LIGHT: 0.0, HEAVY: 0.0}  # of a straight part beyond its rest length when it became taut [m]
-        self._groups = 0
 
-    def place(self, positions: Sequence[Vector], velocities: Sequence[Vector]) -> None:
-        """Create the bodies at ``positions`` [m] with ``velocities`` [m/s], the links, which are as long, and the rod."""
-        super().place(positions, velocities)
-        self._last_velocities = {end: self.velocity(end) for end in self._ends}
+    def _place(self, positions: Sequence[Vector], velocities: Sequence[Vector]) -> None:
+        super()._place(positions, velocities)
+        self._last_velocities = {end: self._velocity(end) for end in self._ends}
 
-    def step(self, count: int, forces: Forces | None) -> None:
-        """Take ``count`` steps, during which these ``forces`` act on the masses."""
-        super().step(count, forces)
+    def _step(self, count: int, forces: Forces | None) -> None:
+        super()._step(count, forces)
         if not self._has_string:
             return
         self._reactivate_taut_parts()
-        self._groups += 1
-        if self._groups % self._settings.groups_per_sample == 0:
+        if (self._groups + 1) % self._settings.groups_per_sample == 0:
             self._deactivate_pushing_parts(forces)
 
-    def is_slack(self, end: int) -> bool:
-        """Return whether the straight part at ``end`` hangs slack."""
+    def _is_slack(self, end: int) -> bool:
         return not self._taut[end]
 
     def _build_model(self, beads: int) -> ChainModel:
@@ -228,7 +222,7 @@ class DrakeWorld(RebuiltWorld):
 
     def _start_model(self) -> None:
         self._model.set_state(*map(self._flat, self._rows[:2]))
-        for link, length in enumerate(self.lengths[1:-1], start=1):
+        for link, length in enumerate(self._lengths[1:-1], start=1):
             self._model.set_link(link, length, True)
         if self._has_string:
             self._update_straight_link(LIGHT)
@@ -244,8 +238,8 @@ class DrakeWorld(RebuiltWorld):
 
     def _update_straight_link(self, end: int) -> None:
         """Set the length and the activity of the straight link at ``end`` in the plant."""
-        link = 0 if end == LIGHT else len(self.lengths) - 1
-        self._model.set_link(link, self.lengths[end] + self._extra_length[end], self._taut[end])
+        link = 0 if end == LIGHT else len(self._lengths) - 1
+        self._model.set_link(link, self._lengths[end] + self._extra_length[end], self._taut[end])
 
     def _deactivate_pushing_parts(self, forces: Forces | None) -> None:
         """Deactivate a straight part that pushed its mass on average over the last sample interval, with ``forces`` at its end.
@@ -257,13 +251,13 @@ class DrakeWorld(RebuiltWorld):
         for end, mass, applied in ((LIGHT, p.light_mass, light_force), (HEAVY, p.heavy_mass, (0.0, heavy_force))):
             if end not in self._ends:
                 continue
-            velocity = self.velocity(end)
+            velocity = self._velocity(end)
             # Acceleration without gravity's part, of which the string's pull and the effects are the causes
             specific_force = np.subtract(velocity, self._last_velocities[end]) / SAMPLE_INTERVAL
             specific_force += (0.0, p.coefficients["gravity"])
             pull = mass * specific_force - applied
             self._last_velocities[end] = velocity
-            towards_bead = np.subtract(self.position(OUTERMOST[end]), self.position(end))
+            towards_bead = np.subtract(self._position(OUTERMOST[end]), self._position(end))
             if self._taut[end] and float(pull @ towards_bead) < 0.0:
                 self._taut[end] = False
                 self._update_straight_link(end)
@@ -272,7 +266,7 @@ class DrakeWorld(RebuiltWorld):
         """Activate a slack straight part again where its ends are as far apart as its string is long."""
         for end in self._ends:
             if not self._taut[end]:
-                excess = math.dist(self.position(end), self.position(OUTERMOST[end])) - self.lengths[end]
+                excess = math.dist(self._position(end), self._position(OUTERMOST[end])) - self._lengths[end]
                 if excess >= 0.0:
                     # Correcting the excess in one step would give the mass a large velocity, so it remains.
                     self._taut[end], self._extra_length[end] = True, excess
@@ -292,17 +286,17 @@ _LIMITS = (
 )
 
 
-class DrakeChain(BeadEngine):
+class DrakeChain(SteppedEngine):
     """A chain of beads over a static sphere."""
 
     name = "drake"
     distribution = "drake"
     settings_by_profile = SETTINGS
-    world = DrakeWorld
+    variant = "chain"
+    rig = DrakeRig
     settings: DrakeChainSettings
     abilities = bead_abilities(
         "drake:chain",
-        quick_cost=25.0,
         rod="static sphere",
         stick_slip="friction is regularised below the stiction tolerance",
         packages=("pydrake",),
@@ -315,38 +309,37 @@ class DrakeChain(BeadEngine):
     def studies(self) -> Studies:
         """Return ladders of step, links, mass and contact, Drake's defaults, and the adapter's choices."""
         s = self.settings
-        return studies_from_rows(
-            self,
+        return Studies(
             ladders=(
-                ("time_step", "s", (5e-5, 2e-5, 1e-5, 5e-6)),
+                Ladder("time_step", "s", (5e-5, 2e-5, 1e-5, 5e-6)),
                 bend_rungs(s, (0.5, 0.4, 0.3, 0.24)),
-                ("bead_mass_ratio", "", (2e-3, 1e-3, 5e-4, 2e-4)),
-                ("contact_stiffness", "N/m", (1e4, 2e4, 5e4, 1e5, 2e5)),
-                ("stiction_tolerance", "m/s", (1e-2, 1e-3, 1e-4, 1e-5)),
+                Ladder("bead_mass_ratio", "", (2e-3, 1e-3, 5e-4, 2e-4)),
+                Ladder("contact_stiffness", "N/m", (1e4, 2e4, 5e4, 1e5, 2e5)),
+                Ladder("stiction_tolerance", "m/s", (1e-2, 1e-3, 1e-4, 1e-5)),
             ),
             defaults=(
-                (
+                HiddenDefault(
                     "time_step",
                     "1 ms",
                     quantity(s.time_step, "s", 3),
                     "length of a step",
                     {"time_step": SAMPLE_INTERVAL, "steps_per_group": 1},
                 ),
-                (
-                    "discrete_contact_approximation",
+                default_row(
+                    s,
+                    "contact_approximation",
                     "lagged",
-                    s.contact_approximation,
+                    "discrete_contact_approximation",
                     "which convex problem stands for Coulomb's law; lagged takes the friction's bound from the step before",
-                    {"contact_approximation": "lagged"},
                 ),
-                (
+                HiddenDefault(
                     "point_stiffness",
                     "5e5 N/m (1e6 of either body, in a row)",
                     f"{s.contact_stiffness:g} N/m",
                     "how far a bead sinks in",
                     {"contact_stiffness": 5e5},
                 ),
-                (
+                HiddenDefault(
                     "hunt_crossley_dissipation",
                     "50 s/m",
                     f"{s.contact_dissipation:g} s/m",
@@ -355,8 +348,10 @@ class DrakeChain(BeadEngine):
                 ),
             ),
             choices=(
-                ("convex approximation of Coulomb's law", s.contact_approximation, "sap", {"contact_approximation": "sap"}),
-                ("rod", f"a {s.rod_shape}", "a cylinder", {"rod_shape": "cylinder"}),
+                AdapterChoice(
+                    "convex approximation of Coulomb's law", s.contact_approximation, "sap", {"contact_approximation": "sap"}
+                ),
+                AdapterChoice("rod", f"a {s.rod_shape}", "a cylinder", {"rod_shape": "cylinder"}),
                 *bead_choices(s),
             ),
         )

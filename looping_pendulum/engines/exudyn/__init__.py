@@ -17,13 +17,13 @@ from looping_pendulum.engines.chain import (
     MASS_FRACTION,
     NO_STOP,
     ONE_COEFFICIENT,
-    SlipGauge,
+    hanging_rest_length,
     point_on_string,
     polygon_friction,
 )
-from looping_pendulum.engines.protocol import Engine, Profile, TunedEngine, steps_per_sample
+from looping_pendulum.engines.protocol import Engine, Profile, SteppedEngine, steps_per_sample
 from looping_pendulum.engines.shipped import shipped_abilities
-from looping_pendulum.engines.studies import Studies, default_row, studies_from_rows
+from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies, default_row
 from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import CartesianForce, MassesAtRelease, Vector, cartesian_force, masses_at_release
@@ -141,7 +141,6 @@ class ExudynCableRig:
         self.mbs = self._container.AddSystem()
         self._force: CartesianForce | None = cartesian_force(p)
         self._has_string = p.release is not Release.DROP
-        self._slip = SlipGauge()
         taken_off = MASS_COMPENSATION * settings.mass_fraction if self._has_string else 0.0
         self._gravity = p.coefficients["gravity"]
         self._samples = 0
@@ -305,7 +304,7 @@ class ExudynCableRig:
         middle = 1.5 * np.diff(places, axis=0) / lengths[:, None] - 0.25 * (slopes[1:] + slopes[:-1])
         speeds, middle_speeds = np.linalg.norm(slopes, axis=1), np.linalg.norm(middle, axis=1)
         stretched = lengths * (speeds[:-1] + 4 * middle_speeds + speeds[1:]) / 6
-        return float(stretched.sum() - lengths.sum()), self._slip.read(places.tolist(), lengths.tolist())
+        return float(stretched.sum() - lengths.sum()), hanging_rest_length(places.tolist(), lengths.tolist())
 
 
 def _node_arcs(p: Parameters, bend: float) -> Array:
@@ -349,7 +348,7 @@ VELOCITY_PENALTY = 1.0
 """Friction per sliding speed without sticking [N s/m], with which a segment that carries 50 mN creeps at 17 mm/s."""
 
 
-class ExudynCable(TunedEngine):
+class ExudynCable(SteppedEngine):
     """A cable of finite elements over a circle."""
 
     name = "exudyn"
@@ -359,7 +358,6 @@ class ExudynCable(TunedEngine):
     settings: CableSettings
     abilities = shipped_abilities(
         "exudyn:cable",
-        quick_cost=70.0,
         winding="contact of the cable's segments with a circle",
         friction_law="Coulomb friction between segments and circle, its coefficient solved for their corners",
         stick_slip="the same contact: a sticking segment is held by a spring",
@@ -374,10 +372,6 @@ class ExudynCable(TunedEngine):
             "the string weighs 1 % of the light mass; 0.4 % is taken off that",
             "the string is slightly taut before its release, lest it buckle",
         ),
-        known_failures={
-            "vertical_release_obeys_the_capstan_law": "measured an acceleration 1.2 % too large: friction is 2 % too small; "
-            "elements half as long bring a third of it back, and contacts four times as stiff lose half as much again",
-        },
         main=False,
     )
 
@@ -391,39 +385,39 @@ class ExudynCable(TunedEngine):
         segment, damping_time = s.bend / s.segments, s.axial_damping / s.axial_stiffness
         bends = [{"bend": bend, "segments": max(round(bend / segment), 1)} for bend in (0.64, 0.45, 0.32, 0.22)]
         axial = [{"axial_stiffness": ea, "axial_damping": damping_time * ea} for ea in (2.5e2, 5e2, 1e3, 2e3)]
-        return studies_from_rows(
-            self,
+        return Studies(
             ladders=(
-                ("time_step", "s", (5e-4, 2e-4, 1e-4, 5e-5)),
-                ("bend", "rad", bends, "the number of segments of an element, so that their length stays about"),
-                ("contact_stiffness", "N/m", (2.5e3, 5e3, 1e4, 2e4)),
-                ("friction_stiffness", "N/m", (7.5e2, 1.5e3, 3e3, 6e3)),
-                ("axial_stiffness", "N", axial, "the string's damping, so that its damping time stays"),
+                Ladder("time_step", "s", (5e-4, 2e-4, 1e-4, 5e-5)),
+                Ladder("bend", "rad", bends, "the number of segments of an element, so that their length stays about"),
+                Ladder("contact_stiffness", "N/m", (2.5e3, 5e3, 1e4, 2e4)),
+                Ladder("friction_stiffness", "N/m", (7.5e2, 1.5e3, 3e3, 6e3)),
+                Ladder("axial_stiffness", "N", axial, "the string's damping, so that its damping time stays"),
             ),
             defaults=(
                 default_row(s, "spectral_radius", 0.9, "spectralRadius", "how little fast oscillations are damped"),
-                (
+                default_row(
+                    s,
+                    "modified_newton",
+                    True,
                     "useModifiedNewton",
-                    "on",
-                    "off",
                     "the Jacobian is kept from step to step, which contacts that open and close make wrong",
-                    {"modified_newton": True},
                 ),
-                (
+                default_row(
+                    s,
+                    "contact_tolerance",
+                    1.0,
                     "discontinuous.iterationTolerance",
-                    "1 N",
-                    quantity(s.contact_tolerance, "N", 3),
                     "the error of a contact's force that a step is accepted with: one that begins to slide is held too hard",
-                    {"contact_tolerance": 1.0},
+                    unit="N",
                 ),
-                (
+                default_row(
+                    s,
+                    "integration",
+                    0,
                     "useReducedOrderIntegration",
-                    "0",
-                    f"{s.integration}",
                     "elements that bend must stretch, so that they resist bending round the rod",
-                    {"integration": 0},
                 ),
-                (
+                HiddenDefault(
                     "frictionStiffness",
                     "0; without a velocity penalty, 0 by default too, there is no friction",
                     quantity(s.friction_stiffness, "N/m", 3),
@@ -432,16 +426,22 @@ class ExudynCable(TunedEngine):
                 ),
             ),
             choices=(
-                (
+                AdapterChoice(
                     "bending stiffness",
                     quantity(s.bending_stiffness, "N m^2", 3),
                     "double",
                     {"bending_stiffness": 2 * s.bending_stiffness},
                 ),
-                ("string mass", f"{100 * s.mass_fraction:g} % of M1", "half", {"mass_fraction": s.mass_fraction / 2}),
-                ("initial tension", quantity(s.initial_tension, "N", 3), "half", {"initial_tension": s.initial_tension / 2}),
-                ("axial damping", quantity(s.axial_damping, "N s", 3), "half", {"axial_damping": s.axial_damping / 2}),
-                ("rod's radius and friction", "corrected for the segments", "as they are", {"polygon": False}),
+                AdapterChoice(
+                    "string mass", f"{100 * s.mass_fraction:g} % of M1", "half", {"mass_fraction": s.mass_fraction / 2}
+                ),
+                AdapterChoice(
+                    "initial tension", quantity(s.initial_tension, "N", 3), "half", {"initial_tension": s.initial_tension / 2}
+                ),
+                AdapterChoice(
+                    "axial damping", quantity(s.axial_damping, "N s", 3), "half", {"axial_damping": s.axial_damping / 2}
+                ),
+                AdapterChoice("rod's radius and friction", "corrected for the segments", "as they are", {"polygon": False}),
             ),
         )
 

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from looping_pendulum.engines.bead_rig import BeadEngine, Forces, RebuiltWorld
+from looping_pendulum.engines.bead_rig import Forces, RebuiltRig
 from looping_pendulum.engines.chain import (
     NO_STOP,
     ONE_COEFFICIENT,
@@ -30,8 +30,8 @@ from looping_pendulum.engines.mujoco.model import (
     solver_defaults,
     time_constant_default,
 )
-from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.studies import Studies, default_row, studies_from_rows
+from looping_pendulum.engines.protocol import Profile, SteppedEngine
+from looping_pendulum.engines.studies import HiddenDefault, Ladder, Studies, default_row
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
 
@@ -161,17 +161,16 @@ class _CompiledModel:
         self.breakdown_warnings = breakdown_warnings(mujoco, self.data)
 
 
-class MujocoBeadWorld(RebuiltWorld):
-    """MuJoCo, with one compiled model for every number of beads."""
+class MujocoBeadRig(RebuiltRig):
+    """The apparatus in MuJoCo, with one compiled model for every number of beads."""
 
     _model: _CompiledModel
 
-    def __init__(self, parameters: Parameters, settings: BeadSettings) -> None:
+    def _create_world(self) -> None:
         import mujoco
 
-        super().__init__(parameters, settings)
         self._mujoco: Any = mujoco
-        softness = settings.string_impedance * settings.string_time_constant
+        softness = self._settings.string_impedance * self._settings.string_time_constant
         # Compensates for l omega^2, which MuJoCo leaves out of a tendon's acceleration
         self._turning_shift = softness * softness
 
@@ -182,11 +181,11 @@ class MujocoBeadWorld(RebuiltWorld):
         current = self._model
         current.qpos[:], current.qvel[:], current.warm_start[:] = map(self._flat, self._rows)
         if self._has_string:
-            current.max_straight_lengths[0], current.max_straight_lengths[len(self.lengths) - 1] = (
-                self.lengths[0],
-                self.lengths[-1],
+            current.max_straight_lengths[0], current.max_straight_lengths[len(self._lengths) - 1] = (
+                self._lengths[0],
+                self._lengths[-1],
             )
-            current.link_length_offsets[:] = self.lengths[1:-1]
+            current.link_length_offsets[:] = self._lengths[1:-1]
             current.link_length_offsets -= current.natural_lengths[1:-1]
 
     def _coordinates(self) -> Sequence[list[float]]:
@@ -204,28 +203,27 @@ class MujocoBeadWorld(RebuiltWorld):
             if not self._is_held:
                 current.applied[-1] = heavy
         if self._has_string:
-            (x, y), (bead_x, bead_y), (vx, vy) = self.position(0), self.position(1), self.velocity(0)
+            (x, y), (bead_x, bead_y), (vx, vy) = self._position(0), self._position(1), self._velocity(0)
             x, y = x - bead_x, y - bead_y
             square = max(x * x + y * y, 1e-16)  # avoids a division by zero if mass and bead coincide
             across = x * vy - y * vx  # without the bead's velocity, which is sliding along the string
             turning = across * across / (square * math.sqrt(square))
-            current.max_straight_lengths[0] = self.lengths[0] - self._turning_shift * turning
+            current.max_straight_lengths[0] = self._lengths[0] - self._turning_shift * turning
         # One call for all steps, which spares Python between them
         self._mujoco.mj_step(current.model, current.data, count)
 
 
-class MujocoBeads(BeadEngine):
+class MujocoBeads(SteppedEngine):
     """MuJoCo with the string as a chain of beads over a cylinder."""
 
     name = "mujoco"
     distribution = "mujoco"
     variant = "beads"
     settings_by_profile = SETTINGS
-    world = MujocoBeadWorld
+    rig = MujocoBeadRig
     settings: BeadSettings
     abilities = bead_abilities(
         "mujoco:beads",
-        quick_cost=4.0,
         rod="cylinder",
         stick_slip="the solver keeps friction within its elliptic cone",
         summary="Beads on links of fixed length over a cylinder, a limited tendon for each straight part of the string.",
@@ -243,26 +241,21 @@ class MujocoBeads(BeadEngine):
         s = self.settings
         group_time = s.time_step * s.steps_per_group
         steps = [{"time_step": dt, "steps_per_group": round(group_time / dt)} for dt in (2e-5, 1e-5, 5e-6, 2.5e-6, 1.25e-6)]
-        return studies_from_rows(
-            self,
+        return Studies(
             ladders=(
-                ("time_step", "s", steps, "steps between two updates of drag and beads, so that the time between them stays"),
+                Ladder(
+                    "time_step", "s", steps, "steps between two updates of drag and beads, so that the time between them stays"
+                ),
                 bend_rungs(s, (0.4, 0.32, 0.28, 0.24, 0.2)),
-                ("bead_mass_ratio", "", (8e-4, 4e-4, 2e-4, 1e-4, 5e-5)),
+                Ladder("bead_mass_ratio", "", (8e-4, 4e-4, 2e-4, 1e-4, 5e-5)),
                 softness_rungs("contact_time_constant", s.time_step),
                 softness_rungs("string_time_constant", s.time_step),
             ),
             defaults=(
                 time_constant_default(s, "string_time_constant", "solref (links)", "how fast links return to their length"),
                 time_constant_default(s, "contact_time_constant", "solref (contacts)", "how fast beads come to rest"),
-                (
-                    "solimp (links)",
-                    "0.95",
-                    f"{s.string_impedance:g}",
-                    "how much of a link is enforced",
-                    {"string_impedance": 0.95},
-                ),
-                (
+                default_row(s, "string_impedance", 0.95, "solimp (links)", "how much of a link is enforced"),
+                HiddenDefault(
                     "solimp (contacts)",
                     "0.9 to 0.95",
                     f"{s.least_contact_impedance:g} to {s.contact_impedance:g} within 0.5 mm",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from looping_pendulum.engines.studies import DefaultRow, LadderRow, default_row
+from looping_pendulum.engines.studies import HiddenDefault, Ladder, default_row
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL
 
@@ -39,24 +39,24 @@ def breakdown_warnings(mujoco: Any, data: Any) -> list[Any]:
     return [data.warning[int(kind)] for kind in kinds]
 
 
-def softness_rungs(setting: str, time_step: float) -> LadderRow:
+def softness_rungs(setting: str, time_step: float) -> Ladder:
     """Return a ladder of a constraint's time constant at one time step, down to the 2 steps to which MuJoCo raises it."""
-    return setting, "s", [n * time_step for n in (20.0, 10.0, 5.0, 2.0)]
+    return Ladder(setting, "s", [n * time_step for n in (20.0, 10.0, 5.0, 2.0)])
 
 
-def time_constant_default(settings: Any, setting: str, name: str, effect: str) -> DefaultRow:
+def time_constant_default(settings: Any, setting: str, name: str, effect: str) -> HiddenDefault:
     """Return MuJoCo's default time constant for one kind of constraint as a hidden default."""
     return default_row(settings, setting, DEFAULT_TIME_CONSTANT, name, effect, unit="s")
 
 
-def solver_defaults(settings: Any, **with_long_step: Any) -> tuple[DefaultRow, ...]:
+def solver_defaults(settings: Any, **with_long_step: Any) -> tuple[HiddenDefault, ...]:
     """Return MuJoCo's defaults of step, integrator and solver.
 
     ``with_long_step`` are settings that must change together with the longer default step.
     """
     s = settings
     return (
-        (
+        HiddenDefault(
             "timestep",
             "2 ms (run at 1 ms, where samples fall)",
             quantity(s.time_step, "s", 3),
@@ -66,5 +66,7 @@ def solver_defaults(settings: Any, **with_long_step: Any) -> tuple[DefaultRow, .
         default_row(s, "integrator", "Euler", "integrator", "how a step is taken"),
         default_row(s, "jacobian", "auto", "jacobian", "sparse or dense algebra: dense below 60 degrees of freedom"),
         default_row(s, "solver_iterations", 100, "iterations", "of the solver, at most"),
-        ("tolerance", "1e-8", f"{s.solver_tolerance:g}", "where the solver stops early", {"solver_tolerance": 1e-8}),
+        HiddenDefault(
+            "tolerance", "1e-8", f"{s.solver_tolerance:g}", "where the solver stops early", {"solver_tolerance": 1e-8}
+        ),
     )

@@ -7,7 +7,6 @@ step wherever a velocity is used (drag, the string's turning, samples): this is 
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,12 +26,12 @@ from looping_pendulum.engines.mujoco.model import (
     solver_defaults,
     time_constant_default,
 )
-from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities, Profile, TunedEngine, steps_per_sample
+from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities, Profile, SteppedEngine, steps_per_sample
 from looping_pendulum.engines.shipped import shipped_abilities
-from looping_pendulum.engines.studies import AdapterChoice, LadderRow, Studies, studies_from_rows
+from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode import effects
-from looping_pendulum.reference_ode.cartesian import cartesian_force, masses_at_release
+from looping_pendulum.reference_ode.cartesian import cartesian_force, kinematics, masses_at_release
 from looping_pendulum.reference_ode.effects import EffectKind, Kinematics
 from looping_pendulum.reference_ode.geometry import light_position, next_string_coordinates
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -46,6 +45,14 @@ SLACK_LENGTH = 1e-6
 """A string shorter than its rest length by more than this [m] counts as slack; a taut one's length varies by far less."""
 TAUT_MARGIN = 1e-9
 """Length by which the string's limit is reduced [m], so that a string exactly at its rest length counts as taut."""
+
+
+class FrictionSize(StrEnum):
+    """Which friction of the reference's run the constant is set to."""
+
+    EQUAL_WORK = "mean over the way that the string slides"
+    AT_HALT = "last value before the halt"
+    AT_RELEASE = "first value"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,6 +93,8 @@ class TendonSettings:
     """
     corrections: bool = True
     """Whether the adapter corrects what MuJoCo leaves out: the string's turning, half a step of velocity, a late catch."""
+    friction_size: FrictionSize = FrictionSize.AT_RELEASE
+    """Size of the constant friction loss of the variant "frictionloss"."""
 
 
 def model_xml(parameters: Parameters, settings: TendonSettings, *, friction_loss: float = 0.0) -> str:
@@ -194,14 +203,6 @@ class AlternatingTendons:
         self._limit_enabled[1 - self.tendon] = 0
 
 
-def _kinematics(time: float, free_length: float, wrap_angle: float, vx: float, vy: float, heavy_vy: float) -> Kinematics:
-    """Return the kinematics on which the effects depend, from those of the string and the masses' velocities [m/s]."""
-    cosine, sine = math.cos(wrap_angle), math.sin(wrap_angle)
-    retreat, across = vy * cosine - vx * sine, -(vx * cosine + vy * sine)
-    speed = math.hypot(vx, vy)
-    return Kinematics(time, free_length, wrap_angle, retreat, across, abs(across), speed, heavy_vy, abs(heavy_vy))
-
-
 SAMPLES = 2000
 """Number of samples of the reference's run."""
 ZERO_FRICTION_RATIO = 1e-12
@@ -209,14 +210,6 @@ ZERO_FRICTION_RATIO = 1e-12
 
 Without friction the two tensions are equal, and their difference is only rounding.
 """
-
-
-class FrictionSize(StrEnum):
-    """Which friction of the reference's run the constant is set to."""
-
-    EQUAL_WORK = "mean over the way that the string slides"
-    AT_HALT = "last value before the halt"
-    AT_RELEASE = "first value"
 
 
 def friction_loss(parameters: Parameters, size: FrictionSize) -> float:
@@ -321,13 +314,13 @@ class TendonRig:
             self._free_length, self._wrap_angle = next_string_coordinates(x, y, self._parameters.rod_radius, self._wrap_angle)
 
     def read(self) -> tuple[float, ...]:
-        """Return positions [m], velocities [m/s] and string stretch [m]: `COLUMNS` without the time."""
+        """Return positions [m], velocities [m/s] and string stretch [m], of `COLUMNS`; the slip is not known."""
         if any(warning.number for warning in self._breakdowns):
-            return (math.nan,) * 9
+            return (math.nan,) * 10
         x, y = self._qpos[:2].tolist()
         vx, vy, heavy_v = self._velocities()
         stretch = self._stretch() if self._has_string else math.nan
-        return (x, y, vx, vy, self._parameters.rod_radius, self._heavy_height(), 0.0, heavy_v, stretch)
+        return (x, y, vx, vy, self._parameters.rod_radius, self._heavy_height(), 0.0, heavy_v, stretch, math.nan)
 
     def _velocities(self) -> tuple[float, float, float]:
         """Return the present velocities of light x and y and heavy y [m/s]; the engine's are half a step old."""
@@ -343,7 +336,7 @@ class TendonRig:
     def _prepare(self) -> None:
         """Set the string's length limit, the applied forces and the friction bound for the coming step."""
         vx, vy, heavy_v = self._velocities()
-        k = _kinematics(self._data.time, self._free_length, self._wrap_angle, vx, vy, heavy_v)
+        k = kinematics(self._data.time, self._free_length, self._wrap_angle, vx, vy, heavy_v)
         if self._tendons is not None:
             self._tendons.select(self._wrap_angle)
             correction = 0.0
@@ -521,9 +514,6 @@ _ABILITIES = {
             "beforehand",
             _LATE_CATCH,
         ),
-        known_failures={
-            "follows_the_reference_past_the_halt_and_a_full_turn": "measured 121 mm off at 0.39 s: it does not halt it",
-        },
         main=False,
     ),
     "defaults": _abilities(
@@ -533,27 +523,19 @@ _ABILITIES = {
             "without friction the heavy mass never halts",
             "MuJoCo's step of 2 ms is halved, so that samples fall on steps",
         ),
-        known_failures={
-            "held_pendulum_swings_to_the_other_side": "measured 6 % of the fall's energy off: the string stretches",
-            "string_keeps_its_length": "measured 1.8 mm in 0.15 s, where 1 mm is allowed: a string with a time constant of "
-            "20 ms",
-            "runs_to_its_end": "the string stretches by more than its budget before the light mass is at the rod",
-            "release_has_the_exact_acceleration": "measured a start 0.58 ms early: half of Euler's step of 1 ms, and a soft "
-            "string",
-        },
         main=False,
     ),
 }
 """Variant -> what it can do."""
 
 
-def _step_rungs(time_constants: Sequence[str]) -> LadderRow:
+def _step_rungs(time_constants: Sequence[str]) -> Ladder:
     """Return a ladder of time steps, along which the settings ``time_constants`` stay two steps."""
     rungs = [{"time_step": dt} | dict.fromkeys(time_constants, 2 * dt) for dt in (1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5)]
-    return "time_step", "s", rungs, "the constraints' time constants stay 2 steps" if time_constants else ""
+    return Ladder("time_step", "s", rungs, "the constraints' time constants stay 2 steps" if time_constants else "")
 
 
-class MujocoTendon(TunedEngine):
+class MujocoTendon(SteppedEngine):
     """MuJoCo with the string as a spatial tendon over a cylinder.
 
     Parameters
@@ -563,8 +545,6 @@ class MujocoTendon(TunedEngine):
         "capstan": the friction bound of the effects' string laws acts on the heavy mass's slide.
         "frictionloss": a constant friction loss, the only friction that MuJoCo has for tendons.
         "defaults": as documented, with the solver's default settings.
-    friction_size
-        Size of the constant friction loss of "frictionloss".
     """
 
     name = "mujoco"
@@ -574,10 +554,6 @@ class MujocoTendon(TunedEngine):
     settings_by_profile = SETTINGS | {("defaults", profile): MUJOCO_DEFAULTS for profile in Profile}
     settings: TendonSettings
 
-    def __init__(self, *, friction_size: FrictionSize = FrictionSize.AT_RELEASE, **chosen: Any) -> None:
-        super().__init__(**chosen)
-        self.friction_size = friction_size
-
     def build(self, scenario: Scenario) -> TendonRig:
         """Rebuild the scenario's apparatus at the moment of release."""
         constant = self.variant == "frictionloss"
@@ -586,7 +562,7 @@ class MujocoTendon(TunedEngine):
             self.settings,
             self.end_length(scenario),
             capstan=self.variant == "capstan",
-            friction_loss=friction_loss(scenario.parameters, self.friction_size) if constant else 0.0,
+            friction_loss=friction_loss(scenario.parameters, self.settings.friction_size) if constant else 0.0,
         )
 
     def studies(self) -> Studies:
@@ -595,16 +571,17 @@ class MujocoTendon(TunedEngine):
         constants = ("string_time_constant", "friction_time_constant")[: 2 if with_friction else 1]
         softness = [softness_rungs(name, s.time_step) for name in constants]
         if self.variant == "defaults":  # it has nothing but defaults
-            return studies_from_rows(self, ladders=(_step_rungs(()), *softness))
+            return Studies(ladders=(_step_rungs(()), *softness))
+        mean = FrictionSize.EQUAL_WORK
+        size = AdapterChoice("size of the constant friction", s.friction_size, mean, {"friction_size": mean})
         friction = time_constant_default(
             s, "friction_time_constant", "solreffriction", "how fast string that is held comes to rest"
         )
-        studies = studies_from_rows(
-            self,
+        return Studies(
             ladders=(_step_rungs(constants), *softness),
             defaults=(
                 time_constant_default(s, "string_time_constant", "solref", "how fast a stretched string returns to its length"),
-                (
+                HiddenDefault(
                     "solimp",
                     "0.9 to 0.95 within 1 mm",
                     f"{s.least_impedance:g} to {s.impedance:g}",
@@ -615,36 +592,30 @@ class MujocoTendon(TunedEngine):
                 *((friction,) if with_friction else ()),
             ),
             choices=(
-                (
+                AdapterChoice(
                     "wrap angle at which the next tendon takes over",
                     f"{math.degrees(s.switch_up):.0f} deg above k pi",
                     "225 deg above k pi",
                     {"switch_up": math.radians(225)},
                 ),
-                (
+                AdapterChoice(
                     "wrap angle at which the last tendon takes over",
                     f"{math.degrees(s.switch_down):.0f} deg above k pi",
                     "5 deg above k pi",
                     {"switch_down": math.radians(5)},
                 ),
-                (
+                AdapterChoice(
                     "time in which a late catch is taken back",
                     quantity(s.catch_time, "s", 3),
                     quantity(5 * s.catch_time, "s", 3),
                     {"catch_time": 5 * s.catch_time},
                 ),
-                (
+                AdapterChoice(
                     "what MuJoCo leaves out (l omega^2 in the string's acceleration, half a step of velocity)",
                     "made up for",
                     "left out",
                     {"corrections": False},
                 ),
+                *((size,) if self.variant == "frictionloss" else ()),
             ),
         )
-        if self.variant != "frictionloss":
-            return studies
-        ours = self.friction_size
-        other = FrictionSize.AT_RELEASE if ours is FrictionSize.EQUAL_WORK else FrictionSize.EQUAL_WORK
-        engine = MujocoTendon(variant=self.variant, profile=self.profile, settings=s, friction_size=other)
-        choice = AdapterChoice(what="size of the constant friction", ours=ours.value, instead=other.value, engine=engine)
-        return dataclasses.replace(studies, choices=(*studies.choices, choice))

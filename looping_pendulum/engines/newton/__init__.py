@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.engines.chain import NO_STOP, ONE_COEFFICIENT, point_on_string
-from looping_pendulum.engines.protocol import Engine, Profile, StepGroups, TunedEngine
+from looping_pendulum.engines.protocol import Engine, Profile, StepGroups, SteppedEngine
 from looping_pendulum.engines.shipped import shipped_abilities
-from looping_pendulum.engines.studies import Studies, default_row, studies_from_rows
+from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies, default_row
 from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import Vector, cartesian_force, masses_at_release
@@ -144,7 +144,7 @@ class NewtonTendonRig:
         if self._has_string:
             rest = self._in_metres(self._solver.tendon_segment_rest_length)
             lengths = self._in_metres(self._solver.tendon_segment_length)
-            string = float(lengths.sum() - rest.sum()), float(rest[1] - self._rest_lengths_at_release[1])
+            string = float(lengths.sum() - rest.sum()), float(rest[1])
         return (*positions[0], *velocities[0], *positions[1], *velocities[1], *string)
 
     def _add_mass(self, position: Vector, mass: float) -> None:
@@ -187,8 +187,6 @@ class NewtonTendonRig:
         scaled[:, :2] = np.array(velocities) / self._unit
         first.body_qd.assign(scaled)
         self._forces = np.zeros_like(scaled)
-        if self._has_string:
-            self._rest_lengths_at_release = self._in_metres(self._solver.tendon_segment_rest_length)
         with self._warp.ScopedCapture(device=DEVICE) as capture:
             control = self._model.control(clone_variables=False)
             for _ in range(s.steps_per_group // 2):
@@ -232,13 +230,9 @@ _LIMITS = (
     "Newton computes in single precision",
     NO_STOP,
 )
-_WOUND_TOO_FAR = (
-    "the run is ended at half a turn, after 0.207 s: beyond it Newton has the friction of the angle that is left to a full "
-    "turn (measured: a ratio of 1.71 at 270 degrees, where 4.96 is right)"
-)
 
 
-class NewtonTendon(TunedEngine):
+class NewtonTendon(SteppedEngine):
     """A tendon over a fixed roller."""
 
     name = "newton"
@@ -249,44 +243,31 @@ class NewtonTendon(TunedEngine):
     settings: NewtonTendonSettings
     abilities = shipped_abilities(
         "newton:tendon",
-        quick_cost=3.0,
         winding="tangents to a fixed roller; string that winds on is taken from the straight parts",
         friction_law="the capstan law of the roller, up to half a turn",
         stick_slip="the same: string passes only where the tensions differ by more than the law's ratio",
         summary="A massless tendon over a fixed roller with the capstan law, in Newton's position-based solver on the CPU.",
         limits=_LIMITS,
-        known_failures={"samples_every_millisecond_from_rest": "places are in single precision: measured 12 nm off at release"}
-        | dict.fromkeys(
-            (
-                "free_length_and_wrap_angle_are_those_of_the_position",
-                "runs_to_its_end",
-                "release_against_friction_has_the_exact_acceleration",
-                "energy_never_grows_with_losses",
-                "follows_the_reference_past_the_halt_and_a_full_turn",
-            ),
-            _WOUND_TOO_FAR,
-        ),
         main=False,
     )
 
     def studies(self) -> Studies:
         """Return ladders of step and compliance, Newton's defaults, and the adapter's choices."""
         s = self.settings
-        return studies_from_rows(
-            self,
+        return Studies(
             ladders=(
-                ("time_step", "s", (1e-4, 5e-5, 2e-5, 1e-5, 4e-6)),
-                ("compliance", "m/N", (1e-3, 1e-4, 5e-5, 1e-5, 1e-6)),
+                Ladder("time_step", "s", (1e-4, 5e-5, 2e-5, 1e-5, 4e-6)),
+                Ladder("compliance", "m/N", (1e-3, 1e-4, 5e-5, 1e-5, 1e-6)),
             ),
             defaults=(
-                (
+                HiddenDefault(
                     "compliance",
                     "0: the string cannot stretch",
                     quantity(s.compliance, "m/N", 3),
                     "the stretch from which the friction reads the tensions",
                     {"compliance": 0.0},
                 ),
-                (
+                HiddenDefault(
                     "length unit",
                     "none; metres are usual",
                     quantity(s.length_unit, "m", 3),
@@ -294,19 +275,19 @@ class NewtonTendon(TunedEngine):
                     {"length_unit": 1.0},
                 ),
                 default_row(s, "iterations", 2, "iterations", "corrections of the string's length per step"),
-                (
+                default_row(
+                    s,
+                    "relaxation",
+                    0.7,
                     "joint_linear_relaxation",
-                    "0.7",
-                    f"{s.relaxation:g}",
                     "share of a correction that is made, of the string's length, too",
-                    {"relaxation": 0.7},
                 ),
             ),
             choices=(
-                ("damping", quantity(s.damping, "N s/m", 3), "none", {"damping": 0.0}),
-                ("length unit", quantity(s.length_unit, "m", 3), "1 cm", {"length_unit": 1e-2}),
-                ("tolerance of the friction", f"{s.settle_tolerance:g}", "1e-05", {"settle_tolerance": 1e-5}),
-                ("steps between two updates of drag", f"{s.steps_per_group}", "2", {"steps_per_group": 2}),
+                AdapterChoice("damping", quantity(s.damping, "N s/m", 3), "none", {"damping": 0.0}),
+                AdapterChoice("length unit", quantity(s.length_unit, "m", 3), "1 cm", {"length_unit": 1e-2}),
+                AdapterChoice("tolerance of the friction", f"{s.settle_tolerance:g}", "1e-05", {"settle_tolerance": 1e-5}),
+                AdapterChoice("steps between two updates of drag", f"{s.steps_per_group}", "2", {"steps_per_group": 2}),
             ),
         )
 

@@ -16,83 +16,80 @@ import math
 import os
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from looping_pendulum.engines.chain import MASS_COMPENSATION, MASS_FRACTION, ONE_COEFFICIENT, polygon_radius
-from looping_pendulum.engines.protocol import Profile
+from looping_pendulum.engines.chain import (
+    MASS_COMPENSATION,
+    MASS_FRACTION,
+    ONE_COEFFICIENT,
+    hanging_rest_length,
+    polygon_radius,
+)
+from looping_pendulum.engines.protocol import Abilities, Profile, Rig, SteppedEngine
 from looping_pendulum.engines.pybullet.world import (
     DEFAULT_DAMPING,
     DEFAULT_ITERATIONS,
+    DEFAULT_NEIGHBOUR_MARGIN,
     DEFAULT_SPEED_LIMIT,
     LARGEST_STEP,
-    LINK_CONTACT,
-    MAX_JOINTS,
     NO_SPEED_LIMIT,
-    NO_STRETCH_LIMIT,
-    RIPPLE_LIMIT,
-    ChainState,
+    FallingRig,
     LongestStep,
-    MultibodyRig,
-    PybulletVariant,
-    RodShape,
+    PybulletChainSettings,
+    Row,
+    SteppedRig,
     World,
-    WorldSettings,
-    common_choices,
     contact_friction,
-    fitting_length,
-    free_joints,
-    iteration_rungs,
-    node_angles,
-    set_joints,
-    step_rungs,
     typical_wrap_angle,
-    world_defaults,
 )
 from looping_pendulum.engines.shipped import shipped_abilities
-from looping_pendulum.engines.studies import Studies, rows_that_differ, studies_from_rows
+from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies, default_row
 from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import quantity
-from looping_pendulum.reference_ode.cartesian import masses_at_release
+from looping_pendulum.reference_ode.cartesian import Vector, masses_at_release
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import solve
+from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL
+from looping_pendulum.scenarios.scenario import Scenario
 
+MAX_JOINTS = 121
+"""Largest number of joints whose state PyBullet reports correctly: it has room for 128 numbers, 7 of them the base's.
+
+With more, the first links' positions come back overwritten; beyond 127 PyBullet drops the joints themselves without an error.
+"""
 MAX_LINK_LENGTHENING = 1.5
 """Largest factor by which links may be longer than the settings say, so that a long string fits `MAX_JOINTS`."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class PybulletChainSettings(WorldSettings):
-    """Numerical settings of the link chain, stable below steps of about link length over sqrt(tension / mass per length)."""
+class ChainState:
+    """Positions and velocities of a chain at one moment: its ends and the nodes between, from heavy to light mass."""
 
-    link_length: float
-    """Length of a link that may slide over the rod [m]; see `chain_at_release` for when links are longer."""
-    outer_link_length: float
-    """Length of a link near the light mass, which at most winds on to the rod [m]; adjusted to end at the light mass."""
-    least_bend: float = 0.2
-    """Smallest angle between links on the rod [rad]: on a thick rod, which needs no shorter ones, links are longer."""
-    sliding_share: float = 0.7
-    """Fraction of the free string, from the rod on, that consists of links of `link_length`."""
-    hanging_link_length: float = 0.015
-    """Length of the links below the rod on the heavy side at release, which never come to lie on it [m]."""
-    relative_inertia: float = 1e-2
-    """Moment of inertia of a link about its end, over its mass times its length squared: small, but not singular."""
-    mass_compensation: float = MASS_COMPENSATION
-    """Fraction of the chain's mass that is subtracted from the light mass, see `engines.chain`."""
-    joint_motors: bool = False
-    """Whether to leave on the motor that PyBullet puts in every joint."""
-    joined_hanging_links: int = 1
-    """Number of links that are joined to one on the heavy mass's side after they left the rod (`joining`); 1: none are."""
-    joined_free_links: int = 1
-    """Number of links that are joined to one on the light mass's side, until they come near the rod; 1: none are."""
-    unjoined_links: float = 3.0
-    """Number of links beyond the string on the rod, on either side, that are not joined."""
-    lengthening_after_halt: float = 1.0
-    """Factor by which steps are longer once the heavy mass hangs still."""
-    divided_step: bool = True
-    """Whether steps are shorter where a wave on the taut chain would pass too much of a link, and longer after the halt."""
+    positions: Array
+    """Of masses and nodes [m], shape (n, 2)."""
+    velocities: Array
+    """Of masses and nodes [m/s], shape (n, 2)."""
+
+    @property
+    def lengths(self) -> Array:
+        """Lengths of the links [m], shape (n - 1,)."""
+        return np.asarray(np.hypot(*np.diff(self.positions, axis=0).T))
+
+    @property
+    def directions(self) -> Array:
+        """Directions of the links, from the x axis [rad], shape (n - 1,)."""
+        x, y = np.diff(self.positions, axis=0).T
+        return np.asarray(np.arctan2(y, x))
+
+    @property
+    def turn_rates(self) -> Array:
+        """Angular velocities of the links [rad/s], shape (n - 1,)."""
+        (x, y), (vx, vy) = np.diff(self.positions, axis=0).T, np.diff(self.velocities, axis=0).T
+        return np.asarray((x * vy - y * vx) / (x * x + y * y))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,10 +139,16 @@ def _chain_of_links(p: Parameters, s: PybulletChainSettings, inner: float, outer
     """Return a chain of links of about ``inner`` [m] and, near the light mass, ``outer`` [m]."""
     masses = masses_at_release(p)
     light, heavy = np.array(masses.light_position), np.array(masses.heavy_position)
-    inner = fitting_length(p, inner)
+    if p.release is Release.VERTICAL:
+        # The wrap angle is constant. Links that divide it reach and leave the rod at the same moments, so that the ripple which
+        # a passing node makes in the string's speed is the same at both ends, and the masses do not feel it.
+        wound = p.rod_radius * p.release_angle
+        inner = wound / math.ceil(wound / inner)
     bend = inner / p.rod_radius
     circle = polygon_radius(p.rod_radius, bend) if s.polygon else p.rod_radius
-    angles = node_angles(p, bend, round(p.release_angle / bend))
+    links_on_rod = round(p.release_angle / bend)
+    # Evenly about the wound string's middle, the heavy side's end first
+    angles = 0.5 * p.release_angle + bend * (np.arange(links_on_rod + 1) - 0.5 * links_on_rod)
     on_rod = np.stack([circle * np.cos(angles), circle * np.sin(angles)], axis=1)
     straight = math.dist(on_rod[-1], light)
     inner_count = round(s.sliding_share * straight / inner)
@@ -343,7 +346,7 @@ HALT_DELAY = 0.1
 """How much later than in the reference's run the heavy mass may halt while the step still allows for its fall [s]."""
 
 
-class PybulletChainRig(MultibodyRig):
+class PybulletChainRig(SteppedRig):
     """The apparatus with a string of links in one multibody, which another one replaces when links are joined or split."""
 
     def __init__(self, parameters: Parameters, settings: PybulletChainSettings) -> None:
@@ -391,6 +394,46 @@ class PybulletChainRig(MultibodyRig):
         self._world.api.removeBody(self._body, physicsClientId=self._world.client)
         self._create_multibody(updated)
 
+    def read(self) -> Row:
+        """Return positions [m], velocities [m/s], string stretch and slip [m]: `COLUMNS` without the time."""
+        x, y, vx, vy, heavy_v = self.read_motion()
+        heavy_y = -self._parameters.hanging_length if self._held else float(self._heavy_position[1])
+        nodes = range(0 if self._held else 1, self._ends[0] + 1)  # the first link is the heavy mass's, unless it is held
+        # Positions as PyBullet computed them for `read_motion`, a moment before
+        rows = self._world.api.getLinkStates(self._body, nodes, physicsClientId=self._world.client)
+        positions = [*(row[0][:2] for row in reversed(rows)), (self._parameters.rod_radius, heavy_y)]
+        # Links are rigid, so the nodes' distances are their rest lengths
+        slip = hanging_rest_length(positions, list(map(math.dist, positions[:-1], positions[1:])))
+        return (x, y, vx, vy, self._parameters.rod_radius, heavy_y, 0.0, heavy_v, 0.0, slip)
+
+    def _chain(self) -> ChainState:
+        """Return positions and velocities of the masses and nodes."""
+        api, client = self._world.api, self._world.client
+        joints = range(self._ends[0] + 1)
+        rows = api.getLinkStates(self._body, joints, 1, 1, physicsClientId=client)
+        positions, velocities = np.array([row[0][:2] for row in rows]), np.array([row[6][:2] for row in rows])
+        if self._held:
+            p = self._parameters
+            positions, velocities = (
+                np.vstack([(p.rod_radius, -p.hanging_length), positions]),
+                np.vstack([(0.0, 0.0), velocities]),
+            )
+        return ChainState(positions=positions, velocities=velocities)
+
+    def read_motion(self) -> tuple[float, float, float, float, float]:
+        """Return the light mass's position [m] and velocity [m/s] and the heavy mass's upward velocity [m/s]."""
+        # 1, 1: with velocities, and positions computed anew; PyBullet otherwise gives those of the step before
+        light, heavy = self._world.api.getLinkStates(self._body, self._ends, 1, 1, physicsClientId=self._world.client)
+        self._light_position, self._heavy_position = light[0], heavy[0]
+        (x, y, _), (vx, vy, _) = light[0], light[6]
+        return x, y, vx, vy, 0.0 if self._held else heavy[6][1]
+
+    def apply_forces(self, light: Vector, heavy: float) -> None:
+        """Apply forces [N] to the light mass, and upward to the heavy one, at the positions that `read_motion` last read."""
+        self._world.apply_force(self._body, self._ends[0], light, self._light_position)
+        if not self._held:
+            self._world.apply_force(self._body, 0, (0.0, heavy), self._heavy_position)
+
     def _create_multibody(self, chain: ChainState) -> None:
         """Create the multibody of the nodes that exist, which are where ``chain`` says."""
         p, s, world = self._parameters, self._settings, self._world
@@ -404,11 +447,43 @@ class PybulletChainRig(MultibodyRig):
         if joint_count != joints:
             raise EngineError(f"pybullet:chain: {joints} joints were given, PyBullet took {joint_count}")
         self._ends = (joints - 1, 0)
-        free_joints(world, self._body, joints, motors=s.joint_motors)
+        self._free_joints(joints)
         for joint, i in enumerate(inner, start=joints - links):
             world.set_friction(self._body, joint, self._friction[i])
         if chain.velocities.any():
-            set_joints(world, self._body, chain, np.zeros(links), sliding=not self._held)
+            self._set_joint_rates(chain)
+
+    def _free_joints(self, joints: int) -> None:
+        """Switch off what would brake the joints: damping, speed limit and, unless the settings leave it on, each one's motor.
+
+        Raises
+        ------
+        EngineError
+            If PyBullet still damps a joint.
+        """
+        world, body = self._world, self._body
+        world.remove_damping(body)
+        if not self._settings.joint_motors:
+            # A velocity motor without force is none
+            world.api.setJointMotorControlArray(
+                body, range(joints), world.api.VELOCITY_CONTROL, forces=[0.0] * joints, physicsClientId=world.client
+            )
+        damping = world.api.getJointInfo(body, joints - 1, physicsClientId=world.client)[6]
+        if damping != 0:
+            raise EngineError(f"pybullet: joint {joints - 1} has a damping of {damping:g}")
+
+    def _set_joint_rates(self, chain: ChainState) -> None:
+        """Set the rates of the joints so that the links move as in ``chain``."""
+        world, rates, first = self._world, chain.turn_rates, 0
+        if not self._held:
+            # The heavy mass cannot swing: the first link turns so that its node keeps its velocity, and the slide gives.
+            first = 1
+            x, y = chain.positions[1] - chain.positions[0]
+            vx, vy = chain.velocities[1]
+            rates[0] = -vx / y
+            world.api.resetJointState(self._body, 0, 0.0, float(vy - rates[0] * x), physicsClientId=world.client)
+        for joint, rate in enumerate(np.diff(rates, prepend=0.0).tolist(), start=first):
+            world.api.resetJointState(self._body, joint, 0.0, rate, physicsClientId=world.client)
 
 
 def longest_step(parameters: Parameters, settings: PybulletChainSettings, chain: ReleasedChain) -> LongestStep:
@@ -500,41 +575,63 @@ SETTINGS = {
     ),
 }
 
-TWO_TO_ONE_LIMIT = (
-    "quick: whether two_to_one comes to rest is chance: of five releases up to 6 nanoradians from its own one never did, and "
-    "the others halted 0 to 38 ms late"
+PYBULLET_DEFAULTS = PybulletChainSettings(
+    time_step=LARGEST_STEP,
+    link_length=5e-3,
+    outer_link_length=8e-3,
+    solver_iterations=DEFAULT_ITERATIONS,
+    force_interval=1,
+    linear_damping=DEFAULT_DAMPING,
+    angular_damping=DEFAULT_DAMPING,
+    speed_limit=DEFAULT_SPEED_LIMIT,
+    joint_motors=True,
+    rod="cylinder",
+    friction_with_damping=True,
+    polygon=False,
+    divided_step=False,
 )
+"""PyBullet's default settings, except its step of 1/240 s, which is longer than the sample interval."""
 
 
-class PybulletChain(PybulletVariant):
-    """A chain of links over a static sphere."""
-
-    variant = "chain"
-    settings_by_profile = SETTINGS
-    rig = PybulletChainRig
-    settings: PybulletChainSettings
-    abilities = shipped_abilities(
-        "pybullet:chain",
-        quick_cost=10.0,
-        winding="contact of the links' end spheres with a static sphere of the rod's section; quick: the adapter joins and "
-        "splits links on the straight parts only",
-        **LINK_CONTACT,
-        summary="One Featherstone multibody of links that slides over a static sphere under Coulomb contact.",
+def _abilities(variant: str, *, limits: tuple[str, ...], **declared: Any) -> Abilities:
+    """Return the abilities of a variant."""
+    return shipped_abilities(
+        f"pybullet:{variant}",
+        friction_law="Coulomb contact at every node; the adapter solves its coefficient from the capstan law for the polygon's "
+        "corners",
+        stick_slip="Coulomb contact",
         limits=(
             ONE_COEFFICIENT,
             f"at most {MAX_JOINTS} joints are reported rightly: links of a long string are laid up to {MAX_LINK_LENGTHENING:g} "
             "times longer than the settings say, and a longer string still is refused",
             "explicit steps: where the rod holds back more than at ten_to_one they are shorter than the settings say",
-            RIPPLE_LIMIT,
-            TWO_TO_ONE_LIMIT,
-            NO_STRETCH_LIMIT,
+            "links of several millimetres are long for a thin rod: the string's speed over it ripples as nodes pass",
+            "reduced coordinates cannot stretch: the string stretch is 0 by construction, not a measurement",
+            *limits,
         ),
         # A link that winds on must not be longer than the rod is thick
         min_rod_radius=max(settings.outer_link_length for settings in SETTINGS.values()) / 2,
+        **declared,
+    )
+
+
+_WEIGHT = (
+    f"a string that weighs {100 * MASS_FRACTION:g} % of the light mass, "
+    f"from which {100 * MASS_FRACTION * MASS_COMPENSATION:g} % is taken off"
+)
+_ABILITIES = {
+    "chain": _abilities(
+        "chain",
+        winding="contact of the links' end spheres with a static sphere of the rod's section; quick: the adapter joins and "
+        "splits links on the straight parts only",
+        summary="One Featherstone multibody of links that slides over a static sphere under Coulomb contact.",
+        limits=(
+            "quick: whether two_to_one comes to rest is chance: of five releases up to 6 nanoradians from its own one never "
+            "did, and the others halted 0 to 38 ms late",
+        ),
         from_reference=("the length of a step",),
         first_additions=(
-            f"a string that weighs {100 * MASS_FRACTION:g} % of the light mass, "
-            f"from which {100 * MASS_FRACTION * MASS_COMPENSATION:g} % is taken off",
+            _WEIGHT,
             "a contact coefficient and radius solved from the capstan law for the chain's corners: a little of that law is fed "
             "in",
         ),
@@ -546,29 +643,109 @@ class PybulletChain(PybulletVariant):
             "the wrap angle over which that coefficient is right on average: the release's, and a quarter turn for what "
             "follows",
         ),
-    )
+    ),
+    "defaults": _abilities(
+        "defaults",
+        winding="contact of the links' end spheres with a static cylinder",
+        summary="The same multibody with PyBullet's defaults: damping, joint motors, speed clamp, a cylinder as rod.",
+        limits=("PyBullet's own step of 1/240 s is run at 1 ms, where samples fall",),
+        additions=(_WEIGHT,),
+        main=False,
+    ),
+}
+"""Variant -> what it can do."""
+
+
+class PybulletChain(SteppedEngine):
+    """A chain of links over a rod.
+
+    Parameters
+    ----------
+    variant
+        "chain": over a static sphere, with settings that make it exact.
+        "defaults": with PyBullet's own settings.
+    """
+
+    name = "pybullet"
+    distribution = "pybullet"
+    variant = "chain"
+    variants = _ABILITIES
+    settings_by_profile = SETTINGS | {("defaults", profile): PYBULLET_DEFAULTS for profile in Profile}
+    rig = PybulletChainRig
+    settings: PybulletChainSettings
+
+    def build(self, scenario: Scenario) -> Rig:
+        """Build the scenario's apparatus at the moment of release."""
+        if scenario.parameters.release is Release.DROP:
+            return FallingRig(scenario.parameters, self.settings)
+        return super().build(scenario)
+
+    def end_length(self, scenario: Scenario) -> float:
+        """Return the free length [m] at which the run ends: a chain cannot follow once only its last link is left."""
+        last_link: float = self.settings.outer_link_length
+        return max(super().end_length(scenario), last_link)
 
     def studies(self) -> Studies:
         """Return ladders of step, link length and iterations, PyBullet's defaults, and the adapter's choices."""
         s = self.settings
+        if self.variant == "defaults":  # the studies of "chain" measure each default by itself
+            return Studies()
+        # From four times to half of the settings' own, in whole numbers of steps per sample, and none below 1 us
+        own_count = SAMPLE_INTERVAL / s.time_step
+        counts = [min(round(own_count / n), round(SAMPLE_INTERVAL / 1e-6)) for n in (4, 2, 1, 0.5)]
         outer = s.outer_link_length / s.link_length
         # Shorter links do not fit `MAX_JOINTS` in the ten-to-one trial, and would be lengthened
         lengths = sorted({6e-3, 5.5e-3, 5e-3, 4.5e-3, s.link_length}, reverse=True)
         links = [{"link_length": h, "outer_link_length": outer * h} for h in lengths]
-        joined = f"joined by {s.joined_hanging_links} below the rod, by {s.joined_free_links} beyond it"
-        separate = {"joined_hanging_links": 1, "joined_free_links": 1}
-        hanging = quantity(s.hanging_link_length, "m", 3)
         defaults = (
-            *world_defaults(s),
-            (
+            HiddenDefault(
+                "fixedTimeStep",
+                "1/240 s (run at 1 ms, where samples fall)",
+                quantity(s.time_step, "s", 3),
+                "length of a step",
+                {"time_step": LARGEST_STEP},
+            ),
+            default_row(s, "solver_iterations", DEFAULT_ITERATIONS, "numSolverIterations", "sweeps of the solver"),
+            HiddenDefault(
+                "linearDamping",
+                f"{DEFAULT_DAMPING:g} /s",
+                f"{s.linear_damping:g}",
+                "share of a velocity lost per second",
+                {"linear_damping": DEFAULT_DAMPING},
+            ),
+            HiddenDefault(
+                "angularDamping",
+                f"{DEFAULT_DAMPING:g} /s",
+                f"{s.angular_damping:g}",
+                "share of an angular velocity lost per second",
+                {"angular_damping": DEFAULT_DAMPING},
+            ),
+            default_row(
+                s,
+                "neighbour_margin",
+                DEFAULT_NEIGHBOUR_MARGIN,
+                "contactBreakingThreshold",
+                "how large the boxes are that find neighbours; the sweep's order with them",
+                unit="m",
+            ),
+            HiddenDefault(
+                "rod",
+                "GEOM_CYLINDER, the obvious shape",
+                "GEOM_SPHERE",
+                "which collision algorithm finds the contacts",
+                {"rod": "cylinder"},
+            ),
+            HiddenDefault(
                 "maxJointVelocity",
                 f"{DEFAULT_SPEED_LIMIT:g} m/s or rad/s",
                 f"{s.speed_limit:g}",
                 "clamp of every joint's speed",
                 {"speed_limit": DEFAULT_SPEED_LIMIT},
             ),
-            ("joint motors", "on, holding every joint at rest", "off", "friction in every hinge", {"joint_motors": True}),
-            (
+            HiddenDefault(
+                "joint motors", "on, holding every joint at rest", "off", "friction in every hinge", {"joint_motors": True}
+            ),
+            HiddenDefault(
                 "friction given together with damping",
                 "ignored: 0.5 stays",
                 "given apart",
@@ -576,84 +753,36 @@ class PybulletChain(PybulletVariant):
                 {"friction_with_damping": True},
             ),
         )
-        return studies_from_rows(
-            self,
-            ladders=(
-                step_rungs(s),
-                ("link_length", "m", links, "links that only wind on, in proportion"),
-                iteration_rungs(s),
+        choices = (
+            AdapterChoice("radius and coefficient", "corrected for the corners", "the circle's own", {"polygon": False}),
+            AdapterChoice("node radius", quantity(s.node_radius, "m", 3), "1 mm", {"node_radius": 1e-3}),
+            AdapterChoice("steps between two updates of the forces", f"{s.force_interval}", "1", {"force_interval": 1}),
+            AdapterChoice(
+                "share of a penetration taken back in a step",
+                f"{s.contact_error_reduction:g}",
+                "0.02",
+                {"contact_error_reduction": 0.02},
             ),
-            defaults=rows_that_differ(s, defaults),
-            choices=(
-                *rows_that_differ(s, (*common_choices(s), ("links away from the rod", joined, "separate", separate))),
-                ("links below the rod", hanging, "half as long", {"hanging_link_length": 7.5e-3}),
-                ("inertia of a link", f"{s.relative_inertia:g} m h^2", "three times", {"relative_inertia": 0.03}),
+            AdapterChoice(
+                "links away from the rod",
+                f"joined by {s.joined_hanging_links} below the rod, by {s.joined_free_links} beyond it",
+                "separate",
+                {"joined_hanging_links": 1, "joined_free_links": 1},
             ),
+            AdapterChoice(
+                "links below the rod",
+                quantity(s.hanging_link_length, "m", 3),
+                "half as long",
+                {"hanging_link_length": 7.5e-3},
+            ),
+            AdapterChoice("inertia of a link", f"{s.relative_inertia:g} m h^2", "three times", {"relative_inertia": 0.03}),
         )
-
-
-PYBULLET_DEFAULTS = PybulletChainSettings(
-    time_step=LARGEST_STEP,
-    link_length=5e-3,
-    outer_link_length=8e-3,
-    solver_iterations=DEFAULT_ITERATIONS,
-    force_interval=1,
-    linear_damping=DEFAULT_DAMPING,
-    angular_damping=DEFAULT_DAMPING,
-    speed_limit=DEFAULT_SPEED_LIMIT,
-    joint_motors=True,
-    rod=RodShape.CYLINDER,
-    friction_with_damping=True,
-    polygon=False,
-    divided_step=False,
-)
-
-
-_MOTORS_HOLD_JOINTS = "joint motors hold every hinge"
-_EFFECTS = (
-    *("light_drag", "heavy_drag", "light_linear_drag", "heavy_linear_drag", "attitude_drag", "wind"),
-    *("side_force", "side_stiffness", "push_across", "push_along"),
-)
-_KNOWN_FAILURES = {
-    "velocity_is_the_rate_of_position": f"measured 66 m/s off, as the chain flies apart after 0.14 s: {_MOTORS_HOLD_JOINTS}",
-    "frictionless_vertical_release_is_an_atwood_machine": f"measured -0.0002 m/s^2 for 8.03: {_MOTORS_HOLD_JOINTS}",
-    "vertical_release_obeys_the_capstan_law": f"measured -0.0002 m/s^2 for 5.80: {_MOTORS_HOLD_JOINTS}",
-    "held_pendulum_swings_to_the_other_side": f"{_MOTORS_HOLD_JOINTS}, and take the pendulum's energy",
-    "string_keeps_its_length": "measured 88 mm off the taut string's path: joint motors hold it bent where it is bent",
-    "release_has_the_exact_acceleration": f"measured no motion of the heavy mass: {_MOTORS_HOLD_JOINTS}",
-    "release_against_friction_has_the_exact_acceleration": f"measured no motion of the heavy mass: {_MOTORS_HOLD_JOINTS}",
-    "energy_is_kept_without_losses": f"measured no motion of the heavy mass: {_MOTORS_HOLD_JOINTS}",
-    "energy_never_grows_with_losses": f"measured no motion of the heavy mass: {_MOTORS_HOLD_JOINTS}",
-    "follows_the_reference_without_losses": "measured 480 mm off at 0.14 s: the chain flies apart",
-    "follows_the_reference_past_the_halt_and_a_full_turn": "measured 220 mm off at 0.42 s: the chain flies apart",
-} | {
-    f"{effect}_acts_as_in_the_reference": f"measured no motion of the heavy mass: {_MOTORS_HOLD_JOINTS}" for effect in _EFFECTS
-}
-"""Checks of `engines.conformance` that it fails, with the measured reason."""
-
-
-class PybulletDefaults(PybulletChain):
-    """The chain with PyBullet's own settings."""
-
-    variant = "defaults"
-    settings_by_profile = dict.fromkeys(Profile, PYBULLET_DEFAULTS)
-    abilities = replace(
-        PybulletChain.abilities,
-        main=False,
-        from_reference=(),
-        additions=(
-            f"the string weighs {100 * MASS_FRACTION:g} % of the light mass; "
-            f"{100 * MASS_FRACTION * MASS_COMPENSATION:g} % is taken off that",
-        ),
-        validated=(),
-        known_failures=_KNOWN_FAILURES,
-        summary="The same multibody with PyBullet's defaults: damping, joint motors, speed clamp, a cylinder as rod.",
-        limits=(
-            *(limit for limit in PybulletChain.abilities.limits if limit != TWO_TO_ONE_LIMIT),
-            "PyBullet's own step of 1/240 s is run at 1 ms, where samples fall",
-        ),
-    )
-
-    def studies(self) -> Studies:
-        """Return no studies: the studies of `chain` measure each default by itself."""
-        return Studies()
+        return Studies(
+            ladders=(
+                Ladder("time_step", "s", [SAMPLE_INTERVAL / count for count in counts]),
+                Ladder("link_length", "m", links, "links that only wind on, in proportion"),
+                Ladder("solver_iterations", "", sorted({5, 10, 20, 40, 80, s.solver_iterations})),
+            ),
+            defaults=[default for default in defaults if self.with_settings(**default.changes).settings != s],
+            choices=[choice for choice in choices if self.with_settings(**choice.changes).settings != s],
+        )

@@ -16,24 +16,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from looping_pendulum.engines.bead_rig import FOLLOWING, LIGHT, OUTERMOST, BeadEngine, BeadRig, JointWorld, between
+from looping_pendulum.engines.bead_rig import FOLLOWING, LIGHT, OUTERMOST, JointRig, between
 from looping_pendulum.engines.chain import (
     CORNER_CHOICES,
     ONE_COEFFICIENT,
     STRAIGHT_STRING,
     BeadChainSettings,
-    BeadRule,
-    Point,
     bead_abilities,
     point_on_string,
 )
-from looping_pendulum.engines.protocol import Engine, Profile
-from looping_pendulum.engines.studies import Studies, default_row, studies_from_rows
+from looping_pendulum.engines.protocol import Engine, Profile, SteppedEngine
+from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies, default_row
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import MassesAtRelease, Vector
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.runs.trajectory import Provenance
-from looping_pendulum.scenarios.scenario import Scenario
 
 DEFAULT_TIME_STEP = 1e-3
 """Step of the studies' defaults [s]. Chipmunk has no default step; this is ten times finer than what its guides use."""
@@ -137,127 +134,74 @@ def velocity_on_string(parameters: Parameters, masses: MassesAtRelease, arc: flo
     return (along[0] + share * (vx - along[0]), along[1] + share * (vy - along[1]))
 
 
-class FreeBeadRule(BeadRule):
-    """Where beads are in a chain that also has some off the rod, which land on it later."""
+class PymunkRig(JointRig):
+    """The apparatus in Chipmunk, with some beads off the rod, which land on it later."""
 
-    def __init__(self, parameters: Parameters, settings: BeadChainSettings) -> None:
-        super().__init__(parameters, settings)
-        self._rod_radius = parameters.rod_radius
-
-    def beads_at_release(self, masses: MassesAtRelease) -> tuple[list[Vector], list[Vector]]:
-        """Return positions [m] and velocities [m/s] of the beads, light side first.
-
-        Beads lie on the rod and `ADD_WITHIN_LINKS` beyond it on either side, but a link or more from either mass.
-        """
-        p, link = self._parameters, self.link_length
-        first = p.free_length - ADD_WITHIN_LINKS * link
-        count = math.ceil(p.rod_radius * p.release_angle / link + 2 * ADD_WITHIN_LINKS)
-        arcs = (first + i * link for i in range(count + 1))
-        kept = [arc for arc in arcs if link <= arc <= p.string_length - link]
-        return [point_on_string(p, arc, self._node_radius) for arc in kept], [
-            velocity_on_string(p, masses, arc) for arc in kept
-        ]
-
-    def bead_count_change(self, mass: Point, outermost: Point, following: Point, rest_length: float, beads: int) -> int:
-        """Return 1 to add a bead between ``mass`` and the ``outermost`` bead, -1 to remove the latter, 0 to change nothing."""
-        if self._tangent_length(outermost) < ADD_WITHIN_LINKS * self.link_length:
-            return 1 if rest_length > 2 * self.link_length else 0
-        far = self._tangent_length(following) > REMOVE_BEYOND_LINKS * self.link_length
-        return -1 if far and beads > MIN_BEADS else 0
-
-    def _tangent_length(self, position: Point) -> float:
-        """Return the length [m] of the tangent from ``position`` to the rod; 0 on the rod."""
-        x, y = position
-        return math.sqrt(max(x * x + y * y - self._rod_radius**2, 0.0))
-
-
-class PymunkWorld(JointWorld):
-    """A Chipmunk space.
-
-    Parameters
-    ----------
-    library
-        Chipmunk's functions below pymunk (`private_library`), which alone make the leaky warm start possible; None: without it.
-    """
-
-    rule = FreeBeadRule
-
-    def __init__(self, parameters: Parameters, settings: PymunkChainSettings, library: Any) -> None:
+    def _create_world(self) -> None:
         import pymunk
 
-        super().__init__(parameters, settings)
-        s = settings
-        self._pymunk, self._library = pymunk, library
+        s = self._settings
+        self._pymunk, self._library = pymunk, private_library()
         self._space = space = pymunk.Space()
-        space.gravity = (0.0, -parameters.coefficients["gravity"] * TIME_UNIT**2)
+        space.gravity = (0.0, -self._parameters.coefficients["gravity"] * TIME_UNIT**2)
         space.iterations, space.collision_slop = s.iterations, s.contact_slop
         # Fraction of an error that is left after a unit of time
         space.collision_bias = math.exp(-s.contact_rate * TIME_UNIT)
-        self._error_bias = math.exp(-(PUBLIC_ERROR_RATE if library is None else s.error_rate) * TIME_UNIT)
+        self._error_bias = math.exp(-(PUBLIC_ERROR_RATE if self._library is None else s.error_rate) * TIME_UNIT)
         self._no_mutual_contact = pymunk.ShapeFilter(group=1)
         # The first group of steps gets half of the forces' impulse, so that on average over a group the speeds are neither
         # early nor late
         self._share = 0.5
 
-    def add_rod(self, radius: float, friction: float) -> None:
-        """Add a static circle of ``radius`` [m] at the origin, and let beads have the ``friction`` on it."""
+    def _add_rod(self, radius: float, friction: float) -> None:
         rod = self._pymunk.Circle(self._space.static_body, radius + min(self._settings.contact_slop, MAX_SLOP_IN_RADIUS))
         rod.friction = friction
         self._space.add(rod)
 
-    def create_bead(self, position: Vector, velocity: Vector, mass: float) -> Any:
-        """Return a new bead of ``mass`` [kg]."""
-        bead = self.create_mass(position, velocity, mass)
+    def _create_bead(self, position: Vector, velocity: Vector, mass: float) -> Any:
+        bead = self._create_mass(position, velocity, mass)
         shape = self._pymunk.Circle(bead, self._settings.bead_radius)
         shape.friction = 1.0  # Chipmunk multiplies the two shapes' coefficients: the circle's is then the pair's
         shape.filter = self._no_mutual_contact
         self._space.add(shape)
         return bead
 
-    def create_mass(self, position: Vector, velocity: Vector, mass: float) -> Any:
-        """Return a new body of ``mass`` [kg] that touches nothing."""
+    def _create_mass(self, position: Vector, velocity: Vector, mass: float) -> Any:
         # An infinite moment of inertia: bodies are points, which slide and do not roll
         body = self._pymunk.Body(mass, math.inf)
         body.position, body.velocity = position, self._scaled(velocity)
         self._space.add(body)
         return body
 
-    def create_held(self, position: Vector) -> Any:
-        """Return a new body that is held at ``position`` [m]."""
+    def _create_held(self, position: Vector) -> Any:
         body = self._pymunk.Body(body_type=self._pymunk.Body.STATIC)
         body.position = position
         self._space.add(body)
         return body
 
-    def create_link(self, a: Any, b: Any, length: float) -> Any:
-        """Return a new pin joint of ``length`` [m]."""
+    def _create_link(self, a: Any, b: Any, length: float) -> Any:
         joint = self._pymunk.PinJoint(a, b)
         joint.distance = length
         return self._join(joint)
 
-    def create_straight(self, a: Any, b: Any, length: float) -> Any:
-        """Return a new slide joint from 0 to ``length`` [m], which only pulls."""
+    def _create_straight(self, a: Any, b: Any, length: float) -> Any:
         return self._join(self._pymunk.SlideJoint(a, b, (0, 0), (0, 0), 0, length))
 
-    def remove_joint(self, joint: Any) -> None:
-        """Remove a link or a straight part."""
+    def _remove_joint(self, joint: Any) -> None:
         self._space.remove(joint)
 
-    def remove_body(self, bead: Any) -> None:
-        """Remove a bead that no joint joins any more."""
+    def _remove_body(self, bead: Any) -> None:
         self._space.remove(bead, *bead.shapes)
 
-    def position_of(self, body: Any) -> Vector:
-        """Return the position [m] of ``body``."""
+    def _position_of(self, body: Any) -> Vector:
         x, y = body.position
         return x, y
 
-    def velocity_of(self, body: Any) -> Vector:
-        """Return the velocity [m/s] of ``body``."""
+    def _velocity_of(self, body: Any) -> Vector:
         vx, vy = body.velocity
         return vx / TIME_UNIT, vy / TIME_UNIT
 
-    def advance(self, count: int, forces: Sequence[tuple[Any, Vector]]) -> None:
+    def _take_steps(self, count: int, forces: Sequence[tuple[Any, Vector]]) -> None:
         """Take ``count`` steps; the first one gets the impulse of ``forces`` [N] for all, as Chipmunk clears them after it."""
         for body, (fx, fy) in forces:
             scale = self._share * count * TIME_UNIT**2
@@ -276,24 +220,49 @@ class PymunkWorld(JointWorld):
             for _ in range(s.leak_interval):
                 library.cpSpaceStep(self._space._space, step)
 
+    def _beads_at_release(self, masses: MassesAtRelease) -> tuple[list[Vector], list[Vector]]:
+        """Return positions [m] and velocities [m/s] of the beads, light side first.
+
+        Beads lie on the rod and `ADD_WITHIN_LINKS` beyond it on either side, but a link or more from either mass.
+        """
+        p, link = self._parameters, self._link_length
+        first = p.free_length - ADD_WITHIN_LINKS * link
+        count = math.ceil(p.rod_radius * p.release_angle / link + 2 * ADD_WITHIN_LINKS)
+        arcs = (first + i * link for i in range(count + 1))
+        kept = [arc for arc in arcs if link <= arc <= p.string_length - link]
+        return [point_on_string(p, arc, self._node_radius) for arc in kept], [
+            velocity_on_string(p, masses, arc) for arc in kept
+        ]
+
+    def _bead_count_change(self, end: int) -> int:
+        link, beads = self._link_length, len(self._lengths) - 1
+        if self._tangent_length(OUTERMOST[end]) < ADD_WITHIN_LINKS * link:
+            return 1 if self._lengths[end] > 2 * link else 0
+        return -1 if beads > MIN_BEADS and self._tangent_length(FOLLOWING[end]) > REMOVE_BEYOND_LINKS * link else 0
+
+    def _tangent_length(self, bead: int) -> float:
+        """Return the length [m] of the tangent from a bead to the rod; 0 on the rod."""
+        x, y = self._position(bead)
+        return math.sqrt(max(x * x + y * y - self._parameters.rod_radius**2, 0.0))
+
     def _insert(self, end: int, share: float) -> None:
         """Put the new bead where the outermost one is, and move that one towards the mass.
 
         So the straight part keeps its joint, and with it the warm-start impulse that carries the mass.
         """
         mass, outermost, following = (self._bodies[i] for i in (end, OUTERMOST[end], FOLLOWING[end]))
-        position, velocity = self.position_of(outermost), self.velocity_of(outermost)
-        straight, link_length = self.lengths[end], self.lengths[OUTERMOST[end]]
+        position, velocity = self._position_of(outermost), self._velocity_of(outermost)
+        straight, link_length = self._lengths[end], self._lengths[OUTERMOST[end]]
         # Of the rest length, not of the distance as ``share``: so the new link is stretched as the straight part is
         rest_share = link_length / (straight + link_length)
-        outermost.position = between(position, self.position_of(mass), rest_share)
-        outermost.velocity = self._scaled(between(velocity, self.velocity_of(mass), rest_share))
+        outermost.position = between(position, self._position_of(mass), rest_share)
+        outermost.velocity = self._scaled(between(velocity, self._velocity_of(mass), rest_share))
         self._joints[end].max = straight
         # A joint cannot change its bodies, so the links beside the new bead are created anew
-        self.remove_joint(self._joints.pop(OUTERMOST[end]))
-        bead = self.create_bead(position, velocity, self._bead_mass)
-        link = self.create_link(outermost, bead, link_length)
-        next_link = self.create_link(bead, following, self.lengths[FOLLOWING[end]])
+        self._remove_joint(self._joints.pop(OUTERMOST[end]))
+        bead = self._create_bead(position, velocity, self._bead_mass)
+        link = self._create_link(outermost, bead, link_length)
+        next_link = self._create_link(bead, following, self._lengths[FOLLOWING[end]])
         if end == LIGHT:
             self._bodies.insert(2, bead)
             self._joints[1:1] = [link, next_link]
@@ -305,11 +274,11 @@ class PymunkWorld(JointWorld):
         """Remove the second bead and put the outermost one in its place, so that the straight part keeps its joint."""
         bead, outermost = self._bodies.pop(FOLLOWING[end]), self._bodies[OUTERMOST[end]]
         outermost.position, outermost.velocity = bead.position, bead.velocity
-        self._joints[end].max = self.lengths[end]
+        self._joints[end].max = self._lengths[end]
         for _ in range(2):
-            self.remove_joint(self._joints.pop(OUTERMOST[end]))
-        self.remove_body(bead)
-        link = self.create_link(outermost, self._bodies[FOLLOWING[end]], self.lengths[OUTERMOST[end]])
+            self._remove_joint(self._joints.pop(OUTERMOST[end]))
+        self._remove_body(bead)
+        link = self._create_link(outermost, self._bodies[FOLLOWING[end]], self._lengths[OUTERMOST[end]])
         self._joints.insert(1 if end == LIGHT else -1, link)
 
     @staticmethod
@@ -323,16 +292,17 @@ class PymunkWorld(JointWorld):
         return joint
 
 
-class PymunkChain(BeadEngine):
+class PymunkChain(SteppedEngine):
     """Chain of beads over a static circle."""
 
     name = "pymunk"
     distribution = "pymunk"
+    variant = "chain"
+    rig = PymunkRig
     settings_by_profile = SETTINGS
     settings: PymunkChainSettings
     abilities = bead_abilities(
         "pymunk:chain",
-        quick_cost=7.0,
         rod="static circle",
         stick_slip="the solver clamps friction to its cone",
         summary="Point beads on pin joints over a static circle, a slide joint for each straight part of the string.",
@@ -347,14 +317,6 @@ class PymunkChain(BeadEngine):
         bead_mass_ratio=SETTINGS[Profile.QUICK].bead_mass_ratio,
     )
 
-    _leaky = True
-
-    def build(self, scenario: Scenario) -> BeadRig:
-        """Build the scenario's apparatus at the moment of release."""
-        library = private_library()
-        self._leaky = library is not None
-        return BeadRig(scenario.parameters, self.settings, PymunkWorld(scenario.parameters, self.settings, library))
-
     def studies(self) -> Studies:
         """Return the ladders of refinement, Chipmunk's defaults one at a time, and the adapter's choices."""
         s = self.settings
@@ -362,16 +324,17 @@ class PymunkChain(BeadEngine):
         # has stretched by millimetres halts by another motion
         factors = (1, 2, 4, 8)
         masses = [{"bead_mass_ratio": s.bead_mass_ratio / n**2, "time_step": s.time_step / n} for n in factors]
-        return studies_from_rows(
-            self,
+        return Studies(
             ladders=(
-                ("time_step", "s", [s.time_step / n for n in factors]),
-                ("bend", "rad", [s.bend / math.sqrt(n) for n in factors]),
-                ("bead_mass_ratio", "", masses, "the step, as the root of a bead's mass, so that the joints stay as stiff"),
-                ("iterations", "", [s.iterations * n for n in factors]),
+                Ladder("time_step", "s", [s.time_step / n for n in factors]),
+                Ladder("bend", "rad", [s.bend / math.sqrt(n) for n in factors]),
+                Ladder(
+                    "bead_mass_ratio", "", masses, "the step, as the root of a bead's mass, so that the joints stay as stiff"
+                ),
+                Ladder("iterations", "", [s.iterations * n for n in factors]),
             ),
             defaults=(
-                (
+                HiddenDefault(
                     "dt",
                     "none; 1 ms is finer than its guides use",
                     quantity(s.time_step, "s", 3),
@@ -385,28 +348,28 @@ class PymunkChain(BeadEngine):
                     "iterations",
                     "sweeps of the solver per step; joints stiffen in proportion",
                 ),
-                (
+                HiddenDefault(
                     "collision_slop",
                     "0.1 units of length: 10 cm",
                     quantity(s.contact_slop, "m", 3),
                     "how deep shapes may rest in one another; the adapter allows for it up to 1 mm",
                     {"contact_slop": DEFAULT_COLLISION_SLOP},
                 ),
-                (
+                HiddenDefault(
                     "collision_bias",
                     DEFAULT_RATE_TEXT,
                     f"{s.contact_rate:g} /s",
                     "how fast a bead too deep in the circle comes out",
                     {"contact_rate": DEFAULT_RATE},
                 ),
-                (
+                HiddenDefault(
                     "error_bias",
                     DEFAULT_RATE_TEXT,
                     f"{s.error_rate:g} /s",
                     "how fast a stretched joint returns to its length",
                     {"error_rate": DEFAULT_RATE},
                 ),
-                (
+                HiddenDefault(
                     "warm start",
                     "each joint starts from its last impulse",
                     f"a share of {s.impulse_leak:g} /s of it is forgotten",
@@ -415,20 +378,25 @@ class PymunkChain(BeadEngine):
                 ),
             ),
             choices=(
-                ("bead mass", f"{s.bead_mass_ratio:g} M1", "half", {"bead_mass_ratio": s.bead_mass_ratio / 2}),
-                ("bead mass", f"{s.bead_mass_ratio:g} M1", "double", {"bead_mass_ratio": s.bead_mass_ratio * 2}),
+                AdapterChoice("bead mass", f"{s.bead_mass_ratio:g} M1", "half", {"bead_mass_ratio": s.bead_mass_ratio / 2}),
+                AdapterChoice("bead mass", f"{s.bead_mass_ratio:g} M1", "double", {"bead_mass_ratio": s.bead_mass_ratio * 2}),
                 *CORNER_CHOICES,
-                ("bead radius", f"{1e3 * s.bead_radius:g} mm", "half", {"bead_radius": s.bead_radius / 2}),
-                ("forces and beads updated", f"every {s.steps_per_group} steps", "every 10", {"steps_per_group": 10}),
-                ("leak of the warm start", f"{s.impulse_leak:g} /s", "double", {"impulse_leak": 2 * s.impulse_leak}),
-                ("leak of the warm start", f"every {s.leak_interval} steps", "every step", {"leak_interval": 1}),
+                AdapterChoice("bead radius", f"{1e3 * s.bead_radius:g} mm", "half", {"bead_radius": s.bead_radius / 2}),
+                AdapterChoice(
+                    "forces and beads updated", f"every {s.steps_per_group} steps", "every 10", {"steps_per_group": 10}
+                ),
+                AdapterChoice(
+                    "leak of the warm start", f"{s.impulse_leak:g} /s", "double", {"impulse_leak": 2 * s.impulse_leak}
+                ),
+                AdapterChoice("leak of the warm start", f"every {s.leak_interval} steps", "every step", {"leak_interval": 1}),
             ),
         )
 
     def provenance(self) -> Provenance:
         """Return versions, settings and suppliers, and whether the warm start leaks (pymunk had the private call)."""
         provenance = super().provenance()
-        return dataclasses.replace(provenance, settings=provenance.settings | {"leaky_warm_start": self._leaky})
+        is_leaky = private_library() is not None
+        return dataclasses.replace(provenance, settings=provenance.settings | {"leaky_warm_start": is_leaky})
 
 
 def engines(profile: Profile) -> list[Engine]:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from looping_pendulum.engines.bead_rig import BeadEngine, JointWorld
+from looping_pendulum.engines.bead_rig import JointRig
 from looping_pendulum.engines.chain import (
     NO_STOP,
     ONE_COEFFICIENT,
@@ -20,11 +20,10 @@ from looping_pendulum.engines.chain import (
     bead_choices,
     bend_rungs,
 )
-from looping_pendulum.engines.protocol import Engine, Profile
-from looping_pendulum.engines.studies import Studies, default_row, studies_from_rows
+from looping_pendulum.engines.protocol import Engine, Profile, SteppedEngine
+from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies, default_row
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import Vector
-from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL
 
 
@@ -58,15 +57,15 @@ ROD, BEAD = 1, 2
 """Collision groups, as bits."""
 
 
-class RapierWorld(JointWorld):
-    """A world of Rapier in SI units, in which only beads and the rod touch each other."""
+class RapierRig(JointRig):
+    """The apparatus in Rapier, in which only beads and the rod touch each other."""
 
-    def __init__(self, parameters: Parameters, settings: RapierChainSettings) -> None:
+    def _create_world(self) -> None:
         import rapier3d
 
-        super().__init__(parameters, settings)
+        settings = self._settings
         self._rapier = rapier3d
-        self._world = rapier3d.PhysicsWorld(gravity=(0.0, -parameters.coefficients["gravity"], 0.0))
+        self._world = rapier3d.PhysicsWorld(gravity=(0.0, -self._parameters.coefficients["gravity"], 0.0))
         # A few dozen bodies are too few for more, and the other processor has another engine to run
         self._world.set_num_threads(1)
         solver = self._world.integration_parameters
@@ -77,43 +76,35 @@ class RapierWorld(JointWorld):
         solver.contact_recycling = settings.contact_recycling
         solver.static_contact_softness = rapier3d.SpringCoefficients(natural_frequency=settings.contact_hertz)
 
-    def add_rod(self, radius: float, friction: float) -> None:
-        """Add a fixed cylinder of ``radius`` [m] along z through the origin, and let beads have the ``friction`` on it."""
+    def _add_rod(self, radius: float, friction: float) -> None:
         self._friction = friction
         # Rapier's cylinders lie along y
         cylinder = self._rapier.Collider.cylinder(radius, radius).rotation((math.pi / 2, 0.0, 0.0))
         self._world.add_body(self._rapier.RigidBody.fixed(), [self._with_material(cylinder, member=ROD, touches=BEAD)])
 
-    def create_bead(self, position: Vector, velocity: Vector, mass: float) -> Any:
-        """Return a new bead of ``mass`` [kg]."""
+    def _create_bead(self, position: Vector, velocity: Vector, mass: float) -> Any:
         ball = self._rapier.Collider.ball(self._settings.bead_radius)
         return self._add(position, velocity, mass, [self._with_material(ball, member=BEAD, touches=ROD)])
 
-    def create_mass(self, position: Vector, velocity: Vector, mass: float) -> Any:
-        """Return a new body of ``mass`` [kg] that touches nothing."""
+    def _create_mass(self, position: Vector, velocity: Vector, mass: float) -> Any:
         return self._add(position, velocity, mass, [])
 
-    def create_held(self, position: Vector) -> Any:
-        """Return a new body that is held at ``position`` [m]."""
+    def _create_held(self, position: Vector) -> Any:
         return self._world.add_body(self._rapier.RigidBody.fixed().translation((*position, 0.0)))
 
-    def create_link(self, a: Any, b: Any, length: float) -> Any:
-        """Return a new rope of ``length`` [m], which only pulls."""
+    def _create_straight(self, a: Any, b: Any, length: float) -> Any:
         return self._world.impulse_joints.insert(a, b, self._rapier.RopeJoint(length))
 
     # Rapier's joints keep a distance only from above, so links between beads are ropes, too
-    create_straight = create_link
+    _create_link = _create_straight
 
-    def remove_joint(self, joint: Any) -> None:
-        """Remove a rope."""
+    def _remove_joint(self, joint: Any) -> None:
         self._world.impulse_joints.remove(joint)
 
-    def remove_body(self, bead: Any) -> None:
-        """Remove a bead that no rope joins any more."""
+    def _remove_body(self, bead: Any) -> None:
         self._world.remove_body(bead)
 
-    def advance(self, count: int, forces: Sequence[tuple[Any, Vector]]) -> None:
-        """Take ``count`` steps, during which these ``forces`` [N] act on bodies."""
+    def _take_steps(self, count: int, forces: Sequence[tuple[Any, Vector]]) -> None:
         for handle, (fx, fy) in forces:
             body = self._world.rigid_bodies[handle]
             # Rapier keeps a force for all later steps
@@ -122,13 +113,11 @@ class RapierWorld(JointWorld):
         for _ in range(count):
             self._world.step()
 
-    def position_of(self, body: Any) -> Vector:
-        """Return the position [m] of ``body``."""
+    def _position_of(self, body: Any) -> Vector:
         place = self._world.rigid_bodies[body].translation
         return place.x, place.y
 
-    def velocity_of(self, body: Any) -> Vector:
-        """Return the velocity [m/s] of ``body``."""
+    def _velocity_of(self, body: Any) -> Vector:
         velocity = self._world.rigid_bodies[body].linvel
         return velocity.x, velocity.y
 
@@ -163,90 +152,82 @@ _LIMITS = (
 )
 
 
-class RapierChain(BeadEngine):
+class RapierChain(SteppedEngine):
     """A chain of beads over a fixed cylinder."""
 
     name = "rapier"
     distribution = "rapier3d"
-    world = RapierWorld
+    variant = "chain"
+    rig = RapierRig
     settings_by_profile = SETTINGS
     settings: RapierChainSettings
     abilities = bead_abilities(
         "rapier:chain",
-        quick_cost=8.0,
         rod="fixed cylinder",
         stick_slip="the solver clamps friction to its cone",
         packages=("rapier3d",),
         summary="Point beads on ropes over a fixed cylinder, one rope for each straight part of the string.",
         limits=_LIMITS,
         bead_mass_ratio=SETTINGS[Profile.QUICK].bead_mass_ratio,
-        known_failures={
-            "samples_every_millisecond_from_rest": "places are in single precision: measured 8 nm off at release",
-        },
         main=False,
     )
 
     def studies(self) -> Studies:
         """Return ladders of step, iterations, links and mass, Rapier's defaults, and the adapter's choices."""
         s = self.settings
-        return studies_from_rows(
-            self,
+        return Studies(
             ladders=(
-                ("time_step", "s", (4e-5, 2e-5, 1e-5, 5e-6)),
-                ("iterations", "", (8, 16, 32, 64)),
+                Ladder("time_step", "s", (4e-5, 2e-5, 1e-5, 5e-6)),
+                Ladder("iterations", "", (8, 16, 32, 64)),
                 bend_rungs(s, (0.4, 0.28, 0.2, 0.14)),
-                ("bead_mass_ratio", "", (4e-4, 2e-4, 1e-4, 5e-5)),
+                Ladder("bead_mass_ratio", "", (4e-4, 2e-4, 1e-4, 5e-5)),
             ),
             defaults=(
-                (
+                HiddenDefault(
                     "dt",
                     "1/60 s; 1 ms, the sample interval, is as long as a step may be here",
                     quantity(s.time_step, "s", 3),
                     "length of a step, during which a contact keeps its direction",
                     {"time_step": SAMPLE_INTERVAL, "steps_per_group": 1},
                 ),
-                (
+                default_row(
+                    s,
+                    "iterations",
+                    1,
                     "num_internal_pgs_iterations",
-                    "1",
-                    f"{s.iterations}",
                     "how often joints and contacts are solved in a sub-step; joints begin each time without a force",
-                    {"iterations": 1},
                 ),
                 default_row(s, "sub_steps", 4, "num_solver_iterations", "number of sub-steps in a step"),
-                (
+                HiddenDefault(
                     "static_contact_softness",
                     "60 Hz",
                     f"{1e-6 * s.contact_hertz:g} MHz, as for joints",
                     "how stiff contacts with fixed bodies are",
                     {"contact_hertz": 60.0},
                 ),
-                (
+                default_row(
+                    s,
                     "friction_in_bias_pass",
-                    "off",
-                    "on",
+                    False,
+                    "friction_in_bias_pass",
                     "whether friction is solved before places move, too; without it a held string creeps twice as far",
-                    {"friction_in_bias_pass": False},
                 ),
-                (
+                default_row(
+                    s,
                     "contact_recycling",
-                    "on",
-                    "off",
+                    True,
+                    "contact_recycling",
                     "a contact keeps its direction until its bodies have moved by 0.05 length units",
-                    {"contact_recycling": True},
                 ),
-                (
-                    "can_sleep",
-                    "on",
-                    "off",
-                    "bodies below 0.05 length units per second are stopped after 0.5 s",
-                    {"sleeping": True},
+                default_row(
+                    s, "sleeping", True, "can_sleep", "bodies below 0.05 length units per second are stopped after 0.5 s"
                 ),
             ),
             choices=(
-                ("bead mass", f"{s.bead_mass_ratio:g} M1", "double", {"bead_mass_ratio": 2 * s.bead_mass_ratio}),
-                ("plane of motion", "kept, as nothing pushes out of it", "axis z locked", {"locked_plane": True}),
+                AdapterChoice("bead mass", f"{s.bead_mass_ratio:g} M1", "double", {"bead_mass_ratio": 2 * s.bead_mass_ratio}),
+                AdapterChoice("plane of motion", "kept, as nothing pushes out of it", "axis z locked", {"locked_plane": True}),
                 *bead_choices(s),
-                ("contact frequency", f"{1e-6 * s.contact_hertz:g} MHz", "10 kHz", {"contact_hertz": 1e4}),
+                AdapterChoice("contact frequency", f"{1e-6 * s.contact_hertz:g} MHz", "10 kHz", {"contact_hertz": 1e4}),
             ),
         )
 

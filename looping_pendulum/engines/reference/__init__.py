@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from looping_pendulum.engines.protocol import Abilities, Engine, MemoryRecorder, Profile, Recorder
+from looping_pendulum.engines.protocol import Abilities, Engine, Profile, RecordSample, known_fields
 from looping_pendulum.engines.studies import Ladder, Studies
 from looping_pendulum.reference_ode.effects import EffectKind
 from looping_pendulum.reference_ode.geometry import Array
@@ -73,9 +74,8 @@ class ReferenceEngine:
             summary="the exact hybrid model (stick, slip, slack)",
         )
 
-    def simulate(self, scenario: Scenario, recorder: Recorder | None = None) -> Trajectory:
+    def simulate(self, scenario: Scenario, record: RecordSample | None = None) -> Trajectory:
         """Run ``scenario`` from its release to its duration, or until the light mass reaches the rod."""
-        recorder = recorder if recorder is not None else MemoryRecorder()
         # Loads the model, which belongs to the building of an engine and not to its run
         solve_at(scenario.parameters, np.zeros(0), duration=SAMPLE_INTERVAL)
         started, cpu_started = time.perf_counter(), time.process_time()
@@ -89,14 +89,18 @@ class ReferenceEngine:
         wall, cpu = time.perf_counter() - started, time.process_time() - cpu_started
         trajectory = replace(_trajectory(samples, scenario, self), wall_time=wall, cpu_time=cpu)
         # All at the end, as the solution is not computed sample by sample
-        for row in _rows(samples):
-            recorder.add(row.tolist())
+        if record is not None:
+            for row in _rows(samples):
+                record(row.tolist())
         return trajectory
+
+    def with_settings(self, **changes: Any) -> ReferenceEngine:
+        """Return the reference with another tolerance."""
+        return ReferenceEngine(self.profile, **changes)
 
     def studies(self) -> Studies:
         """Return one ladder: the tolerance of a step."""
-        rungs = tuple(ReferenceEngine(self.profile, tolerance=value) for value in LADDER)
-        return Studies(ladders=(Ladder(setting="tolerance", unit="", values=LADDER, engines=rungs),))
+        return Studies(ladders=[Ladder("tolerance", "", LADDER)])
 
     def provenance(self) -> Provenance:
         """Return versions, settings and suppliers of this engine's runs."""
@@ -160,7 +164,7 @@ def engines(profile: Profile) -> list[Engine]:
 def _rows(samples: Samples) -> Array:
     """Return the rows of `trajectory.COLUMNS`; the string of the model does not stretch."""
     parts = (samples.light_position, samples.light_velocity, samples.heavy_position, samples.heavy_velocity)
-    return np.column_stack([samples.t, *parts, np.zeros(len(samples.t))])
+    return np.column_stack([samples.t, *parts, np.zeros(len(samples.t)), np.full(len(samples.t), np.nan)])
 
 
 def _trajectory(samples: Samples, scenario: Scenario, engine: ReferenceEngine) -> Trajectory:
@@ -175,10 +179,6 @@ def _trajectory(samples: Samples, scenario: Scenario, engine: ReferenceEngine) -
     return from_samples(
         _rows(samples),
         parameters=scenario.parameters,
-        engine=engine.name,
-        variant=engine.variant,
-        profile=engine.profile.value,
-        scenario=scenario.name,
         free_length=nan if without_string else samples.state.free_length,
         wrap_angle=nan if without_string else samples.state.wrap_angle,
         mode=samples.mode,
@@ -187,4 +187,5 @@ def _trajectory(samples: Samples, scenario: Scenario, engine: ReferenceEngine) -
         events=event_names(run),
         status=ended or RunStatus.FINISHED,
         provenance=provenance,
+        **known_fields(engine, scenario),
     )
