@@ -29,6 +29,7 @@ from looping_pendulum.reference_ode.geometry import Array, next_string_coordinat
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solution import Solution
 from looping_pendulum.reference_ode.solve import solve
+from looping_pendulum.scenarios.quantities import QUANTITIES
 from looping_pendulum.scenarios.units import UnitError, to_si
 
 OTHER = {"light": "heavy", "heavy": "light"}
@@ -45,7 +46,6 @@ CAUSES = {
     1 / 2: ", as where a diameter was given for the radius", 1e-3: ", as where kg was written for g",
     1e3: ", as where g was written for kg",
 }  # fmt: skip
-UNITS = {"light_mass": "kg", "heavy_mass": "kg", "rod_radius": "m", "free_length": "m"}
 WINDOW = 1.5
 """Part of the motion that is compared before anything is fitted, in times in which a mass falls through the free length."""
 MIN_POINTS, FARTHEST = 6, 0.5
@@ -398,13 +398,13 @@ def _keys_of_values(before: Case, trial: Trial) -> list[str]:
     parts: dict[str, list[str]] = {}
     for name, known in trial.estimates.items():
         if (was := before.estimate(name)) is None or known.value != was.value:
-            group, key = (
-                name.split("_") if name not in ("free_length", "release_angle") else ("release", name.removeprefix("release_"))
-            )
+            q = QUANTITIES[name]
             shown = (
-                quantity(known.value, UNITS[name], digits=3) if name in UNITS else f"{number(math.degrees(known.value))} deg"
+                f"{number(math.degrees(known.value))} deg"
+                if q.kind.unit == "rad"
+                else quantity(known.value, q.kind.unit, digits=3)
             )
-            parts.setdefault(group, []).append(f"{key}: {shown}")
+            parts.setdefault(q.group, []).append(f"{q.last_key}: {shown}")
     return [f"{group}: {{{', '.join(each)}}}" for group, each in parts.items()]
 
 
