@@ -97,7 +97,7 @@ def test_a_fit_ends_at_a_kink_from_which_no_step_leads_down():
     found = minimise(problem, np.zeros(1), cost_tolerance=1e-3)
     assert found.x == pytest.approx(1.0, abs=1e-2)
     assert not found.converged
-    assert len(costs) < 30
+    assert len(costs) < 50
 
 
 @pytest.mark.parametrize("name", STORED)

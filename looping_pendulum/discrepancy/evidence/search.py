@@ -105,13 +105,14 @@ class Search:
         m = Marginal(self.grid, raw(e.fit), columns(found, self.grid.count), e.fit.at_bounds, [e.setting])
         return smallest_visible(e.fit, found, m.complement[0])
 
+    def leaves_a_misfit(self, e: Explanation) -> bool:
+        """Return whether it fails the test by white noise: noise that lasts longer than a frame passes too easily."""
+        return bool(e.setting) or not self.passes(e)
+
     @property
     def settled(self) -> bool:
-        """Whether the best explanation has no law and white noise, and passes the test.
-
-        A law of any form passes too easily, and so does noise that lasts longer than a frame.
-        """
-        return not self.best.parts.law and not self.best.setting and self.passes(self.best)
+        """Whether the best explanation leaves no misfit, and has no law: one of any form passes too easily."""
+        return not self.best.parts.law and not self.leaves_a_misfit(self.best)
 
     def run(self) -> None:
         """Fit explanations until no other comes near the best."""
@@ -284,11 +285,15 @@ class Search:
         """Return whether an addition is fitted exactly: others than single effects if they may come near the best.
 
         The linear model may be wrong by a share of what there is to be explained, and says nothing of an effect that has no
-        derivative, which is fitted where its parent leaves a misfit. What is then no better than a part of it, is needless.
+        derivative: that is fitted while the best one is not settled, and beside a law that leaves a misfit. What is then no
+        better than a part of it, is needless.
         """
-        is_finite = len(a.templates) == 1 and a.templates[0].finite
-        if (a.parts.law is None and len(a.key) == 1) or (is_finite and not self.passes(a.parent)):
+        if a.parts.law is None and len(a.key) == 1:
             return True
+        if len(a.templates) == 1 and a.templates[0].finite:
+            # A law of any form takes up most of what there is
+            if self.leaves_a_misfit(a.parent) if a.parts.law else not self.settled:
+                return True
         missing = max(self.best.log_z - a.parent.log_z, a.gain, 0.0)
         # The more its parent explains, the less is left to the linear model
         said = max(self.proposed.get(a.key, (-math.inf, 0.0)), (a.parent.log_z, a.log_posterior + LINEAR_ERROR * missing))

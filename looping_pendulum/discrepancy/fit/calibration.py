@@ -170,7 +170,8 @@ def minimise(
         while model.decrease(there) <= 0 and damping <= MAX_DAMPING:  # some components were clipped, and the others misled
             damping *= 10
             there = model.point(damping, longest_step)
-        if model.decrease(there) < cost_tolerance * cost:  # no longer step leads down: the derivatives do not hold farther
+        # No longer step leads down, and all that are left of these do not matter: the derivatives do not hold farther
+        if (max_iterations - iterations) * model.decrease(there) < cost_tolerance * cost:
             break
         new, new_jacobian = problem.residuals_and_jacobian(there)
         iterations += 1
