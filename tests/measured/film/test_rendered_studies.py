@@ -13,7 +13,7 @@ from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.result import Verdict
 from tests.blind import Effects
 from tests.measured.film.conftest import tracked_study
-from tests.measured.film.renderer import Scene, bent_by_a_lens, looping_motion, render, seen_from_above, seen_from_aside
+from tests.measured.film.renderer import Scene, looping_motion, render, seen_by_a_camera
 
 pytestmark = pytest.mark.accurate
 PLAIN = Scene(before=0.1, duration=0.75)
@@ -32,8 +32,8 @@ FILMS = {
     "turned": {"rotation": 90},
     "10 bit": {"codec": "libx265", "pixels": "yuv420p10le", "hdr": True},
     "rolling": {"readout": READOUT},
-    "from aside": {"project": seen_from_aside(2, PLAIN)},
-    "lens": {"project": bent_by_a_lens(-0.005, PLAIN)},
+    "from aside": {"project": seen_by_a_camera(PLAIN, aside=2)},
+    "lens": {"project": seen_by_a_camera(PLAIN, lens=-0.005)},
 }
 """Kind of film -> changes of the scene."""
 CLEAN = [*((name, seed, "") for seed, name in enumerate(FILMS, start=701)), ("rolling", 712, ROLLING), ("plain", 713, ""),
@@ -105,7 +105,6 @@ def test_a_camera_that_looks_down_is_named(tmp_path, monkeypatch):
 
     What a careful set-up leaves of it, half a degree, is an error of the film's own camera, and the rest is named.
     """
-    degrees, distance = 2.0, 3.0
-    monkeypatch.setitem(FILMS, "from above", {"project": seen_from_above(degrees, PLAIN, distance)})
+    monkeypatch.setitem(FILMS, "from above", {"project": seen_by_a_camera(PLAIN, above=2)})
     result = identify(study(tmp_path, "from above", 731, Effects(), ""))
     assert any("perspective_y" in names and names <= OF_A_CAMERA for names in named(result)), result.sentence

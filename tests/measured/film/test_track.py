@@ -48,7 +48,7 @@ def errors(points, truth_places, truth):
     """Distances [px] of a mass's points from the truth, of the frames from the release on, and the share of these frames."""
     after = truth.t[points.frame] >= 0
     distance = np.linalg.norm(points.place - truth_places[points.frame], axis=1)[after]
-    return distance, len(distance) / np.sum((truth.t >= 0) & ~truth.repeated)
+    return distance, len(distance) / np.sum(truth.t >= 0)
 
 
 def rms_per_axis(distance):
