@@ -94,10 +94,3 @@ def test_an_effect_is_named_though_the_tracker_wanders(tmp_path, seed):
     result = identify(study_with_wander(tmp_path, CASES["linear_drag"], seed))
     explanations = [{e.name for e in tie} for tie in result.ties] or [set(result.names)]
     assert any("light_linear_drag" in names for names in explanations), result.sentence
-
-
-@pytest.mark.accurate
-@pytest.mark.parametrize("name", ["thrust", "magnet"])
-def test_an_unlisted_force_is_not_taken_for_a_tracker_that_wanders(tmp_path, name):
-    result = identify(load(write_study(tmp_path, CASES[name], 1)))
-    assert result.verdict in (Verdict.UNLISTED, Verdict.UNEXPLAINED)
