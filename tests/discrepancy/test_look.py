@@ -11,8 +11,6 @@ import numpy as np
 import pytest
 import yaml
 
-from looping_pendulum.discrepancy.fit.calibration import calibrate
-from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.look.check import DeclarationError, take_first_look
@@ -32,7 +30,7 @@ from tests.blind.simulator import simulate
 from tests.command_line import here
 from tests.compare.conftest import quick_figures  # noqa: F401, a fixture
 from tests.discrepancy.blind_sample import draw, write_files
-from tests.discrepancy.blind_study import only_candidates, write_study
+from tests.discrepancy.blind_study import fit_declared, only_candidates, write_study
 from tests.discrepancy.held_study import write_held_study
 from tests.discrepancy.mistaken_study import (
     FURTHER,
@@ -94,8 +92,7 @@ def blind(tmp_path_factory):
 
 
 def cost_of_fit(path):
-    inputs = read_inputs(study_io.load(path))
-    return calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)).cost
+    return fit_declared(path)[1].cost
 
 
 @pytest.mark.long
