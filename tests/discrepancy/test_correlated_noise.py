@@ -16,10 +16,10 @@ AMPLITUDE, FRAMES = 5e-4, 10
 """Half a millimetre, for some ten frames at a time: beside white noise of a millimetre."""
 
 
-def study_with_wander(folder, case, seed, amplitude=AMPLITUDE, trials=TWO_RATIOS):
-    path = write_study(folder, case, seed, trials=trials)
+def study_with_wander(folder, case, seed):
+    path = write_study(folder, case, seed, trials=TWO_RATIOS)
     for i, file in enumerate(sorted(folder.glob("*.csv"))):
-        let_the_tracker_wander(file, amplitude=amplitude, frames=FRAMES, seed=10 * seed + i)
+        let_the_tracker_wander(file, amplitude=AMPLITUDE, frames=FRAMES, seed=10 * seed + i)
     return load(path)
 
 
