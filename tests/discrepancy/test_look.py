@@ -267,6 +267,13 @@ def test_looking_and_fitting_read_each_file_once(example, tmp_path, monkeypatch)
 
 
 @pytest.mark.long
+def test_a_shared_mistake_is_named_once_for_all_trials(example, tmp_path):
+    found = the_only(look(mistaken(example, tmp_path, MISTAKES["mirrored"])))
+    assert found.trials == ("first", "second")
+    assert found.text.startswith("trials 'first', 'second': found a mirrored motion; needed 'mirrored: true' (the points are")
+
+
+@pytest.mark.long
 def test_a_mistake_of_one_trial_is_named_for_that_one(example, tmp_path):
     path = mistaken(example, tmp_path, NO_MISTAKE)
     path.write_text(path.read_text().replace("104 deg", "76 deg"))
@@ -393,6 +400,19 @@ def scaled(time_factor, per_metre):
 )
 def test_what_a_camera_gets_wrong_by_little_is_no_mistake(example, tmp_path, row):
     assert not look(mistaken(example, tmp_path, Mistake(keys=frozenset(), row=row), trials=1)).mistakes
+
+
+@pytest.mark.long
+def test_of_a_few_rows_no_mistake_is_looked_for(example, tmp_path):
+    """A short film of few frames a second leaves too few points for their noise: they were said to be far off."""
+    path = mistaken(example, tmp_path, NO_MISTAKE, trials=1)
+    table = tmp_path / "trials" / "first.csv"
+    lines = table.read_text(encoding="utf-8").splitlines(keepends=True)
+    table.write_text("".join([*lines[:3], *lines[3::18]]), encoding="utf-8")  # below three lines of names
+    check = look(path)
+    assert not check.mistakes
+    [warning] = check.warnings
+    assert re.fullmatch(r"trial 'first': no mistake is looked for, as light_x, .* to estimate their noise", warning)
 
 
 @pytest.mark.parametrize("changes", [{"heavy_mass": 0.2}, {"light_mass": 0.015}])
