@@ -11,7 +11,7 @@ from PIL import Image
 from looping_pendulum.measured.film.output import contact_sheet
 from looping_pendulum.measured.film.record import FilmTrack, TrackSettings
 from looping_pendulum.measured.film.track import track
-from tests.measured.film.renderer import Scene, looping_motion, render, seen_from_aside
+from tests.measured.film.renderer import Scene, looping_motion, render, seen_by_a_camera
 
 FOLDER = Path(__file__).parents[1] / "docs" / "img"
 WIDTH = 900
@@ -49,7 +49,7 @@ def main() -> None:
 
         draw("sheet", tracked(hand=True), slice(None))
         draw("streak", tracked(hand=True, frame_rate=60, exposure=1 / 70), tiles)
-        draw("aside", tracked(project=seen_from_aside(5, usual)), plot)
+        draw("aside", tracked(project=seen_by_a_camera(usual, aside=5)), plot)
         draw("shutter", tracked(readout=0.015), plot)
 
 

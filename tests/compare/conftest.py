@@ -138,16 +138,7 @@ def reference(make_run: Callable[..., Trajectory]) -> Callable[..., Trajectory]:
             engine="reference",
             variant="closed form",
             mode=np.where(t < HALT, Mode.SLIDING_DOWN, Mode.STICKING).astype(np.int8),
-            events=tuple(
-                TrajectoryEvent(time=time, name=name)
-                for name, time in (
-                    ("release", 0.0),
-                    ("stop", HALT),
-                    ("stick", HALT),
-                    ("halt", HALT),
-                    ("light_reaches_rod", 1.1),
-                )
-            ),
+            events=tuple(TrajectoryEvent(time=time, name=name) for name, time in EVENTS),
         )
 
     return sample

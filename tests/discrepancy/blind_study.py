@@ -11,6 +11,10 @@ import pytest
 import yaml
 
 from looping_pendulum.discrepancy import inputs
+from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate
+from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.discrepancy.inputs import Inputs
+from looping_pendulum.measured.study_io import load
 from tests.blind.cases import Case, write_case
 
 TWO_RATIOS = ("ten_a", "six", "eight")
@@ -97,6 +101,12 @@ def _trial(known: dict[str, Any], trial: dict[str, Any]) -> dict[str, Any]:
 
 def _measured(known: dict[str, float], unit: str, convert: Any = float, shown: str = "") -> str:
     return f"{convert(known['value'])!r} {shown or unit} +/- {convert(known['uncertainty'])!r} {shown or unit}"
+
+
+def fit_declared(path: Path) -> tuple[Inputs, Fit]:
+    """Read a study, and fit its declared model to the training trials."""
+    read = inputs.read_inputs(load(path))
+    return read, calibrate(Problem(read.study, read.training, read.free_parameters))
 
 
 def put_on_another_object(

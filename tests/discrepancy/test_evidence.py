@@ -54,7 +54,7 @@ from looping_pendulum.measured.free_parameter import FreeParameter
 from looping_pendulum.measured.study_io import load
 from tests.blind.cases import CASES
 from tests.discrepancy.blind_sample import BlindStudy, write_files
-from tests.discrepancy.blind_study import write_study
+from tests.discrepancy.blind_study import fit_declared, write_study
 
 DRAG = "light_linear_drag"
 OTHERS = ("wind_speed", "side_force", "friction_per_speed", "scale", "clock_offset", "wrong_light_mass")
@@ -487,8 +487,7 @@ def test_the_reach_is_taken_if_something_changes_there():
 
 
 def test_a_push_out_of_the_plane_counts_by_its_square(tmp_path):
-    inputs = read_inputs(load(write_study(tmp_path, CASES["clean"], 0, trials=["ten_a"])))
-    fit = calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters))
+    inputs, fit = fit_declared(write_study(tmp_path, CASES["clean"], 0, trials=["ten_a"]))
     (push,) = (c for c in inputs.library if c.name == "push_sideways")
     assert push.bounds[0] < 0
     assert push.free_parameter(1.0).bounds == (0.0, push.bounds[1])
@@ -509,8 +508,7 @@ def test_a_push_out_of_the_plane_counts_by_its_square(tmp_path):
 
 def test_a_rod_whose_bearing_holds_it_can_hide_at_any_size(tmp_path):
     """Of blind studies that missed an effect of more than twice its smallest visible size, two thirds hid such a rod."""
-    inputs = read_inputs(load(write_study(tmp_path, CASES["clean"], 0, trials=["ten_a"])))
-    fit = calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters))
+    inputs, fit = fit_declared(write_study(tmp_path, CASES["clean"], 0, trials=["ten_a"]))
     chosen = [c for c in inputs.library if c.name in ("rod_mobility", "push_sideways", "light_linear_drag")]
     assert {name: v.can_hide for name, v in visible(fit, chosen).items()} == {
         "rod_mobility": True, "push_sideways": False, "light_linear_drag": False,
@@ -524,8 +522,7 @@ def test_a_wrong_mass_beside_a_fitted_one_is_judged_by_what_is_linear(tmp_path):
     That nothing was missing had been the verdict, though by the report an error of a twentieth would have shown.
     """
     study = BlindStudy(hidden=("wrong_mass",), size=0.05, noise=1e-3, trials=3, seed=115974613)
-    inputs = read_inputs(load(write_files(study, tmp_path)))
-    fit = calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters))
+    inputs, fit = fit_declared(write_files(study, tmp_path))
     size = visible(fit, [c for c in inputs.library if c.name == "wrong_light_mass"])["wrong_light_mass"].value
     i = fit.problem.names.index("light_mass")
     factor = fit.jacobian[:, i] * fit.values["light_mass"] / fit.problem.free_parameters[i].scale
@@ -540,8 +537,7 @@ CHOSEN = ("scale", "tilt", "clock_offset", "wrong_free_length", "wrong_light_mas
 @pytest.mark.long
 def test_the_smallest_visible_size_is_four_standard_errors_of_a_fit(tmp_path):
     """Oracle: the standard error of a fit with the effect. From finite changes, linear drag's was 6.3 times too small."""
-    inputs = read_inputs(load(write_study(tmp_path, CASES["clean"], 2)))
-    fit = calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters))
+    inputs, fit = fit_declared(write_study(tmp_path, CASES["clean"], 2))
     found = visible(fit, [c for c in inputs.library if c.name in CHOSEN])
     assert set(found) == set(CHOSEN)
     for candidate in (c for c in inputs.library if c.name in CHOSEN):

@@ -12,7 +12,6 @@ import pytest
 from looping_pendulum.discrepancy.look.check import take_first_look
 from looping_pendulum.measured import study_io
 from looping_pendulum.measured.edits import read_trial
-from looping_pendulum.measured.observations import DataError
 from looping_pendulum.measured.study import read_files
 from tests.discrepancy.follow_advice import follow_advice, follow_advice_of_look
 from tests.discrepancy.real_data import real
@@ -114,23 +113,6 @@ def test_a_long_table_with_pixels():
         assert np.ptp(channel.value - known.value) < 2e-5
 
 
-@pytest.mark.parametrize(
-    ("form", "message"),
-    [
-        ("03-browser-tracker-objects-1-and-2",
-         "found the tracks '1', '2', needed to know which mass each is; by their motion, write 'tracks: {light: 2, heavy: 1}'"),
-        ("06-missing-point-shifts-the-row", "by their motion, write 'tracks: {light: 1, heavy: 2}'"),
-        ("08-names-with-a-run-before-the-colon", "found the tracks '1', '2', needed 'light'; by their motion, write 'tracks:"),
-        ("11-long-table-with-particle-numbers", "found the tracks '0', '1', needed 'light'; by their motion, write 'tracks:"),
-    ],
-)  # fmt: skip
-def test_what_a_file_does_not_say_is_asked_with_the_names_that_it_has(form, message):
-    for trial in trials(form)[1]:
-        with pytest.raises(DataError) as caught:
-            read_files(trials(form)[0].folder, trial)
-        assert message in str(caught.value)
-
-
 @pytest.mark.parametrize("form", ["12-every-third-frame-is-new", "controls/triple"])
 def test_pictures_that_are_stored_three_times_are_kept_once(form):
     study, both = trials(form)
@@ -183,13 +165,6 @@ def test_advice_of_look_is_typed_as_it_stands():
     for path in files_of_forms():
         [*_, last] = follow_advice_of_look(path)
         assert f"{path.stem}: used " in last or says_how_to_export(last)
-
-
-def test_a_table_of_one_trial_in_each_row_says_so():
-    path = real("forms/22-atwood-accelerations/atwood.csv")
-    _, both = trials("10-time-in-the-last-column")
-    with pytest.raises(DataError, match="if each row is a trial, as in a table of masses and accelerations"):
-        read_files(path.parent, dataclasses.replace(both[0], files=((path.name, {}),)))
 
 
 @pytest.mark.long

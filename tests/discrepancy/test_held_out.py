@@ -6,19 +6,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.fit.calibration import calibrate
-from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual import BLOCK_COUNT, _block_number, _square_of_prediction, check_held_out
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
-from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.measured.study_io import load
 from tests.blind.cases import CASES
-from tests.discrepancy.blind_study import TWO_RATIOS, write_study
+from tests.discrepancy.blind_study import TWO_RATIOS, fit_declared, write_study
 
 
 def inputs_and_fit(folder, case, seed, **options):
-    inputs = read_inputs(load(write_study(folder, CASES[case], seed, **options)))
-    return inputs, refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
+    inputs, fit = fit_declared(write_study(folder, CASES[case], seed, **options))
+    return inputs, refit_with_estimated_noise(fit)
 
 
 @pytest.mark.long
@@ -54,9 +50,8 @@ def test_far_points_lead_no_held_out_fit_astray(tmp_path, places):
         assert all(cells[1:3])  # the light mass was tracked there
         lines[i] = ",".join([cells[0], place, place, *cells[3:]])
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    inputs = read_inputs(load(file.with_name("study.yaml")))
-    fit = refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
-    held_out = check_held_out(fit, inputs.held_out)
+    inputs, fit = fit_declared(file.with_name("study.yaml"))
+    held_out = check_held_out(refit_with_estimated_noise(fit), inputs.held_out)
     assert held_out.worst.passes
     (observed,) = (o for trial, o in inputs.observed if trial.name == "eight")
     is_lost = "2 not used: light_x: the mark of a lost object" in observed.summary()

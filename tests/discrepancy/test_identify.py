@@ -20,7 +20,6 @@ from looping_pendulum.discrepancy.fit.problem import OutOfTime, time_limits
 from looping_pendulum.discrepancy.fit.residual import check_held_out
 from looping_pendulum.discrepancy.identify import LEAST_RESERVED, OutOfTimeError, identify
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.discrepancy.look.check import DeclarationError
 from looping_pendulum.discrepancy.report.writing import write
 from looping_pendulum.discrepancy.result import SCHEMA_ID, SCHEMA_VERSION, Identification, Verdict, json_schema
 from looping_pendulum.discrepancy.verdict import verdict_by_evidence
@@ -30,7 +29,6 @@ from tests.blind.cases import CASES, CLEAN, CLEAN_VARIED, with_signature
 from tests.compare.conftest import quick_figures  # noqa: F401, a fixture
 from tests.discrepancy.blind_study import TWO_RATIOS, WHOLE_LIBRARY, only_candidates, write_study
 from tests.discrepancy.expected import EXPECTED, parts_of
-from tests.discrepancy.real_data import real
 from tests.discrepancy.test_likelihood import cost_rise
 
 INDISTINGUISHABLE = {"wrong_gravity", "clock_ratio"}
@@ -274,14 +272,6 @@ def test_command_line(tmp_path):
 @pytest.mark.parametrize("case", [CLEAN, CLEAN_VARIED], ids=lambda case: case.name)
 def test_null_control(tmp_path, case, seed):
     assert not identify(load(write_study(tmp_path, case, seed))).effects
-
-
-@pytest.mark.long
-def test_rows_of_exchanged_masses_are_named_before_a_search():
-    """A side force was `identified` of such a film, 253 mm off the held-out trial, 214 mm without."""
-    study = load(real("forms/24-both-masses-exchanged-for-20-frames/study.yaml"))
-    with pytest.raises(DeclarationError, match="exchanged in rows from 0.4167 s to 0.4958 s"):
-        identify(study)
 
 
 @pytest.mark.long

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import norm
 
 from looping_pendulum.discrepancy.fit import likelihood
-from looping_pendulum.discrepancy.fit.calibration import FitError, calibrate
+from looping_pendulum.discrepancy.fit.calibration import FitError
 from looping_pendulum.discrepancy.fit.likelihood import (
     COST_RISE_95,
     interval_end,
@@ -17,21 +17,18 @@ from looping_pendulum.discrepancy.fit.likelihood import (
     rise_after_selection,
     stated_interval,
 )
-from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.identify import identify
-from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.verdict import effect_in_words
 from looping_pendulum.measured.study_io import load
 from tests.blind.cases import CLEAN
 from tests.discrepancy.blind_sample import BlindStudy, planted_values, write_files
-from tests.discrepancy.blind_study import only_candidates, write_study
+from tests.discrepancy.blind_study import fit_declared, only_candidates, write_study
 from tests.pages import made_up as pages
 
 
 @pytest.fixture(scope="module")
 def fit(tmp_path_factory):
-    inputs = read_inputs(load(write_study(tmp_path_factory.mktemp("clean"), CLEAN, 5, trials=["ten_a"])))
-    return calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters))
+    return fit_declared(write_study(tmp_path_factory.mktemp("clean"), CLEAN, 5, trials=["ten_a"]))[1]
 
 
 def cost_rise(fit, name, value):

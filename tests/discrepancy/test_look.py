@@ -11,8 +11,6 @@ import numpy as np
 import pytest
 import yaml
 
-from looping_pendulum.discrepancy.fit.calibration import calibrate
-from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.look.check import DeclarationError, take_first_look
@@ -32,7 +30,7 @@ from tests.blind.simulator import simulate
 from tests.command_line import here
 from tests.compare.conftest import quick_figures  # noqa: F401, a fixture
 from tests.discrepancy.blind_sample import draw, write_files
-from tests.discrepancy.blind_study import only_candidates, write_study
+from tests.discrepancy.blind_study import fit_declared, only_candidates, write_study
 from tests.discrepancy.held_study import write_held_study
 from tests.discrepancy.mistaken_study import (
     FURTHER,
@@ -94,8 +92,7 @@ def blind(tmp_path_factory):
 
 
 def cost_of_fit(path):
-    inputs = read_inputs(study_io.load(path))
-    return calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)).cost
+    return fit_declared(path)[1].cost
 
 
 @pytest.mark.long
@@ -269,13 +266,6 @@ def test_looking_and_fitting_read_each_file_once(example, tmp_path, monkeypatch)
     assert len(opened) == len(set(opened)) == len(study.trials)
 
 
-def test_radians_beyond_a_turn_are_refused_when_the_study_is_read(example, tmp_path):
-    path = mistaken(example, tmp_path, NO_MISTAKE, trials=1)
-    path.write_text(path.read_text().replace("112 deg +/- 0.5 deg", "112 rad"))
-    with pytest.raises(study_io.StudyError, match="release.angle: expected an angle above 0 up to 360 deg"):
-        study_io.load(path)
-
-
 @pytest.mark.long
 def test_a_shared_mistake_is_named_once_for_all_trials(example, tmp_path):
     found = the_only(look(mistaken(example, tmp_path, MISTAKES["mirrored"])))
@@ -349,7 +339,7 @@ def test_a_trial_whose_declared_motion_cannot_be_computed_says_why(example, tmp_
 
 @pytest.mark.long
 def test_a_mistake_before_which_no_point_could_be_compared_is_named_without_a_distance(example, tmp_path):
-    mistake = Mistake(keys=frozenset(), row=lambda row: [40 * row[0], *row[1:]])  # three pictures in the first window
+    mistake = Mistake(keys=frozenset(), row=scaled(40, 1))  # three pictures in the first window
     found = the_only(look(mistaken(example, tmp_path, mistake, trials=1)))
     assert found.keys == "frame_rate: 240 Hz"
     few = "fewer than 6 points lie in the first 516 ms of the declared motion"
@@ -380,29 +370,31 @@ def test_an_unknown_event_beside_tracked_points_is_refused_in_one_line(example, 
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("file_factor", [1 / 8, pytest.param(2, marks=SIMPLER)])
-def test_the_frame_rate_is_the_true_one(example, tmp_path, file_factor):
-    mistake = Mistake(keys=frozenset(), row=lambda row: [file_factor * row[0], *row[1:]])
-    assert the_only(look(mistaken(example, tmp_path, mistake, trials=1))).keys == "frame_rate: 240 Hz"
+@pytest.mark.parametrize(
+    ("time_factor", "per_metre", "keys"),
+    [
+        (1 / 8, 1, "frame_rate: 240 Hz"),
+        pytest.param(2, 1, "frame_rate: 240 Hz", marks=SIMPLER),
+        (1, 39.37, "units: {length: inch}"),
+        (1, 1000, "units: {length: mm}"),
+    ],
+)
+def test_the_frame_rate_and_the_unit_of_length_are_the_true_ones(example, tmp_path, time_factor, per_metre, keys):
+    mistake = Mistake(keys=frozenset(), row=scaled(time_factor, per_metre))
+    assert the_only(look(mistaken(example, tmp_path, mistake, trials=1))).keys == keys
 
 
-@pytest.mark.long
-@pytest.mark.parametrize(("per_metre", "unit"), [(39.37, "inch"), (1000, "mm"), (1.3, "none")])
-def test_the_unit_of_length_is_the_true_one(example, tmp_path, per_metre, unit):
-    """A scale that is off by a third is no other unit, and left to the fit: the camera's scale is a candidate."""
-    mistake = Mistake(keys=frozenset(), row=lambda row: [row[0], *(None if v is None else per_metre * v for v in row[1:])])
-    check = look(mistaken(example, tmp_path, mistake, trials=1))
-    if unit == "none":
-        assert not check.mistakes
-    else:
-        assert the_only(check).keys == f"units: {{length: {unit}}}"
+def scaled(time_factor, per_metre):
+    return lambda row: [time_factor * row[0], *(None if v is None else per_metre * v for v in row[1:])]
 
 
 @pytest.mark.parametrize(
     "row",
     [
-        pytest.param(lambda row: [row[0], *(None if v is None else 1.05 * v for v in row[1:])], id="scale"),
-        pytest.param(lambda row: [1.05 * row[0], *row[1:]], id="clock"),
+        pytest.param(scaled(1, 1.05), id="scale"),
+        # No other unit, and left to the fit: the camera's scale is a candidate
+        pytest.param(scaled(1, 1.3), id="a third", marks=pytest.mark.long),
+        pytest.param(scaled(1.05, 1), id="clock"),
         pytest.param(lambda row: [row[0], *(None if v is None else v + 0.02 for v in row[1:])], id="origin"),
     ],
 )

@@ -7,22 +7,17 @@ import numpy as np
 import pytest
 from scipy import special
 
-from looping_pendulum.discrepancy.fit.calibration import calibrate
 from looping_pendulum.discrepancy.fit.data import FRAMES
-from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual import _lasting_z, _test_group, check_residuals, failures_in_words
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
-from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.measured.study_io import load
 from tests.blind.camera import Camera
 from tests.blind.cases import CLEAN
-from tests.discrepancy.blind_study import write_study
+from tests.discrepancy.blind_study import fit_declared, write_study
 
 
 @pytest.fixture(scope="module")
 def fit(tmp_path_factory):
-    inputs = read_inputs(load(write_study(tmp_path_factory.mktemp("clean"), CLEAN, 1)))
-    return refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
+    return refit_with_estimated_noise(fit_declared(write_study(tmp_path_factory.mktemp("clean"), CLEAN, 1))[1])
 
 
 @pytest.mark.long

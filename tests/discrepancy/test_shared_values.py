@@ -2,14 +2,61 @@
 
 import re
 
+import numpy as np
 import pytest
+import yaml
 
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.report import next_steps
 from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.measured.study_io import load
+from tests.blind import Apparatus
+from tests.blind.camera import Camera, film, tracker_csv
+from tests.blind.simulator import simulate
 from tests.discrepancy.blind_study import WHOLE_LIBRARY, only_candidates
-from tests.discrepancy.shared_value_study import write_shared
+
+TRIALS = {"t1": (0.100, 112.0), "t2": (0.060, 104.0), "t3": (0.040, 97.0)}
+"""Name -> heavy mass [kg] and angle [deg]; the last one is held out."""
+STATED = {"light_mass": "10 g +/- 0.5 %", "rod_radius": "6.25 mm +/- 0.5 %", "free_length": "58 cm +/- 1 mm"}
+"""What is right of what is stated."""
+
+
+def write_shared(folder, seed, stated=None):
+    """Write tables and a study of three exact trials; ``stated``: what is stated in place of `STATED`."""
+    rng = np.random.default_rng(seed)
+    known = STATED | (stated or {})
+    camera = Camera(noise=0.25e-3, blur=2e-5)
+    trials = []
+    for name, (heavy_mass, angle) in TRIALS.items():
+        apparatus = Apparatus(heavy_mass=heavy_mass, release_angle=float(np.radians(angle)), friction=0.3)
+        table = tracker_csv(film(simulate(apparatus, duration=1.0), camera, rng))
+        (folder / f"{name}.csv").write_text(table, encoding="utf-8")
+        trials.append(
+            {
+                "name": name,
+                "file": f"{name}.csv",
+                "tracks": {"light": "mass A", "heavy": "mass B"},
+                "held_out": name == "t3",
+                "heavy": {"mass": f"{1e3 * heavy_mass:g} g +/- 0.5 %"},
+                "release": {
+                    "kind": "looping",
+                    "angle": f"{angle + 0.25 * rng.standard_normal():.2f} deg +/- 0.3 deg",
+                    "free_length": known["free_length"],
+                    "hanging_length": f"{50 + 0.5 * rng.standard_normal():.2f} mm +/- 1 mm",
+                },
+                "camera": {"origin_x": "0 m +/- 0.5 mm", "origin_y": "0 m +/- 0.5 mm"},
+            }
+        )
+    study = {
+        "title": "A value that all trials share",
+        "apparatus": {"light": {"mass": known["light_mass"]}, "rod": {"radius": known["rod_radius"]}},
+        "effects": {"gravity": "9.81 m/s^2"} | dict.fromkeys(("capstan", "light_drag", "heavy_drag", "string_drag"), "free"),
+        "trials": trials,
+    }
+    path = folder / "study.yaml"
+    path.write_text(yaml.safe_dump(study, sort_keys=False), encoding="utf-8")
+    return path
+
 
 WRONG = {
     "wrong_rod_radius": ("rod_radius", {"rod_radius": "5.94 mm +/- 0.5 %"}, 6.25e-3),

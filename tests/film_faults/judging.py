@@ -3,7 +3,6 @@
 import copy
 import itertools
 import re
-import shutil
 import traceback
 import warnings
 from collections.abc import Sequence
@@ -26,8 +25,6 @@ from tests.film_faults.faults import KINDS, NONE, PLAIN, Faulty, nothing
 from tests.film_faults.films import CHANNELS, Array, CleanStudy, Film, Tree, clean_study
 from tests.film_faults.forms import as_written, table_text
 
-Task = tuple[int, str, Path, bool]
-"""Number of a study, its kind of fault, its folder, and whether it is identified."""
 RIGHT_WITHIN = 0.5
 """Largest distance of a point from where it should be, in standard deviations of the noise, that is right."""
 MOVED_BY = 1.0
@@ -78,8 +75,6 @@ class Judgement:
     """Largest distance by which the fault moves a point, as the table says it, in standard deviations of the noise."""
     verdict: str = ""
     """Of `identify`; empty: it was not asked, or refuses the study."""
-    also_without: bool = False
-    """Whether the same addition is made without the fault."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,25 +110,6 @@ def write(study: CleanStudy, faulty: Faulty, folder: Path) -> Path:
     return path
 
 
-def judge_group(group: list[Task]) -> list[Judgement]:
-    """Judge the studies of one apparatus; the folders of failures are kept."""
-    judged = []
-    for number, kind, folder, with_identify in group:
-        judgement = judge(number, kind, folder, with_identify=with_identify)
-        if judgement.outcome.is_failure:
-            folder.mkdir(parents=True, exist_ok=True)
-            (folder / "failure.txt").write_text(f"{line_of(judgement)}\n{judgement.message}\n", encoding="utf-8")
-        else:
-            shutil.rmtree(folder)
-        judged.append(judgement)
-    return judged
-
-
-def line_of(judgement: Judgement) -> str:
-    also = " (also without the fault)" if judgement.also_without else ""
-    return f"{judgement.number} {judgement.kind}: {judgement.outcome}{also}; {judgement.detail}"
-
-
 def _dump(tree: Tree, path: Path) -> None:
     path.write_text(yaml.safe_dump(copy.deepcopy(tree), sort_keys=False, allow_unicode=True), encoding="utf-8")
 
@@ -147,14 +123,14 @@ def judge(number: int, kind: str, folder: Path, *, with_identify: bool = True) -
         path = write(study, faulty, folder)
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            result = _judge(study, faulty, kind, path, with_identify=with_identify)
+            result = _judge(faulty, kind, path, with_identify=with_identify)
     except Exception as error:
         outcome = Outcome.WARNED if isinstance(error, Warning) else Outcome.TRACEBACK
         result = {"outcome": outcome, "message": "".join(traceback.format_exception(error))}
     return Judgement(number=number, kind=kind, detail=detail, **result)
 
 
-def _judge(study: CleanStudy, faulty: Faulty, kind: str, path: Path, *, with_identify: bool) -> dict[str, Any]:
+def _judge(faulty: Faulty, kind: str, path: Path, *, with_identify: bool) -> dict[str, Any]:
     result: dict[str, Any] = {"moved": max(_moved_as_written(film, faulty) for film in faulty.films)}
     readings, refusals = _read(path, faulty)
     unnamed = next((r for r in refusals if not re.search(faulty.words, r)), None)
@@ -199,7 +175,7 @@ def _judge(study: CleanStudy, faulty: Faulty, kind: str, path: Path, *, with_ide
         outcome = Outcome.NO_WAY_OUT if refusals else Outcome.SILENT
         result |= {"outcome": outcome, "message": f"{asked}{read}; said: {'; '.join(said) or 'nothing'}"}
     if with_identify:
-        result |= _identified(study, path, result)
+        result |= _identified(path, result)
     return result
 
 
@@ -351,19 +327,13 @@ def _matched(t: Array, value: Array, taken: Array, points: Array, error: float) 
     return row, np.where(same, delay[at, row], np.nan), away[at, row]
 
 
-def _identified(study: CleanStudy, path: Path, result: dict[str, Any]) -> dict[str, Any]:
+def _identified(path: Path, result: dict[str, Any]) -> dict[str, Any]:
     """Return the verdict on a study in which nothing looks wrong, and a failure if anything is added."""
     verdict, names = _verdict(path)
     if verdict in ("", Verdict.NO_MISSING_EFFECT, Verdict.UNEXPLAINED, Verdict.INTERRUPTED):
         return {"verdict": verdict or names}
-    clean = write(study, Faulty(films=study.films), path.parent / "without")
-    without, _ = _verdict(clean)
-    return {
-        "outcome": Outcome.ADDED,
-        "verdict": verdict,
-        "also_without": without == verdict,
-        "message": f"{verdict}: {names}; without the fault: {without}; {result['outcome']}: {result['message']}",
-    }
+    message = f"{verdict}: {names}; {result['outcome']}: {result['message']}"
+    return {"outcome": Outcome.ADDED, "verdict": verdict, "message": message}
 
 
 def _verdict(path: Path) -> tuple[str, str]:

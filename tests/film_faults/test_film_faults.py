@@ -1,13 +1,10 @@
-"""A sample of `python -m tests.film_faults`, and what the harness itself must be able to tell."""
+"""A sample of `python -m research.film_faults`, and what the harness itself must be able to tell."""
 
 import dataclasses
 
 import numpy as np
 import pytest
-import typer
-from typer.testing import CliRunner
 
-from tests.film_faults.__main__ import main
 from tests.film_faults.faults import KINDS, NONE, Faulty, mirrored, rounded_times
 from tests.film_faults.films import clean_study
 from tests.film_faults.forms import Form
@@ -83,20 +80,6 @@ def test_a_rate_that_a_recorder_leaves_open_is_no_effect(tmp_path):
     """Its points stay 1.3 standard deviations off, which a clock that is known to a thousandth must explain."""
     judgement = judge(8_400_082, "times of a recorder", tmp_path)
     assert judgement.verdict in ("no_missing_effect", "unexplained"), judgement
-
-
-@pytest.mark.long
-def test_the_command_starts(tmp_path):
-    """It had not since a function that it imports was removed."""
-    done = CliRunner().invoke(app(), ["--count", "2", "--kinds", "turned", "--no-identify", "--failures", str(tmp_path)])
-    assert "2 studies; 0 failures" in done.output, done.output
-    assert done.exit_code == 0
-
-
-def app():
-    made = typer.Typer()
-    made.command()(main)
-    return made
 
 
 def test_points_of_a_clean_film_are_not_moved():

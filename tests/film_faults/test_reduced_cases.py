@@ -1,4 +1,4 @@
-"""What `python -m tests.film_faults` found, reduced to the rows and names that matter; of times: test_clock.py."""
+"""What `python -m research.film_faults` found, reduced to the rows and names that matter; of times: test_clock.py."""
 
 import pytest
 

@@ -261,6 +261,7 @@ BAD = [
         "",
         "first: a looping release needed 'apparatus.rod.radius'; write for example 'radius",
     ),
+    ("100 deg +/- 0.5 deg", "100 rad", "trials[1].release.angle: expected an angle above 0 up to 360 deg"),
     ("angle: 100 deg +/- 0.5 deg, ", "", "c: a looping release needed 'release.angle'"),
     ("kind: looping", "kind: vertical", "trials[0].release.angle: found an angle, needed none"),
     ("trials:\n", "fit: [kinetic_frction]\ntrials:\n", "did you mean 'kinetic_friction'?"),

@@ -13,7 +13,18 @@ from looping_pendulum.live.write import live_settings
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import load, shipped
 from tests.pages.conftest import DESKTOP, PHONE, sideways, until
-from tests.pages.live_page import act_at_random, light_mass, page_text, played_to, preset, settled, type_into, value
+from tests.pages.live_page import (
+    COUNT,
+    STAGE,
+    act_at_random,
+    light_mass,
+    page_text,
+    played_to,
+    preset,
+    settled,
+    type_into,
+    value,
+)
 
 SHOWN = 5e-5
 """Half of the last digit of a time on the page [s]."""
@@ -286,19 +297,13 @@ def test_a_click_in_a_curve_sets_the_time_of_all(page):
 def test_forces_are_arrows_on_demand(page):
     page.evaluate("live.player.stopAt(0.3)")
     settled(page)
-    pink = """() => {
-      const canvas = document.getElementById("stage"), context = canvas.getContext("2d");
-      const { data } = context.getImageData(0, 0, canvas.width, canvas.height);
-      let count = 0;
-      for (let i = 0; i < data.length; i += 4) if (data[i] === 0xcc && data[i + 1] === 0x79 && data[i + 2] === 0xa7) count += 1;
-      return count;
-    }"""
+    pink = [STAGE, "#cc79a7"]
     page.evaluate("document.documentElement.dataset.theme === 'light' || document.getElementById('theme').click()")
     settled(page)
-    assert page.evaluate(pink) == 0
+    assert page.evaluate(COUNT, pink) == 0
     page.check("#forces")
     settled(page)
-    assert page.evaluate(pink) > 100
+    assert page.evaluate(COUNT, pink) > 100
 
 
 KEEP_WORDS = """() => {

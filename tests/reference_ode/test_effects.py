@@ -7,7 +7,6 @@ import numpy as np
 import pint
 import pytest
 
-from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode import closed_forms
 from looping_pendulum.reference_ode.cartesian import cartesian_force
 from looping_pendulum.reference_ode.closed_forms import mechanical_energy
@@ -248,11 +247,6 @@ def test_a_push_along_the_string_of_a_clamped_mass(push):
     assert run.modes[0] is (Mode.CLAMPED if push > 0 else Mode.CLAMPED_SLACK)
     assert run.events[0].state.across_speed == 0.1
     assert run.events[0].state.retreat_speed == min(push, 0.0)
-
-
-def test_a_rod_cannot_turn_under_a_string_that_stretches():
-    with pytest.raises(ParameterError, match="rod_mobility and string_compliance: found both"):
-        TEN_TO_ONE.replace(rod_mobility=1.0, string_compliance=1e-3)
 
 
 FORCES = {"linear_drag": 1.2e-3, "wind": 0.6, "attitude_drag": 2.0, "side_force": 5e-3, "side_stiffness": 0.015}

@@ -61,17 +61,9 @@ def test_coefficients_are_taken_up_to_their_bounds_and_no_further(name):
             TEN_TO_ONE.replace(**{name: value})
 
 
-SIGNED = {
-    "wind_speed", "side_force", "side_stiffness", "push_across", "push_along", "push_sideways", "heavy_swing",
-    "friction_per_speed", "friction_per_wrap", "attitude_drag",
-}  # fmt: skip
-
-
-def test_what_dissipates_or_has_a_size_is_not_negative():
-    """Oracle: drag, friction, mass, thickness, compliance and times are not negative; a direction or a correction may be."""
-    lowest = {name: c.bounds[0] for name, c in COEFFICIENTS.items() if not name.startswith("closure_")}
-    assert {name for name, low in lowest.items() if low < 0} == SIGNED
-    assert all(low == 0 for low in lowest.values() if low >= 0)
+def test_a_coefficient_of_no_effect_is_refused():
+    with pytest.raises(ParameterError, match="no effect has a coefficient 'wind'"):
+        Parameters(light_mass=1, heavy_mass=1, rod_radius=1, free_length=1, release_angle=1, coefficients={"wind": 1})
 
 
 def test_static_friction_is_the_kinetic_one_unless_it_is_given():
@@ -89,7 +81,7 @@ def test_a_turning_rod_and_a_stretching_string_exclude_each_other():
     rod, string = {"rod_mobility": 0.1}, {"string_compliance": 1e-3}
     assert TEN_TO_ONE.replace(**rod).coefficients["rod_mobility"] == 0.1
     assert TEN_TO_ONE.replace(**string).coefficients["string_compliance"] == 1e-3
-    with pytest.raises(ParameterError, match="needed one of them 0"):
+    with pytest.raises(ParameterError, match="rod_mobility and string_compliance: found both above 0, needed one of them 0"):
         TEN_TO_ONE.replace(**rod, **string)
 
 

@@ -168,14 +168,6 @@ def test_at_the_first_turn_a_string_steps_out_and_the_light_mass_stays():
     np.testing.assert_allclose(paths, paths[0], rtol=1e-14)
 
 
-def test_what_is_known_of_effects_is_found_once():
-    for find in (
-        lambda: extra_variables(SWINGING.effects),
-        lambda: variables(Mode.SLACK, SWINGING.effects),
-    ):
-        assert find() is find()
-
-
 # What may be asked for
 
 BOUNDS = {

@@ -39,6 +39,34 @@ def nasty(tmp_path_factory) -> tuple[Path, Truth]:
     return path, render(path, scene, looping_motion(0.8, heavy_mass=0.06, release_angle=math.radians(104)))
 
 
+def write_study(folder: Path, trials: list[tuple[str, float, float]], hanging: str, line: str = "") -> Path:
+    """Write what somebody knows who measured the apparatus of three films, of which `c` is held out.
+
+    Parameters
+    ----------
+    trials
+        Name, heavy mass [kg] and stated angle of the release [deg] of each.
+    hanging
+        Stated hanging length.
+    line
+        More of each trial.
+    """
+    entries = "".join(
+        f"- name: {name}\n  file: {name}.mp4\n  held_out: {str(name == 'c').lower()}\n"
+        f"  heavy: {{mass: {1e3 * heavy_mass:g} g +/- 0.5 %}}\n"
+        f"  release: {{angle: {angle:.2f} deg +/- 0.5 deg, free_length: 58 cm +/- 1 mm, hanging_length: {hanging}}}\n"
+        + (f"  {line}\n" if line else "")
+        for name, heavy_mass, angle in trials
+    )
+    path = folder / "study.yaml"
+    path.write_text(
+        "title: rendered\napparatus:\n  light: {mass: 10 g +/- 0.5 %}\n  rod: {radius: 6.25 mm +/- 1 %}\n"
+        "effects: {gravity: 9.81 m/s^2, capstan: free, light_drag: free, heavy_drag: free, string_drag: free}\n"
+        f"trials:\n{entries}"
+    )
+    return path
+
+
 def tracked_study(path: Path) -> Study:
     """Load a study, and track its films, as `identify --track` does."""
     study = load(path)

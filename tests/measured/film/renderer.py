@@ -96,8 +96,6 @@ class Scene:
     """Whether a wall with the frame of a window, a skirting board, a sheet of text and a dark poster stands for the panel."""
     rod_side: bool = False
     """Whether the rod, which comes out of the wall, is seen as by a camera opposite the picture's middle at `ROD_DISTANCE`."""
-    bystander: bool = False
-    """Whether somebody walks through the picture behind the masses."""
     decoys: tuple[Decoy, ...] = ()
     """Discs that move before the apparatus and have nothing to do with it."""
     readout: float = 0.0
@@ -108,8 +106,6 @@ class Scene:
     """Factors of the frame rate in the first and in the last third, as a phone that changes its rate; the clock has it, too."""
     hdr: bool = False
     """Whether the file states the transfer and primaries of HDR (HLG, BT.2020)."""
-    repeated: tuple[int, ...] = ()
-    """Frames that are stored as copies of the one before."""
     lost: tuple[int, ...] = ()
     """Frames that are not stored."""
     uneven_light: float = 0.15
@@ -138,7 +134,6 @@ class Truth:
     light: Array
     """Centre of the light mass as it is seen [px], shape (n, 2)."""
     heavy: Array
-    repeated: NDArray[np.bool_]
     clock: Array
     """Time by the file's clock [s]."""
     rod: Array
@@ -146,42 +141,31 @@ class Truth:
     motion: Motion = field(repr=False)
 
 
-def seen_from_aside(degrees: float, scene: Scene, distance: float = 3.0) -> Callable[[Array], Array]:
-    """Return the projection of a camera at a distance [m] that is turned aside, for `Scene.project`."""
-    return _seen(scene, distance, across=math.radians(degrees), down=0.0)
+def seen_by_a_camera(
+    scene: Scene, *, aside: float = 0.0, above: float = 0.0, lens: float = 0.0, distance: float = 3.0
+) -> Callable[[Array], Array]:
+    """Return the projection of a camera that is turned aside and looks down, for `Scene.project`.
 
+    Parameters
+    ----------
+    aside, above
+        Angles [deg].
+    lens
+        Share of the distance from the picture's middle by which the lens displaces at half the picture's width.
+    distance
+        From the camera to the rod [m].
+    """
+    across, down = math.radians(aside), math.radians(above)
+    middle, half = np.array(scene.size) / 2, scene.size[0] / 2
 
-def seen_from_above(degrees: float, scene: Scene, distance: float = 3.0) -> Callable[[Array], Array]:
-    """Return the projection of a camera at a distance [m] that looks down, for `Scene.project`."""
-    return _seen(scene, distance, across=0.0, down=math.radians(degrees))
-
-
-def _seen(scene: Scene, distance: float, *, across: float, down: float) -> Callable[[Array], Array]:
     def project(position: Array) -> Array:
         x, y = position[..., 0], position[..., 1]
         depth = distance + x * math.sin(across) + y * math.sin(down)
-        return scene.scale * distance * np.stack([x * math.cos(across) / depth, -y * math.cos(down) / depth], axis=-1)
+        from_rod = scene.scale * distance * np.stack([x * math.cos(across) / depth, -y * math.cos(down) / depth], axis=-1)
+        off = (np.array(scene.rod) + from_rod - middle) / half
+        return middle + half * off * (1 + lens * np.sum(off**2, axis=-1, keepdims=True)) - scene.rod
 
     return project
-
-
-def bent_by_a_lens(k: float, scene: Scene) -> Callable[[Array], Array]:
-    """Return the projection by a lens that displaces by k of the distance at half the picture's width, for `Scene.project`."""
-    return lambda position: _bent(scene.scale * position * (1, -1), k, scene)
-
-
-def seen_by_a_phone(
-    scene: Scene, *, aside: float = 0.0, above: float = 0.0, lens: float = 0.0, distance: float = 2.0
-) -> Callable[[Array], Array]:
-    """Return the projection of a camera turned aside and down [deg], with the lens of `bent_by_a_lens`, for `Scene.project`."""
-    seen = _seen(scene, distance, across=math.radians(aside), down=math.radians(above))
-    return lambda position: _bent(seen(position), lens, scene)
-
-
-def _bent(from_rod: Array, k: float, scene: Scene) -> Array:
-    middle, half = np.array(scene.size) / 2, scene.size[0] / 2
-    off = (np.array(scene.rod) + from_rod - middle) / half
-    return middle + half * off * (1 + k * np.sum(off**2, axis=-1, keepdims=True)) - scene.rod
 
 
 def looping_motion(duration: float = 1.0, effects: Effects | None = None, **apparatus: Any) -> Motion:
@@ -284,8 +268,7 @@ class _Studio:
         tick = Fraction(1, 90000)
         count = round((s.before + s.duration) * s.frame_rate)
         shift = self.random.uniform(0.2, 0.8) / s.frame_rate
-        rows: list[tuple[float, Array, Array, bool, float]] = []
-        picture = None
+        rows: list[tuple[float, Array, Array, float]] = []
         delay = 0.0
         with av.open(str(path), "w") as container:
             container.metadata.update(s.metadata)
@@ -311,19 +294,17 @@ class _Studio:
                 clock = (i + delay + unrest + 1) / stored_rate
                 if i in s.lost:
                     continue
-                is_copy = i in s.repeated and picture is not None
-                if not is_copy:
-                    picture, light, heavy = self._frame(t)
+                picture, light, heavy = self._frame(t)
                 frame = av.VideoFrame.from_ndarray(picture, format="yuv420p")
                 if s.pixels != "yuv420p":
                     frame = frame.reformat(format=s.pixels)
                 frame.pts, frame.time_base = round(clock / tick), tick
                 container.mux(stream.encode(frame))
-                rows.append((t, light, heavy, is_copy, clock))
+                rows.append((t, light, heavy, clock))
             container.mux(stream.encode())
-        t, light, heavy, repeated, clock = (np.array(column) for column in zip(*rows, strict=True))
+        t, light, heavy, clock = (np.array(column) for column in zip(*rows, strict=True))
         return Truth(
-            t=t, light=light, heavy=heavy, repeated=repeated, clock=clock,
+            t=t, light=light, heavy=heavy, clock=clock,
             rod=self.seen(np.zeros(2)), scale=s.scale, motion=self.motion,
         )  # fmt: skip
 
@@ -351,8 +332,6 @@ class _Studio:
         _blend(canvas, [_box(p - origin, half) for p in heavies], self.heavy_colour, 1.0)
         _blend(canvas, [_disc(p - origin, s.light_radius * s.scale, 0.35) for p in lights], self.light_colour, 1.0)
         picture = self.still_picture.copy()
-        if s.bystander:
-            self._bystander(picture, t)
         changed = cv2.absdiff(canvas, self.still[y0:y1, x0:x1]) > 1e-4
         changed = changed[..., 0] | changed[..., 1] | changed[..., 2]
         picture[y0:y1, x0:x1][changed] = _developed(canvas[changed])
@@ -473,11 +452,6 @@ class _Studio:
                 colour = tuple(int(v) for v in _developed(np.array(SKIN, dtype=np.float32) * tone))
                 ends = [tuple(int(v) for v in np.round(16 * self.seen(place))) for place in (near, far)]
                 cv2.line(picture, *ends, colour, round(2 * share * radius * s.scale), cv2.LINE_AA, 4)
-
-    def _bystander(self, picture: NDArray[np.uint8], t: float) -> None:
-        """Draw somebody who walks by behind the masses."""
-        x = int((0.1 + 0.25 * (t + self.scene.before)) * self.width)
-        cv2.rectangle(picture, (x, int(0.2 * self.height)), (x + int(0.09 * self.width), self.height), (90, 60, 70), -1)
 
     def _background(self) -> NDArray[np.float32]:
         """Return the still picture in linear light, shape (height, width, 3)."""

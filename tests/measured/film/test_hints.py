@@ -10,7 +10,7 @@ from looping_pendulum.measured.film import FilmError
 from looping_pendulum.measured.film.output import track_and_write
 from looping_pendulum.measured.film.record import ScaleRule, Shown, TrackSettings, files_of
 from looping_pendulum.measured.film.track import track
-from tests.measured.film.renderer import Decoy, Scene, bent_by_a_lens, render
+from tests.measured.film.renderer import Decoy, Scene, render, seen_by_a_camera
 from tests.measured.film.test_track import PAPER, errors, rms_per_axis
 
 ROD, SCALE = (395.0, 131.0), 415.0
@@ -131,7 +131,7 @@ def test_a_mirror_image_of_the_light_mass_is_refused_and_told_by_light(film, mot
 @pytest.mark.long
 def test_a_lens_hardly_displaces_the_rod_and_a_person_who_shows_it_holds_it(film):
     """By five percent at half the picture's width; before the lens was fitted, more than half a pixel."""
-    path, truth = film(project=bent_by_a_lens(-0.05, SMALL), seed=406)
+    path, truth = film(project=seen_by_a_camera(SMALL, lens=-0.05), seed=406)
     free = track(path, PAPER).geometry
     assert free.values["distortion"] < -3 * free.errors["distortion"]
     assert np.abs(np.array(free.rod) - ROD).max() < 0.5

@@ -10,15 +10,15 @@ from looping_pendulum.measured.film import FilmError
 from looping_pendulum.measured.film.decode import pictures, survey
 from looping_pendulum.measured.film.track import track
 from tests.blind import Effects
-from tests.measured.film.renderer import Scene, bent_by_a_lens, cut_off, looping_motion, render, seen_from_aside
+from tests.measured.film.renderer import Scene, cut_off, looping_motion, render, seen_by_a_camera
 from tests.measured.film.test_track import PAPER, WRONG, errors, rms_per_axis
 
 SMALL = Scene(before=0.1, duration=0.6, frame_rate=120, size=(640, 360), scale=415.0, rod=(395.0, 131.0), seed=501)
 
 KINDS = {
     # A camera that is turned aside shows the nearer half of the circle larger, which moves the rod
-    "perspective": {"project": seen_from_aside(5, SMALL)},
-    "lens": {"project": bent_by_a_lens(-0.02, SMALL)},
+    "perspective": {"project": seen_by_a_camera(SMALL, aside=5)},
+    "lens": {"project": seen_by_a_camera(SMALL, lens=-0.02)},
     "10 bit HEVC": {"codec": "libx265", "pixels": "yuv420p10le", "hdr": True},
     "rotated": {"rotation": 90},
     "uneven times": {"jitter": 0.4},

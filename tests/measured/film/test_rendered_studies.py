@@ -12,8 +12,8 @@ import pytest
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.result import Verdict
 from tests.blind import Effects
-from tests.measured.film.conftest import tracked_study
-from tests.measured.film.renderer import Scene, bent_by_a_lens, looping_motion, render, seen_from_above, seen_from_aside
+from tests.measured.film.conftest import tracked_study, write_study
+from tests.measured.film.renderer import Scene, looping_motion, render, seen_by_a_camera
 
 pytestmark = pytest.mark.accurate
 PLAIN = Scene(before=0.1, duration=0.75)
@@ -32,8 +32,8 @@ FILMS = {
     "turned": {"rotation": 90},
     "10 bit": {"codec": "libx265", "pixels": "yuv420p10le", "hdr": True},
     "rolling": {"readout": READOUT},
-    "from aside": {"project": seen_from_aside(2, PLAIN)},
-    "lens": {"project": bent_by_a_lens(-0.005, PLAIN)},
+    "from aside": {"project": seen_by_a_camera(PLAIN, aside=2)},
+    "lens": {"project": seen_by_a_camera(PLAIN, lens=-0.005)},
 }
 """Kind of film -> changes of the scene."""
 CLEAN = [*((name, seed, "") for seed, name in enumerate(FILMS, start=701)), ("rolling", 712, ROLLING), ("plain", 713, ""),
@@ -59,20 +59,8 @@ def study(folder, kind, seed, effects, line):
         angle += float(random.uniform(-2, 2))
         motion = looping_motion(0.8, effects, heavy_mass=heavy_mass, release_angle=math.radians(angle))
         render(folder / f"{name}.mp4", scene, motion)
-        stated = angle + float(random.normal(0, 0.4))
-        trials.append(
-            f"- name: {name}\n  file: {name}.mp4\n  held_out: {str(name == 'c').lower()}\n"
-            f"  heavy: {{mass: {1e3 * heavy_mass:g} g +/- 0.5 %}}\n"
-            f"  release: {{angle: {stated:.2f} deg +/- 0.5 deg, free_length: 58 cm +/- 1 mm, hanging_length: 5 cm +/- 1 cm}}\n"
-            + (f"  {line}\n" if line else "")
-        )
-    path = folder / "study.yaml"
-    path.write_text(
-        "title: rendered\napparatus:\n  light: {mass: 10 g +/- 0.5 %}\n  rod: {radius: 6.25 mm +/- 1 %}\n"
-        "effects: {gravity: 9.81 m/s^2, capstan: free, light_drag: free, heavy_drag: free, string_drag: free}\n"
-        f"trials:\n{''.join(trials)}"
-    )
-    return tracked_study(path)
+        trials.append((name, heavy_mass, angle + float(random.normal(0, 0.4))))
+    return tracked_study(write_study(folder, trials, "5 cm +/- 1 cm", line))
 
 
 def named(result):
@@ -105,7 +93,6 @@ def test_a_camera_that_looks_down_is_named(tmp_path, monkeypatch):
 
     What a careful set-up leaves of it, half a degree, is an error of the film's own camera, and the rest is named.
     """
-    degrees, distance = 2.0, 3.0
-    monkeypatch.setitem(FILMS, "from above", {"project": seen_from_above(degrees, PLAIN, distance)})
+    monkeypatch.setitem(FILMS, "from above", {"project": seen_by_a_camera(PLAIN, above=2)})
     result = identify(study(tmp_path, "from above", 731, Effects(), ""))
     assert any("perspective_y" in names and names <= OF_A_CAMERA for names in named(result)), result.sentence

@@ -48,7 +48,7 @@ def errors(points, truth_places, truth):
     """Distances [px] of a mass's points from the truth, of the frames from the release on, and the share of these frames."""
     after = truth.t[points.frame] >= 0
     distance = np.linalg.norm(points.place - truth_places[points.frame], axis=1)[after]
-    return distance, len(distance) / np.sum((truth.t >= 0) & ~truth.repeated)
+    return distance, len(distance) / np.sum(truth.t >= 0)
 
 
 def rms_per_axis(distance):
@@ -292,9 +292,8 @@ def test_a_record_that_is_a_pipe_is_refused_at_once(tmp_path):
         read_track(tmp_path / "trial.mp4", {})
 
 
-def test_a_table_that_was_changed_after_tracking_is_not_taken_in_silence(tracked, ordinary, tmp_path):
-    film = tmp_path / "trial.mp4"
-    shutil.copy(ordinary[0], film)
+def test_a_table_that_was_changed_after_tracking_is_not_taken_in_silence(tracked, of_a_film):
+    film = of_a_film / "trial.mp4"
     files = files_of(film)
     output.write(tracked, files)
     assert not any("was changed" in note for note in film_points.read_film(film, {}, "trial").assumptions)
@@ -338,28 +337,22 @@ def test_a_light_mass_that_a_hand_stops_is_followed_where_it_stands(stopping, tm
 
 
 @pytest.mark.long
-def test_a_fit_weighs_points_by_the_errors_that_the_film_states(tracked, ordinary, tmp_path):
+def test_a_fit_weighs_points_by_the_errors_that_the_film_states(tracked, of_a_film):
     from looping_pendulum.discrepancy.fit.data import trial_data
     from looping_pendulum.measured.edits import read_trial
 
-    films = files_of(tmp_path / "trial.mp4")
-    (tmp_path / "study.yaml").write_text(
-        "title: a film\napparatus: {light: {mass: 10 g}, heavy: {mass: 100 g}, rod: {radius: 6.25 mm}}\n"
-        "trials: [{file: trial.mp4, release: {angle: 112 deg, free_length: 58 cm +/- 1 mm}}]\n"
-    )
-    shutil.copy(ordinary[0], tmp_path / "trial.mp4")
-    found = tracked
-    error, streak = found.light.counted_error.copy(), found.light.streak.copy()
+    films = files_of(of_a_film / "trial.mp4")
+    error, streak = tracked.light.counted_error.copy(), tracked.light.streak.copy()
     error[60:70], streak[60:70] = 9.0, 30.0  # pixels: a long streak
-    output.write(replace(found, light=replace(found.light, counted_error=error, streak=streak)), films)
+    output.write(replace(tracked, light=replace(tracked.light, counted_error=error, streak=streak)), films)
     assert films.table.read_text().count("light streak") == 10
-    study = load(tmp_path / "study.yaml")
+    study = load(of_a_film / "study.yaml")
     data = trial_data(study.trials[0], read_trial(study, study.trials[0]))
     channel = next(c for c in data.channels if c.name == "light_x")
     sigma = data.sigma[data.slices["light_x"]]
-    flagged = np.isclose(np.interp(channel.t, *channel.stated_error), 9.0 / found.geometry.scale, rtol=1e-3)
+    flagged = np.isclose(np.interp(channel.t, *channel.stated_error), 9.0 / tracked.geometry.scale, rtol=1e-3)
     assert flagged.sum() == 10
-    assert sigma[flagged].min() >= 8.9 / found.geometry.scale
+    assert sigma[flagged].min() >= 8.9 / tracked.geometry.scale
     assert np.median(sigma[~flagged]) < 2e-3
 
 
@@ -375,10 +368,9 @@ def test_the_command_prints_the_lines_of_a_study(ordinary, tmp_path):
 
 
 @pytest.mark.long
-def test_a_new_study_takes_what_the_film_shows_of_the_release(tracked, ordinary, tmp_path, monkeypatch):
+def test_a_new_study_takes_what_the_film_shows_of_the_release(tracked, of_a_film, monkeypatch):
     monkeypatch.setattr("looping_pendulum.measured.film.output.track", lambda *args, **options: tracked)
-    film, study = tmp_path / "trial.mp4", tmp_path / "mine.yaml"
-    shutil.copy(ordinary[0], film)
+    film, study = of_a_film / "trial.mp4", of_a_film / "mine.yaml"
     arguments = [
         *("new", "study", str(film), "--out", str(study), "--free-length", "58 cm +/- 1 mm"),
         *("--light-mass", "10 g", "--heavy-mass", "100 g", "--rod-diameter", "12.5 mm +/- 1 %"),

@@ -25,7 +25,7 @@ from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.runs.events import EVENT_QUANTITIES, event_value
 from looping_pendulum.scenarios import loader
 from tests.blind.cases import CASES, CLEAN
-from tests.discrepancy.blind_study import TWO_RATIOS, WHOLE_LIBRARY, only_candidates
+from tests.discrepancy.blind_study import TWO_RATIOS, WHOLE_LIBRARY, fit_declared, only_candidates
 from tests.discrepancy.event_study import PAPER, write_blind_study, write_paper_study
 from tests.discrepancy.expected import EXPECTED
 
@@ -194,11 +194,10 @@ def test_a_hidden_linear_drag_is_named_from_events_alone(tmp_path):
 def test_events_beside_a_trajectory_join_the_fit(tmp_path):
     """A table whose clock differs from the video's halt by 40 ms is an alarm; the same table without that is none."""
     path = write_blind_study(tmp_path, CLEAN, 3, trials=["ten_a", "eight"], tracks_of=("ten_a",))
-    inputs = read_inputs(load(path))
+    inputs, fit = fit_declared(path)
     (data,) = inputs.training
     assert data.channels
     assert data.events
-    fit = calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters))
     assert check_event_residuals(fit)[0].passes
     late = tuple(dataclasses.replace(e, value=e.value + 0.04) if e.quantity == "halting_time" else e for e in data.events)
     wrong = calibrate(Problem(inputs.study, [dataclasses.replace(data, events=late)], inputs.free_parameters))

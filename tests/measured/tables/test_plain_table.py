@@ -14,12 +14,6 @@ from tests.measured.tables.test_readers import FORMS
 from tests.measured.test_clock import motion
 
 
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def assert_same_points(found, expected):
     assert [c.name for c in found.channels] == [c.name for c in expected.channels]
     for mine, theirs in zip(found.channels, expected.channels, strict=True):
@@ -34,31 +28,28 @@ def written_and_read(observations):
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_whatever_the_form_was_the_plain_table_has_its_points(here, form):
+def test_whatever_the_form_was_the_plain_table_has_its_points(clip, form):
     content, options = FORMS[form]
-    Path("clip.csv").write_bytes(content if isinstance(content, bytes) else content.encode())
-    expected = read("clip.csv", **options)
+    expected = read(clip(content), **options)
     assert_same_points(written_and_read(expected), expected)
 
 
 @pytest.mark.parametrize(("decimals", "unit", "factor"), [(3, "m", 1), (1, "cm", 100), (6, "m", 1), (2, "in", 1 / 0.0254)])
-def test_digits_that_were_rounded_stay_so(here, decimals, unit, factor):
+def test_digits_that_were_rounded_stay_so(clip, decimals, unit, factor):
     t = np.arange(60) / 240
     values = factor * motion(np.linspace(0, 1, 60))
     rows = "".join(f"{time:.3f},{','.join(f'{v:.{decimals}f}' for v in row)}\n" for time, row in zip(t, values, strict=True))
     names = ",".join(["t", *(f"{n} [{unit}]" for n in ("light_x", "light_y", "heavy_x", "heavy_y"))])
-    Path("clip.csv").write_text(f"{names}\n{rows}")
-    expected = read("clip.csv")
+    expected = read(clip(f"{names}\n{rows}"))
     found = written_and_read(expected)
     assert_same_points(found, expected)
     if unit != "in":  # which has no whole number of digits in metres
         assert [c.last_digit for c in found.channels] == pytest.approx([c.last_digit for c in expected.channels])
 
 
-def test_look_writes_what_it_read_of_a_table_and_says_what_it_guessed(here):
+def test_look_writes_what_it_read_of_a_table_and_says_what_it_guessed(clip):
     rows = "".join(f"{i / 240:.5f} {5 * i % 7 / 100} {20 + i * i / 9} {30 - i} {-20 + i / 50}\n" for i in range(30))
-    Path("odd.txt").write_text("t x1 y1 x2 y2\n" + rows)
-    done = CliRunner().invoke(app, ["look", "odd.txt", "--write", "plain.csv"])
+    done = CliRunner().invoke(app, ["look", str(clip("t x1 y1 x2 y2\n" + rows)), "--write", "plain.csv"])
     assert done.exit_code == 0, done.output
     assert "by their motion: light = '2', heavy = '1'; by their size: length in cm" in done.output
     found = read("plain.csv")
@@ -66,7 +57,6 @@ def test_look_writes_what_it_read_of_a_table_and_says_what_it_guessed(here):
     assert found.channel("light_x").value[0] == pytest.approx(0.3)
 
 
-def test_events_are_no_table_of_points(here):
-    Path("events.csv").write_text("quantity,index,value,sigma,unit\nstop,1,1,1,s\n")
+def test_events_are_no_table_of_points(clip):
     with pytest.raises(DataError, match="found no points over time"):
-        plain_table(read("events.csv"))
+        plain_table(read(clip("quantity,index,value,sigma,unit\nstop,1,1,1,s\n")))

@@ -164,19 +164,9 @@ def test_the_true_position_is_the_inverse_of_what_the_camera_does():
 HEAD = "quantity,index,measured,paper_numerical,unit\n"
 
 
-@pytest.fixture
-def table(tmp_path):
-    def write(text: str | bytes):
-        path = tmp_path / "trial.csv"
-        path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        return path
-
-    return write
-
-
-def test_reads_rows_in_si(table):
+def test_reads_rows_in_si(clip):
     rows = read_event_table(
-        table(f"# comment\n{HEAD}\nx1_extremum,2,0.52,0.53,s\ndrop,1,37,,cm\nwrap_angle_at_halt,1,,4.738,rad\n")
+        clip(f"# comment\n{HEAD}\nx1_extremum,2,0.52,0.53,s\ndrop,1,37,,cm\nwrap_angle_at_halt,1,,4.738,rad\n")
     ).rows
     assert [(r.quantity, r.index, r.measured, r.paper_numerical, r.unit) for r in rows] == [
         ("x1_extremum", 2, 0.52, 0.53, "s"),
@@ -204,16 +194,16 @@ def test_reads_rows_in_si(table):
         (b"#" * 2_000_000, ": found more than 1 MiB"),
     ],
 )
-def test_a_faulty_table_gives_its_line(table, text, message):
-    path = table(text)
+def test_a_faulty_table_gives_its_line(clip, text, message):
+    path = clip(text)
     with pytest.raises(DataError) as caught:
         read_event_table(path)
     assert str(caught.value).startswith(f"{path}{message}")
     assert str(caught.value).isprintable()
 
 
-def test_checksum_must_agree(table):
-    path = table(f"{HEAD}halt,1,0.4,0.38,s\n")
+def test_checksum_must_agree(clip):
+    path = clip(f"{HEAD}halt,1,0.4,0.38,s\n")
     right = hashlib.sha256(path.read_bytes()).hexdigest()
     assert len(read_event_table(path, right.upper()).rows) == 1
     with pytest.raises(DataError, match="found SHA-256 .*, needed 000000000000"):

@@ -1,6 +1,6 @@
 """Studies and single films as strangers make them: every property is drawn, and every stated value has its error.
 
-`python -m tests.measured.film.strangers --seeds 900-939 --folder F` renders studies of three films, types docs/film.md's
+`python -m research.films_of_strangers --seeds 900-939 --folder F` renders studies of three films, types docs/film.md's
 commands for each, every command in its own process, and prints a line for each study and a summary. `--releases 40` tracks
 single films, and prints errors of the release's instant and angle over their stated errors.
 
@@ -22,7 +22,7 @@ import tempfile
 import time
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -30,9 +30,10 @@ from typing import Any
 import numpy as np
 
 from tests.blind import Effects
-from tests.measured.film.renderer import Scene, Truth, looping_motion, render, seen_by_a_phone, until_ball_rests
+from tests.measured.film.renderer import Scene, Truth, looping_motion, render, seen_by_a_camera, until_ball_rests
 from tests.measured.film.test_rendered_studies import OF_A_CAMERA
 
+ROOT = Path(__file__).parents[1]
 STRING_LENGTH = 0.64
 """[m]"""
 HIDDEN = {
@@ -84,7 +85,7 @@ class Case:
     scene: dict[str, Any]
     """Of `Scene`."""
     camera: dict[str, float]
-    """Of `seen_by_a_phone`."""
+    """Of `seen_by_a_camera`."""
     stated_light_mass: float
     """[kg]"""
     stated_heavy_masses: tuple[float, ...]
@@ -200,7 +201,7 @@ def rendered(folder: str | Path, case: Case) -> Path:
     """Return the folder of a case's films and its truth.json, which are made unless the same sources did so before."""
     folder = Path(folder)
     known = folder / "truth.json"
-    sources = [Path(__file__).parent / name for name in ("renderer.py", "../blind/simulator.py")]
+    sources = [ROOT / "tests" / name for name in ("measured/film/renderer.py", "blind/simulator.py")]
     made_of = repr(case) + hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()
     if known.exists() and json.loads(known.read_text())["made_of"] == made_of:
         return folder
@@ -218,9 +219,9 @@ def rendered(folder: str | Path, case: Case) -> Path:
     for k, motion in enumerate(motions, start=1):
         end = float(motion.t[np.any(np.abs(motion.light - motion.light[-1]) > 1e-5, axis=1)][-1])
         seed = int(random.integers(1, 2**31))
-        project = seen_by_a_phone(scene, **case.camera) if case.camera else None
-        own = {"duration": min(end + 0.15, 1.3), "seed": seed, "project": project}
-        truth = render(folder / f"t{k}.mp4", Scene(**(_settings(scene) | own)), motion)
+        project = seen_by_a_camera(scene, distance=2.0, **case.camera) if case.camera else None
+        own = replace(scene, duration=min(end + 0.15, 1.3), seed=seed, project=project)
+        truth = render(folder / f"t{k}.mp4", own, motion)
         films.append(_truth(truth, scene, case, k, end))
     tree = {
         "made_of": made_of, "seed": case.seed, "hidden": case.hidden, "kind": str(case),
@@ -231,10 +232,6 @@ def rendered(folder: str | Path, case: Case) -> Path:
     return folder
 
 
-def _settings(scene: Scene) -> dict[str, Any]:
-    return {f.name: getattr(scene, f.name) for f in fields(scene)}
-
-
 def _framed(scene: Scene, motions: list[Any], random: np.random.Generator) -> Scene:
     """Return a scene in which all motions fit into the picture, at a scale of 900 px/m at most."""
     places = np.vstack([part[:, :2] * (1, -1) for m in motions for part in (m.light, m.heavy)])
@@ -243,7 +240,7 @@ def _framed(scene: Scene, motions: list[Any], random: np.random.Generator) -> Sc
     room = np.array(scene.size) - 2 * EDGE
     scale = min(float(np.min(room / (high - low))), 900.0)
     rod = EDGE - scale * low + random.uniform(0.2, 0.8, 2) * (room - scale * (high - low))
-    return Scene(**(_settings(scene) | {"scale": scale, "rod": (float(rod[0]), float(rod[1]))}))
+    return replace(scene, scale=scale, rod=(float(rod[0]), float(rod[1])))
 
 
 def _truth(truth: Truth, scene: Scene, case: Case, k: int, end: float) -> dict[str, Any]:
@@ -307,8 +304,7 @@ def judged(folder: Path, case: Case) -> dict[str, Any]:
 def _typed(argv: list[str], folder: Path) -> tuple[int, str, float]:
     """Return exit status, output, and CPU time [s] of a command in its own process."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    root = Path(__file__).parents[3]
-    environment = os.environ | {"PYTHONPATH": str(root), "OPENBLAS_NUM_THREADS": "1"}
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"}
     try:
         done = subprocess.run(
             [sys.executable, "-m", "looping_pendulum", *argv[1:]], cwd=folder, env=environment, text=True,
@@ -431,7 +427,7 @@ def _release_line(row: dict[str, Any]) -> str:
 
 def main() -> None:
     """Run the studies or the releases."""
-    parser = argparse.ArgumentParser(prog="python -m tests.measured.film.strangers", description=main.__doc__)
+    parser = argparse.ArgumentParser(prog="python -m research.films_of_strangers", description=main.__doc__)
     parser.add_argument("--seeds", default="900-939", help="first and last seed of the studies")
     parser.add_argument(
         "--folder", default=str(Path(tempfile.gettempdir()) / "strangers"), help="where films and reports are kept"

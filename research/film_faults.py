@@ -1,5 +1,6 @@
-"""The command ``python -m tests.film_faults``."""
+"""Put faults into clean blind films: how many are put right or named, and to how many of them anything is added."""
 
+import shutil
 import tempfile
 from collections import Counter
 from collections.abc import Sequence
@@ -12,8 +13,10 @@ import typer
 from looping_pendulum.cli.terminal import show_table
 from tests.film_faults.faults import KINDS, NONE
 from tests.film_faults.films import APPARATUS
-from tests.film_faults.judging import MOVED_BY, Judgement, Outcome, Task, judge_group, line_of
+from tests.film_faults.judging import MOVED_BY, Judgement, Outcome, judge
 
+Task = tuple[int, str, Path, bool]
+"""Number of a study, its kind of fault, its folder, and whether it is identified."""
 SHOWN = 400
 """Longest message that is shown [characters]; the whole one is kept with the study."""
 
@@ -27,6 +30,25 @@ def tasks(count: int, seed: int, kinds: Sequence[str], folder: Path, *, with_ide
         name = f"{number}-{kind.replace(' ', '_')}"
         groups.setdefault(number % APPARATUS, []).append((number, kind, folder / name, with_identify))
     return list(groups.values())
+
+
+def judge_group(group: list[Task]) -> list[Judgement]:
+    """Judge the studies of one apparatus; the folders of failures are kept."""
+    judged = []
+    for number, kind, folder, with_identify in group:
+        judgement = judge(number, kind, folder, with_identify=with_identify)
+        if judgement.outcome.is_failure:
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / "failure.txt").write_text(f"{line_of(judgement)}\n{judgement.message}\n", encoding="utf-8")
+        else:
+            shutil.rmtree(folder)
+        judged.append(judgement)
+    return judged
+
+
+def line_of(judgement: Judgement) -> str:
+    """Return number, kind, outcome and detail of a study."""
+    return f"{judgement.number} {judgement.kind}: {judgement.outcome}; {judgement.detail}"
 
 
 def main(
