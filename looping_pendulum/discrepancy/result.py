@@ -23,9 +23,9 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue, SkipJsonSc
 from pydantic_core import core_schema
 
 from looping_pendulum.compare import json_text
-from looping_pendulum.discrepancy.candidates import Candidate, in_words
+from looping_pendulum.discrepancy.candidates import Candidate
 from looping_pendulum.discrepancy.evidence.explain import Explanations, Judged
-from looping_pendulum.discrepancy.evidence.explanation import Explanation, Key
+from looping_pendulum.discrepancy.evidence.explanation import Explanation, Key, parts_in_words
 from looping_pendulum.discrepancy.evidence.laws import Closure
 from looping_pendulum.discrepancy.evidence.prior import least_distance
 from looping_pendulum.discrepancy.evidence.templates import SmallestVisible
@@ -136,8 +136,7 @@ class RankedExplanation:
     @property
     def in_words(self) -> str:
         """Its parts in plain words; "nothing" without any."""
-        law = [f"an unlisted {self.law.in_words}"] if self.law else []
-        return " and ".join([*(in_words(e.name) for e in self.effects), *law]) or "nothing"
+        return parts_in_words((e.name for e in self.effects), self.law)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""The measurements of films start: both had broken unseen."""
+"""The measurements of films start: one had not since a folder moved."""
 
 import subprocess
 import sys

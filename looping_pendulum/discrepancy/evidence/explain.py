@@ -60,11 +60,10 @@ class Explanations:
                 if NOTHING not in self.credible:
                     self.contradicted = self.contradicted or wrong[0]
                 # With what adds nothing that shows to it, and so was counted with it
-                refused = {
-                    key for e in wrong for key, whole in self._fitted.items()
-                    if key >= e.key and whole.log_posterior <= e.log_posterior
+                self._fitted = {
+                    key: e for key, e in self._fitted.items()
+                    if not any(key >= w.key and e.log_posterior <= w.log_posterior for w in wrong)
                 }  # fmt: skip
-                self._fitted = {key: e for key, e in self._fitted.items() if key not in refused}
                 self._rank()
         except KeyboardInterrupt:
             self.interrupted = True

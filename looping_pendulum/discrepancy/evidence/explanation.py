@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -68,8 +68,7 @@ class Parts:
     @property
     def in_words(self) -> str:
         """All parts in plain words; "nothing" without any."""
-        law = [f"an unlisted {self.law.in_words}"] if self.law else []
-        return " and ".join([*(in_words(name) for name in sorted(c.name for c in self.effects)), *law]) or "nothing"
+        return parts_in_words(sorted(c.name for c in self.effects), self.law)
 
     @property
     def kind(self) -> tuple[int, bool]:
@@ -86,6 +85,11 @@ class Parts:
         if self.law and self.law.name == part:
             return {*self.law.point_coefficients, *self.law.names}
         return {name for c in self.effects if c.name == part for name in (c.name, *(k.name for k in c.companions))}
+
+
+def parts_in_words(effects: Iterable[str], law: Closure | None) -> str:
+    """Return effects, by their names, and a law in plain words; "nothing" without any."""
+    return " and ".join([*map(in_words, effects), *([f"an unlisted {law.in_words}"] if law else [])]) or "nothing"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
