@@ -94,8 +94,11 @@ class Explanations:
         """Return the credible explanations of which the held-out trials contradict a part, or do not confirm the law.
 
         What is wrong in all trials alike, the declared fit imitates in each of them by other values, so that it predicts a
-        held-out trial as well: then the probability of all trials together decides.
+        held-out trial as well: then the probability of all trials together decides. Where no trial is held out, blocks of
+        time judge what is left, by the tests of what would be claimed.
         """
+        if not self._inputs.held_out:
+            return []
         found = []
         for e in (self._fitted[key] for key in self.credible):
             for part in sorted(e.key):
@@ -124,7 +127,7 @@ class Explanations:
         return ModelTest(
             subject=in_words(e.key),
             statistic=f"log odds against {in_words(self.best.key)}",
-            value=e.log_posterior - self.search.fitted[self.best.key].log_posterior,
+            value=e.log_posterior - self.best.log_posterior,
             limit=DECISIVE,
             failure=f"the data ask for {e.parts.in_words}, which {refused}",
         )

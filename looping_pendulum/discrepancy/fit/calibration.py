@@ -161,7 +161,7 @@ def minimise(
     if r is None:
         raise FitError("the model cannot run at the start of the fit; check the study's values")
     cost, damping, iterations = float(r @ r), FIRST_DAMPING, 1
-    longest_step, least = MAX_STEP, math.inf
+    longest_step, growth, least = MAX_STEP, 2.0, math.inf
     model = _LinearModel(problem, x, r, jacobian)
     while iterations < max_iterations and model.largest_decrease >= cost_tolerance * cost:
         if fits_end_now():
@@ -176,12 +176,12 @@ def minimise(
         new, new_jacobian = problem.residuals_and_jacobian(there)
         iterations += 1
         if new is None or float(new @ new) >= cost:
-            damping, longest_step = max(10 * damping, FIRST_DAMPING), MAX_STEP
+            damping, growth, longest_step = growth * damping, 2 * growth, MAX_STEP
             continue
         agreement = min((cost - float(new @ new)) / max(model.decrease(there), 1e-300), 1.0)
         longest_step = STEP_GROWTH * longest_step if agreement > MIN_AGREEMENT else MAX_STEP
         # Nielsen's rule (1999): one that changes gradually, where a tenfold change each step goes to and fro in a curved valley
-        damping = max(damping * max(0.1, 1 - (2 * agreement - 1) ** 3), MIN_DAMPING)
+        damping, growth = max(damping * max(0.1, 1 - (2 * agreement - 1) ** 3), MIN_DAMPING), 2.0
         x, r, jacobian, cost = there, new, new_jacobian, float(new @ new)
         model = _LinearModel(problem, x, r, jacobian)
         least_before, least = least, cost - model.largest_decrease
