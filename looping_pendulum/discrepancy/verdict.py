@@ -12,7 +12,7 @@ import numpy as np
 from looping_pendulum.discrepancy.candidates import in_words
 from looping_pendulum.discrepancy.evidence.explain import Explanations, Judged
 from looping_pendulum.discrepancy.evidence.explanation import NOTHING
-from looping_pendulum.discrepancy.evidence.prior import DECISIVE, LEAST_FALL
+from looping_pendulum.discrepancy.evidence.prior import DECISIVE
 from looping_pendulum.discrepancy.fit.data import CorrelatedNoise
 from looping_pendulum.discrepancy.fit.residual import BLOCKS, ModelTest, failures_in_words
 from looping_pendulum.discrepancy.formulas import Unlisted
@@ -51,8 +51,6 @@ class ModelTests:
     """Whether held-out data are predicted to their noise."""
     gain: ModelTest | None = None
     """Log of the factor by which the model makes held-out data more probable than the declared one; None: it is that."""
-    fall: ModelTest | None = None
-    """Fall of the held-out error [its standard deviation] by a model with a law; None: it has none, or no trial is held out."""
     contradiction: ModelTest | None = None
     """Of the declared model where a more probable one fails the held-out data: its odds."""
     explained_share: float = 0.0
@@ -61,7 +59,7 @@ class ModelTests:
     @property
     def all(self) -> tuple[ModelTest, ...]:
         """Every test."""
-        return (*self.fit, *self.held_out, *(t for t in (self.gain, self.fall, self.contradiction) if t))
+        return (*self.fit, *self.held_out, *(t for t in (self.gain, self.contradiction) if t))
 
     @property
     def predicts(self) -> bool:
@@ -76,7 +74,7 @@ class ModelTests:
     @property
     def explains(self) -> bool:
         """Whether the model may be said to explain the data: held-out ones to noise, or most of what is missed of them."""
-        is_no_worse = all(t.passes for t in (*self.fit, self.gain, self.fall) if t)
+        is_no_worse = all(t.passes for t in (*self.fit, self.gain) if t)
         return is_no_worse and (self.predicts or (self.confirmed and self.explained_share > LEAST_EXPLAINED))
 
 
@@ -88,10 +86,10 @@ def tests_of(model: Judged, declared: Judged, contradiction: ModelTest | None) -
     contradiction
         `Explanations.contradiction`, where the declared model alone is left.
     """
-    gain, fall, share = None, None, 0.0
+    gain, share = None, 0.0
     if model is not declared:
         worst = model.held_out.worst
-        chi2, chi2_declared, count, distance = _chi2_of_both(model, declared)
+        chi2, chi2_declared, count = _chi2_of_both(model, declared)
         share = (chi2_declared - chi2) / max(chi2_declared - count, 1.0)
         is_of_blocks = math.isnan(model.log_prediction)
         gain = ModelTest(
@@ -102,9 +100,6 @@ def tests_of(model: Judged, declared: Judged, contradiction: ModelTest | None) -
             limit_is_lower=True,
             failure=f"with what the other trials say of it, the {worst.subject} is less probable than by the declared model",
         )
-        if model.explanation.parts.law and model.held_out.fits:
-            value, statistic = (chi2_declared - chi2) / max(2 * distance, 1e-9), "fall of chi2 in its standard deviations"
-            fall = dataclasses.replace(gain, subject=worst.subject, statistic=statistic, value=value, limit=LEAST_FALL)
     convergence = ModelTest(
         subject="fit",
         statistic="converged (1: yes)",
@@ -118,31 +113,28 @@ def tests_of(model: Judged, declared: Judged, contradiction: ModelTest | None) -
         seeks_patterns=model.tests.seeks_patterns,
         held_out=model.held_out.results,
         gain=gain,
-        fall=fall,
         contradiction=contradiction,
         explained_share=share,
     )
 
 
-def _chi2_of_both(model: Judged, declared: Judged) -> tuple[float, float, int, float]:
+def _chi2_of_both(model: Judged, declared: Judged) -> tuple[float, float, int]:
     """Return chi2 of the worst held-out trial, or of all blocks of time, by a model and by the declared one, and its mean.
 
     Of a trial by the same points and the smaller noise of the two, since a model that misses it finds its noise larger, too.
-    Last the distance of both predictions [noise]: noise makes the difference of the two chi2 scatter by twice that.
     """
     results = model.held_out.results
     if not model.held_out.fits:
         count = model.training.problem.count
-        return results[0].value * count, declared.held_out.results[0].value * count, count, math.nan
+        return results[0].value * count, declared.held_out.results[0].value * count, count
     worst = results.index(model.held_out.worst)
     fits = model.held_out.fits[worst], declared.held_out.fits[worst]
     data = fits[0].problem.data[0]
     data = dataclasses.replace(data, sigma=np.minimum(data.sigma, fits[1].problem.data[0].sigma))
     used = np.all([np.isfinite(f.problem.data[0].sigma) for f in fits], axis=0)
-    by_model, by_declared = (f.problem.predict(f.x, 0) for f in fits)
-    differences = data.value - by_model, data.value - by_declared, by_model - by_declared
-    of_model, of_declared, apart = (float(np.sum(data.standardise(np.where(used, off, 0.0)) ** 2)) for off in differences)
-    return of_model, of_declared, int(used.sum()), math.sqrt(apart)
+    differences = (data.value - f.problem.predict(f.x, 0) for f in fits)
+    of_model, of_declared = (float(np.sum(data.standardise(np.where(used, off, 0.0)) ** 2)) for off in differences)
+    return of_model, of_declared, int(used.sum())
 
 
 def verdict_by_evidence(found: Explanations) -> Verdict:

@@ -60,11 +60,6 @@ LAW_PREDICTS = math.log(1000.0)
 
 A law can take any form, and what two trials of one camera have in common may be the camera's.
 """
-LEAST_FALL = 2.0
-"""Standard deviations of itself by which a law must let the error of a held-out trial fall, fitted to the training trials.
-
-By white noise of the points. A wide law makes a trial more probable, too, by what it leaves open.
-"""
 TIE = 3.0
 """Factor by which the probability of all others may be below that of `CREDIBLE` and still be a tie, as priors are not known
 better than this."""

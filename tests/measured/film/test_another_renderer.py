@@ -92,7 +92,7 @@ def test_the_page_typed_leads_to_the_verdict(study, tmp_path):
         assert done.returncode == 0, done.stdout + done.stderr
         assert "Warning" not in done.stderr
     found = json.loads((tmp_path / "report/verdict.json").read_text())
-    credible = [{e["name"] for e in one["effects"]} for one in found["explanations"] if one["credible"]]
+    credible = [{e["candidate"]["name"] for e in one["effects"]} for one in found["explanations"] if one["credible"]]
     assert credible == [{HIDDEN[study]} if study in HIDDEN else set()], found["sentence"]
 
 
