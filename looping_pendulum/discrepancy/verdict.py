@@ -341,7 +341,7 @@ def verdict_notes(
     if nearest and verdict is Verdict.NO_MISSING_EFFECT:
         added, odds = explanation_in_words(nearest, with_values=False), 10 ** min(-nearest.log10_odds, 300.0)
         notes.append(f"The model comes nearest with {added}; {amount(odds)} to 1 that it is chance.")
-    if len(trials) == 1 and any(e.credible and e.effects for e in explanations):
+    if len(trials) == 1 and any(e.credible and e.names for e in explanations):
         notes.append(
             "All this comes from one trial: the intervals presume that what was declared has the right form and that nothing "
             "else acts, as what acts alike in this trial is counted with what was found. A trial with another heavy mass or "

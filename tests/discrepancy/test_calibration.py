@@ -84,6 +84,17 @@ def test_a_fit_that_was_cut_short_has_not_converged(fit):
     assert not cut.converged
 
 
+def test_a_fit_reaches_the_end_of_a_curved_valley():
+    """Rosenbrock's. A damping that rose a thousandfold after each step that failed took 100 iterations for a part of the way."""
+
+    def residuals_and_jacobian(x):
+        return np.array([10 * (x[1] - x[0] ** 2), 4 - x[0]]), np.array([[20 * x[0], -10.0], [1.0, 0.0]])
+
+    bound = np.full(2, 99.0)
+    problem = SimpleNamespace(low=-bound, high=bound, residuals_and_jacobian=residuals_and_jacobian)
+    assert minimise(problem, np.array([-3.0, 9.0])).x == pytest.approx([4, 16], abs=1e-3)
+
+
 def test_a_fit_ends_at_a_kink_from_which_no_step_leads_down():
     """There the linear model promises a decrease for ever, by a step that is too long by any factor."""
     costs = []

@@ -92,6 +92,16 @@ def test_one_trial_alone_is_judged_on_its_own_blocks(tmp_path, library):
     assert abs(result.effects[0].value - EXPECTED["scale"][1]) < 3 * result.effects[0].error
 
 
+@pytest.mark.long
+def test_a_law_of_one_trial_alone_is_judged_on_its_blocks(tmp_path):
+    """It was refused, as no held-out trial confirms it, and what resembles it was named."""
+    with only_candidates(["friction_per_wrap"]):
+        result = identified(tmp_path, "thrust", 1, trials=["ten_a"])
+    assert result.verdict is Verdict.UNLISTED, result.sentence
+    assert result.judged_on == "held-out blocks of time"
+    assert any("All this comes from one trial" in note for note in result.notes)
+
+
 @pytest.fixture(
     scope="module",
     params=[

@@ -163,7 +163,7 @@ def minimise(
     cost, damping, iterations = float(r @ r), FIRST_DAMPING, 1
     longest_step, growth, least = MAX_STEP, 2.0, math.inf
     model = _LinearModel(problem, x, r, jacobian)
-    while iterations < max_iterations and model.largest_decrease >= cost_tolerance * cost:
+    while iterations < max_iterations and model.largest_decrease > cost_tolerance * cost:
         if fits_end_now():
             break
         there = model.point(damping, longest_step)
