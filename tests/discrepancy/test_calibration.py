@@ -85,7 +85,7 @@ def test_a_fit_that_was_cut_short_has_not_converged(fit):
 
 
 def test_a_fit_reaches_the_end_of_a_curved_valley():
-    """Rosenbrock's. A damping that rose a thousandfold after each step that failed took 100 iterations for a part of the way."""
+    """Rosenbrock's. A damping that rose a thousandfold after each failed step took 100 iterations for a part of the way."""
 
     def residuals_and_jacobian(x):
         return np.array([10 * (x[1] - x[0] ** 2), 4 - x[0]]), np.array([[20 * x[0], -10.0], [1.0, 0.0]])
