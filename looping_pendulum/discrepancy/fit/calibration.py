@@ -180,7 +180,7 @@ def minimise(
             continue
         agreement = min((cost - float(new @ new)) / max(model.decrease(there), 1e-300), 1.0)
         longest_step = STEP_GROWTH * longest_step if agreement > MIN_AGREEMENT else MAX_STEP
-        # Nielsen's rule (1999): one that changes gradually, where a tenfold change each step goes to and fro in a curved valley
+        # Nielsen's rule (1999), above, too: it changes gradually, where tenfold changes go to and fro in a curved valley
         damping, growth = max(damping * max(0.1, 1 - (2 * agreement - 1) ** 3), MIN_DAMPING), 2.0
         x, r, jacobian, cost = there, new, new_jacobian, float(new @ new)
         model = _LinearModel(problem, x, r, jacobian)
