@@ -360,7 +360,9 @@ def _amounts_and_gain(m: Marginal, sets: NDArray[np.intp], stated_sizes: Array) 
     # The tiny summand keeps the matrix regular where templates do the same, or nothing
     square = square + np.eye(sets.shape[1]) * (1e-9 * np.einsum("gsii->gsi", square) + 1e-12)[..., None]
     inverse = np.linalg.inv(square)
-    amounts, widths = np.einsum("gsij,gsj->gsi", inverse, along), np.sqrt(np.einsum("gsii->gsi", inverse))
+    # No amount is known better than alone; where templates do nearly the same, rounding leaves the inverse less than that
+    alone = 1 / np.maximum(np.einsum("gsii->gsi", square), 1e-12)
+    amounts, widths = np.einsum("gsij,gsj->gsi", inverse, along), np.sqrt(np.maximum(np.einsum("gsii->gsi", inverse), alone))
     # The widths are those of each amount by itself; all together have less room by their correlation
     together = -0.5 * np.linalg.slogdet(square)[1] - np.sum(np.log(widths), axis=2)
     log_bf = np.sum(0.5 * amounts * along + log_occam(amounts / widths, stated_sizes[sets] * widths), axis=2) + together
