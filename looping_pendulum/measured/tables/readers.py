@@ -511,6 +511,13 @@ class FileSurvey:
         """Return mass -> name of its track: by the names of the tracks, or by their motion."""
         return propose_masses(self.tracks)
 
+    @property
+    def starts_on_the_right(self) -> bool:
+        """Return whether the light mass's first point is to the right of the heavy mass's line: the picture is mirrored."""
+        x = {mass: track.x for mass, name in self.masses.items() for track in self.tracks if track.name == name}
+        has_both = all(len(x.get(mass, ())) for mass in MASSES)
+        return has_both and bool(x["light"][0] > np.median(x["heavy"]))
+
 
 def survey(path: str | Path) -> FileSurvey:
     """Look into a file of measured data.
