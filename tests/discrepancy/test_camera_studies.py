@@ -35,6 +35,8 @@ NAMED = {
     "wide_lens": {"distortion": -0.3 / 1.5**2, "scale": 1 / (1 - 0.3 / 1.5**2 * 0.25**2)},
 }
 """Blind case -> the camera's errors and their values."""
+TIED = {("from_below", 0), ("from_below", 2), "magnet", "rod that yields"}
+"""Blind cases with their seed, and misjudged studies, in which what has something more beside it cannot be excluded."""
 
 
 @pytest.mark.long
@@ -50,9 +52,9 @@ def test_a_picture_wider_than_it_is_high_is_named_foreshortening(tmp_path):
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("case", sorted(NAMED))
 def test_what_the_camera_does_is_named_with_its_value(tmp_path, case, seed):
-    """Alone, or beside what adds something to it. The first look takes a picture that is 3 % narrower for a mistake."""
+    """The first look takes a picture that is 3 % narrower for a mistake."""
     result = identify(load(write_study(tmp_path, CASES[case], seed, trials=TWO_RATIOS)), anyway=True)
-    assert result.verdict in (Verdict.IDENTIFIED, Verdict.AMBIGUOUS)
+    assert result.verdict is (Verdict.AMBIGUOUS if (case, seed) in TIED else Verdict.IDENTIFIED)
     credible = [e for e in result.explanations if e.credible]
     assert all(set(NAMED[case]) <= set(e.names) and e.law is None for e in credible)
     (right,) = (e for e in credible if set(e.names) == set(NAMED[case]))
@@ -83,15 +85,16 @@ MISJUDGED = {
 @pytest.mark.accurate  # seconds to half a minute each
 @pytest.mark.parametrize("name", MISJUDGED)
 def test_what_was_once_misjudged_is_named(tmp_path, name):
-    """Alone or tied. Oracle: the separate simulator."""
+    """Oracle: the separate simulator."""
     (hidden,) = MISJUDGED[name].hidden
     result = identify(load(write_files(MISJUDGED[name], tmp_path)))
-    assert result.verdict in (Verdict.IDENTIFIED, Verdict.AMBIGUOUS, Verdict.UNLISTED)
+    alone = Verdict.UNLISTED if hidden in PLANTED_LAWS else Verdict.IDENTIFIED
+    assert result.verdict is (Verdict.AMBIGUOUS if name in TIED else alone)
     if hidden == "brake":
         assert (result.unlisted.law.target, result.unlisted.law.coordinate) == PLANTED_LAWS[hidden]
     if hidden in PLANTED_LAWS:
         assert body_of(result.unlisted.law.target) == body_of(PLANTED_LAWS[hidden][0])
-        assert result.explanations[0].law
+        assert result.explanations[0].law is not None
     else:
         assert (hidden,) in [e.names for e in result.explanations if e.credible and e.law is None]
 
