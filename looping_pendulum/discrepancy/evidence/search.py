@@ -168,13 +168,15 @@ class Search:
         """Return the explanations to which more is added: those near the best, and the best of each kind.
 
         Of a kind with fewer parts than the best has, once that is settled, only those that were hardly worse than the one to
-        which it adds something; while it leaves a misfit, of every kind.
+        which it adds something; while it is not, of every kind, and what leaves least by white noise as well.
         """
-        found, best, is_settled = self._near_best(), self.best, self.settled
+        found, best = self._near_best(), self.best
         for of_kind in self._by_kind():
-            if not is_settled or len(of_kind[0].key) < len(best.key):
-                limit = of_kind[0].log_posterior - MARGIN if is_settled else -math.inf
-                found += [e for e in of_kind[:BEAM] if e.log_posterior > limit]
+            if not self.settled:
+                # Errors that last longer than a frame take in what is still missing, so that what is left counts as well
+                found += [*of_kind[:BEAM], *sorted(of_kind, key=lambda e: e.fit.cost)[:BEAM]]
+            elif len(of_kind[0].key) < len(best.key):
+                found += [e for e in of_kind[:BEAM] if e.log_posterior > of_kind[0].log_posterior - MARGIN]
         return found
 
     def _fit_without_parts(self) -> None:
@@ -286,15 +288,12 @@ class Search:
         """Return whether an addition is fitted exactly: others than single effects if they may come near the best.
 
         The linear model may be wrong by a share of what there is to be explained, and says nothing of an effect that has no
-        derivative: that is fitted while the best one is not settled, and beside a law that leaves a misfit. What is then no
-        better than a part of it, is needless.
+        derivative: that is fitted while the best one is not settled. What is then no better than a part of it, is needless.
         """
         if a.parts.law is None and len(a.key) == 1:
             return True
-        if len(a.templates) == 1 and a.templates[0].finite:
-            # A law of any form takes up most of what there is
-            if self.leaves_a_misfit(a.parent) if a.parts.law else not self.settled:
-                return True
+        if len(a.templates) == 1 and a.templates[0].finite and not self.settled:
+            return True
         missing = max(self.best.log_z - a.parent.log_z, a.gain, 0.0)
         # The more its parent explains, the less is left to the linear model
         said = max(self.proposed.get(a.key, (-math.inf, 0.0)), (a.parent.log_z, a.log_posterior + LINEAR_ERROR * missing))
