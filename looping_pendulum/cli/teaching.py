@@ -110,10 +110,11 @@ def tracker(
         ),
     ] = None,
     fps: Annotated[
-        float, typer.Option(metavar="RATE", parser=quantity("Hz"), help="True frame rate of the video [Hz].")
+        float, typer.Option(metavar="RATE", parser=quantity("Hz", least=0.01), help="True frame rate of the video [Hz].")
     ] = 240.0,
     start: Annotated[
-        float, typer.Option(metavar="TIME", parser=quantity("s"), help="Time of the release by the video's clock [s].")
+        float,
+        typer.Option(metavar="TIME", parser=quantity("s", least=0.0), help="Time of the release by the video's clock [s]."),
     ] = 0.0,
     profile: common.ProfileName = Profile.QUICK,
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="File to write; default: NAME-tracker.csv.")] = None,
@@ -127,15 +128,15 @@ def tracker(
     looping-pendulum tracker ten_to_one --fps 240 --start 0.35 --out overlay.csv
     """
     from looping_pendulum.files import file_stem, prepare_output_file, write_atomically
-    from looping_pendulum.teaching.tracker import find_motion, overlay
+    from looping_pendulum.teaching.tracker import find_motion, overlay, tracker_csv
 
     path = out or Path(f"{file_stem(Path(source).stem, engine or '')}-tracker.csv")
     prepare_output_file(path, force=force)
-    frames = overlay(find_motion(source, engine, profile), frame_rate=fps, start=start)
-    write_atomically(path, frames.to_csv())
-    last = frames.first_frame + len(frames.t) - 1
-    say(f"wrote {path}: {frames.name}; one row per frame, frames {frames.first_frame} to {last} at {fps:g} a second")
-    say(f"In Tracker's Model Builder, set the start frame to {frames.first_frame}.")
+    first, rows = overlay(find_motion(source, engine, profile), frame_rate=fps, start=start)
+    write_atomically(path, tracker_csv(rows))
+    last = first + len(rows) - 1
+    say(f"wrote {path}: {engine or 'reference'} of {source}; one row per frame, frames {first} to {last} at {fps:g} a second")
+    say(f"In Tracker's Model Builder, set the start frame to {first}.")
 
 
 def init(
