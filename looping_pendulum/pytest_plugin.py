@@ -77,7 +77,7 @@ def _is_scenario(path: Path) -> bool:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Skip the scenarios that --lp-engines left out; where nothing else is judged they fail, as skips are a success to pytest."""
+    """Skip the scenarios that --lp-engines left out; where nothing else is judged they fail: skips are a success."""
     is_judged = any(isinstance(item, ToleranceItem) and item.get_closest_marker("skip") is None for item in items)
     for item in items:
         if is_judged and isinstance(item, NothingToJudge) and item.was_left_out:
