@@ -466,6 +466,8 @@ def _message(details: ErrorDetails, path: Path, model: Any) -> str:
         return f"missing, needed {_words(_schema_at(model, path), str(path[-1]))}"
     if kind == "too_short":
         return "found an empty list, needed at least one entry"
+    if kind == "string_type":
+        return f"expected text, got {quote(value)}; write for example 'two words'"
     if kind in ("list_type", "tuple_type"):
         return f"expected a list, got {quote(value)}; begin each entry with '- '"
     return no_group(_schema_at(model, path).get("properties", {}), value)

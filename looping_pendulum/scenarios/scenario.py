@@ -43,24 +43,24 @@ class Tolerance:
 
 @dataclass(frozen=True, kw_only=True)
 class Inference:
-    """Values that the source does not print, and that were inferred."""
+    """Values that the source does not print."""
 
     parameters: tuple[str, ...]
-    """Keys as the scenario file writes them, "release.angle"."""
+    """Keys of this file, as "release.angle"."""
     how: str
-    """How they were inferred."""
-    script: str
-    """Path of the script that inferred them, from the project's folder; empty for an assumption."""
+    """How they were found."""
+    script: str = ""
+    """The script that found them; not given for an assumption."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuredTable:
-    """The file with the measured event table of this trial, which is not part of the package."""
+    """The measured event table of this trial."""
 
     file: str
-    """Path below a data folder, with forward slashes."""
+    """Path below a data folder, with forward slashes; the data is not part of the package."""
     sha256: str
-    """Checksum of the file."""
+    """Checksum of that file."""
     source: str
     """Who measured it and where it is printed."""
 
