@@ -54,7 +54,7 @@ def engine_names() -> list[str]:
 OUTSIDE_TOLERANCE, BAD_INPUT, INTERRUPTED = 1, 2, 130
 """Exit statuses beside 0; 130 is the shell's own for a command that Ctrl-C ended."""
 INTERRUPTED_FOLDER = "interrupted"
-"""Name of the folder of an interrupted report, inside the folder of a complete one."""
+"""Name of the folder of an interrupted report, inside the folder of an earlier one."""
 
 
 ScenarioName = Annotated[
@@ -291,40 +291,15 @@ COMPARE_FILES, COMPARE_FOLDERS = ("result.json", "report.md", "report.html", "re
 """Files and folders that `compare.write` writes."""
 
 
-def report_folder(folder: Path, file: str, *, interrupted: bool, was_interrupted: Callable[[Any], bool]) -> Path:
-    """Return the folder to write a report into.
+def report_folder(folder: Path, record: str, *, interrupted: bool) -> Path:
+    """Return the folder to write a report into: ``folder``, or one inside it where an interrupted one would replace another.
 
-    It is ``folder``, unless an interrupted report would overwrite a complete one there: then it is a folder inside it.
-
-    Parameters
-    ----------
-    file
-        Name of the file in ``folder`` that says whether the report there is complete.
-    interrupted
-        Whether the report to write is of an interrupted run.
-    was_interrupted
-        Takes the content of ``file``; returns whether it is of an interrupted run.
+    ``record`` is the name of the file by which an earlier report is known.
     """
-    if not interrupted:
+    if not (interrupted and (folder / record).exists()):
         return folder
-    try:
-        has_complete_report = not was_interrupted(json.loads((folder / file).read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError, KeyError, RecursionError):  # no report, or one that cannot be read
-        has_complete_report = False
-    if not has_complete_report:
-        return folder
-    say(f"interrupted: the complete report in {folder} is kept; this one goes into {folder / INTERRUPTED_FOLDER}", err=True)
+    say(f"interrupted: the earlier report in {folder} is kept; this one goes into {folder / INTERRUPTED_FOLDER}", err=True)
     return folder / INTERRUPTED_FOLDER
-
-
-def comparison_folder(folder: Path, result: ComparisonResult) -> Path:
-    """Return the folder to write a comparison into, as `report_folder` does for any report."""
-    return report_folder(
-        folder,
-        "result.json",
-        interrupted=result.interrupted,
-        was_interrupted=lambda tree: "INTERRUPTED" in (e["status"] for e in tree["engines"]),
-    )
 
 
 @contextmanager

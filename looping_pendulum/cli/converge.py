@@ -63,9 +63,7 @@ def converge(
     chosen = common.load_scenario(scenario)
     engines = chosen_engines(engine or (), profile)
     folder = out or Path("report") / f"{chosen.name}-converge"
-    prepare_output_folder(
-        folder, files=("convergence.md", FILE), folders=("figures",), record=FILE
-    )  # refuse an unusable folder before the work, not after it
+    prepare_output_folder(folder, files=("convergence.md", FILE), folders=("figures",), record=FILE)
     with ProgressBars(time_left=True) as bars:
         result = study_convergence(
             chosen,
@@ -78,9 +76,7 @@ def converge(
             progress=bars.update,
         )
     with common.without_interrupts():
-        folder = common.report_folder(
-            folder, FILE, interrupted=result.interrupted, was_interrupted=lambda result: result["interrupted"]
-        )
+        folder = common.report_folder(folder, FILE, interrupted=result.interrupted)
         written = write(result, folder)
     head = ["variant", "quantity", "verdict", "error", "refining changes it by", "limit's error", "+/-", "choice", "noise"]
     rows = []

@@ -284,9 +284,7 @@ def identify(
     from looping_pendulum.measured.film import is_film
 
     folder = out or Path("report") / loaded.name
-    prepare_output_folder(
-        folder, files=writing.FILES, folders=writing.FOLDERS, record="verdict.json"
-    )  # refuse an unusable folder before the work, not after it
+    prepare_output_folder(folder, files=writing.FILES, folders=writing.FOLDERS, record="verdict.json")
     settle_films(loaded, track=track, keep=keep)
     if films := [path for trial in loaded.trials for path, _ in trial.files if is_film(path)]:
         note(films_in_words(len(films), time_limit))
@@ -295,12 +293,7 @@ def identify(
         result = find(loaded, seed=seed, progress=bars.update, time_limit=left, anyway=anyway)
     interrupted = result.verdict is Verdict.INTERRUPTED
     with without_interrupts():
-        folder = report_folder(
-            folder,
-            "verdict.json",
-            interrupted=interrupted,
-            was_interrupted=lambda verdict: verdict["verdict"] == Verdict.INTERRUPTED,
-        )
+        folder = report_folder(folder, "verdict.json", interrupted=interrupted)
         written = writing.write(result, folder)
     say_prose(f"{result.verdict.value}: {result.sentence}")
     for each in result.notes:

@@ -175,7 +175,7 @@ def run(
     chosen, memory_bytes = common.load_scenario(scenario), parse_memory(memory_limit)
     wanted = chosen_engines(engine, profile) if engine else [ReferenceEngine(profile)]
     if out is not None:
-        prepare_output_folder(out)  # refuse an unusable folder before the work, not after it
+        prepare_output_folder(out)
     with ProgressBars(time_left=True, keep=True) as bars:
         runs = run_all(
             wanted,
@@ -292,13 +292,13 @@ def compare(
     folder = out or Path("report") / chosen.name
     prepare_output_folder(
         folder, files=(*common.COMPARE_FILES, "changes.json"), folders=common.COMPARE_FOLDERS, record="result.json"
-    )  # refuse an unusable folder before the work, not after it
+    )
     limits: dict[str, Any] = {"time_limit": time_limit, "memory_limit": memory_limit, "jobs": jobs}
     result = common.run_and_compare(
         chosen, engine, profile, data=data, trial=trial, meanwhile=common.page_meanwhile(folder), **limits
     )
     changes = None if earlier is None else changes_since(earlier, result, source=str(baseline), relative=baseline_threshold)
-    folder = common.comparison_folder(folder, result)
+    folder = common.report_folder(folder, "result.json", interrupted=result.interrupted)
     written = write(result, folder, changes)
     show_table(*verdict_rows(result))
     common.show_residuals(result)

@@ -100,9 +100,7 @@ def map_(
     memory_bytes = parse_memory(memory_limit)
     folder = out or Path("report") / f"{plan.name}-map"
     if folder.exists():
-        prepare_output_folder(
-            folder, files=(report.REPORT, report.COPY), folders=(STORE,), record=STORE
-        )  # refuse an unusable folder before the work, not after it
+        prepare_output_folder(folder, files=(report.REPORT, report.COPY), folders=(STORE,), record=STORE)
     _show_size(plan)
     with ProgressBars(time_left=True) as bars:
         outcome = runner.run_map(

@@ -62,13 +62,13 @@ def demo(
     folder = out or Path("report") / chosen.name
     prepare_output_folder(
         folder, files=(*common.COMPARE_FILES, pages.FILE), folders=common.COMPARE_FOLDERS, record="result.json"
-    )  # refuse an unusable folder before the work, not after it
+    )
     engines = chosen_engines(engine or (), profile)
     result = None if again else stored_result(folder, chosen, engines)
     if result is None:
         limits: dict[str, Any] = {"time_limit": time_limit, "memory_limit": memory_limit, "jobs": jobs}
         result = common.run_and_compare(chosen, engine, profile, trial=trial, **limits)
-        folder = common.comparison_folder(folder, result)
+        folder = common.report_folder(folder, "result.json", interrupted=result.interrupted)
         write(result, folder)
     else:
         note(f"{folder} has the results of this input; use --again to run the engines again")
@@ -180,7 +180,7 @@ def demonstrations(
         for demonstration in chosen:
             say(f"{demonstration.name:24} {demonstration.title}")
         return
-    prepare_output_folder(out)  # refuse an unusable folder before the work, not after it
+    prepare_output_folder(out)
     runs = []
     for demonstration in chosen:
         say(f"{demonstration.title}\n{demonstration.words['Question']}\n")
@@ -221,7 +221,7 @@ def live(
     from looping_pendulum.teaching import demo
 
     chosen = common.load_scenario(scenario)
-    prepare_output_file(out, force=force)  # refuse an unusable folder before the work, not after it
+    prepare_output_file(out, force=force)
     folder = results or Path("report") / chosen.name
     result = stored_result(folder, chosen, engines=None)
     if result is not None:
