@@ -34,10 +34,6 @@ The release of a video is a product such as 0.35 s times 240 frames per second, 
 """
 
 
-class TrackerError(HarnessError, ValueError):
-    """A motion cannot be written for Tracker."""
-
-
 def overlay(motion: CubicHermiteSpline, *, frame_rate: float, start: float = 0.0) -> tuple[int, Array]:
     """Return the positions of a motion at the frames of a video.
 
@@ -59,17 +55,17 @@ def overlay(motion: CubicHermiteSpline, *, frame_rate: float, start: float = 0.0
 
     Raises
     ------
-    TrackerError
+    HarnessError
         If no frame falls into the motion, or a frame has too large a number.
     """
     end = float(motion.x[-1])
     first = math.ceil(start * frame_rate - FRAME_ROUNDING)
     last = math.floor((start + end) * frame_rate + FRAME_ROUNDING)
     if last < first:
-        raise TrackerError(f"--fps: found {frame_rate:g}, at which no frame falls into the {end:g} s of the motion; raise it")
+        raise HarnessError(f"--fps: found {frame_rate:g}, at which no frame falls into the {end:g} s of the motion; raise it")
     if last > MAX_FRAMES:
         found = f"found {start:g} s and {frame_rate:g} frames per second, so {last:.3g} frames"
-        raise TrackerError(f"--start, --fps: {found}, needed at most {MAX_FRAMES}; correct them")
+        raise HarnessError(f"--start, --fps: {found}, needed at most {MAX_FRAMES}; correct them")
     t = np.arange(first, last + 1) / frame_rate
     # Clipped: `FRAME_ROUNDING` may put the first or last frame just outside the motion
     return first, np.column_stack([t, motion(np.clip(t - start, 0.0, end))])
@@ -93,7 +89,7 @@ def find_motion(source: str, engine: str | None = None, profile: Profile = Profi
 
     Raises
     ------
-    TrackerError
+    HarnessError
         If the folder or file has no such run.
     EngineError
         If the engine is unknown, or its run failed.
@@ -103,7 +99,7 @@ def find_motion(source: str, engine: str | None = None, profile: Profile = Profi
         return _motion_of_file(_file_of_run(path, wanted))
     if path.suffix.lower() == ".csv" and path.is_file():
         if engine is not None:
-            raise TrackerError(f"--engine: found {engine!r} beside the file of one run, needed one of them; leave it out")
+            raise HarnessError(f"--engine: found {engine!r} beside the file of one run, needed one of them; leave it out")
         return _motion_of_file(path)
     scenario = loader.load(source)
     chosen = select([wanted], profile)
@@ -124,7 +120,7 @@ def _file_of_run(folder: Path, wanted: str) -> Path:
     inner = folder / "trajectories"
     files = sorted((inner if inner.is_dir() else folder).glob("*.csv"))
     if not files:
-        raise TrackerError(
+        raise HarnessError(
             f"{folder}: found no runs, needed a folder that `looping-pendulum compare` wrote; or name a scenario"
         )
     # As `files.file_stem` writes the label into the file's name
@@ -133,7 +129,7 @@ def _file_of_run(folder: Path, wanted: str) -> Path:
     if len(matching) != 1:
         which = f"{len(matching)} runs of {wanted!r}" if matching else f"no run of {wanted!r}"
         there = ", ".join(file.stem for file in files)
-        raise TrackerError(f"{folder}: found {which}, needed one; there are {there}; choose by --engine")
+        raise HarnessError(f"{folder}: found {which}, needed one; there are {there}; choose by --engine")
     return matching[0]
 
 
@@ -152,4 +148,4 @@ def _motion_of_file(path: Path) -> CubicHermiteSpline:
     except (OSError, ValueError) as error:
         found = shorten(" ".join(str(error).split()))
         message = f"{path}: found no run ({found}), needed a file that `looping-pendulum run --out` or `compare` wrote"
-        raise TrackerError(one_line(message)) from None
+        raise HarnessError(one_line(message)) from None

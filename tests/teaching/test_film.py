@@ -16,7 +16,7 @@ from looping_pendulum.measured.tables.readers import read
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import load
 from looping_pendulum.teaching.film import FRAME_RATE, MAX_FRAMES, check_film, frame_times, write_film
-from looping_pendulum.teaching.tracker import HEADER, TrackerError, find_motion, motion_of, overlay, tracker_csv
+from looping_pendulum.teaching.tracker import HEADER, find_motion, motion_of, overlay, tracker_csv
 from tests.pages.small import small_result, with_points
 
 
@@ -119,9 +119,9 @@ def test_a_run_in_a_folder_of_compare_is_found(tmp_path):
     assert np.allclose(kept, exact, atol=1e-8), "nine digits"
     _, engine = overlay(find_motion(str(tmp_path), "mujoco:documented"), frame_rate=240.0)
     assert np.abs(engine[:, 3:] - exact[:, 3:]).max() > 0.1  # it never halts
-    with pytest.raises(TrackerError, match="2 runs of 'mujoco'.*choose by --engine"):
+    with pytest.raises(HarnessError, match="2 runs of 'mujoco'.*choose by --engine"):
         find_motion(str(tmp_path), "mujoco")
-    with pytest.raises(TrackerError, match="no run of 'pymunk'"):
+    with pytest.raises(HarnessError, match="no run of 'pymunk'"):
         find_motion(str(tmp_path), "pymunk")
 
 
@@ -133,7 +133,7 @@ def test_a_run_in_a_folder_of_compare_is_found(tmp_path):
     ],
 )
 def test_impossible_frames_are_refused(options, message):
-    with pytest.raises(TrackerError, match=message):
+    with pytest.raises(HarnessError, match=message):
         overlay(motion_of(simulated("reference")), **options)
 
 
@@ -143,8 +143,8 @@ def test_a_file_that_is_no_run_is_refused_in_one_line(tmp_path, text):
     file.write_text(text)
     (tmp_path / "empty").mkdir()
     with pytest.raises(
-        TrackerError, match=r"^[^\n]*marks\.csv: found no run \(.*\), needed a file that `looping-pendulum run --out`"
+        HarnessError, match=r"^[^\n]*marks\.csv: found no run \(.*\), needed a file that `looping-pendulum run --out`"
     ):
         find_motion(str(file))
-    with pytest.raises(TrackerError, match="found no runs"):
+    with pytest.raises(HarnessError, match="found no runs"):
         find_motion(str(tmp_path / "empty"))
