@@ -92,12 +92,23 @@ ProfileName = Annotated[
 TimeLimit = Annotated[
     float,
     typer.Option(
-        metavar="TIME", parser=quantity("s", least=0.1), help="Stop an engine's run after this time [s], and keep its samples."
+        metavar="TIME",
+        parser=quantity("s", least="0.1 s"),
+        help="Stop an engine's run after this time [s], and keep its samples.",
     ),
 ]
 MemoryLimit = Annotated[
-    str, typer.Option(metavar="AMOUNT", help="Stop an engine's run that uses more memory, and keep its samples.")
+    int,
+    typer.Option(
+        metavar="AMOUNT",
+        # Python with NumPy takes half of the least
+        parser=lambda given: int(quantity("byte", least="64 MiB")(given)),
+        show_default="2 GiB",
+        help="Stop an engine's run that uses more memory, and keep its samples.",
+    ),
 ]
+MEMORY_LIMIT = 2 * 1024**3
+"""Default limit on the memory of an engine's run [bytes]."""
 MAX_JOBS = 1024
 """Largest value of --jobs; above it a number is a mistake, as no machine has as many cores."""
 Jobs = Annotated[
@@ -224,7 +235,7 @@ def run_and_compare(
     data: Path | None = None,
     trial: MeasuredTrial | None = None,
     time_limit: float,
-    memory_limit: str,
+    memory_limit: int,
     jobs: int | None,
     meanwhile: Callable[[ComparisonResult, tuple[str, ...]], None] | None = None,
 ) -> ComparisonResult:
@@ -233,9 +244,7 @@ def run_and_compare(
     ``meanwhile`` gets the comparison of those that have ended, with the labels of those that go on.
     """
     from looping_pendulum.compare.harness import compare_engines
-    from looping_pendulum.engines.isolation import parse_memory
 
-    memory_bytes = parse_memory(memory_limit)
     with ProgressBars(time_left=True, keep=True) as bars:
         return compare_engines(
             scenario,
@@ -245,7 +254,7 @@ def run_and_compare(
             trial=trial,
             jobs=jobs,
             time_limit=time_limit,
-            memory_limit=memory_bytes,
+            memory_limit=memory_limit,
             progress=bars.update_engine,
             finished=bars.show_finished_run,
             meanwhile=meanwhile,

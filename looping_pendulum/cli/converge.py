@@ -34,12 +34,12 @@ def converge(
         float | None,
         typer.Option(
             metavar="TIME",
-            parser=quantity("s", least=0.01),
+            parser=quantity("s", least="0.01 s"),
             help="Length of the runs; default: until 0.1 s after the halt, at least 0.7 s.",
         ),
     ] = None,
     time_limit: common.TimeLimit = 3600.0,
-    memory_limit: common.MemoryLimit = "2 GiB",
+    memory_limit: common.MemoryLimit = common.MEMORY_LIMIT,
     jobs: common.Jobs = None,
     as_json: common.AsJson = False,
     quiet: common.Quiet = False,
@@ -56,7 +56,6 @@ def converge(
     from looping_pendulum.compare.convergence.result import FILE, QUANTITIES
     from looping_pendulum.compare.convergence.study import study_convergence, write
     from looping_pendulum.compare.harness import chosen_engines
-    from looping_pendulum.engines.isolation import parse_memory
     from looping_pendulum.files import prepare_output_folder
     from looping_pendulum.pages.numbers import number
 
@@ -72,7 +71,7 @@ def converge(
             until=until,
             jobs=jobs,
             time_limit=time_limit,
-            memory_limit=parse_memory(memory_limit),
+            memory_limit=memory_limit,
             progress=bars.update,
         )
     with common.without_interrupts():

@@ -248,7 +248,7 @@ def identify(
         float | None,
         typer.Option(
             metavar="TIME",
-            parser=quantity("s", least=1.0),
+            parser=quantity("s", least="1 s"),
             help="Take at most this time [s]: end the search before, and report its results so far.",
         ),
     ] = None,

@@ -1,4 +1,4 @@
-"""Quantities on the command line: a number with its unit, "2 min" or "240 Hz", as in files; times and rates may go without."""
+"""Quantities on the command line: a number with its unit, "2 min" or "2 GiB", as in files, or in the option's own unit."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import typer
 
 from looping_pendulum.scenarios.units import UnitError, to_si
 
-UNITS = {"s": ("a time", "90 s"), "Hz": ("frames per second", "240 Hz")}
+UNITS = {"s": ("a time", "90 s"), "Hz": ("frames per second", "240 Hz"), "byte": ("an amount of memory", "2 GiB")}
 """Unit of a number without one -> what it is, and an example."""
 
 
-def quantity(unit: str, *, least: float) -> Callable[[str | float], float]:
-    """Return the parser of an option that takes a quantity of ``unit``, a key of `UNITS`, of ``least`` or more [SI]."""
+def quantity(unit: str, *, least: str) -> Callable[[str | float], float]:
+    """Return the parser of an option that takes a quantity of ``unit``, a key of `UNITS`, of ``least`` or more."""
     what, example = UNITS[unit]
 
     def parse(given: str | float) -> float:
@@ -25,9 +25,8 @@ def quantity(unit: str, *, least: float) -> Callable[[str | float], float]:
                 value = to_si(str(given), unit)
             except UnitError:
                 value = math.nan
-        if not least <= value < math.inf:
-            needed = f"{what} of {least:g} {unit} or more"
-            raise typer.BadParameter(f"found '{given}', needed {needed}; write for example '{example}'")
+        if not to_si(least, unit) <= value < math.inf:
+            raise typer.BadParameter(f"found '{given}', needed {what} of {least} or more; write for example '{example}'")
         return value
 
     return parse

@@ -34,7 +34,7 @@ def demo(
     force: common.Force = False,
     again: Annotated[bool, typer.Option("--again", help="Run the engines even if DIR has their results.")] = False,
     time_limit: common.TimeLimit = 900.0,
-    memory_limit: common.MemoryLimit = "2 GiB",
+    memory_limit: common.MemoryLimit = common.MEMORY_LIMIT,
     jobs: common.Jobs = None,
 ) -> None:
     """Animate the reference and all engines together, on the page of `live`, which works offline.
@@ -110,11 +110,11 @@ def tracker(
         ),
     ] = None,
     fps: Annotated[
-        float, typer.Option(metavar="RATE", parser=quantity("Hz", least=0.01), help="True frame rate of the video [Hz].")
+        float, typer.Option(metavar="RATE", parser=quantity("Hz", least="0.01 Hz"), help="True frame rate of the video [Hz].")
     ] = 240.0,
     start: Annotated[
         float,
-        typer.Option(metavar="TIME", parser=quantity("s", least=0.0), help="Time of the release by the video's clock [s]."),
+        typer.Option(metavar="TIME", parser=quantity("s", least="0 s"), help="Time of the release by the video's clock [s]."),
     ] = 0.0,
     profile: common.ProfileName = Profile.QUICK,
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="File to write; default: NAME-tracker.csv.")] = None,

@@ -34,7 +34,7 @@ def track(
         float | None,
         typer.Option(
             metavar="RATE",
-            parser=quantity("Hz", least=0.01),
+            parser=quantity("Hz", least="0.01 Hz"),
             help='True rate of slow motion whose file does not state it: "240 Hz".',
         ),
     ] = None,
@@ -49,11 +49,11 @@ def track(
     start: Annotated[
         float | None,
         typer.Option(
-            "--from", metavar="TIME", parser=quantity("s", least=0.0), help='Read the film from this time on: "1.5 s".'
+            "--from", metavar="TIME", parser=quantity("s", least="0 s"), help='Read the film from this time on: "1.5 s".'
         ),
     ] = None,
     end: Annotated[
-        float | None, typer.Option("--to", metavar="TIME", parser=quantity("s", least=0.0), help="Read it up to this time.")
+        float | None, typer.Option("--to", metavar="TIME", parser=quantity("s", least="0 s"), help="Read it up to this time.")
     ] = None,
     region: Annotated[
         str | None, typer.Option(metavar="X,Y X,Y", help="Look for the masses in this rectangle only [pixels].")
@@ -62,7 +62,7 @@ def track(
         float | None,
         typer.Option(
             metavar="TIME",
-            parser=quantity("s", least=0.0),
+            parser=quantity("s", least="0 s"),
             help='Of a rolling shutter, from the first row to the last: "10 ms".',
         ),
     ] = None,
