@@ -184,11 +184,11 @@ class EngineVariant(pytest.Collector):
         """
         import pickle
 
-        from looping_pendulum.files import locked
+        from filelock import FileLock
 
         if self._result is None:
             stored = self._folder() / "result.pickle"
-            with locked(stored.with_suffix(".lock"), wait=True):
+            with FileLock(stored.with_suffix(".lock")):
                 if stored.exists():
                     self._result = pickle.loads(stored.read_bytes())
                 else:
@@ -200,11 +200,11 @@ class EngineVariant(pytest.Collector):
 
     def report(self) -> Path:
         """Return the path of the report, which is written first if need be."""
-        from looping_pendulum.files import locked
+        from filelock import FileLock
 
         if self._report is None:
             result = self.result()
-            with locked(self._folder() / "report.lock", wait=True):
+            with FileLock(self._folder() / "report.lock"):
                 self._report = self._report_folder() / "report.md"
                 if not self.config.getoption("--lp-report") and not self._report.exists():
                     self._write(result)

@@ -18,10 +18,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from filelock import FileLock, Timeout
 from numpy.typing import NDArray
 
 from looping_pendulum.engines.registry import label, select
-from looping_pendulum.files import LockedError, locked, write_atomically
+from looping_pendulum.files import write_atomically
 from looping_pendulum.scenarios import dump
 from looping_pendulum.scenarios.document import one_line, shorten
 from looping_pendulum.sweep.cells import ENDING_DESCRIPTIONS, ENDINGS, FIELDS, NOT_YET_RUN, Values, differing_versions, versions
@@ -47,9 +48,10 @@ def claimed(folder: Path) -> Iterator[None]:
     """Keep a second process out of ``folder``; turn the exception of a full disk into a `MapError` of one line."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with locked(folder / LOCK, wait=False):
+        # The system frees the lock of a process that dies
+        with FileLock(folder / LOCK, timeout=0):
             yield
-    except LockedError:
+    except Timeout:
         message = f"{folder}: found another run that is writing here, needed a folder of its own; wait for it to end"
         raise MapError(one_line(message)) from None
     except OSError as error:
