@@ -11,6 +11,7 @@ import re
 import tempfile
 import warnings
 from collections.abc import Iterable, Iterator
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -163,8 +164,6 @@ class EngineVariant(pytest.Collector):
         self.why_not_run = why_not_run
         self.scenario = scenario
         self.tolerances = tolerances
-        self._result: ComparisonResult | None = None
-        self._report: Path | None = None
 
     def collect(self) -> Iterable[pytest.Item]:
         """Yield one item for the run itself, and one per metric."""
@@ -172,13 +171,11 @@ class EngineVariant(pytest.Collector):
             item = ToleranceItem.from_parent(self, name=metric)
             if self.why_not_run:
                 item.add_marker(pytest.mark.skip(reason=self.why_not_run))
-            if self.config.pluginmanager.hasplugin("xdist"):
-                # One worker judges all limits of a run (with --dist loadgroup). Without xdist the mark would be unknown.
-                item.add_marker(pytest.mark.xdist_group(self.nodeid))
             yield item
 
+    @cached_property
     def result(self) -> ComparisonResult:
-        """Return the comparison with the reference; the engine runs once per session, in a process of its own.
+        """The comparison with the reference; the engine runs once per session, in a process of its own.
 
         The workers of pytest-xdist share the outcome through a file.
         """
@@ -186,29 +183,26 @@ class EngineVariant(pytest.Collector):
 
         from filelock import FileLock
 
-        if self._result is None:
-            stored = self._folder() / "result.pickle"
-            with FileLock(stored.with_suffix(".lock")):
-                if stored.exists():
-                    self._result = pickle.loads(stored.read_bytes())
-                else:
-                    self._result = self._run()
-                    stored.write_bytes(pickle.dumps(self._result))
-                    if self.config.getoption("--lp-report"):
-                        self._write(self._result)
-        return self._result
+        stored = self._folder / "result.pickle"
+        with FileLock(stored.with_suffix(".lock")):
+            if not stored.exists():
+                result = self._run()
+                stored.write_bytes(pickle.dumps(result))
+                if self.config.getoption("--lp-report"):
+                    self._write(result)
+            made: ComparisonResult = pickle.loads(stored.read_bytes())
+            return made
 
+    @cached_property
     def report(self) -> Path:
-        """Return the path of the report, which is written first if need be."""
+        """The path of the report, which is written first if need be."""
         from filelock import FileLock
 
-        if self._report is None:
-            result = self.result()
-            with FileLock(self._folder() / "report.lock"):
-                self._report = self._report_folder() / "report.md"
-                if not self.config.getoption("--lp-report") and not self._report.exists():
-                    self._write(result)
-        return self._report
+        path = self._report_folder / "report.md"
+        with FileLock(self._folder / "report.lock"):
+            if not self.config.getoption("--lp-report") and not path.exists():
+                self._write(self.result)
+        return path
 
     def _run(self) -> ComparisonResult:
         from looping_pendulum.compare.harness import compare_engines
@@ -224,19 +218,21 @@ class EngineVariant(pytest.Collector):
         from looping_pendulum.compare import write
 
         with _warnings_shown():
-            write(result, self._report_folder())
+            write(result, self._report_folder)
 
+    @property
     def _report_folder(self) -> Path:
         from looping_pendulum.files import file_stem
 
         report_option = self.config.getoption("--lp-report")
         name = self.path.name.removesuffix(self.path.suffix).removesuffix(".scenario")
         # A path on the command line is relative to where pytest was started, not to its root folder
-        base = self.config.invocation_params.dir / report_option if report_option else self._folder()
+        base = self.config.invocation_params.dir / report_option if report_option else self._folder
         return base / file_stem(name) / file_stem(self.name, self.config.getoption("--lp-profile"))
 
+    @cached_property
     def _folder(self) -> Path:
-        """Return this node's folder in this session, the same in all workers of pytest-xdist."""
+        """Folder of this node in this session, the same in all workers of pytest-xdist."""
         key = hashlib.sha256(self.nodeid.encode()).hexdigest()[:16]
         folder = _session_folder(self.config) / f"looping-pendulum-{key}"
         folder.mkdir(parents=True, exist_ok=True)
@@ -267,7 +263,7 @@ class ToleranceItem(pytest.Item):
         from looping_pendulum.errors import HarnessError
 
         try:
-            result = self.parent.result()
+            result = self.parent.result
         except HarnessError as error:
             pytest.fail(f"{self.path.name}: tolerances: {str(error).removeprefix('--engine: ')}", pytrace=False)
         engine = result.engines[0]
@@ -287,7 +283,7 @@ class ToleranceItem(pytest.Item):
             f"{self.path.name}, {engine.label}, {engine.profile}: {judgement}",
             f"  where and why: {engine.story}",
             f"  the run:       {run_message}",
-            f"  report:        {self.parent.report()}",
+            f"  report:        {self.parent.report}",
         ]
         pytest.fail("\n".join(lines), pytrace=False)
 

@@ -303,8 +303,8 @@ def test_workers_share_one_run_of_an_engine(project):
     done = run(pytester, "-n", "2", "--lp-report", "out", "--basetemp", "base", process=True)
     done.assert_outcomes(passed=2, failed=1)
     assert len(list((pytester.path / "base").rglob("result.pickle"))) == 1
-    assert (pytester.path / "out/mine/reference-scipy-quick/report.md").exists()
-    done.stdout.fnmatch_lines([f"*report: *{pytester.path}/out/mine/reference-scipy-quick/report.md"])
+    assert (pytester.path / "out/mine/reference-quick/report.md").exists()
+    done.stdout.fnmatch_lines([f"*report: *{pytester.path}/out/mine/reference-quick/report.md"])
 
 
 @pytest.mark.usefixtures("quick_figures")
