@@ -81,7 +81,7 @@ EngineNames = Annotated[
         "--engine",
         "-e",
         metavar="NAME",
-        help="Run only this engine (pymunk) or variant (mujoco:capstan); repeatable.",
+        help="Run this engine (pymunk) or variant (mujoco:capstan), or all; repeatable.",
         autocompletion=engine_names,
     ),
 ]

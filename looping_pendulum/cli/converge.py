@@ -15,16 +15,7 @@ from looping_pendulum.engines import Profile
 
 def converge(
     scenario: common.OptionalScenario = "ten_to_one",
-    engine: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--engine",
-            "-e",
-            metavar="NAME",
-            help="Engine, variant, or all; repeatable. Default: the main variants.",
-            autocompletion=common.engine_names,
-        ),
-    ] = None,
+    engine: common.EngineNames = None,
     profile: common.ProfileName = Profile.QUICK,
     out: Annotated[
         Path | None,
@@ -46,10 +37,10 @@ def converge(
 ) -> None:
     """Say of each engine whether it has converged, whether it has not, or whether it leads to another limit than the reference.
 
-    Refines every numerical setting that a variant offers, changes the initial state a little, and restores the engine's
-    defaults one at a time. Writes convergence.md, convergence.json and a figure per setting. Completed runs are stored in DIR:
-    after Ctrl-C it reports what it has, and the same command continues from there. Rungs finer than one that reaches the
-    time limit are left out.
+    Refines every numerical setting that a variant offers, of the main variants if no --engine is given, changes the initial
+    state a little, and restores the engine's defaults one at a time. Writes convergence.md, convergence.json and a figure per
+    setting. Completed runs are stored in DIR: after Ctrl-C it reports what it has, and the same command continues from there.
+    Rungs finer than one that reaches the time limit are left out.
 
     looping-pendulum converge ten_to_one --engine mujoco:capstan --time-limit 60
     """
