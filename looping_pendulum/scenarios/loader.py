@@ -15,7 +15,7 @@ from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects.own import effect_of
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios import document, own_effects
-from looping_pendulum.scenarios.document import Document, one_line, quote, to_yaml
+from looping_pendulum.scenarios.document import Document, quote, to_yaml
 from looping_pendulum.scenarios.fields import QuantityField, file_keys, read_model, suggest
 from looping_pendulum.scenarios.quantities import FILE_KEYS, file_key, quantity_kind
 from looping_pendulum.scenarios.scenario import Scenario
@@ -82,7 +82,7 @@ def read_source(name_or_path: str | Path, folder: Traversable, kind: str = "scen
     except (OSError, ValueError):  # too long for the file system, or with a null character
         is_file = False
     if not is_file:
-        raise ScenarioError(one_line(_not_found(path, shown, names_in(folder), kind)))
+        raise ScenarioError(_not_found(path, shown, names_in(folder), kind))
     return document.read(path), shown, path.stem
 
 

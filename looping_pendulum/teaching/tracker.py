@@ -16,7 +16,7 @@ from looping_pendulum.compare.trajectories import CSV_HEADER
 from looping_pendulum.engines.isolation import run_isolated
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import label, select
-from looping_pendulum.errors import EngineError, HarnessError, one_line, shorten
+from looping_pendulum.errors import EngineError, HarnessError, shorten
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.runs.trajectory import LARGEST, Trajectory
 from looping_pendulum.scenarios import loader
@@ -147,5 +147,5 @@ def _motion_of_file(path: Path) -> CubicHermiteSpline:
         return CubicHermiteSpline(t[:, 0], np.hstack([heavy, light]), np.hstack([heavy_velocity, light_velocity]))
     except (OSError, ValueError) as error:
         found = shorten(" ".join(str(error).split()))
-        message = f"{path}: found no run ({found}), needed a file that `looping-pendulum run --out` or `compare` wrote"
-        raise HarnessError(one_line(message)) from None
+        needed = "a file that `looping-pendulum run --out` or `compare` wrote"
+        raise HarnessError(f"{path}: found no run ({found}), needed {needed}") from None
