@@ -79,7 +79,6 @@ def map_(
     looping-pendulum map quick --out report/quick-map
     To write your own:  looping-pendulum map quick --print > mine.yaml
     """
-    from looping_pendulum.files import prepare_output_folder
     from looping_pendulum.sweep import map_file, report, runner
     from looping_pendulum.sweep.dask_cluster import check_address
     from looping_pendulum.sweep.store import STORE
@@ -97,8 +96,6 @@ def map_(
     plan = map_file.load(file)
     map_file.refuse_unintended_size(plan, max_runs)
     folder = out or Path("report") / f"{plan.name}-map"
-    if folder.exists():
-        prepare_output_folder(folder, files=(report.REPORT, report.COPY), folders=(STORE,), record=STORE)
     _show_size(plan)
     with ProgressBars(time_left=True) as bars:
         outcome = runner.run_map(
