@@ -94,6 +94,7 @@ COMMON = {
     ("cm", "m"): Decimal("0.01"),
     ("g", "kg"): Decimal("0.001"),
     ("ms", "s"): Decimal("0.001"),
+    ("Hz", "Hz"): Decimal(1),
     ("deg", "rad"): Decimal(DEGREE),
     ("MiB", "byte"): Decimal(1024**2),
     ("GiB", "byte"): Decimal(1024**3),
