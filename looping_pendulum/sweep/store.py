@@ -52,7 +52,8 @@ def claimed(folder: Path) -> Iterator[None]:
         with FileLock(folder / LOCK, timeout=0):
             yield
     except Timeout:
-        raise MapError(f"{folder}: found another run that is writing here, needed a folder of its own; wait for it") from None
+        needed = "a folder of its own; wait for it to end"
+        raise MapError(f"{folder}: found another run that is writing here, needed {needed}") from None
     except OSError as error:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT):
             raise
