@@ -30,15 +30,14 @@ from looping_pendulum.compare.simple_mistakes import simple_mistake, velocity_mi
 from looping_pendulum.compare.stories import missing_physics, story
 from looping_pendulum.compare.trial import MeasuredTrial, compare_trial
 from looping_pendulum.measured.tables.events import MeasuredEventRow, MeasuredEventTable
-from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.runs.events import Landmarks, event_value, run_landmarks
 from looping_pendulum.runs.trajectory import (
     SAME_TIME,
-    SAMPLE_INTERVAL,
     RunStatus,
     Trajectory,
     finite_length,
     first_samples,
+    sample_times,
 )
 from looping_pendulum.scenarios.metrics import METRICS
 from looping_pendulum.scenarios.scenario import Scenario, Tolerance
@@ -59,8 +58,7 @@ def compare(
     trajectories
         One per engine, including failed and missing ones: they keep their row.
     """
-    # Whole numbers times the interval: with a fractional step, np.arange may or may not include the end, by rounding
-    grid: Array = np.arange(round(scenario.duration / SAMPLE_INTERVAL) + 1, dtype=np.float64) * SAMPLE_INTERVAL
+    grid = sample_times(scenario.duration)
     reference_run = reference(grid)
     exact_landmarks = reference_landmarks(reference, grid)
     sampled = SampledReference(reference, scenario.parameters)

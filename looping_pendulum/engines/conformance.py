@@ -30,7 +30,7 @@ from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import solve_at
-from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL, RunStatus, Trajectory
+from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL, RunStatus, Trajectory, sample_times
 from looping_pendulum.scenarios.scenario import Scenario
 
 Check = Callable[[Engine], None]
@@ -187,7 +187,7 @@ def samples_every_millisecond_from_rest(engine: Engine) -> None:
 
 
 def _assert_samples_to_the_end(run: Trajectory, duration: float) -> None:
-    times = np.arange(round(duration / SAMPLE_INTERVAL) + 1) * SAMPLE_INTERVAL
+    times = sample_times(duration)
     assert len(run.t) == len(times), f"{len(run.t)} samples of {duration} s, needed {len(times)}"
     assert np.allclose(run.t, times, rtol=0, atol=1e-12), "sample times"
 
