@@ -28,7 +28,7 @@ from looping_pendulum.engines.mujoco.model import (
 )
 from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities, Profile, SteppedEngine, steps_per_sample
 from looping_pendulum.engines.shipped import shipped_abilities
-from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies
+from looping_pendulum.engines.studies import Ladder, Studies, Variation
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode import effects
 from looping_pendulum.reference_ode.cartesian import cartesian_force, kinematics, masses_at_release
@@ -573,44 +573,42 @@ class MujocoTendon(SteppedEngine):
         if self.variant == "defaults":  # it has nothing but defaults
             return Studies(ladders=(_step_rungs(()), *softness))
         mean = FrictionSize.EQUAL_WORK
-        size = AdapterChoice("size of the constant friction", s.friction_size, mean, {"friction_size": mean})
-        friction = time_constant_default(
-            s, "friction_time_constant", "solreffriction", "how fast string that is held comes to rest"
-        )
+        size = Variation("size of the constant friction", s.friction_size, mean, {"friction_size": mean})
+        friction = time_constant_default(s, "friction_time_constant", "solreffriction", "how fast held string comes to rest")
         return Studies(
             ladders=(_step_rungs(constants), *softness),
             defaults=(
                 time_constant_default(s, "string_time_constant", "solref", "how fast a stretched string returns to its length"),
-                HiddenDefault(
+                Variation(
                     "solimp",
-                    "0.9 to 0.95 within 1 mm",
                     f"{s.least_impedance:g} to {s.impedance:g}",
-                    "share of a constraint that is enforced; the rest gives way",
+                    "0.9 to 0.95 within 1 mm",
                     {"least_impedance": 0.9, "impedance": 0.95},
+                    "share of a constraint that is enforced; the rest gives way",
                 ),
                 *solver_defaults(s),
                 *((friction,) if with_friction else ()),
             ),
             choices=(
-                AdapterChoice(
+                Variation(
                     "wrap angle at which the next tendon takes over",
                     f"{math.degrees(s.switch_up):.0f} deg above k pi",
                     "225 deg above k pi",
                     {"switch_up": math.radians(225)},
                 ),
-                AdapterChoice(
+                Variation(
                     "wrap angle at which the last tendon takes over",
                     f"{math.degrees(s.switch_down):.0f} deg above k pi",
                     "5 deg above k pi",
                     {"switch_down": math.radians(5)},
                 ),
-                AdapterChoice(
+                Variation(
                     "time in which a late catch is taken back",
                     quantity(s.catch_time, "s", 3),
                     quantity(5 * s.catch_time, "s", 3),
                     {"catch_time": 5 * s.catch_time},
                 ),
-                AdapterChoice(
+                Variation(
                     "what MuJoCo leaves out (l omega^2 in the string's acceleration, half a step of velocity)",
                     "made up for",
                     "left out",

@@ -45,7 +45,7 @@ from looping_pendulum.engines.pybullet.world import (
     typical_wrap_angle,
 )
 from looping_pendulum.engines.shipped import shipped_abilities
-from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies, default_row
+from looping_pendulum.engines.studies import Ladder, Studies, Variation, default_row
 from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import Vector, masses_at_release
@@ -717,28 +717,16 @@ class PybulletChain(SteppedEngine):
         lengths = sorted({6e-3, 5.5e-3, 5e-3, 4.5e-3, s.link_length}, reverse=True)
         links = [{"link_length": h, "outer_link_length": outer * h} for h in lengths]
         defaults = (
-            HiddenDefault(
+            Variation(
                 "fixedTimeStep",
-                "1/240 s (run at 1 ms, where samples fall)",
                 quantity(s.time_step, "s", 3),
-                "length of a step",
+                "1/240 s (run at 1 ms, where samples fall)",
                 {"time_step": LARGEST_STEP},
+                "length of a step",
             ),
             default_row(s, "solver_iterations", DEFAULT_ITERATIONS, "numSolverIterations", "sweeps of the solver"),
-            HiddenDefault(
-                "linearDamping",
-                f"{DEFAULT_DAMPING:g} /s",
-                f"{s.linear_damping:g}",
-                "share of a velocity lost per second",
-                {"linear_damping": DEFAULT_DAMPING},
-            ),
-            HiddenDefault(
-                "angularDamping",
-                f"{DEFAULT_DAMPING:g} /s",
-                f"{s.angular_damping:g}",
-                "share of an angular velocity lost per second",
-                {"angular_damping": DEFAULT_DAMPING},
-            ),
+            default_row(s, "linear_damping", DEFAULT_DAMPING, "linearDamping", "share of a velocity lost per second", "/s"),
+            default_row(s, "angular_damping", DEFAULT_DAMPING, "angularDamping", "share of a turn rate lost per second", "/s"),
             default_row(
                 s,
                 "neighbour_margin",
@@ -747,54 +735,40 @@ class PybulletChain(SteppedEngine):
                 "how large the boxes are that find neighbours; the sweep's order with them",
                 unit="m",
             ),
-            HiddenDefault(
-                "rod",
-                "GEOM_CYLINDER, the obvious shape",
-                "GEOM_SPHERE",
-                "which collision algorithm finds the contacts",
-                {"rod": "cylinder"},
-            ),
-            HiddenDefault(
-                "maxJointVelocity",
-                f"{DEFAULT_SPEED_LIMIT:g} m/s or rad/s",
-                f"{s.speed_limit:g}",
-                "clamp of every joint's speed",
-                {"speed_limit": DEFAULT_SPEED_LIMIT},
-            ),
-            HiddenDefault(
-                "joint motors", "on, holding every joint at rest", "off", "friction in every hinge", {"joint_motors": True}
-            ),
-            HiddenDefault(
+            default_row(s, "rod", "cylinder", "rod", "which collision algorithm finds the contacts"),
+            default_row(s, "speed_limit", DEFAULT_SPEED_LIMIT, "maxJointVelocity", "clamp of every joint's speed"),
+            default_row(s, "joint_motors", True, "joint motors", "friction in every hinge"),
+            default_row(
+                s,
+                "friction_with_damping",
+                True,
                 "friction given together with damping",
-                "ignored: 0.5 stays",
-                "given apart",
-                "the contact coefficient",
-                {"friction_with_damping": True},
+                "the contact's coefficient, which PyBullet then ignores: 0.5 stays",
             ),
         )
         choices = (
-            AdapterChoice("radius and coefficient", "corrected for the corners", "the circle's own", {"polygon": False}),
-            AdapterChoice("node radius", quantity(s.node_radius, "m", 3), "1 mm", {"node_radius": 1e-3}),
-            AdapterChoice("steps between two updates of the forces", f"{s.force_interval}", "1", {"force_interval": 1}),
-            AdapterChoice(
+            Variation("radius and coefficient", "corrected for the corners", "the circle's own", {"polygon": False}),
+            Variation("node radius", quantity(s.node_radius, "m", 3), "1 mm", {"node_radius": 1e-3}),
+            Variation("steps between two updates of the forces", f"{s.force_interval}", "1", {"force_interval": 1}),
+            Variation(
                 "share of a penetration taken back in a step",
                 f"{s.contact_error_reduction:g}",
                 "0.02",
                 {"contact_error_reduction": 0.02},
             ),
-            AdapterChoice(
+            Variation(
                 "links away from the rod",
                 f"joined by {s.joined_hanging_links} below the rod, by {s.joined_free_links} beyond it",
                 "separate",
                 {"joined_hanging_links": 1, "joined_free_links": 1},
             ),
-            AdapterChoice(
+            Variation(
                 "links below the rod",
                 quantity(s.hanging_link_length, "m", 3),
                 "half as long",
                 {"hanging_link_length": 7.5e-3},
             ),
-            AdapterChoice("inertia of a link", f"{s.relative_inertia:g} m h^2", "three times", {"relative_inertia": 0.03}),
+            Variation("inertia of a link", f"{s.relative_inertia:g} m h^2", "three times", {"relative_inertia": 0.03}),
         )
         return Studies(
             ladders=(
