@@ -19,7 +19,7 @@ import numpy as np
 
 from looping_pendulum.engines.protocol import Engine, known_fields
 from looping_pendulum.engines.registry import how_to_get, missing_packages
-from looping_pendulum.engines.worker import FAILURE, JOB
+from looping_pendulum.engines.worker import FAILURE, JOB, WORKER, simulate
 from looping_pendulum.errors import EngineError, one_line, shorten
 from looping_pendulum.pages.numbers import number
 from looping_pendulum.processes import (
@@ -104,7 +104,7 @@ def run_isolated(
     if cancelled is not None and cancelled.is_set():
         return _unfinished(engine, scenario, RunStatus.INTERRUPTED, "")
     try:
-        job = pickle.dumps((engine, scenario, time_limit))
+        job = pickle.dumps((partial(simulate, engine, scenario), time_limit))
     # Another package's engine may hold anything, and raise anything on being pickled
     except Exception as error:
         why = f"it cannot be pickled for its process: {type(error).__name__}: {error}"
@@ -121,7 +121,7 @@ def run_isolated(
             folder = Path(path)
             (folder / JOB).write_bytes(job)
             ending = run_python(
-                "looping_pendulum.engines.worker:main",
+                WORKER,
                 folder,
                 time_limit=time_limit,
                 memory_limit=memory_limit,
