@@ -158,8 +158,6 @@ class VariantFacts:
     measured: tuple[ValidatedRange, ...] = ()
     known_failures: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Measured reason -> the checks of `conformance` that the variant fails by it; see `Abilities.known_failures`."""
-    quick_cost: float | None = None
-    """As in `Abilities`; None: not measured."""
 
     @property
     def failed_checks(self) -> dict[str, str]:

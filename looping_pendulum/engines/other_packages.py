@@ -174,7 +174,6 @@ def _stand_in(engine: Engine, adapter: EntryPoint, facts: EngineFacts) -> StandI
         validated=abilities.validated or measured.measured,
         additions=(*map(str, measured.additions), *abilities.additions),
         known_failures=measured.failed_checks | dict(abilities.known_failures),
-        quick_cost=measured.quick_cost or abilities.quick_cost,
     )
     studies = _checked(Studies, engine.studies(), "studies")
     return StandIn(engine, (adapter.name, adapter.value), abilities, studies)

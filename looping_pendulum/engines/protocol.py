@@ -103,8 +103,6 @@ class Abilities:
     """Ranges of scenarios over which its accuracy was measured, per profile, with the errors."""
     min_rod_radius: float = 0.0
     """Smallest radius of a rod that the variant can wind a string over, with any profile [m]; a drop has no rod."""
-    quick_cost: float = 1.0
-    """Rough CPU time of a simulated second with the quick profile [s], by which runs are started (`isolation.start_order`)."""
     main: bool = True
     """Whether a comparison that names no engine runs it; the other variants are for studies, and some fail badly on purpose."""
 
