@@ -53,8 +53,6 @@ Through a rod of 1.2 mm the chain of pymunk slips (10:1, 110 deg), through one o
 class BeadChainSettings(StepGroups):
     """Numerical settings that bead chains of several engines share, in SI units."""
 
-    time_step: float
-    """Length of a step [s]; it must divide the sample interval."""
     bend: float
     """Angle between neighbouring links on the rod [rad]; a link is R times this long."""
     bead_mass_ratio: float

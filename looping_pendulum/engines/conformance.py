@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 import pickle
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -480,21 +479,10 @@ The engine's own error is the same with and without the effect, so it cancels in
 """
 
 
-_cached_runs: deque[tuple[Parameters, Array, Array]] = deque(maxlen=64)
-"""Parameters, times and positions of the reference's last runs; every engine is compared with the same few."""
-
-
 def reference_positions(p: Parameters, t: Array) -> Array:
     """Return light x, light y and heavy y of the reference at times ``t`` [s], shape (n, 3) [m]; fewer if it ends sooner."""
-    # A search, because parameters and arrays cannot be hashed
-    for cached, times, reference in _cached_runs:
-        if np.array_equal(times, t) and cached == p:
-            return reference
     run = solve_at(p, t, duration=float(t[-1]) + EXTRA_TIME, tolerance=TOLERANCE)
-    reference = np.column_stack([run.light_position, run.heavy_position[:, 1]])
-    reference.flags.writeable = False  # the next caller gets the same array
-    _cached_runs.append((p, t.copy(), reference))
-    return reference
+    return np.column_stack([run.light_position, run.heavy_position[:, 1]])
 
 
 def positions(run: Trajectory) -> Array:

@@ -310,8 +310,9 @@ def steps_per_sample(time_step: float) -> int:
     return steps
 
 
+@dataclass(frozen=True, kw_only=True)
 class StepGroups:
-    """What follows from settings with steps in groups; a dataclass that derives from it has the fields."""
+    """Settings of an engine that takes its steps in groups."""
 
     time_step: float
     """Length of a step [s]; it must divide the sample interval."""

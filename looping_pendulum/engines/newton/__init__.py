@@ -28,8 +28,6 @@ from looping_pendulum.versions import installed_version
 class NewtonTendonSettings(StepGroups):
     """Numerical settings of Newton's tendon, in SI units."""
 
-    time_step: float
-    """Length of a step [s]; it must divide the sample interval."""
     compliance: float
     """Stretch of each straight part of the string per tension [m/N].
 
