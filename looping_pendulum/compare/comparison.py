@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import datetime
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -66,6 +66,7 @@ def compare(
     # A run that broke down may end in NaN; what it has before is compared
     aligned = tuple(align(first_samples(run, finite_length(run)), reference) for run in runs)
     engines = tuple(_engine(run, a, scenario, reference, reference_run, sampled) for run, a in zip(runs, aligned, strict=True))
+    judged = {(e.label, e.profile): e for e in engines}
     return ComparisonResult(
         scenario=scenario.name,
         title=scenario.title,
@@ -83,7 +84,9 @@ def compare(
             provenance=stored_provenance(reference_run.provenance),
         ),
         engines=engines,
-        tolerances=judge(scenario.tolerances, engines),
+        tolerances=tuple(
+            judge_tolerance(t, judged[t.engine, t.profile]) for t in scenario.tolerances if (t.engine, t.profile) in judged
+        ),
         measured=() if measured is None else _measured(measured.rows, exact_landmarks, engines),
         measured_source="" if scenario.measured is None else scenario.measured.source,
         clock=Clock(
@@ -215,15 +218,6 @@ def _measured(
         )
         for row in rows
     )
-
-
-def judge(tolerances: Iterable[Tolerance], engines: Iterable[EngineResult]) -> tuple[ToleranceResult, ...]:
-    """Judge each tolerance whose engine and profile are among ``engines``.
-
-    Tolerances of engines that were not run are left out.
-    """
-    runs = {(e.label, e.profile): e for e in engines}
-    return tuple(judge_tolerance(t, runs[t.engine, t.profile]) for t in tolerances if (t.engine, t.profile) in runs)
 
 
 def judge_tolerance(tolerance: Tolerance, run: EngineResult) -> ToleranceResult:

@@ -542,20 +542,15 @@ def error_is_covered_by_refinement(engine: Engine) -> None:
 
 def usable_ladders(engine: Engine) -> list[Ladder]:
     """Return the ladders of at least two rungs whose setting has a positive value in the engine's settings."""
-    return [ladder for ladder in engine.studies().ladders if len(ladder.values) > 1 and _own_value(engine, ladder) > 0]
-
-
-def _own_value(engine: Engine, ladder: Ladder) -> float:
-    """Return the engine's value of the ladder's setting; NaN if it has none that is a number."""
-    value = getattr(engine.settings, ladder.setting, None)
-    return float(value) if isinstance(value, (int, float)) else math.nan
+    ladders = engine.studies().ladders
+    return [ladder for ladder in ladders if len(ladder.values) > 1 and (ladder.own_value(engine.settings) or 0.0) > 0]
 
 
 def _adjacent_rung(engine: Engine, ladder: Ladder) -> tuple[float, Engine]:
     """Return the engine of the next finer rung, else of the next coarser one, and its step size relative to the own one."""
     # A setting such as a number of iterations is finer where it is larger.
     grows = ladder.values[-1] > ladder.values[0]
-    own = _own_value(engine, ladder)
+    own = getattr(engine.settings, ladder.setting)
     ratios = [own / value if grows else value / own for value in ladder.values]
     finer = [i for i, ratio in enumerate(ratios) if ratio < 1 - 1e-9]
     coarser = [i for i, ratio in enumerate(ratios) if ratio > 1 + 1e-9]

@@ -66,12 +66,6 @@ def physics_of(parameters: Parameters) -> tuple[str, ...]:
     return tuple(pieces)
 
 
-def has_own_static_friction(parameters: Parameters) -> bool:
-    """Return whether the string slides over the rod and its static friction differs from the kinetic one."""
-    c = parameters.coefficients
-    return parameters.release in (Release.LOOPING, Release.VERTICAL) and c["static_friction"] != c["kinetic_friction"]
-
-
 @dataclass(frozen=True, kw_only=True)
 class Abilities:
     """What an engine variant can do, as plain data."""
@@ -118,7 +112,9 @@ class Abilities:
     def lacks(self, parameters: Parameters) -> tuple[str, ...]:
         """Return the names of the physics that ``parameters`` contain and this variant runs without."""
         lacking = [piece for piece in physics_of(parameters) if getattr(self.supplies, piece).by is Supplier.NOBODY]
-        if has_own_static_friction(parameters) and not (self.static_friction or EffectKind.STRING_LAW in self.effect_kinds):
+        c, slides = parameters.coefficients, parameters.release in (Release.LOOPING, Release.VERTICAL)
+        has_own = self.static_friction or EffectKind.STRING_LAW in self.effect_kinds
+        if slides and c["static_friction"] != c["kinetic_friction"] and not has_own:
             lacking.append(STATIC_FRICTION)
         return tuple(lacking)
 

@@ -39,6 +39,11 @@ class Ladder:
         """Return the values of the setting, from coarse to fine."""
         return tuple(changes[self.setting] for changes in self.changes)
 
+    def own_value(self, settings: Any) -> float | None:
+        """Return the setting's value among a variant's ``settings``; None if it has none that is a number."""
+        value = getattr(settings, self.setting, None)
+        return float(value) if isinstance(value, (int, float)) else None
+
 
 @dataclass(frozen=True)
 class Variation:

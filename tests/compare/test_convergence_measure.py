@@ -399,7 +399,7 @@ def test_every_part_of_a_study_is_of_its_own_runs(study):
     assert study.provenance.versions == {"pymunk": "7.3"}
     assert study.provenance.settings["time_step"] == 4e-4
     assert study.label == "delayed:exact"
-    assert len(study.runs()) == 1 + 4 + 1 + 1
+    assert (len(study.ladders[0].rungs), len(study.choices), len(study.defaults)) == (4, 1, 1)
 
 
 def test_a_study_that_was_interrupted_has_what_there_is(goal, scenario):

@@ -277,7 +277,7 @@ def evaluate_variant(
     ladders = [
         MeasuredLadder(
             ladder=ladder,
-            own=setting_value(plan.engine, ladder.setting),
+            own=ladder.own_value(plan.engine.settings),
             refined_further_by=refined_further_by(place, [one for one, _ in plan.ladders]),
             rungs=tuple(map(measured, tasks)),
             noise=noise,
@@ -379,12 +379,6 @@ def change(name: str, of: Errors, to: Errors) -> float | None:
         return None
     moved = to[name] - of[name]
     return rms_norm(moved) if name in PATH_END_TIMES else float(moved[0, 0])
-
-
-def setting_value(engine: Engine, setting: str) -> float | None:
-    """Return the value of a setting of ``engine``; None if that is not a number."""
-    value = getattr(engine.settings, setting, None)
-    return float(value) if isinstance(value, (int, float)) else None
 
 
 def finest_value(ladder: Ladder, setting: str) -> float | None:
