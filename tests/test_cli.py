@@ -166,8 +166,9 @@ def test_a_baseline_lists_what_changed_and_leaves_the_exit_status(compared, tmp_
 
 @pytest.mark.long
 def test_a_memory_limit_has_a_unit_and_stops_a_run(offer):
-    line = one_line_error(here("run", "drop", "--memory-limit", "2"))
-    assert "write for example '2 GiB'" in line
+    refused = here("run", "drop", "--memory-limit", "2")
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert "'--memory-limit': found '2', needed an amount of memory of 64 MiB or more; write for" in refused.stderr
     offer(faulty=adapter_of("FaultyEngine('memory')"))
     done = here("run", "two_to_one", "-e", "faulty", "--memory-limit", "300 MiB")
     assert done.returncode == 1, done.stderr

@@ -96,6 +96,9 @@ def test_every_time_and_rate_says_what_it_needs(words):
         ("s", 9e2, 900.0),
         ("Hz", "0.24 kHz", 240.0),
         ("Hz", "240", 240.0),
+        ("byte", "2 GiB", 2**31),
+        ("byte", "2GB", 2e9),
+        ("byte", "100000 kB", 1e8),
     ],
 )
 def test_a_quantity_has_a_unit_or_is_in_the_usual_one(unit, text, value):
@@ -106,3 +109,13 @@ def test_a_quantity_has_a_unit_or_is_in_the_usual_one(unit, text, value):
 def test_no_other_time_is_taken(text):
     with pytest.raises(typer.BadParameter, match="needed a time of 0.1 s or more; write for example '90 s'"):
         quantity("s", least=0.1)(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "2", "2 m", "nan GiB", "inf GiB", "1e999 B", "-2 GiB", "1 MiB", "2 GiB/0", "two\nGiB", "9**9**9 B", ")", "(" * 5000],
+)
+def test_no_other_amount_of_memory_is_taken(text):
+    needed = "needed an amount of memory of 64 MiB or more; write for example '2 GiB'"
+    with pytest.raises(typer.BadParameter, match=f"^found '.{{0,70}}', {needed}$"):
+        quantity("byte", least=2**26)(text)

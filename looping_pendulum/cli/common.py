@@ -95,8 +95,17 @@ TimeLimit = Annotated[
         metavar="TIME", parser=quantity("s", least=0.1), help="Stop an engine's run after this time [s], and keep its samples."
     ),
 ]
+MEMORY = 2.0 * 1024**3
+"""Default limit on the memory of a run [bytes], as `isolation.MEMORY_LIMIT`."""
 MemoryLimit = Annotated[
-    str, typer.Option(metavar="AMOUNT", help="Stop an engine's run that uses more memory, and keep its samples.")
+    float,
+    typer.Option(
+        metavar="AMOUNT",
+        # Python with NumPy alone takes more than half of the least
+        parser=quantity("byte", least=64 * 1024**2),
+        show_default="2 GiB",
+        help="Stop an engine's run that uses more memory, and keep its samples.",
+    ),
 ]
 MAX_JOBS = 1024
 """Largest value of --jobs; above it a number is a mistake, as no machine has as many cores."""
@@ -224,7 +233,7 @@ def run_and_compare(
     data: Path | None = None,
     trial: MeasuredTrial | None = None,
     time_limit: float,
-    memory_limit: str,
+    memory_limit: float,
     jobs: int | None,
     meanwhile: Callable[[ComparisonResult, tuple[str, ...]], None] | None = None,
 ) -> ComparisonResult:
@@ -233,9 +242,7 @@ def run_and_compare(
     ``meanwhile`` gets the comparison of those that have ended, with the labels of those that go on.
     """
     from looping_pendulum.compare.harness import compare_engines
-    from looping_pendulum.engines.isolation import parse_memory
 
-    memory_bytes = parse_memory(memory_limit)
     with ProgressBars(time_left=True, keep=True) as bars:
         return compare_engines(
             scenario,
@@ -245,7 +252,7 @@ def run_and_compare(
             trial=trial,
             jobs=jobs,
             time_limit=time_limit,
-            memory_limit=memory_bytes,
+            memory_limit=int(memory_limit),
             progress=bars.update_engine,
             finished=bars.show_finished_run,
             meanwhile=meanwhile,

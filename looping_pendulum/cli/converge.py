@@ -39,7 +39,7 @@ def converge(
         ),
     ] = None,
     time_limit: common.TimeLimit = 3600.0,
-    memory_limit: common.MemoryLimit = "2 GiB",
+    memory_limit: common.MemoryLimit = common.MEMORY,
     jobs: common.Jobs = None,
     as_json: common.AsJson = False,
     quiet: common.Quiet = False,
@@ -56,7 +56,6 @@ def converge(
     from looping_pendulum.compare.convergence.result import FILE, QUANTITIES
     from looping_pendulum.compare.convergence.study import study_convergence, write
     from looping_pendulum.compare.harness import chosen_engines
-    from looping_pendulum.engines.isolation import parse_memory
     from looping_pendulum.files import prepare_output_folder
     from looping_pendulum.pages.numbers import number
 
@@ -74,7 +73,7 @@ def converge(
             until=until,
             jobs=jobs,
             time_limit=time_limit,
-            memory_limit=parse_memory(memory_limit),
+            memory_limit=int(memory_limit),
             progress=bars.update,
         )
     with common.without_interrupts():

@@ -156,7 +156,7 @@ def run(
         Path | None, typer.Option(metavar="DIR", help="Write the trajectories as CSV files into this folder.")
     ] = None,
     time_limit: common.TimeLimit = 900.0,
-    memory_limit: common.MemoryLimit = "2 GiB",
+    memory_limit: common.MemoryLimit = common.MEMORY,
     jobs: common.Jobs = None,
     as_json: common.AsJson = False,
     quiet: common.Quiet = False,
@@ -167,12 +167,12 @@ def run(
     """
     from looping_pendulum.compare.harness import chosen_engines
     from looping_pendulum.compare.trajectories import trajectory_csv
-    from looping_pendulum.engines.isolation import parse_memory, run_all
+    from looping_pendulum.engines.isolation import run_all
     from looping_pendulum.engines.reference import ReferenceEngine
     from looping_pendulum.files import file_stems, prepare_output_folder, write_atomically
     from looping_pendulum.runs.outcome import outcome
 
-    chosen, memory_bytes = common.load_scenario(scenario), parse_memory(memory_limit)
+    chosen = common.load_scenario(scenario)
     wanted = chosen_engines(engine, profile) if engine else [ReferenceEngine(profile)]
     if out is not None:
         prepare_output_folder(out)  # refuse an unusable folder before the work, not after it
@@ -182,7 +182,7 @@ def run(
             chosen,
             jobs=jobs,
             time_limit=time_limit,
-            memory_limit=memory_bytes,
+            memory_limit=int(memory_limit),
             progress=bars.update_engine,
             finished=bars.show_finished_run,
         )
@@ -260,7 +260,7 @@ def compare(
     marks: common.MarksFiles = None,
     marks_set: common.MarksSettings = None,
     time_limit: common.TimeLimit = 900.0,
-    memory_limit: common.MemoryLimit = "2 GiB",
+    memory_limit: common.MemoryLimit = common.MEMORY,
     jobs: common.Jobs = None,
     baseline: Annotated[
         Path | None, typer.Option(metavar="RESULT.json", help="List what changed since this earlier result (file or folder).")

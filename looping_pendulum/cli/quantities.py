@@ -8,8 +8,10 @@ from collections.abc import Callable
 
 import typer
 
+from looping_pendulum.errors import one_line, shorten
+
 PLAIN_NUMBER = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*")
-UNITS = {"s": ("a time", "90 s"), "Hz": ("frames per second", "240 Hz")}
+UNITS = {"s": ("a time", "90 s"), "Hz": ("frames per second", "240 Hz"), "byte": ("an amount of memory", "2 GiB")}
 """Unit of a number without one -> what it is, and an example."""
 
 
@@ -21,8 +23,10 @@ def quantity(unit: str, *, least: float = -math.inf) -> Callable[[str | float], 
         # A default is a number already
         value = given if isinstance(given, float) else _in_si(given, unit)
         if value is None or not least <= value < math.inf:
-            bound = "" if least == -math.inf else f" of {least:g} {unit} or more"
-            raise typer.BadParameter(f"found '{given}', needed {what}{bound}; write for example '{example}'")
+            smallest = f"{least / 1024**2:g} MiB" if unit == "byte" else f"{least:g} {unit}"
+            bound = "" if least == -math.inf else f" of {smallest} or more"
+            found = one_line(shorten(str(given)))
+            raise typer.BadParameter(f"found '{found}', needed {what}{bound}; write for example '{example}'")
         return value
 
     return parse

@@ -34,7 +34,7 @@ def demo(
     force: common.Force = False,
     again: Annotated[bool, typer.Option("--again", help="Run the engines even if DIR has their results.")] = False,
     time_limit: common.TimeLimit = 900.0,
-    memory_limit: common.MemoryLimit = "2 GiB",
+    memory_limit: common.MemoryLimit = common.MEMORY,
     jobs: common.Jobs = None,
 ) -> None:
     """Animate the reference and all engines together, on the page of `live`, which works offline.

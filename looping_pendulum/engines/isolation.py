@@ -20,7 +20,7 @@ import numpy as np
 from looping_pendulum.engines.protocol import Engine, known_fields
 from looping_pendulum.engines.registry import how_to_get, missing_packages
 from looping_pendulum.engines.worker import FAILURE, JOB, WORKER, simulate
-from looping_pendulum.errors import EngineError, one_line, shorten
+from looping_pendulum.errors import EngineError, shorten
 from looping_pendulum.pages.numbers import number
 from looping_pendulum.processes import (
     DISK_LIMIT,
@@ -36,9 +36,7 @@ from looping_pendulum.processes import (
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.runs.storage import field_error, read_run, read_samples, recorded_count
 from looping_pendulum.runs.trajectory import COLUMNS, SAMPLE_INTERVAL, Provenance, RunStatus, Trajectory, from_samples
-from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.scenario import Scenario
-from looping_pendulum.scenarios.units import UnitError, to_si
 
 TIME_LIMIT = 900.0
 """Default time limit of one run [s]."""
@@ -53,8 +51,6 @@ NO_SAMPLES = np.empty((0, len(COLUMNS)))
 
 PREFIX = "looping-pendulum-"
 """Beginning of the name of a run's temporary folder."""
-MIN_MEMORY_LIMIT = 64 * 1024**2
-"""Smallest memory limit that is accepted [bytes]; Python with NumPy alone takes more than half of it."""
 MAX_RETURNED_OUTPUT = 2**16
 """How much of the end of an engine's output is returned [bytes]."""
 MAX_MESSAGE = 500
@@ -240,26 +236,6 @@ def _unfinished(
         provenance=Provenance(versions={}, settings=vars(engine.settings), supplies=engine.abilities.supplies),
         **known_fields(engine, scenario),
     )
-
-
-def parse_memory(text: str) -> int:
-    """Return the number of bytes of a text such as "2 GiB".
-
-    Raises
-    ------
-    EngineError
-        If it is no amount of memory, or less than `MIN_MEMORY_LIMIT`.
-    """
-    try:
-        size = int(to_si(text, "byte"))
-    except UnitError:
-        message = f"--memory-limit: found {quote(text)}, needed an amount of memory; write for example '2 GiB'"
-        raise EngineError(one_line(message)) from None
-    if size < MIN_MEMORY_LIMIT:
-        minimum = format_memory(MIN_MEMORY_LIMIT)
-        message = f"--memory-limit: found {quote(text)}, needed {minimum} or more: Python with NumPy takes half"
-        raise EngineError(one_line(message))
-    return size
 
 
 def format_memory(amount: int) -> str:

@@ -11,7 +11,9 @@ from unittest import mock
 import numpy as np
 from hypothesis.strategies import SearchStrategy
 from pydantic_core import PydanticCustomError
+from typer import BadParameter
 
+from looping_pendulum.cli.quantities import quantity
 from looping_pendulum.compare import baseline
 from looping_pendulum.compare.comparison import compare
 from looping_pendulum.compare.report import comparison_markdown
@@ -19,7 +21,6 @@ from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.compare.trajectories import stored_result, trajectory_csv
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.look.check import take_first_look
-from looping_pendulum.engines.isolation import parse_memory
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import ReferenceEngine
 from looping_pendulum.errors import HarnessError
@@ -84,12 +85,12 @@ def run_quantity(data: bytes) -> None:
         lambda: MeasuredField(QuantityKind(unit="kg"), start=1.0).read(text),
         lambda: MeasuredField(QuantityKind(unit="m")).read(text),
         lambda: radius_of(text),
-        lambda: parse_memory(text),
+        lambda: quantity("byte")(text),
     ]
     for attempt in attempts:
         try:
             attempt()
-        except (HarnessError, PydanticCustomError) as error:
+        except (HarnessError, PydanticCustomError, BadParameter) as error:
             refused.append(error)
     for error in refused:
         assert str(error).strip()
