@@ -21,6 +21,7 @@ from looping_pendulum.discrepancy.evidence.explanation import (
     fit_to_data,
     fit_without,
     raw,
+    with_best_prior,
 )
 from looping_pendulum.discrepancy.evidence.laws import laws_beside
 from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid
@@ -137,7 +138,7 @@ class Search:
         """Keep an explanation unless a better fit of it is known."""
         # Those settings alone that matter so far: all of them, for what may be said in the end
         settings = sorted({0, self.best.setting, self.fitted[NOTHING].setting}) if self.fitted else None
-        e = explained(self.grid, fit, parts, len(self.library), settings)
+        e = explained(self.grid, *with_best_prior(fit, parts), len(self.library), settings)
         known = self.fitted.get(e.key)
         if known is None or e.log_posterior > known.log_posterior:
             self.fitted[e.key] = e
@@ -241,8 +242,8 @@ class Search:
                 refuse_if_time_is_over()
                 self.tried.add(a.key)
                 self.report_fit(f"fitting {in_words(a.key)}")
-                if fitted := fit_addition(a, self._needless_below(a)):
-                    self._add(*fitted)
+                if fit := fit_addition(a, self._needless_below(a)):
+                    self._add(fit, a.parts)
 
     def _needless_below(self, a: Addition) -> float:
         """Return the log posterior with which neither a verdict needs an addition, nor is anything added to it."""
