@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import typer
 
+from looping_pendulum.errors import one_line, shorten
 from looping_pendulum.scenarios.units import UnitError, to_si
 
 UNITS = {"s": ("a time", "90 s"), "Hz": ("frames per second", "240 Hz"), "byte": ("an amount of memory", "2 GiB")}
@@ -26,7 +27,8 @@ def quantity(unit: str, *, least: str) -> Callable[[str | float], float]:
             except UnitError:
                 value = math.nan
         if not to_si(least, unit) <= value < math.inf:
-            raise typer.BadParameter(f"found '{given}', needed {what} of {least} or more; write for example '{example}'")
+            found = one_line(shorten(str(given)))
+            raise typer.BadParameter(f"found '{found}', needed {what} of {least} or more; write for example '{example}'")
         return value
 
     return parse

@@ -11,6 +11,7 @@ from unittest import mock
 import numpy as np
 from hypothesis.strategies import SearchStrategy
 from pydantic_core import PydanticCustomError
+from typer import BadParameter
 
 from looping_pendulum.compare import baseline
 from looping_pendulum.compare.comparison import compare
@@ -87,7 +88,7 @@ def run_quantity(data: bytes) -> None:
     for attempt in attempts:
         try:
             attempt()
-        except (HarnessError, PydanticCustomError) as error:
+        except (HarnessError, PydanticCustomError, BadParameter) as error:
             refused.append(error)
     for error in refused:
         assert str(error).strip()
