@@ -337,8 +337,6 @@ class FilmTrack:
     path: Annotated[str, PlainSerializer(lambda path: Path(path).name)]
     facts: FilmFacts
     settings: TrackSettings
-    kept_for: Mapping[str, float] = field(default_factory=dict)
-    """Fields of `settings` that were stated otherwise later [SI], by somebody who took the points all the same."""
     t: Numbers
     """Time of each frame from that of the first [s], by the true rate, shape (frames,)."""
     light: Points
@@ -408,13 +406,9 @@ class FilmTrack:
         }
 
     def stated_otherwise(self, stated: Mapping[str, float]) -> list[str]:
-        """Return the fields of `settings` that have another value in ``stated`` [SI], and were not taken all the same."""
-
-        def was_stated(name: str, value: float) -> bool:
-            before = (getattr(self.settings, name), self.kept_for.get(name))
-            return any(known is not None and math.isclose(known, value, rel_tol=SAME_VALUE) for known in before)
-
-        return [name for name, value in stated.items() if not was_stated(name, value)]
+        """Return the fields of `settings` that have another value in ``stated`` [SI]."""
+        known = {name: getattr(self.settings, name) for name in stated}
+        return [n for n, v in stated.items() if known[n] is None or not math.isclose(known[n], v, rel_tol=SAME_VALUE)]
 
     def observations(self, name: str, *notes: str) -> Observations:
         """Return the points from the release on, in seconds and metres, as those of the trial ``name``."""

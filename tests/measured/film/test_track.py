@@ -187,7 +187,7 @@ def test_a_record_that_is_damaged_is_refused_and_tracked_again(tracked, of_a_fil
         files.record.write_text(json.dumps(whole | damage))
         with pytest.raises(TrackingNeededError, match="trial.film.json changed or not complete; track it"):
             read_track(film, {"free_length": 0.58})
-        settle_film(film, {"free_length": 0.58}, track=True, keep=False)
+        settle_film(film, {"free_length": 0.58}, track=True)
         assert len(film_points.read_film(film, {"free_length": 0.58}, "trial").channels) == 4
 
 
@@ -217,27 +217,21 @@ def test_a_new_study_tracks_no_film_in_silence(tracked, of_a_film, monkeypatch):
         arguments = ["new", "study", str(film), "--out", str(study), "--force", "--free-length", length, *options]
         return CliRunner().invoke(app, arguments)
 
-    for option in ((), ("--keep",)):
-        with pytest.raises(NewFileError, match=r"not tracked yet; track it \(some \d+ to \d+ s\): .*, or add --track$"):
-            raise written("58 cm +/- 1 mm", *option).exception
+    with pytest.raises(NewFileError, match=r"not tracked yet; track it \(some \d+ to \d+ s\): .*, or add --track$"):
+        raise written("58 cm +/- 1 mm").exception
     assert not tracks
     assert written("58 cm +/- 1 mm", "--track").exit_code == 0
     assert written("58 cm +/- 1 mm").exit_code == 0
     assert len(tracks) == 1, "what is stated is the same"
     differs = (
         r"free length: tracked with 58 cm, now 58.05 cm; free length error: tracked with 1 mm, now 2 mm; "
-        r"track it again \(some \d+ to \d+ s\): .*, or add --track, or --keep for the points that are there$"
+        r"track it again \(some \d+ to \d+ s\): .*, or add --track$"
     )
     with pytest.raises(NewFileError, match=differs) as refused:
         raise written("58.05 cm +/- 2 mm").exception
     assert "\n" not in str(refused.value)
-    assert written("58.05 cm +/- 2 mm", "--keep").exit_code == 0
-    assert len(tracks) == 1
-    assert written("58.05 cm +/- 2 mm").exit_code == 0, "what was kept once is not asked for again"
-    assert written("58.06 cm +/- 2 mm").exit_code != 0
-    assert written("58.06 cm +/- 2 mm", "--track").exit_code == 0
+    assert written("58.05 cm +/- 2 mm", "--track").exit_code == 0
     assert len(tracks) == 2
-    assert "leave one out" in str(written("58 cm", "--track", "--keep").exception)
 
 
 def test_the_command_that_a_refusal_names_is_the_one_that_helps(tracked, of_a_film):
@@ -257,8 +251,7 @@ def test_the_command_that_a_refusal_names_is_the_one_that_helps(tracked, of_a_fi
 
 
 @pytest.mark.parametrize("command", ["look", "identify"])
-def test_a_command_on_a_study_tracks_or_keeps_as_it_is_told(command, tracked, of_a_film, monkeypatch):
-    """What `new study --keep` kept, `look` tracked again."""
+def test_a_command_on_a_study_tracks_as_it_is_told(command, tracked, of_a_film, monkeypatch):
     monkeypatch.chdir(of_a_film)
     seen = []
     where = {"look": "discrepancy.look.check.take_first_look", "identify": "discrepancy.identify.identify"}[command]
@@ -280,8 +273,6 @@ def test_a_command_on_a_study_tracks_or_keeps_as_it_is_told(command, tracked, of
     assert said("--track") == said() == "stop here"
     (of_a_film / "study.yaml").write_text((of_a_film / "study.yaml").read_text().replace("58 cm", "57 cm"))
     assert "free length: tracked with 58 cm, now 57 cm; track it again" in said()
-    assert said("--keep") == said() == "stop here"
-    assert read_track(of_a_film / "trial.mp4", {}).settings.free_length == pytest.approx(0.58)
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
